@@ -1,0 +1,67 @@
+"""The values that cross the border of the core: what it is given each tick and what it answers."""
+
+from robot.core.typed import NamedTuple
+
+SONARS = 8
+
+Pose = NamedTuple("Pose", [("x_m", float), ("y_m", float), ("heading_rad", float)])
+
+Wheels = NamedTuple("Wheels", [("left", int), ("right", int), ("bumper", int)])
+"""Encoder counters (32 bits, they wrap) and pressed bumper sectors (1 left, 2 right, 4 rear)."""
+
+Scan = NamedTuple(
+    "Scan",
+    [("range_mm", "tuple[int, ...]"), ("age_ms", "tuple[int, ...]"), ("valid", int), ("echo", int)],
+)
+"""One ring: eight ranges from the rim, the age of each ping, bit masks «measured» and «echo came»."""
+
+Inputs = NamedTuple(
+    "Inputs",
+    [
+        ("now_ms", int),
+        ("wheels", "Wheels | None"),
+        ("scan", "Scan | None"),
+        ("operator_age_ms", "int | None"),
+    ],
+)
+"""None is missing or stale, decided before the core sees it. operator_age_ms: None means never heard."""
+
+Goal = NamedTuple(
+    "Goal",
+    [
+        ("x_m", float),
+        ("y_m", float),
+        ("heading_rad", "float | None"),
+        ("position_tolerance_m", float),
+        ("heading_tolerance_rad", float),
+    ],
+)
+"""Where to go; heading_rad None: any final heading will do."""
+
+Decision = NamedTuple(
+    "Decision",
+    [
+        ("branch", int),
+        ("nearest_bearing_rad", "float | None"),
+        ("nearest_range_m", float),
+        ("goal_bearing_rad", float),
+        ("rotation_rad", float),
+        ("virtual_x_m", float),
+        ("virtual_y_m", float),
+    ],
+)
+"""What a navigator saw and chose. nearest_range_m is inf and nearest_bearing_rad None without an echo."""
+
+Twist = NamedTuple("Twist", [("speed_m_s", float), ("yaw_rate_rad_s", float)])
+
+Outputs = NamedTuple(
+    "Outputs",
+    [
+        ("left_mrad_s", int),
+        ("right_mrad_s", int),
+        ("guard", int),
+        ("twist", "Twist"),
+        ("decision", "Decision | None"),
+    ],
+)
+"""Wheel speeds as integers, so that the wire changes nothing; guard is the reason it took speed away."""
