@@ -1,4 +1,4 @@
-"""The one table of topics and services: key, message, rate, when it is stale, who publishes it, with what priority."""
+"""The one table of topics and services: key, message, rate, stale-after, publisher, priority."""
 
 from dataclasses import dataclass
 from enum import Enum

@@ -5,7 +5,7 @@ try:
 except ImportError:  # MicroPython: annotations are free there, these three names are all it needs
     from collections import namedtuple
 
-    Final = Protocol = object  # type: ignore[assignment, misc]
+    Final = Protocol = object  # type: ignore[assignment]
 
     def NamedTuple(name, fields):  # type: ignore[no-untyped-def, no-redef]
         return namedtuple(name, [field for field, _ in fields])

@@ -13,7 +13,7 @@ Scan = NamedTuple(
     "Scan",
     [("range_mm", "tuple[int, ...]"), ("age_ms", "tuple[int, ...]"), ("valid", int), ("echo", int)],
 )
-"""One ring: eight ranges from the rim, the age of each ping, bit masks «measured» and «echo came»."""
+"""One ring: ranges from the rim, the age of each ping, bit masks «measured» and «echo came»."""
 
 Inputs = NamedTuple(
     "Inputs",
@@ -24,7 +24,7 @@ Inputs = NamedTuple(
         ("operator_age_ms", "int | None"),
     ],
 )
-"""None is missing or stale, decided before the core sees it. operator_age_ms: None means never heard."""
+"""None is missing or stale, decided before the core sees it; operator_age_ms None: never heard."""
 
 Goal = NamedTuple(
     "Goal",
@@ -50,7 +50,7 @@ Decision = NamedTuple(
         ("virtual_y_m", float),
     ],
 )
-"""What a navigator saw and chose. nearest_range_m is inf and nearest_bearing_rad None without an echo."""
+"""What a navigator saw and chose; without an echo the range is inf and the bearing None."""
 
 Twist = NamedTuple("Twist", [("speed_m_s", float), ("yaw_rate_rad_s", float)])
 
@@ -64,4 +64,4 @@ Outputs = NamedTuple(
         ("decision", "Decision | None"),
     ],
 )
-"""Wheel speeds as integers, so that the wire changes nothing; guard is the reason it took speed away."""
+"""Wheel speeds as integers, so that the wire changes nothing; guard: why speed was taken away."""
