@@ -1,4 +1,4 @@
-"""Numbers of the vehicle, mode, goal, navigator and branch states; the dialect has the same ones."""
+"""Numbers of vehicle, mode, goal, navigator and branch states; the dialect has the same ones."""
 
 from robot.core.typed import Final
 
