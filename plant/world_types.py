@@ -1,0 +1,76 @@
+"""What a world is once read: frozen values in metres and radians, checked before they exist."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+Point: TypeAlias = tuple[float, float]
+Setting: TypeAlias = bool | int | float | str
+Settings: TypeAlias = Mapping[str, Setting]
+
+WALL_THICKNESS_M = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    x_m: float
+    y_m: float
+    heading_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GoalPose:
+    """Where to arrive; a heading of None means any."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float | None = None
+    position_tolerance_m: float = 0.05
+    heading_tolerance_rad: float = 0.05235987755982989  # 3 degrees
+
+
+@dataclass(frozen=True, slots=True)
+class Polygon:
+    """A solid simple polygon, concave allowed, its points in either turn; not closed explicitly."""
+
+    points_m: tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circle:
+    """A disc. With a path it starts at the path's first point and follows it to and fro."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+    path_m: tuple[Point, ...] = ()
+    speed_m_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Polyline:
+    """An open wall with round ends and joints: everything within half its thickness of the line."""
+
+    points_m: tuple[Point, ...]
+    thickness_m: float = WALL_THICKNESS_M
+
+
+Obstacle: TypeAlias = Polygon | Circle | Polyline
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class World:
+    """A floor from (0, 0) to `size_m`, its inner outer-wall faces on that rectangle if `walls`.
+
+    `robot`, `noise` and each of `faults` hold only what the file overrides, by field name.
+    """
+
+    name: str
+    size_m: tuple[float, float]
+    start: Start
+    goal: GoalPose
+    walls: bool = True
+    obstacles: tuple[Obstacle, ...] = ()
+    robot: Settings = field(default_factory=dict, hash=False)
+    noise: Settings = field(default_factory=dict, hash=False)
+    faults: tuple[Settings, ...] = field(default=(), hash=False)
