@@ -1,0 +1,64 @@
+"""The one way from a message into the core, for host and trial alike."""
+
+from math import pi
+from typing import NamedTuple
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.core.senses import goal_of, now_ms_of, scan_of, wheels_of
+from robot.core.values import Scan, Wheels
+
+
+class TicksLike(NamedTuple):
+    left: int
+    right: int
+    bumper: int
+
+
+class ScanLike(NamedTuple):
+    range_mm: tuple[int, ...]
+    ping_age_us: tuple[int, ...]
+    valid: int
+    echo: int
+
+
+GROUPS_US = (25_000, 0) * 4
+mm = st.integers(-(2**31), 2**31 - 1)
+
+
+def test_a_stamp_within_a_millisecond_belongs_to_the_millisecond_begun() -> None:
+    assert [now_ms_of(ns) for ns in (0, 999_999, 1_000_000, 50_000_000)] == [0, 0, 1, 50]
+
+
+def test_wheels_pass_unchanged_whichever_way_they_turned() -> None:
+    assert wheels_of(TicksLike(-(2**31), 2**31 - 1, 5)) == Wheels(-(2**31), 2**31 - 1, 5)
+
+
+def test_the_two_ping_groups_keep_their_ages() -> None:
+    ranges_mm = (20, 300, 3000, 0, 65535, 1, 2, 3)
+    scan = scan_of(ScanLike(ranges_mm, GROUPS_US, 0b1110_1111, 0b0000_1111))
+    assert scan == Scan(ranges_mm, (25, 0) * 4, 0b1110_1111, 0b0000_1111)
+
+
+def test_a_goal_arrives_in_metres_and_radians() -> None:
+    goal = goal_of(5400, -20, round(pi * 1e6), 0, 50, 52_360)
+    assert (goal.x_m, goal.y_m, goal.position_tolerance_m) == (5.4, -0.02, 0.05)
+    assert goal.heading_rad is not None
+    assert abs(goal.heading_rad - pi) < 1e-6
+    assert goal.heading_tolerance_rad == 0.05236
+
+
+def test_a_free_heading_is_none_and_not_zero() -> None:
+    assert goal_of(0, 0, 0, 1, 50, 52_360).heading_rad is None
+    assert goal_of(0, 0, 0, 0, 50, 52_360).heading_rad == 0.0
+
+
+@given(mm, mm, st.integers(-3_141_593, 3_141_593), st.integers(0, 65535))
+def test_what_the_wire_carries_comes_back_exactly(x: int, y: int, urad: int, tol: int) -> None:
+    goal = goal_of(x, y, urad, 0, tol, 1)
+    assert goal.heading_rad is not None
+    assert round(goal.x_m * 1000) == x
+    assert round(goal.y_m * 1000) == y
+    assert round(goal.heading_rad * 1e6) == urad
+    assert round(goal.position_tolerance_m * 1000) == tol
