@@ -1,0 +1,94 @@
+# Needs a Python from 3.11 to 3.13 and make; everything else goes into .venv.
+
+SHELL := /bin/sh
+.SHELLFLAGS := -eu -c
+.ONESHELL:
+.PHONY: help setup up test bench clean afresh
+
+PYTHONS := python3.13 python3.12 python3.11 python3
+BIN := $(CURDIR)/.venv/bin
+# Written last and holding the place it was made for: a set-up that was interrupted, or moved, or
+# whose Python is gone, is made afresh.
+READY := .venv/ready
+USABLE := $(shell [ -x .venv/bin/python ] && [ "$$(cat $(READY) 2>&1)" = "$(CURDIR)" ] && echo yes)
+
+help:
+	@echo "make setup   the virtual environment .venv with everything in it"
+	echo "make up      plant, robot and a goal; ARGS=\"--world u_trap --navigator bug\" for another run"
+	echo "make test    every check: format, lint, types, import contracts, tests"
+	echo "make bench   measurements; ARGS=... is handed on"
+	echo "make clean   remove .venv and what the tools have cached"
+
+setup: $(READY)
+
+$(READY): pyproject.toml constraints.txt $(if $(USABLE),,afresh)
+	@rm -f $@
+	if [ -z "$(USABLE)" ]; then
+		python= without_venv=
+		for candidate in $(PYTHONS); do
+			fits='import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))'
+			"$$candidate" -c "$$fits" >/dev/null 2>&1 || continue
+			if "$$candidate" -c 'import ensurepip, venv' >/dev/null 2>&1; then
+				python=$$candidate
+				break
+			fi
+			without_venv=$$candidate
+		done
+		if [ -z "$$python" ] && [ -n "$$without_venv" ]; then
+			echo "make setup: $$without_venv cannot make virtual environments." >&2
+			echo "            On Debian and Ubuntu: apt install $$without_venv-venv" >&2
+			exit 1
+		fi
+		if [ -z "$$python" ]; then
+			echo "make setup: no Python from 3.11 to 3.13 found (tried: $(PYTHONS))." >&2
+			echo "            On Debian and Ubuntu: apt install python3 python3-venv" >&2
+			exit 1
+		fi
+		echo "Setting up .venv with $$("$$python" --version); the first time takes about a minute."
+		"$$python" -m venv --clear .venv
+	else
+		echo "Bringing .venv up to date."
+	fi
+	# The build tools come first and from the same list, so nothing unpinned is ever fetched.
+	install() {
+		"$(BIN)/python" -m pip --disable-pip-version-check --no-input install -c constraints.txt "$$@" \
+			>.venv/setup.log 2>&1 && return
+		cat .venv/setup.log >&2
+		echo "make setup: pip could not install $$*; its own words are above." >&2
+		exit 1
+	}
+	install hatchling editables
+	install --no-build-isolation -e '.[dev]'
+	"$(BIN)/sidestep" --version
+	printf '%s\n' "$(CURDIR)" >$@
+
+up: setup
+	@exec "$(BIN)/sidestep" up $(ARGS)
+
+bench: setup
+	@exec "$(BIN)/sidestep" bench $(ARGS)
+
+# Every step is run, so that one call shows all there is to mend. With CI set a skipped test fails.
+test: setup
+	@PATH="$(BIN):$$PATH"
+	failed=
+	step() {
+		name=$$1; shift
+		printf '\n=== %s: %s\n' "$$name" "$$*"
+		"$$@" || failed="$$failed, $$name"
+	}
+	step "format" ruff format --check .
+	step "lint" ruff check .
+	step "types" mypy --strict
+	step "import contracts" lint-imports
+	step "tests" pytest -q -n auto -m "not stack" $(if $(CI),--no-skips)
+	step "tests with processes" pytest -q -m stack $(if $(CI),--no-skips)
+	if [ -n "$$failed" ]; then
+		printf '\nmake test: FAILED:%s\n' "$${failed#,}" >&2
+		exit 1
+	fi
+	printf '\nmake test: all passed\n'
+
+clean:
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

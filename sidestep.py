@@ -1,0 +1,163 @@
+"""The executable: a table from verb to the package that does the work, imported only when asked."""
+
+import importlib
+import sys
+from collections.abc import Sequence
+from typing import NamedTuple
+
+EXIT_USAGE = 2
+EXIT_INTERRUPTED = 130
+EXIT_BROKEN_PIPE = 141
+
+
+class Verb(NamedTuple):
+    """`module.main(arguments)` does it; a module that does several verbs is told which."""
+
+    module: str
+    says: str
+    tells_verb: bool = True
+
+
+GROUPS: dict[str, dict[str, Verb]] = {
+    "run": {
+        "up": Verb("ground.cli", "start plant, robot and a goal, and tell how it ended"),
+        "plant": Verb("plant.cli", "the world: pymunk, sonars, wheels, noise", False),
+        "robot": Verb("robot.cli", "the control loop of one robot, 20 Hz", False),
+        "ground": Verb("ground.cli", "an operator without a screen: heartbeat and log"),
+        "router": Verb("ground.cli", "a Zenoh router for more than one robot or machine"),
+    },
+    "command": {
+        "goto": Verb("ground.cli", "drive to X Y [DEG] and wait for the outcome"),
+        "hold": Verb("ground.cli", "stand still, keep the goal"),
+        "resume": Verb("ground.cli", "go on to the goal"),
+        "abort": Verb("ground.cli", "drop the goal and stand still"),
+        "rtl": Verb("ground.cli", "drive back along the robot's own trail"),
+        "arm": Verb("ground.cli", "let the wheels turn"),
+        "disarm": Verb("ground.cli", "do not let the wheels turn"),
+        "estop": Verb("ground.cli", "emergency stop, latched"),
+        "clear-estop": Verb("ground.cli", "release the emergency stop"),
+        "mode": Verb("ground.cli", "choose the mode"),
+        "navigator": Verb("ground.cli", "choose bug or vgm"),
+        "param": Verb("ground.cli", "read and set the robot's parameters"),
+    },
+    "look": {
+        "watch": Verb("ground.cli", "show what the robot says, line by line"),
+        "doctor": Verb("ground.cli", "say what is missing and what to do"),
+        "record": Verb("ground.cli", "write every frame to a .tlog file"),
+        "export": Verb("ground.cli", "a .tlog file as CSV or JSON lines"),
+    },
+    "without a network": {
+        "trial": Verb("study.cli", "one run in this process, as fast as possible"),
+        "worlds": Verb("plant.worlds_cli", "list, check and show world files", False),
+        "bench": Verb("benchmarks.__main__", "measure, against floors and peers", False),
+    },
+}
+VERBS = {name: verb for group in GROUPS.values() for name, verb in group.items()}
+
+USAGE = "usage: sidestep [--traceback] VERB ...\n       sidestep --help | --version"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one verb; 0 reached or done, 1 not reached or refused, 2 wrong usage or configuration."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    wants_traceback = arguments[:1] == ["--traceback"]
+    if wants_traceback:
+        del arguments[0]
+    if not arguments:
+        return complain("which verb?")
+    word, *rest = arguments
+    if word in ("-h", "--help", "help"):
+        print(overview())
+        return 0
+    if word == "--version":
+        print(f"sidestep {version()}")
+        return 0
+    if word not in VERBS:
+        return complain(f"no such verb: {word!r}{nearest(word)}")
+    return run(word, rest, wants_traceback)
+
+
+def run(word: str, rest: Sequence[str], wants_traceback: bool) -> int:
+    """Call the verb's own command line; whatever it raises ends as one line and an exit code."""
+    try:
+        code = call(VERBS[word], word, rest)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        return reader_gone()
+    except Exception as error:
+        if wants_traceback:
+            raise
+        return explain(word, error)
+    return code
+
+
+def call(verb: Verb, word: str, rest: Sequence[str]) -> int:
+    entry = importlib.import_module(verb.module).main
+    code: int = entry([word, *rest] if verb.tells_verb else list(rest))
+    return code
+
+
+def explain(word: str, error: Exception) -> int:
+    """An error meant for the user is its own line; any other is a defect and says where it is."""
+    code = getattr(error, "exit_code", None)
+    if isinstance(code, int):
+        print(f"sidestep {word}: {error}", file=sys.stderr)
+        return code
+    print(
+        f"sidestep {word}: internal error: {type(error).__name__}: {error}{place_of(error)}\n"
+        f"for the whole story: sidestep --traceback {word} ...",
+        file=sys.stderr,
+    )
+    return 1
+
+
+def place_of(error: Exception) -> str:
+    """The innermost line of a file that was running."""
+    place, innermost = error.__traceback__, ""
+    while place is not None:
+        path = place.tb_frame.f_code.co_filename
+        if not path.startswith("<"):
+            innermost = f" ({path}:{place.tb_lineno})"
+        place = place.tb_next
+    return innermost
+
+
+def reader_gone() -> int:
+    """Nobody reads our output any more: be silent, as other tools are, also at interpreter exit."""
+    import os  # needed only when something went wrong
+
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    return EXIT_BROKEN_PIPE
+
+
+def complain(message: str) -> int:
+    print(f"sidestep: {message}\n{USAGE}", file=sys.stderr)
+    return EXIT_USAGE
+
+
+def nearest(word: str) -> str:
+    import difflib  # needed only after a mistake
+
+    near = difflib.get_close_matches(word, VERBS, n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def overview() -> str:
+    lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", "", USAGE]
+    for group, verbs in GROUPS.items():
+        lines += ["", f"{group}:"]
+        lines += [f"  {name:<12} {verb.says}" for name, verb in verbs.items()]
+    lines += ["", "sidestep VERB --help says more. Exit codes: 0 reached or done, 1 not, 2 usage."]
+    return "\n".join(lines)
+
+
+def version() -> str:
+    from importlib import metadata  # slow to import, seldom asked
+
+    return metadata.version("sidestep")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
