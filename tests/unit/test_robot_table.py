@@ -1,0 +1,38 @@
+"""The plant's robot and the robot's idea of itself are the same robot."""
+
+from dataclasses import fields
+
+from plant.body import Body
+from protocol.robot_table import RENAMED, SAME, parameters_of
+from robot.core.parameters import DEFAULTS, Params
+
+UNKNOWN_TO_THE_ROBOT = {"motor_lag_s", "left_start_ticks", "right_start_ticks", "sonar_min_m"}
+
+
+def test_without_a_table_nothing_is_overridden() -> None:
+    assert parameters_of({}) == {}
+
+
+def test_a_wider_and_faster_robot_knows_that_it_is() -> None:
+    values = parameters_of({"track_m": 0.16, "max_speed_m_s": 0.5, "ticks_per_m": 4000})
+    assert values == {
+        "track_m": 0.16,
+        "wheel_max_m_s": 0.5,
+        "v_max_m_s": 0.5,
+        "m_per_tick": 1 / 4000,
+    }
+
+
+def test_every_dimension_is_either_passed_on_or_known_not_to_be() -> None:
+    known = {*SAME, *RENAMED, "ticks_per_m"}
+    assert known | UNKNOWN_TO_THE_ROBOT == {field.name for field in fields(Body)}
+    assert not known & UNKNOWN_TO_THE_ROBOT
+
+
+def test_the_two_default_robots_are_one() -> None:
+    body = Body()
+    passed_on = {*SAME, *RENAMED, "ticks_per_m"}
+    table = {name: getattr(body, name) for name in passed_on}
+    for name, value in parameters_of(table).items():
+        assert name in Params._fields
+        assert getattr(DEFAULTS, name) == value
