@@ -1,5 +1,15 @@
 """A world file is read here: TOML in metres and degrees in, a checked `World` out."""
 
+import re
+import tomllib
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Final
+
+from plant.toml_lines import key_lines
+from plant.world_overrides import body_of, faults_of, noise_of
+from plant.world_problems import Problem, Report, WorldError
+from plant.world_read import read_world
 from plant.world_types import (
     Circle,
     GoalPose,
@@ -22,4 +32,97 @@ __all__ = [
     "Settings",
     "Start",
     "World",
+    "WorldError",
+    "body_of",
+    "faults_of",
+    "load",
+    "loads",
+    "noise_of",
+    "shipped",
 ]
+
+SHIPPED_DIR: Final = Path(__file__).parent / "worlds"
+LARGEST_BYTES: Final = 1_000_000
+PARSER_PLACE: Final = re.compile(
+    r"(.*) \(at (?:line (\d+), column \d+|end of document)\)", re.DOTALL
+)
+KEY_ON_LINE: Final = re.compile(r"\s*\[{0,2}\s*([\w.\"' -]+?)\s*(?:=|\]|$)")
+
+
+def shipped() -> list[str]:
+    """The names of the worlds that come with the program."""
+    return sorted(path.stem for path in SHIPPED_DIR.glob("*.toml"))
+
+
+def load(path_or_name: str | Path) -> World:
+    """The world of a file, or the shipped one of that name; raises WorldError and nothing else."""
+    text = str(path_or_name)
+    if text in shipped():
+        path = SHIPPED_DIR / f"{text}.toml"
+    elif text.endswith(".toml") or "/" in text or "\\" in text:
+        path = Path(text)
+    else:
+        raise WorldError([_unknown_name(text)])
+    return loads(_read_text(path), str(path))
+
+
+def loads(text: str, file: str = "world") -> World:
+    """The world a text describes; `file` is what its errors call it. Raises WorldError."""
+    try:
+        raw = tomllib.loads(text)
+        lines = key_lines(text)
+    except ValueError as error:
+        raise WorldError([_invalid_toml(error, text, file)]) from None
+    except RecursionError:
+        raise WorldError([_refusal(file, "toml", "nested too deeply", "use fewer [")]) from None
+    report = Report(file, lines)
+    world = read_world(raw, report)
+    if world is None:
+        raise WorldError(report.problems)
+    return world
+
+
+def _refusal(file: str, key: str, reason: str, fix: str, line: int | None = None) -> Problem:
+    return Problem(file, line, key, reason, fix)
+
+
+def _unknown_name(name: str) -> Problem:
+    close = get_close_matches(name, shipped(), n=1)
+    meant = f"did you mean {close[0]}? " if close else ""
+    fix = f"{meant}shipped are {', '.join(shipped())}; or give the path of a .toml file"
+    return _refusal(name or '""', "name", "no shipped world has this name", fix)
+
+
+def _read_text(path: Path) -> str:
+    file = str(path)
+    try:
+        if path.exists() and not path.is_file():
+            raise WorldError([_refusal(file, "file", "not a regular file", "give a .toml file")])
+        with path.open("rb") as opened:
+            data = opened.read(LARGEST_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        fix = "give a readable .toml file, or one of the names `sidestep worlds list` prints"
+        raise WorldError([_refusal(file, "file", f"cannot be read: {reason}", fix)]) from None
+    if len(data) > LARGEST_BYTES:
+        reason = f"larger than {LARGEST_BYTES} bytes"
+        raise WorldError([_refusal(file, "file", reason, "is it a world file? make it smaller")])
+    try:
+        return data.decode("utf-8").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        fix = "is it a world file? save it as UTF-8"
+        raise WorldError([_refusal(file, "file", "not UTF-8 text", fix, line)]) from None
+
+
+def _invalid_toml(error: ValueError, text: str, file: str) -> Problem:
+    """What the TOML parser says, with its line and the key on that line."""
+    match = PARSER_PLACE.fullmatch(str(error))
+    reason = match[1] if match else "a number is too long"
+    lines = text.split("\n")
+    line = int(match[2]) if match and match[2] else len(lines) if match else 1
+    key = KEY_ON_LINE.match(lines[min(line, len(lines)) - 1])
+    fix = "correct the TOML there"
+    if re.match("Cannot overwrite|Cannot declare|Duplicate", reason):
+        reason, fix = f"given twice ({reason})", "keep one of them"
+    return _refusal(file, key[1] if key else "toml", reason, fix, line)

@@ -1,0 +1,96 @@
+"""Distances and crossings in the plane, for checking worlds and measuring their shortest paths."""
+
+from math import hypot, inf
+from typing import Final
+
+from plant.world_types import Circle, Obstacle, Point, Polygon
+
+TOUCHING_M: Final = 1e-9
+
+
+def edges(points: tuple[Point, ...], closed: bool) -> list[tuple[Point, Point]]:
+    ends = points[1:] + points[:1] if closed else points[1:]
+    return list(zip(points, ends, strict=False))
+
+
+def from_segment_m(point: Point, a: Point, b: Point) -> float:
+    """The distance of a point from a segment; a may equal b."""
+    along_x, along_y = b[0] - a[0], b[1] - a[1]
+    length2 = along_x * along_x + along_y * along_y
+    share = 0.0
+    if length2 > 0.0:
+        share = ((point[0] - a[0]) * along_x + (point[1] - a[1]) * along_y) / length2
+        share = min(1.0, max(0.0, share))
+    return hypot(point[0] - a[0] - share * along_x, point[1] - a[1] - share * along_y)
+
+
+def _side(point: Point, a: Point, b: Point) -> float:
+    return (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])
+
+
+def meet(a: Point, b: Point, c: Point, d: Point) -> bool:
+    """Whether segments ab and cd cross or touch."""
+    if _side(a, c, d) * _side(b, c, d) < 0.0 and _side(c, a, b) * _side(d, a, b) < 0.0:
+        return True
+    gaps_m = (
+        from_segment_m(a, c, d),
+        from_segment_m(b, c, d),
+        from_segment_m(c, a, b),
+        from_segment_m(d, a, b),
+    )
+    return min(gaps_m) <= TOUCHING_M
+
+
+def area_m2(points: tuple[Point, ...]) -> float:
+    return abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in edges(points, closed=True))) / 2.0
+
+
+def inside(point: Point, points: tuple[Point, ...]) -> bool:
+    """Whether the polygon contains the point (even-odd rule)."""
+    odd = False
+    for a, b in edges(points, closed=True):
+        if (a[1] > point[1]) != (b[1] > point[1]):
+            crossing_x = a[0] + (point[1] - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
+            odd ^= point[0] < crossing_x
+    return odd
+
+
+def clearance_m(point: Point, obstacle: Obstacle) -> float:
+    """The distance from a point to an obstacle's surface, 0 or less inside it.
+
+    A moving circle stands where it starts.
+    """
+    if isinstance(obstacle, Circle):
+        return hypot(point[0] - obstacle.x_m, point[1] - obstacle.y_m) - obstacle.radius_m
+    solid = isinstance(obstacle, Polygon)
+    if solid and inside(point, obstacle.points_m):
+        return 0.0
+    nearest_m = min(
+        (from_segment_m(point, a, b) for a, b in edges(obstacle.points_m, closed=solid)),
+        default=inf,
+    )
+    return nearest_m if isinstance(obstacle, Polygon) else nearest_m - obstacle.thickness_m / 2.0
+
+
+def crossing_edges(points: tuple[Point, ...]) -> tuple[int, int] | None:
+    """The first two edges of a polygon, by index, that meet though they are no neighbours."""
+    sides = edges(points, closed=True)
+    count = len(sides)
+    for i in range(count):
+        for j in range(i + 2, count):
+            if (j + 1) % count != i and meet(*sides[i], *sides[j]):
+                return i, j
+    return None
+
+
+def folded_corner(points: tuple[Point, ...]) -> int | None:
+    """The first corner, by index, at which an edge runs back on the one before it."""
+    count = len(points)
+    for i in range(count):
+        before, here, after = points[i - 1], points[i], points[(i + 1) % count]
+        if (
+            from_segment_m(after, before, here) <= TOUCHING_M
+            or from_segment_m(before, here, after) <= TOUCHING_M
+        ):
+            return i
+    return None

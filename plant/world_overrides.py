@@ -1,0 +1,123 @@
+"""Checks what a world file overrides of robot, noise and faults against the classes they fill."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, fields, replace
+from math import degrees, inf, radians
+from typing import Any, Final
+
+from plant.body import Body
+from plant.faults import Fault
+from plant.noise import LEVELS, Noise
+from plant.toml_lines import Key
+from plant.world_problems import Report
+from plant.world_table import HUGE, Limits, Table
+from plant.world_types import Setting, Settings, World
+
+ANY_NUMBER: Final = Limits(-HUGE, HUGE)
+USUAL_LEVEL: Final = "default"
+
+
+def body_of(world: World) -> Body:
+    """The robot of a world: the usual one but for what the file overrides."""
+    return Body(**_fields(world.robot))
+
+
+def noise_of(world: World, level: str | None = None) -> Noise:
+    """The noise to use: the level asked for, else what the file says, else the usual level."""
+    if level is not None:
+        return LEVELS[level]
+    settings = _fields(world.noise)
+    return replace(LEVELS[settings.pop("level", USUAL_LEVEL)], **settings)
+
+
+def faults_of(world: World) -> tuple[Fault, ...]:
+    return tuple(Fault(**_fields(settings)) for settings in world.faults)
+
+
+def _fields(settings: Settings) -> dict[str, Any]:
+    return dict(settings)
+
+
+def read_robot(raw: object, at: Key, report: Report) -> Settings:
+    return _read(raw, at, report, Body, lambda settings: Body(**_fields(settings)))
+
+
+def read_noise(raw: object, at: Key, report: Report) -> Settings:
+    def build(settings: Settings) -> Noise:
+        values = _fields(settings)
+        level = values.pop("level", USUAL_LEVEL)
+        if level not in LEVELS:
+            raise ValueError(f"level: no noise level {level!r}; there are {', '.join(LEVELS)}")
+        return replace(LEVELS[level], **values)
+
+    return _read(raw, at, report, Noise, build, {"level": '"default"'})
+
+
+def read_fault(raw: object, at: Key, report: Report) -> Settings:
+    return _read(raw, at, report, Fault, lambda settings: Fault(**_fields(settings)))
+
+
+def _read(
+    raw: object,
+    at: Key,
+    report: Report,
+    kind: type,
+    build: Callable[[Settings], object],
+    more: Mapping[str, str] | None = None,
+) -> Settings:
+    """What the table sets, by field name and in the field's unit; problems are reported."""
+    known = {_file_key(field.name): field for field in fields(kind)}
+    examples = {**(more or {}), **{key: _example(field) for key, field in known.items()}}
+    table = Table(raw, at, examples, report)
+    settings: dict[str, Setting] = {}
+    for key in examples:
+        field = known.get(key)
+        needed = field is not None and field.default is MISSING
+        if key in table or (needed and table.required(key) is None):
+            settings[field.name if field else key] = _value(table, key, field)
+    if table.sound:
+        _try(table, settings, build)
+    return settings
+
+
+def _file_key(name: str) -> str:
+    """The key in the file, which is written in degrees."""
+    return name.removesuffix("_rad") + "_deg" if name.endswith("_rad") else name
+
+
+def _example(field: "Field[Any]") -> str:
+    if field.default is MISSING:
+        return '"sonar_dead"'
+    if isinstance(field.default, str):
+        return '"3"'
+    if field.default == inf:
+        return "10.0"
+    return f"{degrees(field.default) if field.name.endswith('_rad') else field.default:g}"
+
+
+def _value(table: Table, key: str, field: "Field[Any] | None") -> Setting:
+    if field is None or field.type is str:
+        return table.text(key)
+    if field.type is int:
+        return table.whole_number(key, ANY_NUMBER)
+    value = table.number(key, ANY_NUMBER)
+    return radians(value) if field.name.endswith("_rad") else value
+
+
+def _try(table: Table, settings: Settings, build: Callable[[Settings], object]) -> None:
+    """Build it; whatever the class refuses is reported and dropped until it is content."""
+    left = dict(settings)
+    while True:
+        try:
+            build(left)
+            return
+        except ValueError as refusal:
+            name, _, reason = str(refusal).partition(": ")
+            key = _file_key(name)
+            unit = " (in radians)" if key != name else ""
+            if name in left:
+                table.refuse(key, reason + unit, f"write a value such as {table.example(key)}")
+                del left[name]
+            else:
+                table.refuse(key, reason + unit, f"set {key} too, to fit {', '.join(left)}")
+                return

@@ -1,0 +1,122 @@
+"""Reads the tables of a world file into a `World`: structure here, geometry in its own modules."""
+
+from math import isfinite, radians
+from typing import Final
+
+from plant.body import Body
+from plant.placement import Floor, check_places
+from plant.toml_lines import Key
+from plant.world_overrides import read_fault, read_noise, read_robot
+from plant.world_problems import Report
+from plant.world_shapes import read_obstacle
+from plant.world_table import COORDINATE, Limits, Table, type_name
+from plant.world_types import GoalPose, Settings, Start, World
+
+EXAMPLES: Final = {
+    "name": '"my_world"',
+    "size_m": "[6.0, 4.0]",
+    "walls": "true",
+    "start": "{ x_m = 0.6, y_m = 2.0, heading_deg = 0.0 }",
+    "goal": "{ x_m = 5.4, y_m = 2.0, heading_deg = 0.0 }",
+    "obstacle": "[{ circle_m = { x = 3.0, y = 2.0, radius = 0.25 } }]",
+    "robot": "{ radius_m = 0.12 }",
+    "noise": '{ level = "default" }',
+    "fault": '[{ kind = "sonar_dead", target = "3" }]',
+}
+START: Final = {"x_m": "0.6", "y_m": "2.0", "heading_deg": "0.0"}
+GOAL: Final = {**START, "position_tolerance_m": "0.05", "heading_tolerance_deg": "3.0"}
+SIZE: Final = Limits(0.5, 100.0, "m")
+HEADING: Final = Limits(-360.0, 360.0, "degrees")
+POSITION_TOLERANCE: Final = Limits(0.001, 2.0, "m")
+HEADING_TOLERANCE: Final = Limits(0.1, 180.0, "degrees")
+LONGEST_NAME: Final = 64
+MOST_OBSTACLES: Final = 1000
+
+
+def read_world(raw: object, report: Report) -> World | None:
+    """The world, or None after its problems were reported."""
+    table = Table(raw, (), EXAMPLES, report)
+    name, size_m = _name(table), table.pair("size_m", SIZE)
+    walls = table.flag("walls", default=True)
+    start, goal = _start(table, report), _goal(table, report)
+    read = [read_obstacle(one, at, report) for one, at in _items(table, "obstacle", report)]
+    robot = read_robot(table.raw.get("robot", {}), ("robot",), report)
+    noise = read_noise(table.raw.get("noise", {}), ("noise",), report)
+    faults = [read_fault(one, at, report) for one, at in _items(table, "fault", report)]
+    obstacles = {index: obstacle for index, obstacle in enumerate(read) if obstacle is not None}
+    if size_m is not None:
+        floor = Floor(size_m, walls, _radius_m(robot), obstacles)
+        check_places(report, floor, start, goal)
+    if report.problems or size_m is None or start is None or goal is None:
+        return None
+    return World(
+        name=name,
+        size_m=size_m,
+        walls=walls,
+        start=start,
+        goal=goal,
+        obstacles=tuple(obstacles.values()),
+        robot=robot,
+        noise=noise,
+        faults=tuple(faults),
+    )
+
+
+def _name(table: Table) -> str:
+    name = table.text("name")
+    if "name" in table and isinstance(table.raw["name"], str):
+        if not name.strip() or not name.isprintable():
+            table.refuse("name", "empty or unprintable", f"write name = {EXAMPLES['name']}")
+        elif len(name) > LONGEST_NAME:
+            table.refuse("name", f"longer than {LONGEST_NAME} characters", "shorten it")
+    return name
+
+
+def _start(table: Table, report: Report) -> Start | None:
+    raw = table.required("start")
+    if raw is None:
+        return None
+    start = Table(raw, ("start",), START, report)
+    x_m, y_m = start.number("x_m", COORDINATE), start.number("y_m", COORDINATE)
+    heading_deg = start.number("heading_deg", HEADING, default=0.0)
+    return Start(x_m=x_m, y_m=y_m, heading_rad=radians(heading_deg)) if start.sound else None
+
+
+def _goal(table: Table, report: Report) -> GoalPose | None:
+    raw = table.required("goal")
+    if raw is None:
+        return None
+    goal = Table(raw, ("goal",), GOAL, report)
+    x_m, y_m = goal.number("x_m", COORDINATE), goal.number("y_m", COORDINATE)
+    heading_deg = goal.number("heading_deg", HEADING) if goal.asks_for("heading_deg") else None
+    position_m = goal.number("position_tolerance_m", POSITION_TOLERANCE, default=0.05)
+    tolerance_deg = goal.number("heading_tolerance_deg", HEADING_TOLERANCE, default=3.0)
+    if not goal.sound:
+        return None
+    return GoalPose(
+        x_m=x_m,
+        y_m=y_m,
+        heading_rad=None if heading_deg is None else radians(heading_deg),
+        position_tolerance_m=position_m,
+        heading_tolerance_rad=radians(tolerance_deg),
+    )
+
+
+def _items(table: Table, key: str, report: Report) -> list[tuple[object, Key]]:
+    """The tables of a list such as [[obstacle]], each with its key."""
+    raw = table.raw.get(key, [])
+    if not isinstance(raw, list):
+        reason = f"expected [[{key}]] tables, found {type_name(raw)}"
+        report.add((key,), reason, f"write [[{key}]] instead of [{key}]")
+        return []
+    if len(raw) > MOST_OBSTACLES:
+        report.add((key,), f"{len(raw)} of them, at most {MOST_OBSTACLES}", "remove some")
+        return []
+    return [(one, (key, index)) for index, one in enumerate(raw)]
+
+
+def _radius_m(robot: Settings) -> float:
+    """The robot's radius, or the usual one when what the file says was refused."""
+    radius_m = robot.get("radius_m", Body().radius_m)
+    sound = isinstance(radius_m, float) and isfinite(radius_m) and radius_m > 0.0
+    return float(radius_m) if sound else Body().radius_m

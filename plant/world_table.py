@@ -1,0 +1,175 @@
+"""One table of a world file, read key by key: whatever is wrong is reported and nothing raises."""
+
+from collections.abc import Mapping
+from math import isfinite, nan
+from typing import Final, NamedTuple
+
+from plant.toml_lines import Key
+from plant.world_problems import Report
+from plant.world_types import Point
+from plant.world_units import meant, reason_and_fix
+
+FARTHEST_M: Final = 100.0
+MOST_POINTS: Final = 500
+HUGE: Final = 1e100
+TYPE_NAMES: Final = {
+    bool: "a truth value",
+    int: "a whole number",
+    float: "a number",
+    str: "text",
+    list: "a list",
+    dict: "a table",
+}
+
+
+class Limits(NamedTuple):
+    low: float
+    high: float
+    unit: str = ""
+    above_low: bool = False
+
+    def hold(self, value: float) -> bool:
+        return self.low < value <= self.high or (value == self.low and not self.above_low)
+
+    def __str__(self) -> str:
+        low = f"above {self.low:g}," if self.above_low else f"{self.low:g}"
+        return f"{low} to {self.high:g} {self.unit}".rstrip()
+
+
+COORDINATE: Final = Limits(-FARTHEST_M, FARTHEST_M, "m")
+
+
+def type_name(value: object) -> str:
+    return TYPE_NAMES.get(type(value), "a date or time")
+
+
+class Table:
+    """The keys of one table; refuses by name every key that is not in `examples`.
+
+    `examples` maps each known key to a value as it could stand in the file, for the fixes.
+    """
+
+    def __init__(self, raw: object, at: Key, examples: Mapping[str, str], report: Report) -> None:
+        self._at = at
+        self._examples = examples
+        self._report = report
+        self._before = len(report.problems)
+        self._meant: set[str | None] = set()
+        self.raw: dict[str, object] = {}
+        if isinstance(raw, dict):
+            self.raw = raw
+            self._refuse_unknown_keys()
+        else:
+            self._meant.update(examples)
+            shape = ", ".join(f"{key} = {example}" for key, example in examples.items())
+            report.add(at, f"expected a table, found {type_name(raw)}", f"write {{ {shape} }}")
+
+    def _refuse_unknown_keys(self) -> None:
+        for key, value in self.raw.items():
+            if key not in self._examples:
+                self._meant.add(meant(key, self._examples))
+                self.refuse(key, *reason_and_fix(key, value, self._examples))
+
+    @property
+    def sound(self) -> bool:
+        """Nothing has been reported since this table was opened."""
+        return len(self._report.problems) == self._before
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.raw
+
+    def asks_for(self, key: str) -> bool:
+        """The key is there, or another was written in its place."""
+        return key in self.raw or key in self._meant
+
+    def refuse(self, key: str, reason: str, fix: str) -> None:
+        self._report.add((*self._at, key), reason, fix)
+
+    def example(self, key: str) -> str:
+        return f"{key} = {self._examples[key]}"
+
+    def required(self, key: str) -> object | None:
+        if key not in self.raw and key not in self._meant:
+            self.refuse(key, "missing", f"add {key} = {self._examples[key]}")
+        return self.raw.get(key)
+
+    def number(self, key: str, limits: Limits, default: float | None = None) -> float:
+        """The number of that key, or the default; NaN after a problem was reported."""
+        if default is not None and key not in self.raw:
+            return default
+        value = self.required(key)
+        return nan if value is None else self._checked((*self._at, key), value, limits)
+
+    def whole_number(self, key: str, limits: Limits) -> int:
+        value = self.required(key)
+        if isinstance(value, float):
+            self._wrong_type(key, "a whole number", value)
+            return 0
+        number = self.number(key, limits)
+        return int(number) if isfinite(number) else 0
+
+    def text(self, key: str) -> str:
+        value = self.required(key)
+        if value is None:
+            return ""
+        if not isinstance(value, str):
+            self._wrong_type(key, "text", value)
+            return ""
+        return value
+
+    def flag(self, key: str, default: bool) -> bool:
+        value = self.raw.get(key, default)
+        if not isinstance(value, bool):
+            self._wrong_type(key, "true or false", value)
+            return default
+        return value
+
+    def pair(self, key: str, limits: Limits) -> Point | None:
+        value = self.required(key)
+        return None if value is None else self._point((*self._at, key), value, limits)
+
+    def points(self, key: str, fewest: int) -> tuple[Point, ...]:
+        """The points of that key; () after a problem was reported."""
+        value = self.required(key)
+        if value is None:
+            return ()
+        if not isinstance(value, list):
+            self._wrong_type(key, "a list of points", value)
+            return ()
+        if not fewest <= len(value) <= MOST_POINTS:
+            reason = f"{len(value)} points, expected {fewest} to {MOST_POINTS}"
+            self.refuse(key, reason, f"write at least {fewest} points, as {self._examples[key]}")
+            return ()
+        read = [
+            self._point((*self._at, key, index), point, COORDINATE)
+            for index, point in enumerate(value)
+        ]
+        sound = tuple(point for point in read if point is not None)
+        return sound if len(sound) == len(read) else ()
+
+    def _point(self, at: Key, value: object, limits: Limits) -> Point | None:
+        if not isinstance(value, list) or len(value) != 2:
+            found = f"{len(value)} values" if isinstance(value, list) else type_name(value)
+            example = self._examples[str(at[len(self._at)])]
+            self._report.add(at, f"expected two numbers, found {found}", f"write as in {example}")
+            return None
+        x, y = (self._checked(at, one, limits) for one in value)
+        return (x, y) if isfinite(x) and isfinite(y) else None
+
+    def _checked(self, at: Key, value: object, limits: Limits) -> float:
+        key = str(at[len(self._at)])
+        fix = f"write {key} = {self._examples[key]}, within {limits}"
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self._report.add(at, f"expected a number, found {type_name(value)}", fix)
+        elif isinstance(value, float) and not isfinite(value):
+            self._report.add(at, f"{value} is not finite", fix)
+        elif not limits.hold(value):
+            shown = value if abs(value) < HUGE else "a huge number"
+            self._report.add(at, f"{shown} is out of range ({limits})", fix)
+        else:
+            return float(value)
+        return nan
+
+    def _wrong_type(self, key: str, expected: str, value: object) -> None:
+        reason = f"expected {expected}, found {type_name(value)}"
+        self.refuse(key, reason, f"write {key} = {self._examples[key]}")
