@@ -1,0 +1,96 @@
+"""One control cycle, read aloud: sense, check, decide, guard. No clock, no I/O, no luck."""
+
+from robot.core import failsafe, guard, pursuit, reasons, states
+from robot.core import machine as machines
+from robot.core import odometry as odometries
+from robot.core import ring as rings
+from robot.core import stall as stalls
+from robot.core import trail as trails
+from robot.core.budget import GUARD, NAVIGATE, ODOMETRY
+from robot.core.controller import HALT, ramp
+from robot.core.geometry import wrap
+from robot.core.parameters import Params
+from robot.core.state import State
+from robot.core.typed import Protocol
+from robot.core.values import Inputs, Outputs, Twist
+
+__all__ = ["State", "step"]
+
+
+class Mark(Protocol):
+    """Called with the number of each stage as it ends, so that a host may take the time."""
+
+    def __call__(self, stage: int) -> None: ...
+
+
+def ignore(stage: int) -> None:
+    """Nobody takes the time."""
+
+
+def step(
+    state: State, inputs: Inputs, params: Params, mark: Mark = ignore
+) -> tuple[State, Outputs]:
+    """One tick: from what is sensed now to what the wheels shall do until the next."""
+    sense(state, inputs, params)
+    failsafe.check(state, inputs, params)
+    mark(ODOMETRY)
+    wanted = decide(state, inputs, params)
+    mark(NAVIGATE)
+    outputs = act(state, wanted, inputs, params)
+    mark(GUARD)
+    return state, outputs
+
+
+def sense(state: State, inputs: Inputs, params: Params) -> None:
+    """Bring pose, ring and watches up to this tick; the first whole set of senses ends BOOT."""
+    now_ms, wheels, scan = inputs.now_ms, inputs.wheels, inputs.scan
+    odometry, machine = state.odometry, state.machine
+    heading_rad = odometry.pose.heading_rad
+    odometries.update(odometry, wheels, now_ms, params)
+    turned_rad = wrap(odometry.pose.heading_rad - heading_rad)
+    rings.update(state.ring, scan, now_ms, params)
+    rings.watch_frozen(state.ring, scan, odometry.moved_m, turned_rad, params)
+    if wheels is not None:
+        state.bumped = wheels.bumper & ~state.bumper != 0
+        state.bumper = wheels.bumper
+        stalls.watch(state.stall, odometry, now_ms, params)
+    age_ms = inputs.operator_age_ms
+    machine.operator = age_ms is not None and age_ms <= params.op_lost_ms
+    machine.senses = wheels is not None and scan is not None
+    if machine.vehicle == states.BOOT and machine.senses:
+        machine.vehicle = states.STANDBY
+    if machine.mode != states.SMART_RTL:
+        trails.drop_crumb(state.trail, odometry.pose.x_m, odometry.pose.y_m)
+
+
+def decide(state: State, inputs: Inputs, params: Params) -> Twist:
+    """The twist that is wanted: towards the goal, braking to a stand, or halt at once."""
+    machine, goal = state.machine, state.machine.goal
+    state.decision = None
+    if machine.vehicle != states.ACTIVE:
+        state.driving = False
+        return HALT
+    if goal is None or not machines.drives(machine):
+        state.driving = False
+        return ramp(HALT, state.twist, params)
+    wanted = pursuit.pursue(state, goal, inputs.now_ms, params)
+    return ramp(wanted, state.twist, params)
+
+
+def act(state: State, wanted: Twist, inputs: Inputs, params: Params) -> Outputs:
+    """What the guard leaves of it, in whole mrad/s cut towards zero: rounding adds no speed."""
+    factor, reason = guard.limit(*wanted, state.ring, inputs.wheels, params)
+    twist = wanted
+    if reason != reasons.OK:
+        twist = Twist(wanted.speed_m_s * factor, wanted.yaw_rate_rad_s * factor)
+        if factor == 0.0:
+            twist = HALT
+    state.twist = wanted if reason == reasons.NOT_FINITE else twist
+    speed_m_s, yaw_rate_rad_s = twist
+    half_m_s = 0.5 * params.track_m * yaw_rate_rad_s
+    left_m_s, right_m_s = speed_m_s - half_m_s, speed_m_s + half_m_s
+    stalls.tell(state.stall.left, left_m_s, inputs.now_ms, params)
+    stalls.tell(state.stall.right, right_m_s, inputs.now_ms, params)
+    scale = 1000.0 / params.wheel_radius_m
+    left_mrad_s, right_mrad_s = int(left_m_s * scale), int(right_m_s * scale)
+    return Outputs(left_mrad_s, right_mrad_s, reason, twist, state.decision)

@@ -1,0 +1,80 @@
+"""From a place to go to, to a speed and a yaw rate that the wheels can follow."""
+
+from math import cos, pi, sin, tanh
+
+from robot.core.geometry import wrap
+from robot.core.parameters import Params
+from robot.core.typed import Final
+from robot.core.values import Twist
+
+HALF_TURN: Final = 0.5 * pi
+HALT: Final = Twist(0.0, 0.0)
+NEAR_M: Final = 1e-6
+
+
+def toward(distance_m: float, bearing_rad: float, params: Params) -> tuple[float, float]:
+    """Position controller (Secchi and Carelli): speed and yaw rate towards a point.
+
+    u = v tanh(k rho) cos(alpha), w = k_w alpha + v (tanh(k rho) / rho) sin(alpha) cos(alpha).
+    Never backwards: with the point behind it turns on the spot.
+    """
+    if not -HALF_TURN < bearing_rad < HALF_TURN:
+        return 0.0, params.k_omega * bearing_rad
+    distance_m = max(distance_m, NEAR_M)
+    speed_m_s = params.v_max_m_s * tanh(params.k_rho * distance_m)
+    cosine = cos(bearing_rad)
+    pull_rad_s = speed_m_s / distance_m * sin(bearing_rad) * cosine
+    return speed_m_s * cosine, params.k_omega * bearing_rad + pull_rad_s
+
+
+def into(
+    distance_m: float, bearing_rad: float, approach_rad: float, params: Params
+) -> tuple[float, float]:
+    """Pose controller (Aicardi et al., saturated): arrives with the final heading.
+
+    `approach_rad` is the line of sight seen from the final heading (theta_g).
+    """
+    if not -HALF_TURN < bearing_rad < HALF_TURN:
+        return 0.0, params.pose_k_omega * bearing_rad
+    distance_m = max(distance_m, NEAR_M)
+    speed_m_s = params.v_max_m_s * tanh(params.pose_k_rho * distance_m)
+    cosine = cos(bearing_rad)
+    sinc = sin(bearing_rad) / bearing_rad if bearing_rad != 0.0 else 1.0
+    bend_rad = bearing_rad + params.pose_h * approach_rad
+    pull_rad_s = speed_m_s / distance_m * sinc * cosine * bend_rad
+    return speed_m_s * cosine, params.pose_k_omega * bearing_rad + pull_rad_s
+
+
+def align(error_rad: float, params: Params) -> float:
+    """Yaw rate of the last turn on the spot: quick, then slow, and never past the end in a tick."""
+    size_rad = abs(error_rad)
+    rate_rad_s = max(params.align_k * size_rad, params.align_min_rad_s)
+    rate_rad_s = min(rate_rad_s, 0.5 * size_rad / params.period_s, params.yaw_max_rad_s)
+    return rate_rad_s if error_rad > 0.0 else -rate_rad_s
+
+
+def heading_error(wanted_rad: float, heading_rad: float) -> float:
+    return wrap(wanted_rad - heading_rad)
+
+
+def limited(speed_m_s: float, yaw_rate_rad_s: float, params: Params) -> tuple[float, float]:
+    """Within wheel and yaw limits by one factor, so that the curvature stays."""
+    fastest_m_s = abs(speed_m_s) + 0.5 * params.track_m * abs(yaw_rate_rad_s)
+    factor = 1.0
+    if fastest_m_s > params.wheel_max_m_s:
+        factor = params.wheel_max_m_s / fastest_m_s
+    if abs(yaw_rate_rad_s) * factor > params.yaw_max_rad_s:
+        factor = params.yaw_max_rad_s / abs(yaw_rate_rad_s)
+    return speed_m_s * factor, yaw_rate_rad_s * factor
+
+
+def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
+    """As far from the last twist to the wanted one as the wheels can accelerate in a period."""
+    more_m_s = wanted.speed_m_s - last.speed_m_s
+    more_rad_s = wanted.yaw_rate_rad_s - last.yaw_rate_rad_s
+    change_m_s = abs(more_m_s) + 0.5 * params.track_m * abs(more_rad_s)
+    can_m_s = params.accel_m_s2 * params.period_s
+    if change_m_s <= can_m_s:
+        return wanted
+    share = can_m_s / change_m_s
+    return Twist(last.speed_m_s + share * more_m_s, last.yaw_rate_rad_s + share * more_rad_s)

@@ -1,0 +1,108 @@
+"""The failsafe table: what stops the robot by itself, one row each."""
+
+from robot.core import machine as machines
+from robot.core import reasons, states
+from robot.core.machine import Machine
+from robot.core.parameters import Params
+from robot.core.state import State
+from robot.core.typed import Final, NamedTuple, Protocol
+from robot.core.values import Inputs
+
+
+def ticks_lost(state: State, inputs: Inputs, params: Params) -> bool:
+    return inputs.wheels is None
+
+
+def scan_lost(state: State, inputs: Inputs, params: Params) -> bool:
+    return inputs.scan is None
+
+
+def sonar_impossible(state: State, inputs: Inputs, params: Params) -> bool:
+    return state.ring.impossible
+
+
+def sonar_frozen(state: State, inputs: Inputs, params: Params) -> bool:
+    return state.ring.frozen
+
+
+def encoder_impossible(state: State, inputs: Inputs, params: Params) -> bool:
+    return state.odometry.jumped
+
+
+def not_finite(state: State, inputs: Inputs, params: Params) -> bool:
+    x_m, y_m, heading_rad = state.odometry.pose
+    speed_m_s, yaw_rate_rad_s = state.twist
+    total = x_m + y_m + heading_rad + state.odometry.phh + speed_m_s + yaw_rate_rad_s
+    return total - total != 0.0
+
+
+def bumper_hit(state: State, inputs: Inputs, params: Params) -> bool:
+    return state.bumped
+
+
+def wheel_stuck(state: State, inputs: Inputs, params: Params) -> bool:
+    return state.stall.stuck
+
+
+def operator_lost(state: State, inputs: Inputs, params: Params) -> bool:
+    """Nobody is heard although somebody is needed: in MANUAL, or with a living goal in GUIDED."""
+    machine = state.machine
+    if machine.operator:
+        return False
+    return machine.mode == states.MANUAL or (
+        machine.mode == states.GUIDED and machines.goal_lives(machine)
+    )
+
+
+def budget_violated(state: State, inputs: Inputs, params: Params) -> bool:
+    return state.reported == reasons.BUDGET
+
+
+def core_failed(state: State, inputs: Inputs, params: Params) -> bool:
+    return state.reported == reasons.CORE_EXCEPTION
+
+
+class Trigger(Protocol):
+    def __call__(self, state: State, inputs: Inputs, params: Params) -> bool: ...
+
+
+Row = NamedTuple("Row", [("reason", int), ("trigger", "Trigger"), ("limit", str)])
+"""A reason, what triggers it, and the limit in words or the parameters that set it.
+
+The action of every row is the same: vehicle FAILSAFE with this reason, wheels 0, goal ABORTED.
+"""
+
+ROWS: Final = (
+    Row(reasons.CORE_EXCEPTION, core_failed, "reported by the host"),
+    Row(reasons.BUDGET, budget_violated, "3 overruns in a row or one period late, by the host"),
+    Row(reasons.TICKS_LOST, ticks_lost, "150 ms, decided by the host"),
+    Row(reasons.SCAN_LOST, scan_lost, "250 ms, decided by the host"),
+    Row(reasons.NOT_FINITE, not_finite, "pose, covariance, twist"),
+    Row(reasons.BUMPER, bumper_hit, "a sector newly pressed"),
+    Row(reasons.ENCODER_IMPOSSIBLE, encoder_impossible, "twice wheel_max_m_s + 20 mm"),
+    Row(reasons.SONAR_IMPOSSIBLE, sonar_impossible, "0 or beyond 1.1 sonar_max_m"),
+    Row(reasons.SONAR_FROZEN, sonar_frozen, "freeze_m, freeze_rad, freeze_front_m"),
+    Row(reasons.WHEEL_STUCK, wheel_stuck, "wheel_min_m_s, wheel_time_ms, wheel_share"),
+    Row(reasons.OPERATOR_LOST, operator_lost, "op_lost_ms in GUIDED or MANUAL"),
+)
+
+
+def check(state: State, inputs: Inputs, params: Params) -> None:
+    """Find the first row that triggers; it is the cause that forbids arming, and stops if armed."""
+    machine = state.machine
+    machine.cause = reasons.OK
+    for reason, trigger, _ in ROWS:
+        if trigger(state, inputs, params):
+            machine.cause = reason
+            break
+    state.reported = reasons.OK
+    if machine.cause != reasons.OK and machine.vehicle == states.ACTIVE:
+        trip(machine, machine.cause, inputs.now_ms)
+
+
+def trip(machine: Machine, reason: int, now_ms: int) -> None:
+    """Stop for this reason until armed again. An emergency stop is stronger and stays."""
+    machines.end_goal(machine, states.ABORTED, reason, now_ms)
+    if machine.vehicle != states.EMERGENCY_STOP:
+        machine.vehicle = states.FAILSAFE
+        machine.vehicle_reason = reason

@@ -1,0 +1,26 @@
+"""Angles on the circle: one wrap, and the bearings of the eight sonars."""
+
+from math import cos, pi, sin
+
+from robot.core.typed import Final
+from robot.core.values import SONARS
+
+TWO_PI: Final = 2.0 * pi
+
+BEARINGS: Final = tuple([(i - 3.5) * pi / 8.0 for i in range(SONARS)])
+"""Sonar i looks here, radians from the heading: 0 right, 7 left."""
+
+COSINES: Final = tuple([cos(b) for b in BEARINGS])
+SINES: Final = tuple([sin(b) for b in BEARINGS])
+
+HALF_CONE: Final = pi / 16.0
+
+
+def wrap(angle_rad: float) -> float:
+    """The same direction in (-pi, pi]; NaN stays NaN, infinity has no direction and becomes NaN."""
+    if -pi < angle_rad <= pi:
+        return angle_rad
+    if angle_rad - angle_rad != 0.0:
+        return angle_rad - angle_rad
+    wrapped_rad = angle_rad % TWO_PI
+    return wrapped_rad - TWO_PI if wrapped_rad > pi else wrapped_rad

@@ -1,0 +1,62 @@
+"""The last word before the wheels. It may only take speed away, never add or steer."""
+
+from robot.core import reasons
+from robot.core.geometry import COSINES
+from robot.core.parameters import Params
+from robot.core.ring import AHEAD, FRONT, Ring
+from robot.core.typed import Final
+from robot.core.values import Wheels
+
+FRONT_BUMPER: Final = 1 | 2
+REAR_BUMPER: Final = 4
+
+
+def limit(
+    speed_m_s: float,
+    yaw_rate_rad_s: float,
+    ring: Ring,
+    wheels: Wheels | None,
+    params: Params,
+) -> tuple[float, int]:
+    """The factor 0..1 for both wheels, which keeps the curvature, and the reason for it."""
+    fastest_m_s = abs(speed_m_s) + 0.5 * params.track_m * abs(yaw_rate_rad_s)
+    if fastest_m_s == 0.0:
+        return 1.0, reasons.OK
+    if fastest_m_s - fastest_m_s != 0.0:
+        return 0.0, reasons.NOT_FINITE
+    if wheels is None or ring.fresh == 0:
+        return 0.0, reasons.NO_SENSES
+    factor, reason = 1.0, reasons.OK
+    if fastest_m_s > params.wheel_max_m_s:
+        factor, reason = params.wheel_max_m_s / fastest_m_s, reasons.WHEEL_LIMIT
+    if speed_m_s > 0.0:
+        if wheels.bumper & FRONT_BUMPER:
+            return 0.0, reasons.BUMPER
+        room = forward_factor(speed_m_s, ring, params)
+        if room < factor:
+            return room, reasons.SLOWED if room > 0.0 else reasons.OBSTACLE_AHEAD
+    elif speed_m_s < 0.0 and wheels.bumper & REAR_BUMPER:
+        return 0.0, reasons.BUMPER
+    return factor, reason
+
+
+def forward_factor(speed_m_s: float, ring: Ring, params: Params) -> float:
+    """How much of the forward speed the echoes ahead leave: none of them may be closed in on
+    faster than would take `guard_time_s` to reach `guard_stop_m`. Blind ahead leaves none."""
+    if all_missing(ring):
+        return 0.0
+    if params.guard_stop_m <= 0.0:
+        return 1.0
+    factor = 1.0
+    for i in FRONT:
+        range_m = ring.range_m[i]
+        if range_m is not None:
+            closing_m_s = speed_m_s * COSINES[i]
+            may_m_s = (range_m - params.guard_stop_m) / params.guard_time_s
+            if may_m_s < closing_m_s * factor:
+                factor = max(may_m_s, 0.0) / closing_m_s
+    return factor
+
+
+def all_missing(ring: Ring) -> bool:
+    return ring.range_m[AHEAD[0]] is None and ring.range_m[AHEAD[1]] is None

@@ -1,0 +1,88 @@
+"""What the vehicle, its mode and its one goal are, and the few ways in which they change."""
+
+from robot.core import reasons, states
+from robot.core.parameters import Params
+from robot.core.values import Goal
+
+
+class Machine:
+    """Vehicle, mode and goal with their reasons; `serial` counts goals, so each is known as new.
+
+    `cause` is the failsafe that would trip right now, armed or not; `senses` and `operator` say
+    whether fresh senses and a fresh operator's heartbeat were there in the last step.
+    `replaced_serial` is the last goal that a newer one pushed out (ABORTED, REPLACED).
+    """
+
+    __slots__ = (
+        "cause",
+        "goal",
+        "goal_ended_ms",
+        "goal_max_m",
+        "goal_reason",
+        "goal_started_ms",
+        "goal_state",
+        "mode",
+        "navigator",
+        "operator",
+        "replaced_serial",
+        "resume_mode",
+        "senses",
+        "serial",
+        "side",
+        "vehicle",
+        "vehicle_reason",
+    )
+
+    def __init__(self, params: Params) -> None:
+        self.vehicle: int = states.BOOT
+        self.vehicle_reason: int = reasons.OK
+        self.mode: int = states.HOLD
+        self.resume_mode: int = states.GUIDED
+        self.goal: Goal | None = None
+        self.goal_state: int = states.NONE
+        self.goal_reason: int = reasons.OK
+        self.goal_started_ms = 0
+        self.goal_ended_ms = 0
+        self.serial = 0
+        self.replaced_serial = 0
+        self.navigator: int = params.navigator
+        self.side: int = params.side
+        self.goal_max_m: float = params.goal_max_m
+        self.senses = False
+        self.operator = False
+        self.cause: int = reasons.OK
+
+
+def goal_lives(machine: Machine) -> bool:
+    return states.ACCEPTED <= machine.goal_state <= states.ALIGNING
+
+
+def drives(machine: Machine) -> bool:
+    """Armed, in a driving mode, with a living goal."""
+    return (
+        machine.vehicle == states.ACTIVE
+        and machine.mode >= states.AUTO
+        and states.ACCEPTED <= machine.goal_state <= states.ALIGNING
+    )
+
+
+def start_goal(machine: Machine, goal: Goal, mode: int, now_ms: int) -> None:
+    """Take a new goal; a living one is ABORTED, REPLACED."""
+    if goal_lives(machine):
+        end_goal(machine, states.ABORTED, reasons.REPLACED, now_ms)
+        machine.replaced_serial = machine.serial
+    machine.serial += 1
+    machine.goal = goal
+    machine.goal_state = states.ACCEPTED
+    machine.goal_reason = reasons.OK
+    machine.goal_started_ms = now_ms
+    machine.goal_ended_ms = 0
+    machine.mode = mode
+
+
+def end_goal(machine: Machine, goal_state: int, reason: int, now_ms: int) -> None:
+    """Close a living goal with its outcome; one that has ended keeps the outcome it has."""
+    if goal_lives(machine):
+        machine.goal_state = goal_state
+        machine.goal_reason = reason
+        machine.goal_ended_ms = now_ms

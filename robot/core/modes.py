@@ -1,0 +1,170 @@
+"""What an operator may ask of the vehicle; every command answers with a reason, 0 is accepted."""
+
+from math import pi
+
+from robot.core import machine as machines
+from robot.core import reasons, states
+from robot.core.machine import Machine
+from robot.core.trail import Trail
+from robot.core.typed import Final
+from robot.core.values import Goal
+
+MIN_POSITION_TOLERANCE_M: Final = 0.005
+MAX_POSITION_TOLERANCE_M: Final = 1.0
+MIN_HEADING_TOLERANCE_RAD: Final = 0.2 * pi / 180.0
+MAX_HEADING_TOLERANCE_RAD: Final = pi
+EPSILON: Final = 1e-6  # a tolerance given as an integer of the wire may be half a unit off
+
+
+def arm(machine: Machine) -> int:
+    """Let the wheels turn: needs fresh senses and no failsafe whose cause is still there."""
+    if machine.vehicle == states.EMERGENCY_STOP:
+        return reasons.EMERGENCY_STOPPED
+    if machine.vehicle == states.BOOT or not machine.senses:
+        return reasons.NO_SENSES
+    if machine.vehicle == states.ACTIVE:
+        return reasons.OK
+    if machine.cause != reasons.OK:
+        return machine.cause
+    machine.vehicle = states.ACTIVE
+    machine.vehicle_reason = reasons.OK
+    return reasons.OK
+
+
+def disarm(machine: Machine, now_ms: int) -> int:
+    """Stop the wheels and end the goal; an emergency stop stays latched."""
+    machines.end_goal(machine, states.ABORTED, reasons.DISARMED, now_ms)
+    if machine.vehicle in (states.ACTIVE, states.FAILSAFE):
+        machine.vehicle = states.STANDBY
+        machine.vehicle_reason = reasons.OK
+    return reasons.OK
+
+
+def estop(machine: Machine, now_ms: int) -> int:
+    """Latch the emergency stop: disarmed, goal ended, nothing moves until it is cleared."""
+    machines.end_goal(machine, states.ABORTED, reasons.EMERGENCY_STOPPED, now_ms)
+    machine.vehicle = states.EMERGENCY_STOP
+    machine.vehicle_reason = reasons.BY_OPERATOR
+    return reasons.OK
+
+
+def clear_estop(machine: Machine) -> int:
+    """Release the latch, if there is one; the vehicle stands by, disarmed."""
+    if machine.vehicle == states.EMERGENCY_STOP:
+        machine.vehicle = states.STANDBY
+        machine.vehicle_reason = reasons.OK
+    return reasons.OK
+
+
+def hold(machine: Machine) -> int:
+    """Stand still and keep the goal."""
+    if machine.mode != states.HOLD:
+        machine.resume_mode = machine.mode
+        machine.mode = states.HOLD
+    return reasons.OK
+
+
+def resume(machine: Machine) -> int:
+    """Go on to the goal that `hold` kept, in the mode it had."""
+    if not machines.goal_lives(machine):
+        return reasons.NO_GOAL
+    if machine.mode != states.HOLD:
+        return reasons.OK
+    refusal = may_drive(machine, machine.resume_mode)
+    if refusal == reasons.OK:
+        machine.mode = machine.resume_mode
+    return refusal
+
+
+def abort(machine: Machine, now_ms: int) -> int:
+    """Drop the goal and stand still, armed."""
+    if not machines.goal_lives(machine):
+        return reasons.NO_GOAL
+    machines.end_goal(machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
+    return reasons.OK
+
+
+def goto(machine: Machine, goal: Goal, mode: int, now_ms: int) -> int:
+    """Drive to a pose in AUTO or GUIDED; a living goal is replaced. A refusal leaves it alone."""
+    refusal = refusal_of(machine, goal, mode)
+    if refusal == reasons.OK:
+        machines.start_goal(machine, goal, mode, now_ms)
+    elif not machines.goal_lives(machine):
+        machine.goal_state = states.REFUSED
+        machine.goal_reason = refusal
+    return refusal
+
+
+def rtl(machine: Machine, trail: Trail, now_ms: int) -> int:
+    """Drive back to the start along the robot's own trail."""
+    refusal = may_drive(machine, states.SMART_RTL)
+    if refusal != reasons.OK:
+        return refusal
+    if not trail.xs_m:
+        return reasons.NO_TRAIL
+    start = Goal(trail.xs_m[0], trail.ys_m[0], None, 0.05, pi)
+    machines.start_goal(machine, start, states.SMART_RTL, now_ms)
+    return reasons.OK
+
+
+def set_mode(machine: Machine, trail: Trail, mode: int, now_ms: int) -> int:
+    """Change the mode; a living goal goes on in AUTO and GUIDED, waits in HOLD, ends in MANUAL."""
+    if mode == states.HOLD:
+        return hold(machine)
+    if mode == states.SMART_RTL:
+        return rtl(machine, trail, now_ms)
+    if mode not in (states.MANUAL, states.AUTO, states.GUIDED):
+        return reasons.UNKNOWN_MODE
+    if mode != states.AUTO and not machine.operator:
+        return reasons.NO_OPERATOR
+    if mode == states.MANUAL or machine.mode == states.SMART_RTL:
+        machines.end_goal(machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
+    machine.mode = mode
+    return reasons.OK
+
+
+def set_navigator(machine: Machine, navigator: int, side: int) -> int:
+    """Choose the navigator and the side on which it passes obstacles; not while a goal lives."""
+    if navigator not in (states.BUG, states.VGM):
+        return reasons.UNKNOWN_NAVIGATOR
+    if side not in (states.LEFT, states.RIGHT):
+        return reasons.PARAMETER_OUT_OF_RANGE
+    if machines.goal_lives(machine):
+        return reasons.BUSY_DRIVING
+    machine.navigator = navigator
+    machine.side = side
+    return reasons.OK
+
+
+def may_drive(machine: Machine, mode: int) -> int:
+    """Why driving in this mode is refused now, or 0."""
+    if machine.vehicle == states.EMERGENCY_STOP:
+        return reasons.EMERGENCY_STOPPED
+    if machine.vehicle != states.ACTIVE:
+        return reasons.NOT_ARMED
+    if not machine.senses:
+        return reasons.NO_SENSES
+    if mode == states.GUIDED and not machine.operator:
+        return reasons.NO_OPERATOR
+    return reasons.OK
+
+
+def refusal_of(machine: Machine, goal: Goal, mode: int) -> int:
+    """Why this goal is refused in this mode, or 0. Written so that NaN fails every comparison."""
+    if mode not in (states.AUTO, states.GUIDED):
+        return reasons.UNKNOWN_MODE
+    refusal = may_drive(machine, mode)
+    if refusal != reasons.OK:
+        return refusal
+    far_m = machine.goal_max_m
+    if not (-far_m <= goal.x_m <= far_m and -far_m <= goal.y_m <= far_m):
+        return reasons.GOAL_OUT_OF_RANGE
+    if goal.heading_rad is not None and not -1e3 <= goal.heading_rad <= 1e3:
+        return reasons.GOAL_OUT_OF_RANGE
+    position_m, heading_rad = goal.position_tolerance_m, goal.heading_tolerance_rad
+    if not MIN_POSITION_TOLERANCE_M <= position_m <= MAX_POSITION_TOLERANCE_M:
+        return reasons.TOLERANCE_OUT_OF_RANGE
+    low_rad, high_rad = MIN_HEADING_TOLERANCE_RAD - EPSILON, MAX_HEADING_TOLERANCE_RAD + EPSILON
+    if not low_rad <= heading_rad <= high_rad:
+        return reasons.TOLERANCE_OUT_OF_RANGE
+    return reasons.OK

@@ -1,0 +1,120 @@
+"""Where the robot believes it is, from wheel ticks alone, and how surely (paper eq. 7-12)."""
+
+from math import cos, sin
+
+from robot.core.geometry import wrap
+from robot.core.parameters import Params
+from robot.core.typed import Final
+from robot.core.values import Pose, Wheels
+
+COUNTER: Final = 0x100000000
+HALF_COUNTER: Final = 0x80000000
+JUMP_SLACK_M: Final = 0.02
+
+
+class Odometry:
+    """Pose, its covariance in scalars (h: heading), speeds, and what the wheels did last.
+
+    `moved_m` is the distance each wheel rolled at the last update, on average, forward or back;
+    `jumped` says that a counter moved farther than a wheel can turn: the pose ignores that step.
+    """
+
+    __slots__ = (
+        "jumped",
+        "last_ms",
+        "latched",
+        "left",
+        "left_m",
+        "moved_m",
+        "phh",
+        "pose",
+        "pxh",
+        "pxx",
+        "pxy",
+        "pyh",
+        "pyy",
+        "right",
+        "right_m",
+        "speed_m_s",
+        "yaw_rate_rad_s",
+    )
+
+    def __init__(self) -> None:
+        self.pose = Pose(0.0, 0.0, 0.0)
+        self.pxx = self.pxy = self.pxh = self.pyy = self.pyh = self.phh = 0.0
+        self.speed_m_s = self.yaw_rate_rad_s = 0.0
+        self.left = self.right = self.last_ms = 0
+        self.left_m = self.right_m = self.moved_m = 0.0
+        self.latched = self.jumped = False
+
+
+def tick_difference(new: int, old: int) -> int:
+    """From one value of a 32-bit counter to the next, the short way round."""
+    difference = (new - old) % COUNTER
+    return difference - COUNTER if difference >= HALF_COUNTER else difference
+
+
+def update(odometry: Odometry, wheels: Wheels | None, now_ms: int, params: Params) -> None:
+    """One sample. None changes nothing: the next difference catches up. The first only latches."""
+    odometry.moved_m = odometry.left_m = odometry.right_m = 0.0
+    odometry.jumped = False
+    if wheels is None:
+        return
+    if odometry.latched:
+        left_m = tick_difference(wheels.left, odometry.left) * params.m_per_tick
+        right_m = tick_difference(wheels.right, odometry.right) * params.m_per_tick
+        elapsed_s = (now_ms - odometry.last_ms) * 1e-3
+        reach_m = 2.0 * params.wheel_max_m_s * max(elapsed_s, params.period_s) + JUMP_SLACK_M
+        odometry.jumped = not (abs(left_m) <= reach_m and abs(right_m) <= reach_m)
+        if not odometry.jumped:
+            roll(odometry, left_m, right_m, params)
+            if elapsed_s > 0.0:
+                odometry.speed_m_s = 0.5 * (left_m + right_m) / elapsed_s
+                odometry.yaw_rate_rad_s = (right_m - left_m) / (params.track_m * elapsed_s)
+    odometry.left = wheels.left
+    odometry.right = wheels.right
+    odometry.last_ms = now_ms
+    odometry.latched = True
+
+
+def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> None:
+    """Move pose and covariance by what the wheels rolled (eq. 8 with the track L, not 2l)."""
+    odometry.left_m = left_m
+    odometry.right_m = right_m
+    odometry.moved_m = 0.5 * (abs(left_m) + abs(right_m))
+    if left_m == 0.0 and right_m == 0.0:
+        return
+    x_m, y_m, heading_rad = odometry.pose
+    step_m = 0.5 * (right_m + left_m)
+    turn_rad = (right_m - left_m) / params.track_m
+    middle_rad = heading_rad + 0.5 * turn_rad
+    cosine, sine = cos(middle_rad), sin(middle_rad)
+    dx_m, dy_m = step_m * cosine, step_m * sine
+    odometry.pose = Pose(x_m + dx_m, y_m + dy_m, wrap(heading_rad + turn_rad))
+    spread(odometry, dx_m, dy_m)
+    half = 0.5 / params.track_m
+    cosine, sine = 0.5 * cosine, 0.5 * sine
+    rotation = 2.0 * half
+    blur(odometry, params.k_r_m * abs(right_m), cosine - dy_m * half, sine + dx_m * half, rotation)
+    blur(odometry, params.k_l_m * abs(left_m), cosine + dy_m * half, sine - dx_m * half, -rotation)
+
+
+def spread(odometry: Odometry, dx_m: float, dy_m: float) -> None:
+    """P <- F_p P F_p' (eq. 12): a heading error carries the position away, sideways to the step."""
+    pxh, pyh, phh = odometry.pxh, odometry.pyh, odometry.phh
+    odometry.pxh = pxh - dy_m * phh
+    odometry.pyh = pyh + dx_m * phh
+    odometry.pxx -= dy_m * (pxh + odometry.pxh)
+    odometry.pxy += dx_m * odometry.pxh - dy_m * pyh
+    odometry.pyy += dx_m * (pyh + odometry.pyh)
+
+
+def blur(odometry: Odometry, variance_m2: float, x: float, y: float, h: float) -> None:
+    """P <- P + q f f': one wheel's variance (eq. 10) through its column (x, y, h) of F_q."""
+    qx, qy, qh = variance_m2 * x, variance_m2 * y, variance_m2 * h
+    odometry.pxx += qx * x
+    odometry.pxy += qx * y
+    odometry.pxh += qx * h
+    odometry.pyy += qy * y
+    odometry.pyh += qy * h
+    odometry.phh += qh * h

@@ -1,0 +1,118 @@
+"""The way to one goal: navigate, arrive, align, stand, reached, or give up."""
+
+from math import sqrt
+
+from robot.core import machine as machines
+from robot.core import navigators, reasons, states
+from robot.core import progress as progresses
+from robot.core import trail as trails
+from robot.core.controller import HALT, align, heading_error, into, limited, toward
+from robot.core.geometry import wrap
+from robot.core.navigators import NAVIGATORS
+from robot.core.parameters import Params
+from robot.core.state import State
+from robot.core.typed import Final
+from robot.core.values import Decision, Goal, Twist
+
+LEAVE: Final = 3.0  # arrived is taken back only at this many tolerances
+STILL_M_S: Final = 0.02
+STILL_RAD_S: Final = 0.10
+
+
+def pursue(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
+    """The twist that brings the robot nearer to its goal; keeps the goal's state on the way."""
+    begin(state, now_ms)
+    target = next_target(state, goal, now_ms)
+    pose = state.odometry.pose
+    dx_m, dy_m = target.x_m - pose.x_m, target.y_m - pose.y_m
+    distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
+    if target is goal:
+        state.goal_distance_m = distance_m
+        reach_m = goal.position_tolerance_m * (LEAVE if state.arrived else 1.0)
+        state.arrived = distance_m <= reach_m
+        if state.arrived:
+            return settle(state, goal, now_ms, params)
+    reason = progresses.judge(state.progress, pose, distance_m, now_ms, params)
+    if reason != reasons.OK:
+        machines.end_goal(state.machine, states.STUCK, reason, now_ms)
+        return HALT
+    return travel(state, target, distance_m, params)
+
+
+def begin(state: State, now_ms: int) -> None:
+    """A new goal starts with an empty memory; after a hold only the judging starts afresh."""
+    machine = state.machine
+    if state.serial != machine.serial:
+        state.serial = machine.serial
+        navigators.reset(state.memory, machine.side)
+        state.arrived = False
+        state.driving = False
+    if not state.driving:
+        state.driving = True
+        progresses.restart(state.progress, state.odometry.pose, now_ms)
+
+
+def next_target(state: State, goal: Goal, now_ms: int) -> Goal:
+    """The goal itself, or on the way back the newest crumb of the trail."""
+    if state.machine.mode != states.SMART_RTL:
+        return goal
+    trail, pose = state.trail, state.odometry.pose
+    if trails.pass_crumb(trail, pose.x_m, pose.y_m):
+        progresses.restart(state.progress, pose, now_ms)
+    if len(trail.xs_m) < 2:
+        return goal
+    return Goal(trail.xs_m[-1], trail.ys_m[-1], None, trails.PASSED_M, goal.heading_tolerance_rad)
+
+
+def travel(state: State, target: Goal, distance_m: float, params: Params) -> Twist:
+    """Ask the navigator where to, and drive there; the last stretch in the open bends the way in
+    so that the robot arrives with its final heading."""
+    pose, ring = state.odometry.pose, state.ring
+    machine = state.machine
+    decision = NAVIGATORS[machine.navigator](state.memory, pose, ring, target, params)
+    state.decision = decision
+    turn_rad = wrap(decision.goal_bearing_rad + decision.rotation_rad)
+    if decision.branch != states.TO_GOAL:
+        machine.goal_state = states.AVOIDING
+        speed_m_s, yaw_rate_rad_s = toward(distance_m, turn_rad, params)
+    else:
+        machine.goal_state = states.DRIVING
+        near = distance_m < params.pose_from_m and ring.nearest_m >= params.d_obs_m
+        if near and target.heading_rad is not None:
+            sight_rad = pose.heading_rad + decision.goal_bearing_rad
+            approach_rad = wrap(sight_rad - target.heading_rad)
+            speed_m_s, yaw_rate_rad_s = into(distance_m, turn_rad, approach_rad, params)
+        else:
+            speed_m_s, yaw_rate_rad_s = toward(distance_m, turn_rad, params)
+    if ring.front_m < params.spin_room_m:
+        speed_m_s = 0.0
+    return Twist(*limited(speed_m_s, yaw_rate_rad_s, params))
+
+
+def settle(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
+    """At the place: turn to the final heading, stand, and only then call it reached."""
+    machine, pose = state.machine, state.odometry.pose
+    if goal.heading_rad is not None:
+        error_rad = heading_error(goal.heading_rad, pose.heading_rad)
+        standing = state.twist.yaw_rate_rad_s == 0.0
+        close_rad = goal.heading_tolerance_rad * (1.0 if standing else 0.5)
+        if abs(error_rad) > close_rad:
+            machine.goal_state = states.ALIGNING
+            state.decision = Decision(
+                states.ALIGN, None, state.ring.nearest_m, error_rad, 0.0, goal.x_m, goal.y_m
+            )
+            return Twist(0.0, align(error_rad, params))
+    if is_still(state):
+        machines.end_goal(machine, states.REACHED, reasons.OK, now_ms)
+    return HALT
+
+
+def is_still(state: State) -> bool:
+    """Told to stand, and standing."""
+    odometry = state.odometry
+    return (
+        state.twist.speed_m_s == 0.0
+        and state.twist.yaw_rate_rad_s == 0.0
+        and abs(odometry.speed_m_s) <= STILL_M_S
+        and abs(odometry.yaw_rate_rad_s) <= STILL_RAD_S
+    )

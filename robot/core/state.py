@@ -1,0 +1,58 @@
+"""All that changes from tick to tick, in one place."""
+
+from math import inf
+
+from robot.core import reasons
+from robot.core.machine import Machine
+from robot.core.memory import Memory
+from robot.core.odometry import Odometry
+from robot.core.parameters import Params
+from robot.core.progress import Progress
+from robot.core.ring import Ring
+from robot.core.stall import Stall
+from robot.core.trail import Trail
+from robot.core.values import Decision, Twist
+
+
+class State:
+    """The whole memory of the core. `goal_distance_m`, `decision` and `guard` are there to be read.
+
+    `reported` is a failsafe reason that only the host can see (BUDGET); `serial` the goal being
+    driven to, `arrived` whether its place is reached, `twist` what the wheels were last told.
+    """
+
+    __slots__ = (
+        "arrived",
+        "bumped",
+        "bumper",
+        "decision",
+        "driving",
+        "goal_distance_m",
+        "machine",
+        "memory",
+        "odometry",
+        "progress",
+        "reported",
+        "ring",
+        "serial",
+        "stall",
+        "trail",
+        "twist",
+    )
+
+    def __init__(self, params: Params) -> None:
+        self.machine = Machine(params)
+        self.odometry = Odometry()
+        self.ring = Ring()
+        self.memory = Memory()
+        self.trail = Trail()
+        self.progress = Progress()
+        self.stall = Stall()
+        self.twist = Twist(0.0, 0.0)
+        self.decision: Decision | None = None
+        self.goal_distance_m = inf
+        self.serial = 0
+        self.arrived = self.driving = False
+        self.bumper = 0
+        self.bumped = False
+        self.reported: int = reasons.OK

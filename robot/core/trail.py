@@ -1,0 +1,53 @@
+"""The way back: at most 128 breadcrumbs of where the robot has been, thinned by half when full."""
+
+from math import sqrt
+
+from robot.core.typed import Final
+
+SPACING_M: Final = 0.25
+LIMIT: Final = 128
+PASSED_M: Final = 0.20
+
+
+class Trail:
+    """Crumbs from the start on, the newest last; the spacing doubles each time they are thinned."""
+
+    __slots__ = ("spacing_m", "xs_m", "ys_m")
+
+    def __init__(self) -> None:
+        self.xs_m: list[float] = []
+        self.ys_m: list[float] = []
+        self.spacing_m = SPACING_M
+
+
+def drop_crumb(trail: Trail, x_m: float, y_m: float) -> None:
+    """Remember this place if the last crumb is a spacing away."""
+    if trail.xs_m and distance_m(trail, x_m, y_m) < trail.spacing_m:
+        return
+    if len(trail.xs_m) >= LIMIT:
+        thin(trail)
+    trail.xs_m.append(x_m)
+    trail.ys_m.append(y_m)
+
+
+def thin(trail: Trail) -> None:
+    """Keep the start and every second crumb after it."""
+    trail.xs_m = trail.xs_m[::2]
+    trail.ys_m = trail.ys_m[::2]
+    trail.spacing_m *= 2.0
+
+
+def distance_m(trail: Trail, x_m: float, y_m: float) -> float:
+    """From here to the newest crumb."""
+    dx_m = x_m - trail.xs_m[-1]
+    dy_m = y_m - trail.ys_m[-1]
+    return sqrt(dx_m * dx_m + dy_m * dy_m)
+
+
+def pass_crumb(trail: Trail, x_m: float, y_m: float) -> bool:
+    """Take up the newest crumb when it is reached; the start stays. True: there is a new one."""
+    if len(trail.xs_m) < 2 or distance_m(trail, x_m, y_m) > PASSED_M:
+        return False
+    trail.xs_m.pop()
+    trail.ys_m.pop()
+    return True

@@ -1,0 +1,39 @@
+"""The Virtual Goal Method of the paper (section 5) with its signs put right; it remembers nothing.
+
+Paper to code: beta is `nearest_bearing_rad` (here positive to the left), alpha `goal_bearing_rad`,
+gamma `rotation_rad`, X_d the goal, X_v the virtual goal, d_obs `params.d_obs_m`. The goal is turned
+about the robot, not about the origin, until the way to it is tangent to the nearest obstacle.
+"""
+
+from math import atan2, cos, pi, sin
+
+from robot.core import ring as rings
+from robot.core import states
+from robot.core.geometry import wrap
+from robot.core.memory import Memory
+from robot.core.parameters import Params
+from robot.core.ring import Ring
+from robot.core.values import Decision, Goal, Pose
+
+
+def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
+    """Where to drive now: at the goal, or past the nearest echo in the avoidance zone."""
+    dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
+    alpha_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
+    beta_rad, nearest_m = rings.bearing_rad(ring), ring.nearest_m
+    if beta_rad is None or nearest_m >= params.d_obs_m:
+        branch = states.TO_GOAL
+        return Decision(branch, beta_rad, nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m)
+    left = beta_rad > 0.0
+    tangent_rad = beta_rad - 0.5 * pi if left else beta_rad + 0.5 * pi
+    gamma_rad = wrap(tangent_rad - alpha_rad)
+    cosine, sine = cos(gamma_rad), sin(gamma_rad)
+    return Decision(
+        states.PASS_RIGHT if left else states.PASS_LEFT,
+        beta_rad,
+        nearest_m,
+        alpha_rad,
+        gamma_rad,
+        pose.x_m + cosine * dx_m - sine * dy_m,
+        pose.y_m + sine * dx_m + cosine * dy_m,
+    )
