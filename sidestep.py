@@ -59,7 +59,17 @@ USAGE = "usage: sidestep [--traceback] VERB ...\n       sidestep --help | --vers
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; 0 reached or done, 1 not reached or refused, 2 wrong usage or configuration."""
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        code = dispatch(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        return reader_gone()
+    return code
+
+
+def dispatch(arguments: list[str]) -> int:
     wants_traceback = arguments[:1] == ["--traceback"]
     if wants_traceback:
         del arguments[0]
@@ -74,23 +84,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     if word not in VERBS:
         return complain(f"no such verb: {word!r}{nearest(word)}")
-    return run(word, rest, wants_traceback)
-
-
-def run(word: str, rest: Sequence[str], wants_traceback: bool) -> int:
-    """Call the verb's own command line; whatever it raises ends as one line and an exit code."""
     try:
-        code = call(VERBS[word], word, rest)
-        sys.stdout.flush()
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
-    except BrokenPipeError:
-        return reader_gone()
+        return call(VERBS[word], word, rest)
+    except (BrokenPipeError, KeyboardInterrupt):
+        raise
     except Exception as error:
         if wants_traceback:
             raise
         return explain(word, error)
-    return code
 
 
 def call(verb: Verb, word: str, rest: Sequence[str]) -> int:
@@ -156,7 +157,10 @@ def overview() -> str:
 def version() -> str:
     from importlib import metadata  # slow to import, seldom asked
 
-    return metadata.version("sidestep")
+    try:
+        return metadata.version("sidestep")
+    except metadata.PackageNotFoundError:
+        return "(not installed: make setup)"
 
 
 if __name__ == "__main__":

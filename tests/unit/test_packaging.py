@@ -1,0 +1,59 @@
+"""What is promised in one file is there in the others: pins, packages, verbs, commands."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+from packaging.utils import canonicalize_name
+from packaging.version import Version
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+FLOORS = [
+    *PROJECT["build-system"]["requires"],
+    *PROJECT["project"]["dependencies"],
+    *PROJECT["project"]["optional-dependencies"]["dev"],
+]
+PIN = re.compile(r"(?P<name>[A-Za-z0-9._-]+)==(?P<version>[A-Za-z0-9.]+)")
+
+
+def pins() -> dict[str, Version]:
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    found = [PIN.fullmatch(line) for line in lines if line and not line.startswith("#")]
+    assert all(found), "constraints.txt holds exact versions only: no hosts, no hashes"
+    return {canonicalize_name(pin["name"]): Version(pin["version"]) for pin in found if pin}
+
+
+@pytest.mark.parametrize("text", FLOORS)
+def test_what_is_asked_for_is_pinned_at_or_above_its_floor(text: str) -> None:
+    wanted = Requirement(text)
+    assert pins()[canonicalize_name(wanted.name)] in wanted.specifier
+
+
+def test_the_pythons_make_looks_for_are_the_pythons_the_package_accepts() -> None:
+    makefile = (ROOT / "Makefile").read_text()
+    accepted = SpecifierSet(PROJECT["project"]["requires-python"])
+    named = re.findall(r"python(3\.\d+)", re.findall(r"PYTHONS := (.*)", makefile)[0])
+    assert named
+    assert all(f"{version}.0" in accepted for version in named)
+
+
+def test_every_package_of_the_tree_is_in_the_wheel() -> None:
+    packages = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"tests"}
+    wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert set(wheel["only-include"]) == packages | {"sidestep.py"}
+    assert set(PROJECT["tool"]["importlinter"]["root_packages"]) == packages | {"sidestep"}
+
+
+def test_the_gate_calls_the_command_the_readme_gives() -> None:
+    assert "make test" in (ROOT / ".ci" / "run").read_text()
+    assert "make test" in (ROOT / "README.md").read_text()
+
+
+@pytest.mark.parametrize("place", ["constraints.txt", "Makefile", "pyproject.toml", ".ci/run"])
+def test_no_file_names_a_package_host_or_a_private_path(place: str) -> None:
+    private = r"index-url|find-links|https?://|/root/|/home/"
+    assert not re.search(private, (ROOT / place).read_text())

@@ -1,0 +1,142 @@
+"""The dispatch table: a verb finds its package, and whatever goes wrong ends as one line."""
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import sidestep
+
+ROOT = Path(__file__).parents[2]
+
+Entry = Callable[[Sequence[str]], int]
+Install = Callable[[Entry], None]
+
+
+class AskedForTooMuch(Exception):
+    exit_code = 2
+
+
+@pytest.fixture
+def install(monkeypatch: pytest.MonkeyPatch) -> Install:
+    """Put a function of the test in place of every package's own command line."""
+
+    def put(entry: Entry) -> None:
+        monkeypatch.setattr("importlib.import_module", lambda name: SimpleNamespace(main=entry))
+
+    return put
+
+
+def listen(heard: list[list[str]], code: int) -> Entry:
+    def entry(arguments: Sequence[str]) -> int:
+        heard.append(list(arguments))
+        return code
+
+    return entry
+
+
+def fail_with(error: BaseException) -> Entry:
+    def entry(arguments: Sequence[str]) -> int:
+        raise error
+
+    return entry
+
+
+def test_a_package_with_several_verbs_is_told_which(install: Install) -> None:
+    heard: list[list[str]] = []
+    install(listen(heard, code=1))
+    assert sidestep.main(["goto", "2", "1", "90"]) == 1
+    assert sidestep.main(["robot", "--id", "r1"]) == 1
+    assert heard == [["goto", "2", "1", "90"], ["--id", "r1"]]
+
+
+def test_negative_numbers_and_foreign_options_are_handed_on(install: Install) -> None:
+    heard: list[list[str]] = []
+    install(listen(heard, code=0))
+    assert sidestep.main(["goto", "-1", "-2", "--traceback"]) == 0
+    assert heard == [["goto", "-1", "-2", "--traceback"]]
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"), [("gotto", "goto"), ("trail", "trial"), ("plan", "plant")]
+)
+def test_a_slip_of_the_pen_is_answered_with_the_verb_meant(
+    word: str, meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert sidestep.main([word]) == 2
+    assert f"did you mean '{meant}'?" in capsys.readouterr().err
+
+
+def test_nonsense_gets_no_guess_and_no_verb_gets_the_usage(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert sidestep.main(["xyzzy"]) == 2
+    assert "did you mean" not in capsys.readouterr().err
+    assert sidestep.main([]) == 2
+    assert "usage: sidestep" in capsys.readouterr().err
+
+
+def test_help_names_every_verb_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert sidestep.main(["--help"]) == 0
+    overview = capsys.readouterr().out
+    assert re.findall(r"^  ([a-z-]+) ", overview, re.MULTILINE) == list(sidestep.VERBS)
+
+
+def test_an_error_meant_for_the_user_is_its_own_line(
+    install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(fail_with(AskedForTooMuch("no world 'moon'")))
+    assert sidestep.main(["up"]) == 2
+    assert capsys.readouterr().err == "sidestep up: no world 'moon'\n"
+
+
+def test_a_defect_says_where_it_is_and_how_to_see_more(
+    install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(fail_with(ZeroDivisionError("division by zero")))
+    assert sidestep.main(["up"]) == 1
+    said = capsys.readouterr().err
+    assert "internal error: ZeroDivisionError: division by zero" in said
+    assert "test_sidestep.py:" in said
+    assert "Traceback" not in said
+    assert "sidestep --traceback up" in said
+
+
+def test_with_traceback_the_error_comes_through(install: Install) -> None:
+    install(fail_with(ZeroDivisionError()))
+    with pytest.raises(ZeroDivisionError):
+        sidestep.main(["--traceback", "up"])
+
+
+def test_ctrl_c_ends_without_a_word(install: Install, capsys: pytest.CaptureFixture[str]) -> None:
+    install(fail_with(KeyboardInterrupt()))
+    assert sidestep.main(["watch"]) == 130
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("word", ["--help", "--version"])
+def test_a_reader_that_left_is_no_error(word: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "sidestep.py", word]
+    run = subprocess.run(command, cwd=ROOT, stdout=writer, stderr=subprocess.PIPE, check=False)
+    os.close(writer)
+    assert (run.returncode, run.stderr) == (141, b"")
+
+
+def test_the_table_alone_imports_nothing_of_ours() -> None:
+    code = "import sys, sidestep; print([m for m in sys.modules if m.split('.')[0] in OURS])"
+    ours = "('protocol', 'robot', 'plant', 'ground', 'study', 'zenoh', 'numpy', 'argparse')"
+    run = subprocess.run(
+        [sys.executable, "-c", code.replace("OURS", ours)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.strip() == "[]"
