@@ -1,0 +1,112 @@
+"""A measured figure, its spread over repetitions, and the threshold it is held to."""
+
+from dataclasses import dataclass, field
+from math import ceil
+from statistics import median
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """One quantity, a value per repetition. The median is judged, never the luckiest one."""
+
+    name: str
+    unit: str
+    values: tuple[float, ...]
+    at_least: float | None = None
+    at_most: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.values:
+            raise ValueError(f"{self.name}: nothing was measured")
+
+    @property
+    def median(self) -> float:
+        return median(self.values)
+
+    @property
+    def met(self) -> bool | None:
+        """None without a threshold."""
+        if self.at_least is None and self.at_most is None:
+            return None
+        low = self.at_least is None or self.median >= self.at_least
+        high = self.at_most is None or self.median <= self.at_most
+        return low and high
+
+    def line(self) -> str:
+        spread = ""
+        if len(self.values) > 1:
+            low, high = digits(min(self.values)), digits(max(self.values))
+            spread = f"({low} to {high}, {len(self.values)} times)"
+        return (
+            f"{self.name:<46} {digits(self.median):>9} {self.unit:<7} {spread:<32}{self._wanted()}"
+        )
+
+    def as_json(self) -> dict[str, object]:
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "median": self.median,
+            "minimum": min(self.values),
+            "maximum": max(self.values),
+            "values": list(self.values),
+            "at_least": self.at_least,
+            "at_most": self.at_most,
+            "met": self.met,
+        }
+
+    def _wanted(self) -> str:
+        if self.met is None:
+            return ""
+        wanted = f">= {self.at_least:g}" if self.at_least is not None else f"<= {self.at_most:g}"
+        return f"{wanted:<10} {'met' if self.met else 'MISSED'}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """What a benchmark found, and what has to be known to read it."""
+
+    benchmark: str
+    figures: tuple[Figure, ...]
+    notes: tuple[str, ...] = ()
+    machine: dict[str, object] = field(default_factory=dict)
+
+    @property
+    def met(self) -> bool:
+        return all(figure.met is not False for figure in self.figures)
+
+    def text(self) -> str:
+        lines = [f"{self.benchmark}:"]
+        lines += [f"  {figure.line()}".rstrip() for figure in self.figures]
+        lines += [f"  note: {note}" for note in self.notes]
+        if self.machine:
+            lines.append("  machine: " + ", ".join(f"{k} {v}" for k, v in self.machine.items()))
+        return "\n".join(lines)
+
+    def as_json(self) -> dict[str, object]:
+        return {
+            "benchmark": self.benchmark,
+            "met": self.met,
+            "figures": [figure.as_json() for figure in self.figures],
+            "notes": list(self.notes),
+            "machine": self.machine,
+        }
+
+
+def digits(value: float) -> str:
+    """Four significant digits: more would be noise, fewer would hide a ratio."""
+    if value == 0 or abs(value) >= 1000:
+        return f"{value:.0f}"
+    return f"{value:.4g}"
+
+
+def percentile(values: list[float], share: float) -> float:
+    """The value that `share` (0 to 1) of all values do not exceed (nearest rank)."""
+    if not values:
+        raise ValueError("no values")
+    ordered = sorted(values)
+    return ordered[max(0, ceil(share * len(ordered)) - 1)]
+
+
+def ratios(over: list[float], under: list[float]) -> tuple[float, ...]:
+    """Pair by pair, as they were measured in turn: what slows both cancels out."""
+    return tuple(a / b for a, b in zip(over, under, strict=True))
