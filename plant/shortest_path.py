@@ -6,7 +6,8 @@ exact but for the rings, which make an arc at most 0.6 % too long.
 """
 
 from heapq import heappop, heappush
-from math import cos, pi
+from itertools import pairwise
+from math import cos, dist, pi
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -34,11 +35,13 @@ class Blocked(NamedTuple):
 
 def shortest_path_m(world: World) -> float | None:
     """The length of the shortest way in metres; None when there is none."""
-    path = shortest_path(world)
+    return path_length_m(shortest_path(world))
+
+
+def path_length_m(path: list[Point] | None) -> float | None:
     if path is None:
         return None
-    points = np.array(path)
-    return float(np.hypot(*(points[1:] - points[:-1]).T).sum())
+    return sum(dist(a, b) for a, b in pairwise(path))
 
 
 def shortest_path(world: World) -> list[Point] | None:
@@ -108,7 +111,8 @@ def _from_segment(points: Array, a: Array, b: Array) -> Array:
     along = b - a
     share = np.clip((points - a) @ along / (along @ along), 0.0, 1.0)
     gap = points - a - share[:, None] * along
-    return np.sqrt((gap * gap).sum(axis=1))
+    distance: Array = np.sqrt((gap * gap).sum(axis=1))
+    return distance
 
 
 def _search(nodes: Array, blocked: Blocked) -> list[int] | None:

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from difflib import get_close_matches
+from os.path import isfile
 from pathlib import Path
 from typing import Final
 
@@ -23,6 +24,7 @@ from plant.world_types import (
 )
 
 __all__ = [
+    "SHIPPED_DIR",
     "Circle",
     "GoalPose",
     "Obstacle",
@@ -51,7 +53,12 @@ KEY_ON_LINE: Final = re.compile(r"\s*\[{0,2}\s*([\w.\"' -]+?)\s*(?:=|\]|$)")
 
 def shipped() -> list[str]:
     """The names of the worlds that come with the program."""
-    return sorted(path.stem for path in SHIPPED_DIR.glob("*.toml"))
+    return sorted((path.stem for path in SHIPPED_DIR.glob("*.toml")), key=_by_number)
+
+
+def _by_number(name: str) -> list[str]:
+    """Sorts fig5 before fig11."""
+    return [part.zfill(6) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
 
 
 def load(path_or_name: str | Path) -> World:
@@ -59,7 +66,7 @@ def load(path_or_name: str | Path) -> World:
     text = str(path_or_name)
     if text in shipped():
         path = SHIPPED_DIR / f"{text}.toml"
-    elif text.endswith(".toml") or "/" in text or "\\" in text:
+    elif text.endswith(".toml") or "/" in text or isfile(text):
         path = Path(text)
     else:
         raise WorldError([_unknown_name(text)])

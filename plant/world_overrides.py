@@ -72,8 +72,7 @@ def _read(
     settings: dict[str, Setting] = {}
     for key in examples:
         field = known.get(key)
-        needed = field is not None and field.default is MISSING
-        if key in table or (needed and table.required(key) is None):
+        if key in table or (field is not None and field.default is MISSING):
             settings[field.name if field else key] = _value(table, key, field)
     if table.sound:
         _try(table, settings, build)

@@ -21,6 +21,8 @@ class Problem(NamedTuple):
 class WorldError(Exception):
     """A world cannot be used; its text has one line per problem, in the order of the file."""
 
+    exit_code = 2
+
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))
         super().__init__("\n".join(str(problem) for problem in self.problems))

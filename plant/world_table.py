@@ -32,8 +32,9 @@ class Limits(NamedTuple):
         return self.low < value <= self.high or (value == self.low and not self.above_low)
 
     def __str__(self) -> str:
-        low = f"above {self.low:g}," if self.above_low else f"{self.low:g}"
-        return f"{low} to {self.high:g} {self.unit}".rstrip()
+        if self.above_low:
+            return f"more than {self.low:g}, at most {self.high:g} {self.unit}".rstrip()
+        return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
 
 
 COORDINATE: Final = Limits(-FARTHEST_M, FARTHEST_M, "m")
@@ -158,7 +159,7 @@ class Table:
 
     def _checked(self, at: Key, value: object, limits: Limits) -> float:
         key = str(at[len(self._at)])
-        fix = f"write {key} = {self._examples[key]}, within {limits}"
+        fix = f"write a number of {limits}, as in {key} = {self._examples[key]}"
         if isinstance(value, bool) or not isinstance(value, int | float):
             self._report.add(at, f"expected a number, found {type_name(value)}", fix)
         elif isinstance(value, float) and not isfinite(value):

@@ -1,0 +1,100 @@
+"""Draws a world as text: walls, obstacles, start, goal and the shortest way between them."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import ceil, degrees, dist
+from typing import Final
+
+from plant.geometry import clearance_m
+from plant.world_types import Circle, Obstacle, Point, Polyline, World
+
+COLUMNS: Final = 72
+CELL_RATIO: Final = 2.0  # a character is about twice as high as wide
+SOLID, MOVING, WAY, START, GOAL, FLOOR = "#", "o", ".", "S", "G", " "
+RULER_STEP_M: Final = 1.0
+
+
+class Canvas:
+    """A grid of characters over the floor, the first row at the top."""
+
+    def __init__(self, size_m: Point) -> None:
+        self.columns = COLUMNS
+        self.cell_m = size_m[0] / COLUMNS
+        self.row_m = self.cell_m * CELL_RATIO
+        self.rows = max(1, ceil(size_m[1] / self.row_m - 1e-9))
+        self._cells = [[FLOOR] * self.columns for _ in range(self.rows)]
+
+    def centre(self, column: int, row: int) -> Point:
+        return (column + 0.5) * self.cell_m, (self.rows - row - 0.5) * self.row_m
+
+    def put(self, point: Point, mark: str, over: str = FLOOR + SOLID + MOVING + WAY) -> None:
+        column = min(self.columns - 1, max(0, int(point[0] / self.cell_m)))
+        row = self.rows - 1 - min(self.rows - 1, max(0, int(point[1] / self.row_m)))
+        if self._cells[row][column] in over:
+            self._cells[row][column] = mark
+
+    def fill(self, obstacle: Obstacle) -> None:
+        moving = isinstance(obstacle, Circle) and bool(obstacle.path_m)
+        # A thin line must not slip through between two rows.
+        near_m = (self.row_m if isinstance(obstacle, Polyline) else self.cell_m) / 2.0
+        for row in range(self.rows):
+            for column in range(self.columns):
+                if clearance_m(self.centre(column, row), obstacle) <= near_m:
+                    self._cells[row][column] = MOVING if moving else SOLID
+
+    def lines(self) -> list[str]:
+        return ["".join(row) for row in self._cells]
+
+
+def draw(world: World, path: Sequence[Point] | None) -> str:
+    """The map with a ruler in metres, and below it what the marks mean."""
+    canvas = Canvas(world.size_m)
+    for obstacle in world.obstacles:
+        canvas.fill(obstacle)
+    for a, b in pairwise(path or []):
+        steps = max(1, ceil(dist(a, b) / canvas.cell_m))
+        for step in range(steps + 1):
+            share = step / steps
+            canvas.put((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])), WAY, FLOOR)
+    canvas.put((world.start.x_m, world.start.y_m), START)
+    canvas.put((world.goal.x_m, world.goal.y_m), GOAL)
+    return "\n".join([*_framed(canvas, world.walls), _ruler(world), "", *_legend(world, path)])
+
+
+def _framed(canvas: Canvas, walls: bool) -> list[str]:
+    side, corner, top = ("|", "+", "-") if walls else (":", "+", " ")
+    edge = corner + top * canvas.columns + corner
+    return [edge, *(side + line + side for line in canvas.lines()), edge]
+
+
+def _ruler(world: World) -> str:
+    """Metres along the lower wall."""
+    step_m = RULER_STEP_M * max(1, ceil(world.size_m[0] / 12.0))
+    text = ""
+    for index in range(int(world.size_m[0] / step_m) + 1):
+        place = 1 + round(index * step_m / world.size_m[0] * COLUMNS)
+        text = f"{text:<{place}}{index * step_m:g}"
+    return text + " m"
+
+
+def _legend(world: World, path: Sequence[Point] | None) -> list[str]:
+    start, goal = world.start, world.goal
+    heading = "any heading"
+    if goal.heading_rad is not None:
+        tolerance_deg = degrees(goal.heading_tolerance_rad)
+        heading = f"heading {degrees(goal.heading_rad):.4g} +- {tolerance_deg:.3g} deg"
+    still = sum(not (isinstance(one, Circle) and one.path_m) for one in world.obstacles)
+    lines = [
+        f"{world.name}: {world.size_m[0]:g} x {world.size_m[1]:g} m",
+        f"  {START}  start ({start.x_m:g}, {start.y_m:g}), "
+        f"heading {degrees(start.heading_rad):.4g} deg",
+        f"  {GOAL}  goal ({goal.x_m:g}, {goal.y_m:g}) +- {goal.position_tolerance_m:g} m, "
+        f"{heading}",
+        f"  {SOLID}  {still} standing",
+    ]
+    if still < len(world.obstacles):
+        lines.append(f"  {MOVING}  {len(world.obstacles) - still} moving, where they begin")
+    if path is None:
+        return [*lines, "     the goal cannot be reached"]
+    length_m = sum(dist(a, b) for a, b in pairwise(path))
+    return [*lines, f"  {WAY}  shortest way {length_m:.2f} m"]

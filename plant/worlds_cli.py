@@ -1,0 +1,96 @@
+"""`sidestep worlds`: list the shipped worlds, check a world file, show a world as a map or JSON."""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+
+from plant.shortest_path import path_length_m, shortest_path
+from plant.world_file import SHIPPED_DIR, World, WorldError, load, shipped
+from plant.world_json import Json, as_json
+from plant.world_text import draw
+
+EXIT_OK = 0
+EXIT_USAGE = 2
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run one of list, check and show; 0, or 2 for a bad file or wrong usage."""
+    try:
+        arguments = _parser().parse_args(list(argv))
+    except SystemExit as done:
+        return EXIT_OK if done.code in (0, None) else EXIT_USAGE
+    if arguments.verb == "list":
+        return _list(arguments.json)
+    try:
+        world = load(arguments.world)
+    except WorldError as error:
+        return _refuse(arguments, error)
+    if arguments.verb == "check":
+        return _check(arguments.world, world, arguments.json)
+    return _show(world, arguments.json)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="sidestep worlds", description="List, check and show worlds.", allow_abbrev=False
+    )
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|check|show")
+    for verb, says in (
+        ("list", "the worlds that come with the program"),
+        ("check", "say what is wrong with a world file: line, key, reason and fix"),
+        ("show", "draw a world, or print it as JSON"),
+    ):
+        one = verbs.add_parser(verb, help=says, description=says, allow_abbrev=False)
+        if verb != "list":
+            one.add_argument("world", metavar="FILE", help="a .toml file or a shipped name")
+        one.add_argument("--json", action="store_true", help="print one JSON object")
+    return parser
+
+
+def _print_json(found: dict[str, Json]) -> None:
+    print(json.dumps(found, allow_nan=False))
+
+
+def _says(name: str) -> str:
+    """The comment a shipped file opens with, its first line."""
+    with (SHIPPED_DIR / f"{name}.toml").open(encoding="utf-8") as file:
+        return file.readline().removeprefix("#").strip()
+
+
+def _list(as_object: bool) -> int:
+    names = shipped()
+    if as_object:
+        _print_json({"worlds": [{"name": name, "says": _says(name)} for name in names]})
+    else:
+        width = max(len(name) for name in names)
+        for name in names:
+            print(f"{name:<{width}}  {_says(name)}")
+    return EXIT_OK
+
+
+def _refuse(arguments: argparse.Namespace, error: WorldError) -> int:
+    print(error, file=sys.stderr)
+    if arguments.json and arguments.verb == "check":
+        problems: list[Json] = [dict(problem._asdict()) for problem in error.problems]
+        _print_json({"ok": False, "file": arguments.world, "problems": problems})
+    return EXIT_USAGE
+
+
+def _check(file: str, world: World, as_object: bool) -> int:
+    length_m = path_length_m(shortest_path(world))
+    if as_object:
+        _print_json({"ok": True, "file": file, "name": world.name, "problems": []})
+        return EXIT_OK
+    way = "the goal cannot be reached" if length_m is None else f"shortest way {length_m:.2f} m"
+    print(f"{file}: ok: {world.name}, {len(world.obstacles)} obstacles, {way}")
+    return EXIT_OK
+
+
+def _show(world: World, as_object: bool) -> int:
+    path = shortest_path(world)
+    if as_object:
+        _print_json(as_json(world, path_length_m(path)))
+    else:
+        print(draw(world, path))
+    return EXIT_OK
