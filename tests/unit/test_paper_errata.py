@@ -85,7 +85,8 @@ def moved(pose: np.ndarray, right_m: float, left_m: float) -> np.ndarray:
     """Eq. 8."""
     step_m, turn_rad = (right_m + left_m) / 2, (right_m - left_m) / TRACK_M
     middle_rad = pose[2] + turn_rad / 2
-    after: np.ndarray = pose + [step_m * cos(middle_rad), step_m * sin(middle_rad), turn_rad]
+    step = np.array([step_m * cos(middle_rad), step_m * sin(middle_rad), turn_rad])
+    after: np.ndarray = pose + step
     return after
 
 
