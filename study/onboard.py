@@ -1,0 +1,48 @@
+"""The core as the robot process runs it, without the process: senses in, wheel command out."""
+
+from protocol.messages import SonarScan, WheelTicks
+from protocol.start_frame import WireGoal
+from robot.core import brain, modes, reasons, states
+from robot.core.parameters import Params
+from robot.core.senses import goal_of, now_ms_of, scan_of, wheels_of
+from robot.core.values import Inputs, Outputs, Scan, Wheels
+
+WHEELS_STALE_MS = 150
+SCAN_STALE_MS = 250
+
+
+class Onboard:
+    """The last senses and the state of the core. A sense that stays away grows stale, then None."""
+
+    __slots__ = ("_scan", "_scan_ms", "_wheels", "_wheels_ms", "now_ms", "params", "state")
+
+    def __init__(self, params: Params) -> None:
+        self.params = params
+        self.state = brain.State(params)
+        self.now_ms = 0
+        self._wheels: Wheels | None = None
+        self._scan: Scan | None = None
+        self._wheels_ms = self._scan_ms = 0
+
+    def step(self, now_ns: int, wheels: WheelTicks | None, scan: SonarScan | None) -> Outputs:
+        """One tick with what arrived for it."""
+        self.now_ms = now_ms = now_ms_of(now_ns)
+        if wheels is not None:
+            self._wheels, self._wheels_ms = wheels_of(wheels), now_ms
+        elif now_ms - self._wheels_ms > WHEELS_STALE_MS:
+            self._wheels = None
+        if scan is not None:
+            self._scan, self._scan_ms = scan_of(scan), now_ms
+        elif now_ms - self._scan_ms > SCAN_STALE_MS:
+            self._scan = None
+        inputs = Inputs(now_ms, self._wheels, self._scan, None)
+        self.state, outputs = brain.step(self.state, inputs, self.params)
+        return outputs
+
+    def go(self, goal: WireGoal) -> int:
+        """Arm and drive to the goal without an operator; a reason, 0 when accepted."""
+        machine = self.state.machine
+        refusal = modes.arm(machine)
+        if refusal != reasons.OK:
+            return refusal
+        return modes.goto(machine, goal_of(*goal), states.AUTO, self.now_ms)
