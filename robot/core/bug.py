@@ -1,26 +1,119 @@
-"""The bug algorithm of the paper (section 4): turn to the user's side, follow, leave when open."""
+"""The bug algorithm of the paper (section 4): turn to the user's side, follow, leave when open.
 
-from math import atan2
+An obstacle in the way nearer than d_th starts the following of its boundary; as soon as the way to
+the goal looks open the robot heads for the goal again. What it met before is forgotten, so deep
+traps may hold it. Obstacles are passed on `memory.side`; the wall is on the other side.
+"""
+
+from math import atan2, cos, pi, sin, sqrt
 
 from robot.core import ring as rings
 from robot.core import states
-from robot.core.geometry import wrap
+from robot.core.geometry import BEARINGS, HALF_CONE, wrap
 from robot.core.memory import Memory
 from robot.core.parameters import Params
 from robot.core.ring import Ring
-from robot.core.values import Decision, Goal, Pose
+from robot.core.typed import Final
+from robot.core.values import SONARS, Decision, Goal, Pose
+
+HIT_MARGIN_M: Final = 0.03
+LEAVE_MARGIN_M: Final = 0.06
+IN_VIEW_RAD: Final = 70.0 * pi / 180.0
+LOST_M: Final = 0.25  # a wall this much farther than it should be is no longer beside the robot
+LOST_TURN_RAD: Final = 1.5 * pi
+AHEAD_COUNTS_M: Final = 0.10  # so much nearer counts a wall ahead than one beside the robot
+STEER_RAD_PER_M: Final = 4.0
+STEER_MAX_RAD: Final = 0.6
+BESIDE: Final = 0.5 * pi
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
     """Where to drive now: at the goal, or along the wall on the side away from `memory.side`."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     alpha_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
+    beta_rad, nearest_m = rings.bearing_rad(ring), ring.nearest_m
+    distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
+    decide(memory, ring, alpha_rad, distance_m, params)
+    gamma_rad = 0.0
+    if memory.following:
+        gamma_rad = along_the_wall(memory, pose, ring, params) - alpha_rad
+    memory.heading_rad = pose.heading_rad
+    if not memory.following:
+        branch = states.TO_GOAL
+        return Decision(branch, beta_rad, nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m)
+    cosine, sine = cos(gamma_rad), sin(gamma_rad)
     return Decision(
-        states.TO_GOAL,
-        rings.bearing_rad(ring),
-        ring.nearest_m,
+        states.PASS_LEFT if memory.side == states.LEFT else states.PASS_RIGHT,
+        beta_rad,
+        nearest_m,
         alpha_rad,
-        0.0,
-        goal.x_m,
-        goal.y_m,
+        wrap(gamma_rad),
+        pose.x_m + cosine * dx_m - sine * dy_m,
+        pose.y_m + sine * dx_m + cosine * dy_m,
     )
+
+
+def decide(memory: Memory, ring: Ring, alpha_rad: float, distance_m: float, params: Params) -> None:
+    """Follow when something stands in the way; stop following when the way is seen to be open."""
+    if not memory.following:
+        memory.following = in_the_way(ring, alpha_rad, distance_m, HIT_MARGIN_M, params)
+        memory.lost_rad = 0.0
+    elif -IN_VIEW_RAD <= alpha_rad <= IN_VIEW_RAD:
+        memory.following = in_the_way(ring, alpha_rad, distance_m, LEAVE_MARGIN_M, params)
+
+
+def in_the_way(
+    ring: Ring, alpha_rad: float, distance_m: float, margin_m: float, params: Params
+) -> bool:
+    """Whether an echo nearer than d_th lies in the strip the robot would sweep towards the goal.
+
+    An echo may come from anywhere in its cone: the edge of the cone next to the goal counts.
+    """
+    if ring.nearest_m >= params.d_th_m:
+        return False
+    for i in range(SONARS):
+        range_m = ring.range_m[i]
+        if range_m is None or range_m >= params.d_th_m or range_m >= distance_m:
+            continue
+        aside_rad = max(abs(wrap(BEARINGS[i] - alpha_rad)) - HALF_CONE, 0.0)
+        reach_m = range_m + params.radius_m
+        if aside_rad < BESIDE and reach_m * sin(aside_rad) < params.radius_m + margin_m:
+            return True
+    return False
+
+
+def along_the_wall(memory: Memory, pose: Pose, ring: Ring, params: Params) -> float:
+    """The bearing to steer: tangent to the wall, corrected for its distance; an arc round its end.
+
+    The ring is blind behind 90 degrees, so a wall that ends is followed by turning towards where
+    it was, for three quarters of a turn at most; then the robot goes for its goal again.
+    """
+    side = memory.side
+    i = wall_sonar(ring, side)
+    range_m = ring.range_m[i]
+    if range_m is None or range_m > params.follow_m + LOST_M:
+        memory.lost_rad += abs(wrap(pose.heading_rad - memory.heading_rad))
+        memory.following = memory.lost_rad <= LOST_TURN_RAD
+        arc_m = params.follow_m + params.radius_m
+        return -side * min(params.v_max_m_s / (params.k_omega * arc_m), 1.0)
+    memory.lost_rad = 0.0
+    beside = i in (0, SONARS - 1)
+    tangent_rad = 0.0 if beside else BEARINGS[i] + side * BESIDE
+    away_rad = STEER_RAD_PER_M * (params.follow_m - range_m)
+    return tangent_rad + side * max(-STEER_MAX_RAD, min(STEER_MAX_RAD, away_rad))
+
+
+def wall_sonar(ring: Ring, side: int) -> int:
+    """The sonar that sees the followed wall nearest: the six from the wall's side to the front."""
+    wall = 0 if side == states.LEFT else SONARS - 1
+    best, best_m = wall, 1e9
+    for k in range(SONARS - 2):
+        i = wall + side * k
+        range_m = ring.range_m[i]
+        if range_m is None:
+            continue
+        if k >= 2:
+            range_m -= AHEAD_COUNTS_M
+        if range_m < best_m:
+            best, best_m = i, range_m
+    return best
