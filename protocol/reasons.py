@@ -1,0 +1,53 @@
+"""Why: the number that comes with every refusal, stop and outcome, and its words."""
+
+from enum import IntEnum
+
+from protocol.dialect.layouts import REASON_TEXTS
+
+
+class Reason(IntEnum):
+    """SIDESTEP_REASON: 1-29 refusals, 30-59 failsafes, 60-79 ends of a goal, 80-99 guard."""
+
+    NONE = 0
+    NOT_ARMED = 1
+    NO_SENSES = 2
+    EMERGENCY_STOPPED = 3
+    GOAL_OUT_OF_RANGE = 4
+    TOLERANCE_OUT_OF_RANGE = 5
+    UNKNOWN_MODE = 6
+    UNKNOWN_NAVIGATOR = 7
+    UNKNOWN_COMMAND = 8
+    UNKNOWN_PARAMETER = 9
+    PARAMETER_OUT_OF_RANGE = 10
+    NO_GOAL = 11
+    NO_TRAIL = 12
+    NO_OPERATOR = 13
+    DRIVING = 14
+    NOT_SAVED = 15
+    MALFORMED = 16
+    TICKS_LOST = 30
+    SCAN_LOST = 31
+    SONAR_FROZEN = 32
+    SONAR_IMPOSSIBLE = 33
+    ENCODER_IMPOSSIBLE = 34
+    WHEEL_STUCK = 35
+    NOT_FINITE = 36
+    BUMPER = 37
+    OPERATOR_LOST = 38
+    BUDGET = 39
+    CORE_EXCEPTION = 40
+    BLOCKED = 60
+    NO_PROGRESS = 61
+    UNREACHABLE = 62
+    BY_OPERATOR = 63
+    REPLACED = 64
+    DISARMED = 65
+    SHUT_DOWN = 66
+    OBSTACLE_AHEAD = 80
+    SLOWED = 81
+    WHEEL_LIMIT = 82
+
+
+def reason_text(code: int) -> str:
+    """The words of the dialect for a reason; an unknown number is shown as a number."""
+    return REASON_TEXTS.get(code, f"reason {code}")
