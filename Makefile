@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test bench clean afresh
+.PHONY: help setup up test bench docs clean afresh
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -17,6 +17,7 @@ help:
 	echo "make up      plant, robot and a goal; ARGS=\"--world u_trap --navigator bug\" for another run"
 	echo "make test    every check: format, lint, types, import contracts, tests"
 	echo "make bench   measurements; ARGS=... is handed on"
+	echo "make docs    docs/protocol.md anew, after a change of topics or dialect"
 	echo "make clean   remove .venv and what the tools have cached"
 
 setup: $(READY)
@@ -88,6 +89,10 @@ test: setup
 		exit 1
 	fi
 	printf '\nmake test: all passed\n'
+
+docs: setup
+	@"$(BIN)/python" -m protocol.docs >docs/protocol.md.new
+	mv docs/protocol.md.new docs/protocol.md
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache *.egg-info
