@@ -1,0 +1,84 @@
+"""The newest frame of a topic: stored by one reference, decoded only when somebody looks."""
+
+from collections.abc import Callable
+from typing import Generic, NamedTuple, TypeVar, cast
+
+from protocol.codec import decode
+from protocol.errors import RemoteError
+from protocol.message import Message
+from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, Topic
+
+M = TypeVar("M", bound=Message)
+
+
+class Sample(NamedTuple):
+    """What arrived on a key: how it says it is encoded, and its bytes."""
+
+    encoding: str
+    payload: bytes
+
+
+def opened(sample: Sample, allowed: tuple[type[Message], ...]) -> Message:
+    """The message in a sample; RemoteError when it is not one of those the key may carry."""
+    if sample.encoding != ENCODING:
+        raise RemoteError(foreign(sample.encoding))
+    message = decode(sample.payload).message
+    if not isinstance(message, allowed):
+        names = " or ".join(cls.__name__ for cls in allowed)
+        raise RemoteError(f"carries {type(message).__name__}, not {names}")
+    return message
+
+
+def foreign(encoding: str) -> str:
+    """Why an encoding is not ours, with both versions named."""
+    family, _, dialect = encoding.partition(";")
+    if family == ENCODING_FAMILY and dialect:
+        return f"speaks {dialect}, this is {DIALECT}"
+    return f"is encoded as {encoding or 'nothing'}, not as {ENCODING}"
+
+
+class Mailbox(Generic[M]):
+    """One topic of one robot, as its reader sees it. Read it from one thread only.
+
+    `store` is the bus's side and may be called from any thread: one reference store, no more. What
+    cannot be read is counted and named in `last_rejection`; the last good message stays.
+    """
+
+    def __init__(self, topic: Topic[M], notify: Callable[[int], None] | None = None) -> None:
+        self.topic = topic
+        self.rejected = 0
+        self.last_rejection = ""
+        self._notify = notify
+        self._slot: tuple[Sample, int] | None = None
+        self._judged: tuple[Sample, int] | None = None
+        self._good: tuple[M, int] | None = None
+
+    def store(self, sample: Sample, arrived_ns: int) -> None:
+        self._slot = (sample, arrived_ns)
+        if self._notify is not None:
+            self._notify(arrived_ns)
+
+    def latest(self) -> tuple[M, int] | None:
+        """The newest readable message and when it arrived."""
+        slot = self._slot
+        if slot is not self._judged and slot is not None:
+            self._judged = slot
+            self._judge(slot)
+        return self._good
+
+    def fresh(self, now_ns: int) -> M | None:
+        """The newest message; None when it is older than the topic's stale-after."""
+        good = self.latest()
+        if good is None:
+            return None
+        limit_ns = self.topic.stale_after_ns
+        return None if limit_ns and now_ns - good[1] > limit_ns else good[0]
+
+    def _judge(self, slot: tuple[Sample, int]) -> None:
+        try:
+            message = opened(slot[0], self.topic.messages)
+        except RemoteError as error:
+            self.rejected += 1
+            self.last_rejection = str(error)
+            return
+        self._good = (cast(M, message), slot[1])

@@ -1,0 +1,46 @@
+"""Who dials whom: how a process finds the others, as configuration."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from protocol.errors import BadEndpoint
+
+Mode = Literal["client", "peer", "router"]
+EXAMPLE = "tcp/127.0.0.1:7447"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Network:
+    """The `[network]` table. On one machine the robot is a listening peer the others dial."""
+
+    mode: Mode = "peer"
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+    prefix: str = "sidestep"
+    connect_timeout_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        for endpoint in (*self.listen, *self.connect):
+            check_endpoint(endpoint)
+        if self.mode == "client" and not self.connect:
+            raise BadEndpoint(f"a client needs an endpoint to connect to, such as {EXAMPLE}")
+        if self.mode == "router" and not self.listen:
+            raise BadEndpoint(f"a router needs an endpoint to listen on, such as {EXAMPLE}")
+        if not self.prefix or set(self.prefix) & set("*$#?@") or "//" in f"/{self.prefix}/":
+            raise BadEndpoint(f"prefix {self.prefix!r}: use a plain key such as 'sidestep'")
+
+
+def check_endpoint(endpoint: str) -> None:
+    """Raise BadEndpoint unless it reads like tcp/127.0.0.1:7447 (or a socket path)."""
+    protocol, slash, address = endpoint.partition("/")
+    if protocol not in PROTOCOLS or not slash or not address:
+        known = ", ".join(PROTOCOLS)
+        raise BadEndpoint(f"endpoint {endpoint!r}: write it as {EXAMPLE}; protocols: {known}")
+    if protocol == "unixsock-stream":
+        return
+    host, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
+    if not (host and colon and port.isdecimal() and int(port) <= 65_535):
+        raise BadEndpoint(f"endpoint {endpoint!r}: needs a host and a port, as in {EXAMPLE}")
+
+
+PROTOCOLS = ("tcp", "udp", "tls", "quic", "ws", "unixsock-stream")
