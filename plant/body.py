@@ -11,6 +11,8 @@ INT32: Final = 1 << 31
 class Body:
     """The robot as it was meant to be built; what is wrong with it stands in `plant.noise`.
 
+    Motors whose command has expired are short-circuited and slow down by `brake_m_s2`.
+
     Raises ValueError, naming the field, when a dimension is not finite or not possible.
     """
 
@@ -19,6 +21,7 @@ class Body:
     wheel_radius_m: float = 0.033
     max_speed_m_s: float = 0.30
     max_acceleration_m_s2: float = 1.5
+    brake_m_s2: float = 8.0
     motor_lag_s: float = 0.05
     ticks_per_m: float = 5000.0
     left_start_ticks: int = 0

@@ -1,0 +1,141 @@
+"""A differential drive: two motors with lag and limits, wheels that slip, encoders that count.
+
+The encoders count what the wheels turn; the ground gets what is left after slip and with the
+wheels' true diameters. Nobody in here reads a sensor or knows where the robot is.
+"""
+
+from math import copysign, exp, floor, sqrt
+from typing import Final
+
+from plant.body import INT32, Body
+from plant.noise import Noise
+from plant.seeds import gaussian_rows
+from plant.trouble import NO_TROUBLE, Trouble
+
+NS_PER_MS: Final = 1_000_000
+
+
+class Motor:
+    """One wheel's speed at its rim: first-order lag behind the command, exact for any step.
+
+    d(speed)/dt = (wanted - speed) / lag, never faster than the acceleration limit.
+    """
+
+    __slots__ = ("_acceleration_m_s2", "_lag_s", "_linear_m_s", "speed_m_s")
+
+    def __init__(self, body: Body) -> None:
+        self.speed_m_s = 0.0
+        self._lag_s = body.motor_lag_s
+        self._acceleration_m_s2 = body.max_acceleration_m_s2
+        self._linear_m_s = body.max_acceleration_m_s2 * body.motor_lag_s
+
+    def turn(self, wanted_m_s: float, span_s: float) -> float:
+        """Run for a while and return the way of the rim in metres."""
+        way_m = 0.0
+        missing_m_s = wanted_m_s - self.speed_m_s
+        if abs(missing_m_s) > self._linear_m_s:
+            gain_m_s = copysign(
+                min(abs(missing_m_s) - self._linear_m_s, self._acceleration_m_s2 * span_s),
+                missing_m_s,
+            )
+            ramp_s = abs(gain_m_s) / self._acceleration_m_s2
+            way_m = (self.speed_m_s + 0.5 * gain_m_s) * ramp_s
+            self.speed_m_s += gain_m_s
+            span_s -= ramp_s
+            missing_m_s = wanted_m_s - self.speed_m_s
+        if span_s <= 0.0 or self._lag_s == 0.0:
+            return way_m + self.speed_m_s * max(0.0, span_s)
+        left_m_s = missing_m_s * exp(-span_s / self._lag_s)
+        self.speed_m_s = wanted_m_s - left_m_s
+        return way_m + wanted_m_s * span_s - self._lag_s * (missing_m_s - left_m_s)
+
+    def brake(self, deceleration_m_s2: float, span_s: float) -> float:
+        """Run short-circuited for a while and return the way of the rim in metres."""
+        braking_s = min(span_s, abs(self.speed_m_s) / deceleration_m_s2)
+        lost_m_s = copysign(deceleration_m_s2 * braking_s, self.speed_m_s)
+        way_m = (self.speed_m_s - 0.5 * lost_m_s) * braking_s
+        self.speed_m_s = self.speed_m_s - lost_m_s if braking_s == span_s else 0.0
+        return way_m
+
+
+class Drive:
+    """Two motors under one driver board, their encoders and the way they make on the ground."""
+
+    __slots__ = (
+        *("_body", "_counted_m", "_expires_ns", "_motors", "_scales"),
+        *("_slip_m", "_slips", "_wanted_m_s", "expired"),
+    )
+
+    def __init__(self, body: Body, noise: Noise, seed: int, robot: int) -> None:
+        self._body = body
+        self._motors = (Motor(body), Motor(body))
+        self._wanted_m_s = [0.0, 0.0]
+        self._expires_ns = -1
+        self._counted_m = [0.0, 0.0]
+        half = noise.diameter_difference_ratio / 2.0
+        self._scales = (1.0 - half, 1.0 + half)
+        self._slip_m = noise.slip_variance_m
+        self._slips = gaussian_rows(seed, robot, "slip", 2)
+        self.expired = False
+
+    def command(self, left_mrad_s: int, right_mrad_s: int, ttl_ms: int, now_ns: int) -> None:
+        """What the wheels shall do until the time-to-live runs out; held within their limit."""
+        limit_m_s, scale = self._body.max_speed_m_s, self._body.wheel_radius_m / 1000.0
+        self._wanted_m_s = [
+            max(-limit_m_s, min(limit_m_s, mrad_s * scale))
+            for mrad_s in (left_mrad_s, right_mrad_s)
+        ]
+        self._expires_ns = now_ns + ttl_ms * NS_PER_MS
+        self.expired = False
+
+    def roll(self, now_ns: int, span_s: float, trouble: Trouble) -> tuple[float, float]:
+        """Run the motors for a while; the way of the left and the right wheel on the ground."""
+        live = now_ns < self._expires_ns
+        self.expired = not live and self._expires_ns >= 0
+        left_m = self._turn(0, span_s, live)
+        right_m = self._turn(1, span_s, live)
+        if trouble is not NO_TROUBLE:
+            left_m, right_m = self._jammed(left_m, right_m, trouble)
+        else:
+            self._counted_m[0] += left_m
+            self._counted_m[1] += right_m
+        left_m *= self._scales[0]
+        right_m *= self._scales[1]
+        if self._slip_m > 0.0:
+            left_slip, right_slip = self._slips.next()
+            left_m += sqrt(self._slip_m * abs(left_m)) * left_slip
+            right_m += sqrt(self._slip_m * abs(right_m)) * right_slip
+        if trouble is not NO_TROUBLE:
+            return left_m * (1.0 - trouble.slip[0]), right_m * (1.0 - trouble.slip[1])
+        return left_m, right_m
+
+    def ticks(self, jumped_ticks: tuple[int, int] = (0, 0)) -> tuple[int, int]:
+        """The encoder counters, wrapped to 32 bits; what they jumped comes on top."""
+        per_m, body = self._body.ticks_per_m, self._body
+        left = floor(self._counted_m[0] * per_m) + body.left_start_ticks + jumped_ticks[0]
+        right = floor(self._counted_m[1] * per_m) + body.right_start_ticks + jumped_ticks[1]
+        return _wrapped(left), _wrapped(right)
+
+    def speeds_m_s(self) -> tuple[float, float]:
+        """Of the rims, left and right."""
+        return self._motors[0].speed_m_s, self._motors[1].speed_m_s
+
+    def _turn(self, side: int, span_s: float, live: bool) -> float:
+        motor = self._motors[side]
+        if live:
+            return motor.turn(self._wanted_m_s[side], span_s)
+        return motor.brake(self._body.brake_m_s2, span_s) if motor.speed_m_s else 0.0
+
+    def _jammed(self, left_m: float, right_m: float, trouble: Trouble) -> tuple[float, float]:
+        ways_m = [left_m, right_m]
+        for side in (0, 1):
+            if trouble.wheel_stuck[side]:
+                self._motors[side].speed_m_s = 0.0
+                ways_m[side] = 0.0
+            if not trouble.encoder_stuck[side]:
+                self._counted_m[side] += ways_m[side]
+        return ways_m[0], ways_m[1]
+
+
+def _wrapped(count: int) -> int:
+    return (count + INT32) % (2 * INT32) - INT32

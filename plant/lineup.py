@@ -1,0 +1,50 @@
+"""Where several robots start: side by side, as the world's start and its obstacles allow."""
+
+from collections.abc import Iterator
+from itertools import islice
+from math import cos, sin
+from typing import Final
+
+from plant.body import Body
+from plant.geometry import clearance_m
+from plant.raycast import Pose
+from plant.world_types import World
+
+GAP_M: Final = 0.16
+ROOM_M: Final = 0.02
+FARTHEST_PLACE: Final = 50
+
+
+def starts(world: World, body: Body, robots: int) -> list[Pose]:
+    """The first robot at the world's start, the others to its left and right in turn.
+
+    Raises ValueError when there are fewer free places than robots.
+    """
+    if robots < 1:
+        raise ValueError(f"robots: {robots} is less than one")
+    found = list(islice(_free_places(world, body), robots))
+    if len(found) < robots:
+        raise ValueError(
+            f"robots: {world.name} has room for {len(found)} beside its start, not for {robots}"
+        )
+    return found
+
+
+def _free_places(world: World, body: Body) -> Iterator[Pose]:
+    start = world.start
+    yield (start.x_m, start.y_m, start.heading_rad)
+    for place in range(1, FARTHEST_PLACE):
+        for side in (place, -place):
+            sideways_m = side * (2.0 * body.radius_m + GAP_M)
+            x_m = start.x_m - sideways_m * sin(start.heading_rad)
+            y_m = start.y_m + sideways_m * cos(start.heading_rad)
+            if _free(world, x_m, y_m, body.radius_m + ROOM_M):
+                yield (x_m, y_m, start.heading_rad)
+
+
+def _free(world: World, x_m: float, y_m: float, needed_m: float) -> bool:
+    width_m, height_m = world.size_m
+    rim_m = min(x_m, y_m, width_m - x_m, height_m - y_m)
+    if world.walls and rim_m < needed_m:
+        return False
+    return all(clearance_m((x_m, y_m), obstacle) >= needed_m for obstacle in world.obstacles)

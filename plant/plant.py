@@ -1,0 +1,147 @@
+"""A world with robots in it, one control period at a time, as their processes and tests use it."""
+
+from collections.abc import Iterable
+from math import sqrt
+from typing import Final
+
+from plant.body import Body
+from plant.faults import Fault
+from plant.lineup import starts
+from plant.movers import Mover
+from plant.noise import Noise
+from plant.scene import Disc, movers, still
+from plant.score import PERIOD_NS
+from plant.vehicle import PERIOD_S, Common, Moved, Vehicle
+from plant.world import Arena
+from plant.world_overrides import body_of, faults_of
+from plant.world_types import World
+from protocol.messages import GroundTruth, RunScore, SonarScan, WheelTicks
+
+SUBSTEPS: Final = 2
+SUBSTEP_NS: Final = PERIOD_NS // SUBSTEPS
+SUBSTEP_S: Final = PERIOD_S / SUBSTEPS
+MARGIN_M: Final = 0.005
+
+
+class Plant:
+    """Tick 0 exists before anything moves; `advance` leads to the next one."""
+
+    def __init__(
+        self, world: World, seed: int, noise: Noise, faults: Iterable[Fault] = (), robots: int = 1
+    ) -> None:
+        """The faults come on top of the world's own.
+
+        Raises ValueError when a fault names a robot that is not there or a start is not free.
+        """
+        self.world = world
+        self.body = body_of(world)
+        self.now_ns = 0
+        self._movers = [Mover(circle) for circle in movers(world)]
+        self._mover_speed_m_s = max((mover.speed_m_s for mover in self._movers), default=0.0)
+        self._arena = Arena(world, self.body.radius_m)
+        common = Common(self.body, noise, seed, still(world), self._arena)
+        every = (*faults_of(world), *faults)
+        for fault in every:
+            _check_robot(fault, robots)
+        self._vehicles = [
+            Vehicle(common, number, start, [fault for fault in every if fault.robot == number])
+            for number, start in enumerate(starts(world, self.body, robots))
+        ]
+        self._early_discs = self._discs = self._discs_at(0)
+        self._close_m = _close_m(self.body, noise, self._mover_speed_m_s, robots)
+        self.restart_score()
+        self._sense()
+
+    def senses(self, robot: int = 0) -> tuple[WheelTicks | None, SonarScan | None]:
+        """What the robot senses at this tick; None where a fault keeps a message back."""
+        return self._vehicles[robot].senses
+
+    def truth(self, robot: int = 0) -> GroundTruth:
+        return self._vehicles[robot].truth(self.now_ns)
+
+    def command(self, robot: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int) -> None:
+        """Set the wheels from now on, until `ttl_ms` of simulated time have gone by."""
+        self._vehicles[robot].drive.command(left_mrad_s, right_mrad_s, ttl_ms, self.now_ns)
+
+    def advance(self) -> None:
+        """Let one control period go by."""
+        vehicles = self._vehicles
+        close = any(vehicle.clearance_m < self._close_m for vehicle in vehicles)
+        for vehicle in vehicles:
+            vehicle.begin_tick()
+        self._substep(self.now_ns, close)
+        for vehicle in vehicles:
+            vehicle.halfway()
+        self._early_discs = self._discs
+        self._substep(self.now_ns + SUBSTEP_NS, close)
+        self.now_ns += PERIOD_NS
+        for vehicle in vehicles:
+            vehicle.end_tick()
+        self._sense()
+
+    def score(self, until_ns: int, robot: int = 0) -> RunScore:
+        """The run since the score was restarted, up to the tick at `until_ns`."""
+        return self._vehicles[robot].score.until(until_ns)
+
+    def score_full(self, robot: int = 0) -> bool:
+        """Whether the run has outgrown its score: later ticks are not in it."""
+        return self._vehicles[robot].score.full
+
+    def restart_score(self) -> None:
+        for vehicle in self._vehicles:
+            vehicle.restart_score(self.now_ns)
+
+    def inject(self, fault: Fault) -> None:
+        """Add a fault; it is felt from the coming period on.
+
+        Raises ValueError when it names a robot that is not there.
+        """
+        _check_robot(fault, len(self._vehicles))
+        self._vehicles[fault.robot].faults.add(fault)
+
+    def clear_faults(self) -> None:
+        for vehicle in self._vehicles:
+            vehicle.faults.clear(self.now_ns)
+
+    def _substep(self, now_ns: int, close: bool) -> None:
+        fastest_m_s = max([vehicle.set_off(now_ns, SUBSTEP_S) for vehicle in self._vehicles])
+        if self._movers:
+            self._carry(now_ns)
+        self._arena.step(SUBSTEP_S, 2.0 * fastest_m_s + self._mover_speed_m_s if close else 0.0)
+        for vehicle in self._vehicles:
+            vehicle.arrive(close)
+
+    def _carry(self, now_ns: int) -> None:
+        """Move the moving obstacles to where they are a substep later."""
+        before, self._discs = self._discs, self._discs_at(now_ns + SUBSTEP_NS)
+        for index, (old, new) in enumerate(zip(before, self._discs, strict=True)):
+            self._arena.carry(index, (new[0] - old[0]) / SUBSTEP_S, (new[1] - old[1]) / SUBSTEP_S)
+
+    def _discs_at(self, now_ns: int) -> list[Disc]:
+        return [(*mover.position_m(now_ns / 1e9), mover.radius_m) for mover in self._movers]
+
+    def _sense(self) -> None:
+        for vehicle in self._vehicles:
+            vehicle.sense(self.now_ns, self._moved(vehicle))
+
+    def _moved(self, seer: Vehicle) -> Moved:
+        """What moves in the sight of a robot, at its early and at its late pings."""
+        if len(self._vehicles) == 1:
+            return self._early_discs, self._discs
+        radius_m = self.body.radius_m
+        others = [vehicle for vehicle in self._vehicles if vehicle is not seer]
+        early = [(*vehicle.early_pose[:2], radius_m) for vehicle in others]
+        late = [(*vehicle.pose[:2], radius_m) for vehicle in others]
+        return [*self._early_discs, *early], [*self._discs, *late]
+
+
+def _check_robot(fault: Fault, robots: int) -> None:
+    if fault.robot >= robots:
+        raise ValueError(f"robot: {fault.robot} has a fault, but there are only {robots} robots")
+
+
+def _close_m(body: Body, noise: Noise, mover_speed_m_s: float, robots: int) -> float:
+    """The clearance below which something may be touched within one period."""
+    way_m = body.max_speed_m_s * PERIOD_S * (1.0 + abs(noise.diameter_difference_ratio))
+    way_m += 10.0 * sqrt(noise.slip_variance_m * way_m)
+    return MARGIN_M + way_m * (2.0 if robots > 1 else 1.0) + mover_speed_m_s * PERIOD_S

@@ -1,0 +1,166 @@
+"""Casts all forty rays of a sonar ring at once, as a few products of small matrices.
+
+Rows are surfaces, columns are rays. Every surface gives each ray a *nearness*, the inverse of the
+distance from the robot's centre along the ray, not above zero where they do not meet; the largest
+in a column is what the ray hits first. With the ray's direction u and origin o (a disc of centre c
+and radius r; an edge from a to b; x the cross product):
+
+- disc: p = u.(c - o), q = |c - o|^2 - r^2, nearness (p + sqrt(p^2 - q)) / q;
+- edge: d = u x (a - b), n = (o - a) x (b - a), nearness d / n, if u x (a - o) >= 0 >= u x (b - o).
+"""
+
+from collections.abc import Sequence
+from math import cos, hypot, inf, pi, radians, sin
+from struct import Struct
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from plant.scene import Disc, Scene
+from plant.surfaces import Floats, Surfaces
+
+Pose: TypeAlias = tuple[float, float, float]
+
+SONARS: Final = 8
+RAYS_PER_SONAR: Final = 5
+RAYS: Final = SONARS * RAYS_PER_SONAR
+EARLY: Final = RAYS // 2
+CONE_RAD: Final = radians(22.5)
+ORDER: Final = (0, 2, 4, 6, 1, 3, 5, 7)
+"""Sonars in the order of the columns: first the group pinged early, then the late one."""
+
+REFRESH_M: Final = 0.25
+"""The surfaces in reach are chosen anew when the robot has moved this far."""
+
+TINY: Final = 1e-12
+_SIXTEEN: Final = Struct("16d")
+_EIGHT: Final = Struct("8d")
+
+
+def ray_bearings_rad() -> tuple[float, ...]:
+    """Bearings of the rays from the heading, column by column, evenly spaced over the ring."""
+    return tuple(
+        (sonar - 3.5) * CONE_RAD + (ray - 2) * CONE_RAD / RAYS_PER_SONAR
+        for sonar in ORDER
+        for ray in range(RAYS_PER_SONAR)
+    )
+
+
+class Caster:
+    """What one ring sees: the surfaces in reach, and the rays that meet them."""
+
+    def __init__(self, scene: Scene, reach_m: float, incidence_limit_rad: float) -> None:
+        """`reach_m` counts from the centre of the robot."""
+        self._surfaces = Surfaces(scene)
+        self._reach_m = reach_m + 2.0 * REFRESH_M
+        self._least_cosine = cos(incidence_limit_rad) if incidence_limit_rad < pi / 2 else 0.0
+        self._moving = 0
+        self._chosen_at = (inf, inf)
+        self._fan, self._halves = _fan()
+        self._directions = np.zeros((4, 4))
+        self._origins = np.zeros((4, 2))
+        self._rays = np.empty((4, RAYS))
+        self._starts = np.empty((4, RAYS))
+        self._nearest = np.empty(RAYS)
+        self._columns = np.arange(RAYS)
+
+    def cast(
+        self, early: Pose, late: Pose, moved: tuple[Sequence[Disc], Sequence[Disc]] = ((), ())
+    ) -> list[float]:
+        """The nearness, per sonar in `ORDER`, of its nearest echo; not above zero without one.
+
+        `moved`: the discs that move, where they are at the early and at the late ping.
+        """
+        gone_m = hypot(late[0] - self._chosen_at[0], late[1] - self._chosen_at[1])
+        if gone_m > REFRESH_M or self._moving != 2 * len(moved[0]):
+            self._choose(late, 2 * len(moved[0]))
+        if self._moving:
+            self._chosen.place(0, [*moved[0], *moved[1]])
+        self._aim(early, late)
+        self._meet()
+        if self._least_cosine > 0.0:
+            self._lose_grazing()
+        nearness: list[float] = self._nearest.reshape(SONARS, RAYS_PER_SONAR).max(axis=1).tolist()
+        return nearness
+
+    def _choose(self, at: Pose, moving: int) -> None:
+        """Take the surfaces in reach, and lay out the arrays to work in once for all of them."""
+        self._moving = moving
+        self._chosen_at = at[:2]
+        chosen = self._chosen = self._surfaces.within(at[0], at[1], self._reach_m, moving)
+        discs, edges, rows = chosen.discs, chosen.edges, chosen.discs + chosen.edges
+        self._met = np.empty((discs + 2 * edges, RAYS))
+        self._towards = self._met[:discs]
+        self._edge_starts, self._edge_ends = self._met[discs:rows], self._met[rows:]
+        self._inverse = np.empty((rows, RAYS))
+        self._q, self._n = self._inverse[:discs], self._inverse[discs:]
+        self._across = np.empty((rows, RAYS))
+        self._roots, self._d = self._across[:discs], self._across[discs:]
+        self._near = np.empty((rows, RAYS))
+        self._near_discs, self._near_edges = self._near[:discs], self._near[discs:]
+        self._meets = np.empty((rows, RAYS))
+        self._meets_discs, self._meets_edges = self._meets[:discs], self._meets[discs:]
+
+    def _aim(self, early: Pose, late: Pose) -> None:
+        """Turn the fan of rays to the heading and put it where the robot is, per group."""
+        (x0, y0, heading0), (x1, y1, heading1) = early, late
+        c0, s0, c1, s1 = cos(heading0), sin(heading0), cos(heading1), sin(heading1)
+        along0, across0 = x0 * c0 + y0 * s0, x0 * s0 - y0 * c0
+        along1, across1 = x1 * c1 + y1 * s1, x1 * s1 - y1 * c1
+        _SIXTEEN.pack_into(
+            self._directions.data,
+            0,
+            *(c0, -s0, c1, -s1),
+            *(s0, c0, s1, c1),
+            *(-along0, across0, -along1, across1),
+            *(across0, along0, across1, along1),
+        )
+        _EIGHT.pack_into(
+            self._origins.data, 0, x0, x1, y0, y1, 1.0, 1.0, x0 * x0 + y0 * y0, x1 * x1 + y1 * y1
+        )
+        np.dot(self._directions, self._fan, out=self._rays)
+        np.dot(self._origins, self._halves, out=self._starts)
+
+    def _meet(self) -> None:
+        """The nearness of every surface to every ray, then the largest per ray."""
+        towards, roots, meets_edges = self._towards, self._roots, self._meets_edges
+        np.dot(self._chosen.ray_rows, self._rays, out=self._met)
+        np.dot(self._chosen.origin_rows, self._starts, out=self._inverse)
+
+        np.multiply(towards, towards, out=roots)
+        np.subtract(roots, self._q, out=roots)
+        np.minimum(roots, towards, out=self._meets_discs)
+        np.abs(roots, out=roots)
+        np.sqrt(roots, out=roots)
+        np.add(towards, roots, out=self._near_discs)
+
+        np.add(self._edge_starts, self._edge_ends, out=self._d)
+        np.minimum(self._edge_starts, self._edge_ends, out=meets_edges)
+        np.minimum(meets_edges, self._n, out=meets_edges)
+        self._near_edges[:] = self._d
+
+        np.maximum(self._inverse, TINY, out=self._inverse)
+        np.divide(self._near, self._inverse, out=self._near)
+        np.copysign(self._near, self._meets, out=self._near)
+        if self._moving:
+            half = self._moving // 2
+            self._near[:half, EARLY:] = 0.0
+            self._near[half : self._moving, :EARLY] = 0.0
+        np.max(self._near, axis=0, out=self._nearest, initial=0.0)
+
+    def _lose_grazing(self) -> None:
+        """No echo comes back along a ray that meets its surface too obliquely."""
+        if not len(self._near):
+            return
+        rows = self._near.argmax(axis=0)
+        cosines = self._across[rows, self._columns] / self._chosen.sizes[rows]
+        self._nearest[cosines < self._least_cosine] = 0.0
+
+
+def _fan() -> tuple[Floats, Floats]:
+    """Cosines and sines of the bearings, a pair of rows per group; and which column is whose."""
+    bearings = np.array(ray_bearings_rad())
+    halves = np.array([np.arange(RAYS) < EARLY, np.arange(RAYS) >= EARLY], dtype=float)
+    cosines, sines = np.cos(bearings), np.sin(bearings)
+    fan = [cosines * halves[0], sines * halves[0], cosines * halves[1], sines * halves[1]]
+    return np.array(fan), halves

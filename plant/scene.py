@@ -1,0 +1,72 @@
+"""What stands still in a world, as the discs and the one-sided edges that a ray can hit."""
+
+from itertools import pairwise
+from math import hypot
+from typing import NamedTuple, TypeAlias, TypeGuard
+
+from plant.geometry import edges as sides
+from plant.world_types import Circle, Obstacle, Point, Polygon, Polyline, World
+
+Disc: TypeAlias = tuple[float, float, float]
+"""x_m, y_m, radius_m."""
+
+Edge: TypeAlias = tuple[float, float, float, float]
+"""From x_m, y_m to x_m, y_m, with the solid on the left: it is seen from the right only."""
+
+
+class Scene(NamedTuple):
+    discs: tuple[Disc, ...]
+    edges: tuple[Edge, ...]
+
+
+def still(world: World) -> Scene:
+    """Everything of the world that does not move."""
+    discs: list[Disc] = []
+    edges: list[Edge] = list(_outer_walls(world)) if world.walls else []
+    for obstacle in world.obstacles:
+        if isinstance(obstacle, Polygon):
+            edges += _outline(obstacle.points_m)
+        elif isinstance(obstacle, Polyline):
+            radius_m = obstacle.thickness_m / 2.0
+            discs += [(x_m, y_m, radius_m) for x_m, y_m in obstacle.points_m]
+            for a, b in pairwise(obstacle.points_m):
+                edges += _flanks(a, b, radius_m)
+        elif not moves(obstacle):
+            discs.append((obstacle.x_m, obstacle.y_m, obstacle.radius_m))
+    return Scene(tuple(discs), tuple(edges))
+
+
+def moves(obstacle: Obstacle) -> TypeGuard[Circle]:
+    return (
+        isinstance(obstacle, Circle) and len(set(obstacle.path_m)) > 1 and obstacle.speed_m_s > 0.0
+    )
+
+
+def movers(world: World) -> tuple[Circle, ...]:
+    return tuple(obstacle for obstacle in world.obstacles if moves(obstacle))
+
+
+def _outer_walls(world: World) -> list[Edge]:
+    """The floor's rim, clockwise: the solid is outside."""
+    width_m, height_m = world.size_m
+    corners = ((0.0, 0.0), (0.0, height_m), (width_m, height_m), (width_m, 0.0))
+    return [(*a, *b) for a, b in sides(corners, closed=True)]
+
+
+def _outline(points: tuple[Point, ...]) -> list[Edge]:
+    """A polygon's edges, turned counter-clockwise."""
+    twice_area = sum(a[0] * b[1] - b[0] * a[1] for a, b in sides(points, closed=True))
+    turned = points if twice_area > 0.0 else points[::-1]
+    return [(*a, *b) for a, b in sides(turned, closed=True)]
+
+
+def _flanks(a: Point, b: Point, radius_m: float) -> list[Edge]:
+    """The two straight sides of a capsule around ab."""
+    length_m = hypot(b[0] - a[0], b[1] - a[1])
+    if length_m == 0.0:
+        return []
+    out_x, out_y = radius_m * (b[1] - a[1]) / length_m, radius_m * (a[0] - b[0]) / length_m
+    return [
+        (a[0] + out_x, a[1] + out_y, b[0] + out_x, b[1] + out_y),
+        (b[0] - out_x, b[1] - out_y, a[0] - out_x, a[1] - out_y),
+    ]

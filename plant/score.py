@@ -1,0 +1,77 @@
+"""How a run went, from ground truth: fed once per tick, added up when somebody asks."""
+
+from array import array
+from hashlib import sha256
+from math import hypot
+from struct import Struct
+from typing import Final
+
+from protocol.messages import RunScore
+
+MOST_TICKS: Final = 1_000_000
+PERIOD_NS: Final = 50_000_000
+COLUMNS: Final = 5
+
+_ROW: Final = Struct("<Qddd")
+
+
+class Score:
+    """The trajectory since the start, one row per tick, up to a million ticks (14 hours).
+
+    After that nothing more is scored, `full` says so, and `RunScore.ticks` stands still.
+    """
+
+    def __init__(
+        self, start_ns: int, x_m: float, y_m: float, heading_rad: float, clearance_m: float
+    ) -> None:
+        self._start_ns = start_ns
+        self._rows = array("d", (x_m, y_m, heading_rad, 0.0, clearance_m))
+        self._contacts = array("L", (0,))
+        self._touching = False
+
+    @property
+    def ticks(self) -> int:
+        return len(self._contacts) - 1
+
+    @property
+    def full(self) -> bool:
+        return self.ticks >= MOST_TICKS
+
+    def add(
+        self, x_m: float, y_m: float, heading_rad: float, clearance_m: float, touching: bool
+    ) -> None:
+        """One tick more."""
+        if self.full:
+            return
+        rows = self._rows
+        path_m = rows[-2] + hypot(x_m - rows[-5], y_m - rows[-4])
+        rows.extend((x_m, y_m, heading_rad, path_m, min(rows[-1], clearance_m)))
+        self._contacts.append(self._contacts[-1] + (touching and not self._touching))
+        self._touching = touching
+
+    def until(self, until_ns: int) -> RunScore:
+        """The run from the first tick up to the one at `until_ns`, or as far as it has come."""
+        ticks = max(0, min(self.ticks, (until_ns - self._start_ns) // PERIOD_NS))
+        x_m, y_m, heading_rad, path_m, clearance_m = self._row(ticks)
+        return RunScore(
+            time_ns=self._start_ns + ticks * PERIOD_NS,
+            ticks=ticks,
+            contacts=self._contacts[ticks],
+            x_m=x_m,
+            y_m=y_m,
+            heading_rad=heading_rad,
+            path_m=path_m,
+            min_clearance_m=clearance_m,
+            digest=tuple(self._digest(ticks)),
+        )
+
+    def _row(self, tick: int) -> list[float]:
+        return self._rows[tick * COLUMNS : (tick + 1) * COLUMNS].tolist()
+
+    def _digest(self, ticks: int) -> bytes:
+        """SHA-256 over stamp and true pose of every tick but the first, at which nothing moved."""
+        digest = sha256()
+        for tick in range(1, ticks + 1):
+            stamp_ns = self._start_ns + tick * PERIOD_NS
+            digest.update(_ROW.pack(stamp_ns, *self._row(tick)[:3]))
+        return digest.digest()

@@ -1,0 +1,99 @@
+"""A ring of eight sonars: what comes back of what the rays met, as the millimetres it reads.
+
+Even sonars are pinged half a period before the stamp of the scan, odd ones at the stamp.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from plant.body import Body
+from plant.noise import Noise
+from plant.raycast import ORDER, SONARS
+from plant.seeds import gaussian_rows, uniform_rows
+from plant.trouble import SonarTrouble
+
+EARLY_US: Final = 25_000
+PING_AGE_US: Final = tuple(0 if sonar % 2 else EARLY_US for sonar in range(SONARS))
+ALL: Final = (1 << SONARS) - 1
+
+
+class Reading(NamedTuple):
+    """Per sonar a range in millimetres (0 without an echo); bit i is sonar i."""
+
+    range_mm: tuple[int, ...]
+    valid: int
+    echo: int
+
+
+SILENT: Final = Reading((0,) * SONARS, ALL, 0)
+
+
+class Ring:
+    """Turns what is nearest in each cone into readings, with noise and faults."""
+
+    def __init__(self, body: Body, noise: Noise, seed: int, robot: int) -> None:
+        self._rim_m = body.radius_m
+        self._least_m, self._most_m = body.sonar_min_m, body.sonar_max_m
+        self._least_nearness = 1.0 / (body.sonar_max_m + body.radius_m)
+        self._least_mm, self._most_mm = round(self._least_m * 1e3), round(self._most_m * 1e3)
+        self._sigma_m, self._sigma_ratio = noise.range_sigma_m, noise.range_sigma_ratio
+        self._lost = noise.dropout_probability
+        self._untrue = noise.dropout_probability + noise.ghost_probability
+        self._errors = gaussian_rows(seed, robot, "sonar range", SONARS)
+        self._chances = uniform_rows(seed, robot, "sonar echo", SONARS)
+        self._ghosts = uniform_rows(seed, robot, "sonar ghost", SONARS)
+        self._fault_chances = uniform_rows(seed, robot, "sonar fault", SONARS)
+        self._last = SILENT
+
+    def read(self, nearness: Sequence[float], trouble: SonarTrouble | None) -> Reading:
+        """One scan; `nearness` per sonar in the order of `raycast.ORDER`."""
+        reading = self._measured(nearness)
+        if trouble is not None:
+            reading = self._disturbed(reading, trouble)
+        self._last = reading
+        return reading
+
+    def _measured(self, nearness: Sequence[float]) -> Reading:
+        errors, chances, ghosts = self._errors.next(), self._chances.next(), self._ghosts.next()
+        range_mm = [0] * SONARS
+        echo = 0
+        for sonar, near in zip(ORDER, nearness, strict=True):
+            seen = near >= self._least_nearness
+            range_m = 1.0 / near - self._rim_m if seen else self._most_m
+            chance = chances[sonar]
+            if chance < self._untrue:
+                if chance < self._lost:
+                    continue
+                range_m = self._least_m + ghosts[sonar] * (range_m - self._least_m)
+            elif seen:
+                range_m += errors[sonar] * (self._sigma_m + self._sigma_ratio * range_m)
+            else:
+                continue
+            range_mm[sonar] = max(self._least_mm, min(self._most_mm, round(range_m * 1e3)))
+            echo |= 1 << sonar
+        return Reading(tuple(range_mm), ALL, echo)
+
+    def _disturbed(self, reading: Reading, trouble: SonarTrouble) -> Reading:
+        range_mm, valid, echo = list(reading.range_mm), reading.valid, reading.echo
+        chances = self._fault_chances.next()
+        for sonar in range(SONARS):
+            bit = 1 << sonar
+            offset_m, fixed_m = trouble.offset_m[sonar], trouble.fixed_m[sonar]
+            dropout = trouble.dropout[sonar]
+            if offset_m is not None and echo & bit:
+                range_mm[sonar] = _within(range_mm[sonar] + round(offset_m * 1e3))
+            if dropout is not None and chances[sonar] < dropout:
+                range_mm[sonar], echo = 0, echo & ~bit
+            if fixed_m is not None:
+                range_mm[sonar], echo = _within(round(fixed_m * 1e3)), echo | bit
+            if trouble.frozen[sonar]:
+                range_mm[sonar] = self._last.range_mm[sonar]
+                echo = (echo & ~bit) | (self._last.echo & bit)
+            if trouble.dead[sonar]:
+                range_mm[sonar], valid, echo = 0, valid & ~bit, echo & ~bit
+        return Reading(tuple(range_mm), valid, echo)
+
+
+def _within(range_mm: int) -> int:
+    """What the field can carry: a lying sonar keeps no other limit."""
+    return max(0, min(65535, range_mm))

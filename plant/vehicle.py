@@ -1,0 +1,154 @@
+"""One robot in the world: where it truly is, what drives it and what it senses."""
+
+from collections.abc import Iterable, Sequence
+from math import atan2, cos, pi, sin
+from typing import Final, NamedTuple, TypeAlias
+
+from plant.body import Body
+from plant.drive import Drive
+from plant.faults import Fault
+from plant.noise import Noise
+from plant.raycast import Caster, Pose
+from plant.scene import Disc, Scene
+from plant.score import PERIOD_NS, Score
+from plant.sonar import PING_AGE_US, Ring
+from plant.trouble import Schedule
+from plant.world import Arena
+from plant.world_types import Point
+from protocol.messages import GroundTruth, SonarScan, WheelTicks
+
+LEFT: Final = 1
+RIGHT: Final = 2
+REAR: Final = 4
+OVERLAP_RAD: Final = 0.175
+"""The two front sectors of the bumper reach over the middle by this much."""
+REAR_RAD: Final = 2.0 * pi / 3.0
+
+PERIOD_S: Final = PERIOD_NS / 1e9
+
+Moved: TypeAlias = tuple[Sequence[Disc], Sequence[Disc]]
+
+
+class Common(NamedTuple):
+    """What the robots of one plant share."""
+
+    body: Body
+    noise: Noise
+    seed: int
+    scene: Scene
+    arena: Arena
+
+
+class Vehicle:
+    """Rolls in two substeps, then senses, once per tick."""
+
+    def __init__(self, common: Common, number: int, start: Pose, faults: Iterable[Fault]) -> None:
+        body, noise, seed, scene, self._arena = common
+        self.faults = Schedule(faults)
+        self.drive = Drive(body, noise, seed, number)
+        self._ring = Ring(body, noise, seed, number)
+        self._caster = Caster(scene, body.sonar_max_m + body.radius_m, noise.incidence_limit_rad)
+        self._track_m = body.track_m
+        self._robot = self._arena.add_robot(start[0], start[1])
+        self.pose = self.early_pose = self._before = start
+        self._turned_rad = self._turning_rad = 0.0
+        self._touched = 0
+        self.bumper = 0
+        self.clearance_m = 0.0
+        self.score = Score(0, *start, 0.0)
+        self.senses: tuple[WheelTicks | None, SonarScan | None] = (None, None)
+
+    def set_off(self, now_ns: int, span_s: float) -> float:
+        """Run the wheels for a substep, along the chord of the arc they roll; its speed."""
+        left_m, right_m = self.drive.roll(now_ns, span_s, self.faults.at(now_ns))
+        half_rad = (right_m - left_m) / self._track_m / 2.0
+        speed_m_s = (left_m + right_m) / 2.0 / span_s
+        if half_rad:
+            speed_m_s *= sin(half_rad) / half_rad
+        towards_rad = self.pose[2] + half_rad
+        self._turning_rad = 2.0 * half_rad
+        self._arena.push(self._robot, speed_m_s * cos(towards_rad), speed_m_s * sin(towards_rad))
+        return abs(speed_m_s)
+
+    def arrive(self, close: bool) -> None:
+        """See where the substep has led; `close`: it may have touched something."""
+        x_m, y_m = self._arena.position_m(self._robot)
+        heading_rad = self.pose[2] + self._turning_rad
+        if abs(heading_rad) > pi:
+            heading_rad -= 2.0 * pi if heading_rad > 0.0 else -2.0 * pi
+        self._turned_rad += self._turning_rad
+        self.pose = (x_m, y_m, heading_rad)
+        if close:
+            for direction in self._arena.contacts(self._robot):
+                self._touched |= _sectors(direction, heading_rad)
+
+    def halfway(self) -> None:
+        self.early_pose = self.pose
+
+    def end_tick(self) -> None:
+        """Add the tick to the score."""
+        self.bumper, self._touched = self._touched, 0
+        self.clearance_m = self._arena.clearance_m(self._robot)
+        self.score.add(*self.pose, self.clearance_m, self.bumper != 0)
+
+    def begin_tick(self) -> None:
+        self._before = self.pose
+        self._turned_rad = 0.0
+
+    def restart_score(self, now_ns: int) -> None:
+        self.clearance_m = self._arena.clearance_m(self._robot)
+        self.score = Score(now_ns, *self.pose, self.clearance_m)
+
+    def sense(self, now_ns: int, moved: Moved) -> None:
+        """Take this tick's senses; `moved`: see `Caster.cast`."""
+        trouble = self.faults.at(now_ns)
+        seq = now_ns // PERIOD_NS
+        reading = self._ring.read(
+            self._caster.cast(self.early_pose, self.pose, moved), trouble.sonar
+        )
+        left, right = self.drive.ticks(trouble.jumped_ticks)
+        ticks = WheelTicks(
+            time_ns=now_ns,
+            seq=seq,
+            left=left,
+            right=right,
+            bumper=self.bumper | trouble.bumper,
+            expired=int(self.drive.expired),
+        )
+        scan = SonarScan(
+            time_ns=now_ns,
+            seq=seq,
+            range_mm=reading.range_mm,
+            ping_age_us=PING_AGE_US,
+            valid=reading.valid,
+            echo=reading.echo,
+        )
+        self.senses = (
+            None if trouble.ticks_stopped else ticks,
+            None if trouble.scan_stopped else scan,
+        )
+
+    def truth(self, now_ns: int) -> GroundTruth:
+        x_m, y_m, heading_rad = self.pose
+        middle_rad = self.early_pose[2]
+        way_x_m, way_y_m = x_m - self._before[0], y_m - self._before[1]
+        return GroundTruth(
+            time_ns=now_ns,
+            seq=now_ns // PERIOD_NS,
+            x_m=x_m,
+            y_m=y_m,
+            heading_rad=heading_rad,
+            speed_m_s=(way_x_m * cos(middle_rad) + way_y_m * sin(middle_rad)) / PERIOD_S,
+            yaw_rate_rad_s=self._turned_rad / PERIOD_S,
+            clearance_m=self.clearance_m,
+            contact=int(self.bumper != 0),
+        )
+
+
+def _sectors(direction: Point, heading_rad: float) -> int:
+    """The bumper sectors that a contact in that direction presses."""
+    bearing_rad = (atan2(direction[1], direction[0]) - heading_rad + pi) % (2.0 * pi) - pi
+    if abs(bearing_rad) > REAR_RAD:
+        return REAR
+    left = LEFT if bearing_rad > -OVERLAP_RAD else 0
+    return left | (RIGHT if bearing_rad < OVERLAP_RAD else 0)

@@ -1,0 +1,112 @@
+"""The solid world: what touches what. The only module that knows pymunk.
+
+Robots are discs that move with the speed they are given until something stops them; nothing
+bounces and nothing rubs. Where a robot may touch something the step is cut into small ones, so
+that it sinks in by less than a millimetre and never passes through.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import ceil
+from typing import Final
+
+import pymunk
+
+from plant.geometry import edges
+from plant.scene import movers, moves
+from plant.world_types import Circle, Point, Polygon, Polyline, World
+
+CLEARANCE_LIMIT_M: Final = 3.0
+"""A clearance is looked for no farther than this."""
+
+FINE_STEP_M: Final = 0.001
+OUTER_WALL_M: Final = 0.5
+SLOP_M: Final = 1e-4
+
+
+class Arena:
+    """A world with its robots and moving obstacles in it, by their index."""
+
+    def __init__(self, world: World, radius_m: float) -> None:
+        self._space = pymunk.Space()
+        self._space.collision_slop = SLOP_M
+        self._space.collision_bias = 0.0
+        self._radius_m = radius_m
+        self._robots: list[pymunk.Body] = []
+        self._filters: list[pymunk.ShapeFilter] = []
+        self._space.add(*_still_shapes(world, self._space.static_body))
+        self._movers = [self._add_mover(circle) for circle in movers(world)]
+
+    def add_robot(self, x_m: float, y_m: float) -> int:
+        body = pymunk.Body(1.0, 1.0)
+        body.position = x_m, y_m
+        shape = pymunk.Circle(body, self._radius_m)
+        shape.filter = pymunk.ShapeFilter(group=len(self._robots) + 1)
+        self._space.add(body, shape)
+        self._robots.append(body)
+        self._filters.append(shape.filter)
+        return len(self._robots) - 1
+
+    def push(self, robot: int, x_m_s: float, y_m_s: float) -> None:
+        """Give a robot the velocity it will have unless something is in its way."""
+        self._robots[robot].velocity = x_m_s, y_m_s
+
+    def carry(self, mover: int, x_m_s: float, y_m_s: float) -> None:
+        """Give a moving obstacle its velocity; nothing stops it."""
+        self._movers[mover].velocity = x_m_s, y_m_s
+
+    def step(self, span_s: float, fastest_m_s: float) -> None:
+        """Let time go by; `fastest_m_s` of what may collide, 0 when nothing can."""
+        parts = max(1, ceil(fastest_m_s * span_s / FINE_STEP_M))
+        for _ in range(parts):
+            self._space.step(span_s / parts)
+
+    def position_m(self, robot: int) -> Point:
+        position = self._robots[robot].position
+        return position.x, position.y
+
+    def clearance_m(self, robot: int) -> float:
+        """From the rim to the nearest surface, less than 0 when pressed into it."""
+        nearest = self._space.point_query_nearest(
+            self._robots[robot].position, CLEARANCE_LIMIT_M + self._radius_m, self._filters[robot]
+        )
+        return CLEARANCE_LIMIT_M if nearest is None else nearest.distance - self._radius_m
+
+    def contacts(self, robot: int) -> list[Point]:
+        """The directions in which a robot touches something, as unit vectors."""
+        found: list[Point] = []
+
+        def collect(arbiter: pymunk.Arbiter) -> None:
+            normal = arbiter.normal
+            found.append((normal.x, normal.y))
+
+        self._robots[robot].each_arbiter(collect)
+        return found
+
+    def _add_mover(self, circle: Circle) -> pymunk.Body:
+        body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+        body.position = circle.path_m[0]
+        self._space.add(body, pymunk.Circle(body, circle.radius_m))
+        return body
+
+
+def _still_shapes(world: World, body: pymunk.Body) -> Sequence[pymunk.Shape]:
+    shapes: list[pymunk.Shape] = _outer_walls(world, body) if world.walls else []
+    for obstacle in world.obstacles:
+        if isinstance(obstacle, Polygon):
+            sides = edges(obstacle.points_m, closed=True)
+            shapes += [pymunk.Segment(body, a, b, 0.0) for a, b in sides]
+        elif isinstance(obstacle, Polyline):
+            radius_m = obstacle.thickness_m / 2.0
+            shapes += [pymunk.Segment(body, a, b, radius_m) for a, b in pairwise(obstacle.points_m)]
+        elif not moves(obstacle):
+            shapes.append(pymunk.Circle(body, obstacle.radius_m, (obstacle.x_m, obstacle.y_m)))
+    return shapes
+
+
+def _outer_walls(world: World, body: pymunk.Body) -> list[pymunk.Shape]:
+    """Thick bars whose inner faces are the rim of the floor."""
+    out = OUTER_WALL_M
+    right, top = world.size_m[0] + out, world.size_m[1] + out
+    corners = ((-out, -out), (right, -out), (right, top), (-out, top))
+    return [pymunk.Segment(body, a, b, out) for a, b in edges(corners, closed=True)]
