@@ -9,6 +9,8 @@ import pytest
 import sidestep
 from plant import world_file
 from protocol import docs
+from protocol.message import Message
+from protocol.messages import SonarScan
 from protocol.topics import Role, Service, Topic
 from robot.core import failsafe
 
@@ -28,21 +30,26 @@ def test_the_committed_protocol_page_is_the_generated_one() -> None:
 
 
 def test_a_page_holds_each_stream_question_message_and_name() -> None:
-    stream = Topic(
+    stream: Topic[Message] = Topic(
         path="a/b",
-        messages=("LIGHT",),
+        messages=(SonarScan,),
         publisher=Role.PLANT,
         rate_hz=20.0,
         stale_after_ns=250_000_000,
         doc="Light.",
     )
-    event = Topic(
-        path="c", messages=("LIGHT",), publisher=Role.ROBOT, rate_hz=0, stale_after_ns=0, doc="Now."
+    event: Topic[Message] = Topic(
+        path="c",
+        messages=(SonarScan,),
+        publisher=Role.ROBOT,
+        rate_hz=0,
+        stale_after_ns=0,
+        doc="Now.",
     )
     service = Service(path="q", requests=(), server=Role.ROBOT, doc="Ask.")
     lines = docs.page([stream, event], [service], DIALECT).splitlines()
-    assert "| `a/b` | LIGHT | plant | 20 Hz | 250 ms | data | Light. |" in lines
-    assert "| `c` | LIGHT | robot | event | never | data | Now. |" in lines
+    assert "| `a/b` | SONAR_SCAN | plant | 20 Hz | 250 ms | data | Light. |" in lines
+    assert "| `c` | SONAR_SCAN | robot | event | never | data | Now. |" in lines
     assert "| `q` | nothing | robot | Ask. |" in lines
     assert "| `lamp` | uint8 |  | Which. (LAMP) |" in lines
     assert "| 1 | `ON` | On \\| lit. |" in lines
