@@ -40,3 +40,7 @@ class EndpointInUse(UserError):
 
 class NoPeer(UserError):
     """Nobody listens where this process was told to connect."""
+
+
+class Stopped(Exception):
+    """Raised to whoever waits on a clock that will not go on; a loop simply ends."""
