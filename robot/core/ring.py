@@ -92,7 +92,7 @@ def take(ring: Ring, scan: Scan, now_ms: int, params: Params) -> None:
                 ring.range_m[i] = inf
                 ring.pinged_ms[i] = now_ms - scan.age_ms[i]
             elif 0 < here_mm <= limit_mm:
-                ring.range_m[i] = here_mm * 1e-3
+                ring.range_m[i] = here_mm / 1000.0
                 ring.pinged_ms[i] = now_ms - scan.age_ms[i]
             else:
                 ring.impossible = True

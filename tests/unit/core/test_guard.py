@@ -1,0 +1,118 @@
+from math import inf, isfinite, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.core import guard, reasons
+from robot.core import ring as rings
+from robot.core.parameters import DEFAULTS, Params
+from robot.core.ring import Ring
+from robot.core.values import Scan, Wheels
+
+REST = Wheels(0, 0, 0)
+anything = st.floats()  # NaN and infinity included
+ranges_mm = st.lists(st.one_of(st.none(), st.integers(1, 3000)), min_size=8, max_size=8)
+
+
+def ring(echoes: "dict[int, int] | None" = None, valid: int = 0xFF) -> Ring:
+    echoes = echoes or {}
+    seen = Ring()
+    ranges = tuple(echoes.get(i, 0) for i in range(8))
+    rings.update(seen, Scan(ranges, (0,) * 8, valid, sum(1 << i for i in echoes)), 0, DEFAULTS)
+    return seen
+
+
+def limit(
+    speed: float, yaw: float, seen: Ring, wheels: Wheels | None = REST, params: Params = DEFAULTS
+) -> tuple[float, int]:
+    return guard.limit(speed, yaw, seen, wheels, params)
+
+
+@given(anything, anything, ranges_mm, st.integers(0, 255), st.integers(0, 7))
+def test_the_guard_never_adds_speed_and_never_steers(
+    speed: float, yaw: float, ranges: list[int | None], valid: int, bumper: int
+) -> None:
+    seen = ring({i: mm for i, mm in enumerate(ranges) if mm is not None}, valid)
+    factor, reason = limit(speed, yaw, seen, Wheels(0, 0, bumper))
+    assert 0.0 <= factor <= 1.0
+    assert (factor == 1.0) == (reason == reasons.OK)
+    if factor > 0.0:
+        assert isfinite(speed)
+        assert isfinite(yaw)
+        rim = abs(speed) + 0.5 * DEFAULTS.track_m * abs(yaw)
+        assert rim * factor <= DEFAULTS.wheel_max_m_s * (1 + 1e-12)
+
+
+@given(st.floats(0.01, 0.3), ranges_mm)
+def test_no_echo_ahead_is_closed_in_on_faster_than_it_allows(
+    speed: float, ranges: list[int | None]
+) -> None:
+    seen = ring({i: mm for i, mm in enumerate(ranges) if mm is not None})
+    factor, _ = limit(speed, 0.0, seen)
+    room_m = max(seen.front_m - DEFAULTS.guard_stop_m, 0.0)
+    assert factor * speed * 0.99 * 0.84 <= room_m / DEFAULTS.guard_time_s + 1e-9
+
+
+@pytest.mark.parametrize(("speed", "yaw"), [(nan, 0.0), (0.0, nan), (inf, 0.0), (0.1, -inf)])
+def test_what_is_not_finite_stands_still(speed: float, yaw: float) -> None:
+    assert limit(speed, yaw, ring()) == (0.0, reasons.NOT_FINITE)
+
+
+def test_without_senses_nothing_moves() -> None:
+    assert limit(0.1, 0.0, ring(), wheels=None) == (0.0, reasons.NO_SENSES)
+    assert limit(0.0, 1.0, Ring()) == (0.0, reasons.NO_SENSES)
+
+
+def test_blind_ahead_there_is_no_going_forward_but_turning() -> None:
+    blind = ring(valid=0xFF & ~0b0001_1000)
+    assert limit(0.1, 0.0, blind) == (0.0, reasons.OBSTACLE_AHEAD)
+    assert limit(0.0, 1.0, blind) == (1.0, reasons.OK)
+
+
+def test_one_dead_sonar_does_not_stop_the_robot() -> None:
+    assert limit(0.1, 0.0, ring(valid=0xFF & ~0b1000)) == (1.0, reasons.OK)
+
+
+def test_standing_still_needs_no_reason() -> None:
+    assert limit(0.0, 0.0, Ring(), wheels=None) == (1.0, reasons.OK)
+
+
+def test_too_fast_wheels_are_scaled_together() -> None:
+    factor, reason = limit(0.3, 1.5, ring())
+    assert factor == pytest.approx(0.3 / 0.45)
+    assert reason == reasons.WHEEL_LIMIT
+
+
+def test_speed_falls_with_the_room_ahead_down_to_a_stop() -> None:
+    free = limit(0.3, 0.0, ring({3: 400}))
+    near = limit(0.3, 0.0, ring({3: 100}))
+    nearer = limit(0.3, 0.0, ring({3: 60, 4: 100}))
+    stop = limit(0.3, 0.0, ring({4: 40}))
+    assert free == (1.0, reasons.OK)
+    assert 1.0 > near[0] > nearer[0] > 0.0
+    assert near[1] == nearer[1] == reasons.SLOWED
+    assert stop == (0.0, reasons.OBSTACLE_AHEAD)
+
+
+def test_an_echo_beside_the_robot_is_not_in_its_way() -> None:
+    assert limit(0.3, 0.0, ring({0: 30, 7: 30})) == (1.0, reasons.OK)
+
+
+def test_the_obstacle_part_can_be_switched_off() -> None:
+    off = DEFAULTS._replace(guard_stop_m=0.0)
+    assert limit(0.3, 0.0, ring({3: 20}), params=off) == (1.0, reasons.OK)
+
+
+def test_a_turn_on_the_spot_and_backing_away_stay_possible_in_front_of_an_obstacle() -> None:
+    wall = ring(dict.fromkeys(range(8), 30))
+    assert limit(0.0, 2.0, wall) == (1.0, reasons.OK)
+    assert limit(-0.1, 0.0, wall) == (1.0, reasons.OK)
+
+
+def test_a_pressed_bumper_forbids_pressing_on() -> None:
+    for sector in (1, 2, 3):
+        assert limit(0.1, 0.0, ring(), Wheels(0, 0, sector)) == (0.0, reasons.BUMPER)
+        assert limit(-0.1, 0.0, ring(), Wheels(0, 0, sector)) == (1.0, reasons.OK)
+    assert limit(-0.1, 0.0, ring(), Wheels(0, 0, 4)) == (0.0, reasons.BUMPER)
+    assert limit(0.1, 0.0, ring(), Wheels(0, 0, 4)) == (1.0, reasons.OK)

@@ -1,0 +1,168 @@
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.core import odometry as odometries
+from robot.core.odometry import Odometry, tick_difference
+from robot.core.parameters import DEFAULTS
+from robot.core.values import Pose, Wheels
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+TRACK_M = DEFAULTS.track_m
+M_PER_TICK = DEFAULTS.m_per_tick
+steps = st.floats(-0.03, 0.03)
+
+
+def arc(p: Array, right_m: float, left_m: float) -> Array:
+    """Eq. 8, as a plain function of pose and wheel travel, to differentiate numerically."""
+    turn_rad, step_m = (right_m - left_m) / TRACK_M, (right_m + left_m) / 2
+    middle_rad = p[2] + turn_rad / 2
+    moved: Array = p + np.array([step_m * cos(middle_rad), step_m * sin(middle_rad), turn_rad])
+    return moved
+
+
+def covariance(odometry: Odometry) -> Array:
+    o = odometry
+    return np.array([[o.pxx, o.pxy, o.pxh], [o.pxy, o.pyy, o.pyh], [o.pxh, o.pyh, o.phh]])
+
+
+def at(pose: Pose, p: Array | None = None) -> Odometry:
+    odometry = Odometry()
+    odometry.pose = pose
+    if p is not None:
+        odometry.pxx, odometry.pxy, odometry.pxh = p[0]
+        odometry.pyy, odometry.pyh, odometry.phh = p[1, 1], p[1, 2], p[2, 2]
+    return odometry
+
+
+def wheels(left: int, right: int) -> Wheels:
+    return Wheels(left, right, 0)
+
+
+@given(st.floats(-pi, pi), steps, steps)
+def test_covariance_follows_the_finite_differences_of_the_motion(
+    heading_rad: float, right_m: float, left_m: float
+) -> None:
+    p, d = np.array([1.0, -2.0, heading_rad]), 1e-6
+    f_p = np.array(
+        [
+            (arc(p + e, right_m, left_m) - arc(p - e, right_m, left_m)) / (2 * d)
+            for e in np.eye(3) * d
+        ]
+    ).T
+    by_right = (arc(p, right_m + d, left_m) - arc(p, right_m - d, left_m)) / (2 * d)
+    by_left = (arc(p, right_m, left_m + d) - arc(p, right_m, left_m - d)) / (2 * d)
+    f_q = np.array([by_right, by_left]).T
+    before = np.array([[4e-4, 1e-5, 2e-5], [1e-5, 3e-4, -1e-5], [2e-5, -1e-5, 1e-3]])
+    q = np.diag([DEFAULTS.k_r_m * abs(right_m), DEFAULTS.k_l_m * abs(left_m)])
+    odometry = at(Pose(1.0, -2.0, heading_rad), before)
+    odometries.roll(odometry, left_m, right_m, DEFAULTS)
+    after = f_p @ before @ f_p.T + f_q @ q @ f_q.T
+    assert covariance(odometry) == pytest.approx(after, abs=1e-11)
+
+
+def test_a_quarter_circle_ends_within_a_twentieth_of_a_millimetre() -> None:
+    radius_m, step_m = 0.5, 0.015
+    count = round(radius_m * pi / 2 / step_m)
+    turn_rad = pi / 2 / count
+    right_m, left_m = (radius_m + 0.1) * turn_rad, (radius_m - 0.1) * turn_rad
+    odometry = at(Pose(0.0, 0.0, 0.0))
+    x_m = y_m = heading_rad = 0.0
+    for _ in range(count):
+        odometries.roll(odometry, left_m, right_m, DEFAULTS)
+        x_m += radius_m * turn_rad * cos(heading_rad + turn_rad)  # eq. 9 as printed
+        y_m += radius_m * turn_rad * sin(heading_rad + turn_rad)
+        heading_rad += turn_rad
+    ours_m = np.hypot(odometry.pose.x_m - radius_m, odometry.pose.y_m - radius_m)
+    printed_m = np.hypot(x_m - radius_m, y_m - radius_m)
+    assert ours_m < 5e-5
+    assert printed_m == pytest.approx(0.0105, abs=3e-4)
+
+
+def test_the_standing_left_wheel_is_the_pivot_when_only_the_right_one_turns() -> None:
+    odometry = at(Pose(0.0, 0.0, 0.0))
+    for _ in range(100):
+        odometries.roll(odometry, 0.0, 0.002, DEFAULTS)
+    x_m, y_m, heading_rad = odometry.pose
+    left_x_m, left_y_m = x_m - 0.1 * sin(heading_rad), y_m + 0.1 * cos(heading_rad)
+    assert (left_x_m, left_y_m) == pytest.approx((0.0, 0.1), abs=1e-5)
+    assert heading_rad == pytest.approx(0.2 / TRACK_M)
+
+
+def test_the_covariance_is_honest() -> None:
+    """Monte Carlo over 5 m of S-curve: the normalised estimation error squared is 3 on average."""
+    rng = np.random.default_rng(7)
+    runs, ticks = 4000, 250
+    odometry = at(Pose(0.0, 0.0, 0.0))
+    x, y, h = np.zeros(runs), np.zeros(runs), np.zeros(runs)
+    for k in range(ticks):
+        turn_rad = 0.012 * (1 if k < ticks // 2 else -1)
+        right_m, left_m = 0.02 + turn_rad * TRACK_M / 2, 0.02 - turn_rad * TRACK_M / 2
+        odometries.roll(odometry, left_m, right_m, DEFAULTS)
+        true_right = right_m + rng.normal(0, (DEFAULTS.k_r_m * right_m) ** 0.5, runs)
+        true_left = left_m + rng.normal(0, (DEFAULTS.k_l_m * left_m) ** 0.5, runs)
+        turn, step = (true_right - true_left) / TRACK_M, (true_right + true_left) / 2
+        x, y, h = x + step * np.cos(h + turn / 2), y + step * np.sin(h + turn / 2), h + turn
+    error = np.array([x, y, h]).T - np.array(odometry.pose)
+    nees = np.einsum("ni,ij,nj->n", error, np.linalg.inv(covariance(odometry)), error)
+    assert float(nees.mean()) == pytest.approx(3.0, abs=0.2)
+
+
+@given(st.lists(st.tuples(steps, steps), min_size=1, max_size=60), st.floats(-pi, pi))
+def test_the_covariance_stays_positive_semi_definite(
+    travel: list[tuple[float, float]], heading_rad: float
+) -> None:
+    odometry = at(Pose(0.0, 0.0, heading_rad))
+    for left_m, right_m in travel:
+        odometries.roll(odometry, left_m, right_m, DEFAULTS)
+    p = covariance(odometry)
+    assert np.linalg.eigvalsh(p).min() >= -1e-12 * max(1.0, float(np.trace(p)))
+    assert -pi < odometry.pose.heading_rad <= pi
+
+
+def test_the_first_sample_only_latches() -> None:
+    odometry = Odometry()
+    odometries.update(odometry, wheels(123_456, -99), 0, DEFAULTS)
+    assert odometry.pose == Pose(0.0, 0.0, 0.0)
+    assert not odometry.jumped
+
+
+def test_speeds_are_those_of_the_wheels() -> None:
+    odometry = Odometry()
+    odometries.update(odometry, wheels(0, 0), 0, DEFAULTS)
+    odometries.update(odometry, wheels(40, 60), 50, DEFAULTS)
+    assert odometry.speed_m_s == pytest.approx(0.2)
+    assert odometry.yaw_rate_rad_s == pytest.approx(20 * M_PER_TICK / TRACK_M / 0.05)
+    assert odometry.moved_m == pytest.approx(0.01)
+
+
+def test_a_missing_sample_keeps_the_pose_and_the_next_one_catches_up() -> None:
+    patient, steady = Odometry(), Odometry()
+    for now_ms, count in ((0, 0), (50, 50), (100, 100), (150, 150)):
+        odometries.update(steady, wheels(count, count), now_ms, DEFAULTS)
+        sample = None if now_ms in (50, 100) else wheels(count, count)
+        odometries.update(patient, sample, now_ms, DEFAULTS)
+        if sample is None:
+            assert patient.pose == Pose(0.0, 0.0, 0.0)
+    assert patient.pose == pytest.approx(steady.pose)
+    assert patient.speed_m_s == pytest.approx(steady.speed_m_s)
+
+
+@given(st.integers(-(2**31), 2**31 - 1), st.integers(-1000, 1000))
+def test_a_counter_may_wrap_between_two_samples(count: int, moved: int) -> None:
+    wrapped = (count + moved + 2**31) % 2**32 - 2**31
+    assert tick_difference(wrapped, count) == moved
+
+
+def test_a_jump_no_wheel_can_make_is_reported_and_ignored() -> None:
+    odometry = Odometry()
+    odometries.update(odometry, wheels(0, 0), 0, DEFAULTS)
+    odometries.update(odometry, wheels(5000, 0), 50, DEFAULTS)
+    assert odometry.jumped
+    assert odometry.pose == Pose(0.0, 0.0, 0.0)
+    odometries.update(odometry, wheels(5050, 50), 100, DEFAULTS)
+    assert not odometry.jumped
+    assert odometry.pose.x_m == pytest.approx(0.01)

@@ -1,0 +1,91 @@
+"""The core stays within what MicroPython on a small controller can run."""
+
+import ast
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+CORE = Path(__file__).parents[3] / "robot" / "core"
+FILES = sorted(CORE.glob("*.py"))
+FORBIDDEN = {"dataclass", "enum", "hypot", "remainder", "_replace", "OrderedDict", "print", "open"}
+
+
+def trees() -> list[tuple[str, ast.AST]]:
+    return [(file.name, ast.parse(file.read_text("utf-8"))) for file in FILES]
+
+
+def imported(node: ast.AST) -> str | None:
+    if isinstance(node, ast.ImportFrom):
+        return node.module
+    return node.names[0].name if isinstance(node, ast.Import) else None
+
+
+def complaint(node: ast.AST) -> str | None:
+    """What in this node MicroPython lacks, or what may not be in the core for its own sake."""
+    if isinstance(node, ast.Match):
+        return "match"
+    if isinstance(node, ast.Dict) and None in node.keys:
+        return "{**a}"
+    if isinstance(node, ast.arguments) and node.posonlyargs:
+        return "positional-only /"
+    if isinstance(node, ast.FormattedValue):
+        return "formatting"
+    if isinstance(node, ast.Attribute | ast.Name):
+        name = node.attr if isinstance(node, ast.Attribute) else node.id
+        return name if name in FORBIDDEN else None
+    return None
+
+
+def test_there_is_a_core_to_look_at() -> None:
+    assert len(FILES) > 15
+
+
+def test_the_core_imports_math_and_itself() -> None:
+    for name, tree in trees():
+        for module in filter(None, map(imported, ast.walk(tree))):
+            shim = name == "typed.py" and module in ("typing", "collections")
+            assert module == "math" or module.startswith("robot.core") or shim, (name, module)
+
+
+def test_nothing_is_used_that_micropython_lacks() -> None:
+    for name, tree in trees():
+        complaints = [found for node in ast.walk(tree) if (found := complaint(node))]
+        assert not complaints, (name, complaints)
+
+
+def test_the_check_can_fail() -> None:
+    bad = "match x:\n    case 1: f'{x:.2f}'\ng = {**a}\ndef f(a, /): return a._replace()\n"
+    found = {complaint(node) for node in ast.walk(ast.parse(bad))} - {None}
+    assert found == {"match", "formatting", "{**a}", "positional-only /", "_replace"}
+
+
+def test_classes_that_change_have_slots_and_nothing_else() -> None:
+    for name, tree in trees():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef) and not node.bases:
+                slots = [
+                    target for target in ast.walk(node) if getattr(target, "id", "") == "__slots__"
+                ]
+                assert slots, (name, node.name)
+
+
+def test_a_cycle_runs_under_micropython() -> None:
+    micropython = shutil.which("micropython")
+    if micropython is None:
+        pytest.skip("micropython is not installed here")
+    program = (
+        "from robot.core import brain; from robot.core.parameters import DEFAULTS;"
+        "from robot.core.values import Inputs;"
+        "s, o = brain.step(brain.State(DEFAULTS), Inputs(0, None, None, None), DEFAULTS);"
+        "print(o.left_mrad_s)"
+    )
+    ran = subprocess.run(
+        [micropython, "-c", program],
+        cwd=CORE.parents[1],
+        capture_output=True,
+        text=True,
+        timeout=20,
+    )
+    assert (ran.returncode, ran.stdout.strip()) == (0, "0"), ran.stderr
