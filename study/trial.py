@@ -1,0 +1,120 @@
+"""One run in this process: the plant and the core call each other, nothing is sent anywhere."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import TypeAlias
+
+from plant.plant import Plant
+from plant.shortest_path import shortest_path_m
+from plant.world_overrides import noise_of
+from plant.world_types import World
+from protocol.outcome import Asked, Ended, Outcome, judged
+from protocol.robot_table import parameters_of
+from protocol.start_frame import Pose, WireGoal, goal_from
+from robot.core import reasons, states
+from robot.core.machine import goal_lives
+from robot.core.parameters import DEFAULTS, Params
+from robot.core.values import Outputs
+from robot.parameters import with_value
+from study.onboard import Onboard
+
+TTL_MS = 150
+NAVIGATORS: Mapping[str, int] = {"bug": states.BUG, "vgm": states.VGM}
+SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
+
+Watch: TypeAlias = Callable[[Plant, Onboard, Outputs], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """What to run. `noise` None: what the world says; `parameters` override the robot's own."""
+
+    world: World
+    navigator: str = "vgm"
+    side: str = "left"
+    seed: int = 0
+    noise: str | None = None
+    timeout_s: float = 300.0
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
+    """Drive to the world's goal; `watch` sees every tick, after the core and before the plant.
+
+    Raises Unknown or OutOfRange for a parameter, ValueError for a seed or a start that cannot be.
+    """
+    plant = Plant(trial.world, trial.seed, noise_of(trial.world, trial.noise))
+    onboard = Onboard(params_of(trial))
+    goal = wire_goal_of(trial.world)
+    begun_s = perf_counter()
+    refusal = drive(plant, onboard, goal, trial.timeout_s, watch)
+    wall_s = perf_counter() - begun_s
+    ended = ended_of(plant, onboard, refusal, wall_s)
+    return judged(asked_of(trial, goal), ended, plant.score(plant.now_ns))
+
+
+def drive(
+    plant: Plant, onboard: Onboard, goal: WireGoal, timeout_s: float, watch: Watch | None
+) -> int:
+    """Tick by tick until the goal has ended or the time is up; why the goal was refused, or 0."""
+    outputs = onboard.step(plant.now_ns, *plant.senses())
+    refusal = onboard.go(goal)
+    machine, last_ns = onboard.state.machine, round(timeout_s * 1e9)
+    while True:
+        plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, TTL_MS)
+        if watch is not None:
+            watch(plant, onboard, outputs)
+        if refusal or not goal_lives(machine) or plant.now_ns >= last_ns:
+            return refusal
+        plant.advance()
+        outputs = onboard.step(plant.now_ns, *plant.senses())
+
+
+def params_of(trial: Trial) -> Params:
+    """The robot's parameters: its defaults, then the world's robot, then what was asked for."""
+    params = DEFAULTS._replace(navigator=NAVIGATORS[trial.navigator], side=SIDES[trial.side])
+    for name, value in {**parameters_of(trial.world.robot), **trial.parameters}.items():
+        params = with_value(params, name, value)
+    return params
+
+
+def wire_goal_of(world: World) -> WireGoal:
+    start, goal = world.start, world.goal
+    return goal_from(
+        Pose(start.x_m, start.y_m, start.heading_rad),
+        goal.x_m,
+        goal.y_m,
+        goal.heading_rad,
+        goal.position_tolerance_m,
+        goal.heading_tolerance_rad,
+    )
+
+
+def asked_of(trial: Trial, wire_goal: WireGoal) -> Asked:
+    world = trial.world
+    return Asked(
+        world=world.name,
+        navigator=trial.navigator,
+        seed=trial.seed,
+        noise=trial.noise or str(world.noise.get("level", "default")),
+        goal_x_m=world.goal.x_m,
+        goal_y_m=world.goal.y_m,
+        goal_heading_rad=world.goal.heading_rad,
+        wire_goal=wire_goal,
+        shortest_path_m=shortest_path_m(world),
+        timeout_s=trial.timeout_s,
+    )
+
+
+def ended_of(plant: Plant, onboard: Onboard, refusal: int, wall_s: float) -> Ended:
+    machine, pose = onboard.state.machine, onboard.state.odometry.pose
+    refused = refusal != reasons.OK
+    return Ended(
+        goal_state=states.REFUSED if refused else machine.goal_state,
+        goal_reason=refusal if refused else machine.goal_reason,
+        time_s=plant.now_ns / 1e9,
+        estimate_x_m=pose.x_m,
+        estimate_y_m=pose.y_m,
+        wall_s=wall_s,
+    )

@@ -1,0 +1,119 @@
+"""How a run is judged, and that every way of running prints the same keys."""
+
+import json
+from math import pi
+
+import pytest
+
+from protocol.enums import GoalState
+from protocol.messages import RunScore
+from protocol.outcome import OUTCOMES, Asked, Ended, Outcome, end_of, judged
+from protocol.reasons import Reason
+from protocol.start_frame import WireGoal
+
+KEYS = [
+    "world",
+    "navigator",
+    "seed",
+    "noise",
+    "wall_s",
+    "outcome",
+    "reason",
+    "time_s",
+    "path_m",
+    "shortest_path_m",
+    "position_error_m",
+    "heading_error_rad",
+    "estimated_position_error_m",
+    "min_clearance_m",
+    "contacts",
+    "ticks",
+    "missed_ticks",
+    "digest",
+]
+
+
+def run(heading_rad: float | None = pi, contacts: int = 0) -> Outcome:
+    asked = Asked(
+        world="box",
+        navigator="vgm",
+        seed=7,
+        noise="default",
+        goal_x_m=5.0,
+        goal_y_m=2.0,
+        goal_heading_rad=heading_rad,
+        wire_goal=WireGoal(4400, 0, 0, 0, 50, 52360),
+        shortest_path_m=4.4,
+        timeout_s=60.0,
+    )
+    ended = Ended(
+        goal_state=GoalState.REACHED,
+        goal_reason=0,
+        time_s=20.0,
+        estimate_x_m=4.43,
+        estimate_y_m=0.04,
+        wall_s=0.05,
+    )
+    score = RunScore(
+        time_ns=20_000_000_000,
+        ticks=400,
+        contacts=contacts,
+        x_m=5.03,
+        y_m=2.04,
+        heading_rad=-pi + 0.01,
+        path_m=4.9,
+        min_clearance_m=0.11,
+        digest=tuple(range(32)),
+    )
+    return judged(asked, ended, score)
+
+
+def test_the_keys_are_those_that_were_promised_in_that_order() -> None:
+    assert list(run().as_json()) == KEYS
+    assert json.loads(json.dumps(run().as_json()))["digest"].startswith("000102")
+
+
+def test_errors_are_against_the_truth_and_the_estimate_against_the_goal_it_was_given() -> None:
+    outcome = run()
+    assert outcome.position_error_m == pytest.approx(0.05)
+    assert outcome.estimated_position_error_m == pytest.approx(0.05)
+    assert outcome.heading_error_rad == pytest.approx(0.01)  # across the seam, not 2 pi
+
+
+def test_a_free_heading_has_no_error() -> None:
+    assert run(heading_rad=None).heading_error_rad is None
+    assert "rad" not in run(heading_rad=None).text()
+
+
+def test_a_run_that_touched_something_is_a_collision_even_at_its_goal() -> None:
+    outcome = run(contacts=2)
+    assert (outcome.outcome, outcome.reached) == ("collided", False)
+    assert outcome.reason == "touched something 2 times; reached"
+
+
+@pytest.mark.parametrize(
+    ("state", "reason", "end", "words"),
+    [
+        (GoalState.REACHED, Reason.NONE, "reached", "ok"),
+        (GoalState.STUCK, Reason.BLOCKED, "stuck", "has not moved although it tries to"),
+        (GoalState.ABORTED, Reason.SCAN_LOST, "aborted", "no fresh sonar scan for 250 ms"),
+        (GoalState.AVOIDING, Reason.NONE, "timeout", "not there after 60 s"),
+        (GoalState.REFUSED, Reason.NOT_ARMED, "aborted", "not armed: arm first"),
+    ],
+)
+def test_each_end_has_its_word_and_its_reason(
+    state: GoalState, reason: Reason, end: str, words: str
+) -> None:
+    assert end_of(0, state, reason, 60.0) == (end, words)
+
+
+def test_whatever_the_state_the_outcome_is_one_of_the_five() -> None:
+    ends = {end_of(contacts, state, 0, 1.0)[0] for state in GoalState for contacts in (0, 1)}
+    assert ends == set(OUTCOMES)
+
+
+def test_a_bump_that_stopped_the_robot_says_both() -> None:
+    assert end_of(1, GoalState.ABORTED, Reason.BUMPER, 60.0) == (
+        "collided",
+        "touched something once; bumper contact",
+    )

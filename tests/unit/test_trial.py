@@ -1,0 +1,141 @@
+"""A run without a bus: plant and core in one process, the same every time."""
+
+from dataclasses import replace
+
+import pytest
+
+from plant.plant import Plant
+from plant.world_file import load
+from plant.world_types import Circle, GoalPose, Start, World
+from protocol.messages import GroundTruth
+from robot.core import states
+from robot.core.parameters import DEFAULTS
+from robot.core.values import Outputs
+from robot.parameters import OutOfRange, Unknown
+from study.onboard import Onboard
+from study.trial import Trial, params_of, run_trial, wire_goal_of
+
+NEAR = World(
+    name="near",
+    size_m=(3.0, 2.0),
+    start=Start(x_m=0.6, y_m=1.0),
+    goal=GoalPose(x_m=1.4, y_m=1.0, heading_rad=0.0),
+)
+WALLED_IN = replace(
+    NEAR,
+    name="walled_in",
+    goal=GoalPose(x_m=2.6, y_m=1.0),
+    obstacles=tuple(Circle(x_m=1.6, y_m=0.1 + 0.2 * n, radius_m=0.11) for n in range(10)),
+)
+
+
+class Recorder:
+    """Sees every tick of a run."""
+
+    def __init__(self) -> None:
+        self.stamps_ns: list[int] = []
+        self.goals: list[int] = []
+        self.outputs: list[Outputs] = []
+        self.truths: list[GroundTruth] = []
+
+    def __call__(self, plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+        self.stamps_ns.append(plant.now_ns)
+        self.goals.append(onboard.state.machine.goal_state)
+        self.outputs.append(outputs)
+        self.truths.append(plant.truth())
+
+
+def test_it_reaches_a_goal_in_the_open_and_stands_there() -> None:
+    outcome = run_trial(Trial(world=NEAR, noise="none"))
+    assert (outcome.outcome, outcome.reason, outcome.contacts) == ("reached", "ok", 0)
+    assert outcome.position_error_m < 0.06
+    assert outcome.heading_error_rad is not None
+    assert outcome.heading_error_rad < 0.06
+    assert outcome.shortest_path_m == pytest.approx(0.8, abs=1e-3)
+    assert outcome.time_s * 20 == pytest.approx(outcome.ticks)
+
+
+def test_tick_0_stands_still_and_the_goal_is_known_from_it_on() -> None:
+    recorder = Recorder()
+    run_trial(Trial(world=NEAR), recorder)
+    assert recorder.stamps_ns[:3] == [0, 50_000_000, 100_000_000]
+    assert recorder.goals[0] == states.ACCEPTED
+    assert recorder.outputs[0][:2] == (0, 0)
+    assert recorder.outputs[1][0] > 0
+    assert recorder.truths[1].x_m == recorder.truths[0].x_m
+    assert recorder.truths[-1].x_m > 1.3
+
+
+def test_the_last_tick_seen_is_the_one_at_which_the_goal_ended() -> None:
+    recorder = Recorder()
+    outcome = run_trial(Trial(world=NEAR), recorder)
+    assert recorder.goals[-1] == states.REACHED
+    assert states.REACHED not in recorder.goals[:-1]
+    assert len(recorder.stamps_ns) == outcome.ticks + 1
+
+
+def test_the_same_run_is_the_same_to_the_last_bit_and_another_seed_is_another_run() -> None:
+    world = load("disc")
+    first, second = run_trial(Trial(world=world, seed=3)), run_trial(Trial(world=world, seed=3))
+    assert replace(first, wall_s=0.0) == replace(second, wall_s=0.0)
+    assert run_trial(Trial(world=world, seed=4)).digest != first.digest
+
+
+def test_being_watched_changes_nothing() -> None:
+    assert run_trial(Trial(world=NEAR), Recorder()).digest == run_trial(Trial(world=NEAR)).digest
+
+
+def test_time_runs_out_and_the_run_says_so() -> None:
+    outcome = run_trial(Trial(world=NEAR, timeout_s=1.0))
+    assert (outcome.outcome, outcome.reason) == ("timeout", "not there after 1 s")
+    assert (outcome.time_s, outcome.ticks) == (1.0, 20)
+
+
+def test_a_goal_behind_a_wall_ends_stuck_with_a_reason() -> None:
+    trial = Trial(world=WALLED_IN, noise="none", parameters={"progress_ms": 5000})
+    outcome = run_trial(trial)
+    assert outcome.outcome == "stuck"
+    assert outcome.reason != "ok"
+    assert outcome.shortest_path_m is None
+
+
+def test_the_goal_is_seen_from_where_the_robot_starts() -> None:
+    turned = replace(NEAR, start=Start(x_m=1.4, y_m=0.2, heading_rad=1.5707963))
+    goal = wire_goal_of(turned)
+    assert (goal.x_mm, goal.y_mm, goal.heading_urad) == (800, 0, -1_570_796)
+    assert run_trial(Trial(world=turned, noise="none")).reached
+
+
+def test_a_robot_of_another_size_is_another_robot_for_both() -> None:
+    wide = replace(NEAR, robot={"track_m": 0.16, "max_speed_m_s": 0.2})
+    params = params_of(Trial(world=wide))
+    assert (params.track_m, params.v_max_m_s) == (0.16, 0.2)
+    outcome = run_trial(Trial(world=wide, noise="none"))
+    assert outcome.reached
+    assert outcome.position_error_m < 0.06
+
+
+def test_what_was_asked_for_comes_last() -> None:
+    wide = replace(NEAR, robot={"max_speed_m_s": 0.2})
+    trial = Trial(world=wide, navigator="bug", side="right", parameters={"v_max_m_s": 0.1})
+    params = params_of(trial)
+    assert (params.v_max_m_s, params.wheel_max_m_s) == (0.1, 0.2)
+    assert (params.navigator, params.side) == (states.BUG, states.RIGHT)
+    assert params_of(Trial(world=NEAR)) == DEFAULTS
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "error"),
+    [("v_maxx", 1.0, Unknown), ("v_max_m_s", float("nan"), OutOfRange), ("side", 0.0, OutOfRange)],
+)
+def test_a_parameter_that_cannot_be_is_refused(
+    name: str, value: float, error: type[Exception]
+) -> None:
+    with pytest.raises(error, match=name):
+        run_trial(Trial(world=NEAR, parameters={name: value}))
+
+
+def test_lost_senses_stop_the_robot_with_their_reason() -> None:
+    world = replace(NEAR, faults=({"kind": "scan_stopped", "start_s": 1.0},))
+    outcome = run_trial(Trial(world=world))
+    assert (outcome.outcome, outcome.reason) == ("aborted", "no fresh sonar scan for 250 ms")
