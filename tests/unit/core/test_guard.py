@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from robot.core import guard, reasons
 from robot.core import ring as rings
+from robot.core.geometry import COSINES
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.ring import Ring
 from robot.core.values import Scan, Wheels
@@ -51,7 +52,8 @@ def test_no_echo_ahead_is_closed_in_on_faster_than_it_allows(
     seen = ring({i: mm for i, mm in enumerate(ranges) if mm is not None})
     factor, _ = limit(speed, 0.0, seen)
     room_m = max(seen.front_m - DEFAULTS.guard_stop_m, 0.0)
-    assert factor * speed * 0.99 * 0.84 <= room_m / DEFAULTS.guard_time_s + 1e-9
+    closing_m_s = factor * speed * COSINES[2]
+    assert closing_m_s <= room_m / DEFAULTS.guard_time_s + 1e-9
 
 
 @pytest.mark.parametrize(("speed", "yaw"), [(nan, 0.0), (0.0, nan), (inf, 0.0), (0.1, -inf)])

@@ -1,0 +1,234 @@
+from math import inf, nan, pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.core import modes, reasons, states
+from robot.core.machine import goal_lives
+from robot.core.values import Goal
+from tests.unit.core.driving import AHEAD, Driven, armed, driving
+
+
+def outcome(driven: Driven) -> tuple[int, int]:
+    return driven.machine.goal_state, driven.machine.goal_reason
+
+
+def test_a_booted_robot_stands_by_once_it_has_its_senses() -> None:
+    driven = Driven()
+    driven.has_wheels = False
+    driven.tick()
+    assert driven.machine.vehicle == states.BOOT
+    assert modes.arm(driven.machine) == reasons.NO_SENSES
+    driven.has_wheels = True
+    driven.tick()
+    assert driven.machine.vehicle == states.STANDBY
+    assert modes.arm(driven.machine) == reasons.OK
+    assert driven.machine.vehicle == states.ACTIVE
+    assert modes.arm(driven.machine) == reasons.OK
+
+
+def test_a_goal_needs_an_armed_robot() -> None:
+    driven = Driven()
+    driven.tick()
+    assert driven.goto() == reasons.NOT_ARMED
+    assert outcome(driven) == (states.REFUSED, reasons.NOT_ARMED)
+
+
+def test_guided_needs_an_operator_and_auto_does_not() -> None:
+    driven = armed()
+    driven.operator_age_ms = None
+    driven.tick()
+    assert driven.goto(mode=states.GUIDED) == reasons.NO_OPERATOR
+    assert driven.goto(mode=states.AUTO) == reasons.OK
+    assert not driven.forward(1.0).stands
+
+
+@pytest.mark.parametrize(
+    ("goal", "refusal"),
+    [
+        (AHEAD._replace(x_m=nan), reasons.GOAL_OUT_OF_RANGE),
+        (AHEAD._replace(y_m=-inf), reasons.GOAL_OUT_OF_RANGE),
+        (AHEAD._replace(x_m=100.1), reasons.GOAL_OUT_OF_RANGE),
+        (AHEAD._replace(heading_rad=nan), reasons.GOAL_OUT_OF_RANGE),
+        (AHEAD._replace(heading_rad=inf), reasons.GOAL_OUT_OF_RANGE),
+        (AHEAD._replace(position_tolerance_m=0.004), reasons.TOLERANCE_OUT_OF_RANGE),
+        (AHEAD._replace(position_tolerance_m=nan), reasons.TOLERANCE_OUT_OF_RANGE),
+        (AHEAD._replace(heading_tolerance_rad=0.001), reasons.TOLERANCE_OUT_OF_RANGE),
+        (AHEAD._replace(heading_tolerance_rad=pi + 0.01), reasons.TOLERANCE_OUT_OF_RANGE),
+    ],
+)
+def test_a_goal_that_makes_no_sense_is_refused(goal: Goal, refusal: int) -> None:
+    driven = armed()
+    assert driven.goto(goal) == refusal
+    assert outcome(driven) == (states.REFUSED, refusal)
+    assert driven.forward(0.5).stands
+
+
+def test_the_edges_of_the_ranges_are_accepted() -> None:
+    low, high = 3491e-6, 3141593e-6  # 0.2 and 180 degrees in the wire's microradians
+    assert armed().goto(Goal(100.0, -100.0, 3.0, 0.005, low)) == reasons.OK
+    assert armed().goto(Goal(0.0, 0.0, None, 1.0, high)) == reasons.OK
+
+
+def test_a_refused_goal_leaves_the_living_one_alone() -> None:
+    driven = driving()
+    assert driven.goto(AHEAD._replace(x_m=nan)) == reasons.GOAL_OUT_OF_RANGE
+    assert driven.goto(mode=states.MANUAL) == reasons.UNKNOWN_MODE
+    assert driven.machine.goal_state == states.DRIVING
+
+
+def test_a_new_goal_replaces_the_old_one_and_says_so() -> None:
+    driven = driving()
+    old = driven.machine.serial
+    assert driven.goto(AHEAD._replace(y_m=1.0)) == reasons.OK
+    assert driven.machine.replaced_serial == old
+    assert driven.machine.serial == old + 1
+    assert outcome(driven) == (states.ACCEPTED, reasons.OK)
+
+
+def test_an_emergency_stop_latches_disarms_and_ends_the_goal() -> None:
+    driven = driving()
+    assert modes.estop(driven.machine, driven.now_ms) == reasons.OK
+    driven.tick()
+    assert driven.stands
+    assert outcome(driven) == (states.ABORTED, reasons.EMERGENCY_STOPPED)
+    for refused in (modes.arm(driven.machine), driven.goto()):
+        assert refused == reasons.EMERGENCY_STOPPED
+    modes.disarm(driven.machine, driven.now_ms)
+    assert driven.machine.vehicle == states.EMERGENCY_STOP
+    assert modes.clear_estop(driven.machine) == reasons.OK
+    assert driven.machine.vehicle == states.STANDBY
+    assert driven.forward(0.5).stands
+
+
+def test_clearing_nothing_changes_nothing() -> None:
+    driven = driving()
+    assert modes.clear_estop(driven.machine) == reasons.OK
+    assert driven.machine.vehicle == states.ACTIVE
+
+
+def test_hold_keeps_the_goal_and_resume_goes_on() -> None:
+    driven = driving()
+    assert modes.hold(driven.machine) == reasons.OK
+    assert modes.hold(driven.machine) == reasons.OK
+    assert driven.forward(0.5).stands
+    assert goal_lives(driven.machine)
+    driven.forward(300.0)
+    assert goal_lives(driven.machine)
+    assert modes.resume(driven.machine) == reasons.OK
+    assert driven.machine.mode == states.AUTO
+    assert not driven.forward(0.5).stands
+    assert modes.resume(driven.machine) == reasons.OK
+
+
+def test_resume_needs_a_goal_and_what_its_mode_needs() -> None:
+    driven = armed()
+    assert modes.resume(driven.machine) == reasons.NO_GOAL
+    driven = driving(states.GUIDED)
+    modes.hold(driven.machine)
+    driven.operator_age_ms = 9_000
+    driven.tick()
+    assert modes.resume(driven.machine) == reasons.NO_OPERATOR
+    assert driven.machine.mode == states.HOLD
+
+
+def test_abort_drops_the_goal_and_stays_armed() -> None:
+    driven = driving()
+    assert modes.abort(driven.machine, driven.now_ms) == reasons.OK
+    assert outcome(driven) == (states.ABORTED, reasons.BY_OPERATOR)
+    assert driven.forward(0.5).stands
+    assert driven.machine.vehicle == states.ACTIVE
+    assert modes.abort(driven.machine, driven.now_ms) == reasons.NO_GOAL
+
+
+def test_disarming_while_driving_stops_at_once_and_ends_the_goal() -> None:
+    driven = driving()
+    assert modes.disarm(driven.machine, driven.now_ms) == reasons.OK
+    driven.tick()
+    assert driven.stands
+    assert outcome(driven) == (states.ABORTED, reasons.DISARMED)
+    assert driven.machine.vehicle == states.STANDBY
+
+
+def test_modes_are_changed_by_their_rules() -> None:
+    driven = driving()
+    machine, trail = driven.machine, driven.state.trail
+    assert modes.set_mode(machine, trail, states.GUIDED, 0) == reasons.OK
+    assert (machine.mode, machine.goal_state) == (states.GUIDED, states.DRIVING)
+    assert modes.set_mode(machine, trail, 3, 0) == reasons.UNKNOWN_MODE
+    assert modes.set_mode(machine, trail, states.HOLD, 0) == reasons.OK
+    assert modes.set_mode(machine, trail, states.AUTO, 0) == reasons.OK
+    assert not driven.forward(0.5).stands
+    assert modes.set_mode(machine, trail, states.MANUAL, 0) == reasons.OK
+    assert outcome(driven) == (states.ABORTED, reasons.BY_OPERATOR)
+    assert driven.forward(0.5).stands
+
+
+def test_manual_and_guided_need_an_operator() -> None:
+    driven = armed()
+    driven.operator_age_ms = None
+    driven.tick()
+    for mode in (states.MANUAL, states.GUIDED):
+        refusal = modes.set_mode(driven.machine, driven.state.trail, mode, 0)
+        assert refusal == reasons.NO_OPERATOR
+
+
+def test_the_navigator_is_chosen_before_driving() -> None:
+    driven = armed()
+    machine = driven.machine
+    assert modes.set_navigator(machine, states.BUG, states.RIGHT) == reasons.OK
+    assert (machine.navigator, machine.side) == (states.BUG, states.RIGHT)
+    assert modes.set_navigator(machine, 9, states.LEFT) == reasons.UNKNOWN_NAVIGATOR
+    assert modes.set_navigator(machine, states.VGM, 0) == reasons.PARAMETER_OUT_OF_RANGE
+    driven.goto()
+    assert modes.set_navigator(machine, states.VGM, states.LEFT) == reasons.BUSY_DRIVING
+    assert machine.navigator == states.BUG
+
+
+def test_the_way_back_needs_a_trail_and_an_armed_robot() -> None:
+    driven = Driven()
+    driven.tick()
+    machine, trail = driven.machine, driven.state.trail
+    assert modes.rtl(machine, trail, 0) == reasons.NOT_ARMED
+    modes.arm(machine)
+    trail.xs_m.clear()
+    assert modes.rtl(machine, trail, 0) == reasons.NO_TRAIL
+    assert modes.set_mode(machine, trail, states.SMART_RTL, 0) == reasons.NO_TRAIL
+
+
+def obey(driven: Driven, command: str) -> None:
+    machine, now_ms = driven.machine, driven.now_ms
+    if command == "goto":
+        driven.goto()
+    elif command == "tick":
+        driven.tick()
+    elif command in ("disarm", "abort", "estop"):
+        {"disarm": modes.disarm, "abort": modes.abort, "estop": modes.estop}[command](
+            machine, now_ms
+        )
+    else:
+        {
+            "arm": modes.arm,
+            "hold": modes.hold,
+            "resume": modes.resume,
+            "clear": modes.clear_estop,
+        }[command](machine)
+
+
+COMMANDS = ("arm", "disarm", "hold", "resume", "abort", "estop", "clear", "goto", "tick")
+
+
+@given(st.lists(st.sampled_from(COMMANDS), max_size=40))
+def test_whatever_is_commanded_wheels_turn_only_when_armed_with_a_living_goal(
+    commands: list[str],
+) -> None:
+    driven = Driven()
+    for command in commands:
+        obey(driven, command)
+        before_m_s = abs(driven.state.twist.speed_m_s)
+        driven.tick()
+        if driven.machine.vehicle != states.ACTIVE:
+            assert driven.stands
+        if not goal_lives(driven.machine) or driven.machine.mode == states.HOLD:
+            assert abs(driven.state.twist.speed_m_s) <= before_m_s
