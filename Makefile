@@ -22,9 +22,17 @@ help:
 
 setup: $(READY)
 
+# The lock: whoever sets up at the same time, or was left over by an interruption, comes first.
 $(READY): pyproject.toml constraints.txt $(if $(USABLE),,afresh)
-	@rm -f $@
-	if [ -z "$(USABLE)" ]; then
+	@exec 9<Makefile
+	flock 9
+	usable() { [ -x .venv/bin/python ] && [ "$$(cat $@ 2>&1)" = "$(CURDIR)" ]; }
+	if usable && [ -z "$$(find pyproject.toml constraints.txt -newer $@)" ]; then exit 0; fi
+	if usable; then
+		echo "Bringing .venv up to date."
+		rm $@
+	else
+		rm -f $@
 		python= without_venv=
 		for candidate in $(PYTHONS); do
 			fits='import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))'
@@ -47,8 +55,6 @@ $(READY): pyproject.toml constraints.txt $(if $(USABLE),,afresh)
 		fi
 		echo "Setting up .venv with $$("$$python" --version); the first time takes about a minute."
 		"$$python" -m venv --clear .venv
-	else
-		echo "Bringing .venv up to date."
 	fi
 	# The build tools come first and from the same list, so nothing unpinned is ever fetched.
 	install() {
