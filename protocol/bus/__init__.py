@@ -1,0 +1,8 @@
+"""The bus between processes, and the only import of Zenoh."""
+
+from protocol.bus.bus import Bus, Presence, open_bus
+from protocol.bus.publisher import Publisher
+from protocol.bus.service import Asked, refusal
+from protocol.network import Network
+
+__all__ = ["Asked", "Bus", "Network", "Presence", "Publisher", "open_bus", "refusal"]

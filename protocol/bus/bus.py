@@ -1,0 +1,232 @@
+"""What a process may do on the bus: publish, listen, serve, ask, and show that it is there.
+
+Callbacks run in Zenoh's receive thread, where a call into Zenoh or a wait would stall everything
+that arrives: they store or enqueue, no more.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from types import TracebackType
+from typing import Any, NamedTuple, Self, TypeVar
+
+import zenoh
+from zenoh.handlers import Callback
+
+from protocol.bus.publisher import Publisher
+from protocol.bus.service import Asked, Desk
+from protocol.bus.session import bound_endpoints, open_session
+from protocol.codec import Encoder, decode
+from protocol.errors import LocalError, NoAnswer
+from protocol.mailbox import Mailbox, Sample, foreign
+from protocol.message import Message
+from protocol.network import Network
+from protocol.sender import sender_of
+from protocol.topics import ENCODING, ENCODING_FAMILY, Role, Service, Topic, robot_name
+
+M = TypeVar("M", bound=Message)
+POLL_S = 0.001
+
+
+class Presence(NamedTuple):
+    """Somebody's liveliness token: the process and its link are there, its loop may hang."""
+
+    robot: str
+    role: str
+    zid: str
+
+
+class Bus:
+    """One session of one process. Always close it, best by `with`."""
+
+    def __init__(
+        self,
+        network: Network,
+        role: Role | None,
+        robot: str,
+        now_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self.network = network
+        self.role = role
+        self.robot = robot_name(robot)
+        self._now_ns = now_ns
+        self._mailboxes: list[Mailbox[Any]] = []
+        self._declared: list[object] = []
+        self._desk = Desk()
+        self._session = open_session(network)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Drop what is unanswered, undeclare everything, leave."""
+        self._desk.close()
+        session: Any = self._session
+        session.close()
+
+    @property
+    def zid(self) -> str:
+        return str(self._session.zid())
+
+    def locator(self) -> str:
+        """The endpoint others can dial, with the real port where 0 was asked for."""
+        bound = bound_endpoints(self._session)
+        if not bound:
+            raise LocalError("this bus listens nowhere")
+        return bound[0]
+
+    def key(self, path: str, robot: str | None = None) -> str:
+        return f"{self.network.prefix}/{robot_name(robot or self.robot)}/{path}"
+
+    def publisher(self, topic: Topic[M], robot: str | None = None) -> Publisher[M]:
+        key = self.key(topic.path, robot)
+        return Publisher(self._session, topic, key, self._encoder(robot))
+
+    def mailbox(
+        self,
+        topic: Topic[M],
+        robot: str | None = None,
+        notify: Callable[[int], None] | None = None,
+    ) -> Mailbox[M]:
+        """The newest message of a topic; `notify` gets each arrival (ns), in the bus's thread."""
+        mailbox = Mailbox(topic, notify)
+        now_ns = self._now_ns
+
+        def store(sample: zenoh.Sample) -> None:
+            arrived_ns = now_ns()
+            mailbox.store(Sample(str(sample.encoding), sample.payload.to_bytes()), arrived_ns)
+
+        self._subscribe(self.key(topic.path, robot), store)
+        self._mailboxes.append(mailbox)
+        return mailbox
+
+    def stream(
+        self,
+        source: Topic[Any] | str,
+        handler: Callable[[str, bytes, int], None],
+        robot: str | None = None,
+    ) -> None:
+        """Every frame of a topic, or of a key expression such as `sidestep/**`: key, frame, ns."""
+        key = source if isinstance(source, str) else self.key(source.path, robot)
+        now_ns = self._now_ns
+
+        def forward(sample: zenoh.Sample) -> None:
+            handler(str(sample.key_expr), sample.payload.to_bytes(), now_ns())
+
+        self._subscribe(key, forward)
+
+    def serve(
+        self, service: Service, handler: Callable[[Asked], None], robot: str | None = None
+    ) -> None:
+        """Answer a service: `handler` runs in the bus's service thread, the reply in any."""
+        key = self.key(service.path, robot)
+        encoder = self._encoder(robot)
+        desk = self._desk
+        desk.start()
+
+        def take(query: zenoh.Query) -> None:
+            desk.put(Asked(query, key, service, encoder), handler)
+
+        callback = Callback(take, indirect=False)
+        self._declared.append(self._session.declare_queryable(key, callback))
+
+    def ask(
+        self,
+        service: Service,
+        message: Message | None = None,
+        timeout_s: float = 0.5,
+        robot: str | None = None,
+    ) -> Message | bytes:
+        """The answer, a message or the bytes of a JSON text; NoAnswer says why there is none."""
+        key = self.key(service.path, robot)
+        frame = None if message is None else self._encoder(robot).encode(message)
+        encoding = None if frame is None else ENCODING
+        replies = self._session.get(key, payload=frame, encoding=encoding, timeout=timeout_s)
+        for reply in replies:
+            if reply.ok is not None:
+                return answer_in(reply.ok)
+            raise NoAnswer(f"{key}: no answer within {timeout_s:g} s")
+        raise NoAnswer(f"{key}: nobody serves it (is the {service.server.value} running?)")
+
+    def announce(self) -> None:
+        """Show that this process is there, until it closes or dies."""
+        if self.role is None:
+            raise LocalError("a process without a role cannot announce itself")
+        key = self.key(f"alive/{self.role.value}/{self.zid}")
+        self._declared.append(self._session.liveliness().declare_token(key))
+
+    def present(self, timeout_s: float = 1.0) -> list[Presence]:
+        """Who has announced itself, on all robots of this prefix."""
+        key = f"{self.network.prefix}/*/alive/*/*"
+        replies = self._session.liveliness().get(key, timeout=timeout_s)
+        return sorted({presence_in(str(r.ok.key_expr)) for r in replies if r.ok is not None})
+
+    def watch(self, handler: Callable[[Presence, bool], None]) -> None:
+        """Who comes (True) and goes (False), those already there included; only enqueue."""
+
+        def forward(sample: zenoh.Sample) -> None:
+            came = sample.kind == zenoh.SampleKind.PUT
+            handler(presence_in(str(sample.key_expr)), came)
+
+        key = f"{self.network.prefix}/*/alive/*/*"
+        callback = Callback(forward, indirect=False)
+        watcher = self._session.liveliness().declare_subscriber(key, callback, history=True)
+        self._declared.append(watcher)
+
+    def await_matched(self, publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:
+        """Wait until somebody subscribes to each; the keys nobody subscribed to in time."""
+        waiting = [publisher for publisher in publishers if not publisher.matched]
+        deadline_s = time.monotonic() + timeout_s
+        pause = threading.Event()
+        while waiting and time.monotonic() < deadline_s:
+            pause.wait(POLL_S)
+            waiting = [publisher for publisher in waiting if not publisher.matched]
+        return [publisher.key for publisher in waiting]
+
+    @property
+    def rejected(self) -> dict[str, int]:
+        """How many frames and requests could not be read, by path; only what was looked at."""
+        counts = dict(self._desk.rejected)
+        for mailbox in self._mailboxes:
+            path = mailbox.topic.path
+            counts[path] = counts.get(path, 0) + mailbox.rejected
+        return counts
+
+    def _encoder(self, robot: str | None) -> Encoder:
+        return Encoder(*sender_of(self.role, robot or self.robot))
+
+    def _subscribe(self, key: str, callback: Callable[[zenoh.Sample], None]) -> None:
+        direct = Callback(callback, indirect=False)
+        self._declared.append(self._session.declare_subscriber(key, direct))
+
+
+def answer_in(sample: zenoh.Sample) -> Message | bytes:
+    encoding = str(sample.encoding)
+    if not encoding.startswith(ENCODING_FAMILY):
+        return sample.payload.to_bytes()
+    if encoding != ENCODING:
+        raise NoAnswer(f"{sample.key_expr}: {foreign(encoding)}")
+    return decode(sample.payload.to_bytes()).message
+
+
+def presence_in(key: str) -> Presence:
+    robot, _, role, zid = key.split("/")[-4:]
+    return Presence(robot, role, zid)
+
+
+def open_bus(
+    network: Network,
+    role: Role | None,
+    robot: str,
+    now_ns: Callable[[], int] = time.monotonic_ns,
+) -> Bus:
+    """Join the bus; raises EndpointInUse, NoPeer or BadEndpoint with the endpoint named."""
+    return Bus(network, role, robot, now_ns)
