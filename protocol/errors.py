@@ -15,7 +15,7 @@ class NoAnswer(RemoteError):
     exit_code = 1
 
 
-class UserError(LocalError):
+class UserError(LocalError, ValueError):
     """Something a person asked for cannot be done; the text says what, why and what to do."""
 
     exit_code = 2

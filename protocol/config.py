@@ -1,0 +1,91 @@
+"""TOML configuration: typed, ranged, and a misspelt key is refused by name."""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import is_dataclass
+from difflib import get_close_matches
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from protocol.errors import ConfigError, UserError
+
+T = TypeVar("T")
+PLACE: Final = re.compile(r"^(?P<reason>.*?)(?: - at `\$\.?(?P<key>.*)`)?$", re.DOTALL)
+MISSING: Final = re.compile(r"missing required field `(.+)`")
+
+
+def load(path: Path | str, schema: type[T]) -> T:
+    """The file as an instance of `schema`; ConfigError names file, key, reason and fix."""
+    return parse(read_toml(path), schema, file=str(path))
+
+
+def read_toml(path: Path | str) -> dict[str, Any]:
+    """The tables of a TOML file, unjudged."""
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        reason = (error.strerror or "cannot be read").lower()
+        raise ConfigError(file=str(path), key="", reason=reason, fix="check the path") from error
+    except UnicodeDecodeError as error:
+        fix = "save it as UTF-8"
+        raise ConfigError(file=str(path), key="", reason="is not UTF-8 text", fix=fix) from error
+    except tomllib.TOMLDecodeError as error:
+        fix = "correct the TOML syntax there"
+        raise ConfigError(file=str(path), key="", reason=str(error), fix=fix) from error
+
+
+def parse(table: Mapping[str, Any], schema: type[T], *, file: str) -> T:
+    """A table as an instance of a (nested) frozen dataclass; ranges by `Annotated[.., Meta]`."""
+    judge_keys(table, schema, file=file)
+    try:
+        return msgspec.convert(dict(table), schema)
+    except msgspec.ValidationError as error:
+        raise _refused(error, schema, file) from error
+
+
+def judge_keys(table: Mapping[str, Any], schema: type[Any], *, file: str, above: str = "") -> None:
+    """Raise ConfigError for the first key the schema does not have, or value that is not finite."""
+    hints = get_type_hints(schema)
+    for key, value in table.items():
+        if key not in hints:
+            raise unknown_key(above + key, key, list(hints), file=file)
+        if isinstance(value, float) and not isfinite(value):
+            fix = "give a finite number"
+            raise ConfigError(file=file, key=above + key, reason="is not finite", fix=fix)
+        if isinstance(value, dict) and is_dataclass(hints[key]):
+            hint: Any = hints[key]
+            judge_keys(value, hint, file=file, above=f"{above}{key}.")
+
+
+def unknown_key(where: str, key: str, known: list[str], *, file: str) -> ConfigError:
+    """The error for a key nobody reads: misspelt settings must not be silently ignored."""
+    near = get_close_matches(key, known, n=1)
+    fix = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(sorted(known))}"
+    return ConfigError(file=file, key=where, reason="unknown key", fix=fix)
+
+
+def _refused(error: msgspec.ValidationError, schema: type[Any], file: str) -> ConfigError:
+    found = PLACE.match(str(error))
+    assert found is not None, "the pattern fits any text"
+    reason, key = found["reason"], found["key"] or ""
+    if missing := MISSING.search(reason):
+        where = f"{key}.{missing[1]}" if key else missing[1]
+        return ConfigError(file=file, key=where, reason="missing key", fix="add it")
+    if isinstance(error.__cause__, UserError):
+        return ConfigError(file=file, key=key, reason=str(error.__cause__), fix="")
+    lowered = reason[:1].lower() + reason[1:]
+    return ConfigError(file=file, key=key, reason=lowered, fix=_fix(schema, key))
+
+
+def _fix(schema: type[Any], key: str) -> str:
+    """The choices of a key that has some."""
+    hint: Any = schema
+    for name in key.split("."):
+        hint = get_type_hints(hint).get(name) if is_dataclass(hint) else None
+    if get_origin(hint) is Literal:
+        return f"choose one of {', '.join(map(repr, get_args(hint)))}"
+    return "correct the value"
