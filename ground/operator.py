@@ -1,0 +1,207 @@
+"""The operator's side of a command and of a goal, without any I/O: messages and time go in.
+
+A request keeps its id however often it is repeated, so a retry never acts twice.
+"""
+
+import secrets
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from protocol.enums import AckResult, GoalState
+from protocol.messages import CommandAck, CommandRequest, GoalRequest, NavigatorStatus
+from protocol.reasons import Reason, reason_text
+
+MS: Final = 1_000_000
+ATTEMPTS: Final = 3
+PATIENCE_NS: Final = 500 * MS
+BEAT_NS: Final = 200 * MS
+SILENCE_NS: Final = 3_000 * MS
+UNSEEN_NS: Final = 3_000 * MS
+ID_BITS: Final = 64
+
+Request: TypeAlias = CommandRequest | GoalRequest
+
+
+class RequestIds:
+    """Ids that no other sender uses: a random start, then counting. 0 is never given."""
+
+    def __init__(self, start: int | None = None) -> None:
+        self._last = secrets.randbits(ID_BITS) if start is None else start
+
+    def next(self) -> int:
+        self._last = (self._last + 1) % (1 << ID_BITS) or 1
+        return self._last
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Put the question, and listen for an answer for this long."""
+
+    request: Request
+    patience_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """The robot has spoken: did it agree, and if not, why."""
+
+    reason: int
+    ok: bool
+    took_ns: int
+
+    @property
+    def text(self) -> str:
+        return reason_text(self.reason)
+
+
+@dataclass(frozen=True, slots=True)
+class GaveUp:
+    """No answer to any attempt; `why` is what the last one came to."""
+
+    why: str
+
+
+class Asking:
+    """One request until it is answered: the same id again and again, a fixed time apart."""
+
+    def __init__(
+        self,
+        request: Request,
+        now_ns: int,
+        *,
+        attempts: int = ATTEMPTS,
+        patience_ns: int = PATIENCE_NS,
+    ) -> None:
+        self._request = request
+        self._started_ns = self.next_ns = now_ns
+        self._left = attempts
+        self._patience_ns = patience_ns
+        self._why = "no answer"
+        self.outcome: Answered | GaveUp | None = None
+
+    def due(self, now_ns: int) -> list[Send]:
+        """What to send now; `next_ns` says when to ask again. Ends in `outcome`."""
+        if self.outcome is not None or now_ns < self.next_ns:
+            return []
+        if not self._left:
+            self.outcome = GaveUp(self._why)
+            return []
+        self._left -= 1
+        self.next_ns = now_ns + self._patience_ns
+        return [Send(self._request, self._patience_ns)]
+
+    def receive(self, ack: CommandAck, now_ns: int) -> None:
+        if self.outcome is None:
+            accepted = ack.result == AckResult.ACCEPTED
+            reason = ack.result_param2
+            self.outcome = Answered(reason, accepted, now_ns - self._started_ns)
+
+    def unanswered(self, why: str) -> None:
+        """An attempt came to nothing, for this reason."""
+        self._why = why
+
+
+@dataclass(frozen=True, slots=True)
+class Beat:
+    """Let the robot hear the operator's heartbeat."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoalEnd:
+    """How it ended: reached, stuck, aborted or timeout; `abort` when the robot must be told."""
+
+    outcome: str
+    reason: str
+    abort: bool = False
+
+    @property
+    def reached(self) -> bool:
+        return self.outcome == "reached"
+
+
+ENDS: Final = {
+    GoalState.REACHED: "reached",
+    GoalState.STUCK: "stuck",
+    GoalState.ABORTED: "aborted",
+    GoalState.REFUSED: "aborted",
+}
+
+
+class GoalWatch:
+    """Follows one goal to its end, and says when the operator's heart must beat.
+
+    Simulated time may run faster than ours: the heartbeat and the time limit go by whichever of the
+    two clocks, ours and that of the robot's stamps, is ahead.
+    """
+
+    def __init__(self, goal_id: int, now_ns: int, timeout_ns: int | None) -> None:
+        self._goal_id = goal_id
+        self._timeout_ns = timeout_ns
+        self._asked_ns = self._heard_ns = now_ns
+        self._beat_ns: int | None = None
+        self._beat_stamp_ns = 0
+        self._first_stamp_ns: int | None = None
+        self._stamp_ns = 0
+        self._seen = False
+        self.end: GoalEnd | None = None
+
+    def receive(self, status: NavigatorStatus, now_ns: int) -> None:
+        """A status of the robot; may set `end`."""
+        if self.end is not None:
+            return
+        self._heard_ns = now_ns
+        if status.time_ns < self._stamp_ns and self._seen:
+            self.end = GoalEnd("aborted", "the robot has been restarted")
+            return
+        self._stamp_ns = status.time_ns
+        if self._first_stamp_ns is None:
+            self._first_stamp_ns = status.time_ns
+        if status.goal_id == self._goal_id:
+            self._seen = True
+            self.end = _end_in(status)
+        elif self._seen or now_ns - self._asked_ns > UNSEEN_NS:
+            self.end = _pushed_out(status)
+
+    def due(self, now_ns: int) -> list[Beat]:
+        """What to do now; may set `end` when time is up or nothing has been heard for too long."""
+        if self.end is not None:
+            return []
+        self._judge_time(now_ns)
+        if self.end is not None or not self._beat_is_due(now_ns):
+            return []
+        self._beat_ns, self._beat_stamp_ns = now_ns, self._stamp_ns
+        return [Beat()]
+
+    def silent_ns(self, now_ns: int) -> int:
+        """How long nothing has been heard of the robot."""
+        return now_ns - self._heard_ns
+
+    def _beat_is_due(self, now_ns: int) -> bool:
+        if self._beat_ns is None or now_ns - self._beat_ns >= BEAT_NS:
+            return True
+        return self._stamp_ns - self._beat_stamp_ns >= BEAT_NS
+
+    def _judge_time(self, now_ns: int) -> None:
+        driven_ns = self._stamp_ns - (self._first_stamp_ns or 0)
+        elapsed_ns = max(driven_ns, now_ns - self._asked_ns)
+        if self._timeout_ns is not None and elapsed_ns >= self._timeout_ns:
+            said = f"not there after {self._timeout_ns / 1e9:g} s"
+            self.end = GoalEnd("timeout", said, abort=True)
+        elif self.silent_ns(now_ns) >= SILENCE_NS:
+            said = f"the robot has been silent for {self.silent_ns(now_ns) / 1e9:.1f} s"
+            self.end = GoalEnd("aborted", said, abort=True)
+
+
+def _end_in(status: NavigatorStatus) -> GoalEnd | None:
+    known = status.goal in GoalState.__members__.values()
+    outcome = ENDS.get(GoalState(status.goal)) if known else None
+    if outcome is None:
+        return None
+    reason = status.goal_reason
+    return GoalEnd(outcome, outcome if reason == Reason.NONE else reason_text(reason))
+
+
+def _pushed_out(status: NavigatorStatus) -> GoalEnd:
+    if status.goal_id:
+        return GoalEnd("aborted", reason_text(Reason.REPLACED))
+    return GoalEnd("aborted", "the robot knows nothing of the goal: it has been restarted")

@@ -1,0 +1,252 @@
+"""Commands are repeated with one id, goals are followed to their end, and silence is not success."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.operator import (
+    BEAT_NS,
+    Answered,
+    Asking,
+    Beat,
+    GaveUp,
+    GoalEnd,
+    GoalWatch,
+    RequestIds,
+    Send,
+)
+from protocol.clock import ManualClock
+from protocol.enums import AckResult, GoalState, Mode, Navigator, Vehicle
+from protocol.messages import CommandAck, CommandRequest, NavigatorStatus
+from protocol.reasons import Reason
+
+MS = 1_000_000
+MINE = 77
+HOLD = CommandRequest(request_id=MINE, param1=0.0, param2=0.0, command=193)
+
+
+def status(
+    time_ns: int,
+    goal: GoalState = GoalState.DRIVING,
+    reason: Reason = Reason.NONE,
+    goal_id: int = MINE,
+) -> NavigatorStatus:
+    return NavigatorStatus(
+        time_ns=time_ns,
+        goal_started_ns=0,
+        goal_ended_ns=0,
+        goal_id=goal_id,
+        goal_x_m=1.0,
+        goal_y_m=0.0,
+        goal_heading_rad=nan,
+        goal_distance_m=1.0,
+        vehicle=Vehicle.ACTIVE,
+        mode=Mode.GUIDED,
+        goal=goal,
+        vehicle_reason=0,
+        goal_reason=reason,
+        navigator=Navigator.VGM,
+        side=1,
+    )
+
+
+def ack(result: AckResult, reason: Reason) -> CommandAck:
+    return CommandAck(command=193, result=result, result_param2=reason)
+
+
+def run_out(asking: Asking, clock: ManualClock) -> list[Send]:
+    sent: list[Send] = []
+    while asking.outcome is None:
+        clock.sleep_until(asking.next_ns)
+        sent += asking.due(clock.now_ns())
+    return sent
+
+
+def test_ids_are_never_repeated_nor_zero() -> None:
+    ids = RequestIds(start=(1 << 64) - 3)
+    drawn = [ids.next() for _ in range(5)]
+    assert drawn == [(1 << 64) - 2, (1 << 64) - 1, 1, 2, 3] or 0 not in drawn
+    assert len(set(drawn)) == 5
+    assert RequestIds().next() != RequestIds().next()
+
+
+def test_an_unanswered_command_is_sent_three_times_with_one_id_and_given_up() -> None:
+    clock = ManualClock()
+    asking = Asking(HOLD, clock.now_ns())
+    asking.unanswered("nobody serves it")
+    sent = run_out(asking, clock)
+    assert [send.request for send in sent] == [HOLD] * 3
+    assert clock.now_ns() == 1500 * MS
+    assert asking.outcome == GaveUp("nobody serves it")
+
+
+def test_an_answer_ends_the_asking_and_says_how_long_it_took() -> None:
+    clock = ManualClock()
+    asking = Asking(HOLD, clock.now_ns())
+    asking.due(clock.now_ns())
+    clock.advance(14 * MS)
+    asking.receive(ack(AckResult.ACCEPTED, Reason.NONE), clock.now_ns())
+    assert asking.outcome == Answered(Reason.NONE, ok=True, took_ns=14 * MS)
+    assert asking.due(clock.now_ns() + 9_000 * MS) == []
+
+
+def test_a_refusal_carries_its_reason_and_a_late_second_answer_changes_nothing() -> None:
+    asking = Asking(HOLD, 0)
+    asking.due(0)
+    asking.receive(ack(AckResult.DENIED, Reason.NOT_ARMED), 1)
+    asking.receive(ack(AckResult.ACCEPTED, Reason.NONE), 2)
+    assert isinstance(asking.outcome, Answered)
+    assert not asking.outcome.ok
+    assert asking.outcome.text == "not armed: arm first"
+
+
+def test_nothing_is_sent_before_its_time() -> None:
+    asking = Asking(HOLD, 100)
+    assert asking.due(99) == []
+    assert len(asking.due(100)) == 1
+    assert asking.due(100 + 499 * MS) == []
+    assert len(asking.due(100 + 500 * MS)) == 1
+
+
+@dataclass
+class Drive:
+    """A goal under way: `hear` a status or let time `pass_`, collect what happens."""
+
+    timeout_ns: int | None = None
+    clock: ManualClock = field(default_factory=ManualClock)
+    beats: int = 0
+
+    def __post_init__(self) -> None:
+        self.watch = GoalWatch(MINE, self.clock.now_ns(), self.timeout_ns)
+        self.pass_(0)
+
+    def pass_(self, ns: int) -> None:
+        self.clock.advance(ns)
+        self.beats += sum(isinstance(act, Beat) for act in self.watch.due(self.clock.now_ns()))
+
+    def hear(self, message: NavigatorStatus) -> None:
+        self.watch.receive(message, self.clock.now_ns())
+        self.pass_(0)
+
+
+def test_the_heart_beats_five_times_a_second() -> None:
+    drive = Drive()
+    for n in range(100):
+        drive.pass_(20 * MS)
+        drive.hear(status(n * 20 * MS))
+    assert drive.beats == 11
+
+
+def test_the_heart_keeps_pace_with_simulated_time() -> None:
+    drive = Drive()
+    for n in range(100):
+        drive.pass_(MS // 10)
+        drive.hear(status(n * 50 * MS))
+    assert drive.beats == pytest.approx(100 * 50 * MS / BEAT_NS, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("state", "reason", "end"),
+    [
+        (GoalState.REACHED, Reason.NONE, GoalEnd("reached", "reached")),
+        (GoalState.STUCK, Reason.NO_PROGRESS, GoalEnd("stuck", "has come no closer for too long")),
+        (GoalState.ABORTED, Reason.BUMPER, GoalEnd("aborted", "bumper contact")),
+        (GoalState.REFUSED, Reason.NOT_ARMED, GoalEnd("aborted", "not armed: arm first")),
+    ],
+)
+def test_a_goal_ends_as_the_robot_says(state: GoalState, reason: Reason, end: GoalEnd) -> None:
+    drive = Drive()
+    drive.hear(status(0))
+    assert drive.watch.end is None
+    drive.hear(status(1, state, reason))
+    assert drive.watch.end == end
+
+
+def test_the_end_of_an_earlier_goal_is_not_taken_for_ours() -> None:
+    drive = Drive()
+    drive.hear(status(0, GoalState.REACHED, goal_id=MINE - 1))
+    assert drive.watch.end is None
+    drive.hear(status(1))
+    drive.hear(status(2, GoalState.REACHED))
+    assert drive.watch.end == GoalEnd("reached", "reached")
+
+
+def test_a_newer_goal_ends_ours() -> None:
+    drive = Drive()
+    drive.hear(status(0))
+    drive.hear(status(1, goal_id=MINE + 1))
+    assert drive.watch.end == GoalEnd("aborted", "replaced by a new goal")
+
+
+@pytest.mark.parametrize(
+    "restarted", [status(0, GoalState.NONE, goal_id=0), status(900 * MS, goal_id=0)]
+)
+def test_a_restarted_robot_is_not_waited_for(restarted: NavigatorStatus) -> None:
+    drive = Drive()
+    drive.hear(status(500 * MS))
+    drive.hear(restarted)
+    assert drive.watch.end is not None
+    assert "restarted" in drive.watch.end.reason
+
+
+def test_a_robot_that_never_heard_of_the_goal_is_found_out() -> None:
+    drive = Drive()
+    for n in range(40):
+        drive.pass_(100 * MS)
+        drive.hear(status(n * 100 * MS, GoalState.NONE, goal_id=0))
+    assert drive.watch.end is not None
+    assert drive.watch.end.outcome == "aborted"
+
+
+def test_silence_ends_the_wait_and_tries_to_stop_the_robot() -> None:
+    drive = Drive()
+    drive.hear(status(0))
+    drive.pass_(2_900 * MS)
+    assert drive.watch.end is None
+    drive.pass_(200 * MS)
+    assert drive.watch.end is not None
+    assert (drive.watch.end.outcome, drive.watch.end.abort) == ("aborted", True)
+    assert "silent" in drive.watch.end.reason
+
+
+def by_our_clock(drive: Drive) -> None:
+    for _ in range(10):
+        drive.pass_(1_000 * MS)
+        drive.hear(status(0))
+
+
+def by_the_robots_clock(drive: Drive) -> None:
+    drive.hear(status(5_000 * MS))
+    drive.hear(status(15_000 * MS))
+
+
+@pytest.mark.parametrize("passes", [by_our_clock, by_the_robots_clock])
+def test_the_time_limit_goes_by_whichever_clock_is_ahead(passes: Callable[[Drive], None]) -> None:
+    drive = Drive(timeout_ns=10_000 * MS)
+    passes(drive)
+    assert drive.watch.end == GoalEnd("timeout", "not there after 10 s", abort=True)
+
+
+@given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 255), st.integers(0, 99))))
+def test_an_end_is_final_whatever_comes_after(heard: list[tuple[int, int, int]]) -> None:
+    drive = Drive()
+    first_end: GoalEnd | None = None
+    for step, reason, goal_id in heard:
+        goal = GoalState(min(step, 8))
+        message = NavigatorStatus(
+            **{
+                name: getattr(status(0), name)
+                for name in status(0).__struct_fields__
+                if name not in ("goal", "goal_reason", "goal_id")
+            },
+            goal=goal if step < 9 else 200,
+            goal_reason=reason,
+            goal_id=goal_id,
+        )
+        drive.hear(message)
+        first_end = first_end or drive.watch.end
+        assert drive.watch.end is first_end

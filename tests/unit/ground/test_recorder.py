@@ -1,0 +1,167 @@
+"""The black box keeps whole records whatever the disk does, and tells what it could not keep."""
+
+import errno
+import io
+import os
+import signal
+import subprocess
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from ground.recorder import LogFile, Recorder, new_log
+from ground.tlog import Reader, read
+from protocol.codec import Encoder
+from protocol.messages import Statustext
+
+OFFSET_NS = 1_790_000_000_000_000_000
+NOON = datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC)
+
+
+class Disk:
+    """A sink that is full whenever the test says so."""
+
+    def __init__(self) -> None:
+        self.data = b""
+        self.full = False
+        self.closed = False
+
+    def append(self, batch: bytes) -> None:
+        if self.full:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        self.data += batch
+
+    def sync(self) -> None:
+        if self.full:
+            raise OSError(errno.EIO, "Input/output error")
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def frame(text: str) -> bytes:
+    return Encoder(1, 1).encode(Statustext(severity=6, text=text))
+
+
+def texts(data: bytes) -> int:
+    return len(list(Reader(io.BytesIO(data))))
+
+
+def test_frames_are_stamped_in_utc_and_kept_in_order() -> None:
+    disk = Disk()
+    recorder = Recorder(disk, OFFSET_NS)
+    for n in range(5):
+        recorder.take("sidestep/r1/tlm/text", frame(f"n{n}"), n * 1_000_000)
+    assert recorder.flush()
+    records = list(Reader(io.BytesIO(disk.data)))
+    assert [record.time_us for record in records] == [
+        OFFSET_NS // 1000 + n * 1000 for n in range(5)
+    ]
+    assert recorder.written == 5
+    assert recorder.close()
+    assert disk.closed
+
+
+def test_what_is_no_frame_is_counted_and_not_written() -> None:
+    disk = Disk()
+    recorder = Recorder(disk, OFFSET_NS)
+    for junk in (b"", b"\xfd", b"hello", frame("cut short")[:-1]):
+        recorder.take("k", junk, 0)
+    recorder.take("k", frame("good"), 0)
+    assert recorder.flush()
+    assert recorder.rejected == 4
+    assert texts(disk.data) == 1
+
+
+def test_a_full_disk_is_named_and_nothing_is_lost_when_room_comes_back() -> None:
+    disk = Disk()
+    recorder = Recorder(disk, OFFSET_NS)
+    disk.full = True
+    recorder.take("k", frame("while full"), 0)
+    assert not recorder.flush()
+    assert recorder.trouble == "No space left on device"
+    recorder.sync()
+    assert recorder.trouble == "Input/output error"
+    disk.full = False
+    recorder.take("k", frame("after"), 1)
+    assert recorder.flush()
+    assert recorder.trouble == ""
+    assert texts(disk.data) == 2
+    assert recorder.close()
+
+
+def test_a_disk_that_stays_full_costs_bounded_memory_and_is_admitted() -> None:
+    disk = Disk()
+    recorder = Recorder(disk, OFFSET_NS, held_bytes=200)
+    disk.full = True
+    for n in range(1000):
+        recorder.take("k", frame(f"{n}"), n)
+        recorder.flush()
+    assert recorder.dropped > 900
+    assert not recorder.close()
+    assert recorder.dropped == 1000
+    assert disk.closed
+
+
+def test_a_half_written_batch_is_taken_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = LogFile(tmp_path / "a.tlog")
+    recorder = Recorder(log, OFFSET_NS)
+    recorder.take("k", frame("before"), 0)
+    recorder.flush()
+    real_write = os.write
+
+    def nearly_full(fd: int, data: bytes) -> int:
+        if len(data) <= 10:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return real_write(fd, data[: len(data) - 10])
+
+    recorder.take("k", frame("during"), 1)
+    with monkeypatch.context() as full:
+        full.setattr(os, "write", nearly_full)
+        assert not recorder.flush()
+    assert len(list(read(log.path))) == 1
+    assert recorder.close()
+    assert len(list(read(log.path))) == 2
+
+
+def test_the_file_is_named_after_time_and_robot_and_never_overwritten(tmp_path: Path) -> None:
+    first = new_log(tmp_path / "deep" / "down", "r1", NOON)
+    second = new_log(tmp_path / "deep" / "down", "r1", NOON)
+    assert first.path.name == "20260304T120005Z-r1.tlog"
+    assert second.path.name == "20260304T120005Z-r1-1.tlog"
+    first.close()
+    second.close()
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from ground.recorder import LogFile, Recorder
+from protocol.codec import Encoder
+from protocol.messages import Statustext
+recorder = Recorder(LogFile(Path(sys.argv[1])), 1_790_000_000_000_000_000)
+encoder, n = Encoder(1, 1), 0
+while True:
+    for _ in range(50):
+        recorder.take("k", encoder.encode(Statustext(severity=6, text=f"frame {n}")), n * 1000)
+        n += 1
+    recorder.flush()
+    print(recorder.written, flush=True)
+"""
+
+
+def test_killed_at_any_moment_the_log_holds_all_that_was_flushed(tmp_path: Path) -> None:
+    for attempt in range(3):
+        path = tmp_path / f"{attempt}.tlog"
+        with subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True
+        ) as writer:
+            assert writer.stdout is not None
+            for _ in range(1 + 7 * attempt):
+                flushed = int(writer.stdout.readline())
+            writer.send_signal(signal.SIGKILL)
+        assert len(list(read(path))) >= flushed
