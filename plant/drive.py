@@ -31,23 +31,26 @@ class Motor:
 
     def turn(self, wanted_m_s: float, span_s: float) -> float:
         """Run for a while and return the way of the rim in metres."""
-        way_m = 0.0
         missing_m_s = wanted_m_s - self.speed_m_s
-        if abs(missing_m_s) > self._linear_m_s:
-            gain_m_s = copysign(
-                min(abs(missing_m_s) - self._linear_m_s, self._acceleration_m_s2 * span_s),
-                missing_m_s,
-            )
-            ramp_s = abs(gain_m_s) / self._acceleration_m_s2
-            way_m = (self.speed_m_s + 0.5 * gain_m_s) * ramp_s
-            self.speed_m_s += gain_m_s
-            span_s -= ramp_s
-            missing_m_s = wanted_m_s - self.speed_m_s
-        if span_s <= 0.0 or self._lag_s == 0.0:
-            return way_m + self.speed_m_s * max(0.0, span_s)
-        left_m_s = missing_m_s * exp(-span_s / self._lag_s)
+        if abs(missing_m_s) <= self._linear_m_s:
+            return self._approach(wanted_m_s, span_s)
+        ramp_s = (abs(missing_m_s) - self._linear_m_s) / self._acceleration_m_s2
+        if ramp_s >= span_s:
+            return self._ramp(copysign(self._acceleration_m_s2, missing_m_s), span_s)
+        way_m = self._ramp(copysign(self._acceleration_m_s2, missing_m_s), ramp_s)
+        return way_m + self._approach(wanted_m_s, span_s - ramp_s)
+
+    def _ramp(self, acceleration_m_s2: float, span_s: float) -> float:
+        gain_m_s = acceleration_m_s2 * span_s
+        way_m = (self.speed_m_s + 0.5 * gain_m_s) * span_s
+        self.speed_m_s += gain_m_s
+        return way_m
+
+    def _approach(self, wanted_m_s: float, span_s: float) -> float:
+        missing_m_s = wanted_m_s - self.speed_m_s
+        left_m_s = missing_m_s * exp(-span_s / self._lag_s) if self._lag_s else 0.0
         self.speed_m_s = wanted_m_s - left_m_s
-        return way_m + wanted_m_s * span_s - self._lag_s * (missing_m_s - left_m_s)
+        return wanted_m_s * span_s - self._lag_s * (missing_m_s - left_m_s)
 
     def brake(self, deceleration_m_s2: float, span_s: float) -> float:
         """Run short-circuited for a while and return the way of the rim in metres."""
@@ -115,10 +118,6 @@ class Drive:
         left = floor(self._counted_m[0] * per_m) + body.left_start_ticks + jumped_ticks[0]
         right = floor(self._counted_m[1] * per_m) + body.right_start_ticks + jumped_ticks[1]
         return _wrapped(left), _wrapped(right)
-
-    def speeds_m_s(self) -> tuple[float, float]:
-        """Of the rims, left and right."""
-        return self._motors[0].speed_m_s, self._motors[1].speed_m_s
 
     def _turn(self, side: int, span_s: float, live: bool) -> float:
         motor = self._motors[side]

@@ -70,6 +70,3 @@ class Fault:
             raise ValueError(f"value: {self.value} is not within {limits} for {self.kind}")
         if self.robot < 0:
             raise ValueError(f"robot: {self.robot} is not the number of a robot")
-
-    def active(self, now_s: float) -> bool:
-        return self.start_s <= now_s < self.end_s

@@ -75,7 +75,7 @@ class Caster:
         if gone_m > REFRESH_M or self._moving != 2 * len(moved[0]):
             self._choose(late, 2 * len(moved[0]))
         if self._moving:
-            self._chosen.place(0, [*moved[0], *moved[1]])
+            self._chosen.place([*moved[0], *moved[1]])
         self._aim(early, late)
         self._meet()
         if self._least_cosine > 0.0:

@@ -6,7 +6,7 @@ those of `plant.raycast`.
 """
 
 from collections.abc import Sequence
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +15,6 @@ from plant.scene import Disc, Scene
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 
-SIDE: Final = 4
-
 
 class Surfaces:
     """Every surface of a scene."""
@@ -24,7 +22,7 @@ class Surfaces:
     def __init__(self, scene: Scene) -> None:
         self._discs = np.array(scene.discs, dtype=float).reshape(-1, 3)
         self._edges = np.array(scene.edges, dtype=float).reshape(-1, 4)
-        self._disc_rays, self._disc_origins = disc_rows(self._discs)
+        self._disc_rays, self._disc_origins = _disc_rows(self._discs)
         self._edge_rays, self._edge_origins = _edge_rows(self._edges)
         spans = self._edges[:, 2:] - self._edges[:, :2]
         self._lengths = np.hypot(spans[:, 0], spans[:, 1])
@@ -35,7 +33,7 @@ class Surfaces:
         away = np.hypot(*(self._discs[:, :2] - point).T) - self._discs[:, 2]
         discs = np.flatnonzero(away < reach_m)
         edges = np.flatnonzero(_edge_distances(self._edges, point) < reach_m)
-        free = np.zeros((moving, SIDE))
+        free = np.tile((0.0, 0.0, 1.0, 0.0), (moving, 1))
         return Chosen(
             np.concatenate([free, self._disc_rays[discs], *self._edge_rays[:, edges]]),
             np.concatenate([free, self._disc_origins[discs], self._edge_origins[edges]]),
@@ -56,15 +54,17 @@ class Chosen:
         self.discs = discs
         self.edges = len(sizes) - discs
 
-    def place(self, first_row: int, moved: Sequence[Disc]) -> None:
+    def place(self, moved: Sequence[Disc]) -> None:
         """Put moving discs into the rows left free for them."""
-        discs = np.array(moved)
-        rows = slice(first_row, first_row + len(moved))
-        self.ray_rows[rows], self.origin_rows[rows] = disc_rows(discs)
-        self.sizes[rows] = discs[:, 2]
+        rows = slice(len(moved))
+        self.ray_rows[rows, :2] = [disc[:2] for disc in moved]
+        self.origin_rows[rows] = [
+            (-2.0 * x, -2.0 * y, x * x + y * y - radius * radius, 1.0) for x, y, radius in moved
+        ]
+        self.sizes[rows] = [disc[2] for disc in moved]
 
 
-def disc_rows(discs: Floats) -> tuple[Floats, Floats]:
+def _disc_rows(discs: Floats) -> tuple[Floats, Floats]:
     x, y, radius = discs.T
     one, none = np.ones(len(discs)), np.zeros(len(discs))
     rays = np.stack([x, y, one, none], axis=1)

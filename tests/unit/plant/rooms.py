@@ -1,0 +1,56 @@
+"""Rooms to drive in, and the few moves that the tests of the plant share."""
+
+from plant.noise import LEVELS
+from plant.plant import Plant
+from plant.world_types import GoalPose, Obstacle, Settings, Start, World
+
+NONE = LEVELS["none"]
+FOREVER_NS = 10**18
+
+
+def room(
+    *obstacles: Obstacle,
+    start: tuple[float, float, float] = (1.0, 2.0, 0.0),
+    size_m: tuple[float, float] = (4.0, 4.0),
+    walls: bool = True,
+    robot: Settings | None = None,
+) -> World:
+    return World(
+        name="room",
+        size_m=size_m,
+        start=Start(x_m=start[0], y_m=start[1], heading_rad=start[2]),
+        goal=GoalPose(x_m=3.0, y_m=3.0),
+        walls=walls,
+        obstacles=obstacles,
+        robot=robot or {},
+    )
+
+
+def mrad_s(rim_m_s: float) -> int:
+    """The command for that speed of a wheel's rim."""
+    return round(rim_m_s / 0.033 * 1000.0)
+
+
+def drive(plant: Plant, left_m_s: float, right_m_s: float, ticks: int, robot: int = 0) -> None:
+    for _ in range(ticks):
+        plant.command(robot, mrad_s(left_m_s), mrad_s(right_m_s), 150)
+        plant.advance()
+
+
+def ranges_m(plant: Plant, robot: int = 0) -> list[float | None]:
+    """What the sonars read, from right to left; None without an echo."""
+    scan = plant.senses(robot)[1]
+    assert scan is not None
+    return [scan.range_mm[sonar] / 1000.0 if scan.echo >> sonar & 1 else None for sonar in range(8)]
+
+
+def counters(plant: Plant, robot: int = 0) -> tuple[int, int]:
+    ticks = plant.senses(robot)[0]
+    assert ticks is not None
+    return ticks.left, ticks.right
+
+
+def bumper(plant: Plant, robot: int = 0) -> int:
+    ticks = plant.senses(robot)[0]
+    assert ticks is not None
+    return ticks.bumper

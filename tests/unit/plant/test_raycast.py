@@ -1,0 +1,228 @@
+from itertools import pairwise
+from math import asin, cos, degrees, hypot, inf, pi, radians, sin, sqrt
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from plant.geometry import clearance_m
+from plant.raycast import ORDER, RAYS_PER_SONAR, SONARS, Caster, Pose, ray_bearings_rad
+from plant.scene import Scene, still
+from plant.world_types import Circle, Obstacle, Polygon, Polyline
+from tests.unit.plant.rooms import room
+
+NOTHING = Scene((), ())
+AHEAD_RIGHT, AHEAD_LEFT = 3, 4
+INNERMOST_RAD = radians(2.25)
+OUTERMOST_RAD = radians(87.75)
+
+
+def seen_m(caster: Caster, pose: Pose, late: Pose | None = None) -> list[float]:
+    """Distances from the centre, sonar by sonar from right to left; inf without an echo."""
+    return in_turn(caster.cast(pose, late or pose))
+
+
+def in_turn(nearness: list[float]) -> list[float]:
+    by_sonar = dict(zip(ORDER, nearness, strict=True))
+    return [1.0 / by_sonar[i] if by_sonar[i] > 0.0 else inf for i in range(SONARS)]
+
+
+def marched_m(obstacles: tuple[Obstacle, ...], pose: Pose, bearing_rad: float) -> float:
+    """How far a ray goes, found by walking along it as far as nothing can be in the way."""
+    gone_m, towards_rad = 0.0, pose[2] + bearing_rad
+    for _ in range(3000):
+        at = (pose[0] + gone_m * cos(towards_rad), pose[1] + gone_m * sin(towards_rad))
+        free_m = min((clearance_m(at, obstacle) for obstacle in obstacles), default=inf)
+        if free_m < 1e-9 or gone_m > 20.0:
+            break
+        gone_m += free_m
+    return gone_m if gone_m <= 20.0 else inf
+
+
+def cone_rays_rad(sonar: int) -> tuple[float, ...]:
+    column = ORDER.index(sonar) * RAYS_PER_SONAR
+    return ray_bearings_rad()[column : column + RAYS_PER_SONAR]
+
+
+def test_the_cones_tile_half_a_turn_with_evenly_spaced_rays() -> None:
+    bearings = sorted(degrees(bearing) for bearing in ray_bearings_rad())
+    gaps = [b - a for a, b in pairwise(bearings)]
+    assert gaps == pytest.approx([4.5] * 39)
+    assert (bearings[0] - 2.25, bearings[-1] + 2.25) == pytest.approx((-90.0, 90.0))
+    for sonar in range(SONARS):
+        offsets = [degrees(ray) - (sonar - 3.5) * 22.5 for ray in cone_rays_rad(sonar)]
+        assert offsets == pytest.approx([-9.0, -4.5, 0.0, 4.5, 9.0])
+
+
+def test_nothing_is_seen_where_nothing_is() -> None:
+    assert seen_m(Caster(NOTHING, 3.0, pi / 2), (0.0, 0.0, 0.0)) == [inf] * 8
+
+
+def test_the_walls_of_a_room_are_as_far_as_geometry_says() -> None:
+    seen = seen_m(Caster(still(room()), 10.0, pi / 2), (1.0, 2.0, 0.0))
+    assert seen[AHEAD_LEFT] == pytest.approx(3.0 / cos(INNERMOST_RAD), abs=1e-12)
+    assert [seen[0], seen[7]] == pytest.approx([2.0 / sin(OUTERMOST_RAD)] * 2, abs=1e-12)
+
+
+def test_a_disc_straight_in_a_ray_is_as_far_as_its_rim() -> None:
+    heading_rad = -radians(2.25)  # one ray of the cone ahead to the left looks along x
+    seen = seen_m(Caster(Scene(((2.0, 0.0, 0.5),), ()), 10.0, pi / 2), (0.0, 0.0, heading_rad))
+    assert seen[AHEAD_LEFT] == pytest.approx(1.5, abs=1e-12)
+
+
+def test_a_disc_beside_a_ray_is_met_on_its_flank() -> None:
+    scene = Scene(((2.0, 0.0, 0.5),), ())
+    seen = seen_m(Caster(scene, 10.0, pi / 2), (0.0, 0.0, 0.0))
+    away_m = 2.0 * cos(INNERMOST_RAD) - sqrt(0.25 - (2.0 * sin(INNERMOST_RAD)) ** 2)
+    assert seen[AHEAD_LEFT] == seen[AHEAD_RIGHT] == pytest.approx(away_m, abs=1e-12)
+    widest_rad = asin(0.5 / 2.0)
+    visible = [any(abs(ray) < widest_rad for ray in cone_rays_rad(i)) for i in range(SONARS)]
+    assert [away < inf for away in seen] == visible
+
+
+def test_what_is_behind_is_not_seen() -> None:
+    behind = still(room(Circle(x_m=0.4, y_m=2.0, radius_m=0.2), walls=False))
+    assert seen_m(Caster(behind, 10.0, pi / 2), (1.0, 2.0, 0.0)) == [inf] * 8
+    box = Polygon(((0.2, 1.5), (0.6, 1.5), (0.6, 2.5), (0.2, 2.5)))
+    assert seen_m(Caster(still(room(box, walls=False)), 10.0, pi / 2), (1.0, 2.0, 0.0)) == [inf] * 8
+
+
+def test_the_round_end_of_a_wall_is_seen() -> None:
+    wall = still(room(Polyline(((2.0, 2.0), (3.0, 2.0)), 0.2), walls=False))
+    seen = seen_m(Caster(wall, 10.0, pi / 2), (1.0, 2.0, -radians(2.25)))
+    assert seen[AHEAD_LEFT] == pytest.approx(0.9, abs=1e-12)
+
+
+def test_standing_in_line_with_an_edge_it_is_not_seen_from_the_side_it_does_not_show() -> None:
+    box = Polygon(((2.0, 2.0), (3.0, 2.0), (3.0, 3.0), (2.0, 3.0)))
+    seen = seen_m(Caster(still(room(box, walls=False)), 10.0, pi / 2), (1.0, 2.0, 0.0))
+    assert seen[AHEAD_LEFT] == pytest.approx(1.0 / cos(INNERMOST_RAD), abs=1e-12)
+    assert seen[AHEAD_RIGHT] == inf
+
+
+U_SHAPE = Polygon(
+    ((2.0, 1.0), (3.0, 1.0), (3.0, 3.0), (2.0, 3.0), (2.0, 2.8), (2.8, 2.8), (2.8, 1.2), (2.0, 1.2))
+)
+
+
+def test_the_inside_of_a_concave_polygon_is_seen() -> None:
+    seen = seen_m(Caster(still(room(U_SHAPE, walls=False)), 10.0, pi / 2), (1.0, 2.0, 0.0))
+    assert seen[AHEAD_LEFT] == pytest.approx(1.8 / cos(INNERMOST_RAD), abs=1e-12)
+
+
+OBSTACLES: tuple[Obstacle, ...] = (
+    U_SHAPE,
+    Polyline(((0.5, 0.5), (1.0, 1.0), (1.8, 0.4)), 0.06),
+    Circle(x_m=0.8, y_m=3.2, radius_m=0.3),
+    Circle(x_m=3.6, y_m=0.5, radius_m=0.1),
+    Polygon(((3.4, 3.3), (3.9, 3.2), (3.7, 3.8))),
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.0, 4.0), st.floats(0.0, 4.0), st.floats(-pi, pi))
+def test_every_cone_sees_what_walking_along_its_rays_finds(
+    x_m: float, y_m: float, heading_rad: float
+) -> None:
+    if min(clearance_m((x_m, y_m), obstacle) for obstacle in OBSTACLES) < 0.12:
+        return
+    pose = (x_m, y_m, heading_rad)
+    seen = seen_m(Caster(still(room(*OBSTACLES, walls=False)), 30.0, pi / 2), pose)
+    for sonar in range(SONARS):
+        rays_m = [marched_m(OBSTACLES, pose, ray) for ray in cone_rays_rad(sonar)]
+        assert seen[sonar] == pytest.approx(min(rays_m), abs=1e-6)
+
+
+@given(st.floats(0.1, 9.9), st.floats(0.1, 9.9), st.floats(-pi, pi))
+def test_no_ray_slips_between_the_walls_of_a_closed_room(
+    x_m: float, y_m: float, heading_rad: float
+) -> None:
+    closed = Caster(still(room(size_m=(10.0, 10.0))), 20.0, pi / 2)
+    farthest_m = hypot(10.0, 10.0)
+    assert max(seen_m(closed, (x_m, y_m, heading_rad))) <= farthest_m
+
+
+@given(st.floats(-80.0, 80.0), st.floats(5.0, 85.0))
+def test_a_wall_gives_an_echo_only_where_it_is_met_steeply(
+    bearing_deg: float, limit_deg: float
+) -> None:
+    caster = Caster(Scene((), (_facing(bearing_deg),)), 30.0, radians(limit_deg))
+    seen = seen_m(caster, (0.0, 0.0, 0.0))
+    for sonar in range(SONARS):
+        steepest_rad = min(abs(ray - radians(bearing_deg)) for ray in cone_rays_rad(sonar))
+        if abs(steepest_rad - radians(limit_deg)) > 1e-6:
+            met = steepest_rad < radians(limit_deg)
+            wanted_m = 1.0 / cos(steepest_rad) if met else inf
+            assert seen[sonar] == pytest.approx(wanted_m, rel=1e-9)
+
+
+def _facing(bearing_deg: float) -> tuple[float, float, float, float]:
+    """A long wall whose perpendicular from the origin lies in that direction, 1 m away."""
+    across_x, across_y = sin(radians(bearing_deg)), -cos(radians(bearing_deg))
+    foot_x, foot_y = cos(radians(bearing_deg)), sin(radians(bearing_deg))
+    far = 20.0
+    return (
+        foot_x - far * across_x,
+        foot_y - far * across_y,
+        foot_x + far * across_x,
+        foot_y + far * across_y,
+    )
+
+
+def test_a_disc_gives_an_echo_only_where_it_is_met_steeply() -> None:
+    disc = Scene(((1.0, 0.0, 0.3),), ())
+    aside_rad = asin(0.3 * sin(radians(45.0)))  # this ray meets the disc at 45 degrees
+    for limit_deg, met in ((44.0, False), (46.0, True)):
+        heading_rad = -cone_rays_rad(7)[-1] - aside_rad  # only the last ray of all looks there
+        seen = seen_m(Caster(disc, 9.0, radians(limit_deg)), (0.0, 0.0, heading_rad))
+        assert (seen[7] < inf) == met
+
+
+def test_what_hides_behind_a_grazed_wall_stays_hidden() -> None:
+    hidden = Scene(((3.0, 0.0, 0.5),), (_facing(60.0),))
+    seen = seen_m(Caster(hidden, 9.0, radians(20.0)), (0.0, 0.0, 0.0))
+    assert seen[AHEAD_LEFT] == seen[AHEAD_RIGHT] == inf
+
+
+def test_early_sonars_look_from_where_the_robot_was() -> None:
+    caster = Caster(still(room()), 10.0, pi / 2)
+    early, late = (1.0, 2.0, 0.2), (1.1, 2.05, 0.3)
+    both, from_early = in_turn(caster.cast(early, late)), seen_m(caster, early)
+    from_late = seen_m(caster, late)
+    for sonar in range(SONARS):
+        wanted = from_late if sonar % 2 else from_early
+        assert both[sonar] == pytest.approx(wanted[sonar], abs=1e-12)
+
+
+def test_a_moving_disc_is_seen_where_it_was_at_each_ping() -> None:
+    caster = Caster(NOTHING, 10.0, pi / 2)
+    here = (0.0, 0.0, 0.0)
+    seen = in_turn(caster.cast(here, here, ([(2.0, 0.0, 0.5)], [(2.2, 0.0, 0.5)])))
+    for sonar, at_m in ((AHEAD_LEFT, 2.0), (AHEAD_RIGHT, 2.2)):
+        still_one = Caster(Scene(((at_m, 0.0, 0.5),), ()), 10.0, pi / 2)
+        assert seen[sonar] == pytest.approx(seen_m(still_one, here)[sonar], abs=1e-12)
+    assert seen_m(caster, here) == [inf] * 8
+
+
+def test_a_moving_disc_grazed_is_lost_like_any_other() -> None:
+    caster = Caster(NOTHING, 10.0, radians(1.0))
+    here, disc = (0.0, 0.0, 0.0), [(2.0, 0.0, 0.5)]
+    assert in_turn(caster.cast(here, here, (disc, disc))) == [inf] * 8
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.tuples(st.floats(0.2, 29.8), st.floats(0.2, 3.8)), min_size=1, max_size=40))
+def test_what_is_out_of_reach_is_left_out_and_nothing_else(
+    places: list[tuple[float, float]],
+) -> None:
+    """One caster that travels sees what a caster made anew at each place sees."""
+    discs = tuple((0.5 * i, 2.0 + (-1.0) ** i, 0.2) for i in range(60))
+    scene = Scene(discs, still(room(size_m=(30.0, 4.0))).edges)
+    travelling = Caster(scene, 3.12, pi / 2)
+    for x_m, y_m in places:
+        pose = (x_m, y_m, 0.3)
+        if min(hypot(x_m - x, y_m - y) - r for x, y, r in discs) < 0.1:
+            continue
+        everything = Caster(scene, 60.0, pi / 2)
+        for seen, wanted in zip(seen_m(travelling, pose), seen_m(everything, pose), strict=True):
+            assert seen == pytest.approx(wanted, abs=1e-9) or min(seen, wanted) > 3.12
