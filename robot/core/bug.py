@@ -19,9 +19,9 @@ from robot.core.values import SONARS, Decision, Goal, Pose
 HIT_MARGIN_M: Final = 0.03
 LEAVE_MARGIN_M: Final = 0.06
 IN_VIEW_RAD: Final = 70.0 * pi / 180.0
-LOST_M: Final = 0.25  # a wall this much farther than it should be is no longer beside the robot
+LOST_M: Final = 0.15  # a wall this much farther than it should be is no longer beside the robot
 LOST_TURN_RAD: Final = 1.5 * pi
-AHEAD_COUNTS_M: Final = 0.10  # so much nearer counts a wall ahead than one beside the robot
+WALL_SIDE: Final = 2  # the sonars 0, 1 and 2 from the wall's end of the ring look at its side
 STEER_RAD_PER_M: Final = 4.0
 STEER_MAX_RAD: Final = 0.6
 BESIDE: Final = 0.5 * pi
@@ -58,6 +58,7 @@ def decide(memory: Memory, ring: Ring, alpha_rad: float, distance_m: float, para
     if not memory.following:
         memory.following = in_the_way(ring, alpha_rad, distance_m, HIT_MARGIN_M, params)
         memory.lost_rad = 0.0
+        memory.beside = False
     elif -IN_VIEW_RAD <= alpha_rad <= IN_VIEW_RAD:
         memory.following = in_the_way(ring, alpha_rad, distance_m, LEAVE_MARGIN_M, params)
 
@@ -89,7 +90,7 @@ def along_the_wall(memory: Memory, pose: Pose, ring: Ring, params: Params) -> fl
     it was, for three quarters of a turn at most; then the robot goes for its goal again.
     """
     side = memory.side
-    i = wall_sonar(ring, side)
+    i = wall_sonar(memory, ring, params)
     range_m = ring.range_m[i]
     if range_m is None or range_m > params.follow_m + LOST_M:
         memory.lost_rad += abs(wrap(pose.heading_rad - memory.heading_rad))
@@ -97,23 +98,30 @@ def along_the_wall(memory: Memory, pose: Pose, ring: Ring, params: Params) -> fl
         arc_m = params.follow_m + params.radius_m
         return -side * min(params.v_max_m_s / (params.k_omega * arc_m), 1.0)
     memory.lost_rad = 0.0
-    beside = i in (0, SONARS - 1)
-    tangent_rad = 0.0 if beside else BEARINGS[i] + side * BESIDE
+    outermost = i in (0, SONARS - 1)
+    tangent_rad = 0.0 if outermost else BEARINGS[i] + side * BESIDE
     away_rad = STEER_RAD_PER_M * (params.follow_m - range_m)
     return tangent_rad + side * max(-STEER_MAX_RAD, min(STEER_MAX_RAD, away_rad))
 
 
-def wall_sonar(ring: Ring, side: int) -> int:
-    """The sonar that sees the followed wall nearest: the six from the wall's side to the front."""
+def wall_sonar(memory: Memory, ring: Ring, params: Params) -> int:
+    """The sonar that sees the followed wall nearest.
+
+    Once the wall is beside the robot that is one of the three on its side; what lies ahead counts
+    only when it is as near as a wall may be, so that the way round a wall's end into a gap is not
+    taken for the opposite wall. Until then everything near ahead is the obstacle to turn from.
+    """
+    side = memory.side
     wall = 0 if side == states.LEFT else SONARS - 1
+    ahead_m = params.follow_m if memory.beside else params.d_th_m
     best, best_m = wall, 1e9
     for k in range(SONARS - 2):
         i = wall + side * k
         range_m = ring.range_m[i]
-        if range_m is None:
+        if range_m is None or (k > WALL_SIDE and range_m >= ahead_m):
             continue
-        if k >= 2:
-            range_m -= AHEAD_COUNTS_M
         if range_m < best_m:
             best, best_m = i, range_m
+    if (best - wall) * side <= WALL_SIDE and best_m < params.follow_m + LOST_M:
+        memory.beside = True
     return best

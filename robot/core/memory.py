@@ -4,13 +4,15 @@ from robot.core import states
 
 
 class Memory:
-    """`side` is where obstacles are passed, `following` whether one is being followed, `lost_rad`
-    how far the robot has turned since it lost the followed wall, `heading_rad` its last heading."""
+    """`side` is where obstacles are passed, `following` whether one is being followed, `beside`
+    whether it has come to be beside the robot, `lost_rad` how far the robot has turned since it
+    lost it, `heading_rad` the robot's last heading."""
 
-    __slots__ = ("following", "heading_rad", "lost_rad", "side")
+    __slots__ = ("beside", "following", "heading_rad", "lost_rad", "side")
 
     def __init__(self) -> None:
         self.side: int = states.LEFT
         self.following = False
+        self.beside = False
         self.lost_rad = 0.0
         self.heading_rad = 0.0
