@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from time import perf_counter
 from typing import TypeAlias
 
@@ -22,6 +23,9 @@ from study.onboard import Onboard
 TTL_MS = 150
 NAVIGATORS: Mapping[str, int] = {"bug": states.BUG, "vgm": states.VGM}
 SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
+
+# The same world is run again and again, and its shortest path costs more than some runs.
+shortest_once = lru_cache(maxsize=8)(shortest_path_m)
 
 Watch: TypeAlias = Callable[[Plant, Onboard, Outputs], None]
 
@@ -102,7 +106,7 @@ def asked_of(trial: Trial, wire_goal: WireGoal) -> Asked:
         goal_y_m=world.goal.y_m,
         goal_heading_rad=world.goal.heading_rad,
         wire_goal=wire_goal,
-        shortest_path_m=shortest_path_m(world),
+        shortest_path_m=shortest_once(world),
         timeout_s=trial.timeout_s,
     )
 

@@ -1,0 +1,49 @@
+"""The generated table of outcomes: what it says of a run, and that the shipped one is whole."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from plant.world_file import shipped
+from study.outcomes import document, main, rows_of
+
+TABLE = Path(__file__).parents[2] / "docs" / "outcomes.md"
+
+
+def test_a_world_gets_a_row_per_navigator_and_noise_with_all_seeds_counted() -> None:
+    rows = rows_of("open", 2)
+    assert [(row.navigator, row.noise) for row in rows] == [
+        ("bug, left", "none"),
+        ("bug, left", "default"),
+        ("bug, right", "none"),
+        ("bug, right", "default"),
+        ("vgm", "none"),
+        ("vgm", "default"),
+    ]
+    assert [row.ends.total() for row in rows] == [1, 2] * 3
+    assert {row.run.seed for row in rows} == {0}
+
+
+def test_a_failure_is_written_down_with_its_reason_and_without_a_path_ratio() -> None:
+    (row, *_) = rows_of("open", 1)
+    stuck = row.run.__class__(**{**row.run.as_json(), "outcome": "stuck", "reason": "blocked"})  # type: ignore[arg-type]
+    text = document([[row._replace(run=stuck, ends=Counter(stuck=3, collided=2))]], 5)
+    (line,) = [line for line in text.splitlines() if line.startswith("| open")]
+    assert "| stuck | blocked |" in line
+    assert "| - |" in line
+    assert "| bug, left | none | 5 | 0 | 2 | 3 | 0 | 0 |" in text
+
+
+def test_it_writes_the_file_it_is_told_to(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "table.md"
+    assert main(["--worlds", "open", "--seeds", "1", "--jobs", "1", "--output", str(path)]) == 0
+    assert path.read_text(encoding="utf-8").count("\n| open | ") == 6
+    assert "1 worlds" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("world", shipped())
+def test_the_table_in_the_docs_has_every_shipped_world(world: str) -> None:
+    assert TABLE.read_text(encoding="utf-8").count(f"\n| {world} | ") == 6
