@@ -5,6 +5,8 @@ from math import atan2, cos, degrees, dist, hypot, inf, pi, radians, remainder, 
 import numpy as np
 import pytest
 
+from plant.shortest_path import path_length_m, shortest_path
+from plant.world_file import load
 from robot.core import odometry as odometries
 from robot.core import vgm
 from robot.core.geometry import BEARINGS
@@ -13,6 +15,7 @@ from robot.core.odometry import Odometry
 from robot.core.parameters import DEFAULTS
 from robot.core.ring import Ring
 from robot.core.values import Decision, Goal, Pose
+from study.trial import Trial, run_trial
 
 TRACK_M = DEFAULTS.track_m
 
@@ -191,3 +194,13 @@ def test_d_obs_is_the_width_of_the_zone_and_the_nearest_range_is_compared_with_i
     assert vgm.step(Memory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad != 0.0
     ring.nearest, ring.nearest_m = -1, inf
     assert vgm.step(Memory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad == 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_guarantee_a_goal_with_a_way_to_it_that_the_virtual_goal_method_never_reaches(
+    seed: int,
+) -> None:
+    world = load("u_trap")
+    assert path_length_m(shortest_path(world)) == pytest.approx(5.1, abs=0.1)
+    trapped = run_trial(Trial(world=world, navigator="vgm", seed=seed))
+    assert trapped.outcome == "stuck"
