@@ -12,17 +12,20 @@ import msgspec
 from fastcrc.crc16 import mcrf4xx
 
 from protocol.errors import LocalError, RemoteError
-from protocol.layout import LAYOUT
 from protocol.message import Message, unfit
 from protocol.messages import MESSAGES
-from protocol.wire import wire_of
+from protocol.wire import Wire, wire_of
 
 MAGIC: Final = 0xFD
-HEADER: Final = Struct("<BBBBBBBHB")  # magic, size, flags, flags, sequence, system, component, id
+MAGIC_BYTE: Final = bytes([MAGIC])
+HEAD: Final = Struct("<BBBBBBHB")  # size, flags, flags, sequence, system, component, id
+HEADER: Final = Struct("<BBBBBBBHB")  # the same after the magic
+CHECKSUM: Final = Struct("<H")
 HEADER_SIZE: Final = HEADER.size
-CHECKSUM_SIZE: Final = 2
+CHECKSUM_SIZE: Final = CHECKSUM.size
 SMALLEST_FRAME: Final = HEADER_SIZE + 1 + CHECKSUM_SIZE
-TYPE_OF_ID: Final = {LAYOUT[cls.__name__].number: cls for cls in MESSAGES}
+WIRE_OF_TYPE: Final[dict[type[Message], Wire]] = {cls: wire_of(cls) for cls in MESSAGES}
+WIRE_OF_ID: Final[dict[int, Wire]] = {wire.number: wire for wire in WIRE_OF_TYPE.values()}
 UNPACKABLE: Final = (StructError, OverflowError, TypeError, ValueError, AttributeError)
 
 
@@ -47,21 +50,16 @@ class Encoder:
 
     def encode(self, message: Message) -> bytes:
         """The next frame; LocalError names the field that does not fit."""
-        wire = wire_of(type(message))
+        wire = WIRE_OF_TYPE[type(message)]
         try:
-            payload = wire.pack(message)
+            payload = wire.pack(message).rstrip(b"\0") or b"\0"
         except UNPACKABLE as error:
             raise unfit(message) from error
-        payload = payload.rstrip(b"\0") or b"\0"
         sequence, number = self._sequence, wire.number
         self._sequence = (sequence + 1) & 0xFF
-        size, sender, component = len(payload), self._system_id, self._component_id
-        body = HEADER.pack(
-            MAGIC, size, 0, 0, sequence, sender, component, number & 0xFFFF, number >> 16
-        )
-        body += payload
-        checksum = mcrf4xx(body[1:] + wire.crc_extra)
-        return body + checksum.to_bytes(CHECKSUM_SIZE, "little")
+        ids = self._system_id, self._component_id, number & 0xFFFF, number >> 16
+        body = HEAD.pack(len(payload), 0, 0, sequence, *ids) + payload
+        return MAGIC_BYTE + body + CHECKSUM.pack(mcrf4xx(body + wire.crc_extra))
 
 
 def decode(frame: bytes) -> Frame:
@@ -75,20 +73,16 @@ def decode(frame: bytes) -> Frame:
         raise RemoteError(f"announces {size} bytes of payload in a frame of {len(frame)}")
     if flags:
         raise RemoteError(f"needs features that are not supported (flags 0x{flags:02x})")
-    cls = TYPE_OF_ID.get(low | high << 16)
-    if cls is None:
+    wire = WIRE_OF_ID.get(low | high << 16)
+    if wire is None:
         raise RemoteError(f"message id {low | high << 16} is not in the dialect")
-    message = _message(cls, frame)
-    return Frame(message=message, system_id=system_id, component_id=component_id, sequence=sequence)
-
-
-def _message(cls: type[Message], frame: bytes) -> Message:
-    """Check the checksum, undo the truncation; bytes after the known payload are extensions."""
-    wire = wire_of(cls)
     if mcrf4xx(frame[1:-2] + wire.crc_extra) != frame[-2] | frame[-1] << 8:
         raise RemoteError(f"checksum of {wire.name} does not match")
     payload = frame[HEADER_SIZE:-CHECKSUM_SIZE]
+    if size != wire.size:  # zeros at the end are left out; what is beyond are extensions
+        payload = payload.ljust(wire.size, b"\0")[: wire.size]
     try:
-        return wire.unpack(payload.ljust(wire.size, b"\0")[: wire.size])
+        message = wire.unpack(payload)
     except UnicodeDecodeError as error:
         raise RemoteError(f"a text of {wire.name} is not UTF-8") from error
+    return Frame(message=message, system_id=system_id, component_id=component_id, sequence=sequence)
