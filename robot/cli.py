@@ -1,0 +1,112 @@
+"""`sidestep robot`: one robot's control loop, from the command line."""
+
+import argparse
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from math import isfinite, radians
+from pathlib import Path
+
+from protocol import config
+from protocol.enums import Severity
+from protocol.errors import UserError
+from protocol.network import Network
+from protocol.options import add_network_options, network_of
+from protocol.topics import robot_name
+from robot.core.parameters import DEFAULTS, Params
+from robot.core.values import Pose
+from robot.parameters import OutOfRange, Unknown, with_value
+from robot.run import run
+from robot.store import Store
+from robot.vehicle import Vehicle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """`--config FILE`: where the bus is, and parameters by name."""
+
+    network: Network | None = None
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run until told to stop; 0 after that, 1 when the core failed, 2 for wrong settings."""
+    arguments = parser().parse_args(list(argv))
+    settings = config.load(arguments.config, Settings) if arguments.config else Settings()
+    network = network_of(arguments, settings.network, listens=True)
+    vehicle = vehicle_of(arguments, settings)
+    return run(
+        vehicle,
+        network,
+        robot_name(arguments.id),
+        lockstep=arguments.lockstep,
+        fifo=arguments.realtime,
+    )
+
+
+def parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="sidestep robot",
+        description="The control loop of one robot, 20 times a second.",
+        allow_abbrev=False,
+    )
+    add_network_options(parser)
+    parser.add_argument("--id", metavar="NAME", default="r1", help="the robot's name (r1)")
+    parser.add_argument(
+        "--start",
+        metavar=("X", "Y", "DEG"),
+        nargs=3,
+        type=finite,
+        default=(0.0, 0.0, 0.0),
+        help="where it stands, so that goals are places of the world (0 0 0)",
+    )
+    parser.add_argument(
+        "--param",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        type=assignment,
+        help="a parameter; the names are in `sidestep param list`",
+    )
+    parser.add_argument("--state", metavar="DIR", type=Path, help="keep parameters there")
+    parser.add_argument(
+        "--lockstep", action="store_true", help="simulated time, given by the plant"
+    )
+    parser.add_argument("--realtime", action="store_true", help="schedule the loop SCHED_FIFO")
+    return parser
+
+
+def vehicle_of(arguments: argparse.Namespace, settings: Settings) -> Vehicle:
+    """Defaults, then the file, then what an operator saved, then the command line."""
+    store = Store(arguments.state)
+    params = adjusted(DEFAULTS, settings.parameters.items(), f"{arguments.config}: [parameters]")
+    params, warnings = store.load(params)
+    params = adjusted(params, arguments.param, "--param")
+    x_m, y_m, heading_deg = arguments.start
+    vehicle = Vehicle(params, store, Pose(x_m, y_m, radians(heading_deg)))
+    for warning in warnings:
+        vehicle.say(Severity.WARNING, warning)
+    return vehicle
+
+
+def adjusted(params: Params, values: Iterable[tuple[str, float]], where: str) -> Params:
+    """Parameters with these values in force. Raises UserError, naming where a bad one stands."""
+    for name, value in values:
+        try:
+            params = with_value(params, name, value)
+        except (Unknown, OutOfRange) as error:
+            raise UserError(f"{where}: {error}") from error
+    return params
+
+
+def finite(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+    return value
+
+
+def assignment(text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    if not (name and equals):
+        raise argparse.ArgumentTypeError(f"{text!r}: write NAME=VALUE, as in d_obs_m=0.4")
+    return name, finite(value)

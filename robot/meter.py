@@ -1,0 +1,66 @@
+"""What each control cycle cost and how late it was; it keeps the account and judges the budget."""
+
+from typing import Final
+
+from protocol.clock import Clock, Tick
+
+from protocol.messages import CycleReport
+from robot.core.budget import STAGES, TICK_US
+
+OVERRUNS_IN_A_ROW: Final = 3
+LAST_STAGE: Final = len(STAGES) - 1
+
+
+class Meter:
+    """CPU time per stage of the tick under way; `violated` tells that the wheels have to stop.
+
+    In lockstep (`enforced` false) time stands still while the robot thinks, so nothing is late and
+    no verdict may depend on how busy the machine is.
+    """
+
+    def __init__(self, clock: Clock, *, period_ns: int, enforced: bool) -> None:
+        self._clock = clock
+        self._period_ns = period_ns
+        self._enforced = enforced
+        self._stage_us = [0] * len(STAGES)
+        self._marked_ns = self._begun_ns = 0
+        self._in_a_row = 0
+        self._tick = Tick(0, 0, 0, 0)
+        self.overruns = 0
+
+    def begin(self, tick: Tick) -> None:
+        self._tick = tick
+        self._begun_ns = self._marked_ns = self._clock.cpu_ns()
+
+    def mark(self, stage: int) -> None:
+        """The stage with this number has just ended."""
+        now_ns = self._clock.cpu_ns()
+        self._stage_us[stage] = (now_ns - self._marked_ns) // 1000
+        self._marked_ns = now_ns
+
+    def end(self) -> None:
+        """The cycle is over: its cost counts from here on."""
+        self.mark(LAST_STAGE)
+        over = (self._marked_ns - self._begun_ns) // 1000 > TICK_US
+        self.overruns += over
+        self._in_a_row = self._in_a_row + 1 if over else 0
+
+    @property
+    def violated(self) -> bool:
+        """Three overruns in a row, or a tick more than one period late."""
+        late = self._tick.late_ns > self._period_ns
+        return self._enforced and (late or self._in_a_row >= OVERRUNS_IN_A_ROW)
+
+    def report(self, time_ns: int, *, sense_age_us: int, rejected: int) -> CycleReport:
+        """The account of this tick; its writing, not over yet, is that of the tick before."""
+        return CycleReport(
+            time_ns=time_ns,
+            tick=self._tick.index,
+            missed=self._tick.missed,
+            overruns=self.overruns,
+            rejected=rejected,
+            late_us=self._tick.late_ns // 1000,
+            sense_age_us=sense_age_us,
+            budget_us=TICK_US,
+            stage_us=tuple([min(spent_us, 65_535) for spent_us in self._stage_us]),
+        )

@@ -1,0 +1,121 @@
+"""The robot's parameters as an operator sees them: unit, range and meaning of each setting."""
+
+from dataclasses import dataclass
+from math import isfinite
+from types import MappingProxyType
+from typing import Final
+
+from robot.core import states
+from robot.core.parameters import DEFAULTS, Params
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """What one parameter may be; `integer` values are whole numbers."""
+
+    name: str
+    unit: str
+    minimum: float
+    maximum: float
+    doc: str
+    choices: tuple[int, ...] = ()
+
+    @property
+    def default(self) -> float:
+        return float(getattr(DEFAULTS, self.name))
+
+    @property
+    def integer(self) -> bool:
+        return isinstance(getattr(DEFAULTS, self.name), int)
+
+
+TABLE: Final = (
+    Spec("radius_m", "m", 0.02, 1.0, "radius of the robot"),
+    Spec("track_m", "m", 0.02, 2.0, "distance between the wheels (the paper's l)"),
+    Spec("wheel_radius_m", "m", 0.005, 0.5, "wheel radius"),
+    Spec("m_per_tick", "m", 1e-6, 0.05, "distance a wheel rolls per encoder tick"),
+    Spec("wheel_max_m_s", "m/s", 0.01, 3.0, "fastest rim speed of a wheel"),
+    Spec("v_max_m_s", "m/s", 0.01, 3.0, "fastest forward speed"),
+    Spec("yaw_max_rad_s", "rad/s", 0.1, 10.0, "fastest turn"),
+    Spec("accel_m_s2", "m/s^2", 0.05, 10.0, "strongest acceleration of a wheel"),
+    Spec("period_s", "s", 0.05, 0.05, "control period; fixed"),
+    Spec("k_r_m", "m", 0.0, 0.01, "odometry error of the right wheel, variance per metre"),
+    Spec("k_l_m", "m", 0.0, 0.01, "odometry error of the left wheel, variance per metre"),
+    Spec("sonar_max_m", "m", 0.2, 60.0, "farthest range of a sonar"),
+    Spec("sonar_stale_ms", "ms", 25, 1000, "a ping older than this counts as missing"),
+    Spec("freeze_m", "m", 0.01, 5.0, "driven so far with unchanged echoes: sonar frozen"),
+    Spec("freeze_rad", "rad", 0.01, 6.3, "turned so far with unchanged echoes: sonar frozen"),
+    Spec("freeze_front_m", "m", 0.1, 60.0, "an unchanged echo counts as frozen up to this range"),
+    Spec("navigator", "", 1, 2, "navigator: 1 bug, 2 vgm", (states.BUG, states.VGM)),
+    Spec("side", "", -1, 1, "side bug passes on: 1 left, -1 right", (states.LEFT, states.RIGHT)),
+    Spec("d_obs_m", "m", 0.05, 3.0, "width of the avoidance zone of vgm (the paper's d_obs)"),
+    Spec("d_th_m", "m", 0.05, 3.0, "threshold distance of bug (the paper's d_th)"),
+    Spec("follow_m", "m", 0.05, 1.0, "distance at which bug follows a boundary"),
+    Spec("k_rho", "1/m", 0.1, 20.0, "position controller: gain on distance"),
+    Spec("k_omega", "1/s", 0.1, 20.0, "position controller: gain on bearing"),
+    Spec("pose_k_rho", "1/m", 0.1, 20.0, "pose controller: gain on distance"),
+    Spec("pose_k_omega", "1/s", 0.1, 20.0, "pose controller: gain on bearing"),
+    Spec("pose_h", "", 0.0, 20.0, "pose controller: weight of the final heading"),
+    Spec("pose_from_m", "m", 0.0, 10.0, "pose controller steers from this distance on"),
+    Spec("align_k", "1/s", 0.1, 20.0, "last turn on the spot: gain"),
+    Spec("align_min_rad_s", "rad/s", 0.01, 1.0, "last turn on the spot: slowest turn"),
+    Spec("spin_room_m", "m", 0.0, 1.0, "with less room ahead the robot turns on the spot"),
+    Spec("pos_tol_m", "m", 0.005, 1.0, "position tolerance of a goal that names none"),
+    Spec("head_tol_rad", "rad", 0.0035, 3.1416, "heading tolerance of a goal that names none"),
+    Spec("goal_max_m", "m", 1.0, 10_000.0, "farthest coordinate of a goal"),
+    Spec("guard_stop_m", "m", 0.0, 1.0, "guard: no forward motion below this range; 0 is off"),
+    Spec("guard_time_s", "s", 0.05, 5.0, "guard: time to cover the range that is left"),
+    Spec("op_lost_ms", "ms", 200, 60_000, "operator lost after this silence"),
+    Spec("wheel_min_m_s", "m/s", 0.01, 1.0, "wheel stuck: judged above this speed"),
+    Spec("wheel_time_ms", "ms", 100, 10_000, "wheel stuck: judged over this time"),
+    Spec("wheel_share", "", 0.01, 0.9, "wheel stuck: turned less than this share"),
+    Spec("stuck_ms", "ms", 1000, 600_000, "blocked: hardly moved for this long"),
+    Spec("stuck_m", "m", 0.005, 1.0, "blocked: moved less than this"),
+    Spec("stuck_rad", "rad", 0.01, 6.3, "blocked: turned less than this"),
+    Spec("progress_ms", "ms", 1000, 3_600_000, "no progress: no closer for this long"),
+    Spec("progress_m", "m", 0.005, 1.0, "no progress: closer by at least this counts"),
+)
+
+SPECS: Final = MappingProxyType({spec.name: spec for spec in TABLE})
+
+
+class Unknown(LookupError):
+    """No parameter has this name."""
+
+
+class OutOfRange(ValueError):
+    """Not finite, not whole where it must be, or outside its range."""
+
+
+def with_value(params: Params, name: str, value: float) -> Params:
+    """The same parameters with one changed. Raises Unknown or OutOfRange, saying which and why."""
+    spec = SPECS.get(name)
+    if spec is None:
+        raise Unknown(f"there is no parameter «{name}»")
+    if not isfinite(value) or not spec.minimum <= value <= spec.maximum:
+        limits = f"{spec.minimum:g} to {spec.maximum:g} {spec.unit}".rstrip()
+        raise OutOfRange(f"{name} = {value:g}: must be within {limits}")
+    if spec.integer and value != int(value):
+        raise OutOfRange(f"{name} = {value:g}: must be a whole number")
+    if spec.choices and value not in spec.choices:
+        raise OutOfRange(f"{name} = {value:g}: must be one of {', '.join(map(str, spec.choices))}")
+    values = list(params)
+    values[params._fields.index(name)] = int(value) if spec.integer else value
+    return Params._make(values)
+
+
+def described(params: Params) -> list[dict[str, float | bool | str]]:
+    """All parameters in table order, each with value, default, unit, range and doc."""
+    return [
+        {
+            "name": spec.name,
+            "value": getattr(params, spec.name),
+            "default": spec.default,
+            "unit": spec.unit,
+            "minimum": spec.minimum,
+            "maximum": spec.maximum,
+            "integer": spec.integer,
+            "doc": spec.doc,
+        }
+        for spec in TABLE
+    ]

@@ -1,0 +1,107 @@
+"""The robot as a process: one tick after another, and requests in between."""
+
+from collections.abc import Callable, Iterable
+from queue import Empty, SimpleQueue
+from typing import Final
+
+from protocol.bus import Asked, Bus
+from protocol.clock import Clock, Tick
+from protocol.topics import COMMAND, PARAMETER, PARAMETERS
+from robot.core import reasons
+from robot.core.budget import READ
+from robot.core.values import Outputs
+from robot.meter import Meter
+from robot.reports import Reports
+from robot.senses import Senses
+from robot.vehicle import Vehicle
+
+SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS)
+
+
+class Process:
+    """Ties a vehicle to a bus and a clock. All work is in one thread; the bus only enqueues."""
+
+    def __init__(
+        self, vehicle: Vehicle, bus: Bus, clock: Clock, senses: Senses, meter: Meter
+    ) -> None:
+        self.vehicle = vehicle
+        self._stopping = False
+        self._bus = bus
+        self._clock = clock
+        self._senses = senses
+        self._meter = meter
+        self._reports = Reports(bus)
+        self._requests: SimpleQueue[Asked] = SimpleQueue()
+
+    def serve(self, nudge: Callable[[], None] = lambda: None) -> None:
+        """Begin to take requests; `nudge` is called from the bus when there is one."""
+
+        def take(asked: Asked) -> None:
+            self._requests.put(asked)
+            nudge()
+
+        for service in SERVICES:
+            self._bus.serve(service, take)
+
+    def stop(self) -> None:
+        """End after the tick under way; may be called from a signal handler."""
+        self._stopping = True
+
+    def run(self, grid: Iterable[Tick]) -> None:
+        """Until told to stop. Whatever ends it, the wheels are told to stand and the goal ends."""
+        try:
+            for tick in grid:
+                self.cycle(tick)
+                if self._stopping:
+                    break
+        finally:
+            self.vehicle.stop(reasons.SHUT_DOWN, self._clock.now_ns())
+            self._reports.command(self._senses.stamp_ns, self._senses.sequence, 0, 0)
+            self._reports.events(self.vehicle, self._clock.now_ns())
+
+    def cycle(self, tick: Tick) -> None:
+        """One control period: read, think, write, account."""
+        self._meter.begin(tick)
+        self._answer()
+        now_ns = self._clock.now_ns()
+        inputs = self._senses.read(tick, now_ns, self.vehicle)
+        self._meter.mark(READ)
+        if self._meter.violated:
+            self.vehicle.report(reasons.BUDGET)
+        outputs = self.vehicle.step(inputs, self._meter.mark)
+        self._write(outputs, tick, now_ns)
+        self._meter.end()
+
+    def idle(self) -> None:
+        """Between two ticks: answer what was asked, and show that the loop lives."""
+        self._answer()
+        self._reports.events(self.vehicle, self._clock.now_ns())
+
+    def _write(self, outputs: Outputs, tick: Tick, now_ns: int) -> None:
+        """The wheels come first; who watches may wait."""
+        senses, reports = self._senses, self._reports
+        stamp_ns = senses.stamp_ns
+        reports.command(stamp_ns, senses.sequence, outputs.left_mrad_s, outputs.right_mrad_s)
+        sent_us = max(0, self._clock.now_ns() - tick.due_ns) // 1000
+        reports.tick(self.vehicle, outputs, stamp_ns, now_ns)
+        reports.cycle.put(
+            self._meter.report(
+                stamp_ns,
+                sense_age_us=senses.ping_age_us + sent_us,
+                rejected=sum(self._bus.rejected.values()),
+            )
+        )
+        reports.events(self.vehicle, now_ns)
+
+    def _answer(self) -> None:
+        while True:
+            try:
+                asked = self._requests.get_nowait()
+            except Empty:
+                return
+            if asked.message is None:
+                asked.reply(self.vehicle.described())
+                continue
+            answer = self.vehicle.receive(asked.message, self._clock.now_ns())
+            asked.reply(answer)
+            self._reports.record(asked.message, answer)

@@ -1,0 +1,29 @@
+"""What the operating system can do for punctuality; each option falls back with a warning."""
+
+import gc
+import os
+
+FIFO_PRIORITY = 50
+
+
+def freeze_heap() -> None:
+    """Move all that exists out of the collector's sight: no full collection stalls the loop."""
+    gc.collect()
+    gc.freeze()
+
+
+def use_fifo(priority: int = FIFO_PRIORITY) -> str | None:
+    """Schedule the calling thread SCHED_FIFO; None when it worked, else the warning to show.
+
+    To be called after the bus is open: threads started later would inherit the class.
+    """
+    if not hasattr(os, "sched_setscheduler"):
+        return "real-time scheduling is not available on this system: running as a normal process"
+    try:
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+    except PermissionError:
+        return "real-time scheduling refused (needs CAP_SYS_NICE): running as a normal process"
+    except OSError as error:
+        return f"real-time scheduling failed ({error.strerror}): running as a normal process"
+    return None

@@ -1,0 +1,76 @@
+"""What goes out: the wheel command first, then belief, status, decision, cost and events."""
+
+from typing import Final
+
+from protocol.bus import Bus
+from protocol.message import Message
+from protocol.messages import WheelCommand
+from protocol.topics import (
+    ANSWERED,
+    COMMANDED,
+    CYCLE,
+    DECISION,
+    DRIVE,
+    HEARTBEAT,
+    ODOMETRY,
+    STATUS,
+    TEXT,
+)
+from robot import telemetry
+from robot.core.senses import now_ms_of
+from robot.core.values import Outputs
+from robot.vehicle import Vehicle
+
+TTL_MS: Final = 150
+
+
+class Reports:
+    """Publishers of one robot."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.drive = bus.publisher(DRIVE)
+        self.heartbeat = bus.publisher(HEARTBEAT)
+        self.odometry = bus.publisher(ODOMETRY)
+        self.status = bus.publisher(STATUS)
+        self.decision = bus.publisher(DECISION)
+        self.cycle = bus.publisher(CYCLE)
+        self.text = bus.publisher(TEXT)
+        self.commanded = bus.publisher(COMMANDED)
+        self.answered = bus.publisher(ANSWERED)
+        self._commands = 0
+
+    def command(self, stamp_ns: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int) -> None:
+        """Tell the wheels what to do for the next 150 ms."""
+        self.drive.put(
+            WheelCommand(
+                time_ns=stamp_ns,
+                seq=self._commands,
+                sense_seq=sense_seq,
+                left_mrad_s=left_mrad_s,
+                right_mrad_s=right_mrad_s,
+                ttl_ms=TTL_MS,
+            )
+        )
+        self._commands = (self._commands + 1) & 0xFFFFFFFF
+
+    def tick(self, vehicle: Vehicle, outputs: Outputs, stamp_ns: int, now_ns: int) -> None:
+        """Where the robot believes it is, what it is about, and why it turns."""
+        state = vehicle.state
+        self.odometry.put(telemetry.odometry(state, stamp_ns))
+        goal_id, now_ms = vehicle.commands.goal_id, now_ms_of(now_ns)
+        self.status.put(telemetry.status(state, goal_id, stamp_ns, now_ms))
+        self.decision.put(telemetry.decision(outputs, vehicle.zone_m, stamp_ns))
+
+    def events(self, vehicle: Vehicle, now_ns: int) -> None:
+        """What does not wait for a tick: that the loop lives, and what has just changed."""
+        beat = vehicle.heartbeat(now_ns)
+        if beat is not None:
+            self.heartbeat.put(beat)
+        for text in vehicle.texts():
+            self.text.put(text)
+
+    def record(self, request: Message, answer: Message) -> None:
+        """Put a request and its answer on the bus, for the black box."""
+        if type(request) in COMMANDED.messages:
+            self.commanded.put(request)
+            self.answered.put(answer)

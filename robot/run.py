@@ -1,0 +1,119 @@
+"""Puts a vehicle on the bus, gives it a clock, and runs it until told to stop."""
+
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from protocol.bus import Bus, Network, open_bus
+from protocol.clock import Tick, WallClock, ticks
+from protocol.codec import decode
+from protocol.enums import Severity
+from protocol.errors import RemoteError, UserError
+from protocol.lockstep import LockstepClock
+from protocol.messages import SystemTime
+from protocol.pulse import Pulse
+from protocol.topics import CLOCK, Role
+from robot.meter import Meter
+from robot.process import Process
+from robot.realtime import freeze_heap, use_fifo
+from robot.senses import PERIOD_NS, Senses
+from robot.vehicle import Vehicle
+
+CONTROL_HZ: Final = 20.0
+IDLE_S: Final = 0.2
+
+
+def run(vehicle: Vehicle, network: Network, robot: str, *, lockstep: bool, fifo: bool) -> int:
+    """0 when told to stop. Raises UserError for a taken name and whatever brought the core down."""
+    with open_bus(network, Role.ROBOT, robot) as bus:
+        claim(bus, robot)
+        process, grid = in_lockstep(vehicle, bus) if lockstep else in_wall_time(vehicle, bus)
+        settle(vehicle, fifo=fifo)
+        print(f"robot {robot}: ready, disarmed", file=sys.stderr, flush=True)
+        process.run(grid)
+    return 0
+
+
+def claim(bus: Bus, robot: str) -> None:
+    """Announce this robot unless one of its name is there; of two at once, one stays."""
+    refuse_twin(robot, twins(bus, robot))
+    bus.announce()
+    refuse_twin(robot, [zid for zid in twins(bus, robot) if zid < bus.zid])
+
+
+def twins(bus: Bus, robot: str) -> list[str]:
+    return [
+        zid
+        for name, role, zid in bus.present()
+        if (name, role) == (robot, "robot") and zid != bus.zid
+    ]
+
+
+def refuse_twin(robot: str, others: list[str]) -> None:
+    if others:
+        raise UserError(
+            f"a robot named {robot} is already there (session {others[0]}): "
+            "stop it, or give this one another name with --id"
+        )
+
+
+def in_wall_time(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:
+    """The grid is phase-locked to the scans as they arrive."""
+    clock, pulse = WallClock(), Pulse()
+    senses = Senses(bus, lockstep=False, beat=pulse.beat)
+    meter = Meter(clock, period_ns=PERIOD_NS, enforced=True)
+    process = Process(vehicle, bus, clock, senses, meter)
+    process.serve()
+    on_signal(process.stop)
+    return process, ticks(clock, CONTROL_HZ, pulse)
+
+
+def in_lockstep(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:
+    """Time is the plant's; while it stands still, requests are answered."""
+    clock = LockstepClock(patience_s=IDLE_S, idle=lambda: process.idle())
+    senses = Senses(bus, lockstep=True)
+    meter = Meter(clock, period_ns=PERIOD_NS, enforced=False)
+    process = Process(vehicle, bus, clock, senses, meter)
+    process.serve(nudge=clock.nudge)
+    feed(clock, bus)
+
+    def stop() -> None:
+        process.stop()
+        clock.stop()
+
+    on_signal(stop)
+    return process, ticks(clock, CONTROL_HZ)
+
+
+def feed(clock: LockstepClock, bus: Bus) -> None:
+    """Let the plant's clock frames drive `clock`; it stops when the plant begins anew."""
+
+    def take(_key: str, frame: bytes, _arrived_ns: int) -> None:
+        try:
+            message = decode(frame).message
+        except RemoteError:
+            return  # without a clock frame time stands still, which is the safe side
+        if isinstance(message, SystemTime):
+            stamp_ns = message.time_unix_usec * 1000
+            if stamp_ns < clock.now_ns():
+                print("robot: the plant was restarted, so this run is over", file=sys.stderr)
+                clock.stop()
+            clock.advance_to(stamp_ns)
+
+    bus.stream(CLOCK, take)
+
+
+def on_signal(stop: Callable[[], None]) -> None:
+    """End the loop at its next tick on SIGINT or SIGTERM."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop())
+
+
+def settle(vehicle: Vehicle, *, fifo: bool) -> None:
+    """Last, when all that stays is there: no collection of it later, and real-time if wanted."""
+    freeze_heap()
+    warning = use_fifo() if fifo else None
+    if warning is not None:
+        print(f"robot: warning: {warning}", file=sys.stderr)
+        vehicle.say(Severity.WARNING, warning)

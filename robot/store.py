@@ -1,0 +1,48 @@
+"""Parameters that survive a restart: a small JSON file, replaced as a whole or not at all."""
+
+import json
+import os
+from pathlib import Path
+
+from robot.core.parameters import Params
+from robot.parameters import OutOfRange, Unknown, with_value
+
+FILE_NAME = "parameters.json"
+
+
+class Store:
+    """Keeps what an operator has set, in `directory`; without a directory it keeps nothing."""
+
+    def __init__(self, directory: Path | None) -> None:
+        self._path = None if directory is None else directory / FILE_NAME
+        self._values: dict[str, float] = {}
+
+    def load(self, params: Params) -> tuple[Params, list[str]]:
+        """Parameters with the saved values on top, and a warning for each that cannot be used."""
+        if self._path is None or not self._path.exists():
+            return params, []
+        try:
+            saved = dict(json.loads(self._path.read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError) as error:
+            return params, [f"{self._path}: not readable ({error}); defaults in force"]
+        warnings = []
+        for name, value in saved.items():
+            try:
+                params = with_value(params, name, float(value))
+                self._values[name] = float(value)
+            except (Unknown, OutOfRange, TypeError, ValueError) as error:
+                warnings.append(f"{self._path}: {name}: ignored ({error})")
+        return params, warnings
+
+    def save(self, name: str, value: float) -> None:
+        """Write atomically: a crash leaves the old file or the new one. Raises OSError."""
+        self._values[name] = value
+        if self._path is None:
+            return
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        draft = self._path.with_suffix(".part")
+        with draft.open("w", encoding="utf-8") as file:
+            json.dump(self._values, file, indent=1)
+            file.flush()
+            os.fsync(file.fileno())
+        draft.replace(self._path)

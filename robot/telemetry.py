@@ -1,0 +1,108 @@
+"""What the robot tells of itself: the state of the core, put into messages."""
+
+from math import nan
+from typing import Final
+
+from protocol.enums import (
+    MODE_FLAG_CUSTOM_MODE_ENABLED,
+    MODE_FLAG_SAFETY_ARMED,
+    TYPE_GROUND_ROVER,
+    SystemState,
+)
+from protocol.messages import AvoidanceDecision, Heartbeat, NavigatorStatus, PlanarOdometry
+from robot.core import states
+from robot.core.state import State
+from robot.core.values import Outputs
+
+ARDUPILOT: Final = 3
+NS_PER_MS: Final = 1_000_000
+
+SYSTEM_STATUS: Final = {
+    states.BOOT: SystemState.BOOT,
+    states.STANDBY: SystemState.STANDBY,
+    states.ACTIVE: SystemState.ACTIVE,
+    states.FAILSAFE: SystemState.CRITICAL,
+    states.EMERGENCY_STOP: SystemState.EMERGENCY,
+}
+
+
+def heartbeat(state: State) -> Heartbeat:
+    """The face of an ArduPilot Rover, which every MAVLink ground station knows."""
+    machine = state.machine
+    armed = MODE_FLAG_SAFETY_ARMED if machine.vehicle == states.ACTIVE else 0
+    return Heartbeat(
+        type=TYPE_GROUND_ROVER,
+        autopilot=ARDUPILOT,
+        base_mode=MODE_FLAG_CUSTOM_MODE_ENABLED | armed,
+        custom_mode=machine.mode,
+        system_status=SYSTEM_STATUS[machine.vehicle],
+        mavlink_version=3,
+    )
+
+
+def odometry(state: State, time_ns: int) -> PlanarOdometry:
+    odometry = state.odometry
+    return PlanarOdometry(
+        time_ns=time_ns,
+        x_m=odometry.pose.x_m,
+        y_m=odometry.pose.y_m,
+        heading_rad=odometry.pose.heading_rad,
+        speed_m_s=odometry.speed_m_s,
+        yaw_rate_rad_s=odometry.yaw_rate_rad_s,
+        cov_xx_m2=odometry.pxx,
+        cov_xy_m2=odometry.pxy,
+        cov_xh_m_rad=odometry.pxh,
+        cov_yy_m2=odometry.pyy,
+        cov_yh_m_rad=odometry.pyh,
+        cov_hh_rad2=odometry.phh,
+    )
+
+
+def status(state: State, goal_id: int, time_ns: int, now_ms: int) -> NavigatorStatus:
+    """Vehicle, mode and goal; the goal's times are carried over from the core's clock to stamps."""
+    machine = state.machine
+    goal = machine.goal
+    heading_rad = nan if goal is None or goal.heading_rad is None else goal.heading_rad
+    started_ns = 0 if goal is None else _stamp(machine.goal_started_ms, time_ns, now_ms)
+    over = machine.goal_state >= states.REACHED
+    return NavigatorStatus(
+        time_ns=time_ns,
+        goal_started_ns=started_ns,
+        goal_ended_ns=max(1, _stamp(machine.goal_ended_ms, time_ns, now_ms)) if over else 0,
+        goal_id=goal_id,
+        goal_x_m=nan if goal is None else goal.x_m,
+        goal_y_m=nan if goal is None else goal.y_m,
+        goal_heading_rad=heading_rad,
+        goal_distance_m=state.goal_distance_m,
+        vehicle=machine.vehicle,
+        mode=machine.mode,
+        goal=machine.goal_state,
+        vehicle_reason=machine.vehicle_reason,
+        goal_reason=machine.goal_reason,
+        navigator=machine.navigator,
+        side=machine.side,
+    )
+
+
+def _stamp(at_ms: int, time_ns: int, now_ms: int) -> int:
+    return max(0, time_ns - (now_ms - at_ms) * NS_PER_MS)
+
+
+def decision(outputs: Outputs, zone_m: float, time_ns: int) -> AvoidanceDecision:
+    """Why the robot turns; not-a-number where nothing was decided."""
+    chosen = outputs.decision
+    bearing_rad = None if chosen is None else chosen.nearest_bearing_rad
+    return AvoidanceDecision(
+        time_ns=time_ns,
+        nearest_bearing_rad=nan if bearing_rad is None else bearing_rad,
+        nearest_range_m=nan if chosen is None else chosen.nearest_range_m,
+        zone_m=zone_m,
+        goal_bearing_rad=nan if chosen is None else chosen.goal_bearing_rad,
+        rotation_rad=nan if chosen is None else chosen.rotation_rad,
+        virtual_x_m=nan if chosen is None else chosen.virtual_x_m,
+        virtual_y_m=nan if chosen is None else chosen.virtual_y_m,
+        speed_m_s=outputs.twist.speed_m_s,
+        yaw_rate_rad_s=outputs.twist.yaw_rate_rad_s,
+        branch=states.NO_BRANCH if chosen is None else chosen.branch,
+        guard=outputs.guard,
+    )

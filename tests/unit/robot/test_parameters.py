@@ -1,0 +1,66 @@
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.core.parameters import DEFAULTS, Params
+from robot.parameters import SPECS, TABLE, OutOfRange, Unknown, described, with_value
+
+
+def test_every_setting_of_the_core_has_one_row_in_the_same_order() -> None:
+    assert tuple(spec.name for spec in TABLE) == Params._fields
+
+
+def test_every_default_is_within_its_own_range() -> None:
+    for spec in TABLE:
+        assert with_value(DEFAULTS, spec.name, spec.default) == DEFAULTS
+
+
+def test_names_fit_a_mavlink_parameter_id() -> None:
+    assert max(len(spec.name) for spec in TABLE) <= 16
+
+
+def test_a_value_is_put_into_force_and_nothing_else_changes() -> None:
+    changed = with_value(DEFAULTS, "d_obs_m", 0.45)
+    assert changed.d_obs_m == 0.45
+    assert with_value(changed, "d_obs_m", DEFAULTS.d_obs_m) == DEFAULTS
+
+
+def test_an_unknown_name_is_named() -> None:
+    with pytest.raises(Unknown, match="d_obs_cm"):
+        with_value(DEFAULTS, "d_obs_cm", 30)
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf, 0.0, 3.1, -1.0])
+def test_values_outside_the_range_are_refused_with_the_range(value: float) -> None:
+    with pytest.raises(OutOfRange, match=r"d_obs_m.*0\.05 to 3 m"):
+        with_value(DEFAULTS, "d_obs_m", value)
+
+
+def test_a_whole_number_is_asked_for_where_it_must_be_one() -> None:
+    with pytest.raises(OutOfRange, match="whole number"):
+        with_value(DEFAULTS, "stuck_ms", 2000.5)
+    assert isinstance(with_value(DEFAULTS, "stuck_ms", 2000.0).stuck_ms, int)
+
+
+def test_a_side_is_left_or_right() -> None:
+    with pytest.raises(OutOfRange, match="one of 1, -1"):
+        with_value(DEFAULTS, "side", 0)
+
+
+@given(st.sampled_from(sorted(SPECS)), st.floats())
+def test_whatever_is_accepted_is_within_its_range(name: str, value: float) -> None:
+    try:
+        changed = with_value(DEFAULTS, name, value)
+    except OutOfRange:
+        return
+    assert SPECS[name].minimum <= getattr(changed, name) <= SPECS[name].maximum
+
+
+def test_the_list_tells_unit_range_default_and_meaning() -> None:
+    rows = described(with_value(DEFAULTS, "d_obs_m", 0.4))
+    row = next(row for row in rows if row["name"] == "d_obs_m")
+    assert (row["value"], row["default"], row["unit"]) == (0.4, 0.3, "m")
+    assert (row["minimum"], row["maximum"], row["integer"]) == (0.05, 3.0, False)
+    assert all(row["doc"] for row in rows)

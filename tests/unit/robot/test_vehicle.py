@@ -1,0 +1,245 @@
+from math import inf, nan
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.enums import AckResult, Command, GoalState, Mode, Severity
+from protocol.enums import Vehicle as VehicleState
+from protocol.messages import CommandAck, CommandRequest, ParamRequestRead, ParamSet, ParamValue
+from protocol.reasons import Reason
+from robot.core import brain
+from robot.store import Store
+from tests.unit.robot.vehicles import MS, Desk, goal
+
+
+def test_it_starts_disarmed_and_says_so() -> None:
+    desk = Desk()
+    desk.step()
+    assert desk.vehicle.state.machine.vehicle == VehicleState.STANDBY
+    assert "started: disarmed, standing still" in [t.text for t in desk.vehicle.texts()]
+
+
+def test_a_goal_before_arming_is_refused_with_the_reason() -> None:
+    desk = Desk()
+    desk.step()
+    assert desk.goto(2, 0) == Reason.NOT_ARMED
+
+
+def test_an_armed_robot_takes_a_goal_and_drives() -> None:
+    desk = Desk()
+    assert desk.arm() == Reason.NONE
+    assert desk.goto(2, 0) == Reason.NONE
+    outputs = [desk.step() for _ in range(3)][-1]
+    assert outputs.left_mrad_s > 0
+    assert outputs.right_mrad_s > 0
+
+
+def test_a_repeated_request_is_answered_again_and_not_acted_on_again() -> None:
+    desk = Desk()
+    desk.arm()
+    request = goal(77, 2, 0)
+    first = desk.vehicle.receive(request, desk.now_ns)
+    serial = desk.vehicle.state.machine.serial
+    desk.command(Command.SIDESTEP_ABORT_GOAL)
+    assert desk.vehicle.receive(request, desk.now_ns) == first
+    assert desk.vehicle.state.machine.serial == serial
+    assert desk.vehicle.state.machine.goal_state == GoalState.ABORTED
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+def test_a_command_with_a_value_that_is_no_number_is_refused(value: float) -> None:
+    desk = Desk()
+    desk.step()
+    for command in (Command.DO_SET_MODE, Command.SIDESTEP_SET_NAVIGATOR):
+        assert desk.command(command, value, 0) == Reason.PARAMETER_OUT_OF_RANGE
+        assert desk.command(command, 0, value) == Reason.PARAMETER_OUT_OF_RANGE
+
+
+def test_an_unknown_command_is_unsupported() -> None:
+    request = CommandRequest(request_id=1, command=31_000, param1=0, param2=0)
+    answer = Desk().vehicle.receive(request, 0)
+    assert isinstance(answer, CommandAck)
+    assert answer.result == AckResult.UNSUPPORTED
+    assert answer.result_param2 == Reason.UNKNOWN_COMMAND
+
+
+@given(st.integers(0, 2**16 - 1), st.floats(width=32), st.floats(width=32))
+def test_no_command_whatever_its_values_brings_the_vehicle_down(
+    command: int, param1: float, param2: float
+) -> None:
+    desk = Desk()
+    desk.arm()
+    desk.command(command, param1, param2)
+    desk.step()
+
+
+def test_a_goal_farther_than_the_robot_accepts_is_refused() -> None:
+    desk = Desk()
+    desk.arm()
+    assert desk.goto(101, 0) == Reason.GOAL_OUT_OF_RANGE
+
+
+def test_guided_needs_an_operator_and_stops_without_one() -> None:
+    desk = Desk()
+    desk.arm()
+    assert desk.goto(2, 0, Mode.GUIDED) == Reason.NO_OPERATOR
+    desk.operator = True
+    desk.step()
+    assert desk.goto(2, 0, Mode.GUIDED) == Reason.NONE
+    desk.operator = False
+    ticks = 0
+    while desk.vehicle.state.machine.vehicle == VehicleState.ACTIVE:
+        desk.step()
+        ticks += 1
+        assert ticks < 60
+    assert ticks * 0.05 == pytest.approx(1.5, abs=0.11)
+    assert desk.vehicle.state.machine.vehicle_reason == Reason.OPERATOR_LOST
+    assert desk.step().left_mrad_s == 0
+
+
+def test_an_exception_in_the_core_stops_everything_and_goes_on_upwards(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    desk = Desk()
+    desk.arm()
+    desk.goto(2, 0)
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(brain, "step", broken)
+    with pytest.raises(ZeroDivisionError):
+        desk.step()
+    machine = desk.vehicle.state.machine
+    assert machine.vehicle == VehicleState.FAILSAFE
+    assert machine.vehicle_reason == Reason.CORE_EXCEPTION
+    assert (machine.goal_state, machine.goal_reason) == (
+        GoalState.ABORTED,
+        Reason.CORE_EXCEPTION,
+    )
+
+
+def test_a_violated_budget_stops_the_wheels_with_its_reason() -> None:
+    desk = Desk()
+    desk.arm()
+    desk.goto(2, 0)
+    desk.step()
+    desk.vehicle.report(Reason.BUDGET)
+    outputs = desk.step()
+    assert (outputs.left_mrad_s, outputs.right_mrad_s) == (0, 0)
+    assert desk.vehicle.state.machine.vehicle_reason == Reason.BUDGET
+
+
+def test_every_change_is_told_once() -> None:
+    desk = Desk()
+    desk.arm()
+    desk.goto(2, 0)
+    desk.step()
+    told = [text.text for text in desk.vehicle.texts()]
+    assert "goal ACCEPTED" in told or "vehicle ACTIVE" in told
+    desk.command(Command.DO_FLIGHTTERMINATION, 1)
+    told = [(text.severity, text.text) for text in desk.vehicle.texts()]
+    assert (Severity.CRITICAL, "vehicle EMERGENCY_STOP: by the operator") in told
+    assert desk.vehicle.texts() == []
+
+
+def test_a_long_reason_comes_in_numbered_pieces() -> None:
+    desk = Desk()
+    desk.vehicle.texts()
+    desk.vehicle.say(Severity.INFO, "x" * 120)
+    pieces = desk.vehicle.texts()
+    assert [len(piece.text) for piece in pieces] == [50, 50, 20]
+    assert [piece.chunk_seq for piece in pieces] == [0, 1, 2]
+    assert len({piece.id for piece in pieces}) == 1
+    assert pieces[0].id != 0
+
+
+def test_heartbeats_come_five_times_a_second_and_at_once_on_a_change() -> None:
+    desk = Desk()
+    beats = []
+    for _ in range(21):
+        desk.step()
+        beats.append(desk.vehicle.heartbeat(desk.now_ns) is not None)
+    assert 5 <= sum(beats) <= 7
+    while desk.vehicle.heartbeat(desk.now_ns):
+        desk.step()
+    desk.command(Command.COMPONENT_ARM_DISARM, 1)
+    beat = desk.vehicle.heartbeat(desk.now_ns)
+    assert beat is not None
+    assert beat.base_mode & 128
+
+
+def set_parameter(desk: Desk, name: str, value: float) -> CommandAck | ParamValue:
+    return desk.vehicle.receive(ParamSet(param_id=name, param_value=value, param_type=9), 0)
+
+
+def test_a_parameter_is_set_answered_and_read_back() -> None:
+    desk = Desk()
+    answer = set_parameter(desk, "d_obs_m", 0.44999998807907104)
+    assert isinstance(answer, ParamValue)
+    assert desk.vehicle.params.d_obs_m == 0.45
+    read = desk.vehicle.receive(ParamRequestRead(param_id="d_obs_m", param_index=-1), 0)
+    assert read == answer
+    again = desk.vehicle.receive(ParamRequestRead(param_id="", param_index=answer.param_index), 0)
+    assert again == answer
+
+
+def refused(answer: object) -> int:
+    assert isinstance(answer, CommandAck)
+    assert answer.result == AckResult.DENIED
+    return answer.result_param2
+
+
+@pytest.mark.parametrize("value", [nan, inf, 0.0, 1e9])
+def test_an_impossible_value_is_refused_and_nothing_changes(value: float) -> None:
+    desk = Desk()
+    before = desk.vehicle.params
+    assert refused(set_parameter(desk, "d_obs_m", value)) == Reason.PARAMETER_OUT_OF_RANGE
+    assert desk.vehicle.params == before
+
+
+def test_an_unknown_parameter_is_refused() -> None:
+    desk = Desk()
+    assert refused(set_parameter(desk, "d_obs", 1)) == Reason.UNKNOWN_PARAMETER
+    request = ParamRequestRead(param_id="d_obs", param_index=-1)
+    assert refused(desk.vehicle.receive(request, 0)) == Reason.UNKNOWN_PARAMETER
+
+
+def test_the_navigator_does_not_change_under_a_living_goal() -> None:
+    desk = Desk()
+    desk.arm()
+    desk.goto(2, 0)
+    assert refused(set_parameter(desk, "navigator", 1)) == Reason.BUSY_DRIVING
+    assert desk.vehicle.params.navigator == 2
+
+
+def test_a_value_that_cannot_be_saved_is_in_force_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("robot.store.os.fsync", full)
+    desk = Desk(Store(tmp_path))
+    desk.vehicle.texts()
+    assert refused(set_parameter(desk, "d_obs_m", 0.5)) == Reason.NOT_SAVED
+    assert desk.vehicle.params.d_obs_m == 0.5
+    assert "No space left" in desk.vehicle.texts()[0].text
+
+
+def test_the_end_of_the_process_ends_the_goal() -> None:
+    desk = Desk()
+    desk.arm()
+    desk.goto(2, 0)
+    desk.vehicle.stop(Reason.SHUT_DOWN, desk.now_ns)
+    machine = desk.vehicle.state.machine
+    assert (machine.goal_state, machine.goal_reason) == (GoalState.ABORTED, Reason.SHUT_DOWN)
+
+
+def test_an_operator_never_heard_has_no_age() -> None:
+    desk = Desk()
+    assert desk.vehicle.operator_age_ms(5 * MS) is None
+    desk.vehicle.hear_operator(5 * MS)
+    assert desk.vehicle.operator_age_ms(9 * MS) == 4
