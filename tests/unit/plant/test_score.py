@@ -1,0 +1,66 @@
+from hashlib import sha256
+from struct import pack
+
+import pytest
+
+from plant import score as score_module
+from plant.score import Score
+
+TICK_NS = 50_000_000
+START_NS = 3 * TICK_NS
+
+
+def square_run() -> Score:
+    """Four ticks around a metre square, a touch in the second and third, one in the fourth."""
+    score = Score(START_NS, 0.0, 0.0, 0.0, 0.9)
+    score.add(1.0, 0.0, 0.1, 0.5, touching=False)
+    score.add(1.0, 1.0, 0.2, -0.001, touching=True)
+    score.add(0.0, 1.0, 0.3, 0.0, touching=True)
+    score.add(0.0, 0.0, 0.4, 0.3, touching=False)
+    score.add(0.0, 0.0, 0.4, 0.0, touching=True)
+    return score
+
+
+def test_a_run_is_scored_as_far_as_it_has_come() -> None:
+    whole = square_run().until(10**18)
+    assert (whole.ticks, whole.time_ns, whole.contacts) == (5, START_NS + 5 * TICK_NS, 2)
+    assert (whole.x_m, whole.y_m, whole.heading_rad) == (0.0, 0.0, 0.4)
+    assert (whole.path_m, whole.min_clearance_m) == (4.0, -0.001)
+
+
+def test_a_run_is_cut_at_the_tick_asked_for() -> None:
+    cut = square_run().until(START_NS + 1 * TICK_NS)
+    assert (cut.ticks, cut.contacts, cut.x_m, cut.path_m) == (1, 0, 1.0, 1.0)
+    assert cut.min_clearance_m == 0.5
+    between = square_run().until(START_NS + 2 * TICK_NS - 1)
+    assert between == cut
+
+
+def test_the_start_alone_has_no_ticks_but_a_clearance() -> None:
+    start = square_run().until(0)
+    assert (start.ticks, start.time_ns, start.min_clearance_m) == (0, START_NS, 0.9)
+    assert bytes(start.digest) == sha256().digest()
+
+
+def test_the_digest_is_that_of_the_stamps_and_true_poses() -> None:
+    poses = [(1.0, 0.0, 0.1), (1.0, 1.0, 0.2)]
+    wanted = sha256()
+    for tick, pose in enumerate(poses, start=1):
+        wanted.update(pack("<Qddd", START_NS + tick * TICK_NS, *pose))
+    assert bytes(square_run().until(START_NS + 2 * TICK_NS).digest) == wanted.digest()
+
+
+def test_a_touch_that_lasts_is_one_contact_wherever_the_run_is_cut() -> None:
+    run = square_run()
+    assert [run.until(START_NS + tick * TICK_NS).contacts for tick in range(6)] == [
+        *(0, 0, 1, 1, 1, 2)
+    ]
+
+
+def test_a_full_score_says_so_and_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(score_module, "MOST_TICKS", 5)
+    run = square_run()
+    assert run.full
+    before = run.until(10**18)
+    run.add(9.0, 9.0, 0.0, -1.0, touching=False)
+    assert run.until(10**18) == before
