@@ -1,4 +1,4 @@
-"""Wire layouts and texts of the dialect; written by protocol.dialect.generate, do not edit."""
+"""Wire layouts and texts of the dialect; written by protocol.dialect.generate."""
 
 from typing import Final
 

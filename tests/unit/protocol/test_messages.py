@@ -1,0 +1,72 @@
+"""The typed face: the fields of the XML, frozen, and checked where it is made."""
+
+import pytest
+from hypothesis import given
+
+from protocol.dialect import generated
+from protocol.errors import LocalError
+from protocol.layout import LAYOUT, class_name
+from protocol.message import Message, check
+from protocol.messages import MESSAGES, CycleReport, RunScore, SonarScan, Statustext
+from tests.unit.protocol.made_up import any_message
+
+SCAN = SonarScan(time_ns=0, seq=0, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
+
+
+def test_there_is_a_class_for_every_message_of_the_dialect() -> None:
+    dialect = {class_name(message.msgname) for message in generated.mavlink_map.values()}
+    assert dialect == {cls.__name__ for cls in MESSAGES} == set(LAYOUT)
+
+
+@pytest.mark.parametrize("cls", MESSAGES, ids=lambda cls: str(cls.__name__))
+def test_fields_are_those_of_the_xml_in_its_order(cls: type[Message]) -> None:
+    theirs = generated.mavlink_map[LAYOUT[cls.__name__].number]
+    assert list(cls.__struct_fields__) == theirs.fieldnames
+
+
+def test_a_message_cannot_be_changed() -> None:
+    with pytest.raises(AttributeError):
+        SCAN.seq = 1  # type: ignore[misc]
+
+
+def test_fields_have_to_be_named() -> None:
+    with pytest.raises(TypeError):
+        SonarScan(0, 0, (0,) * 8, (0,) * 8, 0, 0)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("length", [0, 7, 9])
+def test_an_array_of_the_wrong_length_is_refused_when_made(length: int) -> None:
+    with pytest.raises(LocalError, match=r"SonarScan\.range_mm = .*: must be 8 numbers"):
+        SonarScan(time_ns=0, seq=0, range_mm=(0,) * length, ping_age_us=(0,) * 8, valid=0, echo=0)
+
+
+def test_every_array_is_checked_when_made() -> None:
+    zeros = dict.fromkeys(CycleReport.__struct_fields__, 0)
+    with pytest.raises(LocalError, match="stage_us"):
+        CycleReport(**{**zeros, "stage_us": (1, 2)})  # type: ignore[arg-type]
+    zeros = dict.fromkeys(RunScore.__struct_fields__, 0)
+    with pytest.raises(LocalError, match="digest"):
+        RunScore(**{**zeros, "digest": (1,) * 31})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("text", "limit"),
+    [("x" * 51, "at most 50 bytes"), ("\xe9" * 26, "at most 50 bytes"), ("a\0b", "NUL")],
+)
+def test_a_text_that_does_not_fit_is_refused_when_made(text: str, limit: str) -> None:
+    with pytest.raises(LocalError, match=limit):
+        Statustext(severity=6, text=text)
+
+
+def test_ranges_can_be_checked_without_a_wire() -> None:
+    with pytest.raises(LocalError, match=r"SonarScan\.valid = 256: .* from 0 to 255"):
+        check(SonarScan(**{**fields_of(SCAN), "valid": 256}))  # type: ignore[arg-type]
+
+
+@given(any_message)
+def test_whatever_the_wire_can_carry_passes_the_check(message: Message) -> None:
+    check(message)
+
+
+def fields_of(message: Message) -> dict[str, object]:
+    return {name: getattr(message, name) for name in message.__struct_fields__}
