@@ -81,7 +81,7 @@ def loads(text: str, file: str = "world") -> World:
     except ValueError as error:
         raise WorldError([_invalid_toml(error, text, file)]) from None
     except RecursionError:
-        raise WorldError([_refusal(file, "toml", "nested too deeply", "use fewer [")]) from None
+        raise WorldError([_refusal(file, "toml", "nested too deeply", "use fewer [", 1)]) from None
     report = Report(file, lines)
     world = read_world(raw, report)
     if world is None:
@@ -130,6 +130,6 @@ def _invalid_toml(error: ValueError, text: str, file: str) -> Problem:
     line = int(match[2]) if match and match[2] else len(lines) if match else 1
     key = KEY_ON_LINE.match(lines[min(line, len(lines)) - 1])
     fix = "correct the TOML there"
-    if re.match("Cannot overwrite|Cannot declare|Duplicate", reason):
+    if re.match("Cannot overwrite|Cannot declare|Cannot mutate|Duplicate", reason):
         reason, fix = f"given twice ({reason})", "keep one of them"
     return _refusal(file, key[1] if key else "toml", reason, fix, line)

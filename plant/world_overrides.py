@@ -1,6 +1,6 @@
 """Checks what a world file overrides of robot, noise and faults against the classes they fill."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import MISSING, Field, fields, replace
 from math import degrees, inf, radians
 from typing import Any, Final
@@ -69,13 +69,14 @@ def _read(
     known = {_file_key(field.name): field for field in fields(kind)}
     examples = {**(more or {}), **{key: _example(field) for key, field in known.items()}}
     table = Table(raw, at, examples, report)
+    needed = {name for name, field in known.items() if field.default is MISSING}
     settings: dict[str, Setting] = {}
     for key in examples:
         field = known.get(key)
-        if key in table or (field is not None and field.default is MISSING):
+        if key in table or key in needed:
             settings[field.name if field else key] = _value(table, key, field)
     if table.sound:
-        _try(table, settings, build)
+        _try(table, settings, needed, build)
     return settings
 
 
@@ -103,7 +104,9 @@ def _value(table: Table, key: str, field: "Field[Any] | None") -> Setting:
     return radians(value) if field.name.endswith("_rad") else value
 
 
-def _try(table: Table, settings: Settings, build: Callable[[Settings], object]) -> None:
+def _try(
+    table: Table, settings: Settings, needed: Set[str], build: Callable[[Settings], object]
+) -> None:
     """Build it; whatever the class refuses is reported and dropped until it is content."""
     left = dict(settings)
     while True:
@@ -114,9 +117,10 @@ def _try(table: Table, settings: Settings, build: Callable[[Settings], object]) 
             name, _, reason = str(refusal).partition(": ")
             key = _file_key(name)
             unit = " (in radians)" if key != name else ""
-            if name in left:
+            given = left.pop(name, None) is not None
+            if given:
                 table.refuse(key, reason + unit, f"write a value such as {table.example(key)}")
-                del left[name]
-            else:
+            elif table.sound:
                 table.refuse(key, reason + unit, f"set {key} too, to fit {', '.join(left)}")
+            if not given or name in needed:
                 return

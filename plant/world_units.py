@@ -26,9 +26,7 @@ UNITS: Final = {
     "s": ("seconds", 1.0),
     "ms": ("seconds", 0.001),
 }
-WITH_UNIT: Final = re.compile(
-    "(.+)_(" + "|".join(sorted(UNITS, key=lambda unit: (-len(unit), unit))) + ")"
-)
+WITH_UNIT: Final = re.compile("(.+?)_(" + "|".join(UNITS) + ")")
 
 
 def split(key: str) -> tuple[str, str]:

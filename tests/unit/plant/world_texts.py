@@ -1,0 +1,85 @@
+"""A good world file, ways to spoil it, and what must be said of a spoilt one."""
+
+from typing import NamedTuple
+
+import pytest
+
+from plant.world_file import WorldError, loads
+
+GOOD = """\
+name = "test"
+size_m = [6.0, 4.0]
+start = { x_m = 0.6, y_m = 2.0, heading_deg = 90.0 }
+goal = { x_m = 5.4, y_m = 2.0, heading_deg = -90.0 }
+
+[[obstacle]]
+polygon_m = [[2.0, 1.0], [3.0, 1.0], [3.0, 1.5], [2.0, 1.5]]
+
+[[obstacle]]
+circle_m = { x = 4.0, y = 3.0, radius = 0.25 }
+
+[[obstacle]]
+wall_m = [[1.0, 3.0], [2.0, 3.0], [2.5, 2.5]]
+thickness_m = 0.05
+
+[[obstacle]]
+circle_m = { x = 3.5, y = 0.5, radius = 0.15 }
+path_m = [[3.5, 0.5], [3.5, 3.5]]
+speed_m_s = 0.1
+"""
+POLYGON_LINE = 7
+ROBOT_AT = "{ x_m = %s, y_m = %s, heading_deg = 0.0 }"
+
+
+def with_line(number: int, line: str, text: str = GOOD) -> str:
+    """The text with one line replaced, counted from 1; an empty one keeps the numbers."""
+    lines = text.split("\n")
+    lines[number - 1] = line
+    return "\n".join(lines)
+
+
+def polygon(points: str) -> str:
+    return with_line(POLYGON_LINE, f"polygon_m = {points}")
+
+
+def start(table: str) -> str:
+    return with_line(3, f"start = {table}")
+
+
+def goal(table: str) -> str:
+    return with_line(4, f"goal = {table}")
+
+
+def more(text: str) -> str:
+    """The good world with lines added from line 20 on."""
+    return GOOD + text
+
+
+class Bad(NamedTuple):
+    """A spoilt file, and the line, key and parts of the reason and fix to be told."""
+
+    story: str
+    text: str
+    line: int
+    key: str
+    reason: str
+    fix: str
+
+
+def refusal(text: str) -> WorldError:
+    with pytest.raises(WorldError) as caught:
+        loads(text, "bad.toml")
+    return caught.value
+
+
+def assert_told(bad: Bad, alone: bool) -> None:
+    """The error has the file, line, key, reason and fix, and no other problem if `alone`."""
+    error = refusal(bad.text)
+    lines = str(error).split("\n")
+    about_key = [line for line in lines if f": {bad.key}: " in line] or lines
+    place, _, rest = about_key[0].partition(f": {bad.key}: ")
+    reason, _, fix = rest.partition("; fix: ")
+    assert place == f"bad.toml:{bad.line}"
+    assert bad.reason in reason
+    assert bad.fix in fix
+    assert not alone or len(error.problems) == 1, str(error)
