@@ -16,9 +16,9 @@ from protocol.messages import SonarScan, WheelTicks
 from robot.core import brain, modes, states
 from robot.core.parameters import DEFAULTS
 from robot.core.senses import goal_of, now_ms_of, scan_of, wheels_of
-from robot.core.values import Goal, Inputs, Outputs
+from robot.core.values import Goal, Inputs, Outputs, Pose
 from study.onboard import Onboard
-from study.trial import NAVIGATORS, Trial, run_trial, wire_goal_of
+from study.trial import NAVIGATORS, Trial, run_trial, start_of, wire_goal_of
 
 MEDIAN_US, WORST_US = 60.0, 200.0
 STEPS = 10_000
@@ -34,12 +34,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def measure(options: argparse.Namespace) -> Report:
     world = load(options.world)
     inputs = recorded(Trial(world=world, navigator=options.navigator))
-    goal = goal_of(*wire_goal_of(world))
+    start, goal = start_of(world), goal_of(*wire_goal_of(world))
     navigator = NAVIGATORS[options.navigator]
     gc.freeze()
     try:
         runs = [
-            costs_us(inputs, goal, navigator, options.steps) for _ in range(options.repetitions)
+            costs_us(inputs, start, goal, navigator, options.steps)
+            for _ in range(options.repetitions)
         ]
     finally:
         gc.unfreeze()
@@ -83,17 +84,20 @@ def given(now_ns: int, wheels: WheelTicks | None, scan: SonarScan | None) -> Inp
     )
 
 
-def costs_us(inputs: list[Inputs], goal: Goal, navigator: int, steps: int) -> list[float]:
+def costs_us(
+    inputs: list[Inputs], start: Pose, goal: Goal, navigator: int, steps: int
+) -> list[float]:
     costs: list[float] = []
     while len(costs) < steps:
-        costs += drive_us(inputs, goal, navigator)
+        costs += drive_us(inputs, start, goal, navigator)
     return costs[:steps]
 
 
-def drive_us(inputs: list[Inputs], goal: Goal, navigator: int) -> list[float]:
+def drive_us(inputs: list[Inputs], start: Pose, goal: Goal, navigator: int) -> list[float]:
     """One drive; without its last tick, after which there is nothing to drive to."""
     params = DEFAULTS._replace(navigator=navigator)
     state = brain.State(params)
+    state.odometry.pose = start
     brain.step(state, inputs[0], params)
     modes.arm(state.machine)
     modes.goto(state.machine, goal, states.AUTO, inputs[0].now_ms)

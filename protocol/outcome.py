@@ -6,7 +6,7 @@ from math import hypot, pi, remainder
 from protocol.enums import GoalState
 from protocol.messages import RunScore
 from protocol.reasons import reason_text
-from protocol.start_frame import WireGoal
+from protocol.wire_goal import WireGoal
 
 ENDS = {
     GoalState.REACHED: "reached",
@@ -35,7 +35,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ended:
-    """How it ended by the robot's own account; the estimate is in its odometry frame."""
+    """How it ended by the robot's own account; the estimate is what it believed."""
 
     goal_state: int
     goal_reason: int

@@ -1,14 +1,15 @@
 """The core as the robot process runs it, without the process: senses in, wheel command out."""
 
 from protocol.messages import SonarScan, WheelTicks
-from protocol.start_frame import WireGoal
+from protocol.topics import MS, SONAR, WHEELS
+from protocol.wire_goal import WireGoal
 from robot.core import brain, modes, reasons, states
 from robot.core.parameters import Params
 from robot.core.senses import goal_of, now_ms_of, scan_of, wheels_of
-from robot.core.values import Inputs, Outputs, Scan, Wheels
+from robot.core.values import Inputs, Outputs, Pose, Scan, Wheels
 
-WHEELS_STALE_MS = 150
-SCAN_STALE_MS = 250
+WHEELS_STALE_MS = WHEELS.stale_after_ns // MS
+SCAN_STALE_MS = SONAR.stale_after_ns // MS
 
 
 class Onboard:
@@ -16,9 +17,11 @@ class Onboard:
 
     __slots__ = ("_scan", "_scan_ms", "_wheels", "_wheels_ms", "now_ms", "params", "state")
 
-    def __init__(self, params: Params) -> None:
+    def __init__(self, params: Params, start: Pose) -> None:
+        """`start`: where it is told that it stands."""
         self.params = params
         self.state = brain.State(params)
+        self.state.odometry.pose = start
         self.now_ms = 0
         self._wheels: Wheels | None = None
         self._scan: Scan | None = None

@@ -17,7 +17,7 @@ COLUMNS = (
     *("virtual_x_m", "virtual_y_m"),
     *("wanted_speed_m_s", "wanted_yaw_rate_rad_s", "left_mrad_s", "right_mrad_s", "guard"),
 )
-"""Truth in the world, estimate and virtual goal in the odometry frame; states as numbers."""
+"""All places in the world: the robot is told where it starts. States as in the dialect."""
 
 UNDECIDED = Decision(0, None, inf, nan, nan, nan, nan)
 

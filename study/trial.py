@@ -12,11 +12,11 @@ from plant.world_overrides import noise_of
 from plant.world_types import World
 from protocol.outcome import Asked, Ended, Outcome, judged
 from protocol.robot_table import parameters_of
-from protocol.start_frame import Pose, WireGoal, goal_from
+from protocol.wire_goal import WireGoal, told_heading_rad, wire_goal
 from robot.core import reasons, states
 from robot.core.machine import goal_lives
 from robot.core.parameters import DEFAULTS, Params
-from robot.core.values import Outputs
+from robot.core.values import Outputs, Pose
 from robot.parameters import with_value
 from study.onboard import Onboard
 
@@ -49,7 +49,7 @@ def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
     Raises Unknown or OutOfRange for a parameter, ValueError for a seed or a start that cannot be.
     """
     plant = Plant(trial.world, trial.seed, noise_of(trial.world, trial.noise))
-    onboard = Onboard(params_of(trial))
+    onboard = Onboard(params_of(trial), start_of(trial.world))
     goal = wire_goal_of(trial.world)
     begun_s = perf_counter()
     refusal = drive(plant, onboard, goal, trial.timeout_s, watch)
@@ -83,10 +83,15 @@ def params_of(trial: Trial) -> Params:
     return params
 
 
+def start_of(world: World) -> Pose:
+    """Where the robot is told that it stands."""
+    start = world.start
+    return Pose(start.x_m, start.y_m, told_heading_rad(start.heading_rad))
+
+
 def wire_goal_of(world: World) -> WireGoal:
-    start, goal = world.start, world.goal
-    return goal_from(
-        Pose(start.x_m, start.y_m, start.heading_rad),
+    goal = world.goal
+    return wire_goal(
         goal.x_m,
         goal.y_m,
         goal.heading_rad,

@@ -1,12 +1,14 @@
 """The core in a trial gets what the robot process would give it, also when a sense stays away."""
 
 from protocol.messages import SonarScan, WheelTicks
-from protocol.start_frame import WireGoal
+from protocol.wire_goal import WireGoal
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS
+from robot.core.values import Pose
 from study.onboard import Onboard
 
 PERIOD_NS = 50_000_000
+ORIGIN = Pose(0.0, 0.0, 0.0)
 AHEAD = WireGoal(2000, 0, 0, 1, 50, 52360)
 
 
@@ -26,14 +28,14 @@ def scan(k: int) -> SonarScan:
 
 
 def driving() -> Onboard:
-    onboard = Onboard(DEFAULTS)
+    onboard = Onboard(DEFAULTS, ORIGIN)
     onboard.step(0, ticks(0), scan(0))
     assert onboard.go(AHEAD) == reasons.OK
     return onboard
 
 
 def test_before_the_first_senses_no_goal_is_taken() -> None:
-    assert Onboard(DEFAULTS).go(AHEAD) == reasons.NO_SENSES
+    assert Onboard(DEFAULTS, ORIGIN).go(AHEAD) == reasons.NO_SENSES
 
 
 def test_after_one_tick_with_senses_it_arms_and_drives_off() -> None:
@@ -64,7 +66,7 @@ def test_a_scan_that_stays_away_stops_the_robot_after_250_ms_and_not_before() ->
 
 
 def test_a_refused_goal_says_why() -> None:
-    onboard = Onboard(DEFAULTS)
+    onboard = Onboard(DEFAULTS, ORIGIN)
     onboard.step(0, ticks(0), scan(0))
     far = AHEAD._replace(x_mm=200_000)
     assert onboard.go(far) == reasons.GOAL_OUT_OF_RANGE

@@ -9,7 +9,7 @@ from protocol.enums import GoalState
 from protocol.messages import RunScore
 from protocol.outcome import OUTCOMES, Asked, Ended, Outcome, end_of, judged
 from protocol.reasons import Reason
-from protocol.start_frame import WireGoal
+from protocol.wire_goal import WireGoal
 
 KEYS = [
     "world",
@@ -42,7 +42,7 @@ def run(heading_rad: float | None = pi, contacts: int = 0) -> Outcome:
         goal_x_m=5.0,
         goal_y_m=2.0,
         goal_heading_rad=heading_rad,
-        wire_goal=WireGoal(4400, 0, 0, 0, 50, 52360),
+        wire_goal=WireGoal(5000, 2000, 0, 0, 50, 52360),
         shortest_path_m=4.4,
         timeout_s=60.0,
     )
@@ -50,8 +50,8 @@ def run(heading_rad: float | None = pi, contacts: int = 0) -> Outcome:
         goal_state=GoalState.REACHED,
         goal_reason=0,
         time_s=20.0,
-        estimate_x_m=4.43,
-        estimate_y_m=0.04,
+        estimate_x_m=5.03,
+        estimate_y_m=2.04,
         wall_s=0.05,
     )
     score = RunScore(

@@ -99,11 +99,15 @@ def test_a_goal_behind_a_wall_ends_stuck_with_a_reason() -> None:
     assert outcome.shortest_path_m is None
 
 
-def test_the_goal_is_seen_from_where_the_robot_starts() -> None:
-    turned = replace(NEAR, start=Start(x_m=1.4, y_m=0.2, heading_rad=1.5707963))
+def test_goal_and_estimate_are_places_of_the_world_wherever_the_robot_starts() -> None:
+    turned = replace(NEAR, start=Start(x_m=1.4, y_m=0.3, heading_rad=1.5707963))
     goal = wire_goal_of(turned)
-    assert (goal.x_mm, goal.y_mm, goal.heading_urad) == (800, 0, -1_570_796)
-    assert run_trial(Trial(world=turned, noise="none")).reached
+    assert (goal.x_mm, goal.y_mm, goal.heading_urad) == (1400, 1000, 0)
+    recorder = Recorder()
+    outcome = run_trial(Trial(world=turned, noise="none"), recorder)
+    assert outcome.reached
+    assert outcome.position_error_m < 0.06
+    assert outcome.estimated_position_error_m < 0.05
 
 
 def test_a_robot_of_another_size_is_another_robot_for_both() -> None:

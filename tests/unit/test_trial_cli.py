@@ -119,6 +119,6 @@ def test_a_trace_has_a_line_for_every_tick_and_ends_at_the_goal(
     assert len(rows) == outcome["ticks"] + 1
     assert [float(rows[k]["time_s"]) for k in (0, 1, 2)] == [0.0, 0.05, 0.1]
     assert abs(float(rows[-1]["true_x_m"]) - 1.4) < 0.1
-    assert abs(float(rows[-1]["x_m"]) - 0.8) < 0.06
+    assert abs(float(rows[-1]["x_m"]) - 1.4) < 0.06
     assert float(rows[-1]["cov_hh_rad2"]) > 0.0
     assert all(None not in row.values() for row in rows)
