@@ -24,6 +24,9 @@ LOST_TURN_RAD: Final = 1.5 * pi
 WALL_SIDE: Final = 2  # the sonars 0, 1 and 2 from the wall's end of the ring look at its side
 STEER_RAD_PER_M: Final = 4.0
 STEER_MAX_RAD: Final = 0.6
+LEAN_MAX_RAD: Final = 0.4
+COS_STEP: Final = cos(2.0 * HALF_CONE)
+SIN_STEP: Final = sin(2.0 * HALF_CONE)
 BESIDE: Final = 0.5 * pi
 
 
@@ -76,7 +79,7 @@ def in_the_way(
         range_m = ring.range_m[i]
         if range_m is None or range_m >= params.d_th_m or range_m >= distance_m:
             continue
-        aside_rad = max(abs(wrap(BEARINGS[i] - alpha_rad)) - HALF_CONE, 0.0)
+        aside_rad = max(abs(wrap(BEARINGS[i] - alpha_rad)) - 0.5 * HALF_CONE, 0.0)
         reach_m = range_m + params.radius_m
         if aside_rad < BESIDE and reach_m * sin(aside_rad) < params.radius_m + margin_m:
             return True
@@ -99,9 +102,23 @@ def along_the_wall(memory: Memory, pose: Pose, ring: Ring, params: Params) -> fl
         return -side * min(params.v_max_m_s / (params.k_omega * arc_m), 1.0)
     memory.lost_rad = 0.0
     outermost = i in (0, SONARS - 1)
-    tangent_rad = 0.0 if outermost else BEARINGS[i] + side * BESIDE
+    tangent_rad = BEARINGS[i] + side * BESIDE
+    if outermost:
+        tangent_rad = side * leaning_rad(range_m, ring.range_m[i + side], params)
     away_rad = STEER_RAD_PER_M * (params.follow_m - range_m)
     return tangent_rad + side * max(-STEER_MAX_RAD, min(STEER_MAX_RAD, away_rad))
+
+
+def leaning_rad(beside_m: float, before_m: float | None, params: Params) -> float:
+    """How far the robot leans towards the wall, from the two outermost sonars on its side.
+
+    Along a flat wall the cone before the last sees it farther by 1 / cos(22.5 deg); to first order
+    the ratio changes with the lean by sin(22.5 deg). Without this the following would swing.
+    """
+    if before_m is None or before_m > beside_m + LOST_M:
+        return 0.0
+    ratio = (beside_m + params.radius_m) / (before_m + params.radius_m)
+    return max(-LEAN_MAX_RAD, min(LEAN_MAX_RAD, (ratio - COS_STEP) / SIN_STEP))
 
 
 def wall_sonar(memory: Memory, ring: Ring, params: Params) -> int:

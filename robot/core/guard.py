@@ -7,6 +7,7 @@ from robot.core.ring import AHEAD, FRONT, Ring
 from robot.core.typed import Final
 from robot.core.values import Wheels
 
+ROUNDING: Final = 1.0 + 1e-9  # a command right at the limit is not over it
 FRONT_BUMPER: Final = 1 | 2
 REAR_BUMPER: Final = 4
 
@@ -27,7 +28,7 @@ def limit(
     if wheels is None or ring.fresh == 0:
         return 0.0, reasons.NO_SENSES
     factor, reason = 1.0, reasons.OK
-    if fastest_m_s > params.wheel_max_m_s:
+    if fastest_m_s > params.wheel_max_m_s * ROUNDING:
         factor, reason = params.wheel_max_m_s / fastest_m_s, reasons.WHEEL_LIMIT
     if speed_m_s > 0.0:
         if wheels.bumper & FRONT_BUMPER:

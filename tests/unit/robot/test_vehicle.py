@@ -140,8 +140,8 @@ def test_every_change_is_told_once() -> None:
     told = [text.text for text in desk.vehicle.texts()]
     assert "goal ACCEPTED" in told or "vehicle ACTIVE" in told
     desk.command(Command.DO_FLIGHTTERMINATION, 1)
-    told = [(text.severity, text.text) for text in desk.vehicle.texts()]
-    assert (Severity.CRITICAL, "vehicle EMERGENCY_STOP: by the operator") in told
+    shouted = [(text.severity, text.text) for text in desk.vehicle.texts()]
+    assert (Severity.CRITICAL, "vehicle EMERGENCY_STOP: by the operator") in shouted
     assert desk.vehicle.texts() == []
 
 
@@ -211,7 +211,7 @@ def test_the_navigator_does_not_change_under_a_living_goal() -> None:
     desk = Desk()
     desk.arm()
     desk.goto(2, 0)
-    assert refused(set_parameter(desk, "navigator", 1)) == Reason.BUSY_DRIVING
+    assert refused(set_parameter(desk, "navigator", 1)) == Reason.DRIVING
     assert desk.vehicle.params.navigator == 2
 
 

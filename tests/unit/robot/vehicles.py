@@ -11,7 +11,7 @@ from robot.vehicle import Vehicle
 
 MS = 1_000_000
 CLEAR = Scan((0,) * 8, (0,) * 8, 255, 0)
-STILL = Wheels(0, 0, 0)
+TICKS_PER_MRAD_S = 1e-3 * DEFAULTS.wheel_radius_m * DEFAULTS.period_s / DEFAULTS.m_per_tick
 
 
 def quiet(stage: int) -> None:
@@ -26,12 +26,17 @@ class Desk:
         self.now_ns = 0
         self.request_id = 0
         self.operator = False
+        self.left = self.right = 0.0
 
-    def step(self, wheels: Wheels | None = STILL, scan: Scan | None = CLEAR) -> Outputs:
+    def step(self, scan: Scan | None = CLEAR) -> Outputs:
+        """One tick on wheels that do as they are told."""
+        wheels = Wheels(round(self.left), round(self.right), 0)
         if self.operator:
             self.vehicle.hear_operator(self.now_ns)
         age_ms = self.vehicle.operator_age_ms(self.now_ns)
         outputs = self.vehicle.step(Inputs(self.now_ns // MS, wheels, scan, age_ms), quiet)
+        self.left += outputs.left_mrad_s * TICKS_PER_MRAD_S
+        self.right += outputs.right_mrad_s * TICKS_PER_MRAD_S
         self.now_ns += 50 * MS
         return outputs
 

@@ -1,0 +1,84 @@
+"""`sidestep plant`: the world and what is wrong with it, from the command line."""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+
+from plant.noise import LEVELS
+from plant.plant import Plant
+from plant.run import run
+from plant.world_file import load
+from plant.world_overrides import noise_of
+from protocol import config
+from protocol.errors import UserError
+from protocol.network import Network
+from protocol.options import add_network_options, network_of
+from protocol.topics import robot_name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """`--config FILE`: where the bus is."""
+
+    network: Network | None = None
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run until told to stop; 0 after that, 2 for a bad world or wrong settings."""
+    arguments = parser().parse_args(list(argv))
+    settings = config.load(arguments.config, Settings) if arguments.config else Settings()
+    network = network_of(arguments, settings.network, listens=False)
+    robots = [robot_name(name) for name in arguments.robots.split(",")]
+    if len(set(robots)) < len(robots):
+        raise UserError(f"--robots {arguments.robots}: each robot needs a name of its own")
+    return run(
+        plant_of(arguments, len(robots)),
+        network,
+        robots,
+        lockstep=arguments.lockstep,
+        speed=arguments.speed,
+        paused=arguments.paused,
+    )
+
+
+def plant_of(arguments: argparse.Namespace, robots: int) -> Plant:
+    world = load(arguments.world)
+    try:
+        return Plant(world, arguments.seed, noise_of(world, arguments.noise), robots=robots)
+    except ValueError as error:
+        raise UserError(f"world {arguments.world}: {error}") from error
+
+
+def parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="sidestep plant",
+        description="The world: pymunk, sonars, wheels, noise.",
+        allow_abbrev=False,
+    )
+    add_network_options(parser)
+    parser.add_argument("--world", metavar="W", default="box", help="a world's name or file (box)")
+    parser.add_argument("--seed", metavar="S", type=seed, default=0, help="of all randomness (0)")
+    parser.add_argument("--noise", metavar="LEVEL", choices=sorted(LEVELS), help=", ".join(LEVELS))
+    parser.add_argument("--robots", metavar="NAMES", default="r1", help="as in r1,r2 (r1)")
+    parser.add_argument("--lockstep", action="store_true", help="advance when all have answered")
+    parser.add_argument(
+        "--speed", metavar="F", type=speed, default=inf, help="in lockstep, times real time (max)"
+    )
+    parser.add_argument("--paused", action="store_true", help="wait for a START")
+    return parser
+
+
+def seed(text: str) -> int:
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative")
+    return value
+
+
+def speed(text: str) -> float:
+    """A factor above zero, or `max`."""
+    value = inf if text == "max" else float(text)
+    if not value > 0 or (not isfinite(value) and text != "max"):
+        raise argparse.ArgumentTypeError(f"{text!r}: a number above 0, or max")
+    return value

@@ -1,0 +1,110 @@
+"""The plant as a process: publish the senses, let the robots answer, let one period go by."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+from queue import Empty, SimpleQueue
+from time import monotonic
+from typing import Final
+
+
+from plant.desk import Desk
+from plant.plant import Plant
+from plant.score import PERIOD_NS
+from plant.wires import Wires
+from protocol.clock import NS_PER_S, Clock, ticks
+
+PERIOD_S: Final = PERIOD_NS / NS_PER_S
+POLL_S: Final = 0.01
+PATIENCE_S: Final = 1.0
+"""In lockstep, wall time after which simulated time goes on although a robot has not answered."""
+
+
+class Wake:
+    """What the loop waits on: something has arrived, or the process shall end."""
+
+    def __init__(self) -> None:
+        self._queue: SimpleQueue[None] = SimpleQueue()
+        self.stopping = False
+
+    def __call__(self, _: int = 0) -> None:
+        self._queue.put(None)
+
+    def stop(self) -> None:
+        self.stopping = True
+        self._queue.put(None)
+
+    def wait(self, timeout_s: float) -> bool:
+        """True when something has arrived, False when the time is up."""
+        try:
+            self._queue.get(timeout=max(0.0, timeout_s))
+        except Empty:
+            return False
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """The plant, its wires to each robot, the desk where requests are answered."""
+
+    plant: Plant
+    wires: list[Wires]
+    desk: Desk
+    wake: Wake
+
+    def publish(self) -> None:
+        for wires in self.wires:
+            wires.publish(self.plant)
+
+    def answered(self) -> bool:
+        return all(wires.answered(self.plant) for wires in self.wires)
+
+    def advance(self) -> None:
+        for wires in self.wires:
+            wires.obey(self.plant)
+        self.plant.advance()
+
+    def run_wall(self, clock: Clock) -> None:
+        """One period of simulated time per period of wall time, paused or not."""
+        for _ in ticks(clock, 1.0 / PERIOD_S):
+            self.desk.serve(self.plant)
+            if self.wake.stopping:
+                return
+            if self.desk.running:
+                self.advance()
+            self.publish()
+
+    def run_lockstep(self, speed: float = inf) -> None:
+        """A period goes by when every robot has answered; `speed` x real time at the most."""
+        self._await_robots()
+        pace_s = 0.0 if speed == inf else PERIOD_S / speed
+        due_s = monotonic()
+        while not self.wake.stopping:
+            self.publish()
+            self._await(self.answered)
+            self._await_start()
+            due_s = max(due_s + pace_s, monotonic() - pace_s)
+            while pace_s and (remaining_s := due_s - monotonic()) > 0 and not self.wake.stopping:
+                self.wake.wait(remaining_s)
+            self.advance()
+
+    def _await_robots(self) -> None:
+        """What is published before somebody listens is lost, and with it the first tick."""
+        publishers = [publisher for wires in self.wires for publisher in wires.publishers]
+        while not (self.wake.stopping or all(publisher.matched for publisher in publishers)):
+            self.wake.wait(POLL_S)
+            self.desk.serve(self.plant)
+
+    def _await(self, condition: Callable[[], bool]) -> None:
+        deadline_s = monotonic() + PATIENCE_S
+        while not self.wake.stopping:
+            self.desk.serve(self.plant)
+            if condition():
+                return
+            if not self.wake.wait(deadline_s - monotonic()):
+                return
+
+    def _await_start(self) -> None:
+        while not (self.desk.running or self.wake.stopping):
+            self.wake.wait(PATIENCE_S)
+            self.desk.serve(self.plant)

@@ -1,0 +1,51 @@
+"""Puts a plant on the bus and runs it until told to stop."""
+
+import signal
+import sys
+from functools import partial
+
+from plant.desk import Desk
+from plant.plant import Plant
+from plant.process import Process, Wake
+from plant.shortest_path import shortest_path_m
+from plant.wires import Wires
+from plant.world_json import as_json
+from protocol.bus import Bus, open_bus
+from protocol.clock import WallClock
+from protocol.network import Network
+from protocol.topics import RUN, WORLD, Role
+
+
+def run(
+    plant: Plant, network: Network, robots: list[str], *, lockstep: bool, speed: float, paused: bool
+) -> int:
+    """0 when told to stop. In lockstep the first senses wait until the robots listen."""
+    wake = Wake()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: wake.stop())
+    with open_bus(network, Role.PLANT, robots[0]) as bus:
+        process = assemble(plant, bus, robots, wake, lockstep=lockstep, paused=paused)
+        names = ", ".join(robots)
+        print(f"plant: world {plant.world.name} with {names}", file=sys.stderr, flush=True)
+        if lockstep:
+            process.run_lockstep(speed)
+        else:
+            process.run_wall(WallClock())
+    return 0
+
+
+def assemble(
+    plant: Plant, bus: Bus, robots: list[str], wake: Wake, *, lockstep: bool, paused: bool
+) -> Process:
+    """The wires to each robot, the services, and the announcement."""
+    world = as_json(plant.world, shortest_path_m(plant.world))
+    desk = Desk(running=not paused, world=world, nudge=wake)
+    wires = [
+        Wires(bus, robot, number, wake, lockstep=lockstep) for number, robot in enumerate(robots)
+    ]
+    for number, robot in enumerate(robots):
+        take = partial(desk.ask, number)
+        bus.serve(RUN, take, robot)
+        bus.serve(WORLD, take, robot)
+    bus.announce()
+    return Process(plant, wires, desk, wake)

@@ -1,0 +1,67 @@
+"""One robot's wires at the plant: its senses and the truth out, its wheel command in."""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from plant.plant import Plant
+from plant.score import PERIOD_NS
+from protocol.bus import Bus, Publisher
+from protocol.messages import SystemTime, WheelCommand
+from protocol.topics import CLOCK, DRIVE, SONAR, TRUTH, WHEELS
+
+PERIOD_MS: Final = 50
+
+
+class Wires:
+    """Publishes what one robot senses at this tick and hands its newest command to the plant.
+
+    The clock goes out last, and only in lockstep: it tells the robot that all its senses of this
+    tick are there, even when a fault keeps them back.
+    """
+
+    def __init__(
+        self, bus: Bus, robot: str, number: int, notify: Callable[[int], None], *, lockstep: bool
+    ) -> None:
+        self.robot = robot
+        self._number = number
+        self._sonar = bus.publisher(SONAR, robot)
+        self._wheels = bus.publisher(WHEELS, robot)
+        self._truth = bus.publisher(TRUTH, robot)
+        self._clock = bus.publisher(CLOCK, robot) if lockstep else None
+        self._command = bus.mailbox(DRIVE, robot, notify)
+        self._obeyed: WheelCommand | None = None
+
+    @property
+    def publishers(self) -> list[Publisher[Any]]:
+        return [self._sonar, self._wheels, *([self._clock] if self._clock else [])]
+
+    @property
+    def rejected(self) -> int:
+        return self._command.rejected
+
+    def publish(self, plant: Plant) -> None:
+        """Senses first, the scan after the ticks: its arrival starts the robot's tick."""
+        wheels, scan = plant.senses(self._number)
+        if wheels is not None:
+            self._wheels.put(wheels)
+        if scan is not None:
+            self._sonar.put(scan)
+        if self._clock is not None:
+            now_us = plant.now_ns // 1000
+            self._clock.put(SystemTime(time_unix_usec=now_us, time_boot_ms=now_us // 1000))
+        self._truth.put(plant.truth(self._number))
+
+    def answered(self, plant: Plant) -> bool:
+        """Whether the robot has answered the senses of this very tick."""
+        newest = self._command.latest()
+        return newest is not None and newest[0].sense_seq == plant.now_ns // PERIOD_NS
+
+    def obey(self, plant: Plant) -> None:
+        """Hand a new command to the motor driver; one that answers too old senses is dead."""
+        newest = self._command.latest()
+        if newest is None or newest[0] is self._obeyed:
+            return
+        command = self._obeyed = newest[0]
+        age_ms = (plant.now_ns // PERIOD_NS - command.sense_seq) * PERIOD_MS
+        if age_ms <= command.ttl_ms:
+            plant.command(self._number, command.left_mrad_s, command.right_mrad_s, command.ttl_ms)
