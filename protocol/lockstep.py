@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Callable
 
 from protocol.errors import Stopped
 
@@ -10,13 +11,21 @@ class LockstepClock:
     """Time is the stamp of the newest senses; it stands still until somebody feeds it.
 
     `advance_to` and `stop` may be called from any thread. A waiting thread that is given no stamp
-    for `patience_s` of wall time raises Stopped too, if a patience is set.
+    for `patience_s` of wall time raises Stopped too, if a patience is set. With an `idle` it calls
+    that instead, and whenever it is nudged: the waiting thread has other things to do meanwhile.
     """
 
-    def __init__(self, start_ns: int = 0, patience_s: float | None = None) -> None:
+    def __init__(
+        self,
+        start_ns: int = 0,
+        patience_s: float | None = None,
+        idle: Callable[[], None] | None = None,
+    ) -> None:
         self._stamp_ns: int | None = None
         self._start_ns = start_ns
         self._patience_s = patience_s
+        self._idle = idle
+        self._nudged = False
         self._stopped = False
         self._changed = threading.Condition()
 
@@ -34,6 +43,12 @@ class LockstepClock:
                 self._stamp_ns = stamp_ns
                 self._changed.notify_all()
 
+    def nudge(self) -> None:
+        """Let the waiting thread call `idle` now."""
+        with self._changed:
+            self._nudged = True
+            self._changed.notify_all()
+
     def stop(self) -> None:
         """Time will not go on: whoever waits, now or later, gets Stopped."""
         with self._changed:
@@ -42,12 +57,23 @@ class LockstepClock:
 
     def sleep_until(self, deadline_ns: int) -> None:
         """Block until a stamp of at least `deadline_ns` was fed; Stopped when it never will be."""
+        while not self._wait(deadline_ns):
+            if self._idle is None:
+                raise Stopped(f"no senses for {self._patience_s} s")
+            self._idle()
+
+    def _wait(self, deadline_ns: int) -> bool:
+        """True when the stamp is there, False when nudged or out of patience."""
         with self._changed:
-            while not self._stopped and not self._reached(deadline_ns):
+            while not (self._stopped or self._nudged or self._reached(deadline_ns)):
                 if not self._changed.wait(self._patience_s):
-                    raise Stopped(f"no senses for {self._patience_s} s")
-            if not self._reached(deadline_ns):
+                    return False
+            if self._reached(deadline_ns):
+                return True
+            if self._stopped:
                 raise Stopped("the clock was stopped")
+            self._nudged = False
+            return False
 
     def _reached(self, deadline_ns: int) -> bool:
         return self._stamp_ns is not None and self._stamp_ns >= deadline_ns

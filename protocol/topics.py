@@ -18,10 +18,12 @@ from protocol.messages import (
     NavigatorStatus,
     ParamRequestRead,
     ParamSet,
+    ParamValue,
     PlanarOdometry,
     RunRequest,
     SonarScan,
     Statustext,
+    SystemTime,
     WheelCommand,
     WheelTicks,
 )
@@ -105,6 +107,15 @@ WHEELS: Final = Topic(
     priority=Priority.DATA_HIGH,
     doc="encoder counters and bumper, latched at the tick",
 )
+CLOCK: Final = Topic(
+    path="sense/clock",
+    messages=(SystemTime,),
+    publisher=Role.PLANT,
+    rate_hz=20.0,
+    stale_after_ns=0,
+    priority=Priority.DATA_HIGH,
+    doc="simulated time, in lockstep only: all senses of this tick have been sent",
+)
 TRUTH: Final = Topic(
     path="truth/pose",
     messages=(GroundTruth,),
@@ -181,9 +192,9 @@ COMMANDED: Final[Topic[Message]] = Topic(
     stale_after_ns=0,
     doc="what was asked of the robot, for the record",
 )
-ANSWERED: Final = Topic(
+ANSWERED: Final[Topic[Message]] = Topic(
     path="tlm/answered",
-    messages=(CommandAck,),
+    messages=(CommandAck, ParamValue),
     publisher=Role.ROBOT,
     rate_hz=0.0,
     stale_after_ns=0,
@@ -232,6 +243,7 @@ WORLD: Final = Service(
 TOPICS: Final[tuple[Topic[Message], ...]] = (
     SONAR,
     WHEELS,
+    CLOCK,
     TRUTH,
     DRIVE,
     HEARTBEAT,
