@@ -140,3 +140,26 @@ def test_the_table_alone_imports_nothing_of_ours() -> None:
         check=True,
     )
     assert run.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("verb", "foreign"),
+    [
+        ("robot", {"plant", "ground", "study", "pymunk", "pymavlink", "textual", "numpy"}),
+        ("plant", {"robot", "ground", "study", "pymavlink", "textual"}),
+        ("goto", {"robot", "plant", "study", "pymunk", "pymavlink", "textual", "numpy"}),
+        ("trial", {"ground", "zenoh", "pymavlink", "textual"}),
+        ("worlds", {"robot", "ground", "study", "zenoh", "pymavlink", "textual"}),
+    ],
+)
+def test_a_process_imports_only_what_it_needs(verb: str, foreign: set[str]) -> None:
+    code = (
+        "import sys, sidestep\n"
+        "try:\n    sidestep.main([sys.argv[1], '--help'])\n"
+        "except SystemExit:\n    pass\n"
+        "print(*{name.split('.')[0] for name in sys.modules}, file=sys.stderr)"
+    )
+    command = [sys.executable, "-c", code, verb]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert "usage" in run.stdout
+    assert foreign.isdisjoint(run.stderr.split())
