@@ -17,13 +17,14 @@ from robot.core.typed import Final
 from robot.core.values import SONARS, Decision, Goal, Pose
 
 HIT_MARGIN_M: Final = 0.03
-LEAVE_MARGIN_M: Final = 0.06
+LEAVE_MARGIN_M: Final = 0.05
 IN_VIEW_RAD: Final = 70.0 * pi / 180.0
 LOST_M: Final = 0.15  # a wall this much farther than it should be is no longer beside the robot
 LOST_TURN_RAD: Final = 1.5 * pi
 WALL_SIDE: Final = 2  # the sonars 0, 1 and 2 from the wall's end of the ring look at its side
 STEER_RAD_PER_M: Final = 4.0
 STEER_MAX_RAD: Final = 0.6
+QUARTER_CONE: Final = 0.5 * HALF_CONE
 LEAN_MAX_RAD: Final = 0.4
 COS_STEP: Final = cos(2.0 * HALF_CONE)
 SIN_STEP: Final = sin(2.0 * HALF_CONE)
@@ -71,7 +72,8 @@ def in_the_way(
 ) -> bool:
     """Whether an echo nearer than d_th lies in the strip the robot would sweep towards the goal.
 
-    An echo may come from anywhere in its cone: the edge of the cone next to the goal counts.
+    An echo may come from anywhere in its cone; half way from its middle to the edge next to the
+    goal is taken. At the edge, a wall along the way would seem to stand in it.
     """
     if ring.nearest_m >= params.d_th_m:
         return False
@@ -79,7 +81,7 @@ def in_the_way(
         range_m = ring.range_m[i]
         if range_m is None or range_m >= params.d_th_m or range_m >= distance_m:
             continue
-        aside_rad = max(abs(wrap(BEARINGS[i] - alpha_rad)) - 0.5 * HALF_CONE, 0.0)
+        aside_rad = max(abs(wrap(BEARINGS[i] - alpha_rad)) - QUARTER_CONE, 0.0)
         reach_m = range_m + params.radius_m
         if aside_rad < BESIDE and reach_m * sin(aside_rad) < params.radius_m + margin_m:
             return True
