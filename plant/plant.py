@@ -104,10 +104,11 @@ class Plant:
             vehicle.faults.clear(self.now_ns)
 
     def _substep(self, now_ns: int, close: bool) -> None:
-        fastest_m_s = max([vehicle.set_off(now_ns, SUBSTEP_S) for vehicle in self._vehicles])
+        speeds_m_s = sorted([vehicle.set_off(now_ns, SUBSTEP_S) for vehicle in self._vehicles])
         if self._movers:
             self._carry(now_ns)
-        self._arena.step(SUBSTEP_S, 2.0 * fastest_m_s + self._mover_speed_m_s if close else 0.0)
+        closing_m_s = sum(speeds_m_s[-2:]) + self._mover_speed_m_s
+        self._arena.step(SUBSTEP_S, closing_m_s if close else 0.0)
         for vehicle in self._vehicles:
             vehicle.arrive(close)
 

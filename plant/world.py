@@ -55,9 +55,9 @@ class Arena:
         """Give a moving obstacle its velocity; nothing stops it."""
         self._movers[mover].velocity = x_m_s, y_m_s
 
-    def step(self, span_s: float, fastest_m_s: float) -> None:
-        """Let time go by; `fastest_m_s` of what may collide, 0 when nothing can."""
-        parts = max(1, ceil(fastest_m_s * span_s / FINE_STEP_M))
+    def step(self, span_s: float, closing_m_s: float) -> None:
+        """Let time go by; `closing_m_s`: how fast two things may collide, 0 when none can."""
+        parts = max(1, ceil(closing_m_s * span_s / FINE_STEP_M))
         for _ in range(parts):
             self._space.step(span_s / parts)
 

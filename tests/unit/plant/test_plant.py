@@ -152,6 +152,18 @@ def test_an_obstacle_that_moves_is_seen_coming() -> None:
     assert plant.truth().clearance_m == pytest.approx(2.5 - 1.3 - 0.3 - 0.12, abs=1e-9)
 
 
+def test_early_sonars_see_an_obstacle_where_it_was_half_a_period_ago() -> None:
+    path = ((3.5, 2.0), (1.5, 2.0))
+    roller = Circle(x_m=3.5, y_m=2.0, radius_m=0.3, path_m=path, speed_m_s=1.0)
+    plant = Plant(room(roller), 1, NONE)
+    for _ in range(5):
+        plant.advance()
+    late_m, early_m = ranges_m(plant)[3:5]
+    assert late_m is not None
+    assert early_m is not None
+    assert early_m - late_m == pytest.approx(1.0 * 0.025, abs=0.0015)
+
+
 def test_robots_see_each_other_and_drive_on_their_own() -> None:
     plant = Plant(room(start=(1.0, 1.5, pi / 2)), 1, NONE, robots=2)
     assert plant.truth(0).clearance_m == plant.truth(1).clearance_m == pytest.approx(0.16)
