@@ -127,6 +127,22 @@ ENDS: Final = {
 }
 
 
+class Pace:
+    """When the heart must beat: by our clock or by the robot's stamps, whichever is ahead."""
+
+    def __init__(self) -> None:
+        self._beaten_ns: int | None = None
+        self._beaten_stamp_ns = 0
+
+    def due(self, now_ns: int, stamp_ns: int) -> bool:
+        """True once per beat."""
+        since_ns = BEAT_NS if self._beaten_ns is None else now_ns - self._beaten_ns
+        if max(since_ns, stamp_ns - self._beaten_stamp_ns) < BEAT_NS:
+            return False
+        self._beaten_ns, self._beaten_stamp_ns = now_ns, stamp_ns
+        return True
+
+
 class GoalWatch:
     """Follows one goal to its end, and says when the operator's heart must beat.
 
@@ -138,8 +154,7 @@ class GoalWatch:
         self._goal_id = goal_id
         self._timeout_ns = timeout_ns
         self._asked_ns = self._heard_ns = now_ns
-        self._beat_ns: int | None = None
-        self._beat_stamp_ns = 0
+        self._pace = Pace()
         self._first_stamp_ns: int | None = None
         self._stamp_ns = 0
         self._seen = False
@@ -167,19 +182,12 @@ class GoalWatch:
         if self.end is not None:
             return []
         self._judge_time(now_ns)
-        if self.end is not None or not self._beat_is_due(now_ns):
-            return []
-        self._beat_ns, self._beat_stamp_ns = now_ns, self._stamp_ns
-        return [Beat()]
+        beats = self.end is None and self._pace.due(now_ns, self._stamp_ns)
+        return [Beat()] if beats else []
 
     def silent_ns(self, now_ns: int) -> int:
         """How long nothing has been heard of the robot."""
         return now_ns - self._heard_ns
-
-    def _beat_is_due(self, now_ns: int) -> bool:
-        if self._beat_ns is None or now_ns - self._beat_ns >= BEAT_NS:
-            return True
-        return self._stamp_ns - self._beat_stamp_ns >= BEAT_NS
 
     def _judge_time(self, now_ns: int) -> None:
         driven_ns = self._stamp_ns - (self._first_stamp_ns or 0)

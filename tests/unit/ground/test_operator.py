@@ -1,4 +1,4 @@
-"""Commands are repeated with one id, goals are followed to their end, and silence is not success."""
+"""Commands are repeated with one id, goals are followed to their end, silence is no success."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,0 +1,99 @@
+"""A goal as a person types it, checked and turned into the integers of the wire."""
+
+import argparse
+from dataclasses import dataclass
+from math import degrees, pi, radians
+from typing import Final
+
+from ground.options import finite, positive, within
+from protocol.enums import Mode
+from protocol.errors import UserError
+from protocol.messages import GoalRequest
+from protocol.wire_goal import WireGoal, wire_goal
+
+FARTHEST_M: Final = 2_000_000.0  # what fits the wire; the robot's own limit is nearer
+POSITION_TOLERANCE_M: Final = 0.05
+HEADING_TOLERANCE_DEG: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Destination:
+    """A place of the world, in metres and radians; heading None: any will do."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float | None
+    position_tolerance_m: float = POSITION_TOLERANCE_M
+    heading_tolerance_rad: float = radians(HEADING_TOLERANCE_DEG)
+
+    def on_the_wire(self) -> WireGoal:
+        return wire_goal(
+            self.x_m,
+            self.y_m,
+            self.heading_rad,
+            self.position_tolerance_m,
+            self.heading_tolerance_rad,
+        )
+
+    def __str__(self) -> str:
+        heading = "" if self.heading_rad is None else f" at {degrees(self.heading_rad):.1f} deg"
+        return f"({self.x_m:.3f}, {self.y_m:.3f}){heading}"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("x", type=finite, metavar="X", help="metres")
+    parser.add_argument("y", type=finite, metavar="Y", help="metres")
+    parser.add_argument(
+        "heading", type=finite, nargs="?", metavar="DEG", help="final heading; any without it"
+    )
+    parser.add_argument(
+        "--tolerance",
+        type=positive,
+        default=POSITION_TOLERANCE_M,
+        metavar="M",
+        help="arrived within this distance (0.05)",
+    )
+    parser.add_argument(
+        "--heading-tolerance",
+        type=positive,
+        default=HEADING_TOLERANCE_DEG,
+        metavar="DEG",
+        help="aligned within this angle (3)",
+    )
+
+
+def destination_of(options: argparse.Namespace) -> Destination:
+    """What was typed; UserError when it cannot be a goal for any robot."""
+    return destination(
+        [options.x, options.y] + ([] if options.heading is None else [options.heading]),
+        position_tolerance_m=options.tolerance,
+        heading_tolerance_deg=options.heading_tolerance,
+    )
+
+
+def destination(
+    numbers: list[float],
+    *,
+    position_tolerance_m: float = POSITION_TOLERANCE_M,
+    heading_tolerance_deg: float = HEADING_TOLERANCE_DEG,
+) -> Destination:
+    """X Y [DEG]; UserError names the number that is out of range."""
+    if len(numbers) not in (2, 3):
+        raise UserError(f"a goal is X Y or X Y DEG, not {len(numbers)} numbers")
+    for name, value in zip(("x", "y"), numbers, strict=False):
+        within(value, -FARTHEST_M, FARTHEST_M, name, "m")
+    if len(numbers) == 3:
+        within(numbers[2], -360.0, 360.0, "heading", "deg")
+    within(position_tolerance_m, 0.005, 1.0, "tolerance", "m")
+    within(heading_tolerance_deg, 0.2, 180.0, "heading tolerance", "deg")
+    return Destination(
+        x_m=numbers[0],
+        y_m=numbers[1],
+        heading_rad=radians(numbers[2]) if len(numbers) == 3 else None,
+        position_tolerance_m=position_tolerance_m,
+        heading_tolerance_rad=min(radians(heading_tolerance_deg), pi),
+    )
+
+
+def goal_request(goal: WireGoal, request_id: int, mode: Mode) -> GoalRequest:
+    return GoalRequest(request_id=request_id, mode=mode, **goal._asdict())

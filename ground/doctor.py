@@ -1,0 +1,103 @@
+"""`doctor`: listens for a moment, asks every service, and says what is missing and what to do."""
+
+import argparse
+from typing import Any, Final
+
+from ground.findings import Observed, Report, Stream, examine, lines
+from ground.link import Link, Unanswered, linked
+from ground.options import Common, add_common, common_of, seconds
+from ground.presence import crew_of
+from ground.says import Says
+from ground.telemetry import Telemetry
+from protocol.errors import RemoteError
+from protocol.mailbox import Mailbox
+from protocol.messages import CommandRequest
+from protocol.topics import COMMAND, CYCLE, PARAMETERS, STATUS, TOPICS, WORLD, Role, Service
+
+LISTEN_S: Final = 1.0
+ASK_S: Final = 0.5
+NO_COMMAND: Final = 0
+QUESTIONS: Final = ((COMMAND, Role.ROBOT), (PARAMETERS, Role.ROBOT), (WORLD, Role.PLANT))
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    add_common(parser)
+    parser.add_argument(
+        "--timeout", type=seconds, default=LISTEN_S, metavar="S", help="listen for this long (1)"
+    )
+
+
+def run(options: argparse.Namespace, says: Says) -> int:
+    common = common_of(options)
+    try:
+        with linked(common) as link:
+            seen = observe(link, common, round(options.timeout * 1e9))
+    except Unanswered as error:
+        what = str(error)
+        do = f"start `sidestep robot` (or `sidestep router`) at {common.endpoint}, or use --connect"
+        found: dict[str, object] = {"what": what, "do": do, "bad": True}
+        says.result({"ok": False, "findings": [found], "streams": {}}, f"E {what}\n  -> {do}")
+        return 1
+    return tell(says, seen, examine(seen))
+
+
+def observe(link: Link, common: Common, listen_ns: int) -> Observed:
+    """Everything there is to see, within the given time and that of the questions."""
+    telemetry = Telemetry(link.bus, link.robot, TOPICS)
+    link.wait(lambda: False, listen_ns)
+    now_ns = link.clock.now_ns()
+    crew = crew_of(link.bus.present())
+    status, cycle = telemetry.latest(STATUS), telemetry.latest(CYCLE)
+    return Observed(
+        robot=link.robot,
+        endpoint=common.endpoint,
+        crew=crew,
+        streams=tuple(stream_of(box, now_ns) for box in telemetry.boxes().values()),
+        status=None if status is None else status[0],
+        cycle=None if cycle is None else cycle[0],
+        answers=tuple(
+            (service.path, why)
+            for service, role in QUESTIONS
+            if crew.has(link.robot, role) and (why := unanswered(link, service))
+        ),
+    )
+
+
+def stream_of(box: Mailbox[Any], now_ns: int) -> Stream:
+    newest = box.latest()
+    age_ns = None if newest is None else now_ns - newest[1]
+    return Stream(box.topic, age_ns, box.rejected, box.last_rejection)
+
+
+def unanswered(link: Link, service: Service) -> str:
+    """Why a service does not answer; empty when it does. The question changes nothing."""
+    question = None
+    if CommandRequest in service.requests:
+        question = CommandRequest(
+            request_id=link.ids.next(), param1=0.0, param2=0.0, command=NO_COMMAND
+        )
+    try:
+        link.bus.ask(service, question, ASK_S, robot=link.robot)
+    except RemoteError as error:
+        return str(error)
+    return ""
+
+
+def tell(says: Says, seen: Observed, report: Report) -> int:
+    found: dict[str, object] = {
+        "ok": report.healthy,
+        "robot": seen.robot,
+        "processes": sorted(f"{role} {robot}" for robot, role in seen.crew.there),
+        "findings": [
+            {"what": finding.what, "do": finding.do, "bad": finding.bad}
+            for finding in report.findings
+        ],
+        "streams": {
+            stream.topic.path: None if stream.age_ns is None else stream.age_ns / 1e9
+            for stream in seen.streams
+        },
+    }
+    there = ", ".join(sorted(f"{role} of {robot}" for robot, role in seen.crew.there))
+    head = f"{'healthy' if report.healthy else 'not healthy'}: {there or 'nobody is there'}"
+    says.result(found, "\n".join(part for part in (head, lines(report.findings)) if part))
+    return 0 if report.healthy else 1

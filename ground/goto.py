@@ -1,0 +1,152 @@
+"""`goto`: arm if need be, send the goal, be the operator while it lives, tell how it ended."""
+
+import argparse
+from contextlib import suppress
+from typing import Final
+
+from ground.destination import Destination, destination_of, goal_request
+from ground.destination import arguments as destination_arguments
+from ground.link import NS_PER_S, Link, Unanswered, linked
+from ground.operator import BEAT_NS, Answered, GoalEnd, GoalWatch
+from ground.options import add_common, common_of, seconds
+from ground.orders import tell, why
+from ground.says import Says
+from ground.status_line import goal_line
+from ground.telemetry import Telemetry
+from protocol.enums import Command, Mode, Vehicle
+from protocol.errors import RemoteError
+from protocol.messages import GoalRequest
+from protocol.reasons import Reason
+from protocol.topics import ODOMETRY, STATUS
+
+SHOW_NS: Final = 200_000_000
+SHOW_PLAIN_NS: Final = 2_000_000_000
+HEARD_NS: Final = 2_000_000_000
+STATUS_NS: Final = 1_000_000_000
+STOP_NS: Final = 500_000_000
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    destination_arguments(parser)
+    add_common(parser)
+    parser.add_argument(
+        "--no-wait", action="store_true", help="in AUTO, which needs no operator; do not wait"
+    )
+    parser.add_argument("--timeout", type=seconds, metavar="S", help="abort after this long")
+
+
+def run(options: argparse.Namespace, says: Says) -> int:
+    where = destination_of(options)
+    with linked(common_of(options)) as link:
+        drive = Drive(link, says)
+        if options.no_wait:
+            return tell(says, "goto", link.robot, drive.send(where, Mode.AUTO)[0])
+        timeout_ns = None if options.timeout is None else round(options.timeout * NS_PER_S)
+        return drive.wait_for(where, timeout_ns)
+
+
+class Drive:
+    """One goal of one robot, from arming to its end."""
+
+    def __init__(self, link: Link, says: Says) -> None:
+        self._link = link
+        self._says = says
+        self._telemetry = Telemetry(
+            link.bus, link.robot, (STATUS, ODOMETRY), notify=link.pulse.beat
+        )
+
+    def wait_for(self, where: Destination, timeout_ns: int | None) -> int:
+        """Exit code 0 when the robot gets there. Whatever interrupts us aborts the goal."""
+        self._link.beat()
+        started_ns = self._link.clock.now_ns()
+        try:
+            answered, request = self.send(where, Mode.GUIDED)
+            if not answered.ok:
+                return tell(self._says, "goto", self._link.robot, answered)
+            self._says.note(f"goal {where} accepted")
+            end = self._follow(GoalWatch(request.request_id, started_ns, timeout_ns))
+        except BaseException:
+            self._abort("interrupted: goal aborted, the robot stops")
+            raise
+        if end.abort:
+            self._abort("goal aborted")
+        return self._tell_end(end, started_ns)
+
+    def send(self, where: Destination, mode: Mode) -> tuple[Answered, GoalRequest]:
+        """Give the goal; arms a robot that stands by, waits for it to hear its operator."""
+        deadline_ns = self._link.clock.now_ns() + HEARD_NS
+        while True:
+            request = goal_request(where.on_the_wire(), self._link.ids.next(), mode)
+            answered = self._link.ask(request)
+            if answered.ok or self._link.clock.now_ns() > deadline_ns:
+                return answered, request
+            if not self._remedied(answered.reason, mode):
+                return answered, request
+
+    def _remedied(self, reason: int, mode: Mode) -> bool:
+        """Is it worth asking again?"""
+        if reason == Reason.NOT_ARMED and self._vehicle() == Vehicle.STANDBY:
+            return self._arm()
+        if reason == Reason.NO_OPERATOR and mode == Mode.GUIDED:
+            self._link.beat()
+            self._link.clock.sleep_until(self._link.clock.now_ns() + BEAT_NS // 4)
+            return True
+        return False
+
+    def _vehicle(self) -> int | None:
+        """What state the robot says it is in."""
+        self._link.wait(lambda: self._telemetry.latest(STATUS) is not None, STATUS_NS)
+        newest = self._telemetry.latest(STATUS)
+        return None if newest is None else newest[0].vehicle
+
+    def _arm(self) -> bool:
+        answered = self._link.ask(self._link.command(Command.COMPONENT_ARM_DISARM, 1.0))
+        self._says.note("armed" if answered.ok else f"arming was refused: {why(answered)}")
+        return answered.ok
+
+    def _follow(self, watch: GoalWatch) -> GoalEnd:
+        clock, last_shown_ns = self._link.clock, 0
+        every_ns = SHOW_NS if self._says.live else SHOW_PLAIN_NS
+        while True:
+            newest = self._telemetry.latest(STATUS)
+            if newest is not None:
+                watch.receive(*newest)
+            now_ns = clock.now_ns()
+            for _ in watch.due(now_ns):
+                self._link.beat()
+            if watch.end is not None:
+                return watch.end
+            if now_ns - last_shown_ns >= every_ns:
+                last_shown_ns = now_ns
+                self._show(now_ns, watch.silent_ns(now_ns))
+            self._link.pulse.wait_until(now_ns + BEAT_NS // 2)
+
+    def _show(self, now_ns: int, silent_ns: int) -> None:
+        text = goal_line(self._telemetry, now_ns, silent_ns)
+        if self._says.live:
+            self._says.line(text)
+        else:
+            self._says.note(text)
+
+    def _abort(self, said: str) -> None:
+        """Tell the robot, once and briefly; it stops without us, too."""
+        request = self._link.command(Command.SIDESTEP_ABORT_GOAL)
+        with suppress(RemoteError, Unanswered):
+            self._link.ask(request, attempts=1, patience_ns=STOP_NS)
+        self._says.note(said)
+
+    def _tell_end(self, end: GoalEnd, started_ns: int) -> int:
+        wall_s = (self._link.clock.now_ns() - started_ns) / NS_PER_S
+        newest = self._telemetry.latest(STATUS)
+        found: dict[str, object] = {
+            "verb": "goto",
+            "robot": self._link.robot,
+            "ok": end.reached,
+            "outcome": end.outcome,
+            "reason": end.reason,
+            "distance_m": None if newest is None else newest[0].goal_distance_m,
+            "wall_s": round(wall_s, 3),
+        }
+        detail = "" if end.reason == end.outcome else f": {end.reason}"
+        self._says.result(found, f"{end.outcome}{detail} after {wall_s:.1f} s")
+        return 0 if end.reached else 1

@@ -1,0 +1,104 @@
+"""Options that verbs have in common, and the numbers they take: finite, or refused at once."""
+
+import argparse
+from dataclasses import dataclass, replace
+from math import isfinite
+from pathlib import Path
+from typing import Final
+
+from protocol.config import load
+from protocol.errors import UserError
+from protocol.network import Network
+from protocol.options import DEFAULT_ENDPOINT
+from protocol.topics import robot_name
+
+DIAL_S: Final = 1.5
+LONGEST_S: Final = 7 * 24 * 3600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """The file of `--config`: which robot, and where to dial or listen."""
+
+    robot: str = "r1"
+    network: Network | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Common:
+    """Where to dial and whom to talk to, from file and command line."""
+
+    network: Network
+    robot: str
+
+    @property
+    def endpoint(self) -> str:
+        return ", ".join(self.network.connect)
+
+
+def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> None:
+    """`--connect` (or `--listen`), `--id`, `--config` and `--json`."""
+    if listens:
+        parser.add_argument("--listen", metavar="ENDPOINT", help=f"({DEFAULT_ENDPOINT})")
+    else:
+        parser.add_argument("--connect", metavar="ENDPOINT", help=f"({DEFAULT_ENDPOINT})")
+        parser.add_argument("--id", metavar="NAME", help="name of the robot (r1)")
+    parser.add_argument("--config", metavar="FILE", help="TOML with robot and [network]")
+    add_json(parser)
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+
+
+def common_of(options: argparse.Namespace) -> Common:
+    """Defaults, then the file, then the command line; UserError names what is wrong."""
+    config = Config() if options.config is None else load(Path(options.config), Config)
+    network = config.network or Network()
+    connect = network.connect or (DEFAULT_ENDPOINT,)
+    if options.connect is not None:
+        connect = (options.connect,)
+    network = replace(network, mode="client", connect=connect, listen=(), connect_timeout_s=DIAL_S)
+    return Common(network=network, robot=robot_name(options.id or config.robot))
+
+
+def listening_of(options: argparse.Namespace) -> Network:
+    """The network of a process that routes for others."""
+    config = Config() if options.config is None else load(Path(options.config), Config)
+    network = config.network or Network()
+    listen = network.listen or (DEFAULT_ENDPOINT,)
+    if options.listen is not None:
+        listen = (options.listen,)
+    return replace(network, mode="router", listen=listen)
+
+
+def finite(text: str) -> float:
+    """A number that is one: neither NaN nor infinite."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+    return value
+
+
+def positive(text: str) -> float:
+    value = finite(text)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} must be more than 0")
+    return value
+
+
+def seconds(text: str) -> float:
+    value = positive(text)
+    if value > LONGEST_S:
+        raise argparse.ArgumentTypeError(f"{text!r} is more than {LONGEST_S:g} s")
+    return value
+
+
+def within(value: float, low: float, high: float, what: str, unit: str) -> float:
+    """The value; UserError when it is out of range."""
+    if not low <= value <= high:
+        raise UserError(f"{what} {value:g} {unit} is out of range: {low:g} to {high:g} {unit}")
+    return value

@@ -1,0 +1,124 @@
+"""Verbs that are one question to the robot and its answer."""
+
+import argparse
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+from ground.link import linked
+from ground.operator import ATTEMPTS, PATIENCE_NS, Answered
+from ground.options import add_common, common_of, seconds
+from ground.says import Says
+from protocol.enums import Command, Mode, Navigator
+from protocol.reasons import Reason
+
+MS: Final = 1_000_000
+URGENT_ATTEMPTS: Final = 10
+URGENT_PATIENCE_NS: Final = 200 * MS
+SIDES: Final = MappingProxyType({"left": 1, "right": -1})
+NAVIGATORS: Final = MappingProxyType({name.name.lower(): name for name in Navigator})
+HINTS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        Reason.NOT_ARMED: "sidestep arm",
+        Reason.EMERGENCY_STOPPED: "sidestep clear-estop",
+        Reason.NO_OPERATOR: "keep `sidestep ground` running, or use --no-wait",
+        Reason.NO_SENSES: "is the plant running? sidestep doctor",
+        Reason.DRIVING: "sidestep abort",
+    }
+)
+
+
+class Order(NamedTuple):
+    """The command of a verb, with its parameters."""
+
+    command: Command
+    param1: float = 0.0
+    param2: float = 0.0
+    urgent: bool = False
+
+
+ORDERS: Final[Mapping[str, Order]] = MappingProxyType(
+    {
+        "hold": Order(Command.DO_PAUSE_CONTINUE, 0.0),
+        "resume": Order(Command.DO_PAUSE_CONTINUE, 1.0),
+        "abort": Order(Command.SIDESTEP_ABORT_GOAL),
+        "estop": Order(Command.DO_FLIGHTTERMINATION, 1.0, urgent=True),
+        "clear-estop": Order(Command.SIDESTEP_CLEAR_EMERGENCY_STOP),
+        "arm": Order(Command.COMPONENT_ARM_DISARM, 1.0),
+        "disarm": Order(Command.COMPONENT_ARM_DISARM, 0.0),
+        "rtl": Order(Command.NAV_RETURN_TO_LAUNCH),
+    }
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    add_common(parser)
+    parser.add_argument(
+        "--timeout", type=seconds, metavar="S", help="give up after this long, in three tries (1.5)"
+    )
+
+
+def mode_arguments(parser: argparse.ArgumentParser) -> None:
+    names = [mode.name.lower() for mode in Mode]
+    parser.add_argument("mode", type=str.lower, choices=names, help=", ".join(names))
+    arguments(parser)
+
+
+def navigator_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("navigator", type=str.lower, choices=list(NAVIGATORS))
+    parser.add_argument(
+        "side", nargs="?", type=str.lower, choices=list(SIDES), help="on which bug passes obstacles"
+    )
+    arguments(parser)
+
+
+def run(options: argparse.Namespace, says: Says) -> int:
+    return give(options, says, ORDERS[options.verb])
+
+
+def run_mode(options: argparse.Namespace, says: Says) -> int:
+    mode = Mode[options.mode.upper()]
+    return give(options, says, Order(Command.DO_SET_MODE, 1.0, float(mode)))
+
+
+def run_navigator(options: argparse.Namespace, says: Says) -> int:
+    side = float(SIDES.get(options.side, 0))
+    number = float(NAVIGATORS[options.navigator])
+    return give(options, says, Order(Command.SIDESTEP_SET_NAVIGATOR, number, side))
+
+
+def give(options: argparse.Namespace, says: Says, order: Order) -> int:
+    """Ask and tell; 0 when the robot agrees, 1 when it refuses or nobody answers."""
+    with linked(common_of(options)) as link:
+        request = link.command(order.command, order.param1, order.param2)
+        attempts, patience_ns = pace(options.timeout, urgent=order.urgent)
+        answered = link.ask(request, attempts=attempts, patience_ns=patience_ns)
+        return tell(says, options.verb, link.robot, answered)
+
+
+def pace(timeout_s: float | None, *, urgent: bool) -> tuple[int, int]:
+    """How often to ask and how long to wait each time."""
+    attempts = URGENT_ATTEMPTS if urgent else ATTEMPTS
+    if timeout_s is None:
+        return attempts, URGENT_PATIENCE_NS if urgent else PATIENCE_NS
+    return attempts, max(1, round(timeout_s * 1e9 / attempts))
+
+
+def tell(says: Says, verb: str, robot: str, answered: Answered) -> int:
+    took_ms = answered.took_ns / MS
+    found: dict[str, object] = {
+        "verb": verb,
+        "robot": robot,
+        "ok": answered.ok,
+        "reason": answered.text,
+        "reason_code": answered.reason,
+        "took_ms": round(took_ms, 3),
+    }
+    says.result(found, f"ok {took_ms:.0f} ms" if answered.ok else f"refused: {why(answered)}")
+    return 0 if answered.ok else 1
+
+
+def why(answered: Answered) -> str:
+    """The robot's reason, with what to do where there is something."""
+    hint = HINTS.get(answered.reason)
+    return f"{answered.text} ({hint})" if hint else answered.text

@@ -1,0 +1,139 @@
+"""`param`: the robot's own list of parameters, one of them, or a new value for one."""
+
+import argparse
+import json
+from collections.abc import Iterable
+from fnmatch import fnmatchcase
+from math import isclose, isfinite
+from typing import Final, TypeAlias
+
+from ground.link import Link, Unanswered, linked
+from ground.options import add_common, common_of, finite
+from ground.says import Says
+from protocol.enums import PARAM_TYPE_REAL32
+from protocol.errors import RemoteError, UserError
+from protocol.messages import CommandAck, ParamSet, ParamValue
+from protocol.reasons import Reason, reason_text
+from protocol.topics import PARAMETER, PARAMETERS
+
+ATTEMPTS: Final = 3
+PATIENCE_S: Final = 0.5
+SAVED: Final = "saved on the robot"
+COLUMNS: Final = ("name", "value", "unit", "minimum", "maximum", "default", "doc")
+
+Row: TypeAlias = dict[str, object]
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(dest="action", required=True, metavar="list|get|set|save")
+    listing = actions.add_parser("list", help="all of them, with unit, range, default and meaning")
+    listing.add_argument("pattern", nargs="?", default="*", metavar="GLOB")
+    getting = actions.add_parser("get", help="those whose name matches, as in 'sonar_*'")
+    getting.add_argument("pattern", metavar="GLOB")
+    setting = actions.add_parser("set", help="give one a value; the robot saves it by itself")
+    setting.add_argument("name", metavar="NAME")
+    setting.add_argument("value", type=finite, metavar="VALUE")
+    saving = actions.add_parser("save", help="nothing to do: the robot saves what is set")
+    for action in (listing, getting, setting, saving):
+        add_common(action)
+
+
+def run(options: argparse.Namespace, says: Says) -> int:
+    with linked(common_of(options)) as link:
+        if options.action == "set":
+            return change(link, says, options.name, options.value)
+        rows = fetch(link)
+        if options.action == "save":
+            text = f"nothing to do: every value is {SAVED} when it is set"
+            says.result({"verb": "param save", "ok": True, "count": len(rows)}, text)
+            return 0
+        return show(says, rows, options.pattern, wide=options.action == "list")
+
+
+def fetch(link: Link) -> list[Row]:
+    """The robot's list; Unanswered when it does not come, RemoteError when it cannot be read."""
+    answer = ask(link, None)
+    if not isinstance(answer, bytes):
+        raise RemoteError("the robot answers, but not with a list of parameters")
+    return rows_in(answer)
+
+
+def rows_in(answer: bytes) -> list[Row]:
+    try:
+        rows = json.loads(answer)
+    except ValueError as error:
+        raise RemoteError(f"the robot's list of parameters cannot be read: {error}") from error
+    if not isinstance(rows, list) or not all(
+        isinstance(row, dict) and {"name", "value"} <= row.keys() for row in rows
+    ):
+        raise RemoteError("the robot's list of parameters is not one")
+    return rows
+
+
+def show(says: Says, rows: Iterable[Row], pattern: str, *, wide: bool) -> int:
+    chosen = [row for row in rows if fnmatchcase(str(row["name"]), pattern)]
+    if not chosen:
+        raise UserError(f"no parameter matches {pattern!r}: sidestep param list")
+    text = table(chosen) if wide else "\n".join(line(row) for row in chosen)
+    says.result({"parameters": chosen}, text)
+    return 0
+
+
+def line(row: Row) -> str:
+    unit = row.get("unit")
+    return f"{row['name']} = {number(row['value'])}{f' {unit}' if unit else ''}"
+
+
+def table(rows: list[Row]) -> str:
+    """Columns as wide as they must be; a value that is not the default is marked."""
+    cells = [list(COLUMNS)]
+    for row in rows:
+        mark = "" if row["value"] == row.get("default") else " *"
+        cells.append([cell(row.get(name, "")) for name in COLUMNS])
+        cells[-1][1] += mark
+    widths = [max(len(one[at]) for one in cells) for at in range(len(COLUMNS))]
+    return "\n".join(
+        "  ".join(text.ljust(width) for text, width in zip(one, widths, strict=True)).rstrip()
+        for one in cells
+    )
+
+
+def cell(value: object) -> str:
+    return value if isinstance(value, str) else number(value)
+
+
+def number(value: object) -> str:
+    return f"{value:.7g}" if isinstance(value, int | float) else str(value)
+
+
+def change(link: Link, says: Says, name: str, value: float) -> int:
+    """Set one; 0 when the robot now has it."""
+    if not name or len(name) > 16 or not name.isascii():
+        raise UserError(f"{name!r} cannot be a parameter: 1 to 16 letters, digits and _")
+    answer = ask(link, ParamSet(param_id=name, param_value=value, param_type=PARAM_TYPE_REAL32))
+    found: dict[str, object] = {"verb": "param set", "robot": link.robot, "name": name}
+    if isinstance(answer, ParamValue):
+        now = answer.param_value
+        taken = isfinite(now) and isclose(now, value, rel_tol=1e-6, abs_tol=1e-9)
+        found |= {"ok": taken, "value": now, "reason": "ok" if taken else "another value is kept"}
+        says.result(found, f"{name} = {number(now)}, {SAVED}" if taken else f"kept at {now:g}")
+        return 0 if taken else 1
+    reason = answer.result_param2 if isinstance(answer, CommandAck) else Reason.MALFORMED
+    text = reason_text(reason)
+    found |= {"ok": False, "value": None, "reason": text}
+    says.result(found, f"refused: {name} = {number(value)}: {text}")
+    return 1
+
+
+def ask(link: Link, request: ParamSet | None) -> object:
+    """Setting the same value twice does no harm, so it is simply asked again."""
+    said = ""
+    for _ in range(ATTEMPTS):
+        asked_ns = link.clock.now_ns()
+        try:
+            service = PARAMETERS if request is None else PARAMETER
+            return link.bus.ask(service, request, PATIENCE_S, robot=link.robot)
+        except RemoteError as error:
+            said = str(error)
+            link.clock.sleep_until(asked_ns + round(PATIENCE_S * 1e9))
+    raise Unanswered(f"{link.diagnosis()} ({said})")

@@ -1,0 +1,120 @@
+"""`record` and `export`: the black box, and the way out of it."""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from datetime import UTC, datetime
+from pathlib import Path
+from time import time_ns
+from typing import Final, TextIO
+
+from ground.export import Tally, export
+from ground.link import Link, linked
+from ground.options import add_common, add_json, common_of
+from ground.recorder import LogFile, Recorder, new_log
+from ground.says import Says
+from ground.tlog import Reader
+from protocol.errors import UserError
+
+FLUSH_NS: Final = 250_000_000
+SYNC_EVERY: Final = 4
+COMPLAIN_NS: Final = 5_000_000_000
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", metavar="DIR", help="where DIR/<time>-<robot>.tlog is made")
+    add_common(parser)
+
+
+def run(options: argparse.Namespace, says: Says) -> int:
+    """Until a signal ends it; 1 when something could not be written."""
+    common = common_of(options)
+    with linked(common) as link, log_in(Path(options.folder), link.robot) as log:
+        recorder = Recorder(log, utc_offset_ns=time_ns() - link.clock.now_ns())
+        link.bus.stream(f"{common.network.prefix}/{link.robot}/**", recorder.take)
+        says.note(f"recording {link.robot} to {log.path}")
+        try:
+            keep_writing(link, recorder, says)
+        except KeyboardInterrupt:
+            complete = recorder.close()
+        return tell(says, log.path, recorder, complete=complete)
+
+
+@contextmanager
+def log_in(folder: Path, robot: str) -> Iterator[LogFile]:
+    try:
+        log = new_log(folder, robot, datetime.now(UTC))
+    except OSError as error:
+        raise UserError(f"cannot record in {folder}: {error.strerror or error}") from error
+    yield log
+
+
+def keep_writing(link: Link, recorder: Recorder, says: Says) -> None:
+    """Four batches a second, one of them down to the disk; trouble is told at once and again."""
+    told_ns: int | None = None
+    round_number = 0
+    while True:
+        due_ns = link.clock.now_ns() + FLUSH_NS
+        round_number += 1
+        if recorder.flush() and round_number % SYNC_EVERY == 0:
+            recorder.sync()
+        if not recorder.trouble and told_ns is not None:
+            says.note("RECORDING goes on: the log can be written again")
+            told_ns = None
+        elif recorder.trouble and (told_ns is None or due_ns - told_ns >= COMPLAIN_NS):
+            says.note(f"RECORDING IN TROUBLE: {recorder.trouble}; the robot drives on")
+            told_ns = due_ns
+        link.clock.sleep_until(due_ns)
+
+
+def tell(says: Says, path: Path, recorder: Recorder, *, complete: bool) -> int:
+    found: dict[str, object] = {
+        "file": str(path),
+        "ok": complete,
+        "frames": recorder.written,
+        "dropped": recorder.dropped,
+        "rejected": recorder.rejected,
+        "reason": recorder.trouble,
+    }
+    lost = f", {recorder.dropped} LOST ({recorder.trouble})" if recorder.dropped else ""
+    odd = f", {recorder.rejected} no frames and left out" if recorder.rejected else ""
+    says.result(found, f"{path}: {recorder.written} frames{odd}{lost}")
+    return 0 if complete else 1
+
+
+def export_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE", help="a .tlog")
+    parser.add_argument("--out", metavar="CSV", help="write here, not to standard output")
+    add_json(parser)
+
+
+def run_export(options: argparse.Namespace, says: Says) -> int:
+    """0 when all of the file could be read, 1 when part of it is damaged."""
+    if options.json and options.out is None:
+        raise UserError("--json and the table cannot both be standard output: add --out FILE.csv")
+    try:
+        with open(options.file, "rb") as source, target_of(options.out) as target:
+            tally = export(Reader(source), target)
+    except OSError as error:
+        raise UserError(f"{error.filename or options.file}: {error.strerror}") from error
+    return tell_export(says, options, tally)
+
+
+def target_of(out: str | None) -> "nullcontext[TextIO] | TextIO":
+    if out is None:
+        return nullcontext(sys.stdout)
+    return open(out, "w", encoding="utf-8", newline="")
+
+
+def tell_export(says: Says, options: argparse.Namespace, tally: Tally) -> int:
+    text = f"{options.file}: {tally.frames} frames, {tally.rows} rows"
+    if tally.unreadable:
+        text += f"; {tally.unreadable} frames are not of this dialect"
+    if tally.damage:
+        text += f"; DAMAGED: {tally.damage}"
+    if options.out is None:
+        says.note(text)
+    else:
+        says.result({"file": options.file, "out": options.out, **tally._asdict()}, text)
+    return 1 if tally.damage else 0

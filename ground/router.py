@@ -1,0 +1,28 @@
+"""`router`: a Zenoh router for more than one robot or machine, until told to stop."""
+
+import argparse
+from typing import Final
+
+from ground.options import add_common, listening_of
+from ground.says import Says
+from protocol.bus import open_bus
+from protocol.clock import WallClock
+
+NOBODY: Final = "router"
+PAUSE_NS: Final = 200_000_000
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    add_common(parser, listens=True)
+
+
+def run(options: argparse.Namespace, says: Says) -> int:
+    network, clock = listening_of(options), WallClock()
+    with open_bus(network, None, NOBODY) as bus:
+        says.note(f"router at {bus.locator()}")
+        try:
+            while True:
+                clock.sleep_until(clock.now_ns() + PAUSE_NS)
+        except KeyboardInterrupt:
+            says.note("router ends")
+    return 0

@@ -1,0 +1,117 @@
+"""`watch` and `ground`: what the robot says in one live line, with a heartbeat or without."""
+
+import argparse
+from contextlib import suppress
+from queue import SimpleQueue
+from typing import Final
+
+from ground.link import LISTEN_NS, Link, linked
+from ground.operator import BEAT_NS, Pace
+from ground.options import add_common, common_of
+from ground.says import Says
+from ground.status_line import watch_line
+from ground.telemetry import LOOKED_AT, Telemetry
+from ground.texts import Texts
+from protocol.codec import decode
+from protocol.errors import RemoteError
+from protocol.topics import STATUS, TEXT
+
+SHOW_NS: Final = 200_000_000
+SHOW_PLAIN_NS: Final = 1_000_000_000
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    add_common(parser)
+    parser.add_argument("--once", action="store_true", help="look once, as --json does, and end")
+
+
+def ground_arguments(parser: argparse.ArgumentParser) -> None:
+    add_common(parser)
+    parser.set_defaults(once=False)
+
+
+def run(options: argparse.Namespace, says: Says) -> int:
+    with linked(common_of(options)) as link:
+        if options.once or options.json:
+            telemetry = Telemetry(link.bus, link.robot, notify=link.pulse.beat)
+            return look_once(link, telemetry, says)
+        Lookout(link, says, beats=False).run()
+    return 0
+
+
+def run_ground(options: argparse.Namespace, says: Says) -> int:
+    """Until Ctrl-C: the robot hears its operator, the operator sees the robot."""
+    with linked(common_of(options)) as link:
+        link.bus.announce()
+        says.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and GUIDED with it")
+        Lookout(link, says, beats=True).run()
+    return 0
+
+
+def look_once(link: Link, telemetry: Telemetry, says: Says) -> int:
+    """0 when the robot's status is there, 1 when nothing is heard of it."""
+    link.wait(lambda: all(telemetry.latest(topic) for topic in LOOKED_AT), LISTEN_NS)
+    now_ns = link.clock.now_ns()
+    heard = telemetry.live(STATUS, now_ns) is not None
+    found = snapshot(telemetry, now_ns)
+    text = watch_line(telemetry, now_ns)
+    if not heard:
+        why = link.diagnosis()
+        found |= {"reason": why}
+        text = f"{text}\n{why}"
+    says.result({"robot": link.robot, "ok": heard, **found}, text)
+    return 0 if heard else 1
+
+
+def snapshot(telemetry: Telemetry, now_ns: int) -> dict[str, object]:
+    """Every stream with its age; a value that is too old is null."""
+    streams: dict[str, object] = {}
+    for topic in LOOKED_AT:
+        seen = telemetry.seen(topic, now_ns)
+        message = telemetry.live(topic, now_ns)
+        names = () if message is None else message.__struct_fields__
+        streams[topic.path] = {
+            "age_s": None if seen.age_ns is None else seen.age_ns / 1e9,
+            "state": seen.age.value,
+            "message": {name: getattr(message, name) for name in names} or None,
+        }
+    return {"streams": streams}
+
+
+class Lookout:
+    """Shows how it stands until a signal ends it; with `beats` it is also the operator."""
+
+    def __init__(self, link: Link, says: Says, *, beats: bool) -> None:
+        self._link = link
+        self._says = says
+        self._beats = beats
+        self._telemetry = Telemetry(link.bus, link.robot, notify=link.pulse.beat)
+        self._texts = Texts()
+        self._frames: SimpleQueue[bytes] = SimpleQueue()
+        self._pace = Pace()
+        link.bus.stream(TEXT, lambda _key, frame, _at: self._frames.put(frame), link.robot)
+
+    def run(self) -> None:
+        every_ns = SHOW_NS if self._says.live else SHOW_PLAIN_NS
+        shown_ns = 0
+        while True:
+            now_ns = self._link.clock.now_ns()
+            self._tell_texts()
+            if self._beats and self._pace.due(now_ns, self._stamp_ns()):
+                self._link.beat()
+            if now_ns - shown_ns >= every_ns:
+                shown_ns = now_ns
+                show = self._says.line if self._says.live else self._says.note
+                show(watch_line(self._telemetry, now_ns))
+            self._link.pulse.wait_until(now_ns + BEAT_NS // 2)
+
+    def _stamp_ns(self) -> int:
+        newest = self._telemetry.latest(STATUS)
+        return 0 if newest is None else newest[0].time_ns
+
+    def _tell_texts(self) -> None:
+        while not self._frames.empty():
+            with suppress(RemoteError):
+                text = self._texts.receive(decode(self._frames.get()).message)
+                if text:
+                    self._says.note(f"{self._link.robot}: {text}")
