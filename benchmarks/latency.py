@@ -1,0 +1,107 @@
+"""Sense published to wheel command received, beside a bare Zenoh ping-pong in the same run.
+
+The stand-in publishes wheel ticks, scan and truth twenty times a second to the real robot process
+and takes the time from before the first put to the arrival of the command that answers them. Half
+a period later comes a ping of the floor, with frames of the same sizes, so both meet the same
+machine. The floor back to back is shown for what it is: a machine that never goes to sleep.
+"""
+
+import argparse
+
+from benchmarks.figures import Figure, Report, percentile
+from benchmarks.pace import PERIOD_NS, paced, wait_until
+from benchmarks.pingpong import Floor, floor
+from benchmarks.standin import Standin, driving, robot_process
+from plant.world_file import load
+from protocol.codec import Encoder
+from protocol.messages import SonarScan, WheelCommand
+
+P50_AT_MOST, P99_AT_MOST = 2.0, 3.0
+WARM_UP = 40
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--world", default="forest_medium")
+    parser.add_argument("--blocks", type=int, default=6)
+    parser.add_argument("--ticks", type=int, default=200, help="in each block")
+    parser.add_argument("--realtime", action="store_true", help="the robot as SCHED_FIFO")
+
+
+def measure(options: argparse.Namespace) -> Report:
+    world = load(options.world)
+    flags = ["--realtime"] if options.realtime else []
+    with (
+        robot_process(world, *flags) as robot,
+        floor(*sizes()) as pings,
+        driving(world, robot, lockstep=False) as standin,
+    ):
+        in_turn(standin, pings, WARM_UP)
+        blocks = [in_turn(standin, pings, options.ticks) for _ in range(options.blocks)]
+        busy_us = [trip_us(pings) for _ in range(2000)]
+    figures = [*shown("p50", 0.5, blocks, P50_AT_MOST), *shown("p99", 0.99, blocks, P99_AT_MOST)]
+    for name, share in (("p50", 0.5), ("p99", 0.99)):
+        value = percentile(busy_us, share)
+        figures.append(Figure(name=f"floor back to back, {name}", unit="us", values=(value,)))
+    lost = sum(options.ticks - len(ours) for ours, _ in blocks)
+    notes = (
+        f"{options.blocks} blocks of {options.ticks} ticks at 20 Hz; {lost} commands not in time",
+        "senses, decoding, core and encoding are in ours; the floor only passes bytes",
+        *(line for line in robot.said if "warning" in line),
+    )
+    return Report(benchmark="latency", figures=tuple(figures), notes=notes)
+
+
+def in_turn(standin: Standin, pings: Floor, ticks: int) -> tuple[list[float], list[float]]:
+    """Microseconds of ours and of the floor, half a period apart."""
+    ours: list[float] = []
+    floors: list[float] = []
+    for due_ns in paced(ticks):
+        took_ns = standin.tick()
+        if took_ns is not None:
+            ours.append(took_ns / 1e3)
+        wait_until(due_ns + PERIOD_NS // 2)
+        floors.append(trip_us(pings))
+    return ours, floors
+
+
+def trip_us(pings: Floor) -> float:
+    took_ns = pings.round_trip_ns()
+    if took_ns is None:
+        raise RuntimeError("the floor's pong did not come")
+    return took_ns / 1e3
+
+
+def shown(
+    name: str, share: float, blocks: list[tuple[list[float], list[float]]], at_most: float
+) -> list[Figure]:
+    ours = tuple(percentile(block[0], share) for block in blocks)
+    floors = tuple(percentile(block[1], share) for block in blocks)
+    ratios = tuple(a / b for a, b in zip(ours, floors, strict=True))
+    return [
+        Figure(name=f"ours / floor, {name}", unit="x", values=ratios, at_most=at_most),
+        Figure(name=f"sense to command, {name}", unit="us", values=ours),
+        Figure(name=f"floor at 20 Hz, {name}", unit="us", values=floors),
+    ]
+
+
+def sizes() -> tuple[int, int]:
+    """Bytes of a scan and of a wheel command on the wire."""
+    encoder = Encoder(1, 1)
+    stamp_ns = 123_450_000_000
+    scan = SonarScan(
+        time_ns=stamp_ns,
+        seq=2469,
+        range_mm=(412,) * 8,
+        ping_age_us=(25_000, 0) * 4,
+        valid=255,
+        echo=255,
+    )
+    command = WheelCommand(
+        time_ns=stamp_ns,
+        seq=2468,
+        sense_seq=2469,
+        left_mrad_s=8123,
+        right_mrad_s=7544,
+        ttl_ms=150,
+    )
+    return len(encoder.encode(scan)), len(encoder.encode(command))

@@ -1,0 +1,159 @@
+"""The real robot process, and in this one a stand-in for plant and operator that keeps it driving.
+
+The stand-in publishes by the plant's own wires, so what is measured is what a plant would see.
+"""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from itertools import count
+from threading import Event
+from time import monotonic_ns
+
+from benchmarks.pace import paced
+from benchmarks.pingpong import free_port
+from plant.plant import Plant
+from plant.wires import Wires
+from plant.world_overrides import noise_of
+from plant.world_types import World
+from protocol.bus import Bus, Network, open_bus
+from protocol.enums import AckResult, Command, GoalState, Mode
+from protocol.messages import CommandAck, CommandRequest, GoalRequest
+from protocol.topics import COMMAND, STATUS, Role
+from protocol.wire_goal import WireGoal, start_words, wire_goal
+from study.trial import wire_goal_of
+
+ROBOT = "r1"
+ANSWER_WITHIN_S = 0.04
+READY_WITHIN_S = 10.0
+STANDS_AFTER = 4
+SETS_OFF_WITHIN = 100
+
+
+class Standin:
+    """One robot's world, advanced by whoever measures."""
+
+    def __init__(self, bus: Bus, world: World, *, lockstep: bool) -> None:
+        self.plant = Plant(world, 0, noise_of(world))
+        self.bus = bus
+        self._arrived = Event()
+        self._arrived_ns = 0
+        self._wires = Wires(bus, ROBOT, 0, self._notice, lockstep=lockstep)
+        self._status = bus.mailbox(STATUS, ROBOT)
+        self._goals = (wire_goal_of(world), back_to_start(world))
+        self._requests = count(monotonic_ns())
+        self._turns = count()
+        self._standing = 0
+        self._errand: Future[None] | None = None
+        self._pool = ThreadPoolExecutor(1)
+        missing = bus.await_matched(self._wires.publishers, READY_WITHIN_S)
+        if missing:
+            raise RuntimeError(f"the robot does not subscribe to {', '.join(missing)}")
+
+    def tick(self, patience_s: float = ANSWER_WITHIN_S) -> int | None:
+        """Publish the senses, take the wheel command, let a period go by.
+
+        Returns the nanoseconds from before the first put to the arrival of the command that
+        answers these very senses, None when none came in time.
+        """
+        self._arrived.clear()
+        published_ns = monotonic_ns()
+        self._wires.publish(self.plant)
+        while answered := self._arrived.wait(patience_s):
+            if self._wires.answered(self.plant):
+                break
+            self._arrived.clear()
+        took_ns = self._arrived_ns - published_ns
+        self._wires.obey(self.plant)
+        self.plant.advance()
+        self._keep_driving()
+        return took_ns if answered else None
+
+    @property
+    def drives(self) -> bool:
+        newest = self._status.latest()
+        return newest is not None and GoalState.ACCEPTED <= newest[0].goal <= GoalState.ALIGNING
+
+    def close(self) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def _keep_driving(self) -> None:
+        """Set off again when the goal has ended. Asking takes ticks, so it is done in a thread."""
+        if self._errand is not None:
+            if not self._errand.done():
+                return
+            self._errand.result()
+            self._errand, self._standing = None, 0
+        self._standing = 0 if self.drives else self._standing + 1
+        if self._standing >= STANDS_AFTER:
+            self._errand = self._pool.submit(self._set_off)
+
+    def _set_off(self) -> None:
+        """Arm, and drive to the goal and back to the start in turn."""
+        self._ask(
+            CommandRequest(
+                request_id=next(self._requests),
+                param1=1.0,
+                param2=0.0,
+                command=Command.COMPONENT_ARM_DISARM,
+            )
+        )
+        goal = self._goals[next(self._turns) % 2]
+        self._ask(GoalRequest(request_id=next(self._requests), mode=Mode.AUTO, **goal._asdict()))
+
+    def _ask(self, request: CommandRequest | GoalRequest) -> None:
+        answer = self.bus.ask(COMMAND, request, robot=ROBOT)
+        if not isinstance(answer, CommandAck) or answer.result != AckResult.ACCEPTED:
+            raise RuntimeError(f"the robot refused {request}: {answer!r}")
+
+    def _notice(self, arrived_ns: int) -> None:
+        self._arrived_ns = arrived_ns
+        self._arrived.set()
+
+
+class RobotProcess:
+    """`sidestep robot`, with what it wrote on standard error until it was ready."""
+
+    def __init__(self, child: "subprocess.Popen[str]", endpoint: str) -> None:
+        self.pid = child.pid
+        self.network = Network(mode="client", connect=(endpoint,))
+        self.said: list[str] = []
+        assert child.stderr is not None
+        for line in child.stderr:
+            self.said.append(line.rstrip())
+            if "ready" in line:
+                return
+        raise RuntimeError("the robot process ended before it was ready: " + " ".join(self.said))
+
+
+@contextmanager
+def robot_process(world: World, *options: str) -> Iterator[RobotProcess]:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    start = start_words(world.start.x_m, world.start.y_m, world.start.heading_rad)
+    command = [sys.executable, "-m", "sidestep", "robot", "--id", ROBOT, "--listen", endpoint]
+    with subprocess.Popen(
+        [*command, "--start", *start, *options], stderr=subprocess.PIPE, text=True
+    ) as child:
+        try:
+            yield RobotProcess(child, endpoint)
+        finally:
+            child.terminate()
+
+
+@contextmanager
+def driving(world: World, robot: RobotProcess, *, lockstep: bool) -> Iterator[Standin]:
+    """A stand-in whose robot is on its way."""
+    with open_bus(robot.network, Role.PLANT, ROBOT) as bus:
+        standin = Standin(bus, world, lockstep=lockstep)
+        with closing(standin):
+            for _ in paced(SETS_OFF_WITHIN):
+                standin.tick(patience_s=1.0 if lockstep else ANSWER_WITHIN_S)
+                if standin.drives:
+                    break
+            yield standin
+
+
+def back_to_start(world: World) -> WireGoal:
+    return wire_goal(world.start.x_m, world.start.y_m, None, 0.1, 0.1)
