@@ -1,0 +1,113 @@
+"""Clocks, and the fixed grid without a pulse."""
+
+import threading
+from itertools import islice, pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.clock import Clock, LockstepClock, ManualClock, Stopped, Tick, WallClock, ticks
+
+MS = 1_000_000
+
+
+def test_a_stall_is_counted_and_not_replayed() -> None:
+    clock = ManualClock()
+    grid = ticks(clock, rate_hz=50.0)
+    next(grid)
+    clock.advance(95 * MS)  # four deadlines go by
+    late = next(grid)
+    after = next(grid)
+    assert (late.index, late.missed, late.late_ns) == (4, 3, 75 * MS)
+    assert (after.index, after.late_ns, after.due_ns) == (5, 0, 100 * MS)
+
+
+def test_the_grid_does_not_drift() -> None:
+    dues = [t.due_ns for t in islice(ticks(ManualClock(), 50.0), 1_000)]
+    assert dues[-1] == 999 * 20 * MS
+
+
+@given(st.lists(st.integers(0, 500 * MS), max_size=30))
+def test_whatever_the_work_costs_ticks_and_misses_add_up_and_never_burst(work: list[int]) -> None:
+    clock = ManualClock()
+    grid = ticks(clock, 20.0)
+    seen = [next(grid)]
+    for cost_ns in work:
+        clock.advance(cost_ns)
+        seen.append(next(grid))
+    assert seen[-1].index == len(work) + seen[-1].missed
+    assert all(b.due_ns - a.due_ns >= 50 * MS for a, b in pairwise(seen))
+    assert all(tick.due_ns == tick.index * 50 * MS for tick in seen)
+
+
+def test_the_grid_begins_with_the_first_tick() -> None:
+    clock = ManualClock(start_ns=7 * MS)
+    assert next(ticks(clock, 20.0)) == Tick(index=0, due_ns=7 * MS, late_ns=0, missed=0)
+
+
+def test_the_wall_clock_waits_until_the_deadline_and_not_for_the_past() -> None:
+    clock: Clock = WallClock()
+    deadline_ns = clock.now_ns() + 2 * MS
+    clock.sleep_until(deadline_ns)
+    assert clock.now_ns() >= deadline_ns
+    clock.sleep_until(0)
+    assert clock.cpu_ns() > 0
+
+
+def test_the_manual_clock_never_goes_back() -> None:
+    clock = ManualClock(start_ns=100)
+    clock.sleep_until(50)
+    assert (clock.now_ns(), clock.cpu_ns()) == (100, 100)
+
+
+def test_lockstep_time_is_the_newest_stamp() -> None:
+    clock = LockstepClock(start_ns=5)
+    assert clock.now_ns() == 5
+    clock.advance_to(100 * MS)
+    clock.advance_to(50 * MS)
+    assert clock.now_ns() == 100 * MS
+    assert clock.cpu_ns() > 0
+
+
+def test_lockstep_waits_for_a_stamp_from_another_thread() -> None:
+    clock = LockstepClock()
+    feeder = threading.Thread(target=clock.advance_to, args=(50 * MS,))
+    feeder.start()
+    clock.sleep_until(50 * MS)
+    feeder.join()
+    assert clock.now_ns() == 50 * MS
+
+
+def test_a_lockstep_loop_makes_one_tick_per_stamp() -> None:
+    clock = LockstepClock()
+    grid = ticks(clock, 20.0)
+    seen = []
+    for number in range(4):
+        clock.advance_to(number * 50 * MS)
+        seen.append(next(grid))
+    assert [(t.index, t.due_ns, t.late_ns) for t in seen] == [(n, n * 50 * MS, 0) for n in range(4)]
+    assert seen[-1].missed == 0
+
+
+def test_whoever_waits_on_a_stopped_lockstep_clock_is_told() -> None:
+    clock = LockstepClock()
+    threading.Thread(target=clock.stop).start()
+    with pytest.raises(Stopped, match="stopped"):
+        clock.sleep_until(50 * MS)
+    with pytest.raises(Stopped):
+        clock.sleep_until(50 * MS)
+
+
+def test_a_loop_ends_when_its_clock_is_stopped() -> None:
+    clock = LockstepClock()
+    clock.advance_to(0)
+    grid = ticks(clock, 20.0)
+    assert next(grid).index == 0
+    clock.stop()
+    assert list(grid) == []
+
+
+def test_patience_ends_the_wait_for_senses_that_never_come() -> None:
+    with pytest.raises(Stopped, match=r"no senses for 0\.01 s"):
+        LockstepClock(patience_s=0.01).sleep_until(0)

@@ -1,0 +1,99 @@
+"""The mailbox: newest message, staleness, and what could not be read, counted and named."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.codec import Encoder, Frame, decode
+from protocol.mailbox import Mailbox, Sample
+from protocol.message import Message
+from protocol.messages import SonarScan, WheelTicks
+from protocol.topics import ENCODING, MS, TEXT, WHEELS
+
+TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=3, bumper=0, expired=0)
+SCAN = SonarScan(time_ns=0, seq=0, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
+
+
+def sample(message: Message = TICKS, encoding: str = ENCODING) -> Sample:
+    return Sample(encoding, Encoder(1, 1).encode(message))
+
+
+def test_an_empty_mailbox_has_nothing() -> None:
+    box = Mailbox(WHEELS)
+    assert box.latest() is None
+    assert box.fresh(0) is None
+
+
+def test_the_newest_message_is_kept_with_its_arrival() -> None:
+    box = Mailbox(WHEELS)
+    box.store(sample(), 10)
+    newer = WheelTicks(time_ns=2, seq=2, left=4, right=5, bumper=0, expired=0)
+    box.store(sample(newer), 20)
+    assert box.latest() == (newer, 20)
+
+
+def test_a_message_is_fresh_up_to_the_topics_limit_and_not_beyond() -> None:
+    box = Mailbox(WHEELS)
+    box.store(sample(), 1_000 * MS)
+    assert box.fresh(1_150 * MS) == TICKS
+    assert box.fresh(1_150 * MS + 1) is None
+
+
+def test_an_event_never_gets_stale() -> None:
+    assert TEXT.stale_after_ns == 0
+    box = Mailbox(TEXT)
+    box.store(sample(TEXT.messages[0](severity=6, text="started")), 0)
+    assert box.fresh(10**18) is not None
+
+
+def test_a_sample_is_decoded_once_and_only_when_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    decoded = []
+
+    def counted(frame: bytes) -> Frame:
+        decoded.append(frame)
+        return decode(frame)
+
+    monkeypatch.setattr("protocol.mailbox.decode", counted)
+    box = Mailbox(WHEELS)
+    for arrived_ns in range(5):
+        box.store(sample(), arrived_ns)
+    assert decoded == []
+    assert [box.latest() for _ in range(3)] == [(TICKS, 4)] * 3
+    assert len(decoded) == 1
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        (Sample(ENCODING, b"garbage"), "too few"),
+        (sample(SCAN), "carries SonarScan, not WheelTicks"),
+        (sample(encoding="application/mavlink2;sidestep@2"), "speaks sidestep@2, this is side"),
+        (sample(encoding="zenoh/bytes"), "encoded as zenoh/bytes, not as application/mavlink2"),
+        (sample(encoding=""), "encoded as nothing"),
+    ],
+)
+def test_what_cannot_be_read_is_counted_named_and_ignored(bad: Sample, words: str) -> None:
+    box = Mailbox(WHEELS)
+    box.store(sample(), 10)
+    assert box.latest() == (TICKS, 10)
+    box.store(bad, 20)
+    assert box.latest() == (TICKS, 10)
+    assert box.latest() == (TICKS, 10)
+    assert box.rejected == 1
+    assert words in box.last_rejection
+
+
+@given(st.binary(max_size=200))
+def test_random_bytes_never_get_through(noise: bytes) -> None:
+    box = Mailbox(WHEELS)
+    box.store(Sample(ENCODING, noise), 0)
+    assert box.latest() is None
+    assert box.rejected == 1
+
+
+def test_whoever_waits_is_notified_of_each_arrival() -> None:
+    heard: list[int] = []
+    box = Mailbox(WHEELS, heard.append)
+    box.store(sample(), 10)
+    box.store(sample(), 20)
+    assert heard == [10, 20]
