@@ -14,7 +14,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from protocol.bus.publisher import Publisher
-from protocol.bus.service import Asked, Desk
+from protocol.bus.service import Asked, Desk, Handler
 from protocol.bus.session import bound_endpoints, open_session
 from protocol.codec import Encoder, decode
 from protocol.errors import LocalError, NoAnswer
@@ -123,9 +123,7 @@ class Bus:
 
         self._subscribe(key, forward)
 
-    def serve(
-        self, service: Service, handler: Callable[[Asked], None], robot: str | None = None
-    ) -> None:
+    def serve(self, service: Service, handler: Handler, robot: str | None = None) -> None:
         """Answer a service: `handler` runs in the bus's service thread, the reply in any."""
         key = self.key(service.path, robot)
         encoder = self._encoder(robot)

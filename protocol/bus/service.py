@@ -3,6 +3,7 @@
 Zenoh's receive thread only enqueues. What cannot be read is counted and denied with a reason.
 """
 
+import logging
 import threading
 from collections.abc import Callable
 from queue import SimpleQueue
@@ -20,6 +21,7 @@ from protocol.reasons import Reason
 from protocol.topics import ENCODING, Service
 
 JSON = "application/json"
+LOG = logging.getLogger(__name__)
 
 
 class Asked:
@@ -68,17 +70,20 @@ class Asked:
             return query
 
 
+Handler = Callable[[Asked], object]
+
+
 class Desk:
     """Takes the requests of all services of one bus, in order."""
 
     def __init__(self) -> None:
         self.rejected: dict[str, int] = {}
         self.last_rejection = ""
-        self._waiting: SimpleQueue[tuple[Asked, Callable[[Asked], None]] | None] = SimpleQueue()
+        self._waiting: SimpleQueue[tuple[Asked, Handler] | None] = SimpleQueue()
         self._open: list[Asked] = []
         self._thread: threading.Thread | None = None
 
-    def put(self, asked: Asked, handler: Callable[[Asked], None]) -> None:
+    def put(self, asked: Asked, handler: Handler) -> None:
         """Called from the bus: enqueues, nothing else."""
         self._waiting.put((asked, handler))
 
@@ -102,7 +107,7 @@ class Desk:
             self._open.append(asked)
             self._hand_on(asked, handler)
 
-    def _hand_on(self, asked: Asked, handler: Callable[[Asked], None]) -> None:
+    def _hand_on(self, asked: Asked, handler: Handler) -> None:
         try:
             asked.read()
         except RemoteError as error:
@@ -111,9 +116,13 @@ class Desk:
             self.last_rejection = str(error)
             asked.reply(refusal(Reason.MALFORMED))
             return
-        handler(asked)
+        try:
+            handler(asked)
+        except Exception:
+            LOG.exception("the handler of %s failed", asked.key)
+            asked.reply(refusal(Reason.NONE, result=AckResult.FAILED))
 
 
-def refusal(reason: int, command: int = 0) -> CommandAck:
-    """COMMAND_ACK that denies, with the reason."""
-    return CommandAck(command=command, result=AckResult.DENIED, result_param2=reason)
+def refusal(reason: int, command: int = 0, result: AckResult = AckResult.DENIED) -> CommandAck:
+    """COMMAND_ACK that says no, with the reason."""
+    return CommandAck(command=command, result=result, result_param2=reason)

@@ -1,0 +1,53 @@
+"""Small networks on loopback, each with its own port and prefix, closed when the test ends."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from itertools import count
+from threading import Event
+from typing import Literal
+
+from protocol.bus import Bus, open_bus
+from protocol.network import Network
+from protocol.topics import Role
+
+Topology = Literal["hub", "router"]
+TOPOLOGIES: tuple[Topology, ...] = ("hub", "router")
+prefixes = (f"test-{number}" for number in count())
+
+
+class Net:
+    """Robot, plant and ground on one bus; in the hub topology the robot is what others dial."""
+
+    def __init__(self, stack: ExitStack, topology: Topology) -> None:
+        self.prefix = next(prefixes)
+        self._stack = stack
+        listening = Network(
+            mode="peer" if topology == "hub" else "router",
+            listen=("tcp/127.0.0.1:0",),
+            prefix=self.prefix,
+        )
+        first = stack.enter_context(open_bus(listening, Role.ROBOT, "r1"))
+        self.endpoint = first.locator()
+        self.robot = first if topology == "hub" else self.join(Role.ROBOT)
+        self.plant = self.join(Role.PLANT)
+        self.ground = self.join(Role.GROUND)
+
+    def join(self, role: Role | None, robot: str = "r1") -> Bus:
+        network = Network(mode="client", connect=(self.endpoint,), prefix=self.prefix)
+        return self._stack.enter_context(open_bus(network, role, robot))
+
+
+@contextmanager
+def net(topology: Topology = "hub") -> Iterator[Net]:
+    with ExitStack() as stack:
+        yield Net(stack, topology)
+
+
+def until(condition: Callable[[], object], timeout_s: float = 5.0) -> None:
+    """Wait for a condition; the test fails when it does not come true in time."""
+    deadline_s = time.monotonic() + timeout_s
+    pause = Event()
+    while not condition():
+        assert time.monotonic() < deadline_s, "did not happen in time"
+        pause.wait(0.001)

@@ -1,0 +1,114 @@
+"""Joining the bus: what stands in the way is named, and leaving never hangs."""
+
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from protocol.bus import open_bus
+from protocol.errors import BadEndpoint, EndpointInUse, LocalError, NoPeer, UserError
+from protocol.network import Network
+from protocol.topics import Role
+from tests.bus.nets import TOPOLOGIES, Topology, net, until
+
+ANY_PORT = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
+NOBODY_THERE = "tcp/127.0.0.1:1"
+
+
+def test_the_port_behind_a_zero_is_known() -> None:
+    with open_bus(ANY_PORT, Role.ROBOT, "r1") as bus:
+        assert bus.locator().startswith("tcp/127.0.0.1:")
+        assert not bus.locator().endswith(":0")
+
+
+def test_who_listens_nowhere_has_no_locator() -> None:
+    with open_bus(Network(mode="peer"), None, "r1") as bus, pytest.raises(LocalError):
+        bus.locator()
+
+
+def test_an_endpoint_in_use_is_named() -> None:
+    with open_bus(ANY_PORT, Role.ROBOT, "r1") as bus:
+        taken = bus.locator()
+        with pytest.raises(EndpointInUse, match=taken):
+            open_bus(Network(mode="peer", listen=(taken,)), Role.ROBOT, "r1")
+
+
+def test_nobody_listening_is_named_with_what_to_do() -> None:
+    network = Network(mode="client", connect=(NOBODY_THERE,), connect_timeout_s=0.05)
+    with pytest.raises(NoPeer, match=rf"{NOBODY_THERE} .*waited 0\.05 s.* start") as caught:
+        open_bus(network, Role.PLANT, "r1")
+    assert caught.value.exit_code == 2
+
+
+def test_an_address_of_another_machine_cannot_be_listened_on() -> None:
+    with pytest.raises(BadEndpoint, match=r"tcp/192\.0\.2\.1:7447") as caught:
+        open_bus(Network(mode="peer", listen=("tcp/192.0.2.1:7447",)), None, "r1")
+    assert ".rs" not in str(caught.value), "places in somebody's source help nobody"
+
+
+def test_a_bad_robot_name_is_refused_before_anything_is_opened() -> None:
+    with pytest.raises(UserError, match="robot name 'R 1'"):
+        open_bus(ANY_PORT, Role.ROBOT, "R 1")
+
+
+def test_a_client_waits_for_a_hub_that_starts_later() -> None:
+    with open_bus(ANY_PORT, Role.ROBOT, "r1") as bus:
+        endpoint = bus.locator()
+    opened: list[str] = []
+
+    def dial() -> None:
+        network = Network(mode="client", connect=(endpoint,), connect_timeout_s=10.0)
+        with open_bus(network, Role.PLANT, "r1") as late:
+            opened.append(late.zid)
+
+    dialling = threading.Thread(target=dial)
+    dialling.start()
+    with open_bus(Network(mode="peer", listen=(endpoint,)), Role.ROBOT, "r1"):
+        dialling.join(timeout=8.0)
+        assert opened
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_presence_comes_and_goes_with_the_process(topology: Topology) -> None:
+    with net(topology) as bus:
+        seen: list[tuple[str, str, bool]] = []
+        bus.ground.watch(lambda who, came: seen.append((who.robot, who.role, came)))
+        bus.robot.announce()
+        bus.plant.announce()
+        until(lambda: len(bus.ground.present()) == 2)
+        assert {(who.robot, who.role) for who in bus.ground.present()} == {
+            ("r1", "robot"),
+            ("r1", "plant"),
+        }
+        bus.plant.close()
+        until(lambda: ("r1", "plant", False) in seen)
+        assert [who.zid for who in bus.ground.present()] == [bus.robot.zid]
+
+
+def test_who_has_no_role_cannot_announce_itself() -> None:
+    with net() as bus, pytest.raises(LocalError, match="without a role"):
+        bus.join(None).announce()
+
+
+LEFT_OPEN = """
+from protocol.bus import open_bus
+from protocol.network import Network
+from protocol.topics import COMMAND, WHEELS, Role
+bus = open_bus(Network(mode="peer", listen=("tcp/127.0.0.1:0",)), Role.ROBOT, "r1")
+bus.mailbox(WHEELS)
+bus.serve(COMMAND, lambda asked: None)
+bus.announce()
+raise SystemExit(3)
+"""
+
+
+def test_a_process_that_forgets_to_close_still_ends_and_prints_nothing() -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", LEFT_OPEN],
+        timeout=20.0,
+        capture_output=True,
+        check=False,
+        env={"RUST_LOG": "debug", "PYTHONPATH": ":".join(sys.path)},
+    )
+    assert (ended.returncode, ended.stdout) == (3, b""), ended.stderr.decode()

@@ -1,0 +1,147 @@
+"""Services: a question gets its answer, a refusal with a reason, or is told that nobody answers."""
+
+import json
+import threading
+from queue import SimpleQueue
+
+import pytest
+
+from protocol.bus import Asked, Bus
+from protocol.enums import AckResult, Command
+from protocol.errors import NoAnswer, UserError
+from protocol.messages import CommandAck, CommandRequest, Message, WheelTicks
+from protocol.reasons import Reason
+from protocol.topics import COMMAND, PARAMETERS, RUN, Service
+from tests.bus.nets import TOPOLOGIES, Topology, net, until
+
+ARM = CommandRequest(request_id=1, command=Command.COMPONENT_ARM_DISARM, param1=1.0, param2=0.0)
+DONE = CommandAck(command=Command.COMPONENT_ARM_DISARM, result=AckResult.ACCEPTED)
+TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
+
+
+def answer(bus: Bus, service: Service, message: Message | None = None) -> Message | bytes:
+    """Asks until somebody serves: declaring a service takes a moment to get around."""
+    found: list[Message | bytes] = []
+
+    def asked() -> bool:
+        try:
+            found.append(bus.ask(service, message, timeout_s=2.0))
+        except NoAnswer:
+            return False
+        return True
+
+    until(asked)
+    return found[0]
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_a_command_is_answered_from_the_loops_thread(topology: Topology) -> None:
+    with net(topology) as bus:
+        inbox: SimpleQueue[Asked] = SimpleQueue()
+        bus.robot.serve(COMMAND, inbox.put)
+        bus.robot.serve(PARAMETERS, lambda asked: asked.reply(b"[]"))
+        assert answer(bus.ground, PARAMETERS) == b"[]"
+
+        got: list[Message | bytes] = []
+        asking = threading.Thread(target=lambda: got.append(bus.ground.ask(COMMAND, ARM, 5.0)))
+        asking.start()
+        asked = inbox.get(timeout=5.0)
+        assert asked.message == ARM
+        assert asked.reply(DONE) is True
+        asking.join()
+        assert got == [DONE]
+
+
+def test_a_question_is_answered_once() -> None:
+    with net() as bus:
+        results: list[bool] = []
+        bus.robot.serve(
+            COMMAND, lambda asked: results.extend([asked.reply(DONE), asked.reply(DONE)])
+        )
+        assert answer(bus.ground, COMMAND, ARM) == DONE
+        until(lambda: len(results) == 2)
+        assert results == [True, False]
+
+
+def test_bytes_are_answered_as_they_are() -> None:
+    with net() as bus:
+        table = json.dumps([{"name": "d_obs_m", "value": 0.3}]).encode()
+        bus.robot.serve(PARAMETERS, lambda asked: asked.reply(table))
+        assert answer(bus.ground, PARAMETERS) == table
+
+
+@pytest.mark.parametrize("bad", [TICKS, None])
+def test_a_request_that_cannot_be_read_is_counted_and_denied(bad: Message | None) -> None:
+    with net() as bus:
+        handled: list[Asked] = []
+        bus.robot.serve(COMMAND, handled.append)
+        denied = answer(bus.ground, COMMAND, bad)
+        assert denied == CommandAck(
+            command=0, result=AckResult.DENIED, result_param2=Reason.MALFORMED
+        )
+        assert handled == []
+        assert bus.robot.rejected == {"srv/command": 1}
+
+
+def test_when_nobody_serves_the_asker_is_told_at_once_and_who_is_missing() -> None:
+    with net() as bus, pytest.raises(NoAnswer, match=r"sim/run: nobody serves .* plant running"):
+        bus.ground.ask(RUN, None, timeout_s=5.0)
+
+
+def test_a_slow_answer_is_a_timeout_with_its_length() -> None:
+    with net() as bus:
+        waiting: list[Asked] = []
+        bus.robot.serve(COMMAND, waiting.append)
+        bus.robot.serve(PARAMETERS, lambda asked: asked.reply(b"[]"))
+        answer(bus.ground, PARAMETERS)
+        with pytest.raises(NoAnswer, match=r"srv/command: no answer within 0\.05 s"):
+            bus.ground.ask(COMMAND, ARM, timeout_s=0.05)
+
+
+def test_a_handler_that_fails_does_not_stop_the_desk() -> None:
+    with net() as bus:
+
+        def handler(asked: Asked) -> None:
+            if asked.message == ARM:
+                raise UserError("cannot")
+            asked.reply(DONE)
+
+        bus.robot.serve(COMMAND, handler)
+        other = CommandRequest(request_id=2, command=20, param1=0.0, param2=0.0)
+        assert answer(bus.ground, COMMAND, other) == DONE
+        refused = bus.ground.ask(COMMAND, ARM, timeout_s=2.0)
+        assert isinstance(refused, CommandAck)
+        assert refused.result == AckResult.FAILED
+        assert bus.ground.ask(COMMAND, other, timeout_s=2.0) == DONE
+
+
+def test_what_is_unanswered_is_dropped_when_the_bus_closes() -> None:
+    with net() as bus:
+        waiting: list[Asked] = []
+        late = bus.join(None, robot="r9")
+        late.serve(COMMAND, waiting.append)
+        late.serve(PARAMETERS, lambda asked: asked.reply(b"[]"))
+        until(lambda: bus_answers(bus.ground))
+
+        reasons: list[str] = []
+
+        def ask() -> None:
+            try:
+                bus.ground.ask(COMMAND, ARM, timeout_s=30.0, robot="r9")
+            except NoAnswer as error:
+                reasons.append(str(error))
+
+        asking = threading.Thread(target=ask)
+        asking.start()
+        until(lambda: waiting)
+        late.close()
+        asking.join(timeout=5.0)
+        assert "nobody serves" in reasons[0]
+        assert waiting[0].reply(DONE) is False
+
+
+def bus_answers(bus: Bus) -> bool:
+    try:
+        return bus.ask(PARAMETERS, robot="r9") == b"[]"
+    except NoAnswer:
+        return False

@@ -1,0 +1,143 @@
+"""Publishers, mailboxes and streams over real sockets, in both topologies."""
+
+import pytest
+
+from protocol.codec import decode
+from protocol.errors import LocalError
+from protocol.mailbox import Mailbox
+from protocol.messages import SonarScan, WheelCommand, WheelTicks
+from protocol.topics import DRIVE, SONAR, WHEELS
+from tests.bus.nets import TOPOLOGIES, Topology, net, until
+
+TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
+SCAN = SonarScan(time_ns=0, seq=0, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
+STOP = WheelCommand(time_ns=0, seq=0, sense_seq=0, left_mrad_s=0, right_mrad_s=0, ttl_ms=150)
+
+both = pytest.mark.parametrize("topology", TOPOLOGIES)
+
+
+@both
+def test_senses_and_commands_cross_in_both_directions(topology: Topology) -> None:
+    with net(topology) as bus:
+        sonar, wheels = bus.plant.publisher(SONAR), bus.plant.publisher(WHEELS)
+        drive = bus.robot.publisher(DRIVE)
+        scans, ticks = bus.robot.mailbox(SONAR), bus.robot.mailbox(WHEELS)
+        commands = bus.plant.mailbox(DRIVE)
+        assert bus.plant.await_matched([sonar, wheels], 5.0) == []
+        assert bus.robot.await_matched([drive], 5.0) == []
+        sonar.put(SCAN)
+        wheels.put(TICKS)
+        drive.put(STOP)
+        until(lambda: scans.latest() and ticks.latest() and commands.latest())
+        assert (scans.latest() or [None])[0] == SCAN
+        assert (ticks.latest() or [None])[0] == TICKS
+        assert (commands.latest() or [None])[0] == STOP
+
+
+@both
+def test_the_first_sample_after_the_barrier_is_never_lost(topology: Topology) -> None:
+    for _ in range(10):
+        with net(topology) as bus:
+            wheels = bus.plant.publisher(WHEELS)
+            ticks = bus.robot.mailbox(WHEELS)
+            assert bus.plant.await_matched([wheels], 5.0) == []
+            wheels.put(TICKS)
+            until(ticks.latest)
+
+
+def test_without_a_subscriber_a_publisher_is_not_matched_and_the_barrier_names_it() -> None:
+    with net() as bus:
+        wheels = bus.plant.publisher(WHEELS)
+        assert wheels.matched is False
+        assert bus.plant.await_matched([wheels], 0.01) == [f"{bus.prefix}/r1/sense/wheels"]
+
+
+def test_a_reader_is_notified_of_the_arrival() -> None:
+    with net() as bus:
+        heard: list[int] = []
+        wheels = bus.plant.publisher(WHEELS)
+        ticks = bus.robot.mailbox(WHEELS, notify=heard.append)
+        bus.plant.await_matched([wheels], 5.0)
+        wheels.put(TICKS)
+        until(lambda: heard)
+        assert ticks.latest() == (TICKS, heard[0])
+
+
+def test_robots_do_not_hear_each_others_senses() -> None:
+    with net() as bus:
+        first, second = bus.plant.publisher(WHEELS), bus.plant.publisher(WHEELS, robot="r2")
+        mine, other = bus.robot.mailbox(WHEELS), bus.ground.mailbox(WHEELS, robot="r2")
+        bus.plant.await_matched([first, second], 5.0)
+        second.put(TICKS)
+        until(other.latest)
+        assert mine.latest() is None
+
+
+def test_two_prefixes_do_not_hear_each_other() -> None:
+    with net() as one, net() as other:
+        assert one.prefix != other.prefix
+        wheels = one.plant.publisher(WHEELS)
+        other.robot.mailbox(WHEELS)
+        assert one.plant.await_matched([wheels], 0.02) != []
+
+
+def test_a_stream_gets_every_frame_with_its_key_in_order() -> None:
+    with net() as bus:
+        frames: list[tuple[str, bytes, int]] = []
+        wheels, sonar = bus.plant.publisher(WHEELS), bus.plant.publisher(SONAR)
+        bus.ground.stream(
+            f"{bus.prefix}/**", lambda key, frame, at_ns: frames.append((key, frame, at_ns))
+        )
+        bus.plant.await_matched([wheels, sonar], 5.0)
+        sent = [wheels.put(TICKS) for _ in range(20)]
+        sonar.put(SCAN)
+        until(lambda: len(frames) == 21)
+        assert [frame for key, frame, _ in frames if key.endswith("wheels")] == sent
+        assert [decode(frame).sequence for frame in sent] == list(range(20))
+
+
+def test_a_stream_of_a_topic_gets_that_topic_only() -> None:
+    with net() as bus:
+        keys: list[str] = []
+        wheels, sonar = bus.plant.publisher(WHEELS), bus.plant.publisher(SONAR)
+        bus.ground.stream(SONAR, lambda key, frame, at_ns: keys.append(key))
+        bus.plant.await_matched([sonar], 5.0)
+        wheels.put(TICKS)
+        sonar.put(SCAN)
+        until(lambda: keys)
+        assert keys == [f"{bus.prefix}/r1/sense/sonar"]
+
+
+def test_a_message_on_the_wrong_key_is_our_own_bug() -> None:
+    with net() as bus, pytest.raises(LocalError, match="SonarScan does not belong on"):
+        bus.plant.publisher(WHEELS).put(SCAN)  # type: ignore[arg-type]
+
+
+def test_garbage_is_counted_by_topic_named_and_ignored() -> None:
+    with net() as bus:
+        wheels = bus.plant.publisher(WHEELS)
+        ticks = bus.robot.mailbox(WHEELS)
+        bus.plant.await_matched([wheels], 5.0)
+        for garbage in (b"", b"\xfd" * 40, wheels.put(TICKS)[:-1]):
+            before = ticks.rejected
+            wheels.put_frame(garbage)
+            until(lambda before=before: rejections(ticks) > before)  # type: ignore[misc]
+        assert bus.robot.rejected == {"sense/wheels": 3}
+        assert ticks.last_rejection
+        newer = WheelTicks(time_ns=2, seq=2, left=2, right=-3, bumper=0, expired=0)
+        wheels.put(newer)
+        until(lambda: (ticks.latest() or [None])[0] == newer)
+
+
+def rejections(box: Mailbox[WheelTicks]) -> int:
+    """After a look into the mailbox."""
+    box.latest()
+    return box.rejected
+
+
+def test_frames_say_who_sent_them() -> None:
+    with net() as bus:
+        frame = decode(bus.plant.publisher(WHEELS).put(TICKS))
+        assert (frame.system_id, frame.component_id) == (1, 25)
+        frame = decode(bus.robot.publisher(DRIVE).put(STOP))
+        assert (frame.system_id, frame.component_id) == (1, 1)
