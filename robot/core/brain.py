@@ -20,10 +20,10 @@ __all__ = ["State", "step"]
 class Mark(Protocol):
     """Called with the number of each stage as it ends, so that a host may take the time."""
 
-    def __call__(self, stage: int) -> None: ...
+    def __call__(self, __stage: int) -> None: ...
 
 
-def ignore(stage: int) -> None:
+def ignore(_stage: int) -> None:
     """Nobody takes the time."""
 
 

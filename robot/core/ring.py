@@ -11,6 +11,8 @@ FRONT: Final = (2, 3, 4, 5)
 AHEAD: Final = (3, 4)
 NEVER_MS: Final = -1_000_000
 NOISY: Final = 3  # echoes that changed before a standing robot, until they are called noisy
+RIGHT_SIDE: Final = 0x0F
+LEFT_SIDE: Final = 0xF0
 BEYOND: Final = 1.1  # noise may carry a true echo a little beyond the maximum range
 
 
@@ -105,8 +107,9 @@ def watch_frozen(
     """Judge whether the echoes have stopped following the motion.
 
     Unchanged to the millimetre while the wheels rolled `freeze_m` is proof only if something had
-    to change: the sonars have been seen to be noisy, the robot turned, or something is close
-    ahead. (Without noise a robot driving straight between parallel walls sees the same all along.)
+    to change: the sonars have been seen to be noisy, something is close ahead, or the robot
+    turned. Without noise a robot between parallel walls sees the same all along, and so does one
+    that circles a disc: a turn counts when it is tight or there are echoes on both sides.
     """
     if scan is None:
         return
@@ -119,9 +122,19 @@ def watch_frozen(
         ring.frozen = False
         return
     ring.moved_m += moved_m
-    ring.turned_rad += abs(turned_rad)
+    turn_rad = abs(turned_rad)
+    if moved_m <= turn_rad * params.radius_m or (echo & RIGHT_SIDE and echo & LEFT_SIDE):
+        ring.turned_rad += turn_rad
     ring.frozen = ring.moved_m >= params.freeze_m and (
         ring.still_changes >= NOISY
         or ring.turned_rad >= params.freeze_rad
-        or ring.front_m < params.freeze_front_m
+        or is_close_ahead(ring, params.freeze_front_m)
     )
+
+
+def is_close_ahead(ring: Ring, range_m: float) -> bool:
+    for i in AHEAD:
+        here_m = ring.range_m[i]
+        if here_m is not None and here_m < range_m:
+            return True
+    return False

@@ -49,7 +49,7 @@ def test_an_impossible_echo_stops_the_robot() -> None:
 
 def test_a_frozen_ring_stops_the_robot_before_it_gets_there() -> None:
     driven = driving()
-    driven.scan = Scan((0, 0, 0, 450, 0, 0, 0, 0), AGES, 0xFF, 1 << 3)
+    driven.scan = Scan((0, 0, 0, 350, 0, 0, 0, 0), AGES, 0xFF, 1 << 3)
     stopped_by(driven, reasons.SONAR_FROZEN, within_ticks=30)
     assert modes.arm(driven.machine) == reasons.SONAR_FROZEN
     driven.scan = OPEN_SPACE

@@ -98,9 +98,9 @@ def test_echoes_that_ignore_a_turn_are_frozen() -> None:
 
 def test_an_echo_close_ahead_that_does_not_come_closer_is_frozen() -> None:
     ring = Ring()
-    drive(ring, scan({3: 450}), ticks=6)
+    drive(ring, scan({3: 350}), ticks=6)
     assert not ring.frozen
-    drive(ring, scan({3: 450}), ticks=3)
+    drive(ring, scan({3: 350}), ticks=3)
     assert ring.frozen
 
 
@@ -124,3 +124,11 @@ def test_noisy_sonars_that_fall_silent_in_a_corridor_are_frozen() -> None:
         drive(ring, scan({0: 280 + k % 3, 7: 280}), ticks=1, moved_m=0.0)
     drive(ring, scan({0: 280, 7: 280}), ticks=9)
     assert ring.frozen
+
+
+def test_circling_a_disc_without_noise_is_not_frozen_and_turning_beside_it_is() -> None:
+    circling, turning = Ring(), Ring()
+    drive(circling, scan({0: 150, 1: 210, 2: 390}), ticks=200, turned=-0.02)
+    drive(turning, scan({0: 150, 1: 210, 2: 390}), ticks=40, moved_m=0.004, turned=-0.04)
+    assert not circling.frozen
+    assert turning.frozen

@@ -1,0 +1,206 @@
+from math import pi
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot.core import brain, budget, modes, reasons, states
+from robot.core.parameters import DEFAULTS
+from robot.core.values import Goal, Inputs, Scan, Wheels
+from tests.unit.core.driving import AHEAD, Driven, armed, driving
+
+AGES = (25, 0) * 4
+
+
+def until_ended(driven: Driven, limit_s: float = 60.0) -> Driven:
+    for _ in range(round(limit_s * 20)):
+        driven.tick()
+        if driven.machine.goal_state >= states.REACHED:
+            break
+    return driven
+
+
+def test_stages_are_marked_in_the_order_of_the_budget() -> None:
+    marks: list[int] = []
+    state = brain.State(DEFAULTS)
+    brain.step(state, Inputs(0, None, None, None), DEFAULTS, marks.append)
+    assert marks == [budget.ODOMETRY, budget.NAVIGATE, budget.GUARD]
+    assert len(budget.STAGES) == 5
+    assert sum(stage.host_us for stage in budget.STAGES) == budget.TICK_US
+    assert sum(stage.mcu_percent for stage in budget.STAGES) <= 50
+
+
+def test_a_core_that_was_never_armed_stands() -> None:
+    assert Driven().forward(1.0).stands
+
+
+def test_the_goal_goes_from_accepted_by_driving_to_reached() -> None:
+    driven = armed()
+    driven.goto(AHEAD._replace(heading_rad=pi / 2, x_m=1.0))
+    assert driven.machine.goal_state == states.ACCEPTED
+    seen = []
+    for _ in range(1200):
+        driven.tick()
+        if driven.machine.goal_state not in seen:
+            seen.append(driven.machine.goal_state)
+    assert seen == [states.DRIVING, states.ALIGNING, states.REACHED]
+    assert driven.stands
+    assert driven.machine.vehicle == states.ACTIVE
+    assert driven.machine.goal_ended_ms > driven.machine.goal_started_ms
+
+
+def test_a_free_heading_needs_no_aligning() -> None:
+    driven = armed()
+    driven.goto(Goal(0.5, 0.2, None, 0.05, 0.05))
+    seen = set()
+    for _ in range(200):
+        driven.tick()
+        seen.add(driven.machine.goal_state)
+    assert states.ALIGNING not in seen
+    assert driven.machine.goal_state == states.REACHED
+
+
+def test_a_goal_where_it_stands_is_reached_without_moving() -> None:
+    driven = armed()
+    driven.goto(Goal(0.0, 0.0, 0.0, 0.05, 0.05))
+    driven.tick()
+    assert driven.machine.goal_state == states.REACHED
+    assert driven.left == driven.right == 0.0
+
+
+def test_reached_is_said_only_when_the_robot_stands() -> None:
+    driven = until_ended(driving())
+    assert driven.machine.goal_state == states.REACHED
+    assert driven.stands
+    assert driven.state.odometry.speed_m_s == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_little_off_it_goes_on_aligning_and_far_off_it_drives_again() -> None:
+    driven = armed()
+    driven.goto(Goal(1.0, 0.0, pi, 0.05, 0.02))
+    while driven.machine.goal_state != states.ALIGNING:
+        driven.tick()
+    odometry = driven.state.odometry
+    odometry.pose = odometry.pose._replace(x_m=1.12)
+    driven.tick()
+    assert driven.machine.goal_state == states.ALIGNING
+    odometry.pose = odometry.pose._replace(x_m=1.2)
+    driven.tick()
+    assert driven.machine.goal_state == states.DRIVING
+    assert until_ended(driven).machine.goal_state == states.REACHED
+
+
+@pytest.mark.parametrize("tolerance_deg", [0.2, 1.0, 5.0, 180.0])
+def test_even_the_finest_tolerance_is_reached(tolerance_deg: float) -> None:
+    driven = armed()
+    driven.goto(Goal(0.4, -0.3, 2.0, 0.005, tolerance_deg * pi / 180))
+    until_ended(driven)
+    assert driven.machine.goal_state == states.REACHED
+    assert driven.state.goal_distance_m <= 0.015
+
+
+def test_an_obstacle_ahead_is_avoided_and_said_so() -> None:
+    driven = driving()
+    driven.scan = Scan((0, 0, 0, 290, 0, 0, 0, 0), AGES, 0xFF, 1 << 3)
+    outputs = driven.tick()
+    assert driven.machine.goal_state == states.AVOIDING
+    assert outputs.decision is not None
+    assert outputs.decision.branch == states.PASS_LEFT
+
+
+def test_with_hardly_any_room_ahead_it_turns_on_the_spot() -> None:
+    driven = armed()
+    driven.scan = Scan((0, 0, 0, 60, 70, 0, 0, 0), AGES, 0xFF, 0b11000)
+    driven.goto()
+    driven.forward(0.4)
+    assert driven.outputs.twist.speed_m_s == 0.0
+    assert driven.outputs.right_mrad_s == -driven.outputs.left_mrad_s != 0
+
+
+def test_who_tries_and_does_not_move_is_blocked_after_ten_seconds() -> None:
+    params = DEFAULTS._replace(guard_stop_m=0.9, spin_room_m=0.0, d_obs_m=0.1)
+    driven = armed(params)
+    driven.scan = Scan((0, 0, 0, 800, 0, 0, 0, 0), AGES, 0xFF, 1 << 3)
+    driven.goto()
+    driven.forward(9.9)
+    assert driven.outputs.guard == reasons.OBSTACLE_AHEAD
+    assert driven.machine.goal_state == states.DRIVING
+    driven.forward(0.3)
+    assert (driven.machine.goal_state, driven.machine.goal_reason) == (
+        states.STUCK,
+        reasons.BLOCKED,
+    )
+    assert driven.machine.vehicle == states.ACTIVE
+    assert driven.stands
+
+
+def test_who_comes_no_closer_for_two_minutes_gives_up() -> None:
+    driven = driving()
+    driven.scan = Scan((0, 0, 250, 0, 0, 0, 0, 0), AGES, 0xFF, 1 << 2)  # always just there
+    driven.params = DEFAULTS._replace(freeze_m=1e9)
+    driven.forward(100.0)
+    assert driven.machine.goal_state == states.AVOIDING
+    driven.forward(25.0)
+    assert driven.machine.goal_reason == reasons.NO_PROGRESS
+
+
+def test_a_hold_is_not_counted_as_being_stuck() -> None:
+    driven = driving()
+    modes.hold(driven.machine)
+    driven.forward(300.0)
+    modes.resume(driven.machine)
+    driven.forward(2.0)
+    assert driven.machine.goal_state == states.DRIVING
+
+
+def test_the_way_back_follows_the_trail_to_the_start() -> None:
+    driven = until_ended(driving())
+    assert len(driven.state.trail.xs_m) > 10
+    assert modes.rtl(driven.machine, driven.state.trail, driven.now_ms) == reasons.OK
+    until_ended(driven)
+    assert driven.machine.mode == states.SMART_RTL
+    assert driven.machine.goal_state == states.REACHED
+    assert abs(driven.state.odometry.pose.x_m) < 0.06
+    assert len(driven.state.trail.xs_m) <= 2
+
+
+def test_stopping_by_command_ramps_and_stopping_by_failsafe_does_not() -> None:
+    held, failed = driving(), driving()
+    modes.hold(held.machine)
+    held.tick()
+    assert not held.stands
+    assert held.forward(0.3).stands
+    failed.scan = None
+    failed.tick()
+    assert failed.stands
+
+
+senses = st.tuples(
+    st.one_of(st.none(), st.tuples(st.integers(-400, 400), st.integers(-400, 400))),
+    st.one_of(st.none(), st.lists(st.integers(0, 65535), min_size=8, max_size=8)),
+    st.integers(0, 255),
+    st.integers(0, 255),
+    st.integers(0, 7),
+)
+
+
+@settings(max_examples=60)
+@given(st.lists(senses, max_size=60), st.sampled_from([states.BUG, states.VGM]))
+def test_whatever_the_senses_say_the_limits_hold(
+    story: list[tuple[tuple[int, int] | None, list[int] | None, int, int, int]], navigator: int
+) -> None:
+    driven = armed(DEFAULTS._replace(navigator=navigator))
+    limit_mrad_s = DEFAULTS.wheel_max_m_s / DEFAULTS.wheel_radius_m * 1000
+    left = right = 0
+    for k, (moved, ranges, valid, echo, bumper) in enumerate(story):
+        modes.arm(driven.machine)
+        driven.goto()
+        if moved is not None:
+            left, right = left + moved[0], right + moved[1]
+        wheels = None if moved is None else Wheels(left, right, bumper)
+        scan = None if ranges is None else Scan(tuple(ranges), AGES, valid, echo)
+        _, outputs = brain.step(driven.state, Inputs(50 * k + 50, wheels, scan, 0), DEFAULTS)
+        assert isinstance(outputs.left_mrad_s, int)
+        assert max(abs(outputs.left_mrad_s), abs(outputs.right_mrad_s)) <= limit_mrad_s
+        if wheels is None or scan is None:
+            assert outputs.left_mrad_s == outputs.right_mrad_s == 0

@@ -1,0 +1,84 @@
+from math import pi
+
+from robot.core import progress as progresses
+from robot.core import reasons
+from robot.core import stall as stalls
+from robot.core.odometry import Odometry
+from robot.core.parameters import DEFAULTS
+from robot.core.progress import Progress
+from robot.core.stall import Stall
+from robot.core.values import Pose
+
+PERIOD_MS = 50
+
+
+def told(left_m_s: float, turned: float, seconds: float) -> bool:
+    """Whether the left wheel is called stuck while it turns this share of what it is told."""
+    stall, odometry = Stall(), Odometry()
+    odometry.left_m = left_m_s * DEFAULTS.period_s * turned
+    stuck = False
+    for k in range(round(seconds * 20)):
+        stalls.watch(stall, odometry, k * PERIOD_MS, DEFAULTS)
+        stuck = stuck or stall.stuck
+        stalls.tell(stall.left, left_m_s, k * PERIOD_MS, DEFAULTS)
+    return stuck
+
+
+def test_a_wheel_that_does_not_turn_is_stuck_after_half_a_second() -> None:
+    assert not told(0.2, 0.0, 0.5)
+    assert told(0.2, 0.0, 0.7)
+    assert told(-0.2, 0.0, 0.7)
+
+
+def test_a_wheel_that_turns_a_little_is_not_stuck() -> None:
+    assert not told(0.2, 0.2, 5.0)
+    assert not told(-0.2, 1.0, 5.0)
+
+
+def test_a_wheel_that_turns_the_wrong_way_is_stuck() -> None:
+    assert told(0.2, -1.0, 0.7)
+
+
+def test_a_wheel_told_to_creep_is_not_judged() -> None:
+    assert not told(0.04, 0.0, 5.0)
+
+
+def test_a_command_to_and_fro_is_never_stuck() -> None:
+    stall, odometry = Stall(), Odometry()
+    for k in range(100):
+        stalls.watch(stall, odometry, k * PERIOD_MS, DEFAULTS)
+        assert not stall.stuck
+        stalls.tell(stall.left, 0.2 if (k // 4) % 2 else -0.2, k * PERIOD_MS, DEFAULTS)
+
+
+def verdict(poses: "list[Pose]", distances_m: "list[float]", step_ms: int = 1000) -> int:
+    progress = Progress()
+    progresses.restart(progress, poses[0], 0)
+    reason: int = reasons.OK
+    for k, (pose, distance_m) in enumerate(zip(poses, distances_m, strict=True)):
+        reason = progresses.judge(progress, pose, distance_m, k * step_ms, DEFAULTS)
+    return reason
+
+
+def test_standing_is_blocked_after_ten_seconds() -> None:
+    here = Pose(1.0, 2.0, pi)
+    assert verdict([here] * 11, [3.0] * 11) == reasons.OK
+    assert verdict([here] * 12, [3.0] * 12) == reasons.BLOCKED
+
+
+def test_dithering_is_blocked_too() -> None:
+    poses = [Pose(1.0 + 0.03 * (k % 2), 2.0, pi - 0.1 * (k % 3)) for k in range(12)]
+    assert verdict(poses, [3.0] * 12) == reasons.BLOCKED
+
+
+def test_turning_on_the_spot_is_getting_somewhere() -> None:
+    poses = [Pose(0.0, 0.0, pi - 0.1 * k) for k in range(60)]
+    assert verdict(poses, [3.0] * 60) == reasons.OK
+
+
+def test_driving_about_without_coming_closer_ends_after_two_minutes() -> None:
+    poses = [Pose(k % 7 * 1.0, 0.0, 0.0) for k in range(122)]
+    assert verdict(poses[:121], [3.0] * 121) == reasons.OK
+    assert verdict(poses, [3.0] * 122) == reasons.NO_PROGRESS
+    closer = [3.0] * 100 + [2.94] * 22
+    assert verdict(poses, closer) == reasons.OK
