@@ -44,7 +44,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "watch": Verb("ground.cli", "show what the robot says, line by line"),
         "doctor": Verb("ground.cli", "say what is missing and what to do"),
         "record": Verb("ground.cli", "write every frame to a .tlog file"),
-        "export": Verb("ground.cli", "a .tlog file as CSV or JSON lines"),
+        "export": Verb("ground.cli", "a .tlog file as a CSV table"),
     },
     "without a network": {
         "trial": Verb("study.cli", "one run in this process, as fast as possible"),

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 import sidestep
+from ground import cli
 
 ROOT = Path(__file__).parents[2]
 
@@ -53,6 +54,11 @@ def test_a_package_with_several_verbs_is_told_which(install: Install) -> None:
     assert sidestep.main(["goto", "2", "1", "90"]) == 1
     assert sidestep.main(["robot", "--id", "r1"]) == 1
     assert heard == [["goto", "2", "1", "90"], ["--id", "r1"]]
+
+
+def test_the_operator_s_verbs_are_those_the_ground_has() -> None:
+    ours = {name for name, verb in sidestep.VERBS.items() if verb.module == "ground.cli"}
+    assert ours == set(cli.VERBS)
 
 
 def test_negative_numbers_and_foreign_options_are_handed_on(install: Install) -> None:
