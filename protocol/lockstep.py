@@ -44,9 +44,9 @@ class LockstepClock:
                 self._changed.notify_all()
 
     def nudge(self) -> None:
-        """Let the waiting thread call `idle` now."""
+        """Let the waiting thread call `idle` now, if it has one."""
         with self._changed:
-            self._nudged = True
+            self._nudged = self._idle is not None
             self._changed.notify_all()
 
     def stop(self) -> None:

@@ -1,0 +1,65 @@
+"""What the link does when a process dies or comes back."""
+
+import subprocess
+import sys
+
+from protocol.bus import open_bus
+from protocol.messages import WheelTicks
+from protocol.network import Network
+from protocol.topics import WHEELS, Role
+from tests.bus.nets import net, until
+
+TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
+
+ANNOUNCED = """
+import sys
+from protocol.bus import open_bus
+from protocol.network import Network
+from protocol.topics import Role
+network = Network(mode="client", connect=(sys.argv[1],), prefix=sys.argv[2])
+with open_bus(network, Role.GROUND, "r1") as bus:
+    bus.announce()
+    print("here", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_the_presence_of_a_killed_process_ends_at_once() -> None:
+    with net() as bus:
+        gone: list[str] = []
+        bus.robot.watch(lambda who, came: None if came else gone.append(who.role))
+        with subprocess.Popen(
+            [sys.executable, "-c", ANNOUNCED, bus.endpoint, bus.prefix],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={"PYTHONPATH": ":".join(sys.path)},
+        ) as process:
+            assert process.stdout is not None
+            assert process.stdout.readline() == b"here\n"
+            until(lambda: [who.role for who in bus.robot.present()] == ["ground"])
+            process.kill()
+            until(lambda: gone == ["ground"], timeout_s=2.0)
+        assert bus.robot.present() == []
+
+
+def test_a_restarted_hub_hears_its_publishers_again_without_their_doing() -> None:
+    with open_bus(Network(mode="peer", listen=("tcp/127.0.0.1:0",)), Role.ROBOT, "r1") as first:
+        endpoint = first.locator()
+        network = Network(mode="client", connect=(endpoint,))
+        plant = open_bus(network, Role.PLANT, "r1")
+    with plant:
+        wheels = plant.publisher(WHEELS)
+        with open_bus(Network(mode="peer", listen=(endpoint,)), Role.ROBOT, "r1") as second:
+            ticks = second.mailbox(WHEELS)
+            assert plant.await_matched([wheels], 5.0) == []
+            wheels.put(TICKS)
+            until(ticks.latest)
+
+
+def test_a_publisher_knows_when_its_last_reader_has_left() -> None:
+    with net() as bus:
+        wheels = bus.plant.publisher(WHEELS)
+        bus.ground.mailbox(WHEELS)
+        assert bus.plant.await_matched([wheels], 5.0) == []
+        bus.ground.close()
+        until(lambda: not wheels.matched)
