@@ -30,7 +30,7 @@ class Process:
         self._clock = clock
         self._senses = senses
         self._meter = meter
-        self._reports = Reports(bus)
+        self.reports = Reports(bus)
         self._requests: SimpleQueue[Asked] = SimpleQueue()
 
     def serve(self, nudge: Callable[[], None] = lambda: None) -> None:
@@ -56,8 +56,8 @@ class Process:
                     break
         finally:
             self.vehicle.stop(reasons.SHUT_DOWN, self._clock.now_ns())
-            self._reports.command(self._senses.stamp_ns, self._senses.sequence, 0, 0)
-            self._reports.events(self.vehicle, self._clock.now_ns())
+            self.reports.command(self._senses.stamp_ns, self._senses.sequence, 0, 0)
+            self.reports.events(self.vehicle, self._clock.now_ns())
 
     def cycle(self, tick: Tick) -> None:
         """One control period: read, think, write, account."""
@@ -75,11 +75,11 @@ class Process:
     def idle(self) -> None:
         """Between two ticks: answer what was asked, and show that the loop lives."""
         self._answer()
-        self._reports.events(self.vehicle, self._clock.now_ns())
+        self.reports.events(self.vehicle, self._clock.now_ns())
 
     def _write(self, outputs: Outputs, tick: Tick, now_ns: int) -> None:
         """The wheels come first; who watches may wait."""
-        senses, reports = self._senses, self._reports
+        senses, reports = self._senses, self.reports
         stamp_ns = senses.stamp_ns
         reports.command(stamp_ns, senses.sequence, outputs.left_mrad_s, outputs.right_mrad_s)
         sent_us = max(0, self._clock.now_ns() - tick.due_ns) // 1000
@@ -104,4 +104,4 @@ class Process:
                 continue
             answer = self.vehicle.receive(asked.message, self._clock.now_ns())
             asked.reply(answer)
-            self._reports.record(asked.message, answer)
+            self.reports.record(asked.message, answer)

@@ -1,0 +1,171 @@
+"""Plant, robot and operator as Zenoh peers in this process: started, killed, started again."""
+
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Final
+from uuid import uuid4
+
+from plant.desk import Desk
+from plant.plant import Plant
+from plant.process import Process as PlantProcess
+from plant.process import Wake
+from plant.score import PERIOD_NS
+from plant.wires import Wires
+from plant.world_file import load
+from plant.world_overrides import noise_of
+from protocol.bus import Bus, Network, open_bus
+from protocol.clock import ManualClock
+from protocol.codec import decode
+from protocol.messages import Statustext
+from protocol.network import Mode
+from protocol.topics import CYCLE, OPERATOR, RUN, STATUS, TEXT, WORLD, Role
+from robot.core.parameters import DEFAULTS
+from robot.core.values import Pose
+from robot.meter import Meter
+from robot.parameters import with_value
+from robot.process import Process as RobotProcess
+from robot.senses import Senses
+from robot.store import Store
+from robot.vehicle import Vehicle
+
+FRAME_S: Final = 5.0
+TOLD: Final = "cycle report at the ground"
+NAVIGATORS: Final = {"bug": 1, "vgm": 2}
+
+
+class Arrivals:
+    """Counts what arrives on a bus and lets a test wait for it, with a deadline."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._counts: dict[str, int] = {}
+
+    def take(self, key: str, _frame: bytes = b"", _arrived_ns: int = 0) -> None:
+        with self._changed:
+            self._counts[key] = self._counts.get(key, 0) + 1
+            self._changed.notify_all()
+
+    def count(self, key: str) -> int:
+        return self._counts.get(key, 0)
+
+    def wait(self, condition: Callable[[], bool], what: str) -> None:
+        with self._changed:
+            assert self._changed.wait_for(condition, FRAME_S), f"{what} did not arrive"
+
+
+class Peers:
+    """Who is on the bus; `operator` is whether the operator's heartbeat goes out."""
+
+    def __init__(
+        self,
+        world: str = "open",
+        *,
+        navigator: str = "vgm",
+        noise: str = "none",
+        seed: int = 0,
+        router: bool = False,
+        parameters: dict[str, float] | None = None,
+    ) -> None:
+        self.world = load(world)
+        self.operator = self._listening = False
+        self.texts: list[str] = []
+        self.clock = ManualClock()
+        self._params = DEFAULTS._replace(navigator=NAVIGATORS[navigator])
+        for name, value in (parameters or {}).items():
+            self._params = with_value(self._params, name, value)
+        self._noise = noise_of(self.world, noise)
+        self._seed = seed
+        self._router = router
+        self._prefix = f"test-{uuid4().hex[:8]}"
+        self._arrivals = Arrivals()
+        self._scopes = {name: ExitStack() for name in ("router", "robot", "plant", "ground")}
+        self._hub = "tcp/127.0.0.1:0"
+        self._ticks = 0
+        self._commands = 0
+        self.robot: RobotProcess | None = None
+        self.plant: PlantProcess | None = None
+
+    def start(self, name: str) -> None:
+        {"robot": self._start_robot, "plant": self._start_plant, "ground": self._start_ground}[
+            name
+        ]()
+
+    def kill(self, name: str) -> None:
+        """As SIGKILL would: it is gone from the bus, without a last word."""
+        self._scopes[name].close()
+        if name == "robot":
+            self.robot = None
+        elif name == "plant":
+            self.plant = None
+        else:
+            self.operator = self._listening = False
+
+    def _start_robot(self) -> None:
+        bus = self._open("robot", Role.ROBOT)
+        start = self.world.start
+        self.vehicle = Vehicle(
+            self._params, Store(None), Pose(start.x_m, start.y_m, start.heading_rad)
+        )
+        senses = Senses(bus, lockstep=True)
+        meter = Meter(self.clock, period_ns=PERIOD_NS, enforced=False)
+        self.robot = RobotProcess(self.vehicle, bus, self.clock, senses, meter)
+        self.robot.serve()
+        bus.announce()
+        bus.stream(f"{self._prefix}/**", self._arrivals.take)
+
+    def _start_plant(self) -> None:
+        bus = self._open("plant", Role.PLANT)
+        plant = Plant(self.world, self._seed, self._noise)
+        desk = Desk(running=True, world={}, nudge=lambda: None)
+        wires = Wires(bus, "r1", 0, lambda _: self._arrivals.take("command"), lockstep=True)
+        for service in (RUN, WORLD):
+            bus.serve(service, lambda asked: desk.ask(0, asked))
+        bus.announce()
+        self.plant = PlantProcess(plant, [wires], desk, Wake())
+        assert bus.await_matched(wires.publishers[-1:], FRAME_S) == []
+
+    def _start_ground(self) -> None:
+        self.ground = self._open("ground", Role.GROUND)
+        self._status = self.ground.mailbox(STATUS)
+        self._report = self.ground.mailbox(CYCLE)
+        self.ground.stream(CYCLE, lambda *_: self._arrivals.take(TOLD))
+        self.ground.stream(TEXT, self._hear)
+        self._beat = self.ground.publisher(OPERATOR)
+        self.operator = self._listening = True
+        self.reconnect()
+
+    def _open(self, name: str, role: Role | None) -> Bus:
+        """The robot is the hub and others dial it; with a router everybody dials that."""
+        hub = "router" if self._router else "robot"
+        if name == hub:
+            mode: Mode = "router" if self._router else "peer"
+            network = Network(mode=mode, listen=(self._hub,), prefix=self._prefix)
+        else:
+            network = Network(mode="client", connect=(self._hub,), prefix=self._prefix)
+        bus = self._scopes[name].enter_context(open_bus(network, role, "r1"))
+        if name == hub:
+            self._hub = bus.locator()
+        return bus
+
+    def reconnect(self) -> None:
+        """Wait until plant and operator have found a robot that was started again."""
+        assert self.plant is not None
+        assert self.robot is not None
+        publishers = [self.plant.wires[0].publishers[-1], self._beat, self.robot.reports.cycle]
+        assert self.ground.await_matched(publishers, FRAME_S) == []
+
+    def start_all(self) -> None:
+        if self._router:
+            self._open("router", None)
+        for name in ("robot", "plant", "ground"):
+            self.start(name)
+
+    def close_all(self) -> None:
+        for name in ("ground", "plant", "robot", "router"):
+            self._scopes[name].close()
+
+    def _hear(self, _key: str, frame: bytes, _arrived_ns: int) -> None:
+        text = decode(frame).message
+        assert isinstance(text, Statustext)
+        self.texts.append(text.text)
