@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from types import FrameType, MappingProxyType
 from typing import Final, NamedTuple
 
-from ground import doctor, goto, orders, param, record, router, watch
+from ground import doctor, goto, orders, param, record, router, up, watch
 from ground.says import Says
 from protocol.errors import ConfigError, RemoteError, UserError
 
@@ -27,6 +27,7 @@ class Verb(NamedTuple):
 
 VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
     {
+        "up": Verb(up.arguments, up.run, "start plant, robot and a goal, and tell how it ended"),
         "goto": Verb(goto.arguments, goto.run, "drive to X Y [DEG] and wait for the outcome"),
         "hold": Verb(orders.arguments, orders.run, "stand still, keep the goal"),
         "resume": Verb(orders.arguments, orders.run, "go on to the goal"),

@@ -147,15 +147,19 @@ class GoalWatch:
     """Follows one goal to its end, and says when the operator's heart must beat.
 
     Simulated time may run faster than ours: the heartbeat and the time limit go by whichever of the
-    two clocks, ours and that of the robot's stamps, is ahead.
+    two clocks, ours and that of the robot's stamps, is ahead. With `stamps_only` the limit goes by
+    the stamps alone, as a run that can be repeated needs it.
     """
 
-    def __init__(self, goal_id: int, now_ns: int, timeout_ns: int | None) -> None:
+    def __init__(
+        self, goal_id: int, now_ns: int, timeout_ns: int | None, *, stamps_only: bool = False
+    ) -> None:
         self._goal_id = goal_id
         self._timeout_ns = timeout_ns
+        self._stamps_only = stamps_only
         self._asked_ns = self._heard_ns = now_ns
         self._pace = Pace()
-        self._first_stamp_ns: int | None = None
+        self._started_stamp_ns: int | None = None
         self._stamp_ns = 0
         self._seen = False
         self.end: GoalEnd | None = None
@@ -169,10 +173,9 @@ class GoalWatch:
             self.end = GoalEnd("aborted", "the robot has been restarted")
             return
         self._stamp_ns = status.time_ns
-        if self._first_stamp_ns is None:
-            self._first_stamp_ns = status.time_ns
         if status.goal_id == self._goal_id:
             self._seen = True
+            self._started_stamp_ns = status.goal_started_ns
             self.end = _end_in(status)
         elif self._seen or now_ns - self._asked_ns > UNSEEN_NS:
             self.end = _pushed_out(status)
@@ -190,8 +193,9 @@ class GoalWatch:
         return now_ns - self._heard_ns
 
     def _judge_time(self, now_ns: int) -> None:
-        driven_ns = self._stamp_ns - (self._first_stamp_ns or 0)
-        elapsed_ns = max(driven_ns, now_ns - self._asked_ns)
+        started_ns = self._started_stamp_ns
+        driven_ns = 0 if started_ns is None else self._stamp_ns - started_ns
+        elapsed_ns = driven_ns if self._stamps_only else max(driven_ns, now_ns - self._asked_ns)
         if self._timeout_ns is not None and elapsed_ns >= self._timeout_ns:
             said = f"not there after {self._timeout_ns / 1e9:g} s"
             self.end = GoalEnd("timeout", said, abort=True)

@@ -1,0 +1,126 @@
+"""Child processes that are started together, watched together, and never left behind."""
+
+import os
+import signal
+import subprocess
+import tempfile
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import IO, Final, NamedTuple, Self
+
+from ground.leash import command
+from protocol.clock import Clock
+from protocol.errors import RemoteError
+
+LAST_LINES: Final = 5
+TAIL_BYTES: Final = 4000
+PAUSE_NS: Final = 10_000_000
+# Asked nicely, asked firmly, ended: two seconds in all.
+STEPS: Final[tuple[tuple[int, int], ...]] = (
+    (signal.SIGINT, 1_000_000_000),
+    (signal.SIGTERM, 500_000_000),
+    (signal.SIGKILL, 400_000_000),
+)
+
+
+class ChildDied(RemoteError):
+    """A process of ours ended by itself: which, how, and its last words."""
+
+    def __init__(self, why: str, exit_code: int) -> None:
+        super().__init__(why)
+        self.exit_code = exit_code
+
+
+class Child(NamedTuple):
+    role: str
+    process: subprocess.Popen[bytes]
+    output: IO[bytes]
+
+    def last_words(self) -> str:
+        """The end of what it wrote."""
+        size = self.output.seek(0, os.SEEK_END)
+        self.output.seek(max(0, size - TAIL_BYTES))
+        lines = self.output.read().decode(errors="replace").splitlines()
+        return "\n".join(f"  {line}" for line in lines[-LAST_LINES:])
+
+
+class Children:
+    """Ends every child on the way out, whatever the way."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        command_of: Callable[[Sequence[str], int], list[str]] = command,
+        steps: Sequence[tuple[int, int]] = STEPS,
+    ) -> None:
+        self._clock = clock
+        self._command_of = command_of
+        self._steps = steps
+        self._children: list[Child] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def start(self, role: str, arguments: Sequence[str]) -> None:
+        """A session of its own: Ctrl-C in the terminal reaches us, and we end the children."""
+        output = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the child has been ended
+        process = subprocess.Popen(
+            self._command_of(arguments, os.getpid()),
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        self._children.append(Child(role, process, output))
+
+    def check(self) -> None:
+        """Raise ChildDied for the first child that has ended by itself."""
+        for child in self._children:
+            code = child.process.poll()
+            if code is not None:
+                words = child.last_words()
+                why = f"the {child.role} process ended by itself ({how(code)})"
+                raise ChildDied(f"{why}:\n{words}" if words else why, 2 if code == 2 else 1)
+
+    def stop(self) -> None:
+        """End all of them within two seconds. Further signals must not cut this short."""
+        ends: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM)
+        before = [(number, signal.getsignal(number)) for number in ends]
+        for number, _ in before:
+            signal.signal(number, signal.SIG_IGN)
+        try:
+            for number, patience_ns in self._steps:
+                self._send(number)
+                if self._gone(patience_ns):
+                    break
+            for child in self._children:
+                child.output.close()
+            self._children.clear()
+        finally:
+            for number, handler in before:
+                signal.signal(number, handler)
+
+    def _send(self, number: int) -> None:
+        for child in self._children:
+            if child.process.poll() is None:
+                child.process.send_signal(number)
+
+    def _gone(self, patience_ns: int) -> bool:
+        deadline_ns = self._clock.now_ns() + patience_ns
+        while any(child.process.poll() is None for child in self._children):
+            if self._clock.now_ns() >= deadline_ns:
+                return False
+            self._clock.sleep_until(self._clock.now_ns() + PAUSE_NS)
+        return True
+
+
+def how(code: int) -> str:
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"

@@ -1,0 +1,150 @@
+"""What `up` is to run: a world and its goal, who takes part, and how each is started."""
+
+import argparse
+import json
+import subprocess
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+from typing import Any, Final
+
+from ground.destination import Destination, destination
+from protocol.errors import RemoteError, UserError
+from protocol.outcome import Asked
+from protocol.robot_table import parameters_of
+from protocol.wire_goal import start_words
+
+SHOW_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """`speed` 1 is the wall clock; anything else is lockstep, in which a run can be repeated."""
+
+    world: str
+    name: str
+    facts: dict[str, Any]
+    goal: Destination
+    navigator: str
+    side: str
+    seed: int
+    noise: str | None
+    robots: tuple[str, ...]
+    speed: str
+    router: bool
+    record: str | None
+    timeout_s: float
+
+    @property
+    def lockstep(self) -> bool:
+        return self.speed != "1"
+
+    def asked(self) -> Asked:
+        goal = self.goal
+        return Asked(
+            world=self.name,
+            navigator=self.navigator,
+            seed=self.seed,
+            noise=self.noise or str(self.facts["noise"].get("level", "default")),
+            goal_x_m=goal.x_m,
+            goal_y_m=goal.y_m,
+            goal_heading_rad=goal.heading_rad,
+            wire_goal=goal.on_the_wire(),
+            shortest_path_m=self.facts["shortest_path_m"] if self._own_goal() else None,
+            timeout_s=self.timeout_s,
+        )
+
+    def _own_goal(self) -> bool:
+        """The shortest path is known only to the goal of the world."""
+        return self.goal == goal_in(self.facts)
+
+
+def scenario_of(options: argparse.Namespace, facts: dict[str, Any]) -> Scenario:
+    goal = goal_in(facts)
+    if options.goal is not None:
+        goal = destination(options.goal)
+    robots = tuple(f"r{number + 1}" for number in range(options.robots))
+    return Scenario(
+        world=options.world,
+        name=str(facts["name"]),
+        facts=facts,
+        goal=goal,
+        navigator=options.navigator,
+        side=options.side,
+        seed=options.seed,
+        noise=options.noise,
+        robots=robots,
+        speed=options.speed,
+        router=options.router or len(robots) > 1,
+        record=None if options.record is None else str(Path(options.record).resolve()),
+        timeout_s=options.timeout,
+    )
+
+
+def goal_in(facts: dict[str, Any]) -> Destination:
+    goal = facts["goal"]
+    heading_deg = goal["heading_deg"]
+    return Destination(
+        x_m=goal["x_m"],
+        y_m=goal["y_m"],
+        heading_rad=None if heading_deg is None else radians(heading_deg),
+        position_tolerance_m=goal["position_tolerance_m"],
+        heading_tolerance_rad=radians(goal["heading_tolerance_deg"]),
+    )
+
+
+def world_facts(command: list[str]) -> dict[str, Any]:
+    """What `sidestep worlds show W --json` prints; UserError with its words when it refuses."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=SHOW_S, check=False)
+    except subprocess.TimeoutExpired as error:
+        raise RemoteError(f"reading the world took more than {SHOW_S:g} s") from error
+    if done.returncode:
+        raise UserError(done.stderr.strip() or "the world cannot be used")
+    facts: dict[str, Any] = json.loads(done.stdout)
+    return facts
+
+
+def cast(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
+    """Role and arguments of each process, in the order in which they are started."""
+    everybody: list[tuple[str, list[str]]] = []
+    if scenario.router:
+        everybody.append(("router", ["router", "--listen", endpoint]))
+    everybody += [(f"robot {name}", robot(scenario, name, endpoint)) for name in scenario.robots]
+    if scenario.record is not None:
+        everybody += [
+            (
+                f"recorder of {name}",
+                ["record", scenario.record, "--connect", endpoint, "--id", name],
+            )
+            for name in scenario.robots
+        ]
+    return [*everybody, ("plant", plant(scenario, endpoint))]
+
+
+def robot(scenario: Scenario, name: str, endpoint: str) -> list[str]:
+    """Without a router the robot is the hub that the others dial."""
+    found = ["robot", "--id", name, "--connect" if scenario.router else "--listen", endpoint]
+    if scenario.lockstep:
+        found.append("--lockstep")
+    if name == scenario.robots[0]:
+        start = scenario.facts["start"]
+        found += ["--start", *start_words(*_pose(start))]
+    for parameter, value in parameters_of(scenario.facts["robot"]).items():
+        found += ["--param", f"{parameter}={value!r}"]
+    return found
+
+
+def _pose(start: dict[str, float]) -> tuple[float, float, float]:
+    return start["x_m"], start["y_m"], radians(start["heading_deg"])
+
+
+def plant(scenario: Scenario, endpoint: str) -> list[str]:
+    """In lockstep it waits at tick 0, so that the goal always arrives in the same tick."""
+    found = ["plant", "--world", scenario.world, "--seed", str(scenario.seed)]
+    found += ["--robots", ",".join(scenario.robots), "--connect", endpoint]
+    if scenario.noise is not None:
+        found += ["--noise", scenario.noise]
+    if scenario.lockstep:
+        found += ["--lockstep", "--speed", scenario.speed, "--paused"]
+    return found

@@ -1,0 +1,150 @@
+"""`up`: starts plant and robots as processes, sends the goal, tells how it ended, ends them all."""
+
+import argparse
+import os
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from ground.children import Children
+from ground.errand import Errand
+from ground.leash import command
+from ground.link import NS_PER_S, Link, Unanswered
+from ground.options import Common, add_json, finite, positive, seconds
+from ground.orders import NAVIGATORS, SIDES
+from ground.says import Says
+from ground.scenario import Scenario, cast, scenario_of, world_facts
+from protocol.bus import Network, open_bus
+from protocol.clock import Clock, WallClock
+from protocol.errors import NoPeer
+from protocol.outcome import Outcome
+from protocol.topics import Role
+
+TIMEOUT_S: Final = 300.0
+MOST_ROBOTS: Final = 20
+OPEN_NS: Final = 10 * NS_PER_S
+DIAL_S: Final = 0.5
+PLAIN_NS: Final = 5 * NS_PER_S
+LOCAL: Final = "127.0.0.1"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--world", metavar="W", default="box", help="a world's name or file (box)")
+    parser.add_argument("--navigator", choices=list(NAVIGATORS), default="vgm")
+    parser.add_argument("--side", choices=list(SIDES), default="left", help="of bug (left)")
+    parser.add_argument(
+        "--goal", nargs="+", type=finite, metavar="N", help="X Y [DEG] instead of the world's"
+    )
+    parser.add_argument("--robots", type=robots, default=1, metavar="K", help="r1 drives (1)")
+    parser.add_argument(
+        "--speed", type=speed, default="1", metavar="F", help="1: wall clock; else lockstep, or max"
+    )
+    parser.add_argument("--seed", type=seed, default=0, metavar="S", help="of all randomness (0)")
+    parser.add_argument("--noise", metavar="LEVEL", help="instead of what the world says")
+    parser.add_argument("--headless", action="store_true", help="no screen, as it is so far")
+    parser.add_argument(
+        "--timeout", type=seconds, default=TIMEOUT_S, metavar="S", help="simulated (300)"
+    )
+    parser.add_argument("--record", metavar="DIR", help="a .tlog of every frame, there")
+    parser.add_argument("--router", action="store_true", help="a router between the processes")
+    add_json(parser)
+
+
+def run(options: argparse.Namespace, says: Says) -> int:
+    """0 when the goal was reached without touching anything, 1 when not."""
+    facts = world_facts(command(["worlds", "show", options.world, "--json"], os.getpid()))
+    scenario = scenario_of(options, facts)
+    outcome = rehearse(scenario, says, WallClock())
+    says.result(outcome.as_json(), outcome.text())
+    return 0 if outcome.reached else 1
+
+
+def rehearse(scenario: Scenario, says: Says, clock: Clock) -> Outcome:
+    """One run with processes of its own, none of which survives it."""
+    if scenario.record is not None:
+        Path(scenario.record).mkdir(parents=True, exist_ok=True)
+    endpoint = free_endpoint()
+    with Children(clock) as children:
+        for role, words in cast(scenario, endpoint):
+            children.start(role, words)
+        common = Common(network=dialling(endpoint), robot=scenario.robots[0])
+        with dialled(common, clock, children.check) as link:
+            says.note(f"{scenario.name}: to {scenario.goal} with {scenario.navigator}")
+            errand = Errand(link, scenario, children.check, shown(says, clock))
+            try:
+                return errand.run()
+            except Unanswered:
+                children.check()  # a process that has died explains silence best
+                raise
+
+
+def dialling(endpoint: str) -> Network:
+    return Network(mode="client", connect=(endpoint,), connect_timeout_s=DIAL_S)
+
+
+def dialled(common: Common, clock: Clock, check: Callable[[], None]) -> "OpenLink":
+    """Dial until somebody listens or a child has died."""
+    deadline_ns = clock.now_ns() + OPEN_NS
+    while True:
+        check()
+        with suppress(NoPeer):
+            return OpenLink(common, clock)
+        if clock.now_ns() > deadline_ns:
+            raise Unanswered(f"nobody listens at {common.endpoint} after {OPEN_NS // NS_PER_S} s")
+
+
+class OpenLink:
+    """A link that is closed on the way out."""
+
+    def __init__(self, common: Common, clock: Clock) -> None:
+        self._bus = open_bus(common.network, Role.GROUND, common.robot)
+        self._link = Link(self._bus, common, clock)
+
+    def __enter__(self) -> Link:
+        return self._link
+
+    def __exit__(self, *_: object) -> None:
+        self._bus.close()
+
+
+def shown(says: Says, clock: Clock) -> Callable[[str], None]:
+    """A live line in a terminal, elsewhere a note every few seconds."""
+    told_ns = clock.now_ns()
+
+    def show(text: str) -> None:
+        nonlocal told_ns
+        if says.live:
+            says.line(text)
+        elif clock.now_ns() - told_ns >= PLAIN_NS:
+            told_ns = clock.now_ns()
+            says.note(text)
+
+    return show
+
+
+def free_endpoint() -> str:
+    """A port of this machine that nobody uses at the moment."""
+    with socket.socket() as probe:
+        probe.bind((LOCAL, 0))
+        return f"tcp/{LOCAL}:{probe.getsockname()[1]}"
+
+
+def speed(text: str) -> str:
+    """As the plant takes it: a factor or max; 1 is the wall clock."""
+    if text == "max":
+        return text
+    return f"{positive(text):g}"
+
+
+def seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of 0 or more")
+    return int(text)
+
+
+def robots(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= MOST_ROBOTS:
+        raise argparse.ArgumentTypeError(f"{text!r}: from 1 to {MOST_ROBOTS}")
+    return int(text)
