@@ -1,5 +1,7 @@
 """The typed face: the fields of the XML, frozen, and checked where it is made."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 
@@ -7,7 +9,16 @@ from protocol.dialect import generated
 from protocol.errors import LocalError
 from protocol.layout import LAYOUT, class_name
 from protocol.message import Message, check
-from protocol.messages import MESSAGES, CycleReport, RunScore, SonarScan, Statustext
+from protocol.messages import (
+    MESSAGES,
+    CycleReport,
+    ParamRequestRead,
+    ParamSet,
+    ParamValue,
+    RunScore,
+    SonarScan,
+    Statustext,
+)
 from tests.unit.protocol.made_up import any_message
 
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
@@ -56,6 +67,38 @@ def test_every_array_is_checked_when_made() -> None:
 def test_a_text_that_does_not_fit_is_refused_when_made(text: str, limit: str) -> None:
     with pytest.raises(LocalError, match=limit):
         Statustext(severity=6, text=text)
+
+
+def test_a_parameters_name_has_sixteen_bytes() -> None:
+    sixteen = "p" * 16
+    check(ParamSet(param_id=sixteen, param_value=1.0, param_type=9))
+    for make in (
+        lambda name: ParamSet(param_id=name, param_value=1.0, param_type=9),
+        lambda name: ParamRequestRead(param_id=name, param_index=-1),
+        lambda name: ParamValue(
+            param_id=name, param_value=1.0, param_type=9, param_count=1, param_index=0
+        ),
+    ):
+        with pytest.raises(LocalError, match=r"param_id = .*: must be at most 16 bytes"):
+            make(sixteen + "q")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"severity": 256}, "severity = 256: must be an integer from 0 to 255"),
+        ({"severity": "6"}, "severity = '6': must be an integer"),
+        ({"text": "\ud800"}, "text = .*: must be valid Unicode"),
+    ],
+)
+def test_what_construction_lets_through_the_check_names(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(LocalError, match=words):
+        check(Statustext(**{"severity": 6, "text": "", **change}))
+
+
+def test_a_number_that_is_none_is_named() -> None:
+    with pytest.raises(LocalError, match=r"param_value = None: must be a number"):
+        check(ParamSet(param_id="p", param_value=None, param_type=9))  # type: ignore[arg-type]
 
 
 def test_ranges_can_be_checked_without_a_wire() -> None:
