@@ -38,7 +38,7 @@ class Figure:
             low, high = digits(min(self.values)), digits(max(self.values))
             spread = f"({low} to {high}, {len(self.values)} times)"
         return (
-            f"{self.name:<46} {digits(self.median):>9} {self.unit:<7} {spread:<32}{self._wanted()}"
+            f"{self.name:<50} {digits(self.median):>9} {self.unit:<7} {spread:<32}{self._wanted()}"
         )
 
     def as_json(self) -> dict[str, object]:

@@ -3,17 +3,17 @@
 The stand-in publishes by the plant's own wires, so what is measured is what a plant would see.
 """
 
-import subprocess
-import sys
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from itertools import count
 from threading import Event
 from time import monotonic_ns
+from typing import NamedTuple
 
 from benchmarks.pace import paced
 from benchmarks.pingpong import free_port
+from benchmarks.processes import sidestep
 from plant.plant import Plant
 from plant.wires import Wires
 from plant.world_overrides import noise_of
@@ -113,33 +113,22 @@ class Standin:
         self._arrived.set()
 
 
-class RobotProcess:
-    """`sidestep robot`, with what it wrote on standard error until it was ready."""
+class RobotProcess(NamedTuple):
+    """`sidestep robot`, and how to reach it."""
 
-    def __init__(self, child: "subprocess.Popen[str]", endpoint: str) -> None:
-        self.pid = child.pid
-        self.network = Network(mode="client", connect=(endpoint,))
-        self.said: list[str] = []
-        assert child.stderr is not None
-        for line in child.stderr:
-            self.said.append(line.rstrip())
-            if "ready" in line:
-                return
-        raise RuntimeError("the robot process ended before it was ready: " + " ".join(self.said))
+    pid: int
+    said: list[str]
+    network: Network
 
 
 @contextmanager
 def robot_process(world: World, *options: str) -> Iterator[RobotProcess]:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     start = start_words(world.start.x_m, world.start.y_m, world.start.heading_rad)
-    command = [sys.executable, "-m", "sidestep", "robot", "--id", ROBOT, "--listen", endpoint]
-    with subprocess.Popen(
-        [*command, "--start", *start, *options], stderr=subprocess.PIPE, text=True
-    ) as child:
-        try:
-            yield RobotProcess(child, endpoint)
-        finally:
-            child.terminate()
+    arguments = ("robot", "--id", ROBOT, "--listen", endpoint, "--start", *start, *options)
+    with sidestep(*arguments, ready="ready") as robot:
+        network = Network(mode="client", connect=(endpoint,))
+        yield RobotProcess(robot.pid, robot.said, network)
 
 
 @contextmanager

@@ -1,0 +1,50 @@
+"""One trajectory, however it is run: in-process, over Zenoh by hub and router, and once more.
+
+A digest is a SHA-256 over stamp and true pose of every tick, as 64-bit floats: equal means equal
+to the last bit. Another seed must give another one, or the digest would prove nothing.
+"""
+
+import argparse
+
+from benchmarks.figures import Figure, Report
+from benchmarks.stack import lockstep_run
+from plant.world_file import load
+from study.trial import Trial, run_trial
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--worlds", nargs="+", default=["box", "forest_medium"])
+
+
+def measure(options: argparse.Namespace) -> Report:
+    figures: list[Figure] = []
+    notes: list[str] = []
+    for name in options.worlds:
+        found = digests(name)
+        first = found["in-process"]
+        figures += [
+            Figure(
+                name=f"{name}, {way} = in-process",
+                unit="",
+                values=(float(digest == first),),
+                at_least=1.0 if way != OTHER else None,
+                at_most=0.0 if way == OTHER else None,
+            )
+            for way, digest in found.items()
+        ]
+        notes += [f"{name}, {way}: {digest}" for way, digest in found.items()]
+    return Report(benchmark="digest", figures=tuple(figures), notes=tuple(notes))
+
+
+OTHER = "hub, another seed"
+
+
+def digests(name: str) -> dict[str, str]:
+    return {
+        "in-process": run_trial(Trial(world=load(name))).digest,
+        "in-process again": run_trial(Trial(world=load(name))).digest,
+        "hub": lockstep_run(name).digest,
+        "hub again": lockstep_run(name).digest,
+        "router": lockstep_run(name, router=True).digest,
+        OTHER: lockstep_run(name, seed=1).digest,
+    }

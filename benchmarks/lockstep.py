@@ -1,0 +1,31 @@
+"""Plant, robot and ground as three processes in lockstep over Zenoh, as fast as they can.
+
+Real time counts from the start of simulated time to the news that the goal has ended.
+"""
+
+import argparse
+
+from benchmarks.figures import Figure, Report
+from benchmarks.stack import lockstep_run
+
+AT_LEAST = 100.0
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--worlds", nargs="+", default=["forest_medium", "forest_dense"])
+    parser.add_argument("--repetitions", type=int, default=5)
+    parser.add_argument("--router", action="store_true", help="by a router instead of the hub")
+
+
+def measure(options: argparse.Namespace) -> Report:
+    figures: list[Figure] = []
+    for name in options.worlds:
+        runs = [lockstep_run(name, router=options.router) for _ in range(options.repetitions)]
+        paces = tuple(run.pace for run in runs)
+        costs = tuple(run.wall_s * 1e6 / run.score.ticks for run in runs)
+        figures += [
+            Figure(name=f"{name}, real time", unit="x", values=paces, at_least=AT_LEAST),
+            Figure(name=f"{name}, wall", unit="us/tick", values=costs),
+        ]
+    way = "by a router, two hops" if options.router else "the robot is the hub, one hop"
+    return Report(benchmark="lockstep", figures=tuple(figures), notes=(way,))

@@ -1,0 +1,62 @@
+"""Every benchmark measures something, in its smallest form; no threshold is asserted here."""
+
+import argparse
+
+import pytest
+
+from benchmarks import codec, core, digest, jitter, latency, lockstep, robot, trial
+from benchmarks.__main__ import Benchmark
+from benchmarks.figures import Figure
+
+pytestmark = pytest.mark.stack
+
+
+def figures(benchmark: Benchmark, *words: str) -> dict[str, Figure]:
+    parser = argparse.ArgumentParser()
+    benchmark.add_options(parser)
+    report = benchmark.measure(parser.parse_args(words))
+    assert report.text()
+    return {figure.name: figure for figure in report.figures}
+
+
+def test_codec_compares_the_same_bytes() -> None:
+    found = figures(codec, "--repetitions", "1", "--rounds", "2")
+    assert found["pymavlink / ours, encode + decode"].median > 0
+
+
+def test_core_times_as_many_steps_as_it_is_told() -> None:
+    found = figures(core, "--world", "open", "--steps", "500", "--repetitions", "1")
+    assert 0 < found["brain.step, median of 500"].median <= found["brain.step, worst of 500"].median
+
+
+def test_trial_runs_without_its_peer() -> None:
+    found = figures(trial, "--worlds", "open", "--repetitions", "1", "--no-peer")
+    assert found["open, real time"].median > 1
+
+
+def test_lockstep_drives_to_the_end_of_the_goal() -> None:
+    found = figures(lockstep, "--worlds", "open", "--repetitions", "1")
+    assert found["open, real time"].median > 1
+
+
+def test_latency_sees_an_answer_to_every_tick() -> None:
+    found = figures(latency, "--world", "open", "--blocks", "1", "--ticks", "10")
+    assert found["ours / floor, p50"].median > 0
+
+
+def test_jitter_reads_the_robots_own_reports() -> None:
+    found = figures(jitter, "--world", "open", "--seconds", "1")
+    assert found["normal, ticks"].median >= 15
+    assert found["SCHED_FIFO, ticks"].median >= 15
+
+
+def test_robot_is_measured_by_the_kernels_account() -> None:
+    words = ["--world", "open", "--seconds", "1", "--repetitions", "1", "--hours", "0.02"]
+    found = figures(robot, *words)
+    assert found["resident"].median > 1
+    assert "growth over 0.02 simulated h" in found
+
+
+def test_a_run_over_the_bus_is_the_run_in_process_to_the_last_bit() -> None:
+    report = digest.measure(argparse.Namespace(worlds=["open"]))
+    assert report.met, report.text()

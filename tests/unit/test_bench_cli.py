@@ -1,0 +1,66 @@
+"""The table of benchmarks and how their verdict reaches the shell; none of them is run."""
+
+import json
+import sys
+from argparse import ArgumentParser, Namespace
+from types import ModuleType
+
+import pytest
+
+from benchmarks.__main__ import BENCHMARKS, main, named
+from benchmarks.figures import Figure, Report
+
+
+class Stub(ModuleType):
+    """A benchmark that measured long ago."""
+
+    def __init__(self, value: float) -> None:
+        super().__init__("benchmarks.core")
+        self.value = value
+
+    def add_options(self, parser: ArgumentParser) -> None:
+        parser.add_argument("--steps", type=int, default=1)
+
+    def measure(self, options: Namespace) -> Report:
+        figure = Figure(name="n", unit="x", values=(self.value * options.steps,), at_least=10.0)
+        return Report(benchmark="core", figures=(figure,))
+
+
+@pytest.fixture
+def stub(monkeypatch: pytest.MonkeyPatch) -> Stub:
+    module = Stub(10.0)
+    monkeypatch.setitem(sys.modules, "benchmarks.core", module)
+    return module
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_every_name_in_the_table_is_a_benchmark(name: str) -> None:
+    benchmark = named([name])
+    assert benchmark is not None
+    benchmark.add_options(ArgumentParser())
+    assert callable(benchmark.measure)
+
+
+def test_a_met_threshold_is_exit_code_0_and_a_missed_one_1(
+    stub: Stub, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["core"]) == 0
+    stub.value = 9.0
+    assert main(["core"]) == 1
+    assert "MISSED" in capsys.readouterr().out
+
+
+def test_json_is_one_object_with_the_machine_in_it(
+    stub: Stub, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["core", "--json", "--steps", "3"])
+    said = json.loads(capsys.readouterr().out)
+    assert said["figures"][0]["median"] == 30.0
+    assert {"cpu", "cores", "python", "load"} <= set(said["machine"])
+
+
+@pytest.mark.parametrize("arguments", [[], ["nonsense"], ["core", "--nonsense"]])
+def test_wrong_usage_is_exit_code_2(stub: Stub, arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as refused:
+        main(arguments)
+    assert refused.value.code == 2
