@@ -40,11 +40,12 @@ OTHER = "hub, another seed"
 
 
 def digests(name: str) -> dict[str, str]:
+    trial, other = Trial(world=load(name)), Trial(world=load(name), seed=1)
     return {
-        "in-process": run_trial(Trial(world=load(name))).digest,
-        "in-process again": run_trial(Trial(world=load(name))).digest,
-        "hub": lockstep_run(name).digest,
-        "hub again": lockstep_run(name).digest,
-        "router": lockstep_run(name, router=True).digest,
-        OTHER: lockstep_run(name, seed=1).digest,
+        "in-process": run_trial(trial).digest,
+        "in-process again": run_trial(trial).digest,
+        "hub": lockstep_run(name, trial).digest,
+        "hub again": lockstep_run(name, trial).digest,
+        "router": lockstep_run(name, trial, router=True).digest,
+        OTHER: lockstep_run(name, other).digest,
     }

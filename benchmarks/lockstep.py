@@ -7,6 +7,8 @@ import argparse
 
 from benchmarks.figures import Figure, Report
 from benchmarks.stack import lockstep_run
+from plant.world_file import load
+from study.trial import Trial
 
 AT_LEAST = 100.0
 
@@ -20,7 +22,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def measure(options: argparse.Namespace) -> Report:
     figures: list[Figure] = []
     for name in options.worlds:
-        runs = [lockstep_run(name, router=options.router) for _ in range(options.repetitions)]
+        trial = Trial(world=load(name))
+        runs = [
+            lockstep_run(name, trial, router=options.router) for _ in range(options.repetitions)
+        ]
         paces = tuple(run.pace for run in runs)
         costs = tuple(run.wall_s * 1e6 / run.score.ticks for run in runs)
         figures += [

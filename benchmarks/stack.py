@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from benchmarks.pingpong import free_port
 from benchmarks.processes import sidestep
-from plant.world_file import load
 from plant.world_types import World
 from protocol.bus import Bus, Network, open_bus
 from protocol.codec import decode
@@ -26,7 +25,8 @@ from protocol.messages import (
 )
 from protocol.topics import COMMAND, RUN, STATUS, Role, Service
 from protocol.wire_goal import start_words
-from study.trial import wire_goal_of
+from robot.core.parameters import DEFAULTS
+from study.trial import Trial, params_of, wire_goal_of
 
 ROBOT = "r1"
 ATTEMPTS = 200
@@ -49,28 +49,43 @@ class Run(NamedTuple):
         return self.score.ticks * 0.05 / self.wall_s
 
 
-def lockstep_run(name: str, *, seed: int = 0, router: bool = False) -> Run:
-    """Start everything, drive to the world's goal, end everything."""
-    world = load(name)
-    with stack(name, world, seed, router=router) as bus:
-        return Ground(bus).drive(world)
+def lockstep_run(file: str, trial: Trial, *, router: bool = False) -> Run:
+    """Do over the bus what the trial does in one process; `file` is where its world was from."""
+    with stack(file, trial, router=router) as bus:
+        return Ground(bus).drive(trial.world)
 
 
 @contextmanager
-def stack(name: str, world: World, seed: int, *, router: bool) -> Iterator[Bus]:
+def stack(file: str, trial: Trial, *, router: bool) -> Iterator[Bus]:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    start = start_words(world.start.x_m, world.start.y_m, world.start.heading_rad)
-    robot = ("robot", "--id", ROBOT, "--lockstep", "--start", *start)
-    plant = ("plant", "--world", name, "--robots", ROBOT, "--lockstep", "--paused")
     with ExitStack() as processes:
         if router:
             processes.enter_context(sidestep("router", "--listen", endpoint, ready="router at"))
         dials = "--connect" if router else "--listen"
-        processes.enter_context(sidestep(*robot, dials, endpoint, ready="ready"))
-        seeded = (*plant, "--seed", str(seed), "--connect", endpoint)
-        processes.enter_context(sidestep(*seeded, ready="plant:"))
+        processes.enter_context(sidestep(*robot_words(trial), dials, endpoint, ready="ready"))
+        plant = (*plant_words(file, trial), "--connect", endpoint)
+        processes.enter_context(sidestep(*plant, ready="plant:"))
         network = Network(mode="client", connect=(endpoint,))
         yield processes.enter_context(open_bus(network, Role.GROUND, ROBOT))
+
+
+def robot_words(trial: Trial) -> Iterator[str]:
+    """The robot process with the start and the parameters that the trial gives its core."""
+    start = trial.world.start
+    yield from ("robot", "--id", ROBOT, "--lockstep")
+    yield from ("--start", *start_words(start.x_m, start.y_m, start.heading_rad))
+    params = params_of(trial)
+    for name in params._fields:
+        value = getattr(params, name)
+        if value != getattr(DEFAULTS, name):
+            yield from ("--param", f"{name}={value!r}")
+
+
+def plant_words(file: str, trial: Trial) -> Iterator[str]:
+    yield from ("plant", "--world", file, "--robots", ROBOT, "--lockstep", "--paused")
+    yield from ("--seed", str(trial.seed))
+    if trial.noise is not None:
+        yield from ("--noise", trial.noise)
 
 
 class Ground:

@@ -1,0 +1,70 @@
+"""Whatever the run, over the bus it is the run in one process: the same to the last bit.
+
+Each case is one that could differ: senses that stay away, a robot of other dimensions, a start and
+a heading that no float holds exactly, things that move, every kind of noise, either navigator.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.stack import lockstep_run
+from plant.world_file import load
+from study.trial import Trial, run_trial
+
+pytestmark = pytest.mark.stack
+
+WORLD = """
+name = "odd"
+size_m = [4.0, 3.0]
+start = { x_m = 0.7000000001, y_m = 1.1, heading_deg = 33.3 }
+goal = { x_m = 3.3, y_m = 1.4142135, heading_deg = -123.4 }
+[[obstacle]]
+circle_m = { x = 2.0, y = 1.4, radius = 0.2 }
+"""
+CASES = {
+    "plain": "",
+    "scan stops for a while": '[[fault]]\nkind = "scan_stopped"\nstart_s = 2.0\nend_s = 2.2\n',
+    "scan stops": '[[fault]]\nkind = "scan_stopped"\nstart_s = 2.0\n',
+    "ticks stop for a while": '[[fault]]\nkind = "ticks_stopped"\nstart_s = 2.0\nend_s = 2.12\n',
+    "ticks stop": '[[fault]]\nkind = "ticks_stopped"\nstart_s = 2.0\n',
+    "both stop": "".join(
+        f'[[fault]]\nkind = "{kind}"\nstart_s = 2.0\nend_s = 2.1\n'
+        for kind in ("scan_stopped", "ticks_stopped")
+    ),
+    "another robot": (
+        "[robot]\nradius_m = 0.1\ntrack_m = 0.17\nmax_speed_m_s = 0.23\nticks_per_m = 4321.0\n"
+    ),
+    "something moves": (
+        "[[obstacle]]\ncircle_m = { x = 1.5, y = 2.5, radius = 0.1 }\n"
+        "path_m = [[1.5, 2.5], [1.5, 0.4]]\nspeed_m_s = 0.07\n"
+    ),
+}
+
+
+def same(file: str, trial: Trial, *, router: bool = False) -> None:
+    alone, bus = run_trial(trial), lockstep_run(file, trial, router=router)
+    assert bus.score.ticks == alone.ticks > 20
+    assert bus.digest == alone.digest
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_in_every_world(case: str, tmp_path: Path) -> None:
+    file = tmp_path / "odd.toml"
+    file.write_text(WORLD + CASES[case], encoding="utf-8")
+    trial = Trial(world=load(file), seed=5)
+    same(str(file), trial)
+
+
+@pytest.mark.parametrize(
+    ("navigator", "side", "noise"),
+    [("bug", "left", "none"), ("bug", "right", "harsh"), ("vgm", "left", "lossy")],
+)
+def test_with_every_navigator_and_noise(navigator: str, side: str, noise: str) -> None:
+    trial = Trial(world=load("disc"), navigator=navigator, side=side, noise=noise, seed=2)
+    same("disc", trial)
+
+
+def test_by_a_router_too() -> None:
+    trial = Trial(world=load("corner"), seed=3)
+    same("corner", trial, router=True)
