@@ -1,6 +1,6 @@
 """One control cycle, read aloud: sense, check, decide, guard. No clock, no I/O, no luck."""
 
-from robot.core import failsafe, guard, pursuit, reasons, states
+from robot.core import failsafe, frozen, guard, pursuit, reasons, states
 from robot.core import machine as machines
 from robot.core import odometry as odometries
 from robot.core import ring as rings
@@ -49,7 +49,7 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
     odometries.update(odometry, wheels, now_ms, params)
     turned_rad = wrap(odometry.pose.heading_rad - heading_rad)
     rings.update(state.ring, scan, now_ms, params)
-    rings.watch_frozen(state.ring, scan, odometry.moved_m, turned_rad, params)
+    frozen.watch(state.frozen, scan, odometry.moved_m, turned_rad, params)
     if wheels is not None:
         state.bumped = wheels.bumper & ~state.bumper != 0
         state.bumper = wheels.bumper

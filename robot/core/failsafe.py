@@ -14,7 +14,9 @@ def ticks_lost(state: State, inputs: Inputs, params: Params) -> bool:
 
 
 def scan_lost(state: State, inputs: Inputs, params: Params) -> bool:
-    return inputs.scan is None
+    """No scan, or for too long only scans in which no sonar measured."""
+    scan = inputs.scan
+    return scan is None or (scan.valid == 0 and state.ring.fresh == 0)
 
 
 def sonar_impossible(state: State, inputs: Inputs, params: Params) -> bool:
@@ -22,7 +24,7 @@ def sonar_impossible(state: State, inputs: Inputs, params: Params) -> bool:
 
 
 def sonar_frozen(state: State, inputs: Inputs, params: Params) -> bool:
-    return state.ring.frozen
+    return state.frozen.verdict
 
 
 def encoder_impossible(state: State, inputs: Inputs, params: Params) -> bool:

@@ -10,9 +10,6 @@ from robot.core.values import SONARS, Scan
 FRONT: Final = (2, 3, 4, 5)
 AHEAD: Final = (3, 4)
 NEVER_MS: Final = -1_000_000
-NOISY: Final = 3  # echoes that changed before a standing robot, until they are called noisy
-RIGHT_SIDE: Final = 0x0F
-LEFT_SIDE: Final = 0xF0
 BEYOND: Final = 1.1  # noise may carry a true echo a little beyond the maximum range
 
 
@@ -20,25 +17,18 @@ class Ring:
     """`range_m[i]` is a range, inf for no echo, or None for a sonar that is missing or stale.
 
     `nearest` is the index of the nearest echo or -1, `fresh` the number of sonars not missing,
-    `front_m` the nearest echo within 45 degrees of the heading. `frozen` and `impossible` are
-    verdicts on the sonars themselves.
+    `front_m` the nearest echo within 45 degrees of the heading, `impossible` that the last
+    scan carried a range that cannot be.
     """
 
     __slots__ = (
-        "echo",
         "fresh",
         "front_m",
-        "frozen",
         "impossible",
-        "moved_m",
         "nearest",
         "nearest_m",
         "pinged_ms",
         "range_m",
-        "range_mm",
-        "still",
-        "still_changes",
-        "turned_rad",
     )
 
     def __init__(self) -> None:
@@ -47,11 +37,7 @@ class Ring:
         self.nearest = -1
         self.nearest_m = self.front_m = inf
         self.fresh = 0
-        self.range_mm: tuple[int, ...] = ()
-        self.echo = 0
-        self.moved_m = self.turned_rad = 0.0
-        self.frozen = self.impossible = self.still = False
-        self.still_changes = 0
+        self.impossible = False
 
 
 def bearing_rad(ring: Ring) -> float | None:
@@ -99,42 +85,3 @@ def take(ring: Ring, scan: Scan, now_ms: int, params: Params) -> None:
             else:
                 ring.impossible = True
         bit += bit
-
-
-def watch_frozen(
-    ring: Ring, scan: Scan | None, moved_m: float, turned_rad: float, params: Params
-) -> None:
-    """Judge whether the echoes have stopped following the motion.
-
-    Unchanged to the millimetre while the wheels rolled `freeze_m` is proof only if something had
-    to change: the sonars have been seen to be noisy, something is close ahead, or the robot
-    turned. Without noise a robot between parallel walls sees the same all along, and so does one
-    that circles a disc: a turn counts when it is tight or there are echoes on both sides.
-    """
-    if scan is None:
-        return
-    echo = scan.echo & scan.valid
-    if echo != ring.echo or scan.range_mm != ring.range_mm or echo == 0:
-        ring.still_changes += 1 if moved_m == 0.0 and ring.still and echo == ring.echo else 0
-        ring.still = moved_m == 0.0
-        ring.echo, ring.range_mm = echo, scan.range_mm
-        ring.moved_m = ring.turned_rad = 0.0
-        ring.frozen = False
-        return
-    ring.moved_m += moved_m
-    turn_rad = abs(turned_rad)
-    if moved_m <= turn_rad * params.radius_m or (echo & RIGHT_SIDE and echo & LEFT_SIDE):
-        ring.turned_rad += turn_rad
-    ring.frozen = ring.moved_m >= params.freeze_m and (
-        ring.still_changes >= NOISY
-        or ring.turned_rad >= params.freeze_rad
-        or is_close_ahead(ring, params.freeze_front_m)
-    )
-
-
-def is_close_ahead(ring: Ring, range_m: float) -> bool:
-    for i in AHEAD:
-        here_m = ring.range_m[i]
-        if here_m is not None and here_m < range_m:
-            return True
-    return False

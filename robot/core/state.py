@@ -3,6 +3,7 @@
 from math import inf
 
 from robot.core import reasons
+from robot.core.frozen import Frozen
 from robot.core.machine import Machine
 from robot.core.memory import Memory
 from robot.core.odometry import Odometry
@@ -27,6 +28,7 @@ class State:
         "bumper",
         "decision",
         "driving",
+        "frozen",
         "goal_distance_m",
         "machine",
         "memory",
@@ -44,6 +46,7 @@ class State:
         self.machine = Machine(params)
         self.odometry = Odometry()
         self.ring = Ring()
+        self.frozen = Frozen()
         self.memory = Memory()
         self.trail = Trail()
         self.progress = Progress()

@@ -25,12 +25,6 @@ def seen(one: Scan, now_ms: int = 0) -> Ring:
     return ring
 
 
-def drive(ring: Ring, one: Scan, ticks: int, moved_m: float = 0.015, turned: float = 0.0) -> None:
-    for k in range(ticks):
-        rings.update(ring, one, k * 50, DEFAULTS)
-        rings.watch_frozen(ring, one, moved_m, turned, DEFAULTS)
-
-
 def test_before_the_first_scan_everything_is_missing() -> None:
     ring = Ring()
     rings.update(ring, None, 0, DEFAULTS)
@@ -86,49 +80,3 @@ def test_the_nearest_is_never_farther_than_any_echo(ranges_mm: list[int | None])
     ring = seen(scan(echoes))
     assert ring.nearest_m == min(echoes.values(), default=inf) / 1000
     assert ring.nearest_m <= ring.front_m
-
-
-def test_echoes_that_ignore_a_turn_are_frozen() -> None:
-    ring = Ring()
-    drive(ring, scan({2: 1500, 6: 800}), ticks=12, turned=0.02)
-    assert ring.frozen
-    drive(ring, scan({2: 1501, 6: 800}), ticks=1)
-    assert not ring.frozen
-
-
-def test_an_echo_close_ahead_that_does_not_come_closer_is_frozen() -> None:
-    ring = Ring()
-    drive(ring, scan({3: 350}), ticks=6)
-    assert not ring.frozen
-    drive(ring, scan({3: 350}), ticks=3)
-    assert ring.frozen
-
-
-def test_a_straight_corridor_without_noise_is_not_frozen() -> None:
-    ring = Ring()
-    drive(ring, scan({0: 280, 7: 280, 1: 370, 6: 370, 2: 600, 5: 600}), ticks=200)
-    assert not ring.frozen
-
-
-def test_standing_still_and_empty_space_are_not_frozen() -> None:
-    standing, empty = Ring(), Ring()
-    drive(standing, scan({3: 200}), ticks=200, moved_m=0.0)
-    drive(empty, scan({}), ticks=200, turned=0.1)
-    assert not standing.frozen
-    assert not empty.frozen
-
-
-def test_noisy_sonars_that_fall_silent_in_a_corridor_are_frozen() -> None:
-    ring = Ring()
-    for k in range(8):
-        drive(ring, scan({0: 280 + k % 3, 7: 280}), ticks=1, moved_m=0.0)
-    drive(ring, scan({0: 280, 7: 280}), ticks=9)
-    assert ring.frozen
-
-
-def test_circling_a_disc_without_noise_is_not_frozen_and_turning_beside_it_is() -> None:
-    circling, turning = Ring(), Ring()
-    drive(circling, scan({0: 150, 1: 210, 2: 390}), ticks=200, turned=-0.02)
-    drive(turning, scan({0: 150, 1: 210, 2: 390}), ticks=40, moved_m=0.004, turned=-0.04)
-    assert not circling.frozen
-    assert turning.frozen

@@ -1,0 +1,83 @@
+from robot.core import frozen
+from robot.core.frozen import Frozen
+from robot.core.parameters import DEFAULTS
+from robot.core.values import Scan
+from tests.unit.core.test_ring import scan
+
+
+def drive(
+    sonars: Frozen, one: Scan, ticks: int, moved_m: float = 0.015, turned: float = 0.0
+) -> None:
+    for _ in range(ticks):
+        frozen.watch(sonars, one, moved_m, turned, DEFAULTS)
+
+
+def test_echoes_that_ignore_a_turn_are_frozen() -> None:
+    sonars = Frozen()
+    drive(sonars, scan({2: 1500, 6: 800}), ticks=12, turned=0.02)
+    assert sonars.verdict
+    drive(sonars, scan({2: 1501, 6: 800}), ticks=1)
+    assert not sonars.verdict
+
+
+def test_an_echo_close_ahead_that_does_not_come_closer_is_frozen() -> None:
+    sonars = Frozen()
+    drive(sonars, scan({3: 350}), ticks=6)
+    assert not sonars.verdict
+    drive(sonars, scan({3: 350}), ticks=3)
+    assert sonars.verdict
+
+
+def test_a_straight_corridor_without_noise_is_not_frozen() -> None:
+    sonars = Frozen()
+    drive(sonars, scan({0: 280, 7: 280, 1: 313, 6: 320, 2: 446, 5: 470}), ticks=200)
+    assert not sonars.verdict
+
+
+def test_standing_still_and_empty_space_are_not_frozen() -> None:
+    standing, empty = Frozen(), Frozen()
+    drive(standing, scan({3: 200}), ticks=200, moved_m=0.0)
+    drive(empty, scan({}), ticks=200, turned=0.1)
+    assert not standing.verdict
+    assert not empty.verdict
+
+
+def test_noisy_sonars_that_fall_silent_in_a_corridor_are_frozen() -> None:
+    sonars = Frozen()
+    for k in range(8):
+        drive(sonars, scan({0: 280 + k % 3, 7: 280}), ticks=1, moved_m=0.0)
+    drive(sonars, scan({0: 280, 7: 280}), ticks=9)
+    assert sonars.verdict
+
+
+def test_circling_a_disc_without_noise_is_not_frozen_and_turning_beside_it_is() -> None:
+    circling, turning = Frozen(), Frozen()
+    drive(circling, scan({0: 150, 1: 210, 2: 390}), ticks=200, turned=-0.02)
+    drive(turning, scan({0: 150, 1: 210, 2: 390}), ticks=40, moved_m=0.004, turned=-0.04)
+    assert not circling.verdict
+    assert turning.verdict
+
+
+def test_an_echo_far_ahead_that_stays_where_it_is_is_frozen() -> None:
+    for ahead in ({3: 1500, 4: 1500}, {0: 1880, 1: 2080, 3: 430, 4: 430, 7: 1880}):
+        sonars = Frozen()
+        drive(sonars, scan(ahead), ticks=8)
+        assert sonars.verdict
+
+
+def test_a_wall_that_is_seen_ahead_and_not_abeam_is_no_wall_along_the_way() -> None:
+    sonars = Frozen()
+    drive(sonars, scan({2: 600}), ticks=8)
+    assert sonars.verdict
+
+
+def test_a_dead_sonar_on_the_side_of_a_wall_proves_nothing() -> None:
+    sonars = Frozen()
+    drive(sonars, scan({1: 313, 2: 446}, valid=0xFE), ticks=40)
+    assert not sonars.verdict
+
+
+def test_a_missing_scan_is_not_judged() -> None:
+    sonars = Frozen()
+    frozen.watch(sonars, None, 1.0, 1.0, DEFAULTS)
+    assert not sonars.verdict
