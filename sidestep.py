@@ -46,7 +46,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "record": Verb("ground.cli", "write every frame to a .tlog file"),
         "export": Verb("ground.cli", "a .tlog file as a CSV table"),
     },
-    "without a network": {
+    "study": {
         "trial": Verb("study.cli", "one run in this process, as fast as possible"),
         "worlds": Verb("plant.worlds_cli", "list, check and show world files", False),
         "bench": Verb("benchmarks.__main__", "measure, against floors and peers", False),
