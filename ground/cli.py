@@ -74,7 +74,8 @@ def main(argv: Sequence[str]) -> int:
     except (UserError, ConfigError) as error:
         return failed(says, options.verb, str(error), EXIT_USAGE)
     except RemoteError as error:
-        return failed(says, options.verb, str(error), EXIT_NOT)
+        code = getattr(error, "exit_code", EXIT_NOT)
+        return failed(says, options.verb, str(error), code)
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:

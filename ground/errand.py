@@ -22,6 +22,7 @@ from protocol.topics import CYCLE, ODOMETRY, RUN, STATUS
 READY_NS: Final = 15 * NS_PER_S
 RETRY_NS: Final = 20_000_000
 LOOK_NS: Final = 100_000_000
+PAUSE_NS: Final = 2_000_000
 ASK_S: Final = 2.0
 REMEMBERED: Final = 20_000
 WORTH_WAITING: Final = (Reason.NO_SENSES, Reason.TICKS_LOST, Reason.SCAN_LOST)
@@ -44,7 +45,7 @@ class Errand:
         self._check = check
         self._show = show
         self._telemetry = Telemetry(
-            link.bus, link.robot, (STATUS, ODOMETRY, CYCLE), notify=link.pulse.beat
+            link.bus, link.robot, (STATUS, ODOMETRY, CYCLE)
         )
         self._poses: deque[bytes] = deque(maxlen=REMEMBERED)
         link.bus.stream(ODOMETRY, lambda _key, frame, _at: self._poses.append(frame), link.robot)
@@ -122,7 +123,7 @@ class Errand:
                 shown_ns = now_ns
                 self._check()
                 self._show(goal_line(self._telemetry, now_ns, watch.silent_ns(now_ns)))
-            self._link.pulse.wait_until(now_ns + LOOK_NS)
+            self._link.clock.sleep_until(now_ns + PAUSE_NS)
 
     def _judge(self, status: NavigatorStatus, wall_s: float) -> Outcome:
         timeout_ns = round(self._scenario.timeout_s * NS_PER_S)

@@ -63,6 +63,7 @@ def scenario_of(options: argparse.Namespace, facts: dict[str, Any]) -> Scenario:
     goal = goal_in(facts)
     if options.goal is not None:
         goal = destination(options.goal)
+        refuse_outside(goal, facts)
     robots = tuple(f"r{number + 1}" for number in range(options.robots))
     return Scenario(
         world=options.world,
@@ -79,6 +80,13 @@ def scenario_of(options: argparse.Namespace, facts: dict[str, Any]) -> Scenario:
         record=None if options.record is None else str(Path(options.record).resolve()),
         timeout_s=options.timeout,
     )
+
+
+def refuse_outside(goal: Destination, facts: dict[str, Any]) -> None:
+    width_m, height_m = facts["size_m"]
+    if not (0.0 <= goal.x_m <= width_m and 0.0 <= goal.y_m <= height_m):
+        size = f"{width_m:g} x {height_m:g} m"
+        raise UserError(f"--goal {goal} lies outside the world {facts['name']} ({size})")
 
 
 def goal_in(facts: dict[str, Any]) -> Destination:

@@ -24,6 +24,7 @@ from protocol.topics import Role
 
 TIMEOUT_S: Final = 300.0
 MOST_ROBOTS: Final = 20
+NOISES: Final = ("none", "default", "lossy", "harsh")
 OPEN_NS: Final = 10 * NS_PER_S
 DIAL_S: Final = 0.5
 PLAIN_NS: Final = 5 * NS_PER_S
@@ -42,7 +43,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--speed", type=speed, default="1", metavar="F", help="1: wall clock; else lockstep, or max"
     )
     parser.add_argument("--seed", type=seed, default=0, metavar="S", help="of all randomness (0)")
-    parser.add_argument("--noise", metavar="LEVEL", help="instead of what the world says")
+    parser.add_argument("--noise", choices=NOISES, help="instead of what the world says")
     parser.add_argument("--headless", action="store_true", help="no screen, as it is so far")
     parser.add_argument(
         "--timeout", type=seconds, default=TIMEOUT_S, metavar="S", help="simulated (300)"
