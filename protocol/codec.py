@@ -18,11 +18,11 @@ from protocol.wire import Wire, wire_of
 
 MAGIC: Final = 0xFD
 MAGIC_BYTE: Final = bytes([MAGIC])
-HEAD: Final = Struct("<BBBBBBHB")  # size, flags, flags, sequence, system, component, id
-HEADER: Final = Struct("<BBBBBBBHB")  # the same after the magic
-CHECKSUM: Final = Struct("<H")
-HEADER_SIZE: Final = HEADER.size
-CHECKSUM_SIZE: Final = CHECKSUM.size
+HEAD: Final = Struct("<BBBBBBHB").pack  # size, flags, flags, sequence, system, component, id
+HEADER: Final = Struct("<BBBBBBBHB").unpack_from  # the same after the magic
+CHECKSUM: Final = Struct("<H").pack
+HEADER_SIZE: Final = 10
+CHECKSUM_SIZE: Final = 2
 SMALLEST_FRAME: Final = HEADER_SIZE + 1 + CHECKSUM_SIZE
 WIRE_OF_TYPE: Final[dict[type[Message], Wire]] = {cls: wire_of(cls) for cls in MESSAGES}
 WIRE_OF_ID: Final[dict[int, Wire]] = {wire.number: wire for wire in WIRE_OF_TYPE.values()}
@@ -55,18 +55,19 @@ class Encoder:
             payload = wire.pack(message).rstrip(b"\0") or b"\0"
         except UNPACKABLE as error:
             raise unfit(message) from error
-        sequence, number = self._sequence, wire.number
+        sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFF
-        ids = self._system_id, self._component_id, number & 0xFFFF, number >> 16
-        body = HEAD.pack(len(payload), 0, 0, sequence, *ids) + payload
-        return MAGIC_BYTE + body + CHECKSUM.pack(mcrf4xx(body + wire.crc_extra))
+        system_id, component_id = self._system_id, self._component_id
+        low, high = wire.number_low, wire.number_high
+        body = HEAD(len(payload), 0, 0, sequence, system_id, component_id, low, high) + payload
+        return MAGIC_BYTE + body + CHECKSUM(mcrf4xx(body + wire.crc_extra))
 
 
 def decode(frame: bytes) -> Frame:
     """The message in a frame; RemoteError says what is wrong with any other bytes."""
     if len(frame) < SMALLEST_FRAME:
         raise RemoteError(f"{len(frame)} bytes are too few for a frame")
-    magic, size, flags, _, sequence, system_id, component_id, low, high = HEADER.unpack_from(frame)
+    magic, size, flags, _, sequence, system_id, component_id, low, high = HEADER(frame)
     if magic != MAGIC:
         raise RemoteError(f"starts with 0x{magic:02x}, not with 0xfd of MAVLink 2")
     if size != len(frame) - HEADER_SIZE - CHECKSUM_SIZE:

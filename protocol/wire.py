@@ -5,19 +5,23 @@ as a loop over the fields, which is what makes a typed message affordable in the
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from struct import Struct
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 from protocol.layout import LAYOUT, Field
 from protocol.message import Message
 
 
-class Wire(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wire:
     """How one message type travels; `pack` raises what `struct` raises, `unpack` UnicodeError."""
 
     name: str
     number: int
+    number_low: int
+    number_high: int
     crc_extra: bytes
     size: int
     pack: Callable[[Message], bytes]
@@ -31,6 +35,8 @@ def wire_of(message: type[Message]) -> Wire:
     return Wire(
         name=layout.name,
         number=layout.number,
+        number_low=layout.number & 0xFFFF,
+        number_high=layout.number >> 16,
         crc_extra=bytes([layout.crc_extra]),
         size=struct.size,
         pack=cast(Callable[[Message], bytes], _packing(struct, layout.fields)),
