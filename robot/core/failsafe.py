@@ -64,28 +64,39 @@ def core_failed(state: State, inputs: Inputs, params: Params) -> bool:
     return state.reported == reasons.CORE_EXCEPTION
 
 
+def trip(machine: Machine, reason: int, now_ms: int) -> None:
+    """Stop for this reason until armed again. An emergency stop is stronger and stays."""
+    machines.end_goal(machine, states.ABORTED, reason, now_ms)
+    if machine.vehicle != states.EMERGENCY_STOP:
+        machine.vehicle = states.FAILSAFE
+        machine.vehicle_reason = reason
+
+
 class Trigger(Protocol):
     def __call__(self, state: State, inputs: Inputs, params: Params) -> bool: ...
 
 
-Row = NamedTuple("Row", [("reason", int), ("trigger", "Trigger"), ("limit", str)])
-"""A reason, what triggers it, and the limit in words or the parameters that set it.
+class Action(Protocol):
+    def __call__(self, machine: Machine, reason: int, now_ms: int) -> None: ...
 
-The action of every row is the same: vehicle FAILSAFE with this reason, wheels 0, goal ABORTED.
-"""
+
+Row = NamedTuple(
+    "Row", [("reason", int), ("trigger", "Trigger"), ("limit", str), ("action", "Action")]
+)
+"""A reason, what triggers it, the limit (or the parameters that set it), and what is done."""
 
 ROWS: Final = (
-    Row(reasons.CORE_EXCEPTION, core_failed, "reported by the host"),
-    Row(reasons.BUDGET, budget_violated, "3 overruns in a row or one period late, by the host"),
-    Row(reasons.TICKS_LOST, ticks_lost, "150 ms, decided by the host"),
-    Row(reasons.SCAN_LOST, scan_lost, "250 ms, decided by the host"),
-    Row(reasons.NOT_FINITE, not_finite, "pose, covariance, twist"),
-    Row(reasons.BUMPER, bumper_hit, "a sector newly pressed"),
-    Row(reasons.ENCODER_IMPOSSIBLE, encoder_impossible, "twice wheel_max_m_s + 20 mm"),
-    Row(reasons.SONAR_IMPOSSIBLE, sonar_impossible, "0 or beyond 1.1 sonar_max_m"),
-    Row(reasons.SONAR_FROZEN, sonar_frozen, "freeze_m, freeze_rad, freeze_front_m"),
-    Row(reasons.WHEEL_STUCK, wheel_stuck, "wheel_min_m_s, wheel_time_ms, wheel_share"),
-    Row(reasons.OPERATOR_LOST, operator_lost, "op_lost_ms in GUIDED or MANUAL"),
+    Row(reasons.CORE_EXCEPTION, core_failed, "reported by the host", trip),
+    Row(reasons.BUDGET, budget_violated, "3 overruns in a row, a period late: by the host", trip),
+    Row(reasons.TICKS_LOST, ticks_lost, "150 ms, decided by the host", trip),
+    Row(reasons.SCAN_LOST, scan_lost, "250 ms, decided by the host", trip),
+    Row(reasons.NOT_FINITE, not_finite, "pose, covariance, twist", trip),
+    Row(reasons.BUMPER, bumper_hit, "a sector newly pressed", trip),
+    Row(reasons.ENCODER_IMPOSSIBLE, encoder_impossible, "twice wheel_max_m_s + 20 mm", trip),
+    Row(reasons.SONAR_IMPOSSIBLE, sonar_impossible, "0 or beyond 1.1 sonar_max_m", trip),
+    Row(reasons.SONAR_FROZEN, sonar_frozen, "freeze_m, freeze_rad, freeze_front_m", trip),
+    Row(reasons.WHEEL_STUCK, wheel_stuck, "wheel_min_m_s, wheel_time_ms, wheel_share", trip),
+    Row(reasons.OPERATOR_LOST, operator_lost, "op_lost_ms in GUIDED or MANUAL", trip),
 )
 
 
@@ -93,18 +104,10 @@ def check(state: State, inputs: Inputs, params: Params) -> None:
     """Find the first row that triggers; it is the cause that forbids arming, and stops if armed."""
     machine = state.machine
     machine.cause = reasons.OK
-    for reason, trigger, _ in ROWS:
-        if trigger(state, inputs, params):
-            machine.cause = reason
+    for row in ROWS:
+        if row.trigger(state, inputs, params):
+            machine.cause = row.reason
+            if machine.vehicle == states.ACTIVE:
+                row.action(machine, row.reason, inputs.now_ms)
             break
     state.reported = reasons.OK
-    if machine.cause != reasons.OK and machine.vehicle == states.ACTIVE:
-        trip(machine, machine.cause, inputs.now_ms)
-
-
-def trip(machine: Machine, reason: int, now_ms: int) -> None:
-    """Stop for this reason until armed again. An emergency stop is stronger and stays."""
-    machines.end_goal(machine, states.ABORTED, reason, now_ms)
-    if machine.vehicle != states.EMERGENCY_STOP:
-        machine.vehicle = states.FAILSAFE
-        machine.vehicle_reason = reason

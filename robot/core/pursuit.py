@@ -8,6 +8,7 @@ from robot.core import progress as progresses
 from robot.core import trail as trails
 from robot.core.controller import HALT, align, heading_error, into, limited, toward
 from robot.core.geometry import wrap
+from robot.core.guard import FRONT_BUMPER
 from robot.core.navigators import NAVIGATORS
 from robot.core.parameters import Params
 from robot.core.state import State
@@ -84,7 +85,7 @@ def travel(state: State, target: Goal, distance_m: float, params: Params) -> Twi
             speed_m_s, yaw_rate_rad_s = into(distance_m, turn_rad, approach_rad, params)
         else:
             speed_m_s, yaw_rate_rad_s = toward(distance_m, turn_rad, params)
-    if ring.front_m < params.spin_room_m:
+    if ring.front_m < params.spin_room_m or state.bumper & FRONT_BUMPER:
         speed_m_s = 0.0
     return Twist(*limited(speed_m_s, yaw_rate_rad_s, params))
 

@@ -117,6 +117,19 @@ def test_with_hardly_any_room_ahead_it_turns_on_the_spot() -> None:
     assert driven.outputs.right_mrad_s == -driven.outputs.left_mrad_s != 0
 
 
+def test_armed_again_in_contact_it_turns_away_on_the_spot() -> None:
+    driven = driving()
+    driven.bumper = 1
+    driven.tick()
+    assert driven.machine.vehicle_reason == reasons.BUMPER
+    driven.tick()
+    assert modes.arm(driven.machine) == reasons.OK
+    driven.goto(Goal(0.0, 2.0, None, 0.05, 0.05))
+    driven.forward(0.4)
+    assert driven.machine.vehicle == states.ACTIVE
+    assert driven.outputs.right_mrad_s == -driven.outputs.left_mrad_s != 0
+
+
 def test_who_tries_and_does_not_move_is_blocked_after_ten_seconds() -> None:
     params = DEFAULTS._replace(guard_stop_m=0.9, spin_room_m=0.0, d_obs_m=0.1)
     driven = armed(params)

@@ -41,6 +41,14 @@ def test_a_lost_scan_stops_the_robot_in_the_tick_it_is_missed() -> None:
     stopped_by(driven, reasons.SCAN_LOST)
 
 
+def test_a_ring_in_which_no_sonar_measures_is_lost_after_its_last_ping_is_stale() -> None:
+    driven = driving()
+    driven.scan = Scan((0,) * 8, AGES, 0, 0)
+    driven.forward(0.1)
+    assert driven.machine.vehicle == states.ACTIVE
+    stopped_by(driven, reasons.SCAN_LOST, within_ticks=3)
+
+
 def test_an_impossible_echo_stops_the_robot() -> None:
     driven = driving()
     driven.scan = Scan((0,) * 8, AGES, 0xFF, 1)

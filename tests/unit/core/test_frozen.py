@@ -81,3 +81,11 @@ def test_a_missing_scan_is_not_judged() -> None:
     sonars = Frozen()
     frozen.watch(sonars, None, 1.0, 1.0, DEFAULTS)
     assert not sonars.verdict
+
+
+def test_on_a_bend_past_one_obstacle_only_what_is_close_ahead_has_to_change() -> None:
+    close, far = Frozen(), Frozen()
+    drive(close, scan({2: 300, 3: 350}), ticks=8, turned=0.012)
+    drive(far, scan({2: 300}), ticks=8, turned=0.012)
+    assert close.verdict
+    assert not far.verdict

@@ -197,6 +197,12 @@ def test_the_way_back_needs_a_trail_and_an_armed_robot() -> None:
     assert modes.set_mode(machine, trail, states.SMART_RTL, 0) == reasons.NO_TRAIL
 
 
+def test_a_goal_is_refused_in_the_tick_in_which_the_senses_went() -> None:
+    driven = armed()
+    driven.machine.senses = False
+    assert driven.goto() == reasons.NO_SENSES
+
+
 def obey(driven: Driven, command: str) -> None:
     machine, now_ms = driven.machine, driven.now_ms
     if command == "goto":

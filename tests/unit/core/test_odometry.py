@@ -166,3 +166,11 @@ def test_a_jump_no_wheel_can_make_is_reported_and_ignored() -> None:
     odometries.update(odometry, wheels(5050, 50), 100, DEFAULTS)
     assert not odometry.jumped
     assert odometry.pose.x_m == pytest.approx(0.01)
+
+
+def test_a_clock_that_stands_gives_no_new_speed() -> None:
+    odometry = Odometry()
+    for now_ms, count in ((0, 0), (50, 50), (50, 60)):
+        odometries.update(odometry, wheels(count, count), now_ms, DEFAULTS)
+    assert odometry.pose.x_m == pytest.approx(0.012)
+    assert odometry.speed_m_s == pytest.approx(0.2)
