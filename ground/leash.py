@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import runpy
 import signal
 import sys
 from collections.abc import Sequence
@@ -26,9 +27,9 @@ def main(arguments: Sequence[str]) -> int:
     parent, *verb = arguments
     if not tie_to(int(parent)):
         return 1
-    from sidestep import main as sidestep  # the executable, which is imported by nobody else
-
-    return sidestep(verb)
+    sys.argv[:] = ["sidestep", *verb]
+    runpy.run_module("sidestep", run_name="__main__")  # the executable, which nobody imports
+    return 0
 
 
 def tie_to(parent: int) -> bool:
