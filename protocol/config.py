@@ -56,9 +56,13 @@ def judge_keys(table: Mapping[str, Any], schema: type[Any], *, file: str, above:
         if isinstance(value, float) and not isfinite(value):
             fix = "give a finite number"
             raise ConfigError(file=file, key=above + key, reason="is not finite", fix=fix)
-        if isinstance(value, dict) and is_dataclass(hints[key]):
-            hint: Any = hints[key]
-            judge_keys(value, hint, file=file, above=f"{above}{key}.")
+        if isinstance(value, dict) and (inner := _schema_in(hints[key])) is not None:
+            judge_keys(value, inner, file=file, above=f"{above}{key}.")
+
+
+def _schema_in(hint: Any) -> Any:
+    """The dataclass a table is read into, also where it may be left out (`Schema | None`)."""
+    return next((kind for kind in (hint, *get_args(hint)) if is_dataclass(kind)), None)
 
 
 def unknown_key(where: str, key: str, known: list[str], *, file: str) -> ConfigError:
@@ -85,7 +89,8 @@ def _fix(schema: type[Any], key: str) -> str:
     """The choices of a key that has some."""
     hint: Any = schema
     for name in key.split("."):
-        hint = get_type_hints(hint).get(name) if is_dataclass(hint) else None
+        schema_here = _schema_in(hint)
+        hint = None if schema_here is None else get_type_hints(schema_here).get(name)
     if get_origin(hint) is Literal:
         return f"choose one of {', '.join(map(repr, get_args(hint)))}"
     return "correct the value"
