@@ -1,0 +1,151 @@
+"""The command line: which verb, which exit code, and one JSON object whatever happens."""
+
+import argparse
+import json
+import os
+import signal
+import threading
+from collections.abc import Callable
+
+import pytest
+
+import sidestep
+from ground import cli
+from ground.cli import VERBS, Interrupted, Verb, main
+from ground.says import Says
+from protocol.errors import NoAnswer, UserError
+
+Run = Callable[[argparse.Namespace, Says], int]
+
+
+@pytest.fixture
+def install(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
+    """Put a function of the test behind the verb `try`."""
+
+    def put(run: Run) -> None:
+        def arguments(parser: argparse.ArgumentParser) -> None:
+            parser.add_argument("--json", action="store_true")
+
+        monkeypatch.setattr(cli, "VERBS", {"try": Verb(arguments, run, "says")})
+
+    return put
+
+
+def raises(error: BaseException) -> Run:
+    def run(options: argparse.Namespace, says: Says) -> int:
+        raise error
+
+    return run
+
+
+def test_every_verb_that_the_executable_sends_here_is_known() -> None:
+    sent = {name for name, verb in sidestep.VERBS.items() if verb.module == "ground.cli"}
+    assert sent == set(VERBS)
+
+
+@pytest.mark.parametrize("verb", sorted(VERBS))
+def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([verb, "--help"]) == 0
+    assert f"sidestep {verb}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [],
+        ["fly"],
+        ["hold", "now"],
+        ["goto", "1"],
+        ["goto", "nan", "1"],
+        ["goto", "1", "inf"],
+        ["goto", "1", "2", "--tolerance", "nan"],
+        ["goto", "9e9", "0"],
+        ["mode", "sideways"],
+        ["navigator", "magic"],
+        ["navigator", "bug", "up"],
+        ["param"],
+        ["param", "set", "d_obs_m", "nan"],
+        ["up", "--speed", "0"],
+        ["up", "--speed", "-1"],
+        ["up", "--speed", "inf"],
+        ["up", "--robots", "0"],
+        ["up", "--seed", "-1"],
+        ["up", "--noise", "awful"],
+        ["up", "--goal", "1", "nan"],
+        ["up", "--timeout", "0"],
+        ["hold", "--id", "R 1"],
+        ["hold", "--connect", "localhost"],
+        ["hold", "--config", "/nowhere/at/all.toml"],
+        ["export", "/nowhere/at/all.tlog"],
+    ],
+)
+def test_wrong_usage_ends_with_2_and_a_word_about_it(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    said = capsys.readouterr()
+    assert said.err
+    assert "Traceback" not in said.err
+    assert not said.out
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (UserError("wrong world"), 2),
+        (NoAnswer("nobody there"), 1),
+        (KeyboardInterrupt(), 130),
+        (Interrupted(signal.SIGTERM), 143),
+    ],
+)
+def test_an_error_is_one_line_and_one_object(
+    install: Callable[[Run], None],
+    error: BaseException,
+    code: int,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    install(raises(error))
+    assert main(["try", "--json"]) == code
+    said = capsys.readouterr()
+    found = json.loads(said.out)
+    assert (found["ok"], found["exit_code"]) == (False, code)
+    assert said.err.count("\n") == 1
+
+
+def test_a_table_and_json_cannot_both_be_standard_output(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["export", "x.tlog", "--json"]) == 2
+    assert "--out" in json.loads(capsys.readouterr().out)["reason"]
+
+
+def test_the_result_is_not_told_twice(
+    install: Callable[[Run], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(options: argparse.Namespace, says: Says) -> int:
+        says.result({"ok": True}, "fine")
+        raise KeyboardInterrupt
+
+    install(run)
+    assert main(["try", "--json"]) == 130
+    assert json.loads(capsys.readouterr().out) == {"ok": True}
+
+
+def test_a_signal_ends_the_verb_and_the_handlers_are_put_back(
+    install: Callable[[Run], None],
+) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+
+    def run(options: argparse.Namespace, says: Says) -> int:
+        os.kill(os.getpid(), signal.SIGTERM)
+        threading.Event().wait(5.0)
+        return 0
+
+    install(run)
+    assert main(["try"]) == 143
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_what_is_not_finite_becomes_null(capsys: pytest.CaptureFixture[str]) -> None:
+    Says(as_json=True).result({"a": float("nan"), "b": [float("inf"), 1], "c": {"d": (2.5,)}}, "")
+    assert json.loads(capsys.readouterr().out) == {"a": None, "b": [None, 1], "c": {"d": [2.5]}}

@@ -1,0 +1,79 @@
+"""What a person types becomes a goal of the wire, or is refused with the number that is wrong."""
+
+import argparse
+from math import inf, nan, pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.destination import arguments, destination, destination_of, goal_request
+from ground.options import finite, positive, seconds
+from protocol.codec import Encoder, decode
+from protocol.enums import Mode
+from protocol.errors import UserError
+
+
+def typed(*words: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(exit_on_error=False)
+    arguments(parser)
+    return parser.parse_args(list(words))
+
+
+def test_metres_and_degrees_become_millimetres_and_microradians() -> None:
+    where = destination_of(typed("2", "-1.5", "90", "--tolerance", "0.1"))
+    request = goal_request(where.on_the_wire(), 7, Mode.GUIDED)
+    assert (request.x_mm, request.y_mm) == (2000, -1500)
+    assert request.heading_urad == round(pi / 2 * 1e6)
+    assert (request.heading_free, request.position_tolerance_mm) == (0, 100)
+    assert (request.request_id, request.mode) == (7, Mode.GUIDED)
+
+
+def test_without_a_heading_any_will_do() -> None:
+    assert goal_request(destination([1.0, 2.0]).on_the_wire(), 1, Mode.AUTO).heading_free == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("3e6", "0"), "x"),
+        (("0", "-3000000"), "y"),
+        (("0", "0", "361"), "heading"),
+        (("0", "0", "--tolerance", "2"), "tolerance"),
+        (("0", "0", "--heading-tolerance", "181"), "heading tolerance"),
+    ],
+)
+def test_what_no_robot_can_take_is_named(words: tuple[str, ...], named: str) -> None:
+    with pytest.raises(UserError, match=rf"^{named} .* out of range"):
+        destination_of(typed(*words))
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e999", "", "x", "1,5"])
+def test_what_is_no_finite_number_is_refused(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError):
+        finite(text)
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "1e9"])
+def test_a_time_is_positive_and_bounded(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError):
+        seconds(text)
+    if text == "1e9":
+        assert positive(text) == 1e9
+
+
+numbers = st.floats() | st.sampled_from([nan, inf, -inf])
+
+
+@given(st.lists(numbers, max_size=4), numbers, numbers)
+def test_a_goal_fits_the_wire_or_is_refused(
+    values: list[float], tolerance_m: float, tolerance_deg: float
+) -> None:
+    try:
+        where = destination(
+            values, position_tolerance_m=tolerance_m, heading_tolerance_deg=tolerance_deg
+        )
+    except UserError:
+        return
+    request = goal_request(where.on_the_wire(), 1, Mode.AUTO)
+    assert decode(Encoder(1, 1).encode(request)).message == request

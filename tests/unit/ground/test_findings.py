@@ -1,0 +1,161 @@
+"""The doctor names what is missing and what to do, and stays silent when nothing is wrong."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from ground.findings import Observed, Stream, examine, lines
+from ground.presence import Crew, why_silent
+from protocol.enums import GoalState, Mode, Navigator, Vehicle
+from protocol.messages import CycleReport, NavigatorStatus
+from protocol.reasons import Reason
+from protocol.topics import CLOCK, HEARTBEAT, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
+
+MS = 1_000_000
+EVERYBODY = Crew(frozenset({("r1", "robot"), ("r1", "plant")}))
+STATUS = NavigatorStatus(
+    time_ns=1,
+    goal_started_ns=0,
+    goal_ended_ns=0,
+    goal_id=0,
+    goal_x_m=0.0,
+    goal_y_m=0.0,
+    goal_heading_rad=0.0,
+    goal_distance_m=0.0,
+    vehicle=Vehicle.ACTIVE,
+    mode=Mode.HOLD,
+    goal=GoalState.NONE,
+    vehicle_reason=Reason.NONE,
+    goal_reason=Reason.NONE,
+    navigator=Navigator.VGM,
+    side=1,
+)
+CYCLE = CycleReport(
+    time_ns=1,
+    tick=100,
+    missed=0,
+    overruns=0,
+    rejected=0,
+    late_us=0,
+    sense_age_us=0,
+    budget_us=1,
+    stage_us=(1, 1, 1, 1, 1),
+)
+
+
+def seen(silent: Iterable[Topic[Any]] = (), crew: Crew = EVERYBODY) -> Observed:
+    """A healthy system in wall time, but for the topics that are silent."""
+    quiet = [*silent, OPERATOR, CLOCK, TEXT]
+    streams = tuple(Stream(topic, None if topic in quiet else 20 * MS) for topic in TOPICS)
+    endpoint = "tcp/127.0.0.1:7447"
+    return Observed(
+        robot="r1", endpoint=endpoint, crew=crew, streams=streams, status=STATUS, cycle=CYCLE
+    )
+
+
+def of(role: Role) -> list[Topic[Any]]:
+    return [topic for topic in TOPICS if topic.publisher is role]
+
+
+def test_a_healthy_system_has_no_findings() -> None:
+    report = examine(seen())
+    assert report.healthy
+    assert report.findings == []
+
+
+def test_an_empty_bus_says_which_processes_to_start() -> None:
+    report = examine(seen(TOPICS, Crew(frozenset())))
+    said = lines(report.findings)
+    assert not report.healthy
+    assert "sidestep robot --id r1" in said
+    assert "sidestep plant" in said
+    assert len(report.findings) == 2, "what absent processes do not send is no finding of its own"
+
+
+def test_a_robot_that_hangs_is_told_from_one_that_is_not_there() -> None:
+    said = lines(examine(seen(of(Role.ROBOT))).findings)
+    assert "hangs" in said
+    gone = Crew(frozenset({("r1", "plant")}))
+    assert "only its plant is" in lines(examine(seen(of(Role.ROBOT), gone)).findings)
+
+
+def test_a_silent_stream_of_a_process_that_is_there_is_named() -> None:
+    said = lines(examine(seen([SONAR])).findings)
+    assert "nothing on sense/sonar" in said
+    assert "plant" in said
+
+
+def test_an_old_stream_is_named_with_its_age() -> None:
+    observed = seen()
+    old = tuple(
+        Stream(stream.topic, 9_000 * MS) if stream.topic is SONAR else stream
+        for stream in observed.streams
+    )
+    assert "sense/sonar is 9000 ms old" in lines(examine(replace(observed, streams=old)).findings)
+
+
+def test_a_foreign_dialect_and_garbage_are_told_apart() -> None:
+    observed = seen()
+    foreign = Stream(SONAR, 1, 3, "speaks sidestep@2, this is sidestep@1")
+    garbage = Stream(HEARTBEAT, 1, 9, "7 bytes are too few for a frame")
+    report = examine(replace(observed, streams=(*observed.streams, foreign, garbage)))
+    first, second = report.findings
+    assert "speaks sidestep@2" in first.what
+    assert "same version" in first.do
+    assert "9 unreadable on tlm/heartbeat" in second.what
+
+
+def test_a_robot_without_senses_is_not_healthy() -> None:
+    report = examine(replace(seen(), status=_status(Vehicle.BOOT, Reason.NONE)))
+    assert not report.healthy
+    assert "no senses" in lines(report.findings)
+
+
+def _status(vehicle: Vehicle, reason: Reason) -> NavigatorStatus:
+    fields = {name: getattr(STATUS, name) for name in STATUS.__struct_fields__}
+    return NavigatorStatus(**{**fields, "vehicle": vehicle, "vehicle_reason": reason})
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "reason", "words"),
+    [
+        (Vehicle.FAILSAFE, Reason.BUMPER, "failsafe: bumper contact"),
+        (Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR, "clear-estop"),
+        (Vehicle.STANDBY, Reason.OPERATOR_LOST, "no operator heartbeat"),
+    ],
+)
+def test_a_stopped_robot_is_healthy_but_mentioned(
+    vehicle: Vehicle, reason: Reason, words: str
+) -> None:
+    report = examine(replace(seen(), status=_status(vehicle, reason)))
+    assert report.healthy
+    assert words in lines(report.findings)
+
+
+def test_missed_ticks_rejected_frames_and_deaf_services_are_mentioned() -> None:
+    fields = {name: getattr(CYCLE, name) for name in CYCLE.__struct_fields__}
+    cycle = CycleReport(**{**fields, "missed": 3, "rejected": 5})
+    answers = (("srv/command", "no answer within 0.5 s"),)
+    report = examine(replace(seen(), cycle=cycle, answers=answers))
+    said = lines(report.findings)
+    assert not report.healthy
+    assert "3 of 101 ticks" in said
+    assert "5 frames" in said
+    assert "srv/command does not answer" in said
+
+
+@pytest.mark.parametrize(
+    ("there", "beats", "words"),
+    [
+        (set(), False, "no robot at tcp/h:1, though somebody answers there"),
+        ({("r2", "robot")}, False, "there is r2: use --id"),
+        ({("r1", "plant")}, False, "only its plant is"),
+        ({("r1", "robot")}, False, "it has no plant"),
+        ({("r1", "robot"), ("r1", "plant")}, False, "hangs"),
+        ({("r1", "robot"), ("r1", "plant")}, True, "its heart beats, but it does not answer"),
+    ],
+)
+def test_silence_has_six_causes(there: set[tuple[str, str]], beats: bool, words: str) -> None:
+    assert words in why_silent(Crew(frozenset(there)), "r1", "tcp/h:1", beats=beats)

@@ -1,0 +1,37 @@
+"""Long texts come in pieces and are shown whole."""
+
+from ground.texts import Texts
+from protocol.messages import Statustext
+from tests.unit.ground.test_findings import CYCLE
+
+
+def piece(text: str, id: int = 0, chunk_seq: int = 0) -> Statustext:
+    return Statustext(severity=6, text=text, id=id, chunk_seq=chunk_seq)
+
+
+def test_a_short_text_is_shown_at_once() -> None:
+    assert Texts().receive(piece("mode AUTO")) == "mode AUTO"
+
+
+def test_pieces_are_put_together() -> None:
+    texts = Texts()
+    assert texts.receive(piece("a" * 50, 7, 0)) == ""
+    assert texts.receive(piece("b" * 50, 7, 1)) == ""
+    assert texts.receive(piece("end", 7, 2)) == "a" * 50 + "b" * 50 + "end"
+
+
+def test_a_text_whose_beginning_was_missed_is_shown_as_far_as_it_came() -> None:
+    texts = Texts()
+    assert texts.receive(piece("end", 7, 2)) == "end"
+    texts.receive(piece("a" * 50, 8, 0))
+    assert texts.receive(piece("other", 9, 0)) == "other"
+
+
+def test_pieces_without_end_are_shown_before_memory_runs_out() -> None:
+    texts = Texts()
+    shown = [texts.receive(piece("x" * 50, 1, seq)) for seq in range(20)]
+    assert len(shown[-1]) == 1000
+
+
+def test_anything_else_is_no_text() -> None:
+    assert Texts().receive(CYCLE) == ""
