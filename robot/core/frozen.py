@@ -4,12 +4,9 @@ Unchanged to the millimetre while the wheels rolled `freeze_m` is proof only if 
 change. Without noise a robot that drives straight between parallel walls sees the same all along,
 and so does one that circles a disc. So it counts when the sonars have been seen to be noisy, when
 the robot turned tightly or between echoes, when something close ahead should have come closer, or
-when it drove straight and the echoes are not those of walls along its way.
+when something ahead came closer as fast as the robot drove and then, from one scan on, no more.
 """
 
-from math import pi, sin
-
-from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.parameters import Params
 from robot.core.ring import AHEAD
 from robot.core.typed import Final
@@ -19,20 +16,24 @@ NOISY: Final = 3  # echoes that changed before a standing robot, until they are 
 RIGHT_SIDE: Final = 0x0F
 LEFT_SIDE: Final = 0xF0
 STRAIGHT_RAD_PER_M: Final = 0.5
-WALL_SHARE: Final = 0.15  # rays do not look exactly along the edge of the cone
-WALL_SLACK_M: Final = 0.02
-EDGE_SINES: Final = tuple([sin(min(abs(b) + HALF_CONE, 0.5 * pi)) for b in BEARINGS])
+CLOSING: Final = 3  # scans in a row in which an echo ahead came closer, until it is called closing
+CLOSING_SHARE: Final = 0.9
+SWING_MM: Final = 4
+SWINGS: Final = 4  # to and fro in a row, until a sonar is called noisy
 
 
 class Frozen:
     """The last new echoes, and what the robot did since; `verdict` says whether they are frozen."""
 
     __slots__ = (
+        "change_mm",
+        "closing",
         "echo",
         "moved_m",
+        "noise",
         "range_mm",
         "still",
-        "still_changes",
+        "swings",
         "swung_rad",
         "turned_rad",
         "verdict",
@@ -42,7 +43,9 @@ class Frozen:
         self.range_mm: tuple[int, ...] = ()
         self.echo = 0
         self.moved_m = self.turned_rad = self.swung_rad = 0.0
-        self.still_changes = 0
+        self.noise = self.closing = 0
+        self.change_mm = [0] * SONARS
+        self.swings = [0] * SONARS
         self.still = self.verdict = False
 
 
@@ -54,8 +57,9 @@ def watch(
         return
     echo = scan.echo & scan.valid
     if echo != frozen.echo or scan.range_mm != frozen.range_mm or echo == 0:
-        frozen.still_changes += moved_m == 0.0 and frozen.still and echo == frozen.echo
+        frozen.noise += moved_m == 0.0 and frozen.still and echo == frozen.echo
         frozen.still = moved_m == 0.0
+        compare(frozen, scan, echo & frozen.echo, moved_m)
         frozen.echo, frozen.range_mm = echo, scan.range_mm
         frozen.moved_m = frozen.turned_rad = frozen.swung_rad = 0.0
         frozen.verdict = False
@@ -71,34 +75,32 @@ def watch(
 
 def had_to_change(frozen: Frozen, scan: Scan, params: Params) -> bool:
     """Whether anything proves that these echoes cannot have stayed as they are."""
-    if frozen.still_changes >= NOISY or frozen.turned_rad >= params.freeze_rad:
+    if frozen.noise >= NOISY or frozen.turned_rad >= params.freeze_rad:
         return True
     for i in AHEAD:
         if frozen.echo >> i & 1 and scan.range_mm[i] < params.freeze_front_m * 1000.0:
             return True
     straight = frozen.swung_rad <= STRAIGHT_RAD_PER_M * frozen.moved_m
-    return straight and not (
-        is_wall_along(scan, 0, 1, params) and is_wall_along(scan, 7, -1, params)
-    )
+    return straight and frozen.closing >= CLOSING
 
 
-def is_wall_along(scan: Scan, outermost: int, inwards: int, params: Params) -> bool:
-    """Whether one side sees nothing, or one wall parallel to the way: from abeam to some bearing,
-    every sonar by its distance over the sine of the edge of its cone."""
-    wall_m = 0.0
-    open_ahead = False
-    for k in range(SONARS // 2):
-        i = outermost + inwards * k
-        if not scan.valid >> i & 1:
-            continue
-        if not scan.echo >> i & 1:
-            open_ahead = True
-            continue
-        aside_m = (scan.range_mm[i] / 1000.0 + params.radius_m) * EDGE_SINES[i]
-        if open_ahead:
-            return False
-        if wall_m == 0.0:
-            wall_m = aside_m
-        elif abs(aside_m - wall_m) > WALL_SHARE * wall_m + WALL_SLACK_M:
-            return False
-    return True
+def compare(frozen: Frozen, scan: Scan, both: int, moved_m: float) -> None:
+    """How the new echoes differ from the last: closing ahead with the motion, to and fro by noise.
+
+    `both` masks the sonars with an echo in both scans.
+    """
+    if frozen.noise >= NOISY:
+        return
+    closing = False
+    for i in range(SONARS):
+        change_mm = scan.range_mm[i] - frozen.range_mm[i] if both >> i & 1 else 0
+        if i in AHEAD and moved_m > 0.0 and -change_mm >= CLOSING_SHARE * 1000.0 * moved_m:
+            closing = True
+        if abs(change_mm) >= SWING_MM and change_mm * frozen.change_mm[i] < 0:
+            frozen.swings[i] += 1
+            if frozen.swings[i] >= SWINGS:
+                frozen.noise = NOISY
+        else:
+            frozen.swings[i] = 0
+        frozen.change_mm[i] = change_mm
+    frozen.closing = frozen.closing + 1 if closing else 0

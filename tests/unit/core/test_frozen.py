@@ -58,23 +58,31 @@ def test_circling_a_disc_without_noise_is_not_frozen_and_turning_beside_it_is() 
     assert turning.verdict
 
 
-def test_an_echo_far_ahead_that_stays_where_it_is_is_frozen() -> None:
-    for ahead in ({3: 1500, 4: 1500}, {0: 1880, 1: 2080, 3: 430, 4: 430, 7: 1880}):
-        sonars = Frozen()
-        drive(sonars, scan(ahead), ticks=8)
-        assert sonars.verdict
-
-
-def test_a_wall_that_is_seen_ahead_and_not_abeam_is_no_wall_along_the_way() -> None:
+def test_an_echo_ahead_that_stops_coming_closer_is_frozen() -> None:
     sonars = Frozen()
-    drive(sonars, scan({2: 600}), ticks=8)
+    for k in range(5):
+        drive(sonars, scan({0: 1880, 3: 900 - 15 * k, 7: 1880}), ticks=1)
+    drive(sonars, scan({0: 1880, 3: 840, 7: 1880}), ticks=5)
+    assert not sonars.verdict
+    drive(sonars, scan({0: 1880, 3: 840, 7: 1880}), ticks=3)
     assert sonars.verdict
 
 
-def test_a_dead_sonar_on_the_side_of_a_wall_proves_nothing() -> None:
+def test_an_echo_ahead_that_never_came_closer_may_be_a_wall_along_the_way() -> None:
     sonars = Frozen()
-    drive(sonars, scan({1: 313, 2: 446}, valid=0xFE), ticks=40)
+    drive(sonars, scan({0: 1880, 3: 2017, 4: 2017, 7: 1880}), ticks=40)
     assert not sonars.verdict
+
+
+def test_echoes_that_went_to_and_fro_on_the_way_and_then_stay_are_frozen() -> None:
+    noisy, smooth = Frozen(), Frozen()
+    for k in range(8):
+        drive(noisy, scan({0: 900 + 8 * (k % 2)}), ticks=1)
+        drive(smooth, scan({0: 900 + 8 * k}), ticks=1)
+    drive(noisy, scan({0: 900}), ticks=8)
+    drive(smooth, scan({0: 900}), ticks=8)
+    assert noisy.verdict
+    assert not smooth.verdict
 
 
 def test_a_missing_scan_is_not_judged() -> None:
