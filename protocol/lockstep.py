@@ -1,8 +1,8 @@
 """A clock that only goes on when the simulation does, so that a run repeats to the last bit."""
 
-import threading
 import time
 from collections.abc import Callable
+from queue import Empty, SimpleQueue
 
 from protocol.errors import Stopped
 
@@ -27,7 +27,8 @@ class LockstepClock:
         self._idle = idle
         self._nudged = False
         self._stopped = False
-        self._changed = threading.Condition()
+        # A condition would wake the waiter into a lock that the notifier still holds.
+        self._changes: SimpleQueue[None] = SimpleQueue()
 
     def now_ns(self) -> int:
         stamp_ns = self._stamp_ns
@@ -38,42 +39,41 @@ class LockstepClock:
 
     def advance_to(self, stamp_ns: int) -> None:
         """The newest senses bear this stamp; an older one changes nothing."""
-        with self._changed:
-            if self._stamp_ns is None or stamp_ns > self._stamp_ns:
-                self._stamp_ns = stamp_ns
-                self._changed.notify_all()
+        if self._stamp_ns is None or stamp_ns > self._stamp_ns:
+            self._stamp_ns = stamp_ns
+            self._changes.put(None)
 
     def nudge(self) -> None:
         """Let the waiting thread call `idle` now, if it has one."""
-        with self._changed:
-            self._nudged = self._idle is not None
-            self._changed.notify_all()
+        self._nudged = self._idle is not None
+        self._changes.put(None)
 
     def stop(self) -> None:
         """Time will not go on: whoever waits, now or later, gets Stopped."""
-        with self._changed:
-            self._stopped = True
-            self._changed.notify_all()
+        self._stopped = True
+        self._changes.put(None)
 
     def sleep_until(self, deadline_ns: int) -> None:
         """Block until a stamp of at least `deadline_ns` was fed; Stopped when it never will be."""
-        while not self._wait(deadline_ns):
-            if self._idle is None:
-                raise Stopped(f"no senses for {self._patience_s} s")
-            self._idle()
-
-    def _wait(self, deadline_ns: int) -> bool:
-        """True when the stamp is there, False when nudged or out of patience."""
-        with self._changed:
-            while not (self._stopped or self._nudged or self._reached(deadline_ns)):
-                if not self._changed.wait(self._patience_s):
-                    return False
-            if self._reached(deadline_ns):
-                return True
+        while not self._reached(deadline_ns):
             if self._stopped:
                 raise Stopped("the clock was stopped")
-            self._nudged = False
+            if self._nudged or not self._changed():
+                self._nudged = False
+                self._do_something_else()
+
+    def _changed(self) -> bool:
+        """Wait for a change; False when patience has run out."""
+        try:
+            self._changes.get(timeout=self._patience_s)
+        except Empty:
             return False
+        return True
+
+    def _do_something_else(self) -> None:
+        if self._idle is None:
+            raise Stopped(f"no senses for {self._patience_s} s")
+        self._idle()
 
     def _reached(self, deadline_ns: int) -> bool:
         return self._stamp_ns is not None and self._stamp_ns >= deadline_ns

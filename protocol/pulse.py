@@ -1,7 +1,7 @@
 """The beat of arriving frames, to which the loop's grid locks its phase."""
 
-import threading
 from collections.abc import Callable
+from queue import Empty, SimpleQueue
 from time import monotonic_ns
 from typing import Protocol
 
@@ -19,22 +19,27 @@ class Pulse:
 
     def __init__(self, now_ns: Callable[[], int] = monotonic_ns) -> None:
         self._now_ns = now_ns
-        self._changed = threading.Condition()
-        self._arrived_ns: int | None = None
+        # A condition would wake the waiter into a lock that the notifier still holds.
+        self._beats: SimpleQueue[int] = SimpleQueue()
 
     def beat(self, arrived_ns: int) -> None:
         """A frame has arrived; called from the bus, returns at once."""
-        with self._changed:
-            self._arrived_ns = arrived_ns
-            self._changed.notify()
+        self._beats.put(arrived_ns)
 
     def wait_until(self, deadline_ns: int) -> int | None:
         """When the newest beat not yet taken arrived; None when none came by the deadline."""
-        with self._changed:
-            while self._arrived_ns is None:
-                remaining_ns = deadline_ns - self._now_ns()
-                if remaining_ns <= 0:
-                    return None
-                self._changed.wait(remaining_ns / NS_PER_S)
-            arrived_ns, self._arrived_ns = self._arrived_ns, None
-            return arrived_ns
+        newest = self._newest(None)
+        if newest is not None:
+            return newest
+        remaining_ns = deadline_ns - self._now_ns()
+        if remaining_ns <= 0:
+            return None
+        try:
+            return self._newest(self._beats.get(timeout=remaining_ns / NS_PER_S))
+        except Empty:
+            return None
+
+    def _newest(self, newest_ns: int | None) -> int | None:
+        while not self._beats.empty():
+            newest_ns = self._beats.get_nowait()
+        return newest_ns
