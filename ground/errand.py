@@ -44,9 +44,7 @@ class Errand:
         self._scenario = scenario
         self._check = check
         self._show = show
-        self._telemetry = Telemetry(
-            link.bus, link.robot, (STATUS, ODOMETRY, CYCLE)
-        )
+        self._telemetry = Telemetry(link.bus, link.robot, (STATUS, ODOMETRY, CYCLE))
         self._poses: deque[bytes] = deque(maxlen=REMEMBERED)
         link.bus.stream(ODOMETRY, lambda _key, frame, _at: self._poses.append(frame), link.robot)
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from ground.destination import Destination, destination_of, goal_request
 from ground.destination import arguments as destination_arguments
-from ground.link import NS_PER_S, Link, Unanswered, linked
+from ground.link import NS_PER_S, Link, linked
 from ground.operator import BEAT_NS, Answered, GoalEnd, GoalWatch
 from ground.options import add_common, common_of, seconds
 from ground.orders import tell, why
@@ -66,10 +66,10 @@ class Drive:
             self._says.note(f"goal {where} accepted")
             end = self._follow(GoalWatch(request.request_id, started_ns, timeout_ns))
         except BaseException:
-            self._abort("interrupted: goal aborted, the robot stops")
+            self._abort("given up")
             raise
         if end.abort:
-            self._abort("goal aborted")
+            self._abort(end.reason)
         return self._tell_end(end, started_ns)
 
     def send(self, where: Destination, mode: Mode) -> tuple[Answered, GoalRequest]:
@@ -128,12 +128,14 @@ class Drive:
         else:
             self._says.note(text)
 
-    def _abort(self, said: str) -> None:
+    def _abort(self, why: str) -> None:
         """Tell the robot, once and briefly; it stops without us, too."""
         request = self._link.command(Command.SIDESTEP_ABORT_GOAL)
-        with suppress(RemoteError, Unanswered):
-            self._link.ask(request, attempts=1, patience_ns=STOP_NS)
-        self._says.note(said)
+        said = "the robot could not be told; without an operator it stops by itself"
+        with suppress(RemoteError):
+            answered = self._link.ask(request, attempts=1, patience_ns=STOP_NS)
+            said = "goal aborted, the robot stops" if answered.ok else answered.text
+        self._says.note(f"{why}: {said}")
 
     def _tell_end(self, end: GoalEnd, started_ns: int) -> int:
         wall_s = (self._link.clock.now_ns() - started_ns) / NS_PER_S

@@ -122,7 +122,7 @@ def cast(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
     if scenario.record is not None:
         everybody += [
             (
-                f"recorder of {name}",
+                f"recorder {name}",
                 ["record", scenario.record, "--connect", endpoint, "--id", name],
             )
             for name in scenario.robots

@@ -18,7 +18,7 @@ from ground.says import Says
 from ground.scenario import Scenario, cast, scenario_of, world_facts
 from protocol.bus import Network, open_bus
 from protocol.clock import Clock, WallClock
-from protocol.errors import NoPeer
+from protocol.errors import NoPeer, UserError
 from protocol.outcome import Outcome
 from protocol.topics import Role
 
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
 def rehearse(scenario: Scenario, says: Says, clock: Clock) -> Outcome:
     """One run with processes of its own, none of which survives it."""
     if scenario.record is not None:
-        Path(scenario.record).mkdir(parents=True, exist_ok=True)
+        make_folder(scenario.record)
     endpoint = free_endpoint()
     with Children(clock) as children:
         for role, words in cast(scenario, endpoint):
@@ -79,6 +79,13 @@ def rehearse(scenario: Scenario, says: Says, clock: Clock) -> Outcome:
             except Unanswered:
                 children.check()  # a process that has died explains silence best
                 raise
+
+
+def make_folder(folder: str) -> None:
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--record {folder}: {error.strerror}") from error
 
 
 def dialling(endpoint: str) -> Network:

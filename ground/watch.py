@@ -94,6 +94,9 @@ class Lookout:
     def run(self) -> None:
         every_ns = SHOW_NS if self._says.live else SHOW_PLAIN_NS
         shown_ns = 0
+        if self._beats:
+            self._link.beat()
+        self._link.wait(lambda: self._telemetry.latest(STATUS) is not None, LISTEN_NS)
         while True:
             now_ns = self._link.clock.now_ns()
             self._tell_texts()

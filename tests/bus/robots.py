@@ -1,0 +1,152 @@
+"""A robot that a test plays: it answers what it is told to, and says what it is told to say."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import nan
+from typing import Self
+
+from protocol.bus import Asked, Bus, Network, open_bus
+from protocol.enums import AckResult, Command, GoalState, Mode, Navigator, Vehicle
+from protocol.message import Message
+from protocol.messages import (
+    CommandAck,
+    CommandRequest,
+    GoalRequest,
+    Heartbeat,
+    NavigatorStatus,
+    ParamSet,
+    ParamValue,
+)
+from protocol.reasons import Reason
+from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, PARAMETER, PARAMETERS, STATUS, Role
+
+BEAT = Heartbeat(
+    type=10, autopilot=3, base_mode=1, custom_mode=0, system_status=3, mavlink_version=3
+)
+PARAMETER_LIST = b"""[
+ {"name": "d_obs_m", "value": 0.4, "default": 0.3, "unit": "m", "minimum": 0.05, "maximum": 3.0,
+  "integer": false, "doc": "zone"},
+ {"name": "side", "value": 1, "default": 1, "unit": "", "minimum": -1, "maximum": 1,
+  "integer": true, "doc": "side"}]"""
+
+
+class PlayedRobot:
+    """Speaks twenty times a second from a thread of its own, until it is closed."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.asked: list[Message] = []
+        self.answers: list[Reason | None] = []
+        self.beats = 0
+        self.goal_id = 0
+        self.goal = GoalState.NONE
+        self.goal_reason = Reason.NONE
+        self.vehicle = Vehicle.STANDBY
+        self.after_goal: Callable[[], None] = lambda: None
+        self._time_ns = 0
+        self._stop = threading.Event()
+        self._status = bus.publisher(STATUS)
+        self._heart = bus.publisher(HEARTBEAT)
+        self._thread = threading.Thread(target=self._speak, daemon=True)
+
+    def __enter__(self) -> Self:
+        self.bus.serve(COMMAND, self._command)
+        self.bus.serve(PARAMETER, self._parameter)
+        self.bus.serve(PARAMETERS, lambda asked: self._list(asked))
+        self.bus.stream(OPERATOR, self._beaten)
+        self.bus.announce()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.fall_silent()
+
+    def fall_silent(self) -> None:
+        """The loop stops; the process and its token stay."""
+        self._stop.set()
+        self._thread.join()
+
+    def _speak(self) -> None:
+        while not self._stop.wait(0.02):
+            self._time_ns += 50_000_000
+            self._heart.put(BEAT)
+            self._status.put(self.status())
+
+    def status(self) -> NavigatorStatus:
+        over = self.goal >= GoalState.REACHED
+        return NavigatorStatus(
+            time_ns=self._time_ns,
+            goal_started_ns=1 if self.goal_id else 0,
+            goal_ended_ns=self._time_ns if over else 0,
+            goal_id=self.goal_id,
+            goal_x_m=0.0,
+            goal_y_m=0.0,
+            goal_heading_rad=nan,
+            goal_distance_m=1.0,
+            vehicle=self.vehicle,
+            mode=Mode.GUIDED,
+            goal=self.goal,
+            vehicle_reason=Reason.NONE,
+            goal_reason=self.goal_reason,
+            navigator=Navigator.VGM,
+            side=1,
+        )
+
+    def _beaten(self, _key: str, _frame: bytes, _at_ns: int) -> None:
+        self.beats += 1
+
+    def _command(self, asked: Asked) -> None:
+        message = asked.message
+        assert isinstance(message, CommandRequest | GoalRequest)
+        self.asked.append(message)
+        reason = self.answers.pop(0) if self.answers else Reason.NONE
+        if reason is None:
+            asked.drop()
+            return
+        if reason is Reason.NONE:
+            self._act(message)
+        result = AckResult.DENIED if reason else AckResult.ACCEPTED
+        asked.reply(CommandAck(command=0, result=result, result_param2=reason))
+
+    def _act(self, message: CommandRequest | GoalRequest) -> None:
+        if isinstance(message, GoalRequest):
+            self.goal_id, self.goal = message.request_id, GoalState.DRIVING
+            self.after_goal()
+        elif message.command == Command.COMPONENT_ARM_DISARM:
+            self.vehicle = Vehicle.ACTIVE if message.param1 else Vehicle.STANDBY
+        elif message.command == Command.SIDESTEP_ABORT_GOAL:
+            self.goal, self.goal_reason = GoalState.ABORTED, Reason.BY_OPERATOR
+
+    def _parameter(self, asked: Asked) -> None:
+        message = asked.message
+        assert isinstance(message, ParamSet)
+        if message.param_id != "d_obs_m":
+            reason = Reason.UNKNOWN_PARAMETER
+            asked.reply(CommandAck(command=0, result=AckResult.DENIED, result_param2=reason))
+            return
+        value = message.param_value
+        asked.reply(
+            ParamValue(
+                param_id="d_obs_m", param_value=value, param_type=9, param_count=2, param_index=0
+            )
+        )
+
+    def _list(self, asked: Asked) -> None:
+        asked.reply(PARAMETER_LIST)
+
+    @property
+    def commands(self) -> list[int]:
+        """MAV_CMD of what was asked; a goal counts as DO_REPOSITION."""
+        return [
+            message.command if isinstance(message, CommandRequest) else Command.DO_REPOSITION
+            for message in self.asked
+        ]
+
+
+@contextmanager
+def played(name: str = "r1") -> Iterator[tuple[PlayedRobot, str]]:
+    """A robot, and the endpoint at which it listens."""
+    network = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
+    with open_bus(network, Role.ROBOT, name) as bus, PlayedRobot(bus) as robot:
+        yield robot, bus.locator()

@@ -1,0 +1,150 @@
+"""`record`, `router`, `watch` and `ground` until a signal ends them; `export` of what was kept."""
+
+import json
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from ground.cli import main
+from ground.recorder import LogFile
+from ground.tlog import read
+from protocol.bus import Network, open_bus
+from protocol.codec import decode
+from protocol.messages import Heartbeat, NavigatorStatus
+from protocol.topics import SONAR, Role
+from tests.bus.robots import PlayedRobot, played
+
+
+@pytest.fixture
+def stage() -> Iterator[tuple[PlayedRobot, str]]:
+    with played() as found:
+        yield found
+
+
+def ends_when(condition: Callable[[], bool], number: signal.Signals = signal.SIGINT) -> None:
+    """Send ourselves a signal as soon as the condition holds (or after five seconds)."""
+
+    def wait() -> None:
+        pause = threading.Event()
+        for _ in range(500):
+            if condition():
+                break
+            pause.wait(0.01)
+        os.kill(os.getpid(), number)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def size_of(folder: Path) -> int:
+    return sum(log.stat().st_size for log in folder.glob("*.tlog"))
+
+
+def test_every_frame_is_kept_and_what_is_no_frame_is_not(
+    stage: tuple[PlayedRobot, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot, endpoint = stage
+    noise = robot.bus.publisher(SONAR)
+
+    def enough() -> bool:
+        noise.put_frame(b"garbage")
+        return size_of(tmp_path) > 3000
+
+    ends_when(enough)
+    assert main(["record", str(tmp_path), "--connect", endpoint, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    frames = [decode(record.frame).message for record in read(Path(told["file"]))]
+    assert told["frames"] == len(frames)
+    assert told["rejected"] > 0
+    assert {type(frame) for frame in frames} == {Heartbeat, NavigatorStatus}
+
+
+def test_a_full_disk_is_shouted_and_ends_with_1(
+    stage: tuple[PlayedRobot, str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tries: list[int] = []
+
+    def full(log: LogFile, batch: bytes) -> None:
+        tries.append(len(batch))
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(LogFile, "append", full)
+    ends_when(lambda: len(tries) > 2)
+    assert main(["record", str(tmp_path), "--connect", stage[1]]) == 1
+    said = capsys.readouterr()
+    assert "RECORDING IN TROUBLE: No space left on device; the robot drives on" in said.err
+    assert said.err.count("TROUBLE") == 1, "told once, not four times a second"
+    assert "LOST" in said.out
+
+
+def test_a_folder_that_cannot_be_made_is_refused(stage: tuple[PlayedRobot, str]) -> None:
+    assert main(["record", "/proc/nowhere", "--connect", stage[1]]) == 2
+
+
+def test_a_table_is_made_and_damage_is_told(
+    tmp_path: Path, stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    ends_when(lambda: size_of(tmp_path) > 1000)
+    main(["record", str(tmp_path), "--connect", stage[1]])
+    (log,) = tmp_path.glob("*.tlog")
+    capsys.readouterr()
+    assert main(["export", str(log)]) == 0
+    assert capsys.readouterr().out.startswith("time_s,message,field,value\n")
+    log.write_bytes(log.read_bytes()[:-3])
+    assert main(["export", str(log), "--out", str(tmp_path / "t.csv"), "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["lost_bytes"] > 0
+
+
+def test_ground_is_an_operator_until_it_is_ended(
+    stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot, endpoint = stage
+    ends_when(lambda: robot.beats >= 3)
+    assert main(["ground", "--connect", endpoint]) == 130
+    said = capsys.readouterr().err
+    assert robot.beats >= 3
+    assert "STANDBY GUIDED NONE" in said
+
+
+def test_watch_only_looks(
+    stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot, endpoint = stage
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGTERM)).start()
+    assert main(["watch", "--connect", endpoint]) == 143
+    assert robot.beats == 0
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_router_carries_what_others_say(capsys: pytest.CaptureFixture[str]) -> None:
+    heard: list[bytes] = []
+
+    def meet() -> bool:
+        said = capsys.readouterr().err
+        if "router at " not in said:
+            return False
+        network = Network(mode="client", connect=(said.split("router at ")[1].split()[0],))
+        with (
+            open_bus(network, Role.PLANT, "r1") as one,
+            open_bus(network, Role.ROBOT, "r1") as two,
+        ):
+            two.stream(SONAR, lambda _key, frame, _at: heard.append(frame))
+            publisher = one.publisher(SONAR)
+            one.await_matched([publisher], timeout_s=2.0)
+            publisher.put_frame(b"hello")
+            pause = threading.Event()
+            for _ in range(200):
+                if heard:
+                    break
+                pause.wait(0.01)
+        return True
+
+    ends_when(meet, signal.SIGTERM)
+    assert main(["router", "--listen", "tcp/127.0.0.1:0"]) == 0
+    assert heard == [b"hello"]

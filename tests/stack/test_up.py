@@ -1,0 +1,152 @@
+"""`up` from the outside: real processes that reach a goal, or end without leaving anything."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from ground.tlog import Reader
+from protocol.codec import decode
+from protocol.outcome import Outcome
+from tests.unit.ground.test_children import alive, until
+
+pytestmark = pytest.mark.stack
+
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 60.0
+
+
+def sidestep(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(ROOT / "sidestep.py"), *words],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+
+
+def children_of(pid: int) -> list[int]:
+    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def cmdline(pid: int) -> str:
+    return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+
+
+@contextmanager
+def driving(folder: Path) -> Iterator[tuple[subprocess.Popen[str], list[int]]]:
+    """`up` in wall time, on its way, with the processes it has started."""
+    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--json", "--record", str(folder)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as up:
+        assert up.stderr is not None
+        assert "box" in up.stderr.readline()  # robot, recorder and link are up by now
+        assert until(lambda: len(children_of(up.pid)) == 3)
+        assert until(lambda: any(log.stat().st_size > 2000 for log in folder.glob("*.tlog")))
+        try:
+            yield up, children_of(up.pid)
+        finally:
+            up.kill()
+
+
+def frames_in(folder: Path) -> int:
+    (log,) = folder.glob("*.tlog")
+    with log.open("rb") as source:
+        reader = Reader(source)
+        for record in reader:
+            decode(record.frame)
+    assert reader.lost_bytes < 300, "more than the record that was being written is lost"
+    return reader.records
+
+
+@pytest.mark.parametrize("words", [(), ("--router", "--navigator", "bug")])
+def test_up_reaches_the_goal_and_prints_the_promised_keys(words: tuple[str, ...]) -> None:
+    done = sidestep("up", "--headless", "--speed", "max", "--json", *words)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert list(found) == [field.name for field in fields(Outcome)]
+    assert (found["outcome"], found["world"], found["contacts"]) == ("reached", "box", 0)
+    assert found["position_error_m"] < 0.3
+
+
+def test_time_runs_out_in_the_same_tick_every_time() -> None:
+    first, second = (
+        json.loads(sidestep("up", "--speed", "max", "--timeout", "3", "--json").stdout)
+        for _ in range(2)
+    )
+    assert (first["outcome"], first["time_s"], first["ticks"]) == ("timeout", 3.0, 60)
+    assert first["digest"] == second["digest"]
+
+
+def test_several_robots_share_a_world() -> None:
+    done = sidestep("up", "--speed", "max", "--robots", "3", "--world", "open", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["outcome"] == "reached"
+
+
+def test_a_bad_world_starts_nothing(tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text('name = "bad"\nsize_m = [1.0]\n')
+    done = sidestep("up", "--world", str(tmp_path / "bad.toml"), "--record", str(tmp_path / "log"))
+    assert done.returncode == 2
+    assert "size_m" in done.stderr
+    assert not (tmp_path / "log").exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_every_process_within_two_seconds_and_the_log_is_whole(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    with driving(tmp_path) as (up, started):
+        up.send_signal(number)
+        out, err = up.communicate(timeout=2.0)
+        assert up.returncode == 128 + number
+    assert not [pid for pid in started if alive(pid)]
+    assert json.loads(out)["ok"] is False
+    assert "Traceback" not in err
+    assert frames_in(tmp_path) > 20
+
+
+def test_killed_outright_it_still_leaves_nothing_running(tmp_path: Path) -> None:
+    with driving(tmp_path) as (up, started):
+        up.send_signal(signal.SIGKILL)
+        up.wait()
+        assert until(lambda: not [pid for pid in started if alive(pid)])
+    assert frames_in(tmp_path) > 20
+
+
+@pytest.mark.parametrize("role", ["plant", "robot"])
+def test_a_process_that_dies_is_named_with_how_it_died(tmp_path: Path, role: str) -> None:
+    with driving(tmp_path) as (up, started):
+        (victim,) = [pid for pid in started if f" {role} --" in cmdline(pid)]
+        os.kill(victim, signal.SIGKILL)
+        out, err = up.communicate(timeout=5.0)
+    assert up.returncode == 1
+    assert f"the {role}" in err
+    assert "SIGKILL" in err
+    assert json.loads(out)["ok"] is False
+    assert not [pid for pid in started if alive(pid)]
+
+
+def test_a_recording_becomes_a_table(tmp_path: Path) -> None:
+    done = sidestep("up", "--speed", "max", "--record", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    (log,) = tmp_path.glob("*.tlog")
+    table = tmp_path / "run.csv"
+    told = json.loads(sidestep("export", str(log), "--out", str(table), "--json").stdout)
+    assert told["lost_bytes"] == 0
+    text = table.read_text()
+    for name in ("SONAR_SCAN", "WHEEL_COMMAND", "NAVIGATOR_STATUS", "GOAL_REQUEST", "COMMAND_ACK"):
+        assert f",{name}," in text
+
+
+def test_recording_where_nothing_can_be_written_is_refused() -> None:
+    done = sidestep("up", "--record", "/proc/nowhere")
+    assert done.returncode == 2
+    assert "/proc/nowhere" in done.stderr

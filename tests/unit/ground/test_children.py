@@ -1,0 +1,180 @@
+"""Nothing that was started is ever left running, and a death is told with its last words."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from ground.children import ChildDied, Children, how
+from ground.leash import command
+from protocol.clock import WallClock
+
+ROOT = Path(__file__).parents[3]
+DEADLINE_S = 5.0
+QUIET = "import signal; signal.pause()"
+STUBBORN = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+print("ready", flush=True)
+while True: signal.pause()
+"""
+
+
+def python(arguments: Sequence[str], parent: int) -> list[str]:
+    return [sys.executable, "-c", *arguments]
+
+
+def alive(pid: int) -> bool:
+    """Is it there and not merely waiting to be reaped?"""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state != "Z"
+
+
+def until(condition: Callable[[], bool]) -> bool:
+    deadline_s, clock = time.monotonic() + DEADLINE_S, WallClock()
+    while not condition():
+        if time.monotonic() > deadline_s:
+            return False
+        clock.sleep_until(clock.now_ns() + 10_000_000)
+    return True
+
+
+def pids(children: Children) -> list[int]:
+    return [child.process.pid for child in children._children]
+
+
+def test_children_end_with_the_block_that_started_them() -> None:
+    with Children(WallClock(), python) as children:
+        children.start("one", [QUIET])
+        children.start("two", [QUIET])
+        started = pids(children)
+        children.check()
+        assert all(alive(pid) for pid in started)
+    assert not any(alive(pid) for pid in started)
+
+
+def fail_with_a_child(started: list[int]) -> None:
+    with Children(WallClock(), python) as children:
+        children.start("one", [QUIET])
+        started += pids(children)
+        raise ZeroDivisionError
+
+
+def test_an_exception_ends_them_too() -> None:
+    started: list[int] = []
+    with pytest.raises(ZeroDivisionError):
+        fail_with_a_child(started)
+    assert not any(alive(pid) for pid in started)
+
+
+def test_a_child_that_ignores_every_request_is_ended_within_two_seconds() -> None:
+    children = Children(WallClock(), python)
+    children.start("stubborn", [STUBBORN])
+    (pid,) = pids(children)
+    output = children._children[0]
+    assert until(lambda: "ready" in output.last_words())
+    begun_s = time.monotonic()
+    children.stop()
+    assert not alive(pid)
+    assert time.monotonic() - begun_s < 2.0
+
+
+def test_stopping_puts_the_signal_handlers_back() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with Children(WallClock(), python) as children:
+        children.start("one", [QUIET])
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize(
+    ("source", "code", "said"),
+    [
+        ("import sys; print('bad world', file=sys.stderr); sys.exit(2)", 2, "exit code 2"),
+        ("raise SystemExit(7)", 1, "exit code 7"),
+        ("import os; os.kill(os.getpid(), 9)", 1, "signal SIGKILL"),
+    ],
+)
+def test_a_death_is_told_with_role_code_and_last_words(source: str, code: int, said: str) -> None:
+    with Children(WallClock(), python) as children:
+        children.start("plant", [source])
+        process = children._children[0].process
+        assert until(lambda: process.poll() is not None)
+        with pytest.raises(ChildDied) as died:
+            children.check()
+    assert died.value.exit_code == code
+    assert "the plant process ended by itself" in str(died.value)
+    assert said in str(died.value)
+    assert ("bad world" in str(died.value)) == (code == 2)
+
+
+def test_only_the_last_lines_are_told() -> None:
+    with Children(WallClock(), python) as children:
+        children.start("robot", ["for n in range(10000): print(f'line {n}')"])
+        process = children._children[0].process
+        assert until(lambda: process.poll() is not None)
+        words = children._children[0].last_words()
+    assert words.splitlines() == [f"  line {n}" for n in range(9995, 10000)]
+
+
+PARENT = """
+import os, sys
+from ground.children import Children
+from protocol.clock import WallClock
+children = Children(WallClock())
+children.start("router", ["router", "--listen", "tcp/127.0.0.1:0"])
+print(children._children[0].process.pid, flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_killed_parent_takes_its_children_with_it() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", PARENT],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as parent:
+        assert parent.stdout is not None
+        child = int(parent.stdout.readline())
+        assert until(lambda: b"ground.leash" in Path(f"/proc/{child}/cmdline").read_bytes())
+        assert until(lambda: _tied(child))
+        parent.send_signal(signal.SIGKILL)
+    assert until(lambda: not alive(child))
+
+
+def _tied(pid: int) -> bool:
+    """Has it got as far as opening its sockets?"""
+    return any("socket" in os.readlink(f"/proc/{pid}/fd/{fd}") for fd in _fds(pid))
+
+
+def _fds(pid: int) -> list[str]:
+    return os.listdir(f"/proc/{pid}/fd")
+
+
+def test_a_child_whose_parent_is_gone_does_not_even_start(tmp_path: Path) -> None:
+    words = command(["worlds", "list"], parent=1 if os.getpid() != 1 else 2)
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+
+
+def test_a_verb_runs_from_any_directory_whatever_lies_there(tmp_path: Path) -> None:
+    (tmp_path / "json.py").write_text("raise SystemExit('a stray file was imported')")
+    words = command(["worlds", "list"], parent=os.getpid())
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "u_trap" in done.stdout
+
+
+def test_how_a_process_ended_is_said_in_words() -> None:
+    assert how(3) == "exit code 3"
+    assert how(-9) == "signal SIGKILL"

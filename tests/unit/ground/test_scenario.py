@@ -1,0 +1,120 @@
+"""What `up` starts: the same world for everybody, and nobody started in vain."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.cli import parse
+from ground.scenario import Scenario, cast, scenario_of, world_facts
+from plant.shortest_path import shortest_path_m
+from plant.world_file import load
+from plant.world_json import as_json
+from protocol.errors import UserError
+from protocol.wire_goal import wire_goal
+from robot.cli import parser as robot_parser
+
+ENDPOINT = "tcp/127.0.0.1:7001"
+
+
+def facts(world: str = "box") -> dict[str, Any]:
+    loaded = load(world)
+    return dict(as_json(loaded, shortest_path_m(loaded)))
+
+
+def scenario(*words: str, **changes: object) -> Scenario:
+    return scenario_of(parse(["up", *words]), {**facts(), **changes})
+
+
+def roles(found: Scenario) -> list[str]:
+    return [role for role, _ in cast(found, ENDPOINT)]
+
+
+def words_of(found: Scenario, role: str) -> list[str]:
+    return dict(cast(found, ENDPOINT))[role]
+
+
+def test_on_one_machine_the_robot_listens_and_the_others_dial() -> None:
+    found = scenario()
+    assert roles(found) == ["robot r1", "plant"]
+    assert words_of(found, "robot r1")[3:5] == ["--listen", ENDPOINT]
+    assert words_of(found, "plant")[-2:] == ["--connect", ENDPOINT]
+    assert "--lockstep" not in words_of(found, "robot r1")
+
+
+def test_several_robots_meet_at_a_router() -> None:
+    found = scenario("--robots", "3", "--record", "logs")
+    assert roles(found)[:4] == ["router", "robot r1", "robot r2", "robot r3"]
+    assert [role for role in roles(found) if role.startswith("recorder")] == [
+        "recorder r1",
+        "recorder r2",
+        "recorder r3",
+    ]
+    assert "r1,r2,r3" in words_of(found, "plant")
+    assert "--start" in words_of(found, "robot r1")
+    assert "--start" not in words_of(found, "robot r2")
+
+
+@pytest.mark.parametrize("speed", ["max", "10", "0.5"])
+def test_any_speed_but_1_is_lockstep_and_starts_paused(speed: str) -> None:
+    found = scenario("--speed", speed)
+    assert "--lockstep" in words_of(found, "robot r1")
+    assert words_of(found, "plant")[-4:] == ["--lockstep", "--speed", speed, "--paused"]
+
+
+def test_the_robot_is_told_what_the_world_says_of_it() -> None:
+    words = words_of(scenario(robot={"radius_m": 0.1, "max_speed_m_s": 0.2}), "robot r1")
+    given = [words[at + 1] for at, word in enumerate(words) if word == "--param"]
+    assert given == ["radius_m=0.1", "wheel_max_m_s=0.2", "v_max_m_s=0.2"]
+
+
+def test_what_the_robot_is_told_its_command_line_takes() -> None:
+    words = words_of(scenario("--speed", "max", robot={"radius_m": 0.1}), "robot r1")
+    told = robot_parser().parse_args(words[1:])
+    assert tuple(told.start) == (0.6, 2.0, 0.0)
+    assert told.param == [("radius_m", 0.1)]
+
+
+def test_the_goal_on_the_wire_is_that_of_a_run_without_a_network() -> None:
+    for name in ("box", "moving", "paper_fig12"):
+        goal = load(name).goal
+        found = scenario_of(parse(["up", "--world", name]), facts(name)).asked()
+        assert found.wire_goal == wire_goal(
+            goal.x_m,
+            goal.y_m,
+            goal.heading_rad,
+            goal.position_tolerance_m,
+            goal.heading_tolerance_rad,
+        )
+        assert found.shortest_path_m is not None
+
+
+def test_another_goal_has_no_known_shortest_path() -> None:
+    asked = scenario("--goal", "1", "1", "90").asked()
+    assert (asked.goal_x_m, asked.shortest_path_m) == (1.0, None)
+    assert asked.wire_goal.heading_urad == 1_570_796
+
+
+@pytest.mark.parametrize("goal", [("9", "1"), ("1", "-0.1"), ("1",), ("1", "1", "1", "1")])
+def test_a_goal_outside_or_incomplete_is_refused(goal: tuple[str, ...]) -> None:
+    with pytest.raises(UserError):
+        scenario("--goal", *goal)
+
+
+def test_the_noise_is_named_after_what_is_in_force() -> None:
+    assert scenario().asked().noise == "default"
+    assert scenario(noise={"level": "harsh"}).asked().noise == "harsh"
+    assert scenario("--noise", "none", noise={"level": "harsh"}).asked().noise == "none"
+
+
+def test_a_bad_world_is_refused_in_the_words_of_who_reads_it(tmp_path: Path) -> None:
+    complaint = [sys.executable, "-c", "import sys; sys.exit('box.toml:3: size_m: too small')"]
+    with pytest.raises(UserError, match="size_m: too small"):
+        world_facts(complaint)
+    assert world_facts([sys.executable, "-c", "print('{}')"]) == {}
+
+
+def test_logs_go_where_the_user_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert scenario("--record", "logs").record == str(tmp_path / "logs")
