@@ -79,7 +79,7 @@ def given(now_ns: int, wheels: WheelTicks | None, scan: SonarScan | None) -> Inp
     return Inputs(
         now_ms_of(now_ns),
         None if wheels is None else wheels_of(wheels),
-        None if scan is None else scan_of(scan),
+        None if scan is None else scan_of(scan, 0),
         None,
     )
 

@@ -58,9 +58,12 @@ class Standin:
         Returns the nanoseconds from before the first put to the arrival of the command that
         answers these very senses, None when none came in time.
         """
+        frames = self._wires.framed(self.plant)
         self._arrived.clear()
         published_ns = monotonic_ns()
-        self._wires.publish(self.plant)
+        for publisher, frame in frames:
+            publisher.put_frame(frame)
+        self._wires.tell(self.plant)
         while answered := self._arrived.wait(patience_s):
             if self._wires.answered(self.plant):
                 break

@@ -7,7 +7,6 @@ from queue import Empty, SimpleQueue
 from time import monotonic
 from typing import Final
 
-
 from plant.desk import Desk
 from plant.plant import Plant
 from plant.score import PERIOD_NS

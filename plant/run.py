@@ -11,6 +11,7 @@ from plant.shortest_path import shortest_path_m
 from plant.wires import Wires
 from plant.world_json import as_json
 from protocol.bus import Bus, open_bus
+from protocol.claim import claim
 from protocol.clock import WallClock
 from protocol.network import Network
 from protocol.topics import RUN, WORLD, Role
@@ -37,7 +38,7 @@ def run(
 def assemble(
     plant: Plant, bus: Bus, robots: list[str], wake: Wake, *, lockstep: bool, paused: bool
 ) -> Process:
-    """The wires to each robot, the services, and the announcement."""
+    """The wires to each robot, the services, and the announcement. Raises NameTaken."""
     world = as_json(plant.world, shortest_path_m(plant.world))
     desk = Desk(running=not paused, world=world, nudge=wake)
     wires = [
@@ -47,5 +48,5 @@ def assemble(
         take = partial(desk.ask, number)
         bus.serve(RUN, take, robot)
         bus.serve(WORLD, take, robot)
-    bus.announce()
+    claim(bus, robots)
     return Process(plant, wires, desk, wake)

@@ -33,23 +33,34 @@ class Wires:
 
     @property
     def publishers(self) -> list[Publisher[Any]]:
+        """Those a robot must subscribe to before the first tick."""
         return [self._sonar, self._wheels, *([self._clock] if self._clock else [])]
 
-    @property
-    def rejected(self) -> int:
-        return self._command.rejected
-
     def publish(self, plant: Plant) -> None:
-        """Senses first, the scan after the ticks: its arrival starts the robot's tick."""
-        wheels, scan = plant.senses(self._number)
-        if wheels is not None:
-            self._wheels.put(wheels)
-        if scan is not None:
-            self._sonar.put(scan)
+        """All that belongs to this tick."""
+        for publisher, frame in self.framed(plant):
+            publisher.put_frame(frame)
+        self.tell(plant)
+
+    def tell(self, plant: Plant) -> None:
+        """What follows the senses: in lockstep the clock, and the truth."""
         if self._clock is not None:
             now_us = plant.now_ns // 1000
             self._clock.put(SystemTime(time_unix_usec=now_us, time_boot_ms=now_us // 1000))
         self._truth.put(plant.truth(self._number))
+
+    def framed(self, plant: Plant) -> list[tuple[Publisher[Any], bytes]]:
+        """The senses of this tick as frames, to leave one right after the other.
+
+        The scan comes after the ticks: its arrival starts the robot's tick.
+        """
+        wheels, scan = plant.senses(self._number)
+        frames: list[tuple[Publisher[Any], bytes]] = []
+        if wheels is not None:
+            frames.append((self._wheels, self._wheels.frame(wheels)))
+        if scan is not None:
+            frames.append((self._sonar, self._sonar.frame(scan)))
+        return frames
 
     def answered(self, plant: Plant) -> bool:
         """Whether the robot has answered the senses of this very tick."""

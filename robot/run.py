@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from protocol.bus import Bus, Network, open_bus
+from protocol.claim import claim
 from protocol.clock import Tick, WallClock, ticks
 from protocol.codec import decode
 from protocol.enums import Severity
-from protocol.errors import RemoteError, UserError
+from protocol.errors import RemoteError
 from protocol.lockstep import LockstepClock
 from protocol.messages import SystemTime
 from protocol.pulse import Pulse
@@ -25,37 +26,14 @@ IDLE_S: Final = 0.2
 
 
 def run(vehicle: Vehicle, network: Network, robot: str, *, lockstep: bool, fifo: bool) -> int:
-    """0 when told to stop. Raises UserError for a taken name and whatever brought the core down."""
+    """0 when told to stop. Raises NameTaken, and whatever brought the core down."""
     with open_bus(network, Role.ROBOT, robot) as bus:
-        claim(bus, robot)
+        claim(bus, [robot])
         process, grid = in_lockstep(vehicle, bus) if lockstep else in_wall_time(vehicle, bus)
         settle(vehicle, fifo=fifo)
         print(f"robot {robot}: ready, disarmed", file=sys.stderr, flush=True)
         process.run(grid)
     return 0
-
-
-def claim(bus: Bus, robot: str) -> None:
-    """Announce this robot unless one of its name is there; of two at once, one stays."""
-    refuse_twin(robot, twins(bus, robot))
-    bus.announce()
-    refuse_twin(robot, [zid for zid in twins(bus, robot) if zid < bus.zid])
-
-
-def twins(bus: Bus, robot: str) -> list[str]:
-    return [
-        zid
-        for name, role, zid in bus.present()
-        if (name, role) == (robot, "robot") and zid != bus.zid
-    ]
-
-
-def refuse_twin(robot: str, others: list[str]) -> None:
-    if others:
-        raise UserError(
-            f"a robot named {robot} is already there (session {others[0]}): "
-            "stop it, or give this one another name with --id"
-        )
 
 
 def in_wall_time(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:

@@ -1,20 +1,17 @@
 """What the robot senses in this tick, and when on the plant's clock this tick is."""
 
 from collections.abc import Callable
-from typing import Final, TypeVar
+from typing import Final
 
 from protocol.bus import Bus
 from protocol.clock import Tick
-from protocol.mailbox import Mailbox
 from protocol.messages import SonarScan, WheelTicks
 from protocol.topics import OPERATOR, SONAR, WHEELS
 from robot.core.senses import now_ms_of, scan_of, wheels_of
-from robot.core.values import Inputs
+from robot.core.values import Inputs, Scan, Wheels
 from robot.vehicle import Vehicle
 
 PERIOD_NS: Final = 50_000_000
-
-Sense = TypeVar("Sense", SonarScan, WheelTicks)
 
 
 class Senses:
@@ -37,34 +34,38 @@ class Senses:
 
     def read(self, tick: Tick, now_ns: int, vehicle: Vehicle) -> Inputs:
         """The senses of this tick; None where one is missing or stale."""
-        wheels = self._fresh(self._wheels, now_ns)
-        scan = self._fresh(self._sonar, now_ns)
-        self._place(tick, now_ns)
         self._listen(vehicle, now_ns)
-        if scan is not None:
-            self.ping_age_us = max(scan.ping_age_us)
+        newest = self._sonar.latest()
+        self._place(newest, tick, now_ns)
         return Inputs(
             now_ms_of(now_ns),
-            None if wheels is None else wheels_of(wheels),
-            None if scan is None else scan_of(scan),
+            self._wheels_of(self._wheels.latest(), now_ns),
+            self._scan_of(newest, now_ns),
             vehicle.operator_age_ms(now_ns),
         )
 
-    def _fresh(self, mailbox: Mailbox[Sense], now_ns: int) -> Sense | None:
-        newest = mailbox.latest()
+    def _wheels_of(self, newest: tuple[WheelTicks, int] | None, now_ns: int) -> Wheels | None:
+        if newest is None or self._age_ns(newest, now_ns) > WHEELS.stale_after_ns:
+            return None
+        return wheels_of(newest[0])
+
+    def _scan_of(self, newest: tuple[SonarScan, int] | None, now_ns: int) -> Scan | None:
         if newest is None:
             return None
-        message, arrived_ns = newest
-        age_ns = now_ns - (message.time_ns if self.lockstep else arrived_ns)
-        return message if age_ns <= mailbox.topic.stale_after_ns else None
+        age_ns = self._age_ns(newest, now_ns)
+        if age_ns > SONAR.stale_after_ns:
+            return None
+        self.ping_age_us = max(newest[0].ping_age_us)
+        return scan_of(newest[0], now_ms_of(age_ns))
 
-    def _place(self, tick: Tick, now_ns: int) -> None:
+    def _age_ns(self, newest: tuple[WheelTicks | SonarScan, int], now_ns: int) -> int:
+        return now_ns - (newest[0].time_ns if self.lockstep else newest[1])
+
+    def _place(self, newest: tuple[SonarScan, int] | None, tick: Tick, now_ns: int) -> None:
         """This tick is at the stamp of its scan, or so much after the last one."""
         if self.lockstep:
             self.stamp_ns, self.sequence = now_ns, now_ns // PERIOD_NS
-            return
-        newest = self._sonar.latest()
-        if newest is not None:
+        elif newest is not None:
             scan, arrived_ns = newest
             self.stamp_ns = scan.time_ns + max(0, tick.due_ns - arrived_ns)
             self.sequence = scan.seq

@@ -6,7 +6,7 @@ from protocol.wire_goal import WireGoal
 from robot.core import brain, modes, reasons, states
 from robot.core.parameters import Params
 from robot.core.senses import goal_of, now_ms_of, scan_of, wheels_of
-from robot.core.values import Inputs, Outputs, Pose, Scan, Wheels
+from robot.core.values import Inputs, Outputs, Pose, Wheels
 
 WHEELS_STALE_MS = WHEELS.stale_after_ns // MS
 SCAN_STALE_MS = SONAR.stale_after_ns // MS
@@ -24,7 +24,7 @@ class Onboard:
         self.state.odometry.pose = start
         self.now_ms = 0
         self._wheels: Wheels | None = None
-        self._scan: Scan | None = None
+        self._scan: SonarScan | None = None
         self._wheels_ms = self._scan_ms = 0
 
     def step(self, now_ns: int, wheels: WheelTicks | None, scan: SonarScan | None) -> Outputs:
@@ -35,10 +35,11 @@ class Onboard:
         elif now_ms - self._wheels_ms > WHEELS_STALE_MS:
             self._wheels = None
         if scan is not None:
-            self._scan, self._scan_ms = scan_of(scan), now_ms
+            self._scan, self._scan_ms = scan, now_ms
         elif now_ms - self._scan_ms > SCAN_STALE_MS:
             self._scan = None
-        inputs = Inputs(now_ms, self._wheels, self._scan, None)
+        seen = None if self._scan is None else scan_of(self._scan, now_ms - self._scan_ms)
+        inputs = Inputs(now_ms, self._wheels, seen, None)
         self.state, outputs = brain.step(self.state, inputs, self.params)
         return outputs
 

@@ -26,6 +26,7 @@ from protocol.topics import ENCODING, ENCODING_FAMILY, Role, Service, Topic, rob
 
 M = TypeVar("M", bound=Message)
 POLL_S = 0.001
+PRESENCE_TRIES = 3  # a link that closes meanwhile can end the first question with no answer
 
 
 class Presence(NamedTuple):
@@ -154,11 +155,11 @@ class Bus:
             raise NoAnswer(f"{key}: no answer within {timeout_s:g} s")
         raise NoAnswer(f"{key}: nobody serves it (is the {service.server.value} running?)")
 
-    def announce(self) -> None:
-        """Show that this process is there, until it closes or dies."""
+    def announce(self, robot: str | None = None) -> None:
+        """Show that this process is there for a robot, until it closes or dies."""
         if self.role is None:
             raise LocalError("a process without a role cannot announce itself")
-        key = self.key(f"alive/{self.role.value}/{self.zid}")
+        key = self.key(f"alive/{self.role.value}/{self.zid}", robot)
         self._declared.append(self._session.liveliness().declare_token(key))
 
     def present(self, timeout_s: float = 1.0) -> list[Presence]:

@@ -38,14 +38,18 @@ class Publisher(Generic[M]):
 
     def put(self, message: M) -> bytes:
         """Send and return the frame; LocalError when it does not belong here or does not fit."""
-        if type(message) not in self.topic.messages:
-            raise LocalError(f"{type(message).__name__} does not belong on {self.key}")
-        frame = self._encoder.encode(message)
+        frame = self.frame(message)
         self._publisher.put(frame)
         return frame
 
+    def frame(self, message: M) -> bytes:
+        """The next frame of this key, to be sent by `put_frame`; LocalError as for `put`."""
+        if type(message) not in self.topic.messages:
+            raise LocalError(f"{type(message).__name__} does not belong on {self.key}")
+        return self._encoder.encode(message)
+
     def put_frame(self, frame: bytes) -> None:
-        """Send bytes as they are: for replay and fault injection."""
+        """Send bytes as they are: made before, replayed, or broken on purpose."""
         self._publisher.put(frame)
 
     @property

@@ -39,8 +39,9 @@ def wheels_of(message: WheelMessage) -> Wheels:
     return Wheels(message.left, message.right, message.bumper)
 
 
-def scan_of(message: ScanMessage) -> Scan:
-    age_ms = tuple([age_us // 1000 for age_us in message.ping_age_us])
+def scan_of(message: ScanMessage, since_ms: int) -> Scan:
+    """The scan as it is `since_ms` after it was taken: each ping is older by that."""
+    age_ms = tuple([since_ms + age_us // 1000 for age_us in message.ping_age_us])
     return Scan(message.range_mm, age_ms, message.valid, message.echo)
 
 

@@ -6,7 +6,13 @@ from plant.body import Body
 from protocol.robot_table import RENAMED, SAME, parameters_of
 from robot.core.parameters import DEFAULTS, Params
 
-UNKNOWN_TO_THE_ROBOT = {"motor_lag_s", "left_start_ticks", "right_start_ticks", "sonar_min_m"}
+UNKNOWN_TO_THE_ROBOT = {
+    "brake_m_s2",
+    "motor_lag_s",
+    "left_start_ticks",
+    "right_start_ticks",
+    "sonar_min_m",
+}
 
 
 def test_without_a_table_nothing_is_overridden() -> None:

@@ -37,8 +37,13 @@ def test_wheels_pass_unchanged_whichever_way_they_turned() -> None:
 
 def test_the_two_ping_groups_keep_their_ages() -> None:
     ranges_mm = (20, 300, 3000, 0, 65535, 1, 2, 3)
-    scan = scan_of(ScanLike(ranges_mm, GROUPS_US, 0b1110_1111, 0b0000_1111))
+    scan = scan_of(ScanLike(ranges_mm, GROUPS_US, 0b1110_1111, 0b0000_1111), 0)
     assert scan == Scan(ranges_mm, (25, 0) * 4, 0b1110_1111, 0b0000_1111)
+
+
+def test_a_scan_that_is_used_again_has_older_pings() -> None:
+    scan = scan_of(ScanLike((1,) * 8, GROUPS_US, 255, 255), 100)
+    assert scan.age_ms == (125, 100) * 4
 
 
 def test_a_goal_arrives_in_metres_and_radians() -> None:
