@@ -14,6 +14,7 @@ from protocol.errors import RemoteError
 
 LAST_LINES: Final = 5
 TAIL_BYTES: Final = 4000
+BLAME_NS: Final = 300_000_000
 PAUSE_NS: Final = 10_000_000
 # Asked nicely, asked firmly, ended: two seconds in all.
 STEPS: Final[tuple[tuple[int, int], ...]] = (
@@ -80,6 +81,13 @@ class Children:
             start_new_session=True,
         )
         self._children.append(Child(role, process, output))
+
+    def blame(self) -> None:
+        """A silence is to be explained: raise ChildDied if a child is gone or about to be."""
+        deadline_ns = self._clock.now_ns() + BLAME_NS
+        while self._clock.now_ns() < deadline_ns:
+            self.check()
+            self._clock.sleep_until(self._clock.now_ns() + PAUSE_NS)
 
     def check(self) -> None:
         """Raise ChildDied for the first child that has ended by itself."""

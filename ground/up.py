@@ -18,7 +18,7 @@ from ground.says import Says
 from ground.scenario import Scenario, cast, scenario_of, world_facts
 from protocol.bus import Network, open_bus
 from protocol.clock import Clock, WallClock
-from protocol.errors import NoPeer, UserError
+from protocol.errors import NoPeer, RemoteError, UserError
 from protocol.outcome import Outcome
 from protocol.topics import Role
 
@@ -76,8 +76,8 @@ def rehearse(scenario: Scenario, says: Says, clock: Clock) -> Outcome:
             errand = Errand(link, scenario, children.check, shown(says, clock))
             try:
                 return errand.run()
-            except Unanswered:
-                children.check()  # a process that has died explains silence best
+            except (Unanswered, RemoteError):
+                children.blame()  # a process that has died explains silence best
                 raise
 
 

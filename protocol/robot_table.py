@@ -17,7 +17,7 @@ RENAMED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 def parameters_of(robot: Mapping[str, bool | int | float | str]) -> dict[str, float]:
     """Parameters of the robot that differ from its defaults because the world's robot does.
 
-    What the robot cannot know of itself (motor lag and brake, where its counters start) is left out.
+    What the robot cannot know of itself (motor lag, brake, where its counters start) is left out.
     """
     values: dict[str, float] = {}
     for key, setting in robot.items():

@@ -26,7 +26,8 @@ from protocol.topics import ENCODING, ENCODING_FAMILY, Role, Service, Topic, rob
 
 M = TypeVar("M", bound=Message)
 POLL_S = 0.001
-PRESENCE_TRIES = 3  # a link that closes meanwhile can end the first question with no answer
+PRESENCE_TRIES = 3  # a link that closes meanwhile can end a question with no answer
+PRESENCE_PAUSE_S = 0.01
 
 
 class Presence(NamedTuple):
