@@ -15,7 +15,7 @@ from protocol.topics import robot_name
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
 from robot.parameters import OutOfRange, Unknown, with_value
-from robot.run import run
+from robot.run import Options, run
 from robot.store import Store
 from robot.vehicle import Vehicle
 
@@ -34,13 +34,10 @@ def main(argv: Sequence[str]) -> int:
     settings = config.load(arguments.config, Settings) if arguments.config else Settings()
     network = network_of(arguments, settings.network, listens=True)
     vehicle = vehicle_of(arguments, settings)
-    return run(
-        vehicle,
-        network,
-        robot_name(arguments.id),
-        lockstep=arguments.lockstep,
-        fifo=arguments.realtime,
+    options = Options(
+        lockstep=arguments.lockstep, freeze=arguments.gc_freeze, fifo=arguments.realtime
     )
+    return run(vehicle, network, robot_name(arguments.id), options)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -72,6 +69,12 @@ def parser() -> argparse.ArgumentParser:
         "--lockstep", action="store_true", help="simulated time, given by the plant"
     )
     parser.add_argument("--realtime", action="store_true", help="schedule the loop SCHED_FIFO")
+    parser.add_argument(
+        "--gc-freeze",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="keep the garbage collector away from what is there at the start (yes)",
+    )
     return parser
 
 

@@ -6,10 +6,16 @@ import os
 FIFO_PRIORITY = 50
 
 
-def freeze_heap() -> None:
-    """Move all that exists out of the collector's sight: no full collection stalls the loop."""
+def freeze_heap() -> str | None:
+    """Move all that exists out of the collector's sight: no full collection stalls the loop.
+
+    None when it worked, else the warning to show.
+    """
+    if not hasattr(gc, "freeze"):
+        return "this Python cannot freeze its heap: a collection may stall the loop"
     gc.collect()
     gc.freeze()
+    return None
 
 
 def use_fifo(priority: int = FIFO_PRIORITY) -> str | None:

@@ -3,6 +3,7 @@
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Final
 
 from protocol.bus import Bus, Network, open_bus
@@ -25,12 +26,22 @@ CONTROL_HZ: Final = 20.0
 IDLE_S: Final = 0.2
 
 
-def run(vehicle: Vehicle, network: Network, robot: str, *, lockstep: bool, fifo: bool) -> int:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """How the loop runs: simulated time, a frozen heap, real-time scheduling."""
+
+    lockstep: bool = False
+    freeze: bool = True
+    fifo: bool = False
+
+
+def run(vehicle: Vehicle, network: Network, robot: str, options: Options) -> int:
     """0 when told to stop. Raises NameTaken, and whatever brought the core down."""
     with open_bus(network, Role.ROBOT, robot) as bus:
         claim(bus, [robot])
-        process, grid = in_lockstep(vehicle, bus) if lockstep else in_wall_time(vehicle, bus)
-        settle(vehicle, fifo=fifo)
+        begin = in_lockstep if options.lockstep else in_wall_time
+        process, grid = begin(vehicle, bus)
+        settle(vehicle, options)
         print(f"robot {robot}: ready, disarmed", file=sys.stderr, flush=True)
         process.run(grid)
     return 0
@@ -88,10 +99,10 @@ def on_signal(stop: Callable[[], None]) -> None:
         signal.signal(number, lambda *_: stop())
 
 
-def settle(vehicle: Vehicle, *, fifo: bool) -> None:
-    """Last, when all that stays is there: no collection of it later, and real-time if wanted."""
-    freeze_heap()
-    warning = use_fifo() if fifo else None
-    if warning is not None:
-        print(f"robot: warning: {warning}", file=sys.stderr)
-        vehicle.say(Severity.WARNING, warning)
+def settle(vehicle: Vehicle, options: Options) -> None:
+    """Last, when all that stays is there; what does not work is said, and the robot runs on."""
+    for wanted, apply in ((options.freeze, freeze_heap), (options.fifo, use_fifo)):
+        warning = apply() if wanted else None
+        if warning is not None:
+            print(f"robot: warning: {warning}", file=sys.stderr)
+            vehicle.say(Severity.WARNING, warning)

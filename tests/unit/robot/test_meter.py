@@ -1,0 +1,83 @@
+import pytest
+
+from protocol.clock import ManualClock, Tick
+from robot.core.budget import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
+from robot.meter import Meter
+
+PERIOD_NS = 50_000_000
+US = 1_000
+
+
+def tick(index: int = 0, late_ns: int = 0, missed: int = 0) -> Tick:
+    return Tick(index, 0, late_ns, missed)
+
+
+def metered(enforced: bool = True) -> tuple[Meter, ManualClock]:
+    clock = ManualClock()
+    return Meter(clock, period_ns=PERIOD_NS, enforced=enforced), clock
+
+
+def cycle(meter: Meter, clock: ManualClock, spent_us: int) -> None:
+    meter.begin(tick())
+    clock.advance(spent_us * US)
+    meter.end()
+
+
+def test_each_stage_is_charged_what_it_took() -> None:
+    meter, clock = metered()
+    meter.begin(tick(7, late_ns=30 * US, missed=2))
+    for stage, spent_us in ((READ, 10), (ODOMETRY, 20), (NAVIGATE, 30), (GUARD, 40)):
+        clock.advance(spent_us * US)
+        meter.mark(stage)
+    report = meter.report(5, sense_age_us=99, rejected=3)
+    assert report.stage_us == (10, 20, 30, 40, 0)
+    assert (report.tick, report.missed, report.late_us) == (7, 2, 30)
+    assert (report.sense_age_us, report.rejected, report.budget_us) == (99, 3, TICK_US)
+
+
+def test_the_writing_of_a_tick_is_told_with_the_next_one() -> None:
+    meter, clock = metered()
+    cycle(meter, clock, 70)
+    meter.begin(tick(1))
+    assert meter.report(0, sense_age_us=0, rejected=0).stage_us[-1] == 70
+
+
+def test_three_overruns_in_a_row_violate_the_budget_and_two_do_not() -> None:
+    meter, clock = metered()
+    for violated in (False, False, True):
+        cycle(meter, clock, TICK_US + 1)
+        assert meter.violated is violated
+    assert meter.overruns == 3
+    cycle(meter, clock, 10)
+    assert not meter.violated
+
+
+def test_a_tick_more_than_one_period_late_violates_it_at_once() -> None:
+    meter, _ = metered()
+    meter.begin(tick(late_ns=PERIOD_NS))
+    assert not meter.violated
+    meter.begin(tick(late_ns=PERIOD_NS + 1))
+    assert meter.violated
+
+
+def test_in_lockstep_no_verdict_depends_on_how_busy_the_machine_is() -> None:
+    meter, clock = metered(enforced=False)
+    for _ in range(5):
+        cycle(meter, clock, 10 * TICK_US)
+    meter.begin(tick(late_ns=10 * PERIOD_NS))
+    assert not meter.violated
+
+
+def test_a_stage_longer_than_the_wire_can_say_is_told_as_the_longest() -> None:
+    meter, clock = metered()
+    meter.begin(tick())
+    clock.advance(10**9)
+    meter.mark(READ)
+    assert meter.report(0, sense_age_us=0, rejected=0).stage_us[READ] == 65_535
+
+
+@pytest.mark.parametrize("spent_us", [0, TICK_US])
+def test_within_the_budget_nothing_is_counted(spent_us: int) -> None:
+    meter, clock = metered()
+    cycle(meter, clock, spent_us)
+    assert meter.overruns == 0

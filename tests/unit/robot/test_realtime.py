@@ -1,0 +1,66 @@
+import gc
+import os
+
+import pytest
+
+from robot.core.parameters import DEFAULTS
+from robot.realtime import freeze_heap, use_fifo
+from robot.run import Options, settle
+from robot.store import Store
+from robot.vehicle import Vehicle
+
+
+@pytest.fixture(autouse=True)
+def thawed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gc, "freeze", lambda: None)
+
+
+def test_a_frozen_heap_needs_no_warning() -> None:
+    assert freeze_heap() is None
+
+
+def test_a_python_that_cannot_freeze_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(gc, "freeze")
+    assert "may stall the loop" in (freeze_heap() or "")
+
+
+def test_real_time_scheduling_that_is_refused_falls_back_with_a_warning(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refused(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refused)
+    assert "CAP_SYS_NICE" in (use_fifo() or "")
+
+
+def test_any_other_failure_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def failed(*_: object) -> None:
+        raise OSError(22, "Invalid argument")
+
+    monkeypatch.setattr(os, "sched_setscheduler", failed)
+    assert "Invalid argument" in (use_fifo() or "")
+
+
+def test_a_system_without_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(os, "sched_setscheduler")
+    assert "not available" in (use_fifo() or "")
+
+
+def test_what_did_not_work_is_said_on_the_bus_and_the_robot_runs_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delattr(os, "sched_setscheduler")
+    vehicle = Vehicle(DEFAULTS, Store(None))
+    settle(vehicle, Options(fifo=True))
+    assert "warning: real-time scheduling" in capsys.readouterr().err
+    assert any("real-time scheduling" in text.text for text in vehicle.texts())
+
+
+def test_what_is_not_wanted_is_not_tried(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delattr(gc, "freeze")
+    monkeypatch.delattr(os, "sched_setscheduler")
+    settle(Vehicle(DEFAULTS, Store(None)), Options(freeze=False))
+    assert capsys.readouterr().err == ""
