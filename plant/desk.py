@@ -41,11 +41,12 @@ class Desk:
             )
 
     def answer(self, plant: Plant, robot: int, request: RunRequest) -> Message:
-        """START begins a new score; a pause keeps it."""
+        """START lets a paused plant go on; on a running one it begins a new score."""
         if request.action == RunAction.SCORE:
             return plant.score(request.until_ns, robot)
         if request.action == RunAction.START:
-            plant.restart_score()
+            if self.running:
+                plant.restart_score()
         elif request.action != RunAction.PAUSE:
             return acknowledge(AckResult.UNSUPPORTED, Reason.UNKNOWN_COMMAND)
         self.running = request.action == RunAction.START

@@ -50,6 +50,7 @@ class Process:
     wires: list[Wires]
     desk: Desk
     wake: Wake
+    patience_s: float = PATIENCE_S
 
     def publish(self) -> None:
         for wires in self.wires:
@@ -83,9 +84,13 @@ class Process:
             self._await(self.answered)
             self._await_start()
             due_s = max(due_s + pace_s, monotonic() - pace_s)
-            while pace_s and (remaining_s := due_s - monotonic()) > 0 and not self.wake.stopping:
-                self.wake.wait(remaining_s)
+            self._await_due(due_s)
             self.advance()
+
+    def _await_due(self, due_s: float) -> None:
+        while (remaining_s := due_s - monotonic()) > 0 and not self.wake.stopping:
+            self.wake.wait(remaining_s)
+            self.desk.serve(self.plant)
 
     def _await_robots(self) -> None:
         """What is published before somebody listens is lost, and with it the first tick."""
@@ -95,7 +100,7 @@ class Process:
             self.desk.serve(self.plant)
 
     def _await(self, condition: Callable[[], bool]) -> None:
-        deadline_s = monotonic() + PATIENCE_S
+        deadline_s = monotonic() + self.patience_s
         while not self.wake.stopping:
             self.desk.serve(self.plant)
             if condition():
@@ -105,5 +110,5 @@ class Process:
 
     def _await_start(self) -> None:
         while not (self.desk.running or self.wake.stopping):
-            self.wake.wait(PATIENCE_S)
+            self.wake.wait(self.patience_s)
             self.desk.serve(self.plant)

@@ -1,0 +1,181 @@
+"""The plant's process over real sockets: when time goes by, when it stands, what it answers."""
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import inf
+
+import pytest
+
+from plant.plant import Plant
+from plant.process import Process, Wake
+from plant.run import assemble
+from plant.world_file import load
+from plant.world_overrides import noise_of
+from protocol.bus import Bus, Network, open_bus
+from protocol.clock import Pulse, WallClock
+from protocol.enums import AckResult, RunAction
+from protocol.messages import CommandAck, GroundTruth, RunRequest, RunScore, WheelCommand
+from protocol.topics import CLOCK, DRIVE, RUN, SONAR, TRUTH, WHEELS, WORLD, Role
+
+SECOND_NS = 1_000_000_000
+PERIOD_NS = 50_000_000
+
+
+class Driver:
+    """A robot of one idea: answers every tick with full speed ahead, until it is silent."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.silent = False
+        self.tick = Pulse()
+        self._wheels = bus.mailbox(WHEELS)
+        self._drive = bus.publisher(DRIVE)
+        bus.mailbox(SONAR)  # the plant waits until all its senses are listened to
+        bus.mailbox(CLOCK, notify=self.tick.beat)
+        self.truth = bus.mailbox(TRUTH)
+        self.done = False
+
+    def run(self, lockstep: bool) -> None:
+        sequence = 0
+        while not self.done:
+            deadline_ns = WallClock().now_ns() + (SECOND_NS if lockstep else PERIOD_NS) // 5
+            self.tick.wait_until(deadline_ns)
+            newest = self._wheels.latest()
+            if newest is None or self.silent:
+                continue
+            self._drive.put(
+                WheelCommand(
+                    time_ns=0,
+                    seq=sequence,
+                    sense_seq=newest[0].seq,
+                    left_mrad_s=9000,
+                    right_mrad_s=9000,
+                    ttl_ms=150,
+                )
+            )
+            sequence += 1
+
+    def ask(self, action: int, until_ns: int = 0) -> object:
+        return self.bus.ask(RUN, RunRequest(action=action, until_ns=until_ns), 2.0)
+
+    def seen(self) -> GroundTruth:
+        newest = self.truth.latest()
+        assert newest is not None
+        return newest[0]
+
+
+def until(condition: Callable[[], bool], what: str) -> None:
+    deadline_ns = WallClock().now_ns() + 5 * SECOND_NS
+    pause = threading.Event()
+    while not condition():
+        assert WallClock().now_ns() < deadline_ns, what
+        pause.wait(0.002)
+
+
+@contextmanager
+def running(lockstep: bool = True, paused: bool = False, speed: float = inf) -> Iterator[Driver]:
+    hub = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
+    with open_bus(hub, Role.ROBOT, "r1") as robot:
+        network = Network(mode="client", connect=(robot.locator(),))
+        with open_bus(network, Role.PLANT, "r1") as bus:
+            world, wake = load("open"), Wake()
+            plant = Plant(world, 0, noise_of(world, "none"))
+            assembled = assemble(plant, bus, ["r1"], wake, lockstep=lockstep, paused=paused)
+            process = Process(plant, assembled.wires, assembled.desk, wake, patience_s=0.05)
+            driver = Driver(robot)
+            loops = [
+                threading.Thread(target=process.run_lockstep, args=(speed,))
+                if lockstep
+                else threading.Thread(target=process.run_wall, args=(WallClock(),)),
+                threading.Thread(target=driver.run, args=(lockstep,)),
+            ]
+            for loop in loops:
+                loop.start()
+            try:
+                until(lambda: driver.truth.latest() is not None, "the first truth")
+                yield driver
+            finally:
+                driver.done = True
+                wake.stop()
+                for loop in loops:
+                    loop.join(5.0)
+                    assert not loop.is_alive()
+
+
+def drives(driver: Driver) -> bool:
+    return driver.seen().speed_m_s > 0.25
+
+
+@pytest.mark.parametrize("lockstep", [True, False])
+def test_a_paused_plant_shows_tick_0_until_it_is_started(lockstep: bool) -> None:
+    with running(lockstep, paused=True) as driver:
+        answer = driver.ask(RunAction.PAUSE)
+        assert isinstance(answer, CommandAck)
+        assert driver.seen().seq == 0
+        driver.ask(RunAction.START)
+        until(lambda: driver.seen().seq > 2, "time went on")
+
+
+def test_a_pause_stops_time_and_a_start_lets_it_go_on_with_the_same_score() -> None:
+    with running() as driver:
+        until(lambda: driver.seen().seq > 40, "the run")
+        driver.ask(RunAction.PAUSE)
+        before = driver.ask(RunAction.SCORE, 10**15)
+        again = driver.ask(RunAction.SCORE, 10**15)
+        assert isinstance(before, RunScore)
+        assert before == again
+        assert before.path_m > 0.1
+        driver.ask(RunAction.START)
+        until(lambda: driver.seen().time_ns > before.time_ns, "time went on")
+        after = driver.ask(RunAction.SCORE, before.time_ns)
+        assert after == before
+
+
+def test_a_start_of_a_running_plant_begins_a_new_score() -> None:
+    with running() as driver:
+        until(lambda: driver.seen().seq > 40, "the run")
+        driver.ask(RunAction.START)
+        score = driver.ask(RunAction.SCORE, 0)
+        assert isinstance(score, RunScore)
+        assert score.ticks == 0
+        assert score.time_ns > 0
+
+
+def test_an_unknown_action_is_refused() -> None:
+    with running() as driver:
+        answer = driver.ask(99)
+        assert isinstance(answer, CommandAck)
+        assert answer.result == AckResult.UNSUPPORTED
+
+
+def test_the_world_in_force_is_told_as_json() -> None:
+    with running() as driver:
+        told = driver.bus.ask(WORLD, None, 2.0)
+        assert isinstance(told, bytes)
+        assert json.loads(told)["name"] == "open"
+
+
+@pytest.mark.parametrize("lockstep", [True, False])
+def test_the_wheels_stop_when_the_robot_falls_silent(lockstep: bool) -> None:
+    with running(lockstep) as driver:
+        until(lambda: drives(driver), "the robot drives")
+        driver.silent = True
+        until(lambda: abs(driver.seen().speed_m_s) < 0.001, "the wheels stand")
+
+
+def test_a_robot_that_comes_back_is_obeyed_again() -> None:
+    with running() as driver:
+        until(lambda: drives(driver), "the robot drives")
+        driver.silent = True
+        until(lambda: not drives(driver), "the wheels stand")
+        driver.silent = False
+        until(lambda: drives(driver), "the robot drives again")
+
+
+def test_a_speed_limits_how_fast_simulated_time_goes_by() -> None:
+    with running(speed=10.0) as driver:
+        begun_ns, stamp_ns = WallClock().now_ns(), driver.seen().time_ns
+        until(lambda: driver.seen().time_ns >= stamp_ns + 2 * SECOND_NS, "two seconds")
+        assert WallClock().now_ns() - begun_ns >= 0.15 * SECOND_NS
