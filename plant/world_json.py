@@ -1,8 +1,11 @@
 """A world as one JSON object: the keys and units of its file, with the shortest path added."""
 
+from collections.abc import Iterable
 from math import degrees
 from typing import TypeAlias
 
+from plant.goals import RobotGoal
+from plant.raycast import Pose
 from plant.world_types import Circle, Obstacle, Polygon, Setting, Settings, World
 
 Json: TypeAlias = str | bool | int | float | list["Json"] | dict[str, "Json"] | None
@@ -28,6 +31,16 @@ def as_json(world: World, shortest_path_m: float | None) -> dict[str, Json]:
         "noise": _settings(world.noise),
         "faults": [_settings(fault) for fault in world.faults],
         "shortest_path_m": None if shortest_path_m is None else round(shortest_path_m, 6),
+    }
+
+
+def places_json(starts: Iterable[Pose], goals: Iterable[RobotGoal]) -> dict[str, Json]:
+    """Of each robot where it starts and where it goes; `shifted` false: not as its start is."""
+    return {
+        "starts": [
+            {"x_m": x_m, "y_m": y_m, "heading_deg": _deg(turn_rad)} for x_m, y_m, turn_rad in starts
+        ],
+        "goals": [{"x_m": x_m, "y_m": y_m, "shifted": shifted} for x_m, y_m, shifted in goals],
     }
 
 

@@ -4,10 +4,14 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from math import isfinite
 
+from plant.goals import goals
+from plant.lineup import starts
 from plant.shortest_path import path_length_m, shortest_path
 from plant.world_file import SHIPPED_DIR, World, WorldError, load, shipped
-from plant.world_json import Json, as_json
+from plant.world_json import Json, as_json, places_json
+from plant.world_overrides import body_of
 from plant.world_text import draw
 
 EXIT_OK = 0
@@ -28,7 +32,7 @@ def main(argv: Sequence[str]) -> int:
         return _refuse(arguments, error)
     if arguments.verb == "check":
         return _check(arguments.world, world, arguments.json)
-    return _show(world, arguments.json)
+    return _show(world, arguments)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -45,7 +49,21 @@ def _parser() -> argparse.ArgumentParser:
         if verb != "list":
             one.add_argument("world", metavar="FILE", help="a .toml file or a shipped name")
         one.add_argument("--json", action="store_true", help="print one JSON object")
+        if verb == "show":
+            one.add_argument(
+                "--robots", type=int, metavar="K", help="with --json: their starts and goals, too"
+            )
+            one.add_argument(
+                "--goal", type=_finite, nargs=2, metavar=("X", "Y"), help="instead of the world's"
+            )
     return parser
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+    return value
 
 
 def _print_json(found: dict[str, Json]) -> None:
@@ -87,10 +105,25 @@ def _check(file: str, world: World, as_object: bool) -> int:
     return EXIT_OK
 
 
-def _show(world: World, as_object: bool) -> int:
+def _show(world: World, arguments: argparse.Namespace) -> int:
+    try:
+        places = _places(world, arguments)
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return EXIT_USAGE
     path = shortest_path(world)
-    if as_object:
-        _print_json(as_json(world, path_length_m(path)))
+    if arguments.json:
+        _print_json(as_json(world, path_length_m(path)) | places)
     else:
         print(draw(world, path))
     return EXIT_OK
+
+
+def _places(world: World, arguments: argparse.Namespace) -> dict[str, Json]:
+    """Where that many robots start and where each goes. Raises ValueError without room."""
+    if arguments.robots is None:
+        return {}
+    body = body_of(world)
+    found = starts(world, body, arguments.robots)
+    goal = tuple(arguments.goal) if arguments.goal else (world.goal.x_m, world.goal.y_m)
+    return places_json(found, goals(world, body, found, goal))

@@ -135,3 +135,28 @@ def test_help_is_no_mistake(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_name_nobody_knows_is_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show", "bxo"]) == 2
     assert "did you mean box?" in capsys.readouterr().err
+
+
+def test_show_tells_where_several_robots_start_and_go(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", "box", "--robots", "2", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["starts"][0] == found["start"]
+    assert found["starts"][1] == pytest.approx({"x_m": 0.6, "y_m": 2.4, "heading_deg": 0.0})
+    assert [goal["y_m"] for goal in found["goals"]] == pytest.approx([2.0, 2.4])
+    assert main(["show", "box", "--robots", "2", "--goal", "1", "-2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["goals"][0] == {"x_m": 1, "y_m": -2, "shifted": True}
+
+
+@pytest.mark.parametrize("robots", ["12", "0"])
+def test_show_refuses_more_robots_than_there_is_room_for(
+    robots: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["show", "box", "--robots", robots, "--json"]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.startswith("robots: ")
+
+
+def test_show_without_robots_is_as_it_was(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", "box", "--json"]) == 0
+    assert not {"starts", "goals"} & json.loads(capsys.readouterr().out).keys()
