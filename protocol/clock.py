@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 from protocol.errors import Stopped
 from protocol.lockstep import LockstepClock
@@ -67,6 +67,10 @@ class ManualClock:
         self._now_ns = max(self._now_ns, deadline_ns)
 
 
+SLACK: Final = 4
+"""A frame may come this fraction of a period after it was due before the grid goes on without."""
+
+
 @dataclass(frozen=True, slots=True)
 class Tick:
     """`late_ns` counts from the arrival of the frame that started it, or from its deadline."""
@@ -100,7 +104,7 @@ class _Grid:
         self._clock = clock
         self._pulse = pulse
         self._period_ns = period_ns
-        self._slack_ns = 0 if pulse is None else period_ns // 4
+        self._slack_ns = 0 if pulse is None else period_ns // SLACK
         self._due_ns = clock.now_ns()
         self._index = -1
         self._missed = 0

@@ -8,7 +8,7 @@ from typing import Final
 
 from protocol.bus import Bus, Network, open_bus
 from protocol.claim import claim
-from protocol.clock import Tick, WallClock, ticks
+from protocol.clock import SLACK, Tick, WallClock, ticks
 from protocol.codec import decode
 from protocol.enums import Severity
 from protocol.errors import RemoteError
@@ -19,6 +19,7 @@ from protocol.topics import CLOCK, Role
 from robot.meter import Meter
 from robot.process import Process
 from robot.realtime import freeze_heap, use_fifo
+from robot.rehearsal import Rehearsal, Rehearsed
 from robot.senses import PERIOD_NS, Senses
 from robot.vehicle import Vehicle
 
@@ -55,7 +56,8 @@ def in_wall_time(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:
     process = Process(vehicle, bus, clock, senses, meter)
     process.serve()
     on_signal(process.stop)
-    return process, ticks(clock, CONTROL_HZ, pulse)
+    rehearsal = Rehearsal(vehicle.params)
+    return process, ticks(clock, CONTROL_HZ, Rehearsed(pulse, rehearsal, PERIOD_NS // SLACK))
 
 
 def in_lockstep(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:
