@@ -23,7 +23,8 @@ HEADER: Final = Struct("<BBBBBBBHB").unpack_from  # the same after the magic
 CHECKSUM: Final = Struct("<H").pack
 HEADER_SIZE: Final = 10
 CHECKSUM_SIZE: Final = 2
-SMALLEST_FRAME: Final = HEADER_SIZE + 1 + CHECKSUM_SIZE
+OUTSIDE: Final = HEADER_SIZE + CHECKSUM_SIZE
+SMALLEST_FRAME: Final = OUTSIDE + 1
 WIRE_OF_TYPE: Final[dict[type[Message], Wire]] = {cls: wire_of(cls) for cls in MESSAGES}
 WIRE_OF_ID: Final[dict[int, Wire]] = {wire.number: wire for wire in WIRE_OF_TYPE.values()}
 UNPACKABLE: Final = (StructError, OverflowError, TypeError, ValueError, AttributeError)
@@ -61,6 +62,11 @@ class Encoder:
         low, high = wire.number_low, wire.number_high
         body = HEAD(len(payload), 0, 0, sequence, system_id, component_id, low, high) + payload
         return MAGIC_BYTE + body + CHECKSUM(mcrf4xx(body + wire.crc_extra))
+
+
+def framed(frame: bytes) -> bool:
+    """Has it the outer form of a frame? Noise and what was cut off have not."""
+    return len(frame) >= SMALLEST_FRAME and frame[0] == MAGIC and frame[1] == len(frame) - OUTSIDE
 
 
 def decode(frame: bytes) -> Frame:

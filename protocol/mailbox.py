@@ -1,9 +1,10 @@
 """The newest frame of a topic: stored by one reference, decoded only when somebody looks."""
 
+import threading
 from collections.abc import Callable
 from typing import Generic, NamedTuple, TypeVar, cast
 
-from protocol.codec import decode
+from protocol.codec import decode, framed
 from protocol.errors import RemoteError
 from protocol.message import Message
 from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, Topic
@@ -29,6 +30,17 @@ def opened(sample: Sample, allowed: tuple[type[Message], ...]) -> Message:
     return message
 
 
+def misfit(sample: Sample) -> str:
+    """Why a sample cannot be one of ours, as far as its outside tells; empty when it can."""
+    if sample.encoding == ENCODING and framed(sample.payload):
+        return ""
+    try:
+        opened(sample, ())
+    except RemoteError as error:
+        return str(error)
+    return ""
+
+
 def foreign(encoding: str) -> str:
     """Why an encoding is not ours, with both versions named."""
     family, _, dialect = encoding.partition(";")
@@ -40,7 +52,8 @@ def foreign(encoding: str) -> str:
 class Mailbox(Generic[M]):
     """One topic of one robot, as its reader sees it. Read it from one thread only.
 
-    `store` is the bus's side and may be called from any thread: one reference store, no more. What
+    `store` is the bus's side and may be called from any thread: a look at the outside, so that
+    noise neither takes the place of a message nor wakes anybody, and one reference store. What
     cannot be read is counted and named in `last_rejection`; the last good message stays.
     """
 
@@ -52,8 +65,13 @@ class Mailbox(Generic[M]):
         self._slot: tuple[Sample, int] | None = None
         self._judged: tuple[Sample, int] | None = None
         self._good: tuple[M, int] | None = None
+        self._rejecting = threading.Lock()
 
     def store(self, sample: Sample, arrived_ns: int) -> None:
+        why = misfit(sample)
+        if why:
+            self._reject(why)
+            return
         self._slot = (sample, arrived_ns)
         if self._notify is not None:
             self._notify(arrived_ns)
@@ -78,7 +96,11 @@ class Mailbox(Generic[M]):
         try:
             message = opened(slot[0], self.topic.messages)
         except RemoteError as error:
-            self.rejected += 1
-            self.last_rejection = str(error)
+            self._reject(str(error))
             return
         self._good = (cast(M, message), slot[1])
+
+    def _reject(self, why: str) -> None:
+        with self._rejecting:
+            self.rejected += 1
+            self.last_rejection = why

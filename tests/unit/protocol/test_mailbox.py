@@ -97,3 +97,16 @@ def test_whoever_waits_is_notified_of_each_arrival() -> None:
     box.store(sample(), 10)
     box.store(sample(), 20)
     assert heard == [10, 20]
+
+
+def test_noise_takes_no_messages_place_and_wakes_nobody() -> None:
+    heard: list[int] = []
+    box = Mailbox(WHEELS, heard.append)
+    box.store(sample(), 10)
+    whole = sample().payload
+    for noise in (b"", whole[:-1], whole + b"\0", b"\xff" * 300, b"\xfd" * 1_000_000):
+        box.store(Sample(ENCODING, noise), 20)
+    box.store(sample(encoding="application/mavlink2;sidestep@2"), 20)
+    assert box.rejected == 6, "counted as they come, looked at or not"
+    assert heard == [10]
+    assert box.latest() == (TICKS, 10)
