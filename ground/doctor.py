@@ -9,7 +9,7 @@ from ground.options import Common, add_common, common_of, seconds
 from ground.presence import crew_of
 from ground.says import Says
 from ground.telemetry import Telemetry
-from protocol.errors import RemoteError
+from protocol.errors import PeerHangs, RemoteError
 from protocol.mailbox import Mailbox
 from protocol.messages import CommandRequest
 from protocol.topics import COMMAND, CYCLE, PARAMETERS, STATUS, TOPICS, WORLD, Role, Service
@@ -33,8 +33,9 @@ def run(options: argparse.Namespace, says: Says) -> int:
         with linked(common) as link:
             seen = observe(link, common, round(options.timeout * 1e9))
     except Unanswered as error:
-        what = str(error)
-        do = f"start `sidestep robot` (or `sidestep router`) at {common.endpoint}, or use --connect"
+        what, do = str(error), f"restart the process at {common.endpoint}, or use --connect"
+        if not isinstance(error.__cause__, PeerHangs):
+            do = f"start `sidestep robot` (or `sidestep router`) at {common.endpoint}, or --connect"
         found: dict[str, object] = {"what": what, "do": do, "bad": True}
         says.result({"ok": False, "findings": [found], "streams": {}}, f"E {what}\n  -> {do}")
         return 1

@@ -71,7 +71,9 @@ def examine(seen: Observed) -> Report:
 
 
 def processes(seen: Observed) -> Iterator[Finding]:
-    beats = any(stream.topic is HEARTBEAT and stream.fresh for stream in seen.streams)
+    heart = next((stream for stream in seen.streams if stream.topic is HEARTBEAT), None)
+    unreadable = heart is not None and heart.age_ns is None and heart.rejected > 0  # told below
+    beats = heart is not None and (heart.fresh or unreadable)
     robot_there = seen.crew.has(seen.robot, Role.ROBOT)
     if not robot_there or not beats:
         why = why_silent(seen.crew, seen.robot, seen.endpoint, beats=beats)

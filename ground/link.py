@@ -19,7 +19,7 @@ from ground.presence import crew_of, why_silent
 from protocol.bus import Bus, Publisher, open_bus
 from protocol.clock import Clock, Pulse, WallClock
 from protocol.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState
-from protocol.errors import NoPeer, RemoteError
+from protocol.errors import NoPeer, PeerHangs, RemoteError
 from protocol.messages import CommandAck, CommandRequest, Heartbeat
 from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role
 
@@ -96,8 +96,10 @@ class Link:
     def diagnosis(self) -> str:
         """Why the robot does not answer: listens for its heart before it judges."""
         box = self.bus.mailbox(HEARTBEAT, self.robot, self.pulse.beat)
-        self.wait(lambda: box.latest() is not None, LISTEN_NS)
+        self.wait(lambda: box.latest() is not None or box.rejected > 0, LISTEN_NS)
         beats = box.latest() is not None
+        if box.rejected and not beats:
+            return f"robot {self.robot} is there, but its heartbeat {box.last_rejection}"
         return why_silent(crew_of(self.bus.present()), self.robot, self._endpoint, beats=beats)
 
     def wait(self, condition: Callable[[], bool], patience_ns: int) -> bool:
@@ -115,6 +117,8 @@ def linked(common: Common) -> Iterator[Link]:
     """Dial the robot; Unanswered when nobody listens at the endpoint."""
     try:
         bus = open_bus(common.network, Role.GROUND, common.robot)
+    except PeerHangs as error:
+        raise Unanswered(str(error)) from error
     except NoPeer as error:
         raise Unanswered(f"no robot and no router: {error}") from error
     with bus:

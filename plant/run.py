@@ -22,9 +22,9 @@ def run(
 ) -> int:
     """0 when told to stop. In lockstep the first senses wait until the robots listen."""
     wake = Wake()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: wake.stop())
     with open_bus(network, Role.PLANT, robots[0]) as bus:
+        for number in (signal.SIGINT, signal.SIGTERM):  # while dialling, they end it as ever
+            signal.signal(number, lambda *_: wake.stop())
         process = assemble(plant, bus, robots, wake, lockstep=lockstep, paused=paused)
         names = ", ".join(robots)
         print(f"plant: world {plant.world.name} with {names}", file=sys.stderr, flush=True)

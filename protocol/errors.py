@@ -42,5 +42,9 @@ class NoPeer(UserError):
     """Nobody listens where this process was told to connect."""
 
 
+class PeerHangs(NoPeer):
+    """Somebody listens where this process was told to connect, and does not answer."""
+
+
 class Stopped(Exception):
     """Raised to whoever waits on a clock that will not go on; a loop simply ends."""

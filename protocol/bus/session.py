@@ -6,25 +6,30 @@ Zenoh's own log is never initialised: it can only write to standard output, whic
 
 import json
 import re
+import socket
+from time import monotonic
 
 import zenoh
 
-from protocol.errors import BadEndpoint, EndpointInUse, NoPeer, UserError
+from protocol.errors import BadEndpoint, EndpointInUse, NoPeer, PeerHangs, UserError
 from protocol.network import Network
 
 RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 LEASE_MS = 1000
+DIAL_S = 1.0  # while Zenoh dials, Python hears no signal
+PROBE_S = 0.3
 SOURCE_PLACES = re.compile(r" at /\S+")
+UNCONNECTED = "Unable to connect"
 BOUND_TO = re.compile(r"bound to (\S+?):? ")
 
 
-def settings(network: Network) -> dict[str, object]:
+def settings(network: Network, dial_s: float) -> dict[str, object]:
     """Nobody is ever searched for: endpoints are explicit, and nothing waits to find more."""
     return {
         "mode": network.mode,
         "listen/endpoints": list(network.listen),
         "connect/endpoints": list(network.connect),
-        "connect/timeout_ms": round(network.connect_timeout_s * 1000),
+        "connect/timeout_ms": max(1, round(dial_s * 1000)),
         "connect/retry": RETRY,  # nested keys that are null by default take only a whole object
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
@@ -37,14 +42,29 @@ def settings(network: Network) -> dict[str, object]:
 
 
 def open_session(network: Network) -> zenoh.Session:
-    """Raises EndpointInUse, NoPeer or BadEndpoint, with the endpoint named."""
+    """Raises EndpointInUse, NoPeer, PeerHangs or BadEndpoint, with the endpoint named.
+
+    Dials in short turns: a signal that comes meanwhile is heard after at most one of them.
+    """
+    deadline_s = monotonic() + network.connect_timeout_s
+    while True:
+        left_s = deadline_s - monotonic()
+        try:
+            return zenoh.open(configured(network, min(DIAL_S, left_s)))
+        except zenoh.ZError as error:
+            text = SOURCE_PLACES.sub("", str(error))
+            if UNCONNECTED not in text or monotonic() >= deadline_s:
+                raise in_words(network, text) from error
+
+
+def configured(network: Network, dial_s: float) -> zenoh.Config:
     config = zenoh.Config()
     try:
-        for key, value in settings(network).items():
+        for key, value in settings(network, dial_s).items():
             config.insert_json5(key, json.dumps(value))
-        return zenoh.open(config)
     except zenoh.ZError as error:
         raise in_words(network, SOURCE_PLACES.sub("", str(error))) from error
+    return config
 
 
 def in_words(network: Network, text: str) -> UserError:
@@ -56,14 +76,38 @@ def in_words(network: Network, text: str) -> UserError:
         return EndpointInUse(
             f"{here} is in use: stop the process that listens there, or choose another endpoint"
         )
-    if "Unable to connect" in text:
-        return NoPeer(
-            f"nobody answers at {there} (waited {network.connect_timeout_s:g} s): "
-            "start the process that listens there, or correct the endpoint"
-        )
-    if "listener" in text or "port value" in text:
+    if UNCONNECTED in text:
+        return unconnected(there, network)
+    if "listener" in text or "port value" in text or "lookup address" in text:
         return BadEndpoint(f"cannot listen at {here}: {text}")
-    return UserError(f"cannot open the bus: {text}")
+    return UserError(f"cannot open the bus at {here or there}: {text}")
+
+
+def unconnected(there: str, network: Network) -> NoPeer:
+    """Nobody is there, or somebody who takes the call and says nothing."""
+    waited = f"(waited {network.connect_timeout_s:g} s)"
+    if any(listens(endpoint) for endpoint in network.connect):
+        return PeerHangs(
+            f"a process listens at {there} but does not answer {waited}: "
+            "it hangs, is stopped or is none of ours: restart it, or correct the endpoint"
+        )
+    return NoPeer(
+        f"nobody answers at {there} {waited}: "
+        "start the process that listens there, or correct the endpoint"
+    )
+
+
+def listens(endpoint: str) -> bool:
+    """Does the system take a call there? It does so for a process that hangs, too."""
+    protocol, _, address = endpoint.partition("/")
+    host, _, port = address.partition("#")[0].partition("?")[0].rpartition(":")
+    if protocol != "tcp":
+        return False
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=PROBE_S):
+            return True
+    except OSError:
+        return False
 
 
 def bound_endpoints(session: zenoh.Session) -> tuple[str, ...]:

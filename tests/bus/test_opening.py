@@ -1,13 +1,22 @@
 """Joining the bus: what stands in the way is named, and leaving never hangs."""
 
+import socket
 import subprocess
 import sys
 import threading
+from typing import Literal
 
 import pytest
 
 from protocol.bus import open_bus
-from protocol.errors import BadEndpoint, EndpointInUse, LocalError, NoPeer, UserError
+from protocol.errors import (
+    BadEndpoint,
+    EndpointInUse,
+    LocalError,
+    NoPeer,
+    PeerHangs,
+    UserError,
+)
 from protocol.network import Network
 from protocol.topics import Role
 from tests.bus.nets import TOPOLOGIES, Topology, net, until
@@ -38,6 +47,26 @@ def test_nobody_listening_is_named_with_what_to_do() -> None:
     network = Network(mode="client", connect=(NOBODY_THERE,), connect_timeout_s=0.05)
     with pytest.raises(NoPeer, match=rf"{NOBODY_THERE} .*waited 0\.05 s.* start") as caught:
         open_bus(network, Role.PLANT, "r1")
+    assert caught.value.exit_code == 2
+
+
+def test_a_process_that_takes_the_call_and_says_nothing_is_told_apart() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        endpoint = f"tcp/127.0.0.1:{mute.getsockname()[1]}"
+        network = Network(mode="client", connect=(endpoint,), connect_timeout_s=0.2)
+        with pytest.raises(PeerHangs, match=f"listens at {endpoint} but does not answer.*hangs"):
+            open_bus(network, Role.GROUND, "r1")
+
+
+@pytest.mark.parametrize("mode", ["client", "peer"])
+def test_an_unknown_host_is_named(mode: Literal["client", "peer"]) -> None:
+    unknown = ("tcp/no-such-host.invalid:7447",)
+    if mode == "client":
+        network = Network(mode=mode, connect=unknown, connect_timeout_s=0.05)
+    else:
+        network = Network(mode=mode, listen=unknown)
+    with pytest.raises(UserError, match=unknown[0]) as caught:
+        open_bus(network, Role.ROBOT, "r1")
     assert caught.value.exit_code == 2
 
 

@@ -107,6 +107,14 @@ def test_a_foreign_dialect_and_garbage_are_told_apart() -> None:
     assert "9 unreadable on tlm/heartbeat" in second.what
 
 
+def test_a_heart_that_cannot_be_read_is_no_hanging_robot() -> None:
+    spoken = Stream(HEARTBEAT, None, 5, "speaks sidestep@2, this is sidestep@1")
+    others = tuple(stream for stream in seen().streams if stream.topic is not HEARTBEAT)
+    (finding,) = examine(replace(seen(), streams=(spoken, *others))).findings
+    assert "5 unreadable on tlm/heartbeat" in finding.what
+    assert "same version" in finding.do
+
+
 def test_a_robot_without_senses_is_not_healthy() -> None:
     report = examine(replace(seen(), status=_status(Vehicle.BOOT, Reason.NONE)))
     assert not report.healthy
