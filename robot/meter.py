@@ -3,7 +3,6 @@
 from typing import Final
 
 from protocol.clock import Clock, Tick
-
 from protocol.messages import CycleReport
 from robot.core.budget import STAGES, TICK_US
 
@@ -24,12 +23,17 @@ class Meter:
         self._enforced = enforced
         self._stage_us = [0] * len(STAGES)
         self._marked_ns = self._begun_ns = 0
+        self._last_ns: int | None = None
+        self._stalled = False
         self._in_a_row = 0
         self._tick = Tick(0, 0, 0, 0)
         self.overruns = 0
 
     def begin(self, tick: Tick) -> None:
         self._tick = tick
+        now_ns = self._clock.now_ns()
+        self._stalled = self._last_ns is not None and now_ns - self._last_ns > 2 * self._period_ns
+        self._last_ns = now_ns
         self._begun_ns = self._marked_ns = self._clock.cpu_ns()
 
     def mark(self, stage: int) -> None:
@@ -47,8 +51,12 @@ class Meter:
 
     @property
     def violated(self) -> bool:
-        """Three overruns in a row, or a tick more than one period late."""
-        late = self._tick.late_ns > self._period_ns
+        """Three overruns in a row, or a tick more than one period late.
+
+        A process that was stopped begins again with a frame that has just arrived: only the time
+        since the tick before tells that it is late.
+        """
+        late = self._stalled or self._tick.late_ns > self._period_ns
         return self._enforced and (late or self._in_a_row >= OVERRUNS_IN_A_ROW)
 
     def report(self, time_ns: int, *, sense_age_us: int, rejected: int) -> CycleReport:

@@ -49,15 +49,24 @@ class Process:
 
     def run(self, grid: Iterable[Tick]) -> None:
         """Until told to stop. Whatever ends it, the wheels are told to stand and the goal ends."""
+        reason = reasons.SHUT_DOWN
         try:
             for tick in grid:
                 self.cycle(tick)
                 if self._stopping:
                     break
+        except Exception:
+            reason = reasons.CORE_EXCEPTION
+            raise
         finally:
-            self.vehicle.stop(reasons.SHUT_DOWN, self._clock.now_ns())
-            self.reports.command(self._senses.stamp_ns, self._senses.sequence, 0, 0)
-            self.reports.events(self.vehicle, self._clock.now_ns())
+            self._end(reason, self._clock.now_ns())
+
+    def _end(self, reason: int, now_ns: int) -> None:
+        senses, reports = self._senses, self.reports
+        self.vehicle.stop(reason, now_ns)
+        reports.command(senses.stamp_ns, senses.sequence, 0, 0)
+        reports.state(self.vehicle, senses.stamp_ns, now_ns)
+        reports.events(self.vehicle, now_ns)
 
     def cycle(self, tick: Tick) -> None:
         """One control period: read, think, write, account."""

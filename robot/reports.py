@@ -55,19 +55,23 @@ class Reports:
 
     def tick(self, vehicle: Vehicle, outputs: Outputs, stamp_ns: int, now_ns: int) -> None:
         """Where the robot believes it is, what it is about, and why it turns."""
-        state = vehicle.state
-        self.odometry.put(telemetry.odometry(state, stamp_ns))
-        goal_id, now_ms = vehicle.commands.goal_id, now_ms_of(now_ns)
-        self.status.put(telemetry.status(state, goal_id, stamp_ns, now_ms))
+        self.odometry.put(telemetry.odometry(vehicle.state, stamp_ns))
+        self.state(vehicle, stamp_ns, now_ns)
         self.decision.put(telemetry.decision(outputs, vehicle.zone_m, stamp_ns))
+
+    def state(self, vehicle: Vehicle, stamp_ns: int, now_ns: int) -> None:
+        """Vehicle, mode and goal."""
+        goal_id, now_ms = vehicle.commands.goal_id, now_ms_of(now_ns)
+        self.status.put(telemetry.status(vehicle.state, goal_id, stamp_ns, now_ms))
 
     def events(self, vehicle: Vehicle, now_ns: int) -> None:
         """What does not wait for a tick: that the loop lives, and what has just changed."""
         beat = vehicle.heartbeat(now_ns)
         if beat is not None:
             self.heartbeat.put(beat)
-        for text in vehicle.texts():
-            self.text.put(text)
+        if self.text.matched:  # what nobody hears would be lost: it waits
+            for text in vehicle.texts():
+                self.text.put(text)
 
     def record(self, request: Message, answer: Message) -> None:
         """Put a request and its answer on the bus, for the black box."""

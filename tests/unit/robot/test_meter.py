@@ -81,3 +81,17 @@ def test_within_the_budget_nothing_is_counted(spent_us: int) -> None:
     meter, clock = metered()
     cycle(meter, clock, spent_us)
     assert meter.overruns == 0
+
+
+def test_a_process_that_was_stopped_violates_it_although_its_frame_has_just_arrived() -> None:
+    meter, clock = metered()
+    cycle(meter, clock, 100)
+    clock.advance(2 * PERIOD_NS - 100 * US)
+    meter.begin(tick(1))
+    assert not meter.violated, "one period late at the most"
+    clock.advance(2 * PERIOD_NS + 1)
+    meter.begin(tick(2))
+    assert meter.violated
+    clock.advance(PERIOD_NS)
+    meter.begin(tick(3))
+    assert not meter.violated
