@@ -1,0 +1,212 @@
+"""Real processes of the stack, started as a person would, never left behind, and a witness.
+
+with Crew() as crew:
+    crew.start_stack()
+    with Witness(crew.endpoint) as witness:
+        witness.until(lambda: witness.standing)
+"""
+
+import os
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from threading import Event
+from types import TracebackType
+from typing import IO, Self
+
+from ground.leash import command
+from protocol.bus import Bus, Network, open_bus
+from protocol.codec import decode
+from protocol.enums import Vehicle
+from protocol.errors import NoPeer
+from protocol.messages import CycleReport, GroundTruth, NavigatorStatus, Statustext
+from protocol.topics import CYCLE, STATUS, TEXT, TRUTH, Role
+
+PATIENCE_S = 10.0
+STILL_M_S = 0.001
+LOCAL = "127.0.0.1"
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind((LOCAL, 0))
+        return f"tcp/{LOCAL}:{probe.getsockname()[1]}"
+
+
+def until(condition: Callable[[], object], within_s: float = PATIENCE_S, what: str = "") -> float:
+    """Wait for a condition; how long it took. Fails when it does not come true in time."""
+    started_s, pause = time.monotonic(), Event()
+    while not condition():
+        assert time.monotonic() - started_s < within_s, f"not within {within_s} s: {what}"
+        pause.wait(0.003)
+    return time.monotonic() - started_s
+
+
+@dataclass
+class Running:
+    """One process and what it has written so far, on either output."""
+
+    process: subprocess.Popen[bytes]
+    output: IO[bytes]
+
+    @property
+    def said(self) -> str:
+        return os.pread(self.output.fileno(), 1 << 20, 0).decode(errors="replace")
+
+    def send(self, number: signal.Signals) -> None:
+        self.process.send_signal(number)
+
+    def ends(self, within_s: float = PATIENCE_S) -> int:
+        """Its exit code; fails when it does not end in time."""
+        try:
+            return self.process.wait(within_s)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(f"still there after {within_s} s: {self.said}") from None
+
+    def says(self, words: str, within_s: float = PATIENCE_S) -> None:
+        until(lambda: words in self.said or self.process.poll() is not None, within_s, words)
+        assert words in self.said
+
+
+class Crew:
+    """Starts `sidestep` verbs at one endpoint; ends them all on the way out."""
+
+    def __init__(self, *, router: bool = False) -> None:
+        self.endpoint = free_endpoint()
+        self._router = router
+        self._scope = ExitStack()
+
+    def __enter__(self) -> Self:
+        if self._router:
+            with self._scope:  # closed here if the router does not come up
+                self.listening("router").says("router at")
+                self._scope = self._scope.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._scope.close()
+
+    def execute(self, *words: str) -> Running:
+        """Any command line; the process ends with this one, whatever happens."""
+        output = tempfile.TemporaryFile()  # noqa: SIM115 - closed on the way out
+        self._scope.callback(output.close)
+        process = subprocess.Popen(
+            words, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
+        )
+        self._scope.callback(process.wait)
+        self._scope.callback(process.kill)
+        return Running(process, output)
+
+    def start(self, *words: str) -> Running:
+        """`sidestep` with these words."""
+        return self.execute(*command(words, os.getpid()))
+
+    def listening(self, *words: str) -> Running:
+        return self.start(*words, "--listen", self.endpoint)
+
+    def dialling(self, *words: str) -> Running:
+        return self.start(*words, "--connect", self.endpoint)
+
+    def robot(self, *words: str) -> Running:
+        """Ready; without a router it is the hub."""
+        start = self.dialling if self._router else self.listening
+        robot = start("robot", "--start", "0.6", "2", "0", *words)
+        robot.says("ready")
+        return robot
+
+    def plant(self, *words: str) -> Running:
+        plant = self.dialling("plant", "--world", "open", "--noise", "none", *words)
+        plant.says("plant: world")
+        return plant
+
+    def run(self, *words: str) -> tuple[int, str]:
+        """A verb to its end: exit code and all that it said."""
+        running = self.dialling(*words)
+        return running.ends(), running.said
+
+
+class Witness:
+    """Sees truth, status and texts as they arrive, each with the time of its arrival."""
+
+    def __init__(self, endpoint: str, robot: str = "r1") -> None:
+        self._network = Network(mode="client", connect=(endpoint,), connect_timeout_s=0.5)
+        self._robot = robot
+        self.truths: deque[tuple[GroundTruth, int]] = deque(maxlen=20_000)
+        self.statuses: deque[tuple[NavigatorStatus, int]] = deque(maxlen=20_000)
+        self.texts: list[str] = []
+        self.report: CycleReport | None = None
+
+    def __enter__(self) -> Self:
+        self.bus: Bus = open_patiently(self._network, self._robot)
+        for topic in (TRUTH, STATUS, TEXT, CYCLE):
+            self.bus.stream(topic, self._take)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.bus.close()
+
+    def _take(self, _key: str, frame: bytes, arrived_ns: int) -> None:
+        message = decode(frame).message
+        if isinstance(message, GroundTruth):
+            self.truths.append((message, arrived_ns))
+        elif isinstance(message, NavigatorStatus):
+            self.statuses.append((message, arrived_ns))
+        elif isinstance(message, Statustext):
+            self.texts.append(message.text)
+        elif isinstance(message, CycleReport):
+            self.report = message
+
+    @property
+    def status(self) -> NavigatorStatus:
+        until(lambda: self.statuses, what="a status")
+        return self.statuses[-1][0]
+
+    @property
+    def truth(self) -> GroundTruth:
+        until(lambda: self.truths, what="the truth")
+        return self.truths[-1][0]
+
+    def ready(self) -> None:
+        until(lambda: self.status.vehicle == Vehicle.STANDBY, what="STANDBY")
+
+    def driving(self) -> None:
+        until(lambda: self.truth.speed_m_s > 0.25, what="driving")
+
+    def standing(self) -> bool:
+        return moved_not(self.truth)
+
+    def stopped_at_ns(self, after_ns: int) -> tuple[int, int]:
+        """Stamp of the last truth before a moment, and of the first at rest after it."""
+        before = max(truth.time_ns for truth, at_ns in tuple(self.truths) if at_ns <= after_ns)
+        until(lambda: self.truth.time_ns > before and self.standing(), what="standing")
+        still = [t.time_ns for t, _ in tuple(self.truths) if t.time_ns > before and moved_not(t)]
+        return before, min(still)
+
+
+def moved_not(truth: GroundTruth) -> bool:
+    return abs(truth.speed_m_s) < STILL_M_S and abs(truth.yaw_rate_rad_s) < 0.01
+
+
+def open_patiently(network: Network, robot: str) -> Bus:
+    found: list[Bus] = []
+
+    def opened() -> bool:
+        try:
+            found.append(open_bus(network, Role.GROUND, robot))
+        except NoPeer:
+            return False
+        return True
+
+    until(opened, what="somebody to listen")
+    return found[0]

@@ -1,0 +1,143 @@
+"""Processes killed while the robot drives, in wall time: it stops, in time, and it is told why.
+
+Times on the plant's clock have the resolution of the truth, one period of 50 ms; which of them was
+the last before a kill is only known by its arrival.
+"""
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+import pytest
+
+from protocol.enums import GoalState, Vehicle
+from protocol.reasons import Reason, reason_text
+from tests.stack.processes import Crew, Running, Witness, until
+
+pytestmark = pytest.mark.stack
+
+MS = 1_000_000
+PERIOD_MS = 50
+GOAL = ("5.4", "2")
+
+
+@dataclass
+class Stage:
+    """A stack whose robot is on its way, and who looks at it."""
+
+    crew: Crew
+    robot: Running
+    plant: Running
+    goto: Running
+    witness: Witness
+
+    def seen(self, reason: Reason, since_ns: int) -> float:
+        """Milliseconds from a moment to the arrival of a FAILSAFE with this reason."""
+        found: list[int] = []
+
+        def failed() -> bool:
+            found[:] = [
+                at_ns
+                for status, at_ns in tuple(self.witness.statuses)
+                if (status.vehicle, status.vehicle_reason) == (Vehicle.FAILSAFE, reason)
+            ]
+            return bool(found)
+
+        until(failed, what=reason.name)
+        return (found[0] - since_ns) / MS
+
+
+@contextmanager
+def driving(*, router: bool) -> Iterator[Stage]:
+    with ExitStack() as scope:
+        crew = scope.enter_context(Crew(router=router))
+        robot, plant = crew.robot(), crew.plant()
+        witness = scope.enter_context(Witness(crew.endpoint))
+        witness.ready()
+        goto = crew.dialling("goto", *GOAL)
+        witness.driving()
+        yield Stage(crew, robot, plant, goto, witness)
+
+
+@pytest.fixture
+def stage() -> Iterator[Stage]:
+    """The robot is the hub."""
+    with driving(router=False) as found:
+        yield found
+
+
+@pytest.fixture
+def routed() -> Iterator[Stage]:
+    """With a router, so that the truth is seen without the robot."""
+    with driving(router=True) as found:
+        yield found
+
+
+def kill(victim: Running, number: signal.Signals = signal.SIGKILL) -> int:
+    """The moment of the kill."""
+    victim.send(number)
+    return time.monotonic_ns()
+
+
+def stops_in_time(stage: Stage, since_ns: int) -> None:
+    before_ns, still_ns = stage.witness.stopped_at_ns(since_ns)
+    assert (still_ns - before_ns) / MS <= 200 + PERIOD_MS
+
+
+def test_wheels_stand_within_200_ms_of_the_robots_death(routed: Stage) -> None:
+    stops_in_time(routed, kill(routed.robot))
+    assert routed.goto.ends() == 1
+    assert "silent" in routed.goto.said
+
+
+def test_a_stopped_robot_stands_and_does_not_drive_on_when_it_is_let_go(routed: Stage) -> None:
+    stopped_ns = kill(routed.robot, signal.SIGSTOP)
+    stops_in_time(routed, stopped_ns)
+    let_go_ns = kill(routed.robot, signal.SIGCONT)
+    assert routed.seen(Reason.BUDGET, let_go_ns) < 250
+    seen = len(routed.witness.truths)
+    until(lambda: len(routed.witness.truths) > seen + 10, what="half a second of truth")
+    assert all(truth.speed_m_s < 0.001 for truth, _ in tuple(routed.witness.truths)[seen:])
+    assert routed.witness.status.goal == GoalState.ABORTED
+    assert routed.goto.ends() == 1
+
+
+def test_started_again_it_stands_still_disarmed_and_says_so(stage: Stage) -> None:
+    stage.robot.send(signal.SIGKILL)
+    stage.robot.ends()
+    told = len(stage.witness.statuses)
+    stage.witness.texts.clear()
+    stage.crew.robot()
+    until(lambda: "started: disarmed, standing still" in stage.witness.texts, what="its words")
+    until(lambda: len(stage.witness.statuses) > told + 5, what="its status")
+    until(lambda: stage.witness.status.vehicle == Vehicle.STANDBY, what="STANDBY")
+    assert stage.witness.status.goal == GoalState.NONE
+    assert stage.goto.ends() == 1
+    assert stage.witness.standing()
+
+
+def test_without_its_plant_it_stops_within_250_ms_and_the_doctor_says_so(stage: Stage) -> None:
+    took_ms = stage.seen(Reason.TICKS_LOST, kill(stage.plant))
+    assert took_ms <= 250
+    assert stage.goto.ends() == 1
+    code, said = stage.crew.run("doctor", "--timeout", "0.3")
+    assert code == 1
+    assert f"failsafe: {reason_text(Reason.TICKS_LOST)}" in said
+    assert "no plant is there" in said
+
+
+def test_when_goto_is_killed_guided_stops_for_want_of_an_operator(stage: Stage) -> None:
+    took_ms = stage.seen(Reason.OPERATOR_LOST, kill(stage.goto))
+    assert 1300 <= took_ms <= 1700
+    until(stage.witness.standing, 1.0, "standing")
+
+
+def test_ctrl_c_in_goto_aborts_the_goal(stage: Stage) -> None:
+    stage.goto.send(signal.SIGINT)
+    assert stage.goto.ends(2.0) == 130
+    assert "goal aborted" in stage.goto.said
+    until(lambda: stage.witness.status.goal == GoalState.ABORTED, 1.0, "ABORTED")
+    assert stage.witness.status.goal_reason == Reason.BY_OPERATOR
+    until(stage.witness.standing, 1.0, "standing")
