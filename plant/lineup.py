@@ -10,7 +10,8 @@ from plant.geometry import clearance_m
 from plant.raycast import Pose
 from plant.world_types import World
 
-GAP_M: Final = 0.16
+GAP_M: Final = 0.36
+"""Wider than the avoidance zone (0.30 m), or neighbours would keep each other from their goals."""
 ROOM_M: Final = 0.02
 FARTHEST_PLACE: Final = 50
 

@@ -165,10 +165,10 @@ def test_early_sonars_see_an_obstacle_where_it_was_half_a_period_ago() -> None:
 
 
 def test_robots_see_each_other_and_drive_on_their_own() -> None:
-    plant = Plant(room(start=(1.0, 1.5, pi / 2)), 1, NONE, robots=2)
-    assert plant.truth(0).clearance_m == plant.truth(1).clearance_m == pytest.approx(0.16)
-    assert ranges_m(plant, 0)[7] == pytest.approx(0.16, abs=0.005)
-    assert ranges_m(plant, 1)[0] == pytest.approx(0.16, abs=0.005)
+    plant = Plant(room(start=(2.0, 1.5, pi / 2)), 1, NONE, robots=2)
+    assert plant.truth(0).clearance_m == plant.truth(1).clearance_m == pytest.approx(0.36)
+    assert ranges_m(plant, 0)[7] == pytest.approx(0.36, abs=0.005)
+    assert ranges_m(plant, 1)[0] == pytest.approx(0.36, abs=0.005)
     drive(plant, 0.3, 0.3, 20, robot=1)
     assert (plant.truth(0).y_m, counters(plant, 0)) == (1.5, (0, 0))
     assert plant.truth(1).y_m > 1.75

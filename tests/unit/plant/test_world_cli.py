@@ -141,8 +141,8 @@ def test_show_tells_where_several_robots_start_and_go(capsys: pytest.CaptureFixt
     assert main(["show", "box", "--robots", "2", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["starts"][0] == found["start"]
-    assert found["starts"][1] == pytest.approx({"x_m": 0.6, "y_m": 2.4, "heading_deg": 0.0})
-    assert [goal["y_m"] for goal in found["goals"]] == pytest.approx([2.0, 2.4])
+    assert found["starts"][1] == pytest.approx({"x_m": 0.6, "y_m": 2.6, "heading_deg": 0.0})
+    assert [goal["y_m"] for goal in found["goals"]] == pytest.approx([2.0, 2.6])
     assert main(["show", "box", "--robots", "2", "--goal", "1", "-2", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["goals"][0] == {"x_m": 1, "y_m": -2, "shifted": True}
 
