@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 from ground import doctor, goto, orders, param, record, router, up, watch
 from ground.says import Says
 from protocol.errors import ConfigError, RemoteError, UserError
+from protocol.options import numbers_kept
 
 EXIT_NOT: Final = 1
 EXIT_USAGE: Final = 2
@@ -89,7 +90,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         prog=f"sidestep {word}", description=verb.says, allow_abbrev=False
     )
     verb.arguments(parser)
-    return parser.parse_args(list(argv[1:]), argparse.Namespace(verb=word))
+    return parser.parse_args(numbers_kept(argv[1:]), argparse.Namespace(verb=word))
 
 
 def failed(says: Says, verb: str, why: str, code: int) -> int:

@@ -74,6 +74,7 @@ def listening_of(options: argparse.Namespace) -> Network:
 
 def finite(text: str) -> float:
     """A number that is one: neither NaN nor infinite."""
+    text = text.strip()
     try:
         value = float(text)
     except ValueError:
@@ -86,7 +87,7 @@ def finite(text: str) -> float:
 def positive(text: str) -> float:
     value = finite(text)
     if value <= 0.0:
-        raise argparse.ArgumentTypeError(f"{text!r} must be more than 0")
+        raise argparse.ArgumentTypeError(f"{text.strip()!r} must be more than 0")
     return value
 
 

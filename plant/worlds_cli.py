@@ -13,6 +13,7 @@ from plant.world_file import SHIPPED_DIR, World, WorldError, load, shipped
 from plant.world_json import Json, as_json, places_json
 from plant.world_overrides import body_of
 from plant.world_text import draw
+from protocol.options import numbers_kept
 
 EXIT_OK = 0
 EXIT_USAGE = 2
@@ -21,7 +22,7 @@ EXIT_USAGE = 2
 def main(argv: Sequence[str]) -> int:
     """Run one of list, check and show; 0, or 2 for a bad file or wrong usage."""
     try:
-        arguments = _parser().parse_args(list(argv))
+        arguments = _parser().parse_args(numbers_kept(argv))
     except SystemExit as done:
         return EXIT_OK if done.code in (0, None) else EXIT_USAGE
     if arguments.verb == "list":
@@ -62,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
 def _finite(text: str) -> float:
     value = float(text)
     if not isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+        raise argparse.ArgumentTypeError(f"{text.strip()} is not a finite number")
     return value
 
 

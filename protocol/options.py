@@ -1,12 +1,33 @@
-"""The command-line options that every process on the bus has: where it listens or connects."""
+"""What command lines have in common: where a process listens or connects, and odd numbers."""
 
 import argparse
+import re
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
 
 from protocol.network import Mode, Network
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
+ARGPARSE_TAKES: Final = re.compile(r"-\d+\Z|-\d*\.\d+\Z")
+
+
+def numbers_kept(words: Iterable[str]) -> list[str]:
+    """The words, with a blank before negative numbers such as -1e3, -5. and -inf.
+
+    argparse would take those for options; with the blank they are values, as float() reads them.
+    """
+    return [f" {word}" if _taken_for_option(word) else word for word in words]
+
+
+def _taken_for_option(word: str) -> bool:
+    if not word.startswith("-") or ARGPARSE_TAKES.match(word):
+        return False
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def add_network_options(parser: argparse.ArgumentParser) -> None:

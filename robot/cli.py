@@ -10,7 +10,7 @@ from protocol import config
 from protocol.enums import Severity
 from protocol.errors import UserError
 from protocol.network import Network
-from protocol.options import add_network_options, network_of
+from protocol.options import add_network_options, network_of, numbers_kept
 from protocol.topics import robot_name
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
@@ -30,7 +30,7 @@ class Settings:
 
 def main(argv: Sequence[str]) -> int:
     """Run until told to stop; 0 after that, 1 when the core failed, 2 for wrong settings."""
-    arguments = parser().parse_args(list(argv))
+    arguments = parser().parse_args(numbers_kept(argv))
     settings = config.load(arguments.config, Settings) if arguments.config else Settings()
     network = network_of(arguments, settings.network, listens=True)
     vehicle = vehicle_of(arguments, settings)
@@ -104,7 +104,7 @@ def adjusted(params: Params, values: Iterable[tuple[str, float]], where: str) ->
 def finite(text: str) -> float:
     value = float(text)
     if not isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+        raise argparse.ArgumentTypeError(f"{text.strip()} is not a finite number")
     return value
 
 

@@ -60,6 +60,10 @@ def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str
         ["goto", "1", "inf"],
         ["goto", "1", "2", "--tolerance", "nan"],
         ["goto", "9e9", "0"],
+        ["goto", "-9e9", "0"],
+        ["goto", "-inf", "0"],
+        ["up", "--goal", "-1e-3", "1"],
+        ["up", "--goal", "-inf", "1"],
         ["mode", "sideways"],
         ["navigator", "magic"],
         ["navigator", "bug", "up"],
@@ -87,6 +91,21 @@ def test_wrong_usage_ends_with_2_and_a_word_about_it(
     assert said.err
     assert "Traceback" not in said.err
     assert not said.out
+
+
+def test_a_negative_exponent_is_a_number_and_not_an_option() -> None:
+    found = cli.parse(["goto", "-1e3", "-2.5e-1", "-9e1"])
+    assert (found.x, found.y, found.heading) == (-1000.0, -0.25, -90.0)
+    assert cli.parse(["up", "--goal", "-1e-3", "2e0"]).goal == [-0.001, 2.0]
+
+
+def test_what_is_wrong_with_a_number_is_said_in_its_own_words(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    main(["goto", "-inf", "0"])
+    assert "'-inf' is not a finite number" in capsys.readouterr().err
+    main(["up", "--goal", "-1e-3", "1"])
+    assert "(-0.001, 1.000) lies outside the world box" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
