@@ -8,8 +8,9 @@ from ground.destination import goal_request
 from ground.link import NS_PER_S, Link
 from ground.operator import Answered, GoalWatch
 from ground.orders import NAVIGATORS, SIDES, why
-from ground.scenario import Scenario
-from ground.status_line import goal_line
+from ground.parts import Part
+from ground.scenario import Entrant, Scenario
+from ground.status_line import goal_line, short_line
 from ground.telemetry import Telemetry
 from protocol.codec import decode
 from protocol.enums import Command, GoalState, Mode, RunAction
@@ -17,12 +18,10 @@ from protocol.errors import RemoteError
 from protocol.messages import CommandAck, NavigatorStatus, PlanarOdometry, RunRequest, RunScore
 from protocol.outcome import Ended, Outcome, judged
 from protocol.reasons import Reason
-from protocol.topics import CYCLE, ODOMETRY, RUN, STATUS
+from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS
 
 READY_NS: Final = 15 * NS_PER_S
 RETRY_NS: Final = 20_000_000
-LOOK_NS: Final = 100_000_000
-PAUSE_NS: Final = 2_000_000
 ASK_S: Final = 2.0
 REMEMBERED: Final = 20_000
 WORTH_WAITING: Final = (Reason.NO_SENSES, Reason.TICKS_LOST, Reason.SCAN_LOST)
@@ -35,38 +34,28 @@ class NotRun(RemoteError):
 
 
 class Errand:
-    """`check` raises when a process has died; `show` gets a line now and then."""
+    """One robot's part in a run; `outcome` is there when it has ended.
+
+    `check` raises when a process has died.
+    """
 
     def __init__(
-        self, link: Link, scenario: Scenario, check: Callable[[], None], show: Callable[[str], None]
+        self, link: Link, scenario: Scenario, entrant: Entrant, check: Callable[[], None]
     ) -> None:
-        self._link = link
+        self.link = link
+        self.telemetry = Telemetry(link.bus, link.robot, (STATUS, ODOMETRY, DECISION, CYCLE))
+        self.outcome: Outcome | None = None
         self._scenario = scenario
+        self._goal = entrant.goal
         self._check = check
-        self._show = show
-        self._telemetry = Telemetry(link.bus, link.robot, (STATUS, ODOMETRY, CYCLE))
+        self._goal_id = 0
+        self._begun_ns = 0
+        self._refusal: Answered | None = None
+        self._watch: GoalWatch | None = None
         self._poses: deque[bytes] = deque(maxlen=REMEMBERED)
         link.bus.stream(ODOMETRY, lambda _key, frame, _at: self._poses.append(frame), link.robot)
 
-    def run(self) -> Outcome:
-        """Raises NotRun when there is nothing to judge."""
-        scenario = self._scenario
-        self._prepare()
-        if not scenario.lockstep:
-            self._start()  # so that the score begins with the goal
-        request = goal_request(scenario.goal.on_the_wire(), self._link.ids.next(), Mode.AUTO)
-        answered = self._link.ask(request)
-        if scenario.lockstep:
-            self._start()
-        begun_ns = self._link.clock.now_ns()
-        if answered.ok:
-            status = self._follow(request.request_id, begun_ns)
-        else:
-            status = self._refused(answered)
-        wall_s = (self._link.clock.now_ns() - begun_ns) / NS_PER_S
-        return self._judge(status, wall_s)
-
-    def _prepare(self) -> None:
+    def prepare(self) -> None:
         """Choose the navigator and arm: accepted as soon as senses are there."""
         navigator = float(NAVIGATORS[self._scenario.navigator])
         side = float(SIDES[self._scenario.side])
@@ -74,54 +63,81 @@ class Errand:
         self._insist(Command.COMPONENT_ARM_DISARM, 1.0)
 
     def _insist(self, command: Command, param1: float, param2: float = 0.0) -> None:
-        clock = self._link.clock
+        clock = self.link.clock
         deadline_ns = clock.now_ns() + READY_NS
         while True:
             self._check()
-            answered = self._link.ask(self._link.command(command, param1, param2))
+            answered = self.link.ask(self.link.command(command, param1, param2))
             if answered.ok:
                 return
             if answered.reason not in WORTH_WAITING or clock.now_ns() > deadline_ns:
                 raise NotRun(f"{command.name.lower()} was refused: {why(answered)}")
             clock.sleep_until(clock.now_ns() + RETRY_NS)
 
-    def _start(self) -> None:
+    def start(self) -> None:
+        """Let the plant's time go on, or, where it runs, begin the score of all robots."""
         answer = self._ask_plant(RunRequest(until_ns=0, action=RunAction.START))
         if not isinstance(answer, CommandAck) or answer.result:
             raise NotRun("the plant would not start")
 
+    def send(self) -> None:
+        """Give the goal. A refused one is an outcome, too, but not before time goes on."""
+        request = goal_request(self._goal.on_the_wire(), self.link.ids.next(), Mode.AUTO)
+        self._goal_id = request.request_id
+        answered = self.link.ask(request)
+        self._refusal = None if answered.ok else answered
+
+    def begin(self) -> None:
+        """Follow the goal from now on: the run has been started."""
+        self._begun_ns = self.link.clock.now_ns()
+        if self._refusal is not None:
+            self._end(self._refused(self._refusal))
+            return
+        timeout_ns = round(self._scenario.timeout_s * NS_PER_S)
+        self._watch = GoalWatch(self._goal_id, self._begun_ns, timeout_ns, stamps_only=True)
+
+    def look(self) -> None:
+        """See whether the goal has ended or its time is up; NotRun when the robot is lost."""
+        if self.outcome is not None or self._watch is None:
+            return
+        newest = self.telemetry.latest(STATUS)
+        if newest is not None:
+            self._watch.receive(*newest)
+        self._watch.due(self.link.clock.now_ns())
+        end = self._watch.end
+        if end is None:
+            return
+        if newest is not None and (end.outcome == "timeout" or newest[0].goal_ended_ns):
+            self._end(newest[0])
+            return
+        self._check()
+        raise NotRun(f"{end.reason}: {self.link.diagnosis()}")
+
+    def line(self) -> list[Part]:
+        """How it stands, for a line."""
+        now_ns = self.link.clock.now_ns()
+        silent_ns = 0 if self._watch is None else self._watch.silent_ns(now_ns)
+        return goal_line(self.telemetry, now_ns, silent_ns, self._goal_id)
+
+    def short_line(self) -> Part:
+        """The same in a few words, for a line of several robots."""
+        if self.outcome is not None:
+            return Part(f"{self.link.robot} {self.outcome.outcome}")
+        return short_line(self.telemetry, self.link.robot, self.link.clock.now_ns())
+
+    def _end(self, status: NavigatorStatus) -> None:
+        wall_s = (self.link.clock.now_ns() - self._begun_ns) / NS_PER_S
+        self.outcome = self._judge(status, wall_s)
+
     def _ask_plant(self, request: RunRequest) -> object:
-        return self._link.bus.ask(RUN, request, ASK_S, robot=self._link.robot)
+        return self.link.bus.ask(RUN, request, ASK_S, robot=self.link.robot)
 
     def _refused(self, answered: Answered) -> NavigatorStatus:
-        """A refused goal is an outcome, too."""
-        self._link.wait(lambda: self._telemetry.latest(STATUS) is not None, READY_NS)
-        newest = self._telemetry.latest(STATUS)
+        self.link.wait(lambda: self.telemetry.latest(STATUS) is not None, READY_NS)
+        newest = self.telemetry.latest(STATUS)
         if newest is None:
             raise NotRun(f"the goal was refused: {why(answered)}")
         return newest[0]
-
-    def _follow(self, goal_id: int, begun_ns: int) -> NavigatorStatus:
-        """The first status seen in which the goal has ended or its time is up."""
-        timeout_ns = round(self._scenario.timeout_s * NS_PER_S)
-        watch = GoalWatch(goal_id, begun_ns, timeout_ns, stamps_only=True)
-        shown_ns = begun_ns
-        while True:
-            now_ns = self._link.clock.now_ns()
-            newest = self._telemetry.latest(STATUS)
-            if newest is not None:
-                watch.receive(*newest)
-            watch.due(now_ns)
-            if watch.end is not None and newest is not None:
-                if watch.end.outcome == "timeout" or newest[0].goal_ended_ns:
-                    return newest[0]
-                self._check()
-                raise NotRun(f"{watch.end.reason}: {self._link.diagnosis()}")
-            if now_ns - shown_ns >= LOOK_NS:
-                shown_ns = now_ns
-                self._check()
-                self._show(goal_line(self._telemetry, now_ns, watch.silent_ns(now_ns)))
-            self._link.clock.sleep_until(now_ns + PAUSE_NS)
 
     def _judge(self, status: NavigatorStatus, wall_s: float) -> Outcome:
         timeout_ns = round(self._scenario.timeout_s * NS_PER_S)
@@ -131,7 +147,7 @@ class Errand:
         if not isinstance(score, RunScore):
             raise NotRun("the plant would not score the run")
         x_m, y_m = self._believed(until_ns)
-        cycle = self._telemetry.latest(CYCLE)
+        cycle = self.telemetry.latest(CYCLE)
         account = Ended(
             goal_state=status.goal,
             goal_reason=status.goal_reason,
@@ -141,7 +157,7 @@ class Errand:
             wall_s=wall_s,
             missed_ticks=0 if cycle is None else cycle[0].missed,
         )
-        return judged(self._scenario.asked(), account, score)
+        return judged(self._scenario.asked(self._goal), account, score)
 
     def _believed(self, at_ns: int) -> tuple[float, float]:
         """Where the robot believed to be at that stamp, or as near to it as was heard."""

@@ -17,7 +17,7 @@ from protocol.enums import Command, Mode, Vehicle
 from protocol.errors import RemoteError
 from protocol.messages import GoalRequest
 from protocol.reasons import Reason
-from protocol.topics import ODOMETRY, STATUS
+from protocol.topics import DECISION, ODOMETRY, STATUS
 
 SHOW_NS: Final = 200_000_000
 SHOW_PLAIN_NS: Final = 2_000_000_000
@@ -52,7 +52,7 @@ class Drive:
         self._link = link
         self._says = says
         self._telemetry = Telemetry(
-            link.bus, link.robot, (STATUS, ODOMETRY), notify=link.pulse.beat
+            link.bus, link.robot, (STATUS, ODOMETRY, DECISION), notify=link.pulse.beat
         )
 
     def wait_for(self, where: Destination, timeout_ns: int | None) -> int:
@@ -64,7 +64,8 @@ class Drive:
             if not answered.ok:
                 return tell(self._says, "goto", self._link.robot, answered)
             self._says.note(f"goal {where} accepted")
-            end = self._follow(GoalWatch(request.request_id, started_ns, timeout_ns))
+            watch = GoalWatch(request.request_id, started_ns, timeout_ns)
+            end = self._follow(watch, request.request_id)
         except BaseException:
             self._abort("given up")
             raise
@@ -104,7 +105,7 @@ class Drive:
         self._says.note("armed" if answered.ok else f"arming was refused: {why(answered)}")
         return answered.ok
 
-    def _follow(self, watch: GoalWatch) -> GoalEnd:
+    def _follow(self, watch: GoalWatch, goal_id: int) -> GoalEnd:
         clock, last_shown_ns = self._link.clock, 0
         every_ns = SHOW_NS if self._says.live else SHOW_PLAIN_NS
         while True:
@@ -118,15 +119,10 @@ class Drive:
                 return watch.end
             if now_ns - last_shown_ns >= every_ns:
                 last_shown_ns = now_ns
-                self._show(now_ns, watch.silent_ns(now_ns))
+                self._says.line(
+                    goal_line(self._telemetry, now_ns, watch.silent_ns(now_ns), goal_id)
+                )
             self._link.pulse.wait_until(now_ns + BEAT_NS // 2)
-
-    def _show(self, now_ns: int, silent_ns: int) -> None:
-        text = goal_line(self._telemetry, now_ns, silent_ns)
-        if self._says.live:
-            self._says.line(text)
-        else:
-            self._says.note(text)
 
     def _abort(self, why: str) -> None:
         """Tell the robot, once and briefly; it stops without us, too."""

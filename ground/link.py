@@ -100,7 +100,8 @@ class Link:
         beats = box.latest() is not None
         if box.rejected and not beats:
             return f"robot {self.robot} is there, but its heartbeat {box.last_rejection}"
-        return why_silent(crew_of(self.bus.present()), self.robot, self._endpoint, beats=beats)
+        crew = crew_of(self.bus.present())
+        return self.bus.lost() or why_silent(crew, self.robot, self._endpoint, beats=beats)
 
     def wait(self, condition: Callable[[], bool], patience_ns: int) -> bool:
         """Until the condition holds or patience ends; looks again at every arrival."""

@@ -1,9 +1,15 @@
 """What a verb tells: exactly one result on standard output, everything else on standard error."""
 
 import json
+import os
 import sys
+from collections.abc import Sequence
 from math import isfinite
-from typing import TextIO
+from typing import Final, TextIO
+
+from ground.parts import Part, fitted, in_words
+
+USUAL_WIDTH: Final = 80
 
 
 class Says:
@@ -14,6 +20,7 @@ class Says:
         self._out = out or sys.stdout
         self._err = err or sys.stderr
         self.live = self._err.isatty()
+        self._dims = self.live and not os.environ.get("NO_COLOR")  # no-color.org
         self._open = 0
         self.told = False
 
@@ -22,12 +29,23 @@ class Says:
         self.end_line()
         print(text, file=self._err, flush=True)
 
-    def line(self, text: str) -> None:
-        """The present state, in place of the last one."""
-        shown = text.ljust(self._open)
-        self._err.write(f"\r{shown}")
+    def line(self, parts: Sequence[Part]) -> None:
+        """The present state: in a terminal in place of the last one, elsewhere a line more."""
+        if not self.live:
+            self.note(in_words(parts))
+            return
+        # The last column stays free: some terminals wrap as soon as it is written.
+        text, length = fitted(parts, self._width() - 1, dims=self._dims)
+        self._err.write(f"\r{text}{' ' * (min(self._open, self._width() - 1) - length)}")
         self._err.flush()
-        self._open = len(text)
+        self._open = length
+
+    def _width(self) -> int:
+        """Asked anew each time: windows change."""
+        try:
+            return os.get_terminal_size(self._err.fileno()).columns or USUAL_WIDTH
+        except OSError:
+            return USUAL_WIDTH
 
     def end_line(self) -> None:
         if self._open:

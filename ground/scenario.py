@@ -3,7 +3,8 @@
 import argparse
 import json
 import subprocess
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from math import radians
 from pathlib import Path
 from typing import Any, Final
@@ -18,18 +19,30 @@ SHOW_S: Final = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Entrant:
+    """One of the robots: its name, where it stands (x_m, y_m, heading_rad) and where it goes.
+
+    `shifted`: its goal lies from the goal as its start lies from the start.
+    """
+
+    robot: str
+    start: tuple[float, float, float]
+    goal: Destination
+    shifted: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """`speed` 1 is the wall clock; anything else is lockstep, in which a run can be repeated."""
 
     world: str
     name: str
     facts: dict[str, Any]
-    goal: Destination
+    entrants: tuple[Entrant, ...]
     navigator: str
     side: str
     seed: int
     noise: str | None
-    robots: tuple[str, ...]
     speed: str
     router: bool
     record: str | None
@@ -39,8 +52,12 @@ class Scenario:
     def lockstep(self) -> bool:
         return self.speed != "1"
 
-    def asked(self) -> Asked:
-        goal = self.goal
+    @property
+    def robots(self) -> tuple[str, ...]:
+        return tuple(entrant.robot for entrant in self.entrants)
+
+    def asked(self, goal: Destination) -> Asked:
+        """What a robot with that goal was to do."""
         return Asked(
             world=self.name,
             navigator=self.navigator,
@@ -50,13 +67,10 @@ class Scenario:
             goal_y_m=goal.y_m,
             goal_heading_rad=goal.heading_rad,
             wire_goal=goal.on_the_wire(),
-            shortest_path_m=self.facts["shortest_path_m"] if self._own_goal() else None,
+            # Known only to the goal of the world, from its start.
+            shortest_path_m=self.facts["shortest_path_m"] if goal == goal_in(self.facts) else None,
             timeout_s=self.timeout_s,
         )
-
-    def _own_goal(self) -> bool:
-        """The shortest path is known only to the goal of the world."""
-        return self.goal == goal_in(self.facts)
 
 
 def scenario_of(options: argparse.Namespace, facts: dict[str, Any]) -> Scenario:
@@ -64,22 +78,31 @@ def scenario_of(options: argparse.Namespace, facts: dict[str, Any]) -> Scenario:
     if options.goal is not None:
         goal = destination(options.goal)
         refuse_outside(goal, facts)
-    robots = tuple(f"r{number + 1}" for number in range(options.robots))
     return Scenario(
         world=options.world,
         name=str(facts["name"]),
         facts=facts,
-        goal=goal,
+        entrants=tuple(entrants_of(goal, facts)),
         navigator=options.navigator,
         side=options.side,
         seed=options.seed,
         noise=options.noise,
-        robots=robots,
         speed=options.speed,
-        router=options.router or len(robots) > 1,
+        router=options.router or options.robots > 1,
         record=None if options.record is None else str(Path(options.record).resolve()),
         timeout_s=options.timeout,
     )
+
+
+def entrants_of(goal: Destination, facts: dict[str, Any]) -> Iterator[Entrant]:
+    """Starts and goals are where the plant says; the first robot's goal is the one asked for."""
+    for number, (start, place) in enumerate(zip(facts["starts"], facts["goals"], strict=True)):
+        yield Entrant(
+            robot=f"r{number + 1}",
+            start=(start["x_m"], start["y_m"], radians(start["heading_deg"])),
+            goal=replace(goal, x_m=place["x_m"], y_m=place["y_m"]) if number else goal,
+            shifted=place["shifted"],
+        )
 
 
 def refuse_outside(goal: Destination, facts: dict[str, Any]) -> None:
@@ -101,8 +124,17 @@ def goal_in(facts: dict[str, Any]) -> Destination:
     )
 
 
+def question(options: argparse.Namespace) -> list[str]:
+    """What to ask of the plant's side before anything is started."""
+    words = ["worlds", "show", options.world, "--json", "--robots", str(options.robots)]
+    if options.goal is not None:
+        goal = destination(options.goal)
+        words += ["--goal", repr(goal.x_m), repr(goal.y_m)]
+    return words
+
+
 def world_facts(command: list[str]) -> dict[str, Any]:
-    """What `sidestep worlds show W --json` prints; UserError with its words when it refuses."""
+    """What `sidestep worlds show` prints; UserError with its words when it refuses."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=SHOW_S, check=False)
     except subprocess.TimeoutExpired as error:
@@ -118,7 +150,9 @@ def cast(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
     everybody: list[tuple[str, list[str]]] = []
     if scenario.router:
         everybody.append(("router", ["router", "--listen", endpoint]))
-    everybody += [(f"robot {name}", robot(scenario, name, endpoint)) for name in scenario.robots]
+    everybody += [
+        (f"robot {one.robot}", robot(scenario, one, endpoint)) for one in scenario.entrants
+    ]
     if scenario.record is not None:
         everybody += [
             (
@@ -130,21 +164,21 @@ def cast(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
     return [*everybody, ("plant", plant(scenario, endpoint))]
 
 
-def robot(scenario: Scenario, name: str, endpoint: str) -> list[str]:
+def robot(scenario: Scenario, entrant: Entrant, endpoint: str) -> list[str]:
     """Without a router the robot is the hub that the others dial."""
-    found = ["robot", "--id", name, "--connect" if scenario.router else "--listen", endpoint]
+    found = [
+        "robot",
+        "--id",
+        entrant.robot,
+        "--connect" if scenario.router else "--listen",
+        endpoint,
+    ]
     if scenario.lockstep:
         found.append("--lockstep")
-    if name == scenario.robots[0]:
-        start = scenario.facts["start"]
-        found += ["--start", *start_words(*_pose(start))]
+    found += ["--start", *start_words(*entrant.start)]
     for parameter, value in parameters_of(scenario.facts["robot"]).items():
         found += ["--param", f"{parameter}={value!r}"]
     return found
-
-
-def _pose(start: dict[str, float]) -> tuple[float, float, float]:
-    return start["x_m"], start["y_m"], radians(start["heading_deg"])
 
 
 def plant(scenario: Scenario, endpoint: str) -> list[str]:

@@ -1,64 +1,104 @@
-"""One line that says how it stands; what is old is not shown as if it were new."""
+"""How it stands, as parts of one line; what is old is not shown as if it were new."""
 
+from collections.abc import Callable
 from math import degrees, isfinite
-from typing import Final
+from typing import Any, Final, TypeVar
 
+from ground.parts import Part
 from ground.telemetry import Age, Telemetry
 from protocol.enums import GoalState, Mode, Vehicle
+from protocol.message import Message
 from protocol.messages import NavigatorStatus, PlanarOdometry
 from protocol.reasons import Reason, reason_text
-from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS
+from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS, Topic
 
 NONE: Final = "--"
 LOUD_NS: Final = 700_000_000
 
+M = TypeVar("M", bound=Message)
 
-def goal_line(telemetry: Telemetry, now_ns: int, silent_ns: int) -> str:
-    """For who waits for a goal: distance, state, reason, speed."""
+
+def goal_line(
+    telemetry: Telemetry, now_ns: int, silent_ns: int, goal_id: int | None = None
+) -> list[Part]:
+    """For who waits for a goal: state, distance, speed, nearest echo, time driven, reason.
+
+    With `goal_id` a status that speaks of another goal is not shown.
+    """
     if silent_ns > LOUD_NS:
-        return f"nothing heard of the robot for {silent_ns / 1e9:.1f} s"
+        return [Part(f"nothing heard of the robot for {silent_ns / 1e9:.1f} s")]
     status = telemetry.live(STATUS, now_ns)
-    odometry = telemetry.live(ODOMETRY, now_ns)
     if status is None:
-        return "waiting for the robot's status"
-    return "  ".join(
-        part
-        for part in (
-            f"{metres(status.goal_distance_m)} to go",
-            state_of(status),
-            reason_of(status),
-            f"{NONE if odometry is None else f'{odometry.speed_m_s:.2f}'} m/s",
-        )
-        if part
-    )
-
-
-def watch_line(telemetry: Telemetry, now_ns: int) -> str:
-    """For who watches: state, pose, goal, nearest echo, cycle time, and the ages of old streams."""
-    status = telemetry.live(STATUS, now_ns)
+        return [Part("waiting for the robot's status")]
+    if goal_id is not None and status.goal_id != goal_id:
+        return [Part("waiting for the robot to set off")]
+    odometry = telemetry.live(ODOMETRY, now_ns)
     decision = telemetry.live(DECISION, now_ns)
-    cycle = telemetry.live(CYCLE, now_ns)
-    spent = NONE if cycle is None else f"{sum(cycle.stage_us)} us"
-    parts = (
-        NONE if status is None else f"{state_of(status)} {reason_of(status)}".rstrip(),
-        pose_of(telemetry.live(ODOMETRY, now_ns)),
-        f"goal {NONE if status is None else metres(status.goal_distance_m)}",
-        f"echo {NONE if decision is None else metres(decision.nearest_range_m)}",
-        f"cycle {spent}",
-        ages(telemetry, now_ns),
-    )
-    return "  ".join(part for part in parts if part)
+    to_go = metres(status.goal_distance_m)
+    echo = NONE if decision is None else echo_of(decision.nearest_range_m)
+    return [
+        Part(f"{doing(status):<8}"),
+        Part(f"{to_go} to go", to_go),
+        Part(f"{NONE if odometry is None else f'{odometry.speed_m_s:.2f}'} m/s"),
+        Part(f"echo {echo}", f"echo {echo.removesuffix(' m')}"),
+        Part(driven(status)),
+        Part(reason_of(status)),
+    ]
 
 
-def ages(telemetry: Telemetry, now_ns: int) -> str:
-    """Streams that are late or silent, with their age; empty when all are live."""
-    late = []
-    for topic in (HEARTBEAT, STATUS, ODOMETRY, DECISION, CYCLE):
-        seen = telemetry.seen(topic, now_ns)
-        if seen.age is not Age.LIVE:
-            name = topic.path.rpartition("/")[2]
-            late.append(f"{name} {NONE if seen.age_ns is None else f'{seen.age_ns / 1e9:.1f} s'}")
-    return f"[old: {', '.join(late)}]" if late else ""
+def short_line(telemetry: Telemetry, robot: str, now_ns: int) -> Part:
+    """One robot of several: state and distance."""
+    status = telemetry.live(STATUS, now_ns)
+    if status is None:
+        return Part(f"{robot} {NONE}")
+    to_go = metres(status.goal_distance_m)
+    return Part(f"{robot} {doing(status)} {to_go}", f"{robot} {to_go}")
+
+
+def watch_line(telemetry: Telemetry, now_ns: int) -> list[Part]:
+    """For who watches: state, pose, goal, nearest echo, cost of a cycle, heartbeat."""
+
+    def part(topic: Topic[M], name: str, words: Callable[[M], str]) -> Part:
+        return aged(telemetry, topic, now_ns, name, words)
+
+    return [
+        part(STATUS, "state", lambda status: f"{state_of(status)} {reason_of(status)}".rstrip()),
+        part(ODOMETRY, "pose", pose_of),
+        part(STATUS, "goal", lambda status: f"goal {metres(status.goal_distance_m)}"),
+        part(DECISION, "echo", lambda decision: f"echo {echo_of(decision.nearest_range_m)}"),
+        part(CYCLE, "cycle", lambda cycle: f"cycle {sum(cycle.stage_us)} us"),
+        part(HEARTBEAT, "heart", lambda _: "heart beats"),
+    ]
+
+
+def aged(
+    telemetry: Telemetry, topic: Topic[Any], now_ns: int, name: str, words: Callable[[Any], str]
+) -> Part:
+    """A value while it is live, the same with its age when it fades, then only its age."""
+    seen = telemetry.seen(topic, now_ns)
+    if seen.message is None or seen.age_ns is None:
+        return Part(f"{name} {NONE}")
+    age_s = seen.age_ns / 1e9
+    if seen.age is Age.GONE:
+        return Part(f"{name} {NONE} ({age_s:.1f} s)")
+    return Part(words(seen.message), age_s=None if seen.age is Age.LIVE else age_s)
+
+
+def doing(status: NavigatorStatus) -> str:
+    """What the robot does, in one word."""
+    if status.vehicle != Vehicle.ACTIVE:
+        return name_of(Vehicle, status.vehicle).lower().replace("_", " ")
+    if status.mode == Mode.HOLD:
+        return "hold"
+    return name_of(GoalState, status.goal).lower()
+
+
+def driven(status: NavigatorStatus) -> str:
+    """Time since the goal was set, by the robot's clock."""
+    if not status.goal_id:
+        return ""
+    until_ns = status.goal_ended_ns or status.time_ns
+    return f"{(until_ns - status.goal_started_ns) / 1e9:.0f} s"
 
 
 def state_of(status: NavigatorStatus) -> str:
@@ -80,15 +120,16 @@ def reason_of(status: NavigatorStatus) -> str:
     return "" if reason == Reason.NONE else f"({reason_text(reason)})"
 
 
-def pose_of(odometry: PlanarOdometry | None) -> str:
-    if odometry is None:
-        return f"pose {NONE}"
+def pose_of(odometry: PlanarOdometry) -> str:
     x_m, y_m = odometry.x_m, odometry.y_m
     return f"pose {x_m:.2f} {y_m:.2f} {degrees(odometry.heading_rad):.0f} deg"
 
 
 def metres(value: float) -> str:
-    """A distance; no number is missing, infinity is no echo."""
-    if value == float("inf"):
-        return "none"
+    """A distance; what is not finite is missing."""
     return f"{value:.2f} m" if isfinite(value) else NONE
+
+
+def echo_of(range_m: float) -> str:
+    """Infinity is no echo; no number is missing."""
+    return "none" if range_m == float("inf") else metres(range_m)

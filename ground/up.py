@@ -5,6 +5,7 @@ import os
 import socket
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -14,9 +15,11 @@ from ground.leash import command
 from ground.link import NS_PER_S, Link, Unanswered
 from ground.options import Common, add_json, finite, positive, seconds
 from ground.orders import NAVIGATORS, SIDES
+from ground.outing import Outing, as_json, in_words
+from ground.parts import Part
 from ground.says import Says
-from ground.scenario import Scenario, cast, scenario_of, world_facts
-from protocol.bus import Network, open_bus
+from ground.scenario import Scenario, cast, question, scenario_of, world_facts
+from protocol.bus import Bus, Network, open_bus
 from protocol.clock import Clock, WallClock
 from protocol.errors import NoPeer, RemoteError, UserError
 from protocol.outcome import Outcome
@@ -38,7 +41,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--goal", nargs="+", type=finite, metavar="N", help="X Y [DEG] instead of the world's"
     )
-    parser.add_argument("--robots", type=robots, default=1, metavar="K", help="r1 drives (1)")
+    parser.add_argument(
+        "--robots",
+        type=robots,
+        default=1,
+        metavar="K",
+        help="how many drive, side by side, each to the goal shifted as its start is, or, where it"
+        " could not stand there, to the nearest free place in sight of the goal (1)",
+    )
     parser.add_argument(
         "--speed", type=speed, default="1", metavar="F", help="1: wall clock; else lockstep, or max"
     )
@@ -54,16 +64,22 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace, says: Says) -> int:
-    """0 when the goal was reached without touching anything, 1 when not."""
-    facts = world_facts(command(["worlds", "show", options.world, "--json"], os.getpid()))
+    """0 when every robot reached its goal without touching anything, 1 when one has not."""
+    facts = world_facts(command(question(options), os.getpid()))
     scenario = scenario_of(options, facts)
-    outcome = rehearse(scenario, says, WallClock())
-    says.result(outcome.as_json(), outcome.text())
-    return 0 if outcome.reached else 1
+    for entrant in scenario.entrants:
+        if not entrant.shifted:
+            says.note(
+                f"{entrant.robot}: beside the goal is no room as beside the start;"
+                f" it goes to {entrant.goal}"
+            )
+    outcomes = rehearse(scenario, says, WallClock())
+    says.result(as_json(scenario.robots, outcomes), in_words(scenario.robots, outcomes))
+    return 0 if all(outcome.reached for outcome in outcomes) else 1
 
 
-def rehearse(scenario: Scenario, says: Says, clock: Clock) -> Outcome:
-    """One run with processes of its own, none of which survives it."""
+def rehearse(scenario: Scenario, says: Says, clock: Clock) -> list[Outcome]:
+    """One run with processes of its own, none of which survives it; an outcome per robot."""
     if scenario.record is not None:
         make_folder(scenario.record)
     endpoint = free_endpoint()
@@ -71,11 +87,21 @@ def rehearse(scenario: Scenario, says: Says, clock: Clock) -> Outcome:
         for role, words in cast(scenario, endpoint):
             children.start(role, words)
         common = Common(network=dialling(endpoint), robot=scenario.robots[0])
-        with dialled(common, clock, children.check) as link:
-            says.note(f"{scenario.name}: to {scenario.goal} with {scenario.navigator}")
-            errand = Errand(link, scenario, children.check, shown(says, clock))
+        with dialled(common, clock, children.check) as bus:
+            goals = ", ".join(str(entrant.goal) for entrant in scenario.entrants)
+            says.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
+            errands = [
+                Errand(
+                    Link(bus, replace(common, robot=entrant.robot), clock),
+                    scenario,
+                    entrant,
+                    children.check,
+                )
+                for entrant in scenario.entrants
+            ]
+            outing = Outing(errands, clock, children.check, shown(says, clock))
             try:
-                return errand.run()
+                return outing.run(lockstep=scenario.lockstep)
             except (Unanswered, RemoteError):
                 children.blame()  # a process that has died explains silence best
                 raise
@@ -92,42 +118,26 @@ def dialling(endpoint: str) -> Network:
     return Network(mode="client", connect=(endpoint,), connect_timeout_s=DIAL_S)
 
 
-def dialled(common: Common, clock: Clock, check: Callable[[], None]) -> "OpenLink":
+def dialled(common: Common, clock: Clock, check: Callable[[], None]) -> Bus:
     """Dial until somebody listens or a child has died."""
     deadline_ns = clock.now_ns() + OPEN_NS
     while True:
         check()
         with suppress(NoPeer):
-            return OpenLink(common, clock)
+            return open_bus(common.network, Role.GROUND, common.robot)
         if clock.now_ns() > deadline_ns:
             raise Unanswered(f"nobody listens at {common.endpoint} after {OPEN_NS // NS_PER_S} s")
 
 
-class OpenLink:
-    """A link that is closed on the way out."""
-
-    def __init__(self, common: Common, clock: Clock) -> None:
-        self._bus = open_bus(common.network, Role.GROUND, common.robot)
-        self._link = Link(self._bus, common, clock)
-
-    def __enter__(self) -> Link:
-        return self._link
-
-    def __exit__(self, *_: object) -> None:
-        self._bus.close()
-
-
-def shown(says: Says, clock: Clock) -> Callable[[str], None]:
+def shown(says: Says, clock: Clock) -> Callable[[list[Part]], None]:
     """A live line in a terminal, elsewhere a note every few seconds."""
     told_ns = clock.now_ns()
 
-    def show(text: str) -> None:
+    def show(parts: list[Part]) -> None:
         nonlocal told_ns
-        if says.live:
-            says.line(text)
-        elif clock.now_ns() - told_ns >= PLAIN_NS:
+        if says.live or clock.now_ns() - told_ns >= PLAIN_NS:
             told_ns = clock.now_ns()
-            says.note(text)
+            says.line(parts)
 
     return show
 

@@ -8,6 +8,7 @@ from typing import Final
 from ground.link import LISTEN_NS, Link, linked
 from ground.operator import BEAT_NS, Pace
 from ground.options import add_common, common_of
+from ground.parts import in_words
 from ground.says import Says
 from ground.status_line import watch_line
 from ground.telemetry import LOOKED_AT, Telemetry
@@ -54,7 +55,7 @@ def look_once(link: Link, telemetry: Telemetry, says: Says) -> int:
     now_ns = link.clock.now_ns()
     heard = telemetry.live(STATUS, now_ns) is not None
     found = snapshot(telemetry, now_ns)
-    text = watch_line(telemetry, now_ns)
+    text = in_words(watch_line(telemetry, now_ns))
     if not heard:
         why = link.diagnosis()
         found |= {"reason": why}
@@ -104,8 +105,7 @@ class Lookout:
                 self._link.beat()
             if now_ns - shown_ns >= every_ns:
                 shown_ns = now_ns
-                show = self._says.line if self._says.live else self._says.note
-                show(watch_line(self._telemetry, now_ns))
+                self._says.line(watch_line(self._telemetry, now_ns))
             self._link.pulse.wait_until(now_ns + BEAT_NS // 2)
 
     def _stamp_ns(self) -> int:

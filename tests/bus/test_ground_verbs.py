@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from ground import goto
 from ground.cli import main
 from protocol.bus import Network, open_bus
 from protocol.enums import Command, GoalState, Mode, Vehicle
@@ -147,6 +148,20 @@ def test_goto_arms_a_robot_that_stands_by_and_waits_for_the_end(
     assert robot.beats >= 1
     goals = [message for message in robot.asked if isinstance(message, GoalRequest)]
     assert [(goal.x_mm, goal.y_mm, goal.mode) for goal in goals] == [(1000, 2000, Mode.GUIDED)] * 2
+
+
+def test_goto_does_not_show_the_end_of_the_goal_before(
+    robot: PlayedRobot, say: Say, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(goto, "SHOW_PLAIN_NS", 10_000_000)
+    robot.goal_id, robot.goal = 7, GoalState.REACHED
+    robot.late = late = threading.Event()
+    robot.after_goal = lambda: threading.Timer(0.3, late.set).start()
+    code, _, err = say("goto", "1", "2", "--timeout", "0.6")
+    assert code == 1
+    assert "reached" not in err
+    assert "waiting for the robot to set off" in err
+    assert "driving" in err
 
 
 def test_goto_never_arms_out_of_a_failsafe(robot: PlayedRobot, say: Say) -> None:

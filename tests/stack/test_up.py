@@ -85,10 +85,39 @@ def test_time_runs_out_in_the_same_tick_every_time() -> None:
     assert first["digest"] == second["digest"]
 
 
-def test_several_robots_share_a_world() -> None:
-    done = sidestep("up", "--speed", "max", "--robots", "3", "--world", "open", "--json")
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["outcome"] == "reached"
+def test_several_robots_reach_goals_of_their_own_the_same_way_every_time() -> None:
+    words = ("up", "--speed", "max", "--robots", "2", "--world", "open", "--json")
+    runs = []
+    for _ in range(2):
+        done = sidestep(*words)
+        assert done.returncode == 0, done.stderr
+        runs.append(json.loads(done.stdout))
+    robots = runs[0].pop("robots")
+    keys = [field.name for field in fields(Outcome)]
+    assert list(runs[0]) == keys
+    assert [list(one) for one in robots] == [["robot", *keys]] * 2
+    assert [(one["robot"], one["outcome"]) for one in robots] == [
+        ("r1", "reached"),
+        ("r2", "reached"),
+    ]
+    assert max(one["position_error_m"] for one in robots) < 0.3
+    digests = [one["digest"] for one in robots]
+    assert digests[0] != digests[1]
+    assert [one["digest"] for one in runs[1]["robots"]] == digests
+
+
+def test_robots_that_do_not_all_arrive_end_with_1() -> None:
+    done = sidestep("up", "--speed", "max", "--robots", "2", "--timeout", "3", "--json")
+    assert done.returncode == 1
+    found = json.loads(done.stdout)
+    assert [one["outcome"] for one in found["robots"]] == ["timeout", "timeout"]
+
+
+def test_without_room_for_all_robots_nothing_is_started(tmp_path: Path) -> None:
+    done = sidestep("up", "--robots", "20", "--record", str(tmp_path / "log"))
+    assert done.returncode == 2
+    assert "box has room for 7 beside its start, not for 20" in done.stderr
+    assert not (tmp_path / "log").exists()
 
 
 def test_a_bad_world_starts_nothing(tmp_path: Path) -> None:

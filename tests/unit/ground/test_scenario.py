@@ -1,30 +1,48 @@
 """What `up` starts: the same world for everybody, and nobody started in vain."""
 
+import argparse
+import json
+import os
 import sys
+from contextlib import redirect_stdout
+from io import StringIO
+from math import dist, radians
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from ground.cli import parse
-from ground.scenario import Scenario, cast, scenario_of, world_facts
-from plant.shortest_path import shortest_path_m
+from ground.leash import command
+from ground.scenario import Scenario, cast, question, scenario_of, world_facts
+from plant.lineup import starts
 from plant.world_file import load
-from plant.world_json import as_json
+from plant.world_overrides import body_of
+from plant.worlds_cli import main as worlds
 from protocol.errors import UserError
+from protocol.outcome import Asked
 from protocol.wire_goal import wire_goal
 from robot.cli import parser as robot_parser
 
 ENDPOINT = "tcp/127.0.0.1:7001"
 
 
-def facts(world: str = "box") -> dict[str, Any]:
-    loaded = load(world)
-    return dict(as_json(loaded, shortest_path_m(loaded)))
+def facts(options: argparse.Namespace) -> dict[str, Any]:
+    """What the plant's side answers to the question that `up` asks."""
+    out = StringIO()
+    with redirect_stdout(out):
+        assert worlds(question(options)[1:]) == 0
+    found: dict[str, Any] = json.loads(out.getvalue())
+    return found
 
 
 def scenario(*words: str, **changes: object) -> Scenario:
-    return scenario_of(parse(["up", *words]), {**facts(), **changes})
+    options = parse(["up", *words])
+    return scenario_of(options, {**facts(options), **changes})
+
+
+def asked(found: Scenario) -> Asked:
+    return found.asked(found.entrants[0].goal)
 
 
 def roles(found: Scenario) -> list[str]:
@@ -52,8 +70,6 @@ def test_several_robots_meet_at_a_router() -> None:
         "recorder r3",
     ]
     assert "r1,r2,r3" in words_of(found, "plant")
-    assert "--start" in words_of(found, "robot r1")
-    assert "--start" not in words_of(found, "robot r2")
 
 
 @pytest.mark.parametrize("speed", ["max", "10", "0.5"])
@@ -79,7 +95,7 @@ def test_what_the_robot_is_told_its_command_line_takes() -> None:
 def test_the_goal_on_the_wire_is_that_of_a_run_without_a_network() -> None:
     for name in ("box", "moving", "paper_fig12"):
         goal = load(name).goal
-        found = scenario_of(parse(["up", "--world", name]), facts(name)).asked()
+        found = asked(scenario("--world", name))
         assert found.wire_goal == wire_goal(
             goal.x_m,
             goal.y_m,
@@ -91,9 +107,9 @@ def test_the_goal_on_the_wire_is_that_of_a_run_without_a_network() -> None:
 
 
 def test_another_goal_has_no_known_shortest_path() -> None:
-    asked = scenario("--goal", "1", "1", "90").asked()
-    assert (asked.goal_x_m, asked.shortest_path_m) == (1.0, None)
-    assert asked.wire_goal.heading_urad == 1_570_796
+    found = asked(scenario("--goal", "1", "1", "90"))
+    assert (found.goal_x_m, found.shortest_path_m) == (1.0, None)
+    assert found.wire_goal.heading_urad == 1_570_796
 
 
 @pytest.mark.parametrize("goal", [("9", "1"), ("1", "-0.1"), ("1",), ("1", "1", "1", "1")])
@@ -103,9 +119,9 @@ def test_a_goal_outside_or_incomplete_is_refused(goal: tuple[str, ...]) -> None:
 
 
 def test_the_noise_is_named_after_what_is_in_force() -> None:
-    assert scenario().asked().noise == "default"
-    assert scenario(noise={"level": "harsh"}).asked().noise == "harsh"
-    assert scenario("--noise", "none", noise={"level": "harsh"}).asked().noise == "none"
+    assert asked(scenario()).noise == "default"
+    assert asked(scenario(noise={"level": "harsh"})).noise == "harsh"
+    assert asked(scenario("--noise", "none", noise={"level": "harsh"})).noise == "none"
 
 
 def test_a_bad_world_is_refused_in_the_words_of_who_reads_it(tmp_path: Path) -> None:
@@ -118,3 +134,41 @@ def test_a_bad_world_is_refused_in_the_words_of_who_reads_it(tmp_path: Path) -> 
 def test_logs_go_where_the_user_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert scenario("--record", "logs").record == str(tmp_path / "logs")
+
+
+def test_every_robot_is_told_where_the_plant_puts_it() -> None:
+    world = load("u_trap")
+    found = scenario("--world", "u_trap", "--robots", "3")
+    for name, place in zip(found.robots, starts(world, body_of(world), 3), strict=True):
+        told = robot_parser().parse_args(words_of(found, f"robot {name}")[1:])
+        assert tuple(told.start)[:2] == place[:2]
+        assert radians(told.start[2]) == pytest.approx(place[2], abs=1e-9)
+
+
+def test_every_goal_is_shifted_as_its_start_is() -> None:
+    found = scenario("--robots", "3", "--goal", "5", "2.2", "45")
+    first = found.entrants[0]
+    assert (first.goal.x_m, first.goal.y_m) == (5.0, 2.2)
+    for other in found.entrants[1:]:
+        assert other.goal.x_m - 5.0 == pytest.approx(other.start[0] - first.start[0])
+        assert other.goal.y_m - 2.2 == pytest.approx(other.start[1] - first.start[1])
+        assert other.goal.heading_rad == first.goal.heading_rad
+        assert found.asked(other.goal).shortest_path_m is None
+
+
+def test_a_goal_that_cannot_be_shifted_is_elsewhere_and_known_to_be() -> None:
+    found = scenario("--robots", "2", "--goal", "5", "3.8")
+    other = found.entrants[1]
+    assert not other.shifted
+    assert 0.5 < dist((other.goal.x_m, other.goal.y_m), (5.0, 3.8)) < 0.9
+
+
+def test_a_tiny_negative_goal_is_asked_about_in_words_that_can_be_read() -> None:
+    with pytest.raises(UserError, match="outside"):
+        scenario("--goal", "1", "-1e-5")
+
+
+def test_more_robots_than_there_is_room_for_are_refused() -> None:
+    words = question(parse(["up", "--robots", "20"]))
+    with pytest.raises(UserError, match="has room for 7 beside its start, not for 20"):
+        world_facts(command(words, os.getpid()))

@@ -7,15 +7,16 @@ from typing import Any
 import pytest
 
 from ground.operator import Pace
-from ground.status_line import ages, goal_line, metres, state_of, watch_line
+from ground.parts import fitted, in_words
+from ground.status_line import doing, echo_of, goal_line, metres, short_line, state_of, watch_line
 from ground.telemetry import Age, Telemetry, age_of
 from protocol.codec import Encoder
 from protocol.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.mailbox import Mailbox, Sample
 from protocol.message import Message
-from protocol.messages import NavigatorStatus, PlanarOdometry
+from protocol.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
 from protocol.reasons import Reason
-from protocol.topics import ENCODING, HEARTBEAT, ODOMETRY, STATUS, TEXT, Topic
+from protocol.topics import DECISION, ENCODING, HEARTBEAT, ODOMETRY, STATUS, TEXT, Topic
 
 MS = 1_000_000
 
@@ -39,9 +40,11 @@ class Air:
         self.boxes[topic.path].store(Sample(ENCODING, self._encoder.encode(message)), at_ns)
 
 
-def status(goal: int = GoalState.DRIVING, vehicle: int = Vehicle.ACTIVE) -> NavigatorStatus:
+def status(
+    goal: int = GoalState.DRIVING, vehicle: int = Vehicle.ACTIVE, mode: int = Mode.GUIDED
+) -> NavigatorStatus:
     return NavigatorStatus(
-        time_ns=1,
+        time_ns=12_400 * MS,
         goal_started_ns=0,
         goal_ended_ns=0,
         goal_id=1,
@@ -50,7 +53,7 @@ def status(goal: int = GoalState.DRIVING, vehicle: int = Vehicle.ACTIVE) -> Navi
         goal_heading_rad=0.0,
         goal_distance_m=3.25,
         vehicle=vehicle,
-        mode=Mode.GUIDED,
+        mode=mode,
         goal=goal,
         vehicle_reason=0,
         goal_reason=Reason.BLOCKED,
@@ -85,34 +88,77 @@ def telemetry(air: Air) -> Telemetry:
     return Telemetry(air, "r1")
 
 
-def test_the_goal_line_has_distance_state_reason_and_speed(air: Air, telemetry: Telemetry) -> None:
+DECISION_NOW = AvoidanceDecision(
+    time_ns=1,
+    nearest_bearing_rad=0.0,
+    nearest_range_m=0.5,
+    zone_m=0.3,
+    goal_bearing_rad=0.0,
+    rotation_rad=0.0,
+    virtual_x_m=0.0,
+    virtual_y_m=0.0,
+    speed_m_s=0.0,
+    yaw_rate_rad_s=0.0,
+    branch=0,
+    guard=0,
+)
+
+
+def test_the_goal_line_says_what_matters_first(air: Air, telemetry: Telemetry) -> None:
     air.put(STATUS, status(), 0)
     air.put(ODOMETRY, ODOMETRY_NOW, 0)
-    assert goal_line(telemetry, 10 * MS, 0) == (
-        "3.25 m to go  ACTIVE GUIDED DRIVING  (has not moved although it tries to)  0.25 m/s"
+    air.put(DECISION, DECISION_NOW, 0)
+    assert in_words(goal_line(telemetry, 10 * MS, 0)) == (
+        "driving   3.25 m to go  0.25 m/s  echo 0.50 m  12 s  (has not moved although it tries to)"
     )
+
+
+def test_forty_columns_are_enough_for_all_but_the_reason(air: Air, telemetry: Telemetry) -> None:
+    air.put(STATUS, status(GoalState.AVOIDING), 0)
+    air.put(ODOMETRY, ODOMETRY_NOW, 0)
+    air.put(DECISION, DECISION_NOW, 0)
+    shown, _ = fitted(goal_line(telemetry, 10 * MS, 0), 39, dims=True)
+    assert shown == "avoiding 3.25 m 0.25 m/s echo 0.50 12 s"
+
+
+def test_a_status_of_the_goal_before_is_not_shown(air: Air, telemetry: Telemetry) -> None:
+    air.put(STATUS, status(GoalState.REACHED), 0)
+    assert "reached" in in_words(goal_line(telemetry, 0, 0, goal_id=1))
+    assert in_words(goal_line(telemetry, 0, 0, goal_id=2)) == "waiting for the robot to set off"
 
 
 def test_an_old_number_is_not_shown(air: Air, telemetry: Telemetry) -> None:
     air.put(STATUS, status(), 0)
     air.put(ODOMETRY, ODOMETRY_NOW, 0)
-    late = watch_line(telemetry, 2_000 * MS)
-    assert "3.25" not in late
-    assert "pose --" in late
-    assert "status 2.0 s" in late
-    assert "heartbeat --" in late
+    assert in_words(watch_line(telemetry, 2_000 * MS)) == (
+        "state -- (2.0 s)  pose -- (2.0 s)  goal -- (2.0 s)  echo --  cycle --  heart --"
+    )
+
+
+def test_a_fading_number_has_its_age_and_a_live_one_has_not(air: Air, telemetry: Telemetry) -> None:
+    air.put(STATUS, status(), 0)
+    air.put(ODOMETRY, ODOMETRY_NOW, 100 * MS)
+    _, pose, goal, *_ = watch_line(telemetry, 140 * MS)
+    assert (pose.text, pose.age_s) == ("pose 1.00 2.00 57 deg", None)
+    assert (goal.text, goal.age_s) == ("goal 3.25 m", 0.14)
 
 
 def test_silence_is_said_with_its_length(telemetry: Telemetry) -> None:
-    assert goal_line(telemetry, 0, 1_500 * MS) == "nothing heard of the robot for 1.5 s"
-    assert goal_line(telemetry, 0, 0) == "waiting for the robot's status"
+    assert in_words(goal_line(telemetry, 0, 1_500 * MS)) == "nothing heard of the robot for 1.5 s"
+    assert in_words(goal_line(telemetry, 0, 0)) == "waiting for the robot's status"
 
 
-def test_live_streams_are_not_listed(air: Air) -> None:
-    telemetry = Telemetry(air, "r1")
+def test_one_of_several_is_told_by_name(air: Air, telemetry: Telemetry) -> None:
+    assert short_line(telemetry, "r2", 0).text == "r2 --"
     air.put(STATUS, status(), 0)
-    assert "status" not in ages(telemetry, 40 * MS)
-    assert "status 0.2 s" in ages(telemetry, 200 * MS)
+    assert short_line(telemetry, "r2", 0)[:2] == ("r2 driving 3.25 m", "r2 3.25 m")
+
+
+def test_what_it_does_is_one_word_unless_it_may_not_drive() -> None:
+    assert doing(status()) == "driving"
+    assert doing(status(mode=Mode.HOLD)) == "hold"
+    assert doing(status(vehicle=Vehicle.EMERGENCY_STOP)) == "emergency stop"
+    assert doing(status(goal=99)) == "goalstate 99"
 
 
 def test_a_stream_fades_and_an_event_stays() -> None:
@@ -137,7 +183,8 @@ def test_states_of_a_newer_robot_are_shown_as_numbers() -> None:
 
 
 def test_no_number_is_missing_and_infinity_is_no_echo() -> None:
-    assert (metres(nan), metres(inf), metres(0.5)) == ("--", "none", "0.50 m")
+    assert (metres(nan), metres(inf), metres(0.5)) == ("--", "--", "0.50 m")
+    assert (echo_of(nan), echo_of(inf), echo_of(0.5)) == ("--", "none", "0.50 m")
 
 
 def test_a_beat_is_due_at_once_and_then_by_the_faster_clock() -> None:

@@ -1,0 +1,84 @@
+"""Several errands as one run: all goals are given before time goes on, all ends are waited for."""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from ground.errand import Errand
+from ground.parts import Part
+from protocol.clock import Clock
+from protocol.outcome import Outcome
+
+LOOK_NS: Final = 100_000_000
+PAUSE_NS: Final = 2_000_000
+
+
+class Outing:
+    """`check` raises when a process has died; `show` gets a line now and then."""
+
+    def __init__(
+        self,
+        errands: Sequence[Errand],
+        clock: Clock,
+        check: Callable[[], None],
+        show: Callable[[list[Part]], None],
+    ) -> None:
+        self._errands = errands
+        self._clock = clock
+        self._check = check
+        self._show = show
+
+    def run(self, *, lockstep: bool) -> list[Outcome]:
+        """The outcome of each. Raises NotRun when there is nothing to judge."""
+        first = self._errands[0]
+        for errand in self._errands:
+            errand.prepare()
+        if not lockstep:
+            first.start()  # so that the score begins with the goal
+        for errand in self._errands:
+            errand.send()
+        if lockstep:
+            first.start()  # the goals are there in the same tick every time
+        for errand in self._errands:
+            errand.begin()
+        return self._follow()
+
+    def _follow(self) -> list[Outcome]:
+        shown_ns = self._clock.now_ns()
+        while True:
+            for errand in self._errands:
+                errand.look()
+            outcomes = [errand.outcome for errand in self._errands if errand.outcome is not None]
+            now_ns = self._clock.now_ns()
+            over = len(outcomes) == len(self._errands)
+            if now_ns - shown_ns >= LOOK_NS or over:
+                shown_ns = now_ns
+                self._show(self._line())
+            if over:
+                return outcomes
+            self._check()
+            self._clock.sleep_until(now_ns + PAUSE_NS)
+
+    def _line(self) -> list[Part]:
+        if len(self._errands) == 1:
+            return self._errands[0].line()
+        return [errand.short_line() for errand in self._errands]
+
+
+def as_json(robots: Sequence[str], outcomes: Sequence[Outcome]) -> dict[str, object]:
+    """The first robot's outcome, and, where there are several, each one's under its name."""
+    found = outcomes[0].as_json()
+    if len(outcomes) > 1:
+        found["robots"] = [
+            {"robot": robot} | outcome.as_json()
+            for robot, outcome in zip(robots, outcomes, strict=True)
+        ]
+    return found
+
+
+def in_words(robots: Sequence[str], outcomes: Sequence[Outcome]) -> str:
+    """For a person: the whole story of one, or a paragraph for each."""
+    if len(outcomes) == 1:
+        return outcomes[0].text()
+    return "\n".join(
+        f"{robot}: {outcome.text()}" for robot, outcome in zip(robots, outcomes, strict=True)
+    )

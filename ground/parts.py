@@ -1,0 +1,50 @@
+"""A status line made of parts: it fits the width there is, and what is old looks old."""
+
+from collections.abc import Iterable, Sequence
+from typing import Final, NamedTuple
+
+DIM: Final = "\x1b[2m"
+PLAIN: Final = "\x1b[0m"
+
+
+class Part(NamedTuple):
+    """What it says; `short` where room is scarce, `age_s` when it is not quite live any more."""
+
+    text: str
+    short: str = ""
+    age_s: float | None = None
+
+    @property
+    def words(self) -> str:
+        """With its age in brackets when it has one: for where nothing can be dimmed."""
+        return self.text if self.age_s is None else f"{self.text} ({self.age_s:.1f} s)"
+
+
+def in_words(parts: Iterable[Part]) -> str:
+    """The whole line, however long."""
+    return "  ".join(part.words for part in parts if part.text)
+
+
+def fitted(parts: Sequence[Part], width: int, *, dims: bool) -> tuple[str, int]:
+    """At most `width` characters, and how many there are; `dims`: the old are dimmed, not dated.
+
+    Parts come in order of importance: when even their short forms are too many, the last ones go.
+    """
+    shown = [part for part in parts if part.text]
+    texts = [part.text if dims else part.words for part in shown]
+    gap = "  "
+    if length_of(texts, gap) > width:
+        texts, gap = [part.short or part.text for part in shown], " "
+    while len(texts) > 1 and length_of(texts, gap) > width:
+        texts.pop()
+    texts = [text[:width] for text in texts]
+    ages = [part.age_s for part in shown]
+    painted = [
+        f"{DIM}{text}{PLAIN}" if dims and age_s is not None else text
+        for text, age_s in zip(texts, ages, strict=False)
+    ]
+    return gap.join(painted), length_of(texts, gap)
+
+
+def length_of(texts: Sequence[str], gap: str) -> int:
+    return sum(map(len, texts)) + len(gap) * max(0, len(texts) - 1)

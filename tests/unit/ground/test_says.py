@@ -1,0 +1,79 @@
+"""The live line: in a terminal one line that never wraps, elsewhere a line after the other."""
+
+import os
+import pty
+from collections.abc import Iterator
+from io import StringIO
+from struct import pack
+from typing import TextIO
+
+import pytest
+
+from ground.parts import DIM, Part
+from ground.says import Says
+
+LINE = (Part("driving"), Part("3.25 m to go", "3.25 m", age_s=0.2))
+
+
+class Terminal:
+    """The two ends of a terminal of our own."""
+
+    def __init__(self) -> None:
+        self._far, near = pty.openpty()
+        self.near: TextIO = os.fdopen(near, "w", encoding="utf-8")
+
+    def resize(self, columns: int) -> None:
+        import fcntl
+        import termios
+
+        fcntl.ioctl(self.near, termios.TIOCSWINSZ, pack("HHHH", 24, columns, 0, 0))
+
+    def seen(self) -> str:
+        return os.read(self._far, 10_000).decode()
+
+    def close(self) -> None:
+        self.near.close()
+        os.close(self._far)
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    one = Terminal()
+    yield one
+    one.close()
+
+
+def test_elsewhere_each_line_stays_and_is_whole() -> None:
+    err = StringIO()
+    says = Says(as_json=False, err=err)
+    says.line(LINE)
+    says.line((Part("reached"),))
+    assert err.getvalue() == "driving  3.25 m to go (0.2 s)\nreached\n"
+
+
+def test_a_terminal_shows_one_line_with_the_old_dimmed(terminal: Terminal) -> None:
+    terminal.resize(40)
+    says = Says(as_json=False, err=terminal.near)
+    says.line(LINE)
+    assert terminal.seen() == f"\rdriving  {DIM}3.25 m to go\x1b[0m"
+    says.line((Part("reached"),))
+    assert terminal.seen() == "\rreached" + " " * 14
+    says.note("done")
+    assert terminal.seen() == "\r\ndone\r\n"
+
+
+def test_no_color_is_heeded(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
+    terminal.resize(40)
+    Says(as_json=False, err=terminal.near).line(LINE)
+    assert terminal.seen() == "\rdriving  3.25 m to go (0.2 s)"
+
+
+def test_a_window_that_gets_narrower_is_not_overrun(terminal: Terminal) -> None:
+    says = Says(as_json=False, err=terminal.near)
+    for columns in (40, 20, 8):
+        terminal.resize(columns)
+        says.line(LINE)
+        shown = terminal.seen().removeprefix("\r").replace(DIM, "").replace("\x1b[0m", "")
+        assert len(shown) < columns
