@@ -15,7 +15,7 @@ from zenoh.handlers import Callback
 
 from protocol.bus.publisher import Publisher
 from protocol.bus.service import Asked, Desk, Handler
-from protocol.bus.session import bound_endpoints, open_session
+from protocol.bus.session import bound_endpoints, listens, open_session
 from protocol.codec import Encoder, decode
 from protocol.errors import LocalError, NoAnswer
 from protocol.mailbox import Mailbox, Sample, foreign
@@ -168,6 +168,16 @@ class Bus:
         key = f"{self.network.prefix}/*/alive/*/*"
         replies = self._session.liveliness().get(key, timeout=timeout_s)
         return sorted({presence_in(str(r.ok.key_expr)) for r in replies if r.ok is not None})
+
+    def lost(self) -> str:
+        """Why nobody can be heard: the hub is gone or hangs. Empty while there is a link."""
+        info = self._session.info
+        if not self.network.connect or list(info.routers_zid()) or list(info.peers_zid()):
+            return ""
+        there = ", ".join(self.network.connect)
+        if any(listens(endpoint) for endpoint in self.network.connect):
+            return f"the process at {there} does not answer any more, but it is there: it hangs"
+        return f"the process at {there} has ended"
 
     def watch(self, handler: Callable[[Presence, bool], None]) -> None:
         """Who comes (True) and goes (False), those already there included; only enqueue."""

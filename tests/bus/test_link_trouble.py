@@ -1,9 +1,10 @@
 """What the link does when a process dies or comes back."""
 
+import socket
 import subprocess
 import sys
 
-from protocol.bus import open_bus
+from protocol.bus import Bus, open_bus
 from protocol.messages import WheelTicks
 from protocol.network import Network
 from protocol.topics import WHEELS, Role
@@ -54,6 +55,22 @@ def test_a_restarted_hub_hears_its_publishers_again_without_their_doing() -> Non
             assert plant.await_matched([wheels], 5.0) == []
             wheels.put(TICKS)
             until(ticks.latest)
+
+
+def hub(endpoint: str) -> Bus:
+    return open_bus(Network(mode="peer", listen=(endpoint,)), Role.ROBOT, "r1")
+
+
+def test_who_has_lost_its_hub_knows_whether_it_has_ended_or_hangs() -> None:
+    with hub("tcp/127.0.0.1:0") as first:
+        endpoint = first.locator()
+        client = open_bus(Network(mode="client", connect=(endpoint,)), Role.GROUND, "r1")
+        assert client.lost() == ""
+    with client:
+        until(lambda: client.lost() == f"the process at {endpoint} has ended")
+        host, _, port = endpoint.removeprefix("tcp/").partition(":")
+        with socket.create_server((host, int(port))):  # takes the call, as a stopped one does
+            assert client.lost().endswith("it is there: it hangs")
 
 
 def test_a_publisher_knows_when_its_last_reader_has_left() -> None:
