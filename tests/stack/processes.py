@@ -85,7 +85,8 @@ class Crew:
     def __enter__(self) -> Self:
         if self._router:
             with self._scope:  # closed here if the router does not come up
-                self.listening("router").says("router at")
+                self.router = self.listening("router")
+                self.router.says("router at")
                 self._scope = self._scope.pop_all()
         return self
 
@@ -97,12 +98,16 @@ class Crew:
     ) -> None:
         self._scope.close()
 
-    def execute(self, *words: str) -> Running:
-        """Any command line; the process ends with this one, whatever happens."""
+    def execute(self, *words: str, terminal: int | None = None) -> Running:
+        """Any command line, ended with the crew; with a terminal it writes there."""
         output = tempfile.TemporaryFile()  # noqa: SIM115 - closed on the way out
         self._scope.callback(output.close)
         process = subprocess.Popen(
-            words, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
+            words,
+            stdin=subprocess.DEVNULL if terminal is None else terminal,
+            stdout=output if terminal is None else terminal,
+            stderr=output if terminal is None else terminal,
+            start_new_session=True,
         )
         self._scope.callback(process.wait)
         self._scope.callback(process.kill)

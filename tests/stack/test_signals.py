@@ -1,0 +1,135 @@
+"""Ctrl-C and SIGTERM at whatever moment: all end within two seconds, and the log is whole."""
+
+import fcntl
+import os
+import pty
+import signal
+import sys
+import termios
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from ground.leash import command
+from tests.stack.processes import Crew, Running, Witness, until
+from tests.stack.test_up import children_of, frames_in
+from tests.unit.ground.test_children import alive
+
+pytestmark = pytest.mark.stack
+
+AT_ONCE_S = 2.0
+ENDED_BY = {"watch", "ground", "goto"}  # they have not done what they were asked to
+OWN_TERMINAL = f"""
+import fcntl, os, sys
+fcntl.ioctl(0, {termios.TIOCSCTTY}, 0)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+
+
+@contextmanager
+def everybody(folder: Path) -> Iterator[tuple[dict[str, Running], Witness]]:
+    """Each kind of process, the robot under way, in the order in which they are to be ended."""
+    with Crew() as crew, Crew(router=True) as other:
+        robot, plant = crew.robot(), crew.plant()
+        with Witness(crew.endpoint) as witness:
+            witness.ready()
+            found = {
+                "watch": crew.dialling("watch"),
+                "ground": crew.dialling("ground"),
+                "record": crew.dialling("record", str(folder)),
+                "goto": crew.dialling("goto", "5.4", "2"),
+            }
+            witness.driving()
+            until(lambda: written(folder) > 2000, what="a log")
+            found["watch"].says("ACTIVE")
+            found["ground"].says("ACTIVE")
+            yield {**found, "plant": plant, "robot": robot, "router": other.router}, witness
+
+
+def written(folder: Path) -> int:
+    return sum(log.stat().st_size for log in folder.glob("*.tlog"))
+
+
+def ends_well(name: str, running: Running, number: signal.Signals) -> None:
+    assert running.ends(AT_ONCE_S) == (128 + number if name in ENDED_BY else 0), running.said
+    assert "Traceback" not in running.said
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_each_process_ends_within_two_seconds(tmp_path: Path, number: signal.Signals) -> None:
+    with everybody(tmp_path) as (processes, _):
+        for name, running in processes.items():
+            running.send(number)
+            ends_well(name, running, number)
+    assert frames_in(tmp_path) > 20
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_they_end_although_their_hub_is_gone_or_hangs(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    with everybody(tmp_path) as (processes, witness):
+        processes.pop("robot").send(number)
+        until(witness.bus.lost, what="the link to be given up")
+        for running in processes.values():
+            running.send(signal.SIGINT)
+        for name, running in processes.items():
+            ends_well(name, running, signal.SIGINT)
+    assert frames_in(tmp_path) > 20
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("role", ["plant", "robot"])
+def test_who_still_looks_for_its_peer_ends_too(role: str, number: signal.Signals) -> None:
+    with Crew() as crew:
+        dialling = crew.dialling(role)
+        until(lambda: opening(dialling), what="dialling")
+        dialling.send(number)
+        assert dialling.ends(AT_ONCE_S) in (130, -signal.SIGTERM)
+        assert "Traceback" not in dialling.said
+
+
+def opening(running: Running) -> bool:
+    """Zenoh's threads are there, so it is being opened."""
+    return len(list(Path(f"/proc/{running.process.pid}/task").iterdir())) > 2
+
+
+@pytest.mark.parametrize("children", [1, 2, 3])
+def test_up_ends_at_any_moment_of_its_start(tmp_path: Path, children: int) -> None:
+    with Crew() as crew:
+        up = crew.start("up", "--json", "--record", str(tmp_path))
+        until(lambda: len(children_of(up.process.pid)) >= children, what="children")
+        started = children_of(up.process.pid)
+        up.send(signal.SIGINT)
+        assert up.ends(AT_ONCE_S) == 130
+        assert not [pid for pid in started if alive(pid)]
+        assert "Traceback" not in up.said
+
+
+def test_ctrl_c_in_a_terminal_ends_up_and_all_it_started(tmp_path: Path) -> None:
+    """The terminal sends it to the whole process group."""
+    ours, theirs = pty.openpty()
+    words = command(["up", "--record", str(tmp_path)], os.getpid())
+    with Crew() as crew, os.fdopen(ours, "wb", buffering=0) as keyboard:
+        up = crew.execute(sys.executable, "-c", OWN_TERMINAL, *words, terminal=theirs)
+        os.close(theirs)
+        fcntl.fcntl(ours, fcntl.F_SETFL, os.O_NONBLOCK)
+        screen = bytearray()
+        until(lambda: b" m/s" in read(ours, screen), what="the live line")
+        until(lambda: written(tmp_path) > 2000, what="a log")
+        started = children_of(up.process.pid)
+        keyboard.write(b"\x03")
+        assert up.ends(AT_ONCE_S) == 130
+        assert b"interrupted" in read(ours, screen)
+        assert b"Traceback" not in screen
+    assert len(started) == 3
+    assert not [pid for pid in started if alive(pid)]
+    assert frames_in(tmp_path) > 20
+
+
+def read(terminal: int, screen: bytearray) -> bytearray:
+    with suppress(BlockingIOError, OSError):  # nothing new, or nobody there any more
+        screen += os.read(terminal, 1 << 16)
+    return screen
