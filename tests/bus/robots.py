@@ -44,12 +44,11 @@ class PlayedRobot:
         self.goal_reason = Reason.NONE
         self.vehicle = Vehicle.STANDBY
         self.after_goal: Callable[[], None] = lambda: None
-        self.late: threading.Event | None = None
-        """Until it is set, the status speaks of the goal before."""
+        self.stale: NavigatorStatus | None = None
+        """What it says for as long as this is there, whatever has happened since."""
         self._time_ns = 0
         self._stop = threading.Event()
         self._status = bus.publisher(STATUS)
-        self._last: NavigatorStatus | None = None
         self._heart = bus.publisher(HEARTBEAT)
         self._thread = threading.Thread(target=self._speak, daemon=True)
 
@@ -74,9 +73,7 @@ class PlayedRobot:
         while not self._stop.wait(0.02):
             self._time_ns += 50_000_000
             self._heart.put(BEAT)
-            if self._last is None or self.late is None or self.late.is_set():
-                self._last = self.status()
-            self._status.put(self._last)
+            self._status.put(self.stale or self.status())
 
     def status(self) -> NavigatorStatus:
         over = self.goal >= GoalState.REACHED

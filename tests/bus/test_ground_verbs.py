@@ -5,11 +5,14 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
 from ground import goto
 from ground.cli import main
+from ground.parts import Part, in_words
+from ground.status_line import goal_line
 from protocol.bus import Network, open_bus
 from protocol.enums import Command, GoalState, Mode, Vehicle
 from protocol.messages import CommandRequest, GoalRequest
@@ -153,15 +156,25 @@ def test_goto_arms_a_robot_that_stands_by_and_waits_for_the_end(
 def test_goto_does_not_show_the_end_of_the_goal_before(
     robot: PlayedRobot, say: Say, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(goto, "SHOW_PLAIN_NS", 10_000_000)
-    robot.goal_id, robot.goal = 7, GoalState.REACHED
-    robot.late = late = threading.Event()
-    robot.after_goal = lambda: threading.Timer(0.3, late.set).start()
-    code, _, err = say("goto", "1", "2", "--timeout", "0.6")
-    assert code == 1
-    assert "reached" not in err
-    assert "waiting for the robot to set off" in err
-    assert "driving" in err
+    shown: list[str] = []
+
+    def line(*arguments: Any) -> list[Part]:
+        parts = goal_line(*arguments)
+        shown.append(in_words(parts))
+        if "set off" in shown[-1]:
+            robot.stale = None
+        if "driving" in shown[-1]:
+            robot.goal = GoalState.REACHED
+        return parts
+
+    monkeypatch.setattr(goto, "goal_line", line)
+    monkeypatch.setattr(goto, "SHOW_PLAIN_NS", 1_000_000)
+    robot.vehicle, robot.goal_id, robot.goal = Vehicle.ACTIVE, 7, GoalState.REACHED
+    robot.stale = robot.status()
+    assert say("goto", "1", "2", "--timeout", "20")[0] == 0
+    first = next(text for text in shown if "robot's status" not in text)
+    assert first == "waiting for the robot to set off"
+    assert any("driving" in text for text in shown)
 
 
 def test_goto_never_arms_out_of_a_failsafe(robot: PlayedRobot, say: Say) -> None:
