@@ -28,6 +28,7 @@ from robot.store import Store
 
 Answer: TypeAlias = CommandAck | ParamValue
 
+MOST_TEXTS: Final = 100  # kept while nobody listens
 HEARTBEAT_NS: Final = 200_000_000
 NS_PER_MS: Final = 1_000_000
 ORIGIN: Final = Pose(0.0, 0.0, 0.0)
@@ -94,7 +95,7 @@ class Vehicle:
             failsafe.trip(self.state.machine, reason, now_ns // NS_PER_MS)
 
     def say(self, severity: int, words: str) -> None:
-        self._texts += self._news.text(severity, words)
+        self._texts = (self._texts + self._news.text(severity, words))[-MOST_TEXTS:]
 
     def texts(self) -> list[Statustext]:
         """What is to be told now, oldest first."""

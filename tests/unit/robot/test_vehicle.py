@@ -156,6 +156,15 @@ def test_a_long_reason_comes_in_numbered_pieces() -> None:
     assert pieces[0].id != 0
 
 
+def test_of_what_nobody_hears_only_the_newest_is_kept() -> None:
+    desk = Desk()
+    for number in range(250):
+        desk.vehicle.say(Severity.INFO, f"word {number}")
+    texts = desk.vehicle.texts()
+    assert len(texts) == 100
+    assert texts[-1].text == "word 249"
+
+
 def test_heartbeats_come_five_times_a_second_and_at_once_on_a_change() -> None:
     desk = Desk()
     beats = []
