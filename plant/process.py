@@ -42,17 +42,26 @@ class Wake:
         return True
 
 
+def nothing() -> None:
+    """Nobody looks."""
+
+
 @dataclass(frozen=True, slots=True)
 class Process:
-    """The plant, its wires to each robot, the desk where requests are answered."""
+    """The plant, its wires to each robot, the desk where requests are answered.
+
+    `look` is called once per period: somebody may want to see how it stands.
+    """
 
     plant: Plant
     wires: list[Wires]
     desk: Desk
     wake: Wake
     patience_s: float = PATIENCE_S
+    look: Callable[[], None] = nothing
 
     def publish(self) -> None:
+        self.look()
         for wires in self.wires:
             wires.publish(self.plant)
 

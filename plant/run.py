@@ -8,6 +8,7 @@ from plant.desk import Desk
 from plant.plant import Plant
 from plant.process import Process, Wake
 from plant.shortest_path import shortest_path_m
+from plant.unreadable import Unreadable
 from plant.wires import Wires
 from plant.world_json import as_json
 from protocol.bus import Bus, open_bus
@@ -27,7 +28,7 @@ def run(
             signal.signal(number, lambda *_: wake.stop())
         process = assemble(plant, bus, robots, wake, lockstep=lockstep, paused=paused)
         names = ", ".join(robots)
-        print(f"plant: world {plant.world.name} with {names}", file=sys.stderr, flush=True)
+        tell(f"plant: world {plant.world.name} with {names}")
         if lockstep:
             process.run_lockstep(speed)
         else:
@@ -49,4 +50,9 @@ def assemble(
         bus.serve(RUN, take, robot)
         bus.serve(WORLD, take, robot)
     claim(bus, robots)
-    return Process(plant, wires, desk, wake)
+    look = Unreadable(lambda: bus.rejected, tell).look
+    return Process(plant, wires, desk, wake, look=look)
+
+
+def tell(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

@@ -1,0 +1,18 @@
+"""Tells what the plant could not read: at once, and again whenever it has more than doubled."""
+
+from collections.abc import Callable, Mapping
+
+
+class Unreadable:
+    """`counts` is how much could not be read, by path; `tell` gets a line."""
+
+    def __init__(self, counts: Callable[[], Mapping[str, int]], tell: Callable[[str], None]):
+        self._counts = counts
+        self._tell = tell
+        self._told: dict[str, int] = {}
+
+    def look(self) -> None:
+        for path, count in self._counts().items():
+            if count > 2 * self._told.get(path, 0):
+                self._told[path] = count
+                self._tell(f"plant: {count} unreadable on {path}: find out who else writes there")
