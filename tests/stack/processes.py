@@ -24,7 +24,7 @@ from ground.leash import command
 from protocol.bus import Bus, Network, open_bus
 from protocol.codec import decode
 from protocol.enums import Vehicle
-from protocol.errors import NoPeer
+from protocol.errors import NoPeer, RemoteError
 from protocol.messages import CycleReport, GroundTruth, NavigatorStatus, Statustext
 from protocol.topics import CYCLE, STATUS, TEXT, TRUTH, Role
 
@@ -142,11 +142,16 @@ class Crew:
 
 
 class Witness:
-    """Sees truth, status and texts as they arrive, each with the time of its arrival."""
+    """Sees truth, status and texts as they arrive, each with the time of its arrival.
 
-    def __init__(self, endpoint: str, robot: str = "r1") -> None:
+    What cannot be read is a mistake of the stack, unless it is not `strict`.
+    """
+
+    def __init__(self, endpoint: str, robot: str = "r1", *, strict: bool = True) -> None:
         self._network = Network(mode="client", connect=(endpoint,), connect_timeout_s=0.5)
         self._robot = robot
+        self._strict = strict
+        self.unreadable = 0
         self.truths: deque[tuple[GroundTruth, int]] = deque(maxlen=20_000)
         self.statuses: deque[tuple[NavigatorStatus, int]] = deque(maxlen=20_000)
         self.texts: list[str] = []
@@ -160,9 +165,14 @@ class Witness:
 
     def __exit__(self, *_: object) -> None:
         self.bus.close()
+        assert not (self._strict and self.unreadable)
 
     def _take(self, _key: str, frame: bytes, arrived_ns: int) -> None:
-        message = decode(frame).message
+        try:
+            message = decode(frame).message
+        except RemoteError:
+            self.unreadable += 1
+            return
         if isinstance(message, GroundTruth):
             self.truths.append((message, arrived_ns))
         elif isinstance(message, NavigatorStatus):

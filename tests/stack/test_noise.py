@@ -1,0 +1,102 @@
+"""Noise on every topic and every service, while a robot drives: counted, shown, and ignored."""
+
+import random
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from protocol.bus import Network
+from protocol.bus.session import open_session
+from protocol.codec import Encoder
+from protocol.enums import GoalState
+from protocol.messages import CommandRequest, WheelTicks
+from protocol.topics import ENCODING, SERVICES, TOPICS
+from tests.stack.processes import Crew, Witness, until
+
+pytestmark = pytest.mark.stack
+
+GOOD = Encoder(1, 25).encode(WheelTicks(time_ns=1, seq=1, left=5, right=5, bumper=0, expired=0))
+WRONG_TEXT = Encoder(255, 190).encode(
+    CommandRequest(request_id=1, command=65_000, param1=float("nan"), param2=float("inf"))
+)
+CHANCE = random.Random(7)
+NOISE = (
+    b"",
+    b"\x00",
+    GOOD[:-1],
+    GOOD[:9],
+    GOOD[:-1] + bytes([GOOD[-1] ^ 1]),
+    b"\xfd" + b"\xff" * 300,
+    "sidestep ".encode("utf-16"),
+    b'{"name": "\xff\xfe"}',
+    WRONG_TEXT,
+    CHANCE.randbytes(280),
+    CHANCE.randbytes(1 << 20),
+)
+KINDS = (ENCODING, "application/json", "")
+
+
+@contextmanager
+def stranger(endpoint: str) -> Iterator[Any]:
+    session: Any = open_session(Network(mode="client", connect=(endpoint,)))
+    try:
+        yield session
+    finally:
+        session.close()
+
+
+def babble(session: Any) -> int:
+    """Every noise in every encoding on every topic; how many there were."""
+    for topic in TOPICS:
+        for noise in NOISE:
+            for kind in KINDS:
+                session.put(topic.key("r1"), noise, encoding=kind)
+    return len(TOPICS) * len(NOISE) * len(KINDS)
+
+
+def pester(session: Any) -> int:
+    """Every noise to every service; how many were answered."""
+    answered = 0
+    for service in SERVICES:
+        for noise in NOISE:
+            replies = session.get(service.key("r1"), payload=noise, encoding=ENCODING, timeout=2.0)
+            answered += sum(reply.ok is not None for reply in replies)
+    return answered
+
+
+def test_the_robot_reaches_its_goal_all_the_same() -> None:
+    with Crew() as crew:
+        robot, plant = crew.robot(), crew.plant()
+        with Witness(crew.endpoint, strict=False) as witness, stranger(crew.endpoint) as session:
+            witness.ready()
+            watch, goto = crew.dialling("watch"), crew.dialling("goto", "1.8", "2")
+            witness.driving()
+            babble(session)
+            assert pester(session) == len(SERVICES) * len(NOISE), "each is answered"
+            assert goto.ends() == 0, goto.said
+            assert witness.status.goal == GoalState.REACHED
+            assert abs(witness.truth.x_m - 1.8) < 0.1
+            until(lambda: witness.report is not None and witness.report.rejected > 50)
+        code, said = crew.run("doctor", "--timeout", "0.3")
+        assert code == 0, said
+        assert "the robot could not read" in said
+        for running in (robot, plant, watch):
+            assert running.process.poll() is None, running.said
+            assert "Traceback" not in running.said
+        assert "unreadable" in plant.said
+
+
+def test_the_doctor_counts_it_by_topic() -> None:
+    with Crew() as crew:
+        crew.robot()
+        crew.plant()
+        with Witness(crew.endpoint, strict=False) as witness, stranger(crew.endpoint) as session:
+            witness.ready()
+            doctor = crew.dialling("doctor", "--timeout", "1.0")
+            while doctor.process.poll() is None:
+                babble(session)
+        said = doctor.said
+        for topic in TOPICS:
+            assert f"unreadable on {topic.path}" in said
