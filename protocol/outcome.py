@@ -1,7 +1,7 @@
 """What a run came to: the one set of keys and words that every way of running prints."""
 
 from dataclasses import asdict, dataclass
-from math import hypot, pi, remainder
+from math import degrees, hypot, pi, remainder
 
 from protocol.enums import GoalState
 from protocol.messages import RunScore
@@ -80,22 +80,29 @@ class Outcome:
         return asdict(self)
 
     def text(self) -> str:
-        """For a person, in a few lines."""
+        """For a person, in a few short lines."""
         pace = self.time_s / self.wall_s if self.wall_s > 0 else 0.0
-        heading = "" if self.heading_error_rad is None else f", {self.heading_error_rad:.3f} rad"
+        turned_rad = self.heading_error_rad
+        heading = "" if turned_rad is None else f" and {degrees(turned_rad):.1f} deg"
         return "\n".join(
             (
-                f"{self.world}, {self.navigator}, noise {self.noise}, seed {self.seed}:"
-                f" {self.outcome} ({self.reason})",
-                f"  time {self.time_s:.2f} s in {self.ticks} ticks, {pace:.1f} x real time,"
-                f" {self.missed_ticks} missed",
-                f"  path {self.path_m:.2f} m, shortest {_metres(self.shortest_path_m)}",
-                f"  off by {_metres(self.position_error_m)}{heading};"
-                f" believed {_metres(self.estimated_position_error_m)}",
-                f"  least clearance {_metres(self.min_clearance_m)}, contacts {self.contacts}",
-                f"  digest {self.digest}",
+                self._headline(),
+                f"  way        {self.path_m:.2f} m, shortest {_metres(self.shortest_path_m, 2)}",
+                f"  stands     {_metres(self.position_error_m)}{heading} off",
+                f"  believes   {_metres(self.estimated_position_error_m)} off",
+                f"  clearance  {_metres(self.min_clearance_m)}, contacts {self.contacts}",
+                f"  ticks      {self.ticks}, {self.missed_ticks} missed",
+                f"  pace       {pace:.1f} x real time",
+                f"  noise      {self.noise}, seed {self.seed}",
+                f"  digest     {self.digest}",
             )
         )
+
+    def _headline(self) -> str:
+        if self.reached:
+            return f"reached the goal of {self.world} with {self.navigator} in {self.time_s:.1f} s"
+        place = f"{self.world} with {self.navigator} after {self.time_s:.1f} s"
+        return f"{self.outcome} in {place}: {self.reason}"
 
 
 def judged(asked: Asked, ended: Ended, score: RunScore) -> Outcome:
@@ -140,5 +147,5 @@ def end_of(contacts: int, goal_state: int, goal_reason: int, timeout_s: float) -
     return end, reason_text(goal_reason)
 
 
-def _metres(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.3f} m"
+def _metres(value: float | None, digits: int = 3) -> str:
+    return "unknown" if value is None else f"{value:.{digits}f} m"

@@ -1,6 +1,7 @@
 """How a run is judged, and that every way of running prints the same keys."""
 
 import json
+import re
 from math import pi
 
 import pytest
@@ -82,7 +83,18 @@ def test_errors_are_against_the_truth_and_the_estimate_against_the_goal_it_was_g
 
 def test_a_free_heading_has_no_error() -> None:
     assert run(heading_rad=None).heading_error_rad is None
-    assert "rad" not in run(heading_rad=None).text()
+    assert "deg" not in run(heading_rad=None).text()
+
+
+def test_in_words_it_begins_with_how_it_ended_and_is_short() -> None:
+    lines = run().text().splitlines()
+    assert re.match(r"reached the goal of \w+ with \w+ in [\d.]+ s\Z", lines[0])
+    assert "0.050 m and 0.6 deg off" in lines[2]
+    assert max(map(len, lines[1:-1])) <= 40
+    assert lines[-1].endswith(run().digest)
+    touched = run(contacts=2).text().splitlines()[0]
+    assert touched.startswith("collided in ")
+    assert touched.endswith(": touched something 2 times; reached")
 
 
 def test_a_run_that_touched_something_is_a_collision_even_at_its_goal() -> None:

@@ -43,7 +43,7 @@ def test_json_is_one_object_on_standard_output(
 
 def test_a_person_is_told_in_words(near: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["trial", "--world", near, "--navigator", "bug", "--noise", "none"]) == 0
-    assert "near, bug, noise none, seed 0: reached (ok)" in capsys.readouterr().out
+    assert "reached the goal of near with bug in " in capsys.readouterr().out
 
 
 def test_a_goal_that_is_not_reached_is_exit_code_1(
