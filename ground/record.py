@@ -96,6 +96,8 @@ def run_export(options: argparse.Namespace, says: Says) -> int:
     try:
         with open(options.file, "rb") as source, target_of(options.out) as target:
             tally = export(Reader(source), target)
+    except BrokenPipeError:
+        raise  # nobody reads the table any more, which is nobody's mistake
     except OSError as error:
         raise UserError(f"{error.filename or options.file}: {error.strerror}") from error
     return tell_export(says, options, tally)

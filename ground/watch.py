@@ -1,6 +1,7 @@
 """`watch` and `ground`: what the robot says in one live line, with a heartbeat or without."""
 
 import argparse
+import sys
 from contextlib import suppress
 from queue import SimpleQueue
 from typing import Final
@@ -36,7 +37,8 @@ def run(options: argparse.Namespace, says: Says) -> int:
         if options.once or options.json:
             telemetry = Telemetry(link.bus, link.robot, notify=link.pulse.beat)
             return look_once(link, telemetry, says)
-        Lookout(link, says, beats=False).run()
+        # What it shows is its result: one line after the other for whoever reads a pipe.
+        Lookout(link, Says(as_json=False, err=sys.stdout), beats=False).run()
     return 0
 
 

@@ -1,0 +1,67 @@
+"""Who reads only the beginning ends the verb, without a word about it: exit code 141."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ground.tlog import record_bytes
+from protocol.codec import Encoder
+from tests.bus.robots import BEAT, played
+
+ROOT = Path(__file__).parents[2]
+BROKEN_PIPE = 141
+START_US = 1_790_000_000_000_000
+
+
+def read_one_line_of(*words: str, both: bool = False) -> tuple[str, int, str]:
+    """The first line, the exit code after the reader has gone, and what stood on standard error."""
+    error = subprocess.STDOUT if both else subprocess.PIPE
+    with subprocess.Popen(
+        [sys.executable, str(ROOT / "sidestep.py"), *words],
+        stdout=subprocess.PIPE,
+        stderr=error,
+        text=True,
+    ) as verb:
+        assert verb.stdout is not None
+        line = verb.stdout.readline()
+        verb.stdout.close()
+        said = "" if verb.stderr is None else verb.stderr.read()
+        return line, verb.wait(timeout=20.0), said
+
+
+def test_the_head_of_a_table(tmp_path: Path) -> None:
+    encoder = Encoder(1, 1)
+    log = tmp_path / "x.tlog"
+    log.write_bytes(b"".join(record_bytes(START_US, encoder.encode(BEAT)) for _ in range(20_000)))
+    assert read_one_line_of("export", str(log)) == (
+        "time_s,message,field,value\n",
+        BROKEN_PIPE,
+        "",
+    )
+
+
+@pytest.mark.parametrize("both", [False, True])
+def test_the_head_of_what_the_robot_says(both: bool) -> None:
+    with played() as (_, endpoint):
+        line, code, said = read_one_line_of("watch", "--connect", endpoint, both=both)
+    assert "STANDBY" in line
+    assert (code, said) == (BROKEN_PIPE, "")
+
+
+@pytest.mark.parametrize("words", [("param", "list"), ("watch", "--once")])
+def test_a_reader_that_has_gone_before_anything_was_said(words: tuple[str, ...]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    with played() as (_, endpoint):
+        done = subprocess.run(
+            [sys.executable, str(ROOT / "sidestep.py"), *words, "--connect", endpoint],
+            stdout=writer,
+            stderr=subprocess.PIPE,
+            check=False,
+            timeout=20.0,
+        )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (BROKEN_PIPE, b"")
