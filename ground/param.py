@@ -2,9 +2,10 @@
 
 import argparse
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 from math import isclose, isfinite
+from types import MappingProxyType
 from typing import Final, TypeAlias
 
 from ground.link import Link, Unanswered, linked
@@ -18,7 +19,13 @@ from protocol.topics import PARAMETER, PARAMETERS
 
 ATTEMPTS: Final = 3
 PATIENCE_S: Final = 0.5
-SAVED: Final = "saved on the robot"
+SAVED: Final[Mapping[bool | None, str]] = MappingProxyType(
+    {
+        True: "saved on the robot",
+        False: "until the robot restarts: it runs without --state DIR and saves nothing",
+        None: "in force; whether it is saved the robot does not say",
+    }
+)
 COLUMNS: Final = ("name", "value", "unit", "minimum", "maximum", "default", "doc")
 
 Row: TypeAlias = dict[str, object]
@@ -30,10 +37,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     listing.add_argument("pattern", nargs="?", default="*", metavar="GLOB")
     getting = actions.add_parser("get", help="those whose name matches, as in 'sonar_*'")
     getting.add_argument("pattern", metavar="GLOB")
-    setting = actions.add_parser("set", help="give one a value; the robot saves it by itself")
+    setting = actions.add_parser("set", help="give one a value; a robot with --state saves it")
     setting.add_argument("name", metavar="NAME")
     setting.add_argument("value", type=finite, metavar="VALUE")
-    saving = actions.add_parser("save", help="nothing to do: the robot saves what is set")
+    saving = actions.add_parser("save", help="say what is saved; set does it")
     for action in (listing, getting, setting, saving):
         add_common(action)
 
@@ -44,9 +51,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
             return change(link, says, options.name, options.value)
         rows = fetch(link)
         if options.action == "save":
-            text = f"nothing to do: every value is {SAVED} when it is set"
-            says.result({"verb": "param save", "ok": True, "count": len(rows)}, text)
-            return 0
+            return tell_saved(says, rows)
         return show(says, rows, options.pattern, wide=options.action == "list")
 
 
@@ -77,6 +82,26 @@ def show(says: Says, rows: Iterable[Row], pattern: str, *, wide: bool) -> int:
     text = table(chosen) if wide else "\n".join(line(row) for row in chosen)
     says.result({"parameters": chosen}, text)
     return 0
+
+
+def tell_saved(says: Says, rows: Iterable[Row]) -> int:
+    """There is nothing to do; what was set is saved or cannot be. 1 when nothing is."""
+    names = [str(row["name"]) for row in rows if row.get("saved")]
+    text = f"nothing to do: saved on the robot: {', '.join(names)}"
+    if not names:
+        text = "nothing is saved; a robot with --state DIR saves each value when it is set"
+    says.result({"verb": "param save", "ok": bool(names), "saved": names}, text)
+    return 0 if names else 1
+
+
+def saved(link: Link, name: str) -> bool | None:
+    """Whether the robot says that the value in force survives a restart; None: it does not say."""
+    try:
+        rows = fetch(link)
+    except RemoteError:
+        return None
+    known = [row.get("saved") for row in rows if row["name"] == name]
+    return known[0] if known and isinstance(known[0], bool) else None
 
 
 def line(row: Row) -> str:
@@ -115,8 +140,11 @@ def change(link: Link, says: Says, name: str, value: float) -> int:
     if isinstance(answer, ParamValue):
         now = answer.param_value
         taken = isfinite(now) and isclose(now, value, rel_tol=1e-6, abs_tol=1e-9)
-        found |= {"ok": taken, "value": now, "reason": "ok" if taken else "another value is kept"}
-        says.result(found, f"{name} = {number(now)}, {SAVED}" if taken else f"kept at {now:g}")
+        kept = saved(link, name)
+        said = "ok" if taken else "another value is kept"
+        found |= {"ok": taken, "value": now, "reason": said, "saved": kept}
+        text = f"{name} = {number(now)}, {SAVED[kept]}" if taken else f"kept at {now:g}"
+        says.result(found, text)
         return 0 if taken else 1
     reason = answer.result_param2 if isinstance(answer, CommandAck) else Reason.MALFORMED
     text = reason_text(reason)

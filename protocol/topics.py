@@ -225,7 +225,8 @@ PARAMETERS: Final = Service(
     path="srv/parameters",
     requests=(),
     server=Role.ROBOT,
-    doc="no payload -> JSON list: name, value, default, unit, minimum, maximum, integer, doc",
+    doc="no payload -> JSON list: name, value, default, unit, minimum, maximum, integer, doc, "
+    "saved (it survives a restart)",
 )
 RUN: Final = Service(
     path="sim/run",

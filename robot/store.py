@@ -16,6 +16,11 @@ class Store:
     def __init__(self, directory: Path | None) -> None:
         self._path = None if directory is None else directory / FILE_NAME
         self._values: dict[str, float] = {}
+        self._written: dict[str, float] = {}
+
+    def holds(self, name: str, value: float) -> bool:
+        """Whether this value is what a restart will find."""
+        return self._written.get(name) == value
 
     def load(self, params: Params) -> tuple[Params, list[str]]:
         """Parameters with the saved values on top, and a warning for each that cannot be used."""
@@ -32,6 +37,7 @@ class Store:
                 self._values[name] = float(value)
             except (Unknown, OutOfRange, TypeError, ValueError) as error:
                 warnings.append(f"{self._path}: {name}: ignored ({error})")
+        self._written = dict(self._values)
         return params, warnings
 
     def save(self, name: str, value: float) -> None:
@@ -46,3 +52,4 @@ class Store:
             file.flush()
             os.fsync(file.fileno())
         draft.replace(self._path)
+        self._written = dict(self._values)

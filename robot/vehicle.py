@@ -56,8 +56,12 @@ class Vehicle:
         return self.params.d_th_m if bug else self.params.d_obs_m
 
     def described(self) -> bytes:
-        """All parameters as JSON, for people and programs."""
-        return json.dumps(described(self.params)).encode()
+        """All parameters as JSON; `saved`: this value is still there after a restart."""
+        rows = [
+            row | {"saved": self._store.holds(str(row["name"]), float(row["value"]))}
+            for row in described(self.params)
+        ]
+        return json.dumps(rows).encode()
 
     def hear_operator(self, now_ns: int) -> None:
         """An operator's heartbeat has arrived."""

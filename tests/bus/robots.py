@@ -26,9 +26,10 @@ BEAT = Heartbeat(
 )
 PARAMETER_LIST = b"""[
  {"name": "d_obs_m", "value": 0.4, "default": 0.3, "unit": "m", "minimum": 0.05, "maximum": 3.0,
-  "integer": false, "doc": "zone"},
+  "integer": false, "doc": "zone", "saved": %s},
  {"name": "side", "value": 1, "default": 1, "unit": "", "minimum": -1, "maximum": 1,
   "integer": true, "doc": "side"}]"""
+SAYS_SAVED = {True: b"true", False: b"false", None: b"null"}
 
 
 class PlayedRobot:
@@ -44,6 +45,7 @@ class PlayedRobot:
         self.goal_reason = Reason.NONE
         self.vehicle = Vehicle.STANDBY
         self.after_goal: Callable[[], None] = lambda: None
+        self.saves: bool | None = True
         self.stale: NavigatorStatus | None = None
         """What it says for as long as this is there, whatever has happened since."""
         self._time_ns = 0
@@ -135,7 +137,7 @@ class PlayedRobot:
         )
 
     def _list(self, asked: Asked) -> None:
-        asked.reply(PARAMETER_LIST)
+        asked.reply(PARAMETER_LIST % SAYS_SAVED[self.saves])
 
     @property
     def commands(self) -> list[int]:

@@ -228,8 +228,24 @@ def test_parameters_are_listed_found_and_set(say: Say) -> None:
     assert "zone" in table
     assert say("param", "get", "d_*")[1] == "d_obs_m = 0.4 m\n"
     assert json.loads(say("param", "get", "side", "--json")[1])["parameters"][0]["value"] == 1
-    assert "saved" in say("param", "set", "d_obs_m", "0.5")[1]
-    assert say("param", "save")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("saves", "words"),
+    [
+        (True, "d_obs_m = 0.5, saved on the robot"),
+        (False, "until the robot restarts: it runs without --state"),
+        (None, "the robot does not say"),
+    ],
+)
+def test_whether_a_value_survives_a_restart_is_what_the_robot_says(
+    robot: PlayedRobot, say: Say, saves: bool | None, words: str
+) -> None:
+    robot.saves = saves
+    assert words in say("param", "set", "d_obs_m", "0.5")[1]
+    assert json.loads(say("param", "set", "d_obs_m", "0.5", "--json")[1])["saved"] is saves
+    code, out, _ = say("param", "save")
+    assert (code, "d_obs_m" in out) == ((0, True) if saves else (1, False))
 
 
 def test_a_parameter_nobody_knows_is_refused_with_a_reason(say: Say) -> None:

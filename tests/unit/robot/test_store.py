@@ -64,3 +64,28 @@ def test_a_crash_while_saving_leaves_the_old_file(
         store.save("d_obs_m", 0.60)
     params, _ = Store(tmp_path).load(DEFAULTS)
     assert params.d_obs_m == 0.45
+
+
+def test_it_holds_what_is_written_and_nothing_else(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    assert not store.holds("d_obs_m", 0.45)
+    store.save("d_obs_m", 0.45)
+    assert store.holds("d_obs_m", 0.45)
+    assert not store.holds("d_obs_m", 0.5)
+    again = Store(tmp_path)
+    again.load(DEFAULTS)
+    assert again.holds("d_obs_m", 0.45)
+
+
+def test_without_a_directory_it_holds_nothing() -> None:
+    store = Store(None)
+    store.save("d_obs_m", 0.45)
+    assert not store.holds("d_obs_m", 0.45)
+
+
+def test_what_could_not_be_written_is_not_held(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    store = Store(tmp_path / "file")
+    with pytest.raises(OSError, match="file"):
+        store.save("d_obs_m", 0.45)
+    assert not store.holds("d_obs_m", 0.45)

@@ -1,3 +1,4 @@
+import json
 from math import inf, nan
 from pathlib import Path
 
@@ -236,6 +237,14 @@ def test_a_value_that_cannot_be_saved_is_in_force_and_says_so(
     assert refused(set_parameter(desk, "d_obs_m", 0.5)) == Reason.NOT_SAVED
     assert desk.vehicle.params.d_obs_m == 0.5
     assert "No space left" in desk.vehicle.texts()[0].text
+
+
+@pytest.mark.parametrize("keeps", [True, False])
+def test_the_list_says_which_values_survive_a_restart(tmp_path: Path, keeps: bool) -> None:
+    desk = Desk(Store(tmp_path if keeps else None))
+    set_parameter(desk, "d_obs_m", 0.45)
+    rows = json.loads(desk.vehicle.described())
+    assert [row["name"] for row in rows if row["saved"]] == (["d_obs_m"] if keeps else [])
 
 
 def test_the_end_of_the_process_ends_the_goal() -> None:
