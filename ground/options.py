@@ -6,10 +6,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Final
 
-from protocol.config import load
+from protocol.config import load_shared
 from protocol.errors import UserError
 from protocol.network import Network
-from protocol.options import DEFAULT_ENDPOINT
+from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, dialled
 from protocol.topics import robot_name
 
 DIAL_S: Final = 1.5
@@ -43,7 +43,7 @@ def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> Non
     else:
         parser.add_argument("--connect", metavar="ENDPOINT", help=f"({DEFAULT_ENDPOINT})")
         parser.add_argument("--id", metavar="NAME", help="name of the robot (r1)")
-    parser.add_argument("--config", metavar="FILE", help="TOML with robot and [network]")
+    parser.add_argument("--config", metavar="FILE", help=CONFIG_HELP)
     add_json(parser)
 
 
@@ -53,9 +53,9 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def common_of(options: argparse.Namespace) -> Common:
     """Defaults, then the file, then the command line; UserError names what is wrong."""
-    config = Config() if options.config is None else load(Path(options.config), Config)
+    config = Config() if options.config is None else load_shared(Path(options.config), Config)
     network = config.network or Network()
-    connect = network.connect or (DEFAULT_ENDPOINT,)
+    connect = dialled(network)
     if options.connect is not None:
         connect = (options.connect,)
     network = replace(network, mode="client", connect=connect, listen=(), connect_timeout_s=DIAL_S)
@@ -64,7 +64,7 @@ def common_of(options: argparse.Namespace) -> Common:
 
 def listening_of(options: argparse.Namespace) -> Network:
     """The network of a process that routes for others."""
-    config = Config() if options.config is None else load(Path(options.config), Config)
+    config = Config() if options.config is None else load_shared(Path(options.config), Config)
     network = config.network or Network()
     listen = network.listen or (DEFAULT_ENDPOINT,)
     if options.listen is not None:

@@ -19,19 +19,21 @@ from protocol.topics import robot_name
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """`--config FILE`: where the bus is."""
+    """`--config FILE`: whom it carries, and where the bus is."""
 
+    robot: str = "r1"
     network: Network | None = None
 
 
 def main(argv: Sequence[str]) -> int:
     """Run until told to stop; 0 after that, 2 for a bad world or wrong settings."""
     arguments = parser().parse_args(list(argv))
-    settings = config.load(arguments.config, Settings) if arguments.config else Settings()
+    settings = config.load_shared(arguments.config, Settings) if arguments.config else Settings()
     network = network_of(arguments, settings.network, listens=False)
-    robots = [robot_name(name) for name in arguments.robots.split(",")]
+    names = settings.robot if arguments.robots is None else arguments.robots
+    robots = [robot_name(name) for name in names.split(",")]
     if len(set(robots)) < len(robots):
-        raise UserError(f"--robots {arguments.robots}: each robot needs a name of its own")
+        raise UserError(f"--robots {names}: each robot needs a name of its own")
     return run(
         plant_of(arguments, len(robots)),
         network,
@@ -60,7 +62,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--world", metavar="W", default="box", help="a world's name or file (box)")
     parser.add_argument("--seed", metavar="S", type=seed, default=0, help="of all randomness (0)")
     parser.add_argument("--noise", metavar="LEVEL", choices=sorted(LEVELS), help=", ".join(LEVELS))
-    parser.add_argument("--robots", metavar="NAMES", default="r1", help="as in r1,r2 (r1)")
+    parser.add_argument("--robots", metavar="NAMES", help="as in r1,r2 (r1)")
     parser.add_argument("--lockstep", action="store_true", help="advance when all have answered")
     parser.add_argument(
         "--speed", metavar="F", type=speed, default=inf, help="in lockstep, times real time (max)"

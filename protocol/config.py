@@ -15,12 +15,24 @@ from protocol.errors import ConfigError, UserError
 
 T = TypeVar("T")
 PLACE: Final = re.compile(r"^(?P<reason>.*?)(?: - at `\$\.?(?P<key>.*)`)?$", re.DOTALL)
+SHARED: Final = ("robot", "network", "parameters")
+"""The top-level names of the file that ground, robot and plant can share."""
 MISSING: Final = re.compile(r"missing required field `(.+)`")
 
 
 def load(path: Path | str, schema: type[T]) -> T:
     """The file as an instance of `schema`; ConfigError names file, key, reason and fix."""
     return parse(read_toml(path), schema, file=str(path))
+
+
+def load_shared(path: Path | str, schema: type[T]) -> T:
+    """The same, of a file in which names that other processes read may stand, too."""
+    table, known = read_toml(path), get_type_hints(schema)
+    for key in table:
+        if key not in known and key not in SHARED:
+            raise unknown_key(key, key, sorted({*known, *SHARED}), file=str(path))
+    own = {key: value for key, value in table.items() if key in known}
+    return parse(own, schema, file=str(path))
 
 
 def read_toml(path: Path | str) -> dict[str, Any]:

@@ -2,13 +2,18 @@
 
 import argparse
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
 from protocol.network import Mode, Network
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
+CONFIG_HELP: Final = (
+    "TOML, one file for ground, robot and plant: robot = NAME, [network] with listen (where the"
+    " robot waits), connect (where the others dial, if not there; everybody, with mode = 'client'),"
+    " prefix; [parameters] of the robot"
+)
 ARGPARSE_TAKES: Final = re.compile(r"-\d+\Z|-\d*\.\d+\Z")
 
 
@@ -37,7 +42,7 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--connect", metavar="ENDPOINT", action="append", help="dial those who wait"
     )
-    parser.add_argument("--config", metavar="FILE", help="TOML file with a [network] table")
+    parser.add_argument("--config", metavar="FILE", help=CONFIG_HELP)
 
 
 def network_of(
@@ -47,11 +52,13 @@ def network_of(
 
     `listens`: the process others dial when nothing is said. Raises BadEndpoint.
     """
+    listen: Sequence[str] | None
+    connect: Sequence[str] | None
     listen, connect = arguments.listen, arguments.connect
     if listen is None and connect is None:
-        if configured is not None:
+        if configured is not None and configured.mode == "router":
             return configured
-        listen, connect = ([DEFAULT_ENDPOINT], None) if listens else (None, [DEFAULT_ENDPOINT])
+        listen, connect = _from_file(configured or Network(), listens=listens)
     mode: Mode = "client" if connect and not listen else "peer"
     return replace(
         configured or Network(),
@@ -59,3 +66,19 @@ def network_of(
         listen=tuple(listen or ()),
         connect=tuple(connect or ()),
     )
+
+
+def _from_file(network: Network, *, listens: bool) -> tuple[Sequence[str], Sequence[str]]:
+    """Where to listen and where to dial: one `[network]` for the one that waits and the others."""
+    if network.mode == "client":
+        return (), network.connect
+    if not listens:
+        return (), dialled(network)
+    if network.listen or not network.connect:
+        return network.listen or (DEFAULT_ENDPOINT,), ()
+    return (), network.connect
+
+
+def dialled(network: Network) -> tuple[str, ...]:
+    """Where those dial who do not listen: unless it says where, the place where the other waits."""
+    return network.connect or network.listen or (DEFAULT_ENDPOINT,)

@@ -22,8 +22,9 @@ from robot.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """`--config FILE`: where the bus is, and parameters by name."""
+    """`--config FILE`: its name, where the bus is, and parameters by name."""
 
+    robot: str = "r1"
     network: Network | None = None
     parameters: dict[str, float] = field(default_factory=dict)
 
@@ -31,13 +32,13 @@ class Settings:
 def main(argv: Sequence[str]) -> int:
     """Run until told to stop; 0 after that, 1 when the core failed, 2 for wrong settings."""
     arguments = parser().parse_args(numbers_kept(argv))
-    settings = config.load(arguments.config, Settings) if arguments.config else Settings()
+    settings = config.load_shared(arguments.config, Settings) if arguments.config else Settings()
     network = network_of(arguments, settings.network, listens=True)
     vehicle = vehicle_of(arguments, settings)
     options = Options(
         lockstep=arguments.lockstep, freeze=arguments.gc_freeze, fifo=arguments.realtime
     )
-    return run(vehicle, network, robot_name(arguments.id), options)
+    return run(vehicle, network, robot_name(arguments.id or settings.robot), options)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -47,7 +48,7 @@ def parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     add_network_options(parser)
-    parser.add_argument("--id", metavar="NAME", default="r1", help="the robot's name (r1)")
+    parser.add_argument("--id", metavar="NAME", help="the robot's name (r1)")
     parser.add_argument(
         "--start",
         metavar=("X", "Y", "DEG"),

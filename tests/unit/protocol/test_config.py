@@ -7,7 +7,7 @@ from typing import Annotated
 import pytest
 from msgspec import Meta
 
-from protocol.config import load, parse
+from protocol.config import load, load_shared, parse
 from protocol.errors import ConfigError, LocalError
 from protocol.network import Network
 
@@ -86,3 +86,30 @@ def test_a_configuration_error_is_the_users_and_ends_with_code_2() -> None:
         parse({"robot": 1}, Robot, file="x.toml")
     assert isinstance(caught.value, ConfigError)
     assert caught.value.exit_code == 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnlyNetwork:
+    network: Network | None = None
+
+
+def test_in_a_shared_file_what_others_read_is_left_to_them(tmp_path: Path) -> None:
+    text = 'robot = 3\n[network]\nprefix = "a"\n[parameters]\nfoo = 1'
+    found = load_shared(written(tmp_path, text), OnlyNetwork)
+    assert found.network == Network(prefix="a")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[paramters]", "paramters: unknown key; did you mean 'parameters'?"),
+        ("zzz = 1", "zzz: unknown key; known keys: network, parameters, robot"),
+        ('[network]\nmod = "peer"', "network.mod: unknown key; did you mean 'mode'?"),
+    ],
+)
+def test_in_a_shared_file_a_misspelt_name_is_still_refused(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_shared(written(tmp_path, text), OnlyNetwork)
+    assert words in str(caught.value)

@@ -1,12 +1,14 @@
-"""Negative numbers on a command line are numbers, however they are written."""
+"""Negative numbers are numbers; one [network] serves the one that waits and those who dial."""
 
 import argparse
+from typing import Literal
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.options import numbers_kept
+from protocol.network import Network
+from protocol.options import DEFAULT_ENDPOINT, network_of, numbers_kept
 
 
 def parsed(*words: str) -> argparse.Namespace:
@@ -32,3 +34,37 @@ def test_every_number_comes_back_as_it_was(value: float) -> None:
 @pytest.mark.parametrize("word", ["-i", "--goal", "-e3", "-1e", "-", "--", "", "1e3", "-1", "-0.5"])
 def test_everything_else_stays_as_it_is(word: str) -> None:
     assert numbers_kept([word]) == [word]
+
+
+HERE, THERE = "tcp/127.0.0.1:1", "tcp/127.0.0.1:2"
+NOTHING_SAID = argparse.Namespace(listen=None, connect=None)
+
+
+@pytest.mark.parametrize(
+    ("mode", "listen", "connect", "robot", "plant"),
+    [
+        ("peer", (), (), ((DEFAULT_ENDPOINT,), ()), ((), (DEFAULT_ENDPOINT,))),
+        ("peer", (HERE,), (), ((HERE,), ()), ((), (HERE,))),
+        ("peer", (HERE,), (THERE,), ((HERE,), ()), ((), (THERE,))),
+        ("peer", (), (THERE,), ((), (THERE,)), ((), (THERE,))),
+        ("client", (HERE,), (THERE,), ((), (THERE,)), ((), (THERE,))),
+    ],
+)
+def test_one_network_table_serves_who_waits_and_who_dials(
+    mode: Literal["peer", "client"],
+    listen: tuple[str, ...],
+    connect: tuple[str, ...],
+    robot: tuple[tuple[str, ...], tuple[str, ...]],
+    plant: tuple[tuple[str, ...], tuple[str, ...]],
+) -> None:
+    table = Network(mode=mode, listen=listen, connect=connect, prefix="yard")
+    for listens, expected in ((True, robot), (False, plant)):
+        found = network_of(NOTHING_SAID, table, listens=listens)
+        assert (found.listen, found.connect, found.prefix) == (*expected, "yard")
+        assert found.mode == ("peer" if found.listen else "client")
+
+
+def test_the_command_line_counts_more_than_the_file() -> None:
+    said = argparse.Namespace(listen=None, connect=[THERE])
+    found = network_of(said, Network(listen=(HERE,)), listens=True)
+    assert (found.mode, found.listen, found.connect) == ("client", (), (THERE,))

@@ -1,0 +1,97 @@
+"""One configuration file serves robot, plant and ground, and each refuses what is misspelt."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import plant.cli
+import robot.cli
+from ground.cli import parse
+from ground.options import common_of
+from protocol.errors import ConfigError
+from protocol.network import Network
+from robot.vehicle import Vehicle
+
+FILE = """
+robot = "r7"
+
+[network]
+listen = ["tcp/0.0.0.0:7000"]
+connect = ["tcp/127.0.0.1:7000"]
+prefix = "yard"
+
+[parameters]
+d_obs_m = 0.35
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "sidestep.toml"
+    path.write_text(FILE)
+    return path
+
+
+@pytest.fixture
+def robot_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Vehicle, Network, str]]:
+    runs: list[tuple[Vehicle, Network, str]] = []
+
+    def run(vehicle: Vehicle, network: Network, name: str, _options: Any) -> int:
+        runs.append((vehicle, network, name))
+        return 0
+
+    monkeypatch.setattr(robot.cli, "run", run)
+    return runs
+
+
+@pytest.fixture
+def plant_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Network, list[str]]]:
+    runs: list[tuple[Network, list[str]]] = []
+
+    def run(_plant: Any, network: Network, robots: list[str], **_: Any) -> int:
+        runs.append((network, robots))
+        return 0
+
+    monkeypatch.setattr(plant.cli, "run", run)
+    return runs
+
+
+def test_each_takes_its_own_from_the_same_file(
+    file: Path,
+    robot_runs: list[tuple[Vehicle, Network, str]],
+    plant_runs: list[tuple[Network, list[str]]],
+) -> None:
+    assert robot.cli.main(["--config", str(file)]) == 0
+    assert plant.cli.main(["--config", str(file)]) == 0
+    ((vehicle, waiting, name),) = robot_runs
+    ((dialling, robots),) = plant_runs
+    common = common_of(parse(["hold", "--config", str(file)]))
+    assert name == common.robot == robots[0] == "r7"
+    assert vehicle.params.d_obs_m == 0.35
+    assert (waiting.listen, waiting.connect) == (("tcp/0.0.0.0:7000",), ())
+    for network in (dialling, common.network):
+        assert (network.listen, network.connect) == ((), ("tcp/127.0.0.1:7000",))
+    assert {waiting.prefix, dialling.prefix, common.network.prefix} == {"yard"}
+
+
+def test_the_command_line_names_others(
+    file: Path,
+    robot_runs: list[tuple[Vehicle, Network, str]],
+    plant_runs: list[tuple[Network, list[str]]],
+) -> None:
+    robot.cli.main(["--config", str(file), "--id", "r2"])
+    plant.cli.main(["--config", str(file), "--robots", "r1,r2"])
+    assert robot_runs[0][2] == "r2"
+    assert plant_runs[0][1] == ["r1", "r2"]
+
+
+@pytest.mark.parametrize("text", ['robt = "r1"', "[parameter]", '[network]\nlisen = ["x"]'])
+def test_each_refuses_a_misspelt_name(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    for read in (robot.cli.main, plant.cli.main):
+        with pytest.raises(ConfigError, match="unknown key"):
+            read(["--config", str(path)])
+    with pytest.raises(ConfigError, match="unknown key"):
+        common_of(parse(["hold", "--config", str(path)]))
