@@ -16,8 +16,9 @@ from ground.telemetry import LOOKED_AT, Telemetry
 from ground.texts import Texts
 from protocol.codec import decode
 from protocol.errors import RemoteError
-from protocol.topics import STATUS, TEXT
+from protocol.topics import HEARTBEAT, STATUS, TEXT
 
+SILENT_NS: Final = 2_000_000_000
 SHOW_NS: Final = 200_000_000
 SHOW_PLAIN_NS: Final = 1_000_000_000
 
@@ -92,6 +93,8 @@ class Lookout:
         self._texts = Texts()
         self._frames: SimpleQueue[bytes] = SimpleQueue()
         self._pace = Pace()
+        self._silent = False
+        self._began_ns = link.clock.now_ns()
         link.bus.stream(TEXT, lambda _key, frame, _at: self._frames.put(frame), link.robot)
 
     def run(self) -> None:
@@ -108,7 +111,16 @@ class Lookout:
             if now_ns - shown_ns >= every_ns:
                 shown_ns = now_ns
                 self._says.line(watch_line(self._telemetry, now_ns))
+            self._explain_silence(now_ns)
             self._link.pulse.wait_until(now_ns + BEAT_NS // 2)
+
+    def _explain_silence(self, now_ns: int) -> None:
+        """Once for each silence: is nobody there, or does somebody hang?"""
+        heard = self._telemetry.latest(HEARTBEAT)
+        silent = now_ns - (self._began_ns if heard is None else heard[1]) > SILENT_NS
+        if silent and not self._silent:
+            self._says.note(self._link.diagnosis())
+        self._silent = silent
 
     def _stamp_ns(self) -> int:
         newest = self._telemetry.latest(STATUS)
