@@ -25,8 +25,14 @@ from protocol.bus import Bus, Network, open_bus
 from protocol.codec import decode
 from protocol.enums import Vehicle
 from protocol.errors import NoPeer, RemoteError
-from protocol.messages import CycleReport, GroundTruth, NavigatorStatus, Statustext
-from protocol.topics import CYCLE, STATUS, TEXT, TRUTH, Role
+from protocol.messages import (
+    CycleReport,
+    GroundTruth,
+    NavigatorStatus,
+    Statustext,
+    WheelCommand,
+)
+from protocol.topics import CYCLE, DRIVE, STATUS, TEXT, TRUTH, Role
 
 PATIENCE_S = 10.0
 STILL_M_S = 0.001
@@ -70,8 +76,16 @@ class Running:
             raise AssertionError(f"still there after {within_s} s: {self.said}") from None
 
     def says(self, words: str, within_s: float = PATIENCE_S) -> None:
-        until(lambda: words in self.said or self.process.poll() is not None, within_s, words)
-        assert words in self.said
+        deadline_s = time.monotonic() + within_s
+        until(
+            lambda: (
+                words in self.said
+                or self.process.poll() is not None
+                or time.monotonic() > deadline_s
+            ),
+            within_s + 1.0,
+        )
+        assert words in self.said, self.said
 
 
 class Crew:
@@ -156,10 +170,11 @@ class Witness:
         self.statuses: deque[tuple[NavigatorStatus, int]] = deque(maxlen=20_000)
         self.texts: list[str] = []
         self.report: CycleReport | None = None
+        self.speeds: tuple[int, int] | None = None
 
     def __enter__(self) -> Self:
         self.bus: Bus = open_patiently(self._network, self._robot)
-        for topic in (TRUTH, STATUS, TEXT, CYCLE):
+        for topic in (TRUTH, STATUS, TEXT, CYCLE, DRIVE):
             self.bus.stream(topic, self._take)
         return self
 
@@ -181,6 +196,8 @@ class Witness:
             self.texts.append(message.text)
         elif isinstance(message, CycleReport):
             self.report = message
+        elif isinstance(message, WheelCommand):
+            self.speeds = (message.left_mrad_s, message.right_mrad_s)
 
     @property
     def status(self) -> NavigatorStatus:

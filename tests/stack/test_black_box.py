@@ -1,0 +1,84 @@
+"""The recorder, killed or out of room: what it has is whole, and the robot does not mind."""
+
+import random
+import resource
+import signal
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from ground.tlog import Reader
+from protocol.codec import decode
+from protocol.enums import GoalState
+from tests.stack.processes import Crew, Running, Witness, until
+
+pytestmark = pytest.mark.stack
+
+NS_PER_S = 1_000_000_000
+FLUSHED_NS = NS_PER_S
+LITTLE_ROOM_BYTES = 40_000
+MOMENTS = random.Random(3)
+
+
+@contextmanager
+def recorded(folder: Path) -> Iterator[tuple[Crew, Witness, Running]]:
+    """A robot under way and its recorder."""
+    with Crew() as crew:
+        crew.robot()
+        crew.plant()
+        with Witness(crew.endpoint) as witness:
+            witness.ready()
+            recorder = crew.dialling("record", str(folder))
+            recorder.says("recording")
+            yield crew, witness, recorder
+
+
+def stamps_in(log: Path) -> tuple[list[int], int]:
+    """Plant's time of each status in the log, and how many bytes of it are of no use."""
+    with log.open("rb") as source:
+        reader = Reader(source)
+        messages = [decode(record.frame).message for record in reader]
+    kinds = Counter(type(message).__name__ for message in messages)
+    assert kinds["SonarScan"] > 5
+    stamps = [m.time_ns for m in messages if type(m).__name__ == "NavigatorStatus"]  # type: ignore[attr-defined]
+    return stamps, reader.lost_bytes
+
+
+def test_killed_at_any_moment_it_has_all_but_the_last_second(tmp_path: Path) -> None:
+    with recorded(tmp_path / "0") as (crew, witness, recorder):
+        for number in range(1, 5):
+            after_ns = witness.status.time_ns + NS_PER_S + MOMENTS.randrange(NS_PER_S // 2)
+            until(lambda after_ns=after_ns: witness.status.time_ns > after_ns)  # type: ignore[misc]
+            last_ns = witness.status.time_ns
+            recorder.send(signal.SIGKILL)
+            (log,) = (tmp_path / str(number - 1)).glob("*.tlog")
+            recorder.ends()
+            stamps, lost_bytes = stamps_in(log)
+            assert lost_bytes < 300, "no more than the record that was being written"
+            assert last_ns - stamps[-1] <= FLUSHED_NS
+            steps = [later - earlier for earlier, later in pairwise(stamps)]
+            assert max(steps) <= 100_000_000, "nothing is missing in between"
+            recorder = crew.dialling("record", str(tmp_path / str(number)))
+            recorder.says("recording")
+
+
+def test_without_room_it_says_so_loudly_and_the_robot_drives_on(tmp_path: Path) -> None:
+    with recorded(tmp_path) as (crew, witness, recorder):
+        room = (LITTLE_ROOM_BYTES, LITTLE_ROOM_BYTES)
+        resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, room)
+        goto = crew.dialling("goto", "2.5", "2")
+        recorder.says("RECORDING IN TROUBLE: File too large; the robot drives on")
+        assert goto.process.poll() is None, "it is still under way"
+        assert goto.ends(20.0) == 0, goto.said
+        assert witness.status.goal == GoalState.REACHED
+        recorder.send(signal.SIGINT)
+        assert recorder.ends(2.0) == 1
+        assert "LOST" in recorder.said
+    (log,) = tmp_path.glob("*.tlog")
+    stamps, lost_bytes = stamps_in(log)
+    assert lost_bytes == 0, "what is there is whole"
+    assert len(stamps) > 10

@@ -1,0 +1,103 @@
+"""A robot that fails or hangs by itself: the wheels stop, and everybody can tell why."""
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+
+from protocol.enums import GoalState, Vehicle
+from protocol.reasons import Reason, reason_text
+from tests.stack.processes import Crew, Witness, until
+
+pytestmark = pytest.mark.stack
+
+ROOT = Path(__file__).parents[2]
+FAILS_UNDER_WAY = """
+import os, sys
+sys.path.insert(0, sys.argv.pop(1))
+import sidestep
+from ground.leash import tie_to
+from robot.core import brain
+tie_to(int(sys.argv.pop(1)))
+whole, driven = brain.step, 0
+
+def step(state, inputs, params, *mark):
+    global driven
+    driven += state.machine.vehicle == 2 and len(mark)
+    if driven > 40 and mark:  # in the loop, not in a rehearsal
+        raise ZeroDivisionError("as the test wants it")
+    return whole(state, inputs, params, *mark)
+
+brain.step = step
+sys.exit(sidestep.main())
+"""
+HANGS_UNDER_WAY = FAILS_UNDER_WAY.replace(
+    'raise ZeroDivisionError("as the test wants it")', "import time; time.sleep(30)"
+)
+
+
+def spoilt_robot(crew: Crew, script: str) -> tuple[str, ...]:
+    words = ("robot", "--start", "0.6", "2", "0", "--listen", crew.endpoint)
+    return (sys.executable, "-P", "-c", script, str(ROOT), str(os.getpid()), *words)
+
+
+def test_an_exception_in_the_core_stops_the_wheels_and_is_told() -> None:
+    with Crew() as crew:
+        robot = crew.execute(*spoilt_robot(crew, FAILS_UNDER_WAY))
+        robot.says("ready")
+        crew.plant()
+        with Witness(crew.endpoint) as witness:
+            witness.ready()
+            goto = crew.dialling("goto", "5.4", "2")
+            witness.driving()
+            assert robot.ends() == 1
+            until(lambda: witness.status.vehicle_reason == Reason.CORE_EXCEPTION, 1.0)
+            assert witness.status.vehicle == Vehicle.FAILSAFE
+            assert witness.status.goal == GoalState.ABORTED
+            assert witness.status.goal_reason == Reason.CORE_EXCEPTION
+            assert any("vehicle FAILSAFE" in text for text in witness.texts)
+            assert witness.speeds == (0, 0)
+        assert "ZeroDivisionError: as the test wants it" in robot.said
+        assert goto.ends() == 1
+        assert reason_text(Reason.CORE_EXCEPTION) in goto.said
+
+
+def test_a_robot_that_is_stopped_is_told_by_doctor_and_watch_from_one_that_is_not_there() -> None:
+    with Crew() as crew:
+        robot = crew.robot()
+        crew.plant()
+        with Witness(crew.endpoint) as witness:
+            witness.ready()
+        watch = crew.dialling("watch")
+        watch.says("STANDBY")
+        robot.send(signal.SIGSTOP)
+        code, said = crew.run("doctor")
+        assert code == 1
+        assert f"a process listens at {crew.endpoint} but does not answer" in said
+        assert "it hangs" in said
+        assert "restart the process" in said
+        watch.says("it hangs")
+        late = crew.dialling("watch")
+        assert late.ends() == 1
+        assert "it hangs" in late.said
+
+
+def test_a_loop_that_hangs_is_told_from_a_process_that_is_gone() -> None:
+    with Crew() as crew:
+        crew.execute(*spoilt_robot(crew, HANGS_UNDER_WAY)).says("ready")
+        crew.plant()
+        with Witness(crew.endpoint) as witness:
+            witness.ready()
+            watch = crew.dialling("watch")
+            goto = crew.dialling("goto", "5.4", "2")
+            witness.driving()
+            until(witness.standing, what="standing")
+            code, said = crew.run("doctor", "--timeout", "0.3")
+            assert code == 1
+            assert "robot r1 hangs" in said
+            assert "its process is alive, its control loop does not run" in said
+            watch.says("robot r1 hangs")
+            assert goto.ends() == 1
+            assert "silent" in goto.said
