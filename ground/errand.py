@@ -125,6 +125,13 @@ class Errand:
             return Part(f"{self.link.robot} {self.outcome.outcome}")
         return short_line(self.telemetry, self.link.robot, self.link.clock.now_ns())
 
+    def time(self) -> Part:
+        """Since the goal was set, by the robot's clock; it goes on when the goal has ended."""
+        newest = self.telemetry.latest(STATUS)
+        if newest is None or not newest[0].goal_id:
+            return Part("")
+        return Part(f"{(newest[0].time_ns - newest[0].goal_started_ns) / NS_PER_S:.0f} s")
+
     def _end(self, status: NavigatorStatus) -> None:
         wall_s = (self.link.clock.now_ns() - self._begun_ns) / NS_PER_S
         self.outcome = self._judge(status, wall_s)

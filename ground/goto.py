@@ -115,13 +115,14 @@ class Drive:
             now_ns = clock.now_ns()
             for _ in watch.due(now_ns):
                 self._link.beat()
-            if watch.end is not None:
-                return watch.end
-            if now_ns - last_shown_ns >= every_ns:
+            over = watch.end is not None
+            if now_ns - last_shown_ns >= every_ns or (over and self._says.live):
                 last_shown_ns = now_ns
                 self._says.line(
                     goal_line(self._telemetry, now_ns, watch.silent_ns(now_ns), goal_id)
                 )
+            if watch.end is not None:
+                return watch.end
             self._link.pulse.wait_until(now_ns + BEAT_NS // 2)
 
     def _abort(self, why: str) -> None:

@@ -61,7 +61,7 @@ class Outing:
     def _line(self) -> list[Part]:
         if len(self._errands) == 1:
             return self._errands[0].line()
-        return [errand.short_line() for errand in self._errands]
+        return [*(errand.short_line() for errand in self._errands), self._errands[0].time()]
 
 
 def as_json(robots: Sequence[str], outcomes: Sequence[Outcome]) -> dict[str, object]:

@@ -17,7 +17,10 @@ class Part(NamedTuple):
     @property
     def words(self) -> str:
         """With its age in brackets when it has one: for where nothing can be dimmed."""
-        return self.text if self.age_s is None else f"{self.text} ({self.age_s:.1f} s)"
+        return self.dated(self.text)
+
+    def dated(self, text: str) -> str:
+        return text if self.age_s is None else f"{text} ({self.age_s:.1f} s)"
 
 
 def in_words(parts: Iterable[Part]) -> str:
@@ -34,7 +37,10 @@ def fitted(parts: Sequence[Part], width: int, *, dims: bool) -> tuple[str, int]:
     texts = [part.text if dims else part.words for part in shown]
     gap = "  "
     if length_of(texts, gap) > width:
-        texts, gap = [part.short or part.text for part in shown], " "
+        short = [part.short or part.text for part in shown]
+        texts, gap = short, " "
+        if not dims:
+            texts = [part.dated(text) for part, text in zip(shown, short, strict=True)]
     while len(texts) > 1 and length_of(texts, gap) > width:
         texts.pop()
     texts = [text[:width] for text in texts]

@@ -122,7 +122,7 @@ def reason_of(status: NavigatorStatus) -> str:
 
 def pose_of(odometry: PlanarOdometry) -> str:
     x_m, y_m = odometry.x_m, odometry.y_m
-    return f"pose {x_m:.2f} {y_m:.2f} {degrees(odometry.heading_rad):.0f} deg"
+    return f"pose {x_m:.2f} {y_m:.2f} {round(degrees(odometry.heading_rad))} deg"
 
 
 def metres(value: float) -> str:

@@ -62,6 +62,9 @@ class Played(Errand):
     def line(self) -> list[Part]:
         return [Part(self.name), Part("alone")]
 
+    def time(self) -> Part:
+        return Part("3 s")
+
     def short_line(self) -> Part:
         return Part(f"{self.name} {'there' if self.outcome else 'on its way'}")
 
@@ -98,8 +101,8 @@ def test_in_wall_time_the_score_begins_just_before_the_goals() -> None:
 def test_it_ends_with_the_last_robot_and_shows_each() -> None:
     run, _, shown = outing(200, 3)
     assert len(run.run(lockstep=True)) == 2
-    assert [part.text for part in shown[0]] == ["r1 on its way", "r2 there"]
-    assert [part.text for part in shown[-1]] == ["r1 there", "r2 there"]
+    assert [part.text for part in shown[0]] == ["r1 on its way", "r2 there", "3 s"]
+    assert [part.text for part in shown[-1]] == ["r1 there", "r2 there", "3 s"]
 
 
 def test_one_robot_has_the_line_for_itself() -> None:

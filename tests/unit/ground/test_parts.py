@@ -39,6 +39,12 @@ def test_where_nothing_can_be_dimmed_its_age_is_said() -> None:
     assert fitted(old, 80, dims=False) == ("a  bc (0.2 s)", 13)
 
 
+def test_a_short_form_that_cannot_be_dimmed_has_its_age_too() -> None:
+    old = (Part("a"), Part("long words", "bc", age_s=0.25))
+    assert fitted(old, 12, dims=False)[0] == "a bc (0.2 s)"
+    assert fitted(old, 11, dims=False)[0] == "a"
+
+
 @given(
     st.lists(
         st.builds(
