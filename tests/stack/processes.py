@@ -144,9 +144,11 @@ class Crew:
         robot.says("ready")
         return robot
 
-    def plant(self, *words: str) -> Running:
-        plant = self.dialling("plant", "--world", "open", "--noise", "none", *words)
-        plant.says("plant: world")
+    def plant(self, *, waits: bool = True) -> Running:
+        """Dials until the robot is there; ready, too, unless nobody waits for it."""
+        plant = self.dialling("plant", "--world", "open", "--noise", "none")
+        if waits:
+            plant.says("plant: world")
         return plant
 
     def run(self, *words: str) -> tuple[int, str]:

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.stack
 
 NS_PER_S = 1_000_000_000
 FLUSHED_NS = NS_PER_S
-LITTLE_ROOM_BYTES = 40_000
+LITTLE_ROOM_BYTES = 12_000
 MOMENTS = random.Random(3)
 
 
@@ -28,8 +28,8 @@ MOMENTS = random.Random(3)
 def recorded(folder: Path) -> Iterator[tuple[Crew, Witness, Running]]:
     """A robot under way and its recorder."""
     with Crew() as crew:
+        crew.plant(waits=False)
         crew.robot()
-        crew.plant()
         with Witness(crew.endpoint) as witness:
             witness.ready()
             recorder = crew.dialling("record", str(folder))
@@ -50,8 +50,8 @@ def stamps_in(log: Path) -> tuple[list[int], int]:
 
 def test_killed_at_any_moment_it_has_all_but_the_last_second(tmp_path: Path) -> None:
     with recorded(tmp_path / "0") as (crew, witness, recorder):
-        for number in range(1, 5):
-            after_ns = witness.status.time_ns + NS_PER_S + MOMENTS.randrange(NS_PER_S // 2)
+        for number in range(1, 4):
+            after_ns = witness.status.time_ns + NS_PER_S * 3 // 4 + MOMENTS.randrange(NS_PER_S // 2)
             until(lambda after_ns=after_ns: witness.status.time_ns > after_ns)  # type: ignore[misc]
             last_ns = witness.status.time_ns
             recorder.send(signal.SIGKILL)
@@ -70,7 +70,7 @@ def test_without_room_it_says_so_loudly_and_the_robot_drives_on(tmp_path: Path) 
     with recorded(tmp_path) as (crew, witness, recorder):
         room = (LITTLE_ROOM_BYTES, LITTLE_ROOM_BYTES)
         resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, room)
-        goto = crew.dialling("goto", "2.5", "2")
+        goto = crew.dialling("goto", "1.6", "2")
         recorder.says("RECORDING IN TROUBLE: File too large; the robot drives on")
         assert goto.process.poll() is None, "it is still under way"
         assert goto.ends(20.0) == 0, goto.said

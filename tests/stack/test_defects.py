@@ -66,20 +66,20 @@ def test_an_exception_in_the_core_stops_the_wheels_and_is_told() -> None:
 
 def test_a_robot_that_is_stopped_is_told_by_doctor_and_watch_from_one_that_is_not_there() -> None:
     with Crew() as crew:
+        crew.plant(waits=False)
         robot = crew.robot()
-        crew.plant()
         with Witness(crew.endpoint) as witness:
             witness.ready()
         watch = crew.dialling("watch")
         watch.says("STANDBY")
         robot.send(signal.SIGSTOP)
+        late = crew.dialling("watch")
         code, said = crew.run("doctor")
         assert code == 1
         assert f"a process listens at {crew.endpoint} but does not answer" in said
         assert "it hangs" in said
         assert "restart the process" in said
         watch.says("it hangs")
-        late = crew.dialling("watch")
         assert late.ends() == 1
         assert "it hangs" in late.said
 
@@ -91,7 +91,7 @@ def test_a_loop_that_hangs_is_told_from_a_process_that_is_gone() -> None:
         with Witness(crew.endpoint) as witness:
             witness.ready()
             watch = crew.dialling("watch")
-            goto = crew.dialling("goto", "5.4", "2")
+            crew.dialling("goto", "5.4", "2")
             witness.driving()
             until(witness.standing, what="standing")
             code, said = crew.run("doctor", "--timeout", "0.3")
@@ -99,5 +99,3 @@ def test_a_loop_that_hangs_is_told_from_a_process_that_is_gone() -> None:
             assert "robot r1 hangs" in said
             assert "its process is alive, its control loop does not run" in said
             watch.says("robot r1 hangs")
-            assert goto.ends() == 1
-            assert "silent" in goto.said

@@ -68,16 +68,16 @@ def pester(session: Any) -> int:
 
 def test_the_robot_reaches_its_goal_all_the_same() -> None:
     with Crew() as crew:
-        robot, plant = crew.robot(), crew.plant()
+        plant, robot = crew.plant(waits=False), crew.robot()
         with Witness(crew.endpoint, strict=False) as witness, stranger(crew.endpoint) as session:
             witness.ready()
-            watch, goto = crew.dialling("watch"), crew.dialling("goto", "1.8", "2")
+            watch, goto = crew.dialling("watch"), crew.dialling("goto", "1.4", "2")
             witness.driving()
             babble(session)
             assert pester(session) == len(SERVICES) * len(NOISE), "each is answered"
             assert goto.ends() == 0, goto.said
             assert witness.status.goal == GoalState.REACHED
-            assert abs(witness.truth.x_m - 1.8) < 0.1
+            assert abs(witness.truth.x_m - 1.4) < 0.1
             until(lambda: witness.report is not None and witness.report.rejected > 50)
         code, said = crew.run("doctor", "--timeout", "0.3")
         assert code == 0, said
@@ -90,8 +90,8 @@ def test_the_robot_reaches_its_goal_all_the_same() -> None:
 
 def test_the_doctor_counts_it_by_topic() -> None:
     with Crew() as crew:
+        crew.plant(waits=False)
         crew.robot()
-        crew.plant()
         with Witness(crew.endpoint, strict=False) as witness, stranger(crew.endpoint) as session:
             witness.ready()
             doctor = crew.dialling("doctor", "--timeout", "1.0")

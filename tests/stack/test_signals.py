@@ -32,7 +32,7 @@ os.execv(sys.argv[1], sys.argv[1:])
 def everybody(folder: Path) -> Iterator[tuple[dict[str, Running], Witness]]:
     """Each kind of process, the robot under way, in the order in which they are to be ended."""
     with Crew() as crew, Crew(router=True) as other:
-        robot, plant = crew.robot(), crew.plant()
+        plant, robot = crew.plant(waits=False), crew.robot()
         with Witness(crew.endpoint) as witness:
             witness.ready()
             found = {
