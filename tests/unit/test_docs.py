@@ -8,14 +8,17 @@ import pytest
 
 import sidestep
 from plant import world_file
-from protocol import docs
+from protocol import config, docs
 from protocol.message import Message
 from protocol.messages import SonarScan
 from protocol.topics import Role, Service, Topic
+from robot import cli as robot_cli
 from robot.core import failsafe
+from robot.parameters import SPECS
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
+TOML = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
 SHELL = "\n".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL))
 DIALECT = xml.fromstring(
     """<mavlink><enums><enum name="LAMP"><description>A lamp.</description>
@@ -99,11 +102,20 @@ def test_every_folder_of_the_readme_s_tree_is_there() -> None:
 
 
 def test_the_world_in_the_readme_is_one_the_plant_accepts(tmp_path: Path) -> None:
-    example = re.search(r"```toml\n(.*?)```", README, re.DOTALL)
-    assert example
+    (world,) = [text for text in TOML if "[[obstacle]]" in text]
     file = tmp_path / "door.toml"
-    file.write_text(example[1])
+    file.write_text(world)
     assert world_file.load(str(file)).name == "door"
+
+
+def test_the_configuration_in_the_readme_is_one_the_robot_accepts(tmp_path: Path) -> None:
+    (text,) = [text for text in TOML if "[network]" in text]
+    file = tmp_path / "stack.toml"
+    file.write_text(text)
+    settings = config.load_shared(file, robot_cli.Settings)
+    assert settings.robot == "r1"
+    assert settings.network is not None
+    assert set(settings.parameters) <= set(SPECS)
 
 
 def test_the_readme_has_a_row_for_each_failsafe() -> None:
@@ -112,3 +124,10 @@ def test_the_readme_has_a_row_for_each_failsafe() -> None:
     rows = table[0].strip().splitlines()[2:]
     the_motor_driver = 1  # stops by itself when the robot is gone
     assert len(rows) == len(failsafe.ROWS) + the_motor_driver
+
+
+def test_the_readme_sums_up_the_outcomes_as_they_were_generated() -> None:
+    outcomes = (ROOT / "docs" / "outcomes.md").read_text(encoding="utf-8")
+    summary = outcomes.partition("## In sum\n\n")[2].partition("\n\n")[0]
+    assert summary.startswith("| navigator |")
+    assert summary in README
