@@ -9,10 +9,9 @@ from typing import Final
 from protocol.bus import Bus, Network, open_bus
 from protocol.claim import claim
 from protocol.clock import SLACK, Tick, WallClock, ticks
-from protocol.codec import decode
 from protocol.enums import Severity
-from protocol.errors import RemoteError
 from protocol.lockstep import LockstepClock
+from protocol.mailbox import Mailbox
 from protocol.messages import SystemTime
 from protocol.pulse import Pulse
 from protocol.topics import CLOCK, Role
@@ -78,21 +77,24 @@ def in_lockstep(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:
 
 
 def feed(clock: LockstepClock, bus: Bus) -> None:
-    """Let the plant's clock frames drive `clock`; it stops when the plant begins anew."""
+    """Let the plant's clock frames drive `clock`; it stops when the plant begins anew.
 
-    def take(_key: str, frame: bytes, _arrived_ns: int) -> None:
-        try:
-            message = decode(frame).message
-        except RemoteError:
-            return  # without a clock frame time stands still, which is the safe side
-        if isinstance(message, SystemTime):
-            stamp_ns = message.time_unix_usec * 1000
-            if stamp_ns < clock.now_ns():
-                print("robot: the plant was restarted, so this run is over", file=sys.stderr)
-                clock.stop()
-            clock.advance_to(stamp_ns)
+    What cannot be read is counted; time then stands still, which is the safe side.
+    """
+    frames: Mailbox[SystemTime] | None = None
 
-    bus.stream(CLOCK, take)
+    def take(_arrived_ns: int) -> None:
+        newest = None if frames is None else frames.latest()
+        if newest is None:
+            return
+        stamp_ns = newest[0].time_unix_usec * 1000
+        if stamp_ns < clock.now_ns():
+            print("robot: the plant was restarted, so this run is over", file=sys.stderr)
+            clock.stop()
+        clock.advance_to(stamp_ns)
+
+    frames = bus.mailbox(CLOCK, notify=take)
+    take(0)  # what came before there was a mailbox to look into
 
 
 def on_signal(stop: Callable[[], None]) -> None:
