@@ -157,35 +157,13 @@ def told() -> list[tuple[type[Message], dict[str, Any]]]:
     saw = {"nearest_bearing_rad": 0.59, "nearest_range_m": 0.288, "zone_m": 0.3}
     chose = {"goal_bearing_rad": 0.2, "rotation_rad": -1.18, "virtual_x_m": 4.1, "virtual_y_m": 0.3}
     cost = {"tick": 2469, "missed": 0, "overruns": 0, "rejected": 0, "late_us": 83}
+    drive = {"speed_m_s": 0.2, "yaw_rate_rad_s": -0.4, "branch": 3, "guard": 0}
+    spent = {"sense_age_us": 25_180, "budget_us": 2500, "stage_us": (31, 12, 20, 6, 240)}
+    beat = {"type": 10, "autopilot": 3, "base_mode": 129, "custom_mode": 10}
     return [
-        (
-            Heartbeat,
-            {
-                "type": 10,
-                "autopilot": 3,
-                "base_mode": 129,
-                "custom_mode": 10,
-                "system_status": 4,
-                "mavlink_version": 3,
-            },
-        ),
+        (Heartbeat, beat | {"system_status": 4, "mavlink_version": 3}),
         (PlanarOdometry, stamp | where | {f"cov_{name}": 1.7e-5 for name in spread}),
         (NavigatorStatus, stamp | goal | times | state | {"navigator": 2, "side": 1}),
-        (
-            AvoidanceDecision,
-            stamp
-            | saw
-            | chose
-            | {"speed_m_s": 0.2, "yaw_rate_rad_s": -0.4, "branch": 3, "guard": 0},
-        ),
-        (
-            CycleReport,
-            stamp
-            | cost
-            | {
-                "sense_age_us": 25_180,
-                "budget_us": 2500,
-                "stage_us": (31, 12, 20, 6, 240),
-            },
-        ),
+        (AvoidanceDecision, stamp | saw | chose | drive),
+        (CycleReport, stamp | cost | spent),
     ]

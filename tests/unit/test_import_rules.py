@@ -1,0 +1,45 @@
+"""Who may import the big libraries: the rules that import contracts can only name the other way."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("protocol", "robot", "plant", "ground", "study")
+MAY_IMPORT = {
+    "zenoh": ("protocol/bus/",),
+    "pymunk": ("plant/world.py",),
+    "pymavlink": ("protocol/dialect/generate.py", "protocol/dialect/generated.py"),
+    "textual": ("ground/app", "ground/widgets"),
+    "numpy": ("plant/", "study/"),
+}
+
+
+def imports_of(file: Path) -> set[str]:
+    """Top-level names of everything a file imports, wherever in it."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found.add(node.module.partition(".")[0])
+    return found
+
+
+def importers_of(library: str) -> list[str]:
+    files = [file for package in PACKAGES for file in (ROOT / package).rglob("*.py")]
+    return sorted(
+        file.relative_to(ROOT).as_posix() for file in files if library in imports_of(file)
+    )
+
+
+@pytest.mark.parametrize("library", MAY_IMPORT)
+def test_a_library_is_imported_only_where_it_belongs(library: str) -> None:
+    strangers = [file for file in importers_of(library) if not file.startswith(MAY_IMPORT[library])]
+    assert strangers == []
+
+
+def test_the_rules_look_at_files_that_do_import() -> None:
+    assert "plant/world.py" in importers_of("pymunk")
+    assert any(file.startswith("protocol/bus/") for file in importers_of("zenoh"))
