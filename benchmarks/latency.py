@@ -3,7 +3,8 @@
 The stand-in publishes wheel ticks, scan and truth twenty times a second to the real robot process
 and takes the time from before the first put to the arrival of the command that answers them. Half
 a period later comes a ping of the floor, with frames of the same sizes, so both meet the same
-machine. The floor back to back is shown for what it is: a machine that never goes to sleep.
+machine. Back to back, where nothing ever goes to sleep, both are shown without a threshold: ours in
+lockstep, with the clock's frame and the telemetry of every tick on the same link.
 """
 
 import argparse
@@ -13,11 +14,13 @@ from benchmarks.pace import PERIOD_NS, paced, wait_until
 from benchmarks.pingpong import Floor, floor
 from benchmarks.standin import Standin, driving, robot_process
 from plant.world_file import load
+from plant.world_types import World
 from protocol.codec import Encoder
 from protocol.messages import SonarScan, WheelCommand
 
 P50_AT_MOST, P99_AT_MOST = 2.0, 3.0
 WARM_UP = 40
+BUSY = 2000
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -37,11 +40,18 @@ def measure(options: argparse.Namespace) -> Report:
     ):
         in_turn(standin, pings, WARM_UP)
         blocks = [in_turn(standin, pings, options.ticks) for _ in range(options.blocks)]
-        busy_us = [trip_us(pings) for _ in range(2000)]
+        busy_us = [trip_us(pings) for _ in range(BUSY)]
+        lockstep_us = in_lockstep(world, BUSY)
     figures = [*shown("p50", 0.5, blocks, P50_AT_MOST), *shown("p99", 0.99, blocks, P99_AT_MOST)]
     for name, share in (("p50", 0.5), ("p99", 0.99)):
-        value = percentile(busy_us, share)
-        figures.append(Figure(name=f"floor back to back, {name}", unit="us", values=(value,)))
+        bare_us, ours_us = percentile(busy_us, share), percentile(lockstep_us, share)
+        figures += [
+            Figure(
+                name=f"ours / floor back to back, {name}", unit="x", values=(ours_us / bare_us,)
+            ),
+            Figure(name=f"sense to command back to back, {name}", unit="us", values=(ours_us,)),
+            Figure(name=f"floor back to back, {name}", unit="us", values=(bare_us,)),
+        ]
     lost = sum(options.ticks - len(ours) for ours, _ in blocks)
     notes = (
         f"{options.blocks} blocks of {options.ticks} ticks at 20 Hz; {lost} commands not in time",
@@ -49,6 +59,15 @@ def measure(options: argparse.Namespace) -> Report:
         *(line for line in robot.said if "warning" in line),
     )
     return Report(benchmark="latency", figures=tuple(figures), notes=notes)
+
+
+def in_lockstep(world: World, ticks: int) -> list[float]:
+    """Microseconds from senses to command when the next senses follow at once."""
+    with (
+        robot_process(world, "--lockstep") as robot,
+        driving(world, robot, lockstep=True) as standin,
+    ):
+        return [took_ns / 1e3 for _ in range(ticks) if (took_ns := standin.tick()) is not None]
 
 
 def in_turn(standin: Standin, pings: Floor, ticks: int) -> tuple[list[float], list[float]]:
