@@ -3,6 +3,7 @@
 import argparse
 import json
 from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from math import isclose, isfinite
 from types import MappingProxyType
@@ -104,6 +105,22 @@ def saved(link: Link, name: str) -> bool | None:
     return known[0] if known and isinstance(known[0], bool) else None
 
 
+def hint(link: Link, name: str, reason: int) -> str:
+    """What the robot would have taken, by its own list; nothing when it does not tell."""
+    try:
+        rows = {str(row["name"]): row for row in fetch(link)}
+    except RemoteError:
+        return ""
+    if reason == Reason.UNKNOWN_PARAMETER:
+        near = get_close_matches(name, rows, n=1)
+        return f"; did you mean {near[0]}?" if near else "; see sidestep param list"
+    row = rows.get(name, {})
+    if reason != Reason.PARAMETER_OUT_OF_RANGE or not {"minimum", "maximum"} <= row.keys():
+        return ""
+    limits = f"{number(row['minimum'])} to {number(row['maximum'])} {row.get('unit', '')}"
+    return f"; it takes {limits.rstrip()}"
+
+
 def line(row: Row) -> str:
     unit = row.get("unit")
     return f"{row['name']} = {number(row['value'])}{f' {unit}' if unit else ''}"
@@ -147,7 +164,7 @@ def change(link: Link, says: Says, name: str, value: float) -> int:
         says.result(found, text)
         return 0 if taken else 1
     reason = answer.result_param2 if isinstance(answer, CommandAck) else Reason.MALFORMED
-    text = reason_text(reason)
+    text = reason_text(reason) + hint(link, name, reason)
     found |= {"ok": False, "value": None, "reason": text}
     says.result(found, f"refused: {name} = {number(value)}: {text}")
     return 1
