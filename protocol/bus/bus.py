@@ -54,6 +54,7 @@ class Bus:
         self._now_ns = now_ns
         self._mailboxes: list[Mailbox[Any]] = []
         self._declared: list[object] = []
+        self._watched: frozenset[Presence] | None = None
         self._desk = Desk()
         self._session = open_session(network)
 
@@ -164,7 +165,13 @@ class Bus:
         self._declared.append(self._session.liveliness().declare_token(key))
 
     def present(self, timeout_s: float = 1.0) -> list[Presence]:
-        """Who has announced itself, on all robots of this prefix."""
+        """Who has announced itself, on all robots of this prefix.
+
+        A session that watches answers from what it has seen: Zenoh 1.10 leaves such a question
+        unanswered for some time after each token that its own subscriber was told of.
+        """
+        if self._watched is not None:
+            return sorted(self._watched)
         key = f"{self.network.prefix}/*/alive/*/*"
         replies = self._session.liveliness().get(key, timeout=timeout_s)
         return sorted({presence_in(str(r.ok.key_expr)) for r in replies if r.ok is not None})
@@ -181,10 +188,14 @@ class Bus:
 
     def watch(self, handler: Callable[[Presence, bool], None]) -> None:
         """Who comes (True) and goes (False), those already there included; only enqueue."""
+        self._watched = frozenset()
 
         def forward(sample: zenoh.Sample) -> None:
             came = sample.kind == zenoh.SampleKind.PUT
-            handler(presence_in(str(sample.key_expr)), came)
+            who = presence_in(str(sample.key_expr))
+            seen = self._watched or frozenset()
+            self._watched = seen | {who} if came else seen - {who}
+            handler(who, came)
 
         key = f"{self.network.prefix}/*/alive/*/*"
         callback = Callback(forward, indirect=False)

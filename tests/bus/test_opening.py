@@ -99,6 +99,25 @@ def test_a_client_waits_for_a_hub_that_starts_later() -> None:
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_who_watches_is_never_told_that_nobody_is_there(topology: Topology) -> None:
+    with net(topology) as bus:
+        bus.ground.watch(lambda who, came: None)
+        bus.robot.announce()
+        bus.plant.announce()
+        until(lambda: len(bus.ground.present()) == 2)
+        assert {len(bus.ground.present()) for _ in range(200)} == {2}
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_who_only_asks_is_never_told_that_nobody_is_there(topology: Topology) -> None:
+    with net(topology) as bus:
+        bus.robot.announce()
+        bus.plant.announce()
+        until(lambda: len(bus.ground.present()) == 2)
+        assert {len(bus.ground.present()) for _ in range(200)} == {2}
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
 def test_presence_comes_and_goes_with_the_process(topology: Topology) -> None:
     with net(topology) as bus:
         seen: list[tuple[str, str, bool]] = []
