@@ -4,8 +4,9 @@ import os
 import signal
 import subprocess
 import tempfile
-from collections.abc import Callable, Sequence
-from types import TracebackType
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType, TracebackType
 from typing import IO, Final, NamedTuple, Self
 
 from ground.leash import command
@@ -16,6 +17,7 @@ LAST_LINES: Final = 5
 TAIL_BYTES: Final = 4000
 BLAME_NS: Final = 300_000_000
 PAUSE_NS: Final = 10_000_000
+ENDS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # Asked nicely, asked firmly, ended: two seconds in all.
 STEPS: Final[tuple[tuple[int, int], ...]] = (
     (signal.SIGINT, 1_000_000_000),
@@ -73,14 +75,19 @@ class Children:
     def start(self, role: str, arguments: Sequence[str]) -> None:
         """A session of its own: Ctrl-C in the terminal reaches us, and we end the children."""
         output = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the child has been ended
-        process = subprocess.Popen(
-            self._command_of(arguments, os.getpid()),
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
-        self._children.append(Child(role, process, output))
+        with held_back():  # a signal between its birth and its entry here would leave it behind
+            process = subprocess.Popen(
+                self._command_of(arguments, os.getpid()),
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+            self._children.append(Child(role, process, output))
+
+    @property
+    def pids(self) -> list[int]:
+        return [child.process.pid for child in self._children]
 
     def blame(self) -> None:
         """A silence is to be explained: raise ChildDied if a child is gone or about to be."""
@@ -128,6 +135,24 @@ class Children:
                 return False
             self._clock.sleep_until(self._clock.now_ns() + PAUSE_NS)
         return True
+
+
+@contextmanager
+def held_back(numbers: Sequence[int] = ENDS) -> Iterator[None]:
+    """Signals that end a process wait until the block is left, and then do what they always do."""
+    caught: list[int] = []
+
+    def catch(number: int, frame: FrameType | None) -> None:
+        caught.append(number)
+
+    before = {number: signal.signal(number, catch) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in caught[:1]:
+            signal.raise_signal(number)
 
 
 def how(code: int) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.children import ChildDied, Children, how
+from ground.children import ENDS, ChildDied, Children, held_back, how
 from ground.leash import command
 from protocol.clock import WallClock
 
@@ -182,3 +182,36 @@ def test_a_verb_runs_from_any_directory_whatever_lies_there(tmp_path: Path) -> N
 def test_how_a_process_ended_is_said_in_words() -> None:
     assert how(3) == "exit code 3"
     assert how(-9) == "signal SIGKILL"
+
+
+def test_a_signal_while_a_child_is_born_waits_until_the_child_is_known() -> None:
+    born: list[str] = []
+
+    def bear() -> None:
+        with held_back():
+            signal.raise_signal(signal.SIGINT)
+            born.append("known")
+
+    with pytest.raises(KeyboardInterrupt):
+        bear()
+    assert born == ["known"]
+
+
+def test_signals_that_did_not_come_change_nothing() -> None:
+    before = [signal.getsignal(number) for number in ENDS]
+    with held_back():
+        assert [signal.getsignal(number) for number in ENDS] != before
+    assert [signal.getsignal(number) for number in ENDS] == before
+
+
+def test_an_interrupt_at_the_birth_of_a_child_leaves_nothing_behind() -> None:
+    def interrupted(arguments: Sequence[str], parent: int) -> list[str]:
+        signal.raise_signal(signal.SIGINT)
+        return python(arguments, parent)
+
+    with Children(WallClock(), interrupted) as children:
+        with pytest.raises(KeyboardInterrupt):
+            children.start("robot", [QUIET])
+        (pid,) = children.pids
+        assert alive(pid)
+    assert not alive(pid)
