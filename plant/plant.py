@@ -10,12 +10,12 @@ from plant.lineup import starts
 from plant.movers import Mover
 from plant.noise import Noise
 from plant.scene import Disc, movers, still
-from plant.score import PERIOD_NS
 from plant.vehicle import PERIOD_S, Common, Moved, Vehicle
 from plant.world import Arena
 from plant.world_overrides import body_of, faults_of
 from plant.world_types import World
 from protocol.messages import GroundTruth, RunScore, SonarScan, WheelTicks
+from protocol.timing import PERIOD_NS
 
 SUBSTEPS: Final = 2
 SUBSTEP_NS: Final = PERIOD_NS // SUBSTEPS

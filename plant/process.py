@@ -9,9 +9,9 @@ from typing import Final
 
 from plant.desk import Desk
 from plant.plant import Plant
-from plant.score import PERIOD_NS
 from plant.wires import Wires
 from protocol.clock import NS_PER_S, Clock, ticks
+from protocol.timing import PERIOD_NS
 
 PERIOD_S: Final = PERIOD_NS / NS_PER_S
 POLL_S: Final = 0.01

@@ -7,9 +7,9 @@ from struct import Struct
 from typing import Final
 
 from protocol.messages import RunScore
+from protocol.timing import PERIOD_NS
 
 MOST_TICKS: Final = 1_000_000
-PERIOD_NS: Final = 50_000_000
 COLUMNS: Final = 5
 
 _ROW: Final = Struct("<Qddd")

@@ -10,12 +10,13 @@ from plant.faults import Fault
 from plant.noise import Noise
 from plant.raycast import Caster, Pose
 from plant.scene import Disc, Scene
-from plant.score import PERIOD_NS, Score
+from plant.score import Score
 from plant.sonar import PING_AGE_US, Ring
 from plant.trouble import Schedule
 from plant.world import Arena
 from plant.world_types import Point
 from protocol.messages import GroundTruth, SonarScan, WheelTicks
+from protocol.timing import PERIOD_NS
 
 LEFT: Final = 1
 RIGHT: Final = 2

@@ -1,15 +1,13 @@
 """One robot's wires at the plant: its senses and the truth out, its wheel command in."""
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
 from plant.plant import Plant
-from plant.score import PERIOD_NS
 from protocol.bus import Bus, Publisher
 from protocol.messages import SystemTime, WheelCommand
+from protocol.timing import PERIOD_MS, PERIOD_NS
 from protocol.topics import CLOCK, DRIVE, SONAR, TRUTH, WHEELS
-
-PERIOD_MS: Final = 50
 
 
 class Wires:

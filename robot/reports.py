@@ -1,10 +1,9 @@
 """What goes out: the wheel command first, then belief, status, decision, cost and events."""
 
-from typing import Final
-
 from protocol.bus import Bus
 from protocol.message import Message
 from protocol.messages import WheelCommand
+from protocol.timing import TTL_MS
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -20,8 +19,6 @@ from robot import telemetry
 from robot.core.senses import now_ms_of
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
-
-TTL_MS: Final = 150
 
 
 class Reports:

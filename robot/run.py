@@ -14,15 +14,15 @@ from protocol.lockstep import LockstepClock
 from protocol.mailbox import Mailbox
 from protocol.messages import SystemTime
 from protocol.pulse import Pulse
+from protocol.timing import CONTROL_HZ, PERIOD_NS
 from protocol.topics import CLOCK, Role
 from robot.meter import Meter
 from robot.process import Process
 from robot.realtime import freeze_heap, use_fifo
 from robot.rehearsal import Rehearsal, Rehearsed
-from robot.senses import PERIOD_NS, Senses
+from robot.senses import Senses
 from robot.vehicle import Vehicle
 
-CONTROL_HZ: Final = 20.0
 IDLE_S: Final = 0.2
 
 

@@ -1,17 +1,15 @@
 """What the robot senses in this tick, and when on the plant's clock this tick is."""
 
 from collections.abc import Callable
-from typing import Final
 
 from protocol.bus import Bus
 from protocol.clock import Tick
 from protocol.messages import SonarScan, WheelTicks
+from protocol.timing import PERIOD_NS
 from protocol.topics import OPERATOR, SONAR, WHEELS
 from robot.core.senses import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Scan, Wheels
 from robot.vehicle import Vehicle
-
-PERIOD_NS: Final = 50_000_000
 
 
 class Senses:

@@ -12,6 +12,7 @@ from plant.world_overrides import noise_of
 from plant.world_types import World
 from protocol.outcome import Asked, Ended, Outcome, judged
 from protocol.robot_table import parameters_of
+from protocol.timing import TTL_MS
 from protocol.wire_goal import WireGoal, told_heading_rad, wire_goal
 from robot.core import reasons, states
 from robot.core.machine import goal_lives
@@ -20,7 +21,6 @@ from robot.core.values import Outputs, Pose
 from robot.parameters import with_value
 from study.onboard import Onboard
 
-TTL_MS = 150
 NAVIGATORS: Mapping[str, int] = {"bug": states.BUG, "vgm": states.VGM}
 SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 

@@ -16,7 +16,6 @@ from math import degrees, hypot, inf, radians, remainder
 from typing import Final, Self
 
 from plant.faults import Fault
-from plant.score import PERIOD_NS
 from protocol.clock import Tick
 from protocol.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, GoalState, Mode
 from protocol.enums import Vehicle as VehicleState
@@ -30,6 +29,7 @@ from protocol.messages import (
     NavigatorStatus,
 )
 from protocol.reasons import Reason
+from protocol.timing import PERIOD_NS
 from protocol.topics import COMMAND, Topic
 from tests.peers import FRAME_S, TOLD, Peers
 

@@ -10,7 +10,6 @@ from plant.desk import Desk
 from plant.plant import Plant
 from plant.process import Process as PlantProcess
 from plant.process import Wake
-from plant.score import PERIOD_NS
 from plant.wires import Wires
 from plant.world_file import load
 from plant.world_overrides import noise_of
@@ -19,6 +18,7 @@ from protocol.clock import ManualClock
 from protocol.codec import decode
 from protocol.messages import Statustext
 from protocol.network import Mode
+from protocol.timing import PERIOD_NS
 from protocol.topics import CYCLE, OPERATOR, RUN, STATUS, TEXT, WORLD, Role
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose

@@ -1,0 +1,11 @@
+"""The times that robot and plant have to agree on."""
+
+from typing import Final
+
+CONTROL_HZ: Final = 20.0
+PERIOD_MS: Final = 50
+PERIOD_NS: Final = 50_000_000
+"""The control period: senses, one wheel command, the next senses."""
+
+TTL_MS: Final = 150
+"""How long a wheel command is good for; after that the motor driver stops by itself."""
