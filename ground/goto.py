@@ -23,7 +23,7 @@ SHOW_NS: Final = 200_000_000
 SHOW_PLAIN_NS: Final = 2_000_000_000
 HEARD_NS: Final = 2_000_000_000
 STATUS_NS: Final = 1_000_000_000
-STOP_NS: Final = 500_000_000
+STOP_NS: Final = 300_000_000
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -16,7 +16,7 @@ from protocol.network import Network
 
 RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 LEASE_MS = 1000
-OPEN_MS = 1000  # a session that dials again behind our back closes only after that
+OPEN_MS = 500  # a session that dials again behind our back closes only after that
 DIAL_S = 1.0  # while Zenoh dials, Python hears no signal
 PROBE_S = 0.3
 SOURCE_PLACES = re.compile(r" at /\S+")
