@@ -27,6 +27,7 @@ class Score:
         self._start_ns = start_ns
         self._rows = array("d", (x_m, y_m, heading_rad, 0.0, clearance_m))
         self._contacts = array("L", (0,))
+        self._own_contacts = array("L", (0,))
         self._touching = False
 
     @property
@@ -38,15 +39,23 @@ class Score:
         return self.ticks >= MOST_TICKS
 
     def add(
-        self, x_m: float, y_m: float, heading_rad: float, clearance_m: float, touching: bool
+        self,
+        x_m: float,
+        y_m: float,
+        heading_rad: float,
+        clearance_m: float,
+        touching: bool,
+        closing: bool = False,
     ) -> None:
-        """One tick more."""
+        """One tick more; `closing`: the robot itself was moving towards what it touches."""
         if self.full:
             return
         rows = self._rows
         path_m = rows[-2] + hypot(x_m - rows[-5], y_m - rows[-4])
         rows.extend((x_m, y_m, heading_rad, path_m, min(rows[-1], clearance_m)))
-        self._contacts.append(self._contacts[-1] + (touching and not self._touching))
+        begun = touching and not self._touching
+        self._contacts.append(self._contacts[-1] + begun)
+        self._own_contacts.append(self._own_contacts[-1] + (begun and closing))
         self._touching = touching
 
     def until(self, until_ns: int) -> RunScore:
@@ -57,6 +66,7 @@ class Score:
             time_ns=self._start_ns + ticks * PERIOD_NS,
             ticks=ticks,
             contacts=self._contacts[ticks],
+            own_contacts=self._own_contacts[ticks],
             x_m=x_m,
             y_m=y_m,
             heading_rad=heading_rad,

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from math import atan2, cos, pi, sin
+from operator import mul
 from typing import Final, NamedTuple, TypeAlias
 
 from plant.body import Body
@@ -24,6 +25,10 @@ REAR: Final = 4
 OVERLAP_RAD: Final = 0.175
 """The two front sectors of the bumper reach over the middle by this much."""
 REAR_RAD: Final = 2.0 * pi / 3.0
+
+CLOSING_M_S: Final = 0.01
+"""A robot that moves faster than this towards what it touches has run into it: had the other stood
+still, they would have touched all the same. Turning on the spot never brings a disc closer."""
 
 PERIOD_S: Final = PERIOD_NS / 1e9
 
@@ -53,7 +58,9 @@ class Vehicle:
         self._robot = self._arena.add_robot(start[0], start[1])
         self.pose = self.early_pose = self._before = start
         self._turned_rad = self._turning_rad = 0.0
+        self._velocity_m_s = (0.0, 0.0)
         self._touched = 0
+        self._closing = False
         self.bumper = 0
         self.clearance_m = 0.0
         self.score = Score(0, *start, 0.0)
@@ -68,7 +75,8 @@ class Vehicle:
             speed_m_s *= sin(half_rad) / half_rad
         towards_rad = self.pose[2] + half_rad
         self._turning_rad = 2.0 * half_rad
-        self._arena.push(self._robot, speed_m_s * cos(towards_rad), speed_m_s * sin(towards_rad))
+        self._velocity_m_s = speed_m_s * cos(towards_rad), speed_m_s * sin(towards_rad)
+        self._arena.push(self._robot, *self._velocity_m_s)
         return abs(speed_m_s)
 
     def arrive(self, close: bool) -> None:
@@ -80,8 +88,15 @@ class Vehicle:
         self._turned_rad += self._turning_rad
         self.pose = (x_m, y_m, heading_rad)
         if close:
-            for direction in self._arena.contacts(self._robot):
-                self._touched |= _sectors(direction, heading_rad)
+            self._touch(self._arena.contacts(self._robot))
+
+    def _touch(self, directions: Sequence[Point]) -> None:
+        """Press the bumper; whose doing it was is decided where the tick's touching begins."""
+        began = self._touched == 0
+        for direction in directions:
+            self._touched |= _sectors(direction, self.pose[2])
+            closing_m_s = sum(map(mul, self._velocity_m_s, direction))
+            self._closing |= began and closing_m_s > CLOSING_M_S
 
     def halfway(self) -> None:
         self.early_pose = self.pose
@@ -89,8 +104,9 @@ class Vehicle:
     def end_tick(self) -> None:
         """Add the tick to the score."""
         self.bumper, self._touched = self._touched, 0
+        closing, self._closing = self._closing, False
         self.clearance_m = self._arena.clearance_m(self._robot)
-        self.score.add(*self.pose, self.clearance_m, self.bumper != 0)
+        self.score.add(*self.pose, self.clearance_m, self.bumper != 0, closing)
 
     def begin_tick(self) -> None:
         self._before = self.pose

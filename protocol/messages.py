@@ -224,6 +224,7 @@ class RunScore(Message, frozen=True, kw_only=True):
     time_ns: int
     ticks: int
     contacts: int
+    own_contacts: int
     x_m: float
     y_m: float
     heading_rad: float

@@ -50,6 +50,8 @@ class Ended:
 class Outcome:
     """Errors against ground truth; `estimated_position_error_m` is what the robot believed.
 
+    `contacts` counts every touch; `own_contacts` those that began while the robot itself moved
+    towards what it touched, so that standing still would have spared them.
     `wall_s` is the drive loop alone; `digest` a SHA-256 over the trajectory, equal for equal runs.
     """
 
@@ -68,6 +70,7 @@ class Outcome:
     estimated_position_error_m: float
     min_clearance_m: float
     contacts: int
+    own_contacts: int
     ticks: int
     missed_ticks: int
     digest: str
@@ -90,12 +93,17 @@ class Outcome:
                 f"  way        {self.path_m:.2f} m, shortest {_metres(self.shortest_path_m, 2)}",
                 f"  stands     {_metres(self.position_error_m)}{heading} off",
                 f"  believes   {_metres(self.estimated_position_error_m)} off",
-                f"  clearance  {_metres(self.min_clearance_m)}, contacts {self.contacts}",
+                f"  clearance  {_metres(self.min_clearance_m)}, {self._touches()}",
                 f"  ticks      {self.ticks}, {self.missed_ticks} missed",
                 f"  pace       {pace:.1f} x real time",
                 f"  noise      {self.noise}, seed {self.seed}",
                 f"  digest     {self.digest}",
             )
+        )
+
+    def _touches(self) -> str:
+        return f"contacts {self.contacts}" + (
+            f" ({self.own_contacts} own)" if self.contacts else ""
         )
 
     def _headline(self) -> str:
@@ -107,7 +115,7 @@ class Outcome:
 
 def judged(asked: Asked, ended: Ended, score: RunScore) -> Outcome:
     """Put the plant's score and the robot's account together."""
-    outcome, reason = end_of(score.contacts, ended.goal_state, ended.goal_reason, asked.timeout_s)
+    outcome, reason = end_of(score, ended.goal_state, ended.goal_reason, asked.timeout_s)
     heading_rad = asked.goal_heading_rad
     turned_rad = None if heading_rad is None else remainder(score.heading_rad - heading_rad, 2 * pi)
     return Outcome(
@@ -129,22 +137,28 @@ def judged(asked: Asked, ended: Ended, score: RunScore) -> Outcome:
         ),
         min_clearance_m=score.min_clearance_m,
         contacts=score.contacts,
+        own_contacts=score.own_contacts,
         ticks=score.ticks,
         missed_ticks=ended.missed_ticks,
         digest=bytes(score.digest).hex(),
     )
 
 
-def end_of(contacts: int, goal_state: int, goal_reason: int, timeout_s: float) -> tuple[str, str]:
-    """Outcome and reason. A run that touched anything is a collision, wherever it ended."""
+def end_of(score: RunScore, goal_state: int, goal_reason: int, timeout_s: float) -> tuple[str, str]:
+    """Outcome and reason. A run in which the robot ran into anything is a collision, wherever it
+    ended. One that was only run into ends as its goal did: a robot cannot get out of every way."""
     end = ENDS.get(GoalState(goal_state))
-    if contacts:
-        times = "once" if contacts == 1 else f"{contacts} times"
+    if score.own_contacts:
         rest = f"; {reason_text(goal_reason)}" if goal_reason else f"; {end}" if end else ""
-        return "collided", f"touched something {times}{rest}"
+        return "collided", f"touched something {_times(score.contacts)}{rest}"
+    rest = f"; was run into {_times(score.contacts)}" if score.contacts else ""
     if end is None:
-        return "timeout", f"not there after {timeout_s:g} s"
-    return end, reason_text(goal_reason)
+        return "timeout", f"not there after {timeout_s:g} s{rest}"
+    return end, f"{reason_text(goal_reason)}{rest}"
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
 
 
 def _metres(value: float | None, digits: int = 3) -> str:

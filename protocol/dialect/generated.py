@@ -421,8 +421,16 @@ SIDESTEP_NAVIGATOR_BUG = 1
 enums["SIDESTEP_NAVIGATOR"][1] = EnumEntry("SIDESTEP_NAVIGATOR_BUG", """Bug algorithm of the paper.""")
 SIDESTEP_NAVIGATOR_VGM = 2
 enums["SIDESTEP_NAVIGATOR"][2] = EnumEntry("SIDESTEP_NAVIGATOR_VGM", """Virtual Goal Method of the paper, signs corrected.""")
-SIDESTEP_NAVIGATOR_ENUM_END = 3
-enums["SIDESTEP_NAVIGATOR"][3] = EnumEntry("SIDESTEP_NAVIGATOR_ENUM_END", """""")
+SIDESTEP_NAVIGATOR_BUG1 = 3
+enums["SIDESTEP_NAVIGATOR"][3] = EnumEntry("SIDESTEP_NAVIGATOR_BUG1", """Bug1: all the way round, then back to the nearest point.""")
+SIDESTEP_NAVIGATOR_BUG2 = 4
+enums["SIDESTEP_NAVIGATOR"][4] = EnumEntry("SIDESTEP_NAVIGATOR_BUG2", """Bug2: along the boundary to the line from start to goal.""")
+SIDESTEP_NAVIGATOR_DISTBUG = 5
+enums["SIDESTEP_NAVIGATOR"][5] = EnumEntry("SIDESTEP_NAVIGATOR_DISTBUG", """DistBug: along the boundary until the free way leads nearer than ever.""")
+SIDESTEP_NAVIGATOR_VGM_MEMORY = 6
+enums["SIDESTEP_NAVIGATOR"][6] = EnumEntry("SIDESTEP_NAVIGATOR_VGM_MEMORY", """Virtual Goal Method with a memory of recent echoes.""")
+SIDESTEP_NAVIGATOR_ENUM_END = 7
+enums["SIDESTEP_NAVIGATOR"][7] = EnumEntry("SIDESTEP_NAVIGATOR_ENUM_END", """""")
 
 # SIDESTEP_BRANCH
 enums["SIDESTEP_BRANCH"] = Enum()
@@ -437,8 +445,10 @@ SIDESTEP_BRANCH_PASS_RIGHT = 3
 enums["SIDESTEP_BRANCH"][3] = EnumEntry("SIDESTEP_BRANCH_PASS_RIGHT", """Obstacle on the left: pass it on the right.""")
 SIDESTEP_BRANCH_ALIGN = 4
 enums["SIDESTEP_BRANCH"][4] = EnumEntry("SIDESTEP_BRANCH_ALIGN", """Turning to the final heading.""")
-SIDESTEP_BRANCH_ENUM_END = 5
-enums["SIDESTEP_BRANCH"][5] = EnumEntry("SIDESTEP_BRANCH_ENUM_END", """""")
+SIDESTEP_BRANCH_GIVE_UP = 5
+enums["SIDESTEP_BRANCH"][5] = EnumEntry("SIDESTEP_BRANCH_GIVE_UP", """Went all the way round: the goal cannot be reached.""")
+SIDESTEP_BRANCH_ENUM_END = 6
+enums["SIDESTEP_BRANCH"][6] = EnumEntry("SIDESTEP_BRANCH_ENUM_END", """""")
 
 # SIDESTEP_REASON
 enums["SIDESTEP_REASON"] = Enum()
@@ -1593,22 +1603,22 @@ class MAVLink_run_score_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_RUN_SCORE
     msgname = "RUN_SCORE"
-    fieldnames = ["time_ns", "ticks", "contacts", "x_m", "y_m", "heading_rad", "path_m", "min_clearance_m", "digest"]
-    ordered_fieldnames = ["time_ns", "x_m", "y_m", "heading_rad", "path_m", "min_clearance_m", "ticks", "contacts", "digest"]
-    fieldtypes = ["uint64_t", "uint32_t", "uint32_t", "double", "double", "double", "double", "double", "uint8_t"]
+    fieldnames = ["time_ns", "ticks", "contacts", "own_contacts", "x_m", "y_m", "heading_rad", "path_m", "min_clearance_m", "digest"]
+    ordered_fieldnames = ["time_ns", "x_m", "y_m", "heading_rad", "path_m", "min_clearance_m", "ticks", "contacts", "own_contacts", "digest"]
+    fieldtypes = ["uint64_t", "uint32_t", "uint32_t", "uint32_t", "double", "double", "double", "double", "double", "uint8_t"]
     fielddisplays_by_name: Dict[str, str] = {}
     fieldenums_by_name: Dict[str, str] = {}
     fieldunits_by_name: Dict[str, str] = {"time_ns": "ns", "x_m": "m", "y_m": "m", "heading_rad": "rad", "path_m": "m", "min_clearance_m": "m"}
-    native_format = bytearray(b"<QdddddIIB")
-    orders = [0, 6, 7, 1, 2, 3, 4, 5, 8]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 32]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 32]
-    crc_extra = 194
-    unpacker = struct.Struct("<QdddddII32B")
+    native_format = bytearray(b"<QdddddIIIB")
+    orders = [0, 6, 7, 8, 1, 2, 3, 4, 5, 9]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 32]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 32]
+    crc_extra = 83
+    unpacker = struct.Struct("<QdddddIII32B")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, time_ns: int, ticks: int, contacts: int, x_m: float, y_m: float, heading_rad: float, path_m: float, min_clearance_m: float, digest: Sequence[int]):
+    def __init__(self, time_ns: int, ticks: int, contacts: int, own_contacts: int, x_m: float, y_m: float, heading_rad: float, path_m: float, min_clearance_m: float, digest: Sequence[int]):
         MAVLink_message.__init__(self, MAVLink_run_score_message.id, MAVLink_run_score_message.msgname)
         self._fieldnames = MAVLink_run_score_message.fieldnames
         self._instance_field = MAVLink_run_score_message.instance_field
@@ -1616,6 +1626,7 @@ class MAVLink_run_score_message(MAVLink_message):
         self.time_ns = time_ns
         self.ticks = ticks
         self.contacts = contacts
+        self.own_contacts = own_contacts
         self.x_m = x_m
         self.y_m = y_m
         self.heading_rad = heading_rad
@@ -1624,7 +1635,7 @@ class MAVLink_run_score_message(MAVLink_message):
         self.digest = digest
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_ns, self.x_m, self.y_m, self.heading_rad, self.path_m, self.min_clearance_m, self.ticks, self.contacts, self.digest[0], self.digest[1], self.digest[2], self.digest[3], self.digest[4], self.digest[5], self.digest[6], self.digest[7], self.digest[8], self.digest[9], self.digest[10], self.digest[11], self.digest[12], self.digest[13], self.digest[14], self.digest[15], self.digest[16], self.digest[17], self.digest[18], self.digest[19], self.digest[20], self.digest[21], self.digest[22], self.digest[23], self.digest[24], self.digest[25], self.digest[26], self.digest[27], self.digest[28], self.digest[29], self.digest[30], self.digest[31]), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_ns, self.x_m, self.y_m, self.heading_rad, self.path_m, self.min_clearance_m, self.ticks, self.contacts, self.own_contacts, self.digest[0], self.digest[1], self.digest[2], self.digest[3], self.digest[4], self.digest[5], self.digest[6], self.digest[7], self.digest[8], self.digest[9], self.digest[10], self.digest[11], self.digest[12], self.digest[13], self.digest[14], self.digest[15], self.digest[16], self.digest[17], self.digest[18], self.digest[19], self.digest[20], self.digest[21], self.digest[22], self.digest[23], self.digest[24], self.digest[25], self.digest[26], self.digest[27], self.digest[28], self.digest[29], self.digest[30], self.digest[31]), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -3428,13 +3439,14 @@ class MAVLink(object):
         """
         self.send(self.run_request_encode(until_ns, action), force_mavlink1=force_mavlink1)
 
-    def run_score_encode(self, time_ns: int, ticks: int, contacts: int, x_m: float, y_m: float, heading_rad: float, path_m: float, min_clearance_m: float, digest: Sequence[int]) -> MAVLink_run_score_message:
+    def run_score_encode(self, time_ns: int, ticks: int, contacts: int, own_contacts: int, x_m: float, y_m: float, heading_rad: float, path_m: float, min_clearance_m: float, digest: Sequence[int]) -> MAVLink_run_score_message:
         """
         The plant's evaluation of a run, from ground truth.
 
         time_ns                   : Stamp of the last tick scored. [ns] (type:uint64_t)
         ticks                     : Ticks scored. (type:uint32_t)
         contacts                  : Contacts begun. (type:uint32_t)
+        own_contacts              : Of these, begun by the robot's own motion. (type:uint32_t)
         x_m                       : True position at the end. [m] (type:double)
         y_m                       : True position at the end. [m] (type:double)
         heading_rad               : True heading at the end. [rad] (type:double)
@@ -3443,15 +3455,16 @@ class MAVLink(object):
         digest                    : SHA-256 over the trajectory. (type:uint8_t)
 
         """
-        return MAVLink_run_score_message(time_ns, ticks, contacts, x_m, y_m, heading_rad, path_m, min_clearance_m, digest)
+        return MAVLink_run_score_message(time_ns, ticks, contacts, own_contacts, x_m, y_m, heading_rad, path_m, min_clearance_m, digest)
 
-    def run_score_send(self, time_ns: int, ticks: int, contacts: int, x_m: float, y_m: float, heading_rad: float, path_m: float, min_clearance_m: float, digest: Sequence[int], force_mavlink1: bool = False) -> None:
+    def run_score_send(self, time_ns: int, ticks: int, contacts: int, own_contacts: int, x_m: float, y_m: float, heading_rad: float, path_m: float, min_clearance_m: float, digest: Sequence[int], force_mavlink1: bool = False) -> None:
         """
         The plant's evaluation of a run, from ground truth.
 
         time_ns                   : Stamp of the last tick scored. [ns] (type:uint64_t)
         ticks                     : Ticks scored. (type:uint32_t)
         contacts                  : Contacts begun. (type:uint32_t)
+        own_contacts              : Of these, begun by the robot's own motion. (type:uint32_t)
         x_m                       : True position at the end. [m] (type:double)
         y_m                       : True position at the end. [m] (type:double)
         heading_rad               : True heading at the end. [rad] (type:double)
@@ -3460,7 +3473,7 @@ class MAVLink(object):
         digest                    : SHA-256 over the trajectory. (type:uint8_t)
 
         """
-        self.send(self.run_score_encode(time_ns, ticks, contacts, x_m, y_m, heading_rad, path_m, min_clearance_m, digest), force_mavlink1=force_mavlink1)
+        self.send(self.run_score_encode(time_ns, ticks, contacts, own_contacts, x_m, y_m, heading_rad, path_m, min_clearance_m, digest), force_mavlink1=force_mavlink1)
 
     def system_time_encode(self, time_unix_usec: int, time_boot_ms: int) -> MAVLink_system_time_message:
         """

@@ -49,8 +49,8 @@ GOAL_REQUEST 54108 64 request_id:Q x_mm:i y_mm:i heading_urad:i heading_toleranc
   position_tolerance_mm:H heading_free:B mode:B
 COMMAND_REQUEST 54109 126 request_id:Q param1:f param2:f command:H
 RUN_REQUEST 54110 38 until_ns:Q action:B
-RUN_SCORE 54111 194 time_ns:Q x_m:d y_m:d heading_rad:d path_m:d min_clearance_m:d ticks:I
-  contacts:I digest:32B
+RUN_SCORE 54111 83 time_ns:Q x_m:d y_m:d heading_rad:d path_m:d min_clearance_m:d ticks:I
+  contacts:I own_contacts:I digest:32B
 """
 
 REASON_TEXTS: Final[dict[int, str]] = {

@@ -28,13 +28,29 @@ KEYS = [
     "estimated_position_error_m",
     "min_clearance_m",
     "contacts",
+    "own_contacts",
     "ticks",
     "missed_ticks",
     "digest",
 ]
 
 
-def run(heading_rad: float | None = pi, contacts: int = 0) -> Outcome:
+def touches(contacts: int, own_contacts: int) -> RunScore:
+    return RunScore(
+        time_ns=20_000_000_000,
+        ticks=400,
+        contacts=contacts,
+        own_contacts=own_contacts,
+        x_m=5.03,
+        y_m=2.04,
+        heading_rad=-pi + 0.01,
+        path_m=4.9,
+        min_clearance_m=0.11,
+        digest=tuple(range(32)),
+    )
+
+
+def run(heading_rad: float | None = pi, contacts: int = 0, own_contacts: int = 0) -> Outcome:
     asked = Asked(
         world="box",
         navigator="vgm",
@@ -55,18 +71,7 @@ def run(heading_rad: float | None = pi, contacts: int = 0) -> Outcome:
         estimate_y_m=2.04,
         wall_s=0.05,
     )
-    score = RunScore(
-        time_ns=20_000_000_000,
-        ticks=400,
-        contacts=contacts,
-        x_m=5.03,
-        y_m=2.04,
-        heading_rad=-pi + 0.01,
-        path_m=4.9,
-        min_clearance_m=0.11,
-        digest=tuple(range(32)),
-    )
-    return judged(asked, ended, score)
+    return judged(asked, ended, touches(contacts, own_contacts))
 
 
 def test_the_keys_are_those_that_were_promised_in_that_order() -> None:
@@ -92,15 +97,26 @@ def test_in_words_it_begins_with_how_it_ended_and_is_short() -> None:
     assert "0.050 m and 0.6 deg off" in lines[2]
     assert max(map(len, lines[1:-1])) <= 40
     assert lines[-1].endswith(run().digest)
-    touched = run(contacts=2).text().splitlines()[0]
-    assert touched.startswith("collided in ")
-    assert touched.endswith(": touched something 2 times; reached")
+    touched = run(contacts=2, own_contacts=1).text().splitlines()
+    assert touched[0].startswith("collided in ")
+    assert touched[0].endswith(": touched something 2 times; reached")
+    assert touched[4].endswith("contacts 2 (1 own)")
 
 
 def test_a_run_that_touched_something_is_a_collision_even_at_its_goal() -> None:
-    outcome = run(contacts=2)
+    outcome = run(contacts=2, own_contacts=1)
     assert (outcome.outcome, outcome.reached) == ("collided", False)
     assert outcome.reason == "touched something 2 times; reached"
+
+
+def test_a_robot_that_was_only_run_into_did_not_collide_but_its_contacts_stay() -> None:
+    outcome = run(contacts=2)
+    assert (outcome.outcome, outcome.contacts, outcome.own_contacts) == ("reached", 2, 0)
+    assert outcome.reason == "ok; was run into 2 times"
+    bumped = end_of(touches(1, 0), GoalState.ABORTED, Reason.BUMPER, 60.0)
+    assert bumped == ("aborted", "bumper contact; was run into once")
+    late = end_of(touches(1, 0), GoalState.DRIVING, Reason.NONE, 60.0)
+    assert late == ("timeout", "not there after 60 s; was run into once")
 
 
 @pytest.mark.parametrize(
@@ -116,16 +132,16 @@ def test_a_run_that_touched_something_is_a_collision_even_at_its_goal() -> None:
 def test_each_end_has_its_word_and_its_reason(
     state: GoalState, reason: Reason, end: str, words: str
 ) -> None:
-    assert end_of(0, state, reason, 60.0) == (end, words)
+    assert end_of(touches(0, 0), state, reason, 60.0) == (end, words)
 
 
 def test_whatever_the_state_the_outcome_is_one_of_the_five() -> None:
-    ends = {end_of(contacts, state, 0, 1.0)[0] for state in GoalState for contacts in (0, 1)}
+    ends = {end_of(touches(1, own), state, 0, 1.0)[0] for state in GoalState for own in (0, 1)}
     assert ends == set(OUTCOMES)
 
 
 def test_a_bump_that_stopped_the_robot_says_both() -> None:
-    assert end_of(1, GoalState.ABORTED, Reason.BUMPER, 60.0) == (
+    assert end_of(touches(1, 1), GoalState.ABORTED, Reason.BUMPER, 60.0) == (
         "collided",
         "touched something once; bumper contact",
     )

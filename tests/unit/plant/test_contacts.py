@@ -131,6 +131,53 @@ def test_two_robots_do_not_pass_through_each_other() -> None:
     assert touched > 10
 
 
+def walker(bearing_rad: float, speed_m_s: float = 0.2) -> Circle:
+    """Somebody who walks straight at the middle of the room."""
+    ways = ((2.0 + d * cos(bearing_rad), 2.0 + d * sin(bearing_rad)) for d in (0.6, -0.6))
+    path = tuple(ways)
+    return Circle(x_m=path[0][0], y_m=path[0][1], radius_m=0.2, path_m=path, speed_m_s=speed_m_s)
+
+
+def until_touched(one: Plant, left_m_s: float, right_m_s: float) -> tuple[int, int]:
+    """Contacts and own contacts after the first touch."""
+    for _ in range(200):
+        drive(one, left_m_s, right_m_s, 1)
+        if one.truth().contact:
+            break
+    score = one.score(FOREVER_NS)
+    return score.contacts, score.own_contacts
+
+
+@pytest.mark.parametrize("bearing_deg", range(0, 360, 45))
+@pytest.mark.parametrize("spin_m_s", [0.0, 0.2])
+def test_who_stands_or_turns_on_the_spot_is_run_into(bearing_deg: int, spin_m_s: float) -> None:
+    one = plant(room(walker(radians(bearing_deg)), start=(2.0, 2.0, 0.3)))
+    assert until_touched(one, -spin_m_s, spin_m_s) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("bearing_deg", "speed_m_s", "own"),
+    [
+        (0, 0.1, 1),  # towards each other
+        (180, -0.1, 1),  # towards each other, backwards
+        (180, 0.05, 0),  # overtaken from behind
+        (0, -0.05, 0),  # backing away, too slowly
+        (135, 0.05, 0),  # overtaken from behind, aslant
+        (45, 0.05, 1),
+    ],
+)
+def test_a_contact_is_the_doing_of_who_moves_towards_it(
+    bearing_deg: int, speed_m_s: float, own: int
+) -> None:
+    one = plant(room(walker(radians(bearing_deg)), start=(2.0, 2.0, 0.0)))
+    assert until_touched(one, speed_m_s, speed_m_s) == (1, own)
+
+
+def test_a_wall_is_always_run_into() -> None:
+    assert until_touched(plant(room(THIN_WALL, start=(1.5, 2.0, 0.0))), 0.02, 0.02) == (0, 0)
+    assert until_touched(plant(room(THIN_WALL, start=(1.8, 2.0, 0.0))), 0.02, 0.02) == (1, 1)
+
+
 def test_a_robot_is_pushed_away_by_an_obstacle_that_moves() -> None:
     roller = Circle(x_m=1.0, y_m=2.0, radius_m=0.3, path_m=((1.0, 2.0), (3.0, 2.0)), speed_m_s=0.5)
     one = plant(room(roller, start=(2.0, 2.0, 0.0)))

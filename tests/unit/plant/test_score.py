@@ -11,13 +11,13 @@ START_NS = 3 * TICK_NS
 
 
 def square_run() -> Score:
-    """Four ticks around a metre square, a touch in the second and third, one in the fourth."""
+    """Five ticks around a metre square: touched in the second and third, run into in the fifth."""
     score = Score(START_NS, 0.0, 0.0, 0.0, 0.9)
     score.add(1.0, 0.0, 0.1, 0.5, touching=False)
     score.add(1.0, 1.0, 0.2, -0.001, touching=True)
-    score.add(0.0, 1.0, 0.3, 0.0, touching=True)
+    score.add(0.0, 1.0, 0.3, 0.0, touching=True, closing=True)
     score.add(0.0, 0.0, 0.4, 0.3, touching=False)
-    score.add(0.0, 0.0, 0.4, 0.0, touching=True)
+    score.add(0.0, 0.0, 0.4, 0.0, touching=True, closing=True)
     return score
 
 
@@ -54,6 +54,13 @@ def test_a_touch_that_lasts_is_one_contact_wherever_the_run_is_cut() -> None:
     run = square_run()
     assert [run.until(START_NS + tick * TICK_NS).contacts for tick in range(6)] == [
         *(0, 0, 1, 1, 1, 2)
+    ]
+
+
+def test_a_contact_is_the_robots_own_when_it_closed_in_as_the_touch_began() -> None:
+    run = square_run()
+    assert [run.until(START_NS + tick * TICK_NS).own_contacts for tick in range(6)] == [
+        *(0, 0, 0, 0, 0, 1)
     ]
 
 
