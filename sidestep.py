@@ -37,7 +37,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "estop": Verb("ground.cli", "emergency stop, latched"),
         "clear-estop": Verb("ground.cli", "release the emergency stop"),
         "mode": Verb("ground.cli", "choose the mode"),
-        "navigator": Verb("ground.cli", "choose bug or vgm"),
+        "navigator": Verb("ground.cli", "choose the navigator"),
         "param": Verb("ground.cli", "read and set the robot's parameters"),
     },
     "look": {

@@ -39,7 +39,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         "disarm": Verb(orders.arguments, orders.run, "do not let the wheels turn"),
         "rtl": Verb(orders.arguments, orders.run, "drive back along the robot's own trail"),
         "mode": Verb(orders.mode_arguments, orders.run_mode, "choose the mode"),
-        "navigator": Verb(orders.navigator_arguments, orders.run_navigator, "choose bug or vgm"),
+        "navigator": Verb(orders.navigator_arguments, orders.run_navigator, "choose the navigator"),
         "param": Verb(param.arguments, param.run, "read and set the robot's parameters"),
         "watch": Verb(watch.arguments, watch.run, "show what the robot says, line by line"),
         "ground": Verb(watch.ground_arguments, watch.run_ground, "an operator without a screen"),

@@ -67,7 +67,7 @@ def mode_arguments(parser: argparse.ArgumentParser) -> None:
 def navigator_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("navigator", type=str.lower, choices=list(NAVIGATORS))
     parser.add_argument(
-        "side", nargs="?", type=str.lower, choices=list(SIDES), help="on which bug passes obstacles"
+        "side", nargs="?", type=str.lower, choices=list(SIDES), help="on which obstacles are passed"
     )
     arguments(parser)
 

@@ -37,7 +37,12 @@ LOCAL: Final = "127.0.0.1"
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--world", metavar="W", default="box", help="a world's name or file (box)")
     parser.add_argument("--navigator", choices=list(NAVIGATORS), default="vgm")
-    parser.add_argument("--side", choices=list(SIDES), default="left", help="of bug (left)")
+    parser.add_argument(
+        "--side",
+        choices=list(SIDES),
+        default="left",
+        help="on which obstacles are passed (left)",
+    )
     parser.add_argument(
         "--goal", nargs="+", type=finite, metavar="N", help="X Y [DEG] instead of the world's"
     )

@@ -36,6 +36,10 @@ class GoalState(IntEnum):
 class Navigator(IntEnum):
     BUG = 1
     VGM = 2
+    BUG1 = 3
+    BUG2 = 4
+    DISTBUG = 5
+    VGM_MEMORY = 6
 
 
 class Branch(IntEnum):
@@ -44,6 +48,7 @@ class Branch(IntEnum):
     PASS_LEFT = 2
     PASS_RIGHT = 3
     ALIGN = 4
+    GIVE_UP = 5
 
 
 class RunAction(IntEnum):

@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Final
 
 from robot.core import states
+from robot.core.navigators import NAVIGATORS
 from robot.core.parameters import DEFAULTS, Params
 
 
@@ -46,8 +47,22 @@ TABLE: Final = (
     Spec("freeze_m", "m", 0.01, 5.0, "driven so far with unchanged echoes: sonar frozen"),
     Spec("freeze_rad", "rad", 0.01, 6.3, "turned so far with unchanged echoes: sonar frozen"),
     Spec("freeze_front_m", "m", 0.1, 60.0, "an unchanged echo counts as frozen up to this range"),
-    Spec("navigator", "", 1, 2, "navigator: 1 bug, 2 vgm", (states.BUG, states.VGM)),
-    Spec("side", "", -1, 1, "side bug passes on: 1 left, -1 right", (states.LEFT, states.RIGHT)),
+    Spec(
+        "navigator",
+        "",
+        1,
+        6,
+        "navigator: 1 bug, 2 vgm, 3 bug1, 4 bug2, 5 distbug, 6 vgm_memory",
+        tuple(NAVIGATORS),
+    ),
+    Spec(
+        "side",
+        "",
+        -1,
+        1,
+        "obstacles are passed on: 1 left, -1 right",
+        (states.LEFT, states.RIGHT),
+    ),
     Spec("d_obs_m", "m", 0.05, 3.0, "width of the avoidance zone of vgm (the paper's d_obs)"),
     Spec("d_th_m", "m", 0.05, 3.0, "threshold distance of bug (the paper's d_th)"),
     Spec("follow_m", "m", 0.05, 1.0, "distance at which bug follows a boundary"),

@@ -57,7 +57,7 @@ def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(prog="sidestep trial", description=__doc__)
     made.add_argument("--world", required=True, help="name of a shipped world, or a .toml file")
     made.add_argument("--navigator", choices=NAVIGATORS, default="vgm")
-    made.add_argument("--side", choices=SIDES, default="left", help="on which bug passes obstacles")
+    made.add_argument("--side", choices=SIDES, default="left", help="on which obstacles are passed")
     made.add_argument("--seed", type=seed, default=0, help="of everything random (0)")
     made.add_argument("--noise", choices=LEVELS, help="instead of what the world says")
     made.add_argument("--timeout", type=seconds, default=300.0, metavar="S", help="simulated (300)")

@@ -14,12 +14,12 @@ COLUMNS = (
     *("cov_xx_m2", "cov_xy_m2", "cov_xh_m_rad", "cov_yy_m2", "cov_yh_m_rad", "cov_hh_rad2"),
     *("vehicle", "mode", "goal", "goal_distance_m"),
     *("branch", "nearest_bearing_rad", "nearest_range_m", "goal_bearing_rad", "rotation_rad"),
-    *("virtual_x_m", "virtual_y_m"),
+    *("virtual_x_m", "virtual_y_m", "speed_limit_m_s"),
     *("wanted_speed_m_s", "wanted_yaw_rate_rad_s", "left_mrad_s", "right_mrad_s", "guard"),
 )
 """All places in the world: the robot is told where it starts. States as in the dialect."""
 
-UNDECIDED = Decision(0, None, inf, nan, nan, nan, nan)
+UNDECIDED = Decision(0, None, inf, nan, nan, nan, nan, inf)
 
 
 class Trace:

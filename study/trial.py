@@ -21,7 +21,14 @@ from robot.core.values import Outputs, Pose
 from robot.parameters import with_value
 from study.onboard import Onboard
 
-NAVIGATORS: Mapping[str, int] = {"bug": states.BUG, "vgm": states.VGM}
+NAVIGATORS: Mapping[str, int] = {
+    "bug": states.BUG,
+    "vgm": states.VGM,
+    "bug1": states.BUG1,
+    "bug2": states.BUG2,
+    "distbug": states.DISTBUG,
+    "vgm_memory": states.VGM_MEMORY,
+}
 SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 
 # The same world is run again and again, and its shortest path costs more than some runs.

@@ -5,7 +5,7 @@ the goal looks open the robot heads for the goal again. What it met before is fo
 traps may hold it. Obstacles are passed on `memory.side`; the wall is on the other side.
 """
 
-from math import atan2, cos, pi, sin, sqrt
+from math import atan2, cos, inf, pi, sin, sqrt
 
 from robot.core import ring as rings
 from robot.core import states
@@ -44,7 +44,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     memory.heading_rad = pose.heading_rad
     if not memory.following:
         branch = states.TO_GOAL
-        return Decision(branch, beta_rad, nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m)
+        return Decision(branch, beta_rad, nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m, inf)
     cosine, sine = cos(gamma_rad), sin(gamma_rad)
     return Decision(
         states.PASS_LEFT if memory.side == states.LEFT else states.PASS_RIGHT,
@@ -54,6 +54,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         wrap(gamma_rad),
         pose.x_m + cosine * dx_m - sine * dy_m,
         pose.y_m + sine * dx_m + cosine * dy_m,
+        inf,
     )
 
 

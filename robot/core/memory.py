@@ -1,4 +1,4 @@
-"""What a navigator may remember between ticks; every navigator is given the same kind."""
+"""What the navigators of the paper remember between ticks: bug a little, vgm nothing."""
 
 from robot.core import states
 

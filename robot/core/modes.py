@@ -5,6 +5,7 @@ from math import pi
 from robot.core import machine as machines
 from robot.core import reasons, states
 from robot.core.machine import Machine
+from robot.core.navigators import NAVIGATORS
 from robot.core.trail import Trail
 from robot.core.typed import Final
 from robot.core.values import Goal
@@ -125,7 +126,7 @@ def set_mode(machine: Machine, trail: Trail, mode: int, now_ms: int) -> int:
 
 def set_navigator(machine: Machine, navigator: int, side: int) -> int:
     """Choose the navigator and the side on which it passes obstacles; not while a goal lives."""
-    if navigator not in (states.BUG, states.VGM):
+    if navigator not in NAVIGATORS:
         return reasons.UNKNOWN_NAVIGATOR
     if side not in (states.LEFT, states.RIGHT):
         return reasons.PARAMETER_OUT_OF_RANGE

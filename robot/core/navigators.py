@@ -1,26 +1,44 @@
-"""The navigators by their numbers; all have one shape, so more of them change nothing here."""
+"""The navigators by their numbers; all have one shape, so more of them change nothing elsewhere."""
 
-from robot.core import bug, states, vgm
-from robot.core.memory import Memory
+from robot.core import bug, bug1, bug2, distbug, states, vgm, vgm_memory
+from robot.core import memory as memories
 from robot.core.parameters import Params
 from robot.core.ring import Ring
-from robot.core.typed import Final, Protocol
+from robot.core.typed import Any, Final, NamedTuple, Protocol
 from robot.core.values import Decision, Goal, Pose
 
 
-class Navigator(Protocol):
+class Step(Protocol):
     """Where to drive now: a virtual goal, and what was seen and chosen."""
 
     def __call__(
-        self, memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params
+        self, __memory: Any, pose: Pose, ring: Ring, goal: Goal, params: Params
     ) -> Decision: ...
 
 
-NAVIGATORS: "Final[dict[int, Navigator]]" = {states.BUG: bug.step, states.VGM: vgm.step}
+class Factory(Protocol):
+    """An empty memory of the kind that the navigator's step is given; it has a `side`."""
+
+    def __call__(self) -> Any: ...
 
 
-def reset(memory: Memory, side: int) -> None:
-    """Forget: a new goal is a new problem."""
+Navigator = NamedTuple(
+    "Navigator", [("memory", "Factory"), ("step", "Step"), ("judges_progress", bool)]
+)
+"""`judges_progress`: it knows by itself when the goal cannot be reached, and says GIVE_UP."""
+
+NAVIGATORS: "Final[dict[int, Navigator]]" = {
+    states.BUG: Navigator(memories.Memory, bug.step, False),
+    states.VGM: Navigator(memories.Memory, vgm.step, False),
+    states.BUG1: Navigator(bug1.Memory, bug1.step, True),
+    states.BUG2: Navigator(bug2.Memory, bug2.step, True),
+    states.DISTBUG: Navigator(distbug.Memory, distbug.step, True),
+    states.VGM_MEMORY: Navigator(vgm_memory.Memory, vgm_memory.step, True),
+}
+
+
+def fresh(number: int, side: int) -> Any:
+    """An empty memory for this navigator: a new goal is a new problem."""
+    memory = NAVIGATORS[number].memory()
     memory.side = side
-    memory.following = False
-    memory.lost_rad = 0.0
+    return memory

@@ -26,8 +26,18 @@ def restart(progress: Progress, pose: Pose, now_ms: int) -> None:
     progress.moved_ms = progress.best_ms = now_ms
 
 
-def judge(progress: Progress, pose: Pose, distance_m: float, now_ms: int, params: Params) -> int:
-    """BLOCKED, NO_PROGRESS, or 0 while the robot gets anywhere."""
+def judge(
+    progress: Progress,
+    pose: Pose,
+    distance_m: float,
+    now_ms: int,
+    params: Params,
+    patient: bool = False,
+) -> int:
+    """BLOCKED, NO_PROGRESS, or 0 while the robot gets anywhere.
+
+    `patient`: going far away and back is the navigator's business, only not moving is not.
+    """
     if distance_m < progress.best_m - params.progress_m:
         progress.best_m = distance_m
         progress.best_ms = now_ms
@@ -36,7 +46,7 @@ def judge(progress: Progress, pose: Pose, distance_m: float, now_ms: int, params
         progress.moved_ms = now_ms
     if now_ms - progress.moved_ms > params.stuck_ms:
         return reasons.BLOCKED
-    if now_ms - progress.best_ms > params.progress_ms:
+    if not patient and now_ms - progress.best_ms > params.progress_ms:
         return reasons.NO_PROGRESS
     return reasons.OK
 

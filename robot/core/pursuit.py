@@ -1,6 +1,6 @@
 """The way to one goal: navigate, arrive, align, stand, reached, or give up."""
 
-from math import sqrt
+from math import inf, sqrt
 
 from robot.core import machine as machines
 from robot.core import navigators, reasons, states
@@ -33,11 +33,12 @@ def pursue(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
         state.arrived = distance_m <= reach_m
         if state.arrived:
             return settle(state, goal, now_ms, params)
-    reason = progresses.judge(state.progress, pose, distance_m, now_ms, params)
+    patient = NAVIGATORS[state.machine.navigator].judges_progress
+    reason = progresses.judge(state.progress, pose, distance_m, now_ms, params, patient)
     if reason != reasons.OK:
         machines.end_goal(state.machine, states.STUCK, reason, now_ms)
         return HALT
-    return travel(state, target, distance_m, params)
+    return travel(state, target, distance_m, now_ms, params)
 
 
 def begin(state: State, now_ms: int) -> None:
@@ -45,7 +46,7 @@ def begin(state: State, now_ms: int) -> None:
     machine = state.machine
     if state.serial != machine.serial:
         state.serial = machine.serial
-        navigators.reset(state.memory, machine.side)
+        state.memory = navigators.fresh(machine.navigator, machine.side)
         state.arrived = False
         state.driving = False
     if not state.driving:
@@ -65,13 +66,16 @@ def next_target(state: State, goal: Goal, now_ms: int) -> Goal:
     return Goal(trail.xs_m[-1], trail.ys_m[-1], None, trails.PASSED_M, goal.heading_tolerance_rad)
 
 
-def travel(state: State, target: Goal, distance_m: float, params: Params) -> Twist:
+def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: Params) -> Twist:
     """Ask the navigator where to, and drive there; the last stretch in the open bends the way in
     so that the robot arrives with its final heading."""
     pose, ring = state.odometry.pose, state.ring
     machine = state.machine
-    decision = NAVIGATORS[machine.navigator](state.memory, pose, ring, target, params)
+    decision = NAVIGATORS[machine.navigator].step(state.memory, pose, ring, target, params)
     state.decision = decision
+    if decision.branch == states.GIVE_UP:
+        machines.end_goal(machine, states.STUCK, reasons.UNREACHABLE, now_ms)
+        return HALT
     turn_rad = wrap(decision.goal_bearing_rad + decision.rotation_rad)
     if decision.branch != states.TO_GOAL:
         machine.goal_state = states.AVOIDING
@@ -87,6 +91,7 @@ def travel(state: State, target: Goal, distance_m: float, params: Params) -> Twi
             speed_m_s, yaw_rate_rad_s = toward(distance_m, turn_rad, params)
     if ring.front_m < params.spin_room_m or state.bumper & FRONT_BUMPER:
         speed_m_s = 0.0
+    speed_m_s = min(speed_m_s, decision.speed_limit_m_s)
     return Twist(*limited(speed_m_s, yaw_rate_rad_s, params))
 
 
@@ -100,7 +105,7 @@ def settle(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
         if abs(error_rad) > close_rad:
             machine.goal_state = states.ALIGNING
             state.decision = Decision(
-                states.ALIGN, None, state.ring.nearest_m, error_rad, 0.0, goal.x_m, goal.y_m
+                states.ALIGN, None, state.ring.nearest_m, error_rad, 0.0, goal.x_m, goal.y_m, inf
             )
             return Twist(0.0, align(error_rad, params))
     if is_still(state):

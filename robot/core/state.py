@@ -2,10 +2,9 @@
 
 from math import inf
 
-from robot.core import reasons
+from robot.core import navigators, reasons
 from robot.core.frozen import Frozen
 from robot.core.machine import Machine
-from robot.core.memory import Memory
 from robot.core.odometry import Odometry
 from robot.core.parameters import Params
 from robot.core.progress import Progress
@@ -47,7 +46,7 @@ class State:
         self.odometry = Odometry()
         self.ring = Ring()
         self.frozen = Frozen()
-        self.memory = Memory()
+        self.memory = navigators.fresh(params.navigator, params.side)
         self.trail = Trail()
         self.progress = Progress()
         self.stall = Stall()

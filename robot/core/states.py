@@ -26,6 +26,10 @@ REFUSED: Final = 8
 
 BUG: Final = 1
 VGM: Final = 2
+BUG1: Final = 3
+BUG2: Final = 4
+DISTBUG: Final = 5
+VGM_MEMORY: Final = 6
 
 LEFT: Final = 1
 RIGHT: Final = -1
@@ -35,3 +39,4 @@ TO_GOAL: Final = 1
 PASS_LEFT: Final = 2
 PASS_RIGHT: Final = 3
 ALIGN: Final = 4
+GIVE_UP: Final = 5

@@ -48,9 +48,13 @@ Decision = NamedTuple(
         ("rotation_rad", float),
         ("virtual_x_m", float),
         ("virtual_y_m", float),
+        ("speed_limit_m_s", float),
     ],
 )
-"""What a navigator saw and chose; without an echo the range is inf and the bearing None."""
+"""What a navigator saw and chose; without an echo the range is inf and the bearing None.
+
+`speed_limit_m_s` is inf where the navigator sets none. After branch GIVE_UP the rest is not read.
+"""
 
 Twist = NamedTuple("Twist", [("speed_m_s", float), ("yaw_rate_rad_s", float)])
 

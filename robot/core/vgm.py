@@ -5,7 +5,7 @@ gamma `rotation_rad`, X_d the goal, X_v the virtual goal, d_obs `params.d_obs_m`
 about the robot, not about the origin, until the way to it is tangent to the nearest obstacle.
 """
 
-from math import atan2, cos, pi, sin
+from math import atan2, cos, inf, pi, sin
 
 from robot.core import ring as rings
 from robot.core import states
@@ -23,7 +23,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     beta_rad, nearest_m = rings.bearing_rad(ring), ring.nearest_m
     if beta_rad is None or nearest_m >= params.d_obs_m:
         branch = states.TO_GOAL
-        return Decision(branch, beta_rad, nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m)
+        return Decision(branch, beta_rad, nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m, inf)
     left = beta_rad > 0.0
     tangent_rad = beta_rad - 0.5 * pi if left else beta_rad + 0.5 * pi
     gamma_rad = wrap(tangent_rad - alpha_rad)
@@ -36,4 +36,5 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         gamma_rad,
         pose.x_m + cosine * dx_m - sine * dy_m,
         pose.y_m + sine * dx_m + cosine * dy_m,
+        inf,
     )

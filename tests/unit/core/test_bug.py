@@ -17,8 +17,8 @@ RIGHT_WALL = {0: 150, 1: 172, 2: 262}  # parallel, at the distance to follow
 
 
 def memory(side: int = states.LEFT) -> Memory:
-    fresh = Memory()
-    navigators.reset(fresh, side)
+    fresh = navigators.fresh(states.BUG, side)
+    assert isinstance(fresh, Memory)
     return fresh
 
 

@@ -82,3 +82,13 @@ def test_driving_about_without_coming_closer_ends_after_two_minutes() -> None:
     assert verdict(poses, [3.0] * 122) == reasons.NO_PROGRESS
     closer = [3.0] * 100 + [2.94] * 22
     assert verdict(poses, closer) == reasons.OK
+
+
+def test_a_navigator_that_judges_its_progress_itself_is_only_told_when_it_is_blocked() -> None:
+    progress, here = Progress(), Pose(0.0, 0.0, 0.0)
+    progresses.restart(progress, here, 0)
+    for k in range(600):
+        there = Pose(k % 7 * 1.0, 0.0, 0.0)
+        assert progresses.judge(progress, there, 3.0, k * 1000, DEFAULTS, True) == reasons.OK
+    ends = [progresses.judge(progress, here, 3.0, 1000 * k, DEFAULTS, True) for k in (600, 611)]
+    assert ends == [reasons.OK, reasons.BLOCKED]

@@ -55,7 +55,7 @@ def test_a_decision_that_was_not_made_is_not_a_number() -> None:
 
 
 def test_no_echo_is_infinitely_far_and_has_no_bearing() -> None:
-    chosen = Decision(states.TO_GOAL, None, inf, 0.1, 0.0, 1.0, 2.0)
+    chosen = Decision(states.TO_GOAL, None, inf, 0.1, 0.0, 1.0, 2.0, inf)
     told = telemetry.decision(Outputs(1, 2, 0, Twist(0.1, 0.2), chosen), 0.3, 7)
     assert told.nearest_range_m == inf
     assert isnan(told.nearest_bearing_rad)
