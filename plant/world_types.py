@@ -63,6 +63,8 @@ class World:
     """A floor from (0, 0) to `size_m`, its inner outer-wall faces on that rectangle if `walls`.
 
     `robot`, `noise` and each of `faults` hold only what the file overrides, by field name.
+    `family` and what follows it is what a generator or an importer knows, None if nobody said so;
+    of an unreachable goal there is no shortest path.
     """
 
     name: str
@@ -74,3 +76,7 @@ class World:
     robot: Settings = field(default_factory=dict, hash=False)
     noise: Settings = field(default_factory=dict, hash=False)
     faults: tuple[Settings, ...] = field(default=(), hash=False)
+    family: str | None = None
+    family_seed: int | None = None
+    shortest_path_m: float | None = None
+    reachable: bool | None = None
