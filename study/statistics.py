@@ -1,0 +1,167 @@
+"""Intervals and tests for trials: exact where counting is cheap, and the same for the same numbers.
+
+No bootstrap: the intervals of quantiles come from order statistics, which need no seed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from math import comb, erfc, exp, inf, ldexp, lgamma, log, nan, sqrt
+from statistics import NormalDist
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+CONFIDENCE: Final = 0.95
+CHI2_2_95: Final = -2.0 * log(0.05)
+"""A squared Mahalanobis distance in the plane is below this in 95 % of cases (chi square, 2)."""
+
+EXACT_RANKS: Final = 40
+"""Up to so many pairs the signed-rank test adds up every pattern of signs."""
+
+
+class Interval(NamedTuple):
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """`count` of `of`; its interval is Wilson's."""
+
+    count: int
+    of: int
+
+    @property
+    def rate(self) -> float:
+        return self.count / self.of if self.of else nan
+
+    @property
+    def interval(self) -> Interval:
+        return wilson(self.count, self.of)
+
+
+def wilson(count: int, of: int, confidence: float = CONFIDENCE) -> Interval:
+    """The score interval of a proportion (Wilson 1927); everything when nothing was counted."""
+    if of == 0:
+        return Interval(0.0, 1.0)
+    z = NormalDist().inv_cdf(0.5 + confidence / 2.0)
+    rate, weight = count / of, z * z / of
+    middle = (rate + weight / 2.0) / (1.0 + weight)
+    half = z / (1.0 + weight) * sqrt(rate * (1.0 - rate) / of + weight / (4.0 * of))
+    low = 0.0 if count == 0 else max(0.0, middle - half)
+    return Interval(low, 1.0 if count == of else min(1.0, middle + half))
+
+
+def binomial_two_sided(count: int, of: int) -> float:
+    """How likely a fair coin falls at least as unevenly: the sign test."""
+    if of == 0:
+        return 1.0
+    fewer = min(count, of - count)
+    term, total = 1, 1
+    for k in range(fewer):
+        term = term * (of - k) // (k + 1)
+        total += term
+    # The numbers may have thousands of digits: no float holds them before they are divided.
+    shift = max(0, total.bit_length() - 64)
+    return min(1.0, ldexp(total >> shift, shift - of + 1))
+
+
+def mcnemar(only_first: int, only_second: int) -> float:
+    """The exact test (McNemar 1947) on the pairs in which just one of two succeeded."""
+    return binomial_two_sided(only_first, only_first + only_second)
+
+
+def signed_rank(differences: Sequence[float] | Floats) -> float:
+    """Wilcoxon's signed-rank test, two-sided; zeros are left out, ties share their rank.
+
+    Exact up to `EXACT_RANKS` pairs, ties included; above, normal with corrections for ties and
+    continuity.
+    """
+    values = np.asarray(differences, dtype=np.float64)
+    values = values[np.isfinite(values) & (values != 0.0)]
+    if len(values) == 0:
+        return 1.0
+    doubled = _doubled_ranks(np.abs(values))
+    positive = int(doubled[values > 0.0].sum())
+    fewer = min(positive, int(doubled.sum()) - positive)
+    if len(values) <= EXACT_RANKS:
+        ways = [1]
+        for rank in doubled.tolist():
+            ways = _spread(ways, rank)
+        return min(1.0, 2 * sum(ways[: fewer + 1]) / (1 << len(values)))
+    mean, spread = float(doubled.sum()) / 2.0, sqrt(float((doubled**2).sum())) / 2.0
+    return min(1.0, erfc(max(0.0, mean - fewer - 1.0) / spread / sqrt(2.0)))
+
+
+def _doubled_ranks(sizes: Floats) -> NDArray[np.int64]:
+    """Twice the rank of each, so that the mean ranks of ties are whole numbers."""
+    _, group, counts = np.unique(sizes, return_inverse=True, return_counts=True)
+    last = np.cumsum(counts)
+    doubled = 2 * last - counts + 1
+    found: NDArray[np.int64] = doubled[group].astype(np.int64)
+    return found
+
+
+def _spread(ways: list[int], rank: int) -> list[int]:
+    """In how many ways each sum comes about once one more rank may be in it or not."""
+    found = ways + [0] * rank
+    for total, count in enumerate(ways):
+        found[total + rank] += count
+    return found
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Adjusted for being one of several questions asked (Holm 1979), in the order given."""
+    order = sorted(range(len(p_values)), key=lambda index: p_values[index])
+    stepped = (p_values[index] * (len(order) - place) for place, index in enumerate(order))
+    adjusted = dict(zip(order, accumulate(stepped, max), strict=True))
+    return [min(1.0, adjusted[index]) for index in range(len(p_values))]
+
+
+def quantile(values: Sequence[float] | Floats, at: float) -> float:
+    """Interpolated between neighbours; nan of nothing."""
+    found = _finite(values)
+    return float(np.quantile(found, at)) if len(found) else nan
+
+
+def quantile_interval(
+    values: Sequence[float] | Floats, at: float, confidence: float = CONFIDENCE
+) -> Interval:
+    """From order statistics, whatever the distribution (David & Nagaraja 7.1).
+
+    An end is infinite where there are too few values to bound it.
+    """
+    found = np.sort(_finite(values))
+    count = len(found)
+    tail = (1.0 - confidence) / 2.0
+    below = _binomial_quantile(tail, count, at)
+    above = _binomial_quantile(1.0 - tail, count, at) + 1
+    low = float(found[below - 1]) if below >= 1 else -inf
+    return Interval(low, float(found[above - 1]) if above <= count else inf)
+
+
+def _finite(values: Sequence[float] | Floats) -> Floats:
+    found = np.asarray(values, dtype=np.float64)
+    return found[np.isfinite(found)]
+
+
+def _binomial_quantile(probability: float, of: int, rate: float) -> int:
+    """The smallest k with P(count <= k) >= probability."""
+    total = 0.0
+    # What lies farther out than ten standard deviations has no weight in a float.
+    for k in range(max(0, int(of * rate - 10.0 * sqrt(of)) - 1), of + 1):
+        total += _binomial(k, of, rate)
+        if total >= probability:
+            return k
+    return of
+
+
+def _binomial(k: int, of: int, rate: float) -> float:
+    if of <= 60:
+        return comb(of, k) * rate**k * (1.0 - rate) ** (of - k)
+    ways = lgamma(of + 1) - lgamma(k + 1) - lgamma(of - k + 1)
+    return exp(ways + k * log(rate) + (of - k) * log(1.0 - rate))
