@@ -1,0 +1,200 @@
+"""Families of cells with walls between them: mazes, and offices whose rooms have doors."""
+
+from collections.abc import Iterator
+from math import cos, pi, sin
+from random import Random
+from typing import Final, NamedTuple, TypeAlias
+
+from plant.corpus.draft import RIM_M, Draft, Frame, any_angle, thickness
+from plant.world_types import Obstacle, Point
+
+Cell: TypeAlias = tuple[int, int]
+Doors: TypeAlias = set[frozenset[Cell]]
+
+SHARE_TURNED: Final = 0.6
+
+
+class Plan(NamedTuple):
+    """A building of equal cells: how many, how large, and which neighbours are open to another."""
+
+    columns: int
+    rows: int
+    cell_m: Point
+    doors: Doors
+
+    def cells(self) -> list[Cell]:
+        return [(column, row) for row in range(self.rows) for column in range(self.columns)]
+
+    def centre(self, cell: Cell) -> Point:
+        return (cell[0] + 0.5) * self.cell_m[0], (cell[1] + 0.5) * self.cell_m[1]
+
+    @property
+    def size_m(self) -> Point:
+        return self.columns * self.cell_m[0], self.rows * self.cell_m[1]
+
+
+class Site(NamedTuple):
+    """Where a building stands: alone on its floor, or turned on a larger one, in a shell."""
+
+    size_m: Point
+    frame: Frame
+    shell: tuple[Obstacle, ...]
+
+
+def maze(random: Random) -> Draft:
+    """Corridors of 0.6 to 1.0 m, with no loop or a few."""
+    plan = maze_plan(random, random.randint(5, 8), random.randint(5, 8))
+    start, goal = apart(random, plan)
+    return maze_draft(random, plan, start, goal)
+
+
+def maze_plan(random: Random, columns: int, rows: int) -> Plan:
+    cell_m = round(random.uniform(0.6, 1.0), 2)
+    return Plan(columns, rows, (cell_m, cell_m), carved(random, columns, rows, random.random() / 6))
+
+
+def maze_draft(random: Random, plan: Plan, start: Cell, goal: Cell) -> Draft:
+    thick_m = round(random.uniform(0.02, 0.06), 3)
+    site = site_for(random, plan, thick_m)
+    walls = [site.frame.wall(thick_m, a, b) for a, b in wall_lines(plan)]
+    from_m, to_m = (site.frame.point(*plan.centre(cell)) for cell in (start, goal))
+    return Draft(site.size_m, from_m, to_m, (*site.shell, *walls))
+
+
+def office(random: Random) -> Draft:
+    """Four to nine rooms with doors of 0.5 to 0.9 m, some with furniture."""
+    plan = office_plan(random)
+    start, goal = apart(random, plan)
+    return office_draft(random, plan, start, goal)
+
+
+def office_plan(random: Random) -> Plan:
+    columns, rows = random.randint(2, 3), random.randint(2, 3)
+    cell_m = (round(random.uniform(1.7, 2.8), 2), round(random.uniform(1.7, 2.8), 2))
+    return Plan(columns, rows, cell_m, carved(random, columns, rows, 0.4))
+
+
+def office_draft(random: Random, plan: Plan, start: Cell, goal: Cell) -> Draft:
+    thick_m = thickness(random)
+    site = site_for(random, plan, thick_m)
+    inner: list[Obstacle] = []
+    for a, b, open_ in borders(plan):
+        inner += _wall_with_door(random, site.frame, thick_m, a, b) if open_ else ()
+        if not open_:
+            inner.append(site.frame.wall(thick_m, a, b))
+    from_m, to_m = (site.frame.point(*_somewhere(random, plan, cell)) for cell in (start, goal))
+    for cell in plan.cells():
+        if random.random() < 0.5:
+            inner.append(_furniture(random, plan, cell, site.frame))
+    return Draft(site.size_m, from_m, to_m, (*site.shell, *inner))
+
+
+def _wall_with_door(
+    random: Random, frame: Frame, thick_m: float, a: Point, b: Point
+) -> tuple[Obstacle, Obstacle]:
+    length_m = abs(b[0] - a[0]) + abs(b[1] - a[1])
+    wide_m = random.uniform(0.5, 0.9) + thick_m
+    low_m = random.uniform(0.15, length_m - wide_m - 0.15)
+    ends = [(a, low_m / length_m), (b, 1.0 - (low_m + wide_m) / length_m)]
+    (_, near), (_, far) = ends
+    to_door = (a[0] + near * (b[0] - a[0]), a[1] + near * (b[1] - a[1]))
+    from_door = (b[0] - far * (b[0] - a[0]), b[1] - far * (b[1] - a[1]))
+    return frame.wall(thick_m, a, to_door), frame.wall(thick_m, from_door, b)
+
+
+def _somewhere(random: Random, plan: Plan, cell: Cell) -> Point:
+    x_m, y_m = plan.centre(cell)
+    return (
+        x_m + random.uniform(-0.35, 0.35) * plan.cell_m[0],
+        y_m + random.uniform(-0.35, 0.35) * plan.cell_m[1],
+    )
+
+
+def _furniture(random: Random, plan: Plan, cell: Cell, frame: Frame) -> Obstacle:
+    x_m, y_m = _somewhere(random, plan, cell)
+    if random.random() < 0.5:
+        return frame.disc(x_m, y_m, random.uniform(0.08, 0.25))
+    half_x_m, half_y_m = random.uniform(0.1, 0.35), random.uniform(0.1, 0.25)
+    return frame.box(x_m - half_x_m, y_m - half_y_m, x_m + half_x_m, y_m + half_y_m)
+
+
+def carved(random: Random, columns: int, rows: int, loops: float) -> Doors:
+    """Openings that join every cell to every other, and that share of the remaining ones."""
+    doors: Doors = set()
+    trail = [(random.randrange(columns), random.randrange(rows))]
+    seen = set(trail)
+    while trail:
+        fresh = [one for one in neighbours(trail[-1], columns, rows) if one not in seen]
+        if not fresh:
+            trail.pop()
+            continue
+        after = random.choice(fresh)
+        doors.add(frozenset((trail[-1], after)))
+        seen.add(after)
+        trail.append(after)
+    for row in range(rows):
+        for column in range(columns):
+            for other in ((column + 1, row), (column, row + 1)):
+                if other[0] < columns and other[1] < rows and random.random() < loops:
+                    doors.add(frozenset(((column, row), other)))
+    return doors
+
+
+def neighbours(cell: Cell, columns: int, rows: int) -> list[Cell]:
+    column, row = cell
+    beside = ((column - 1, row), (column + 1, row), (column, row - 1), (column, row + 1))
+    return [one for one in beside if 0 <= one[0] < columns and 0 <= one[1] < rows]
+
+
+def apart(random: Random, plan: Plan) -> tuple[Cell, Cell]:
+    """Two cells at least half the building apart."""
+    least = (plan.columns + plan.rows) // 2 - 1
+    pairs = [
+        (a, b)
+        for a in plan.cells()
+        for b in plan.cells()
+        if abs(a[0] - b[0]) + abs(a[1] - b[1]) >= least and a != b
+    ]
+    return random.choice(pairs)
+
+
+def borders(plan: Plan) -> Iterator[tuple[Point, Point, bool]]:
+    """The line between any two neighbours, and whether they are open to each other."""
+    (wide_m, high_m), doors = plan.cell_m, plan.doors
+    for column, row in plan.cells():
+        right, above = (column + 1, row), (column, row + 1)
+        x_m, y_m = right[0] * wide_m, above[1] * high_m
+        if right[0] < plan.columns:
+            yield (x_m, y_m - high_m), (x_m, y_m), frozenset(((column, row), right)) in doors
+        if above[1] < plan.rows:
+            yield (x_m - wide_m, y_m), (x_m, y_m), frozenset(((column, row), above)) in doors
+
+
+def wall_lines(plan: Plan) -> list[tuple[Point, Point]]:
+    """The walls between cells that are not open to each other, each as long as it can be."""
+    shut = sorted((a, b) for a, b, open_ in borders(plan) if not open_)
+    lines: list[tuple[Point, Point]] = []
+    upright = [(a, b) for a, b in shut if a[0] == b[0]]
+    level = sorted(((a, b) for a, b in shut if a[1] == b[1]), key=lambda line: line[0][::-1])
+    for a, b in (*upright, *level):
+        if lines and lines[-1][1] == a and (lines[-1][0][0] == b[0] or lines[-1][0][1] == b[1]):
+            lines[-1] = (lines[-1][0], b)
+        else:
+            lines.append((a, b))
+    return lines
+
+
+def site_for(random: Random, plan: Plan, thick_m: float) -> Site:
+    """Filling its floor, or turned by any angle and then walled around."""
+    wide_m, high_m = plan.size_m
+    if random.random() >= SHARE_TURNED:
+        return Site((round(wide_m, 3), round(high_m, 3)), Frame((0.0, 0.0), 0.0), ())
+    angle_rad = any_angle(random)
+    c, s = cos(angle_rad), sin(angle_rad)
+    corners = ((0.0, 0.0), (wide_m, 0.0), (wide_m, high_m), (0.0, high_m))
+    turned = [(c * x - s * y, s * x + c * y) for x, y in corners]
+    low = [min(values) - RIM_M for values in zip(*turned, strict=True)]
+    high = [max(values) + RIM_M for values in zip(*turned, strict=True)]
+    frame = Frame((-low[0], -low[1]), angle_rad % (2.0 * pi))
+    size_m = (round(high[0] - low[0], 3), round(high[1] - low[1], 3))
+    return Site(size_m, frame, (frame.wall(thick_m, *corners, corners[0]),))

@@ -1,0 +1,109 @@
+"""People who cross the way: discs of 0.2 m that walk to and fro at 0.1 to 0.2 m/s.
+
+They always leave a way: no walker comes nearer to another one's path, to what stands still or to
+the outer walls than the robot needs to stand between them, and none comes near start or goal.
+"""
+
+from itertools import pairwise
+from math import dist, inf
+from random import Random
+from typing import Final
+
+from plant.corpus.draft import Draft, Stage, any_angle, on_floor, spot, stage, tilt
+from plant.corpus.shapes import stray_box
+from plant.geometry import clearance_m, from_segment_m, meet
+from plant.world_types import Circle, Obstacle, Point
+
+PERSON_M: Final = 0.2
+ROOM_M: Final = 0.5
+"""For the robot, 0.24 m wide, to stand beside a walker."""
+
+START_ROOM_M: Final = 0.6
+SLOWEST_M_S: Final = 0.1
+FASTEST_M_S: Final = 0.2
+MOST_TRIES: Final = 30
+
+
+def moving(random: Random) -> Draft | None:
+    """Two to four walkers across the way, up to three discs and boxes that stand still."""
+    place = stage(random, apart_m=4.0)
+    still = [_still(random, place) for _ in range(random.randrange(4))]
+    walkers: list[Circle] = []
+    wanted = random.randint(2, 4)
+    for _ in range(MOST_TRIES):
+        walker = _walker(random, place)
+        if _leaves_a_way(walker, walkers, still, place):
+            walkers.append(walker)
+        if len(walkers) == wanted:
+            return place.draft(*still, *walkers)
+    return None
+
+
+def _still(random: Random, place: Stage) -> Obstacle:
+    if random.random() < 0.5:
+        return stray_box(random, place.size_m)
+    x_m, y_m = spot(random, place.size_m)
+    return Circle(x_m=x_m, y_m=y_m, radius_m=round(random.uniform(0.1, 0.4), 3))
+
+
+def _walker(random: Random, place: Stage) -> Circle:
+    """Along a straight line across the way, or anywhere with a bend."""
+    across = place.frame(random.uniform(0.2, 0.8), random.uniform(-0.5, 0.5), tilt(random, 40.0))
+    path = [(0.0, random.uniform(0.6, 2.0)), (0.0, -random.uniform(0.6, 2.0))]
+    if random.random() < 0.3:
+        path.insert(1, (random.uniform(-0.6, 0.6), 0.0))
+    if random.random() < 0.2:
+        across = across._replace(angle_rad=any_angle(random))
+    points = across.points(*path)
+    return Circle(
+        x_m=points[0][0],
+        y_m=points[0][1],
+        radius_m=PERSON_M,
+        path_m=points,
+        speed_m_s=round(random.uniform(SLOWEST_M_S, FASTEST_M_S), 3),
+    )
+
+
+def _leaves_a_way(
+    walker: Circle, walkers: list[Circle], still: list[Obstacle], place: Stage
+) -> bool:
+    along = _every(walker.path_m)
+    return (
+        all(on_floor(point, place.size_m, PERSON_M + ROOM_M) for point in along)
+        and all(
+            dist(point, place_m) >= PERSON_M + START_ROOM_M
+            for point in along
+            for place_m in (place.start, place.goal)
+        )
+        and all(clearance_m(point, one) >= PERSON_M + ROOM_M for point in along for one in still)
+        and all(_gap_m(walker.path_m, other.path_m) >= 2.0 * PERSON_M + ROOM_M for other in walkers)
+    )
+
+
+def _every(path: tuple[Point, ...], step_m: float = 0.05) -> list[Point]:
+    """Points along a path."""
+    points = [path[0]]
+    for a, b in pairwise(path):
+        steps = int(dist(a, b) / step_m) + 1
+        points += [
+            (a[0] + (b[0] - a[0]) * i / steps, a[1] + (b[1] - a[1]) * i / steps)
+            for i in range(1, steps + 1)
+        ]
+    return points
+
+
+def _gap_m(one: tuple[Point, ...], other: tuple[Point, ...]) -> float:
+    """The least distance of two paths."""
+    least_m = inf
+    for a, b in pairwise(one):
+        for c, d in pairwise(other):
+            if meet(a, b, c, d):
+                return 0.0
+            ends = (
+                from_segment_m(a, c, d),
+                from_segment_m(b, c, d),
+                from_segment_m(c, a, b),
+                from_segment_m(d, a, b),
+            )
+            least_m = min(least_m, *ends)
+    return least_m

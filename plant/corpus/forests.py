@@ -1,0 +1,51 @@
+"""Forests of three densities: trunks strewn over the floor with a passage between any two."""
+
+from functools import partial
+from math import dist
+from random import Random
+from typing import Final
+
+from plant.corpus.draft import Draft, Family, on_floor, spot, stage
+from plant.world_types import Circle, Point
+
+THINNEST_M: Final = 0.05
+THICKEST_M: Final = 0.15
+LEAST_PASSAGE_M: Final = 0.34
+MOST_PASSAGE_M: Final = 0.42
+CLEARING_M: Final = 0.30
+MOST_THROWS: Final = 20_000
+
+
+def forest(random: Random, sparsest_m2: float, densest_m2: float) -> Draft | None:
+    """So many trunks per square metre; none nearer to another or to the rim than a passage."""
+    place = stage(random, apart_m=4.0)
+    passage_m = random.uniform(LEAST_PASSAGE_M, MOST_PASSAGE_M)
+    wide_m, high_m = place.size_m
+    count = round(random.uniform(sparsest_m2, densest_m2) * wide_m * high_m)
+    trunks: list[Circle] = []
+    for _ in range(MOST_THROWS):
+        x_m, y_m = spot(random, place.size_m)
+        trunk = Circle(x_m=x_m, y_m=y_m, radius_m=round(random.uniform(THINNEST_M, THICKEST_M), 3))
+        if _fits(trunk, trunks, passage_m, place.size_m, (place.start, place.goal)):
+            trunks.append(trunk)
+        if len(trunks) == count:
+            return place.draft(*trunks)
+    return None
+
+
+sparse: Final[Family] = partial(forest, sparsest_m2=0.25, densest_m2=0.45)
+medium: Final[Family] = partial(forest, sparsest_m2=0.6, densest_m2=0.85)
+dense: Final[Family] = partial(forest, sparsest_m2=1.1, densest_m2=1.3)
+
+
+def _fits(
+    trunk: Circle, trunks: list[Circle], passage_m: float, size_m: Point, clear: tuple[Point, ...]
+) -> bool:
+    here, around_m = (trunk.x_m, trunk.y_m), trunk.radius_m + passage_m
+    return (
+        on_floor(here, size_m, around_m)
+        and all(dist(here, point) >= trunk.radius_m + CLEARING_M for point in clear)
+        and all(
+            dist(here, (one.x_m, one.y_m)) >= around_m + one.radius_m for one in reversed(trunks)
+        )
+    )

@@ -1,0 +1,96 @@
+"""Draws worlds of a family until one is what the family promises, and says how short its way is.
+
+Where the goal can be reached there is a way for a robot MARGIN_M larger than ours in radius, so
+that no passage is tighter than anyone can drive; where it cannot, there is none for ours.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from math import radians
+from random import Random
+from typing import Final
+
+from plant.body import Body
+from plant.corpus import buildings, crowds, forests, shapes, shut, traps
+from plant.corpus.draft import Draft, Family, standing_room
+from plant.shortest_path import shortest_path_m
+from plant.world_types import GoalPose, Start, World
+
+MARGIN_M: Final = 0.03
+MOST_TRIES: Final = 500
+SHARE_WITH_HEADING: Final = 0.5
+
+_DRAWN: Final[Mapping[str, Family]] = {
+    "open": shapes.open_floor,
+    "disc": shapes.disc,
+    "box": shapes.box,
+    "wall": shapes.wall,
+    "corner": shapes.corner,
+    "corridor": traps.corridor,
+    "dead_end": traps.dead_end,
+    "u_trap": traps.u_trap,
+    "spiral": traps.spiral,
+    "zigzag": traps.zigzag,
+    "door": traps.door,
+    "office": buildings.office,
+    "maze": buildings.maze,
+    "forest_sparse": forests.sparse,
+    "forest_medium": forests.medium,
+    "forest_dense": forests.dense,
+    "moving": crowds.moving,
+    "unreachable": shut.unreachable,
+}
+FAMILIES: Final = tuple(_DRAWN)
+
+
+def generate(family: str, index: int, seed: int) -> World:
+    """The world of that number in a family; ValueError for a family that is not there."""
+    if family not in _DRAWN:
+        raise ValueError(f"no family {family!r}; there are {', '.join(_DRAWN)}")
+    random = Random(f"{family}/{seed}/{index}")
+    for _ in range(MOST_TRIES):
+        draft = _DRAWN[family](random)
+        if draft is None or not standing_room(draft):
+            continue
+        world = _world(random, draft, f"{family}_{seed}_{index:03d}")
+        length_m = shortest_path_m(world)
+        if (length_m is not None) == draft.reachable and _roomy(world, draft.reachable):
+            return replace(
+                world,
+                family=family,
+                family_seed=seed,
+                shortest_path_m=None if length_m is None else round(length_m, 3),
+                reachable=draft.reachable,
+            )
+    raise RuntimeError(f"{family} {index} of seed {seed}: {MOST_TRIES} drafts, none of them sound")
+
+
+def corpus(per_family: int, seed: int) -> Iterator[World]:
+    """So many worlds of every family."""
+    for family in FAMILIES:
+        for index in range(per_family):
+            yield generate(family, index, seed)
+
+
+def _world(random: Random, draft: Draft, name: str) -> World:
+    """With headings in tenths of a degree; to arrive any way round is asked for half the time."""
+    start_deg, goal_deg = (round(random.uniform(-180.0, 180.0), 1) for _ in range(2))
+    fixed = random.random() < SHARE_WITH_HEADING
+    return World(
+        name=name,
+        size_m=draft.size_m,
+        start=Start(x_m=draft.start[0], y_m=draft.start[1], heading_rad=radians(start_deg)),
+        goal=GoalPose(
+            x_m=draft.goal[0],
+            y_m=draft.goal[1],
+            heading_rad=radians(goal_deg) if fixed else None,
+            heading_tolerance_rad=radians(3.0),
+        ),
+        obstacles=draft.obstacles,
+    )
+
+
+def _roomy(world: World, reachable: bool) -> bool:
+    """Whether a robot a little larger finds its way too, where there is one."""
+    larger = replace(world, robot={"radius_m": Body().radius_m + MARGIN_M})
+    return not reachable or shortest_path_m(larger) is not None

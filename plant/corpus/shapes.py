@@ -1,0 +1,79 @@
+"""Families with something simple in the way: nothing, discs, boxes, a wall, a corner."""
+
+from math import pi
+from random import Random
+from typing import Final
+
+from plant.corpus.draft import (
+    Draft,
+    Frame,
+    any_angle,
+    spot,
+    stage,
+    thickness,
+    tilt,
+)
+from plant.world_types import Circle, Obstacle, Polygon
+
+MOST_STRAY: Final = 3
+
+
+def open_floor(random: Random) -> Draft:
+    return stage(random).draft()
+
+
+def disc(random: Random) -> Draft:
+    """A disc on the way, up to three more anywhere."""
+    place = stage(random)
+    middle = place.frame(random.uniform(0.3, 0.7), random.uniform(-0.3, 0.3))
+    first = middle.disc(0.0, 0.0, random.uniform(0.1, 0.7))
+    return place.draft(first, *(_stray_disc(random, place.size_m) for _ in _few(random)))
+
+
+def box(random: Random) -> Draft:
+    """A turned box on the way, up to three more anywhere."""
+    place = stage(random)
+    middle = place.frame(random.uniform(0.3, 0.7), random.uniform(-0.4, 0.4), any_angle(random))
+    return place.draft(
+        box_at(random, middle), *(stray_box(random, place.size_m) for _ in _few(random))
+    )
+
+
+def wall(random: Random) -> Draft:
+    """A wall of 1 to 4 m across the way."""
+    place = stage(random)
+    middle = place.frame(random.uniform(0.3, 0.7), random.uniform(-0.6, 0.6), tilt(random, 40.0))
+    half_m = random.uniform(0.5, 2.0)
+    return place.draft(middle.wall(thickness(random), (0.0, -half_m), (0.0, half_m)))
+
+
+def corner(random: Random) -> Draft:
+    """Two arms that meet at 60 to 120 degrees, open towards the start."""
+    place = stage(random)
+    tip = place.frame(random.uniform(0.4, 0.75), random.uniform(-0.3, 0.3), tilt(random, 30.0))
+    half_rad = random.uniform(pi / 6.0, pi / 3.0)
+    arms = (
+        Frame(tip.origin, tip.angle_rad + pi - half_rad),
+        Frame(tip.origin, tip.angle_rad + pi + half_rad),
+    )
+    ends = [arm.point(random.uniform(0.6, 2.0), 0.0) for arm in arms]
+    floor_frame = Frame((0.0, 0.0), 0.0)
+    return place.draft(floor_frame.wall(thickness(random), ends[0], tip.origin, ends[1]))
+
+
+def box_at(random: Random, frame: Frame, most_m: float = 1.6) -> Polygon:
+    half_x_m, half_y_m = (random.uniform(0.1, most_m / 2.0) for _ in range(2))
+    return frame.box(-half_x_m, -half_y_m, half_x_m, half_y_m)
+
+
+def stray_box(random: Random, size_m: tuple[float, float]) -> Obstacle:
+    return box_at(random, Frame(spot(random, size_m), any_angle(random)), 1.0)
+
+
+def _stray_disc(random: Random, size_m: tuple[float, float]) -> Circle:
+    x_m, y_m = spot(random, size_m)
+    return Circle(x_m=x_m, y_m=y_m, radius_m=round(random.uniform(0.08, 0.4), 3))
+
+
+def _few(random: Random) -> range:
+    return range(random.randrange(MOST_STRAY + 1))

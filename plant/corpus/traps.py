@@ -1,0 +1,163 @@
+"""Families that lead astray: U-traps, dead ends, spirals, zigzags, corridors and narrow doors."""
+
+from math import hypot
+from random import Random
+from typing import Final
+
+from plant.corpus.draft import (
+    Draft,
+    Frame,
+    Stage,
+    any_angle,
+    floor,
+    hand,
+    on_floor,
+    spot,
+    stage,
+    thickness,
+    tilt,
+)
+from plant.world_types import Obstacle, Point, Polyline
+
+BEYOND_M: Final = 20.0
+"""A wall that long ends outside every floor."""
+
+
+def u_trap(random: Random) -> Draft:
+    """A U with its mouth towards the start: 0.6 to 2 m wide, 0.6 to 1.6 m deep."""
+    place = stage(random, apart_m=3.5)
+    return _u(random, place, random.uniform(0.6, 2.0), random.uniform(0.6, 1.6))
+
+
+def dead_end(random: Random) -> Draft:
+    """A narrow passage of 1.6 to 3.2 m that leads towards the goal and is shut there."""
+    place = stage(random, apart_m=4.5)
+    return _u(random, place, random.uniform(0.5, 1.0), random.uniform(1.6, 3.2))
+
+
+def _u(random: Random, place: Stage, wide_m: float, deep_m: float) -> Draft:
+    """One time in four the robot starts inside."""
+    bottom = place.frame(random.uniform(0.55, 0.8), random.uniform(-0.3, 0.3), tilt(random, 25.0))
+    half_m, thick_m = wide_m / 2.0, thickness(random)
+    trap = bottom.wall(
+        thick_m, (-deep_m, half_m), (0.0, half_m), (0.0, -half_m), (-deep_m, -half_m)
+    )
+    inside = random.random() < 0.25
+    start = bottom.point(-random.uniform(0.3, deep_m), 0.0) if inside else place.start
+    return Draft(place.size_m, start, place.goal, (trap,))
+
+
+def spiral(random: Random) -> Draft | None:
+    """A square spiral of 4 to 9 legs, 0.55 to 0.9 m apart, with start or goal in its middle."""
+    size_m = floor(random)
+    frame = Frame(spot(random, size_m, 1.0), any_angle(random), hand(random))
+    gap_m = random.uniform(0.55, 0.9)
+    corners = _spiral_corners(gap_m, random.randint(4, 9))
+    walls = frame.wall(thickness(random), *corners)
+    other = spot(random, size_m)
+    most_m = max(max(abs(x), abs(y)) for x, y in corners)
+    here = _local(frame, other)
+    outside = max(abs(here[0]), abs(here[1])) > most_m + 0.3
+    if not outside or not all(on_floor(point, size_m, 0.35) for point in walls.points_m):
+        return None
+    start, goal = random.choice(((frame.origin, other), (other, frame.origin)))
+    return Draft(size_m, start, goal, (walls,))
+
+
+def _spiral_corners(gap_m: float, legs: int) -> list[Point]:
+    """Legs of 1, 1, 2, 2, 3, 3 ... gaps, each to the left of the one before."""
+    x_m, y_m = gap_m / 2.0, -gap_m / 2.0
+    step_x, step_y = 0, 1
+    corners = [(x_m, y_m)]
+    for leg in range(legs):
+        length_m = gap_m * (leg // 2 + 1)
+        x_m, y_m = x_m + step_x * length_m, y_m + step_y * length_m
+        step_x, step_y = -step_y, step_x
+        corners.append((x_m, y_m))
+    return corners
+
+
+def _local(frame: Frame, point: Point) -> Point:
+    """Where a point of the floor is in the frame."""
+    unturned = Frame((0.0, 0.0), -frame.angle_rad)
+    x_m, y_m = unturned.point(point[0] - frame.origin[0], point[1] - frame.origin[1])
+    return x_m, frame.hand * y_m
+
+
+def zigzag(random: Random) -> Draft:
+    """Two to five baffles across the way, from alternate sides; mostly within a closed shell."""
+    count, pitch_m = random.randint(2, 5), random.uniform(0.7, 1.2)
+    place = stage(random, apart_m=3.0)
+    way = place.frame(0.0)._replace(hand=hand(random))
+    half_m, gap_m = random.uniform(0.7, 1.3), random.uniform(0.42, 0.7)
+    first_m = (place.length_m - (count - 1) * pitch_m) / 2.0
+    thick_m = thickness(random)
+    walls: list[Obstacle] = []
+    for baffle in range(count):
+        side = 1.0 if baffle % 2 else -1.0
+        at_m = first_m + baffle * pitch_m
+        walls.append(way.wall(thick_m, (at_m, side * half_m), (at_m, side * (gap_m - half_m))))
+    if random.random() < 0.7:
+        ends_m = (min(-0.4, first_m - 0.6), max(0.0, -first_m) + place.length_m + 0.4)
+        walls.append(_shell(way, ends_m, half_m, thick_m))
+    return place.draft(*walls)
+
+
+def _shell(way: Frame, ends_m: Point, half_m: float, thick_m: float) -> Polyline:
+    low_m, high_m = ends_m
+    corners = ((low_m, -half_m), (high_m, -half_m), (high_m, half_m), (low_m, half_m))
+    return way.wall(thick_m, *corners, corners[0])
+
+
+def corridor(random: Random) -> Draft:
+    """Two walls 0.5 to 1.2 m apart along a way with one to three bends; one end may be shut."""
+    place = stage(random, apart_m=3.5)
+    bends = random.randint(1, 3)
+    way, length_m = place.frame(0.0), place.length_m
+    first_m, last_m = random.uniform(-0.6, 0.4), length_m + random.uniform(-0.4, 0.6)
+    middle = [(first_m, 0.0)]
+    middle += [
+        (length_m * bend / (bends + 1), random.uniform(-0.9, 0.9)) for bend in range(1, bends + 1)
+    ]
+    middle.append((last_m, 0.0))
+    half_m, thick_m = random.uniform(0.25, 0.6), thickness(random)
+    left, right = _beside(middle, half_m), _beside(middle, -half_m)
+    walls = [way.wall(thick_m, *left), way.wall(thick_m, *right)]
+    if first_m < -0.3 and random.random() < 0.5:
+        walls.append(way.wall(thick_m, left[0], right[0]))
+    return place.draft(*walls)
+
+
+def _beside(middle: list[Point], left_m: float) -> list[Point]:
+    """The line at that distance to the left of another, mitred at its bends."""
+    beside = []
+    for index, (x_m, y_m) in enumerate(middle):
+        before = middle[max(0, index - 1)]
+        after = middle[min(len(middle) - 1, index + 1)]
+        here = (x_m, y_m)
+        normals = [_normal(a, b) for a, b in ((before, here), (here, after)) if a != b]
+        sum_x, sum_y = (sum(values) for values in zip(*normals, strict=True))
+        scale = left_m * len(normals) / (sum_x * sum_x + sum_y * sum_y)
+        beside.append((x_m + scale * sum_x, y_m + scale * sum_y))
+    return beside
+
+
+def _normal(a: Point, b: Point) -> Point:
+    length_m = hypot(b[0] - a[0], b[1] - a[1])
+    return (a[1] - b[1]) / length_m, (b[0] - a[0]) / length_m
+
+
+def door(random: Random) -> Draft:
+    """One or two walls right across the floor, each with one door of 0.40 to 0.60 m."""
+    place = stage(random, apart_m=3.5)
+    shares = (0.5,) if random.random() < 0.6 else (0.33, 0.67)
+    walls: list[Obstacle] = []
+    for share in shares:
+        across = place.frame(share, 0.0, tilt(random, 30.0))
+        thick_m = round(random.uniform(0.04, 0.15), 3)
+        left_m = random.uniform(-1.5, 1.5)
+        # The wall's ends are round and the door is between them.
+        half_m = random.uniform(0.40, 0.60) / 2.0 + thick_m / 2.0
+        walls.append(across.wall(thick_m, (0.0, left_m + half_m), (0.0, BEYOND_M)))
+        walls.append(across.wall(thick_m, (0.0, left_m - half_m), (0.0, -BEYOND_M)))
+    return place.draft(*walls)
