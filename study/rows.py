@@ -1,0 +1,115 @@
+"""One row per trial: what was asked, how it ended, how it drove and what produced it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from types import MappingProxyType, UnionType
+from typing import Any, Final, get_args, get_type_hints
+
+import pyarrow as pa
+
+FAILED: Final = "failed"
+"""The outcome of a trial that could not be run: an exception, or a worker that died of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """Places in the world's frame; `true_` from the plant, otherwise what the robot believes.
+
+    None: unknown to anybody (no way to the goal, any heading will do). NaN: never came about, as
+    the trial failed. `parameters` is a JSON object; `world_source` is what `study.sources` makes
+    the world from again. `own_contacts` are those the robot's own motion caused. `mahalanobis2` is
+    the true position error squared under the believed covariance. `side_changes` counts changes
+    between passing on the left and on the right, `avoidances` how often avoiding began; heading
+    for the goal between two avoidances of the same side is no change.
+    """
+
+    study: str
+    trial_id: str
+    world: str
+    world_source: str
+    family: str
+    world_digest: str
+    navigator: str
+    side: str
+    seed: int
+    noise: str
+    timeout_s: float
+    parameters: str
+    calibrated: bool
+
+    outcome: str
+    reason: str
+    goal_state: int
+    goal_reason: int
+    time_s: float
+    path_m: float
+    shortest_path_m: float | None
+    reachable: bool | None
+    position_error_m: float
+    heading_error_rad: float | None
+    estimated_position_error_m: float
+    min_clearance_m: float
+    mean_clearance_m: float
+    contacts: int
+    own_contacts: int
+    ticks: int
+    digest: str
+    wall_s: float
+    cpu_s: float
+
+    true_x_m: float
+    true_y_m: float
+    true_heading_rad: float
+    x_m: float
+    y_m: float
+    heading_rad: float
+    cov_xx_m2: float
+    cov_xy_m2: float
+    cov_yy_m2: float
+    cov_hh_rad2: float
+    mahalanobis2: float
+
+    turned_rad: float
+    side_changes: int
+    avoidances: int
+    ticks_to_goal: int
+    ticks_passing_left: int
+    ticks_passing_right: int
+    ticks_aligning: int
+
+    commit: str
+    dirty: bool
+    version: str
+    python: str
+    numpy: str
+    pymunk: str
+    platform: str
+    machine: str
+    started_utc: str
+
+
+COLUMNS: Final = tuple(field.name for field in fields(Row))
+
+_ARROW: Final[Mapping[type, Any]] = MappingProxyType(
+    {str: pa.string(), bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
+)
+
+
+def _column(name: str, kind: Any) -> Any:
+    """A column holds nulls where its annotation allows None."""
+    nullable = isinstance(kind, UnionType)
+    plain = get_args(kind)[0] if nullable else kind
+    return pa.field(name, _ARROW[plain], nullable=nullable)
+
+
+SCHEMA: Final = pa.schema([_column(name, kind) for name, kind in get_type_hints(Row).items()])
+
+
+def table_of(rows: list[Row]) -> pa.Table:
+    """The rows in their order."""
+    return pa.table({name: [getattr(row, name) for row in rows] for name in COLUMNS}, schema=SCHEMA)
+
+
+def rows_of(table: pa.Table) -> list[Row]:
+    """The rows of a table that has the schema."""
+    return [Row(**record) for record in table.to_pylist()]

@@ -1,0 +1,157 @@
+"""A study's directory: shards that are complete or not there at all, and the results.
+
+A shard is written beside its place, made durable and then put there by its name, so a writer that
+is killed leaves whole shards and at most one file that nobody reads.
+"""
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from protocol.errors import UserError
+from study.rows import SCHEMA, Row, table_of
+
+RESULTS: Final = "results.parquet"
+SHARDS: Final = "shards"
+ASIDE: Final = "aside"
+UNFINISHED: Final = ".unfinished"
+PROVENANCE: Final = b"sidestep"
+"""The key under which the results' own metadata hold command and settings, as JSON."""
+
+
+class Found(NamedTuple):
+    """What could be read, each trial once, and the files that could not, each with a reason."""
+
+    table: pa.Table
+    unreadable: tuple[tuple[Path, str], ...]
+
+
+def read(directory: str | Path) -> pa.Table:
+    """All rows of a study, finished or not, each trial once, in the order of `trial_id`.
+
+    Raises UserError when there is no study or a file of it cannot be read.
+    """
+    found = find(Path(directory))
+    for file, reason in found.unreadable:
+        raise UserError(
+            f"{file}: cannot be read: {reason}; run the study again with the same --output, "
+            "which sets the file aside and runs its trials again"
+        )
+    return found.table
+
+
+def find(directory: Path) -> Found:
+    """As `read`, but files that cannot be read are named and left out."""
+    if not directory.is_dir():
+        raise UserError(f"{directory}: no such directory; `sidestep study --output` makes one")
+    files = files_of(directory)
+    if not files:
+        raise UserError(f"{directory}: holds no results; `sidestep study` makes them")
+    tables, unreadable = [], []
+    for file in files:
+        try:
+            tables.append(_table(file))
+        except (OSError, pa.ArrowException) as error:
+            unreadable.append((file, _first_line(error)))
+    return Found(_merged(tables), tuple(unreadable))
+
+
+def files_of(directory: Path) -> list[Path]:
+    """The results first, then the shards in the order of their making."""
+    results = directory / RESULTS
+    return [path for path in (results,) if path.exists()] + sorted(
+        (directory / SHARDS).glob("*.parquet")
+    )
+
+
+def _table(file: Path) -> pa.Table:
+    """Raises ArrowException when it is no Parquet file or has other columns."""
+    table = pq.read_table(file, partitioning=None)
+    if table.schema.names != SCHEMA.names:
+        odd = set(table.schema.names) ^ set(SCHEMA.names)
+        raise pa.ArrowInvalid(f"other columns than this version writes: {', '.join(sorted(odd))}")
+    return table.replace_schema_metadata(None).cast(SCHEMA)
+
+
+def _merged(tables: list[pa.Table]) -> pa.Table:
+    """Each trial once; what was written first stands."""
+    whole = pa.concat_tables(tables) if tables else SCHEMA.empty_table()
+    whole = whole.append_column("place", pa.array(range(whole.num_rows), pa.int64()))
+    first = whole.group_by("trial_id").aggregate([("place", "min")])
+    kept = whole.take(first["place_min"]).drop_columns("place")
+    return kept.take(pc.sort_indices(kept, sort_keys=[("trial_id", "ascending")]))
+
+
+def _first_line(error: Exception) -> str:
+    strerror = getattr(error, "strerror", None)
+    return strerror or (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def write_shard(directory: Path, rows: list[Row]) -> Path:
+    """One more shard of these rows. Raises UserError when the disk has no room."""
+    shards = directory / SHARDS
+    shards.mkdir(exist_ok=True)
+    numbers = [int(path.stem) for path in shards.glob("*.parquet") if path.stem.isdigit()]
+    file = shards / f"{max(numbers, default=0) + 1:06d}.parquet"
+    write_table(file, table_of(rows))
+    return file
+
+
+def compact(directory: Path, table: pa.Table, provenance: Mapping[str, str]) -> Path:
+    """All rows into one file with its provenance, then without the shards they came from."""
+    shards = [path for path in files_of(directory) if path.name != RESULTS]
+    file = directory / RESULTS
+    metadata = {PROVENANCE + b"." + key.encode(): text for key, text in provenance.items()}
+    write_table(file, table.replace_schema_metadata(metadata))
+    for shard in shards:
+        shard.unlink()
+    return file
+
+
+def write_table(file: Path, table: pa.Table) -> None:
+    with replacing(file) as opened:
+        pq.write_table(table, opened, compression="zstd")
+
+
+@contextmanager
+def replacing(file: Path) -> Iterator[Any]:
+    """A file to write, which takes the name only once all of it is on the disk."""
+    unfinished = file.with_name(file.name + UNFINISHED)
+    try:
+        with unfinished.open("wb") as opened:
+            yield opened
+            opened.flush()
+            os.fsync(opened.fileno())
+        unfinished.replace(file)
+        _sync_directory(file.parent)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        raise UserError(
+            f"{file}: cannot be written: {_first_line(error)}; what was written before is whole: "
+            "make room and run the same command again"
+        ) from None
+
+
+def _sync_directory(directory: Path) -> None:
+    handle = os.open(directory, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def set_aside(directory: Path, file: Path) -> Path:
+    """Move a file out of the way, keeping its name and what was set aside before it."""
+    aside = directory / ASIDE
+    aside.mkdir(exist_ok=True)
+    place, number = aside / file.name, 1
+    while place.exists():
+        place, number = aside / f"{file.stem}-{number}{file.suffix}", number + 1
+    file.replace(place)
+    return place
