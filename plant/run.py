@@ -7,7 +7,7 @@ from functools import partial
 from plant.desk import Desk
 from plant.plant import Plant
 from plant.process import Process, Wake
-from plant.shortest_path import shortest_path_m
+from plant.shortest_path import known_length_m
 from plant.unreadable import Unreadable
 from plant.wires import Wires
 from plant.world_json import as_json
@@ -40,7 +40,7 @@ def assemble(
     plant: Plant, bus: Bus, robots: list[str], wake: Wake, *, lockstep: bool, paused: bool
 ) -> Process:
     """The wires to each robot, the services, and the announcement. Raises NameTaken."""
-    world = as_json(plant.world, shortest_path_m(plant.world))
+    world = as_json(plant.world, known_length_m(plant.world))
     desk = Desk(running=not paused, world=world, nudge=wake)
     wires = [
         Wires(bus, robot, number, wake, lockstep=lockstep) for number, robot in enumerate(robots)

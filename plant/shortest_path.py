@@ -38,6 +38,13 @@ def shortest_path_m(world: World) -> float | None:
     return path_length_m(shortest_path(world))
 
 
+def known_length_m(world: World) -> float | None:
+    """What the world says its shortest way is, computed where it does not say."""
+    if world.reachable is False or world.shortest_path_m is not None:
+        return world.shortest_path_m
+    return shortest_path_m(world)
+
+
 def path_length_m(path: list[Point] | None) -> float | None:
     if path is None:
         return None

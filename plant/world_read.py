@@ -6,6 +6,7 @@ from typing import Final
 from plant.body import Body
 from plant.placement import Floor, check_places
 from plant.toml_lines import Key
+from plant.world_corpus import check_length, read_corpus
 from plant.world_overrides import read_fault, read_noise, read_robot
 from plant.world_problems import Report
 from plant.world_shapes import read_obstacle
@@ -22,6 +23,7 @@ EXAMPLES: Final = {
     "robot": "{ radius_m = 0.12 }",
     "noise": '{ level = "default" }',
     "fault": '[{ kind = "sonar_dead", target = "3" }]',
+    "corpus": '{ family = "u_trap", seed = 1, shortest_path_m = 5.2 }',
 }
 START: Final = {"x_m": "0.6", "y_m": "2.0", "heading_deg": "0.0"}
 GOAL: Final = {**START, "position_tolerance_m": "0.05", "heading_tolerance_deg": "3.0"}
@@ -43,10 +45,13 @@ def read_world(raw: object, report: Report) -> World | None:
     robot = read_robot(table.raw.get("robot", {}), ("robot",), report)
     noise = read_noise(table.raw.get("noise", {}), ("noise",), report)
     faults = [read_fault(one, at, report) for one, at in _items(table, "fault", report)]
+    corpus = read_corpus(table.raw.get("corpus", {}), ("corpus",), report)
     obstacles = {index: obstacle for index, obstacle in enumerate(read) if obstacle is not None}
     if size_m is not None:
         floor = Floor(size_m, walls, _radius_m(robot), obstacles)
         check_places(report, floor, start, goal)
+    if start is not None and goal is not None:
+        check_length(corpus, start, goal, report)
     if report.problems or size_m is None or start is None or goal is None:
         return None
     return World(
@@ -59,6 +64,10 @@ def read_world(raw: object, report: Report) -> World | None:
         robot=robot,
         noise=noise,
         faults=tuple(faults),
+        family=corpus.family,
+        family_seed=corpus.seed,
+        shortest_path_m=corpus.shortest_path_m,
+        reachable=corpus.reachable,
     )
 
 

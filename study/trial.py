@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import TypeAlias
 
 from plant.plant import Plant
-from plant.shortest_path import shortest_path_m
+from plant.shortest_path import known_length_m
 from plant.world_overrides import noise_of
 from plant.world_types import World
 from protocol.outcome import Asked, Ended, Outcome, judged
@@ -32,7 +32,7 @@ NAVIGATORS: Mapping[str, int] = {
 SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 
 # The same world is run again and again, and its shortest path costs more than some runs.
-shortest_once = lru_cache(maxsize=8)(shortest_path_m)
+shortest_once = lru_cache(maxsize=8)(known_length_m)
 
 Watch: TypeAlias = Callable[[Plant, Onboard, Outputs], None]
 

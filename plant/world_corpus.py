@@ -1,0 +1,67 @@
+"""Reads the [corpus] table of a world file: what a generator or an importer knew of the world."""
+
+from math import dist, isfinite
+from typing import Final, NamedTuple
+
+from plant.toml_lines import Key
+from plant.world_problems import Report
+from plant.world_table import Limits, Table
+from plant.world_types import GoalPose, Start
+
+EXAMPLES: Final = {
+    "family": '"u_trap"',
+    "seed": "1",
+    "shortest_path_m": "5.2",
+    "reachable": "true",
+}
+SEED: Final = Limits(0, 2**53)
+LENGTH: Final = Limits(0.0, 100_000.0, "m")
+LONGEST_FAMILY: Final = 64
+ROUNDED_M: Final = 0.001
+
+
+class Corpus(NamedTuple):
+    """Each is None when the file does not say; there is no shortest path where there is no way."""
+
+    family: str | None = None
+    seed: int | None = None
+    shortest_path_m: float | None = None
+    reachable: bool | None = None
+
+
+UNKNOWN: Final = Corpus()
+
+
+def read_corpus(raw: object, at: Key, report: Report) -> Corpus:
+    """What the table says; problems are reported."""
+    table = Table(raw, at, EXAMPLES, report)
+    family = _family(table) if "family" in table else None
+    seed = table.whole_number("seed", SEED) if "seed" in table else None
+    length_m = table.number("shortest_path_m", LENGTH) if "shortest_path_m" in table else None
+    reachable = table.flag("reachable", default=True) if "reachable" in table else None
+    if length_m is not None and reachable is False:
+        fix = "remove it, or write reachable = true"
+        table.refuse("shortest_path_m", "there is none to a goal that is not reachable", fix)
+    return Corpus(family, seed, length_m, True if length_m is not None else reachable)
+
+
+def check_length(corpus: Corpus, start: Start, goal: GoalPose, report: Report) -> None:
+    """Report a shortest path that is shorter than the straight line."""
+    length_m = corpus.shortest_path_m
+    straight_m = dist((start.x_m, start.y_m), (goal.x_m, goal.y_m))
+    if length_m is not None and isfinite(length_m) and length_m < straight_m - ROUNDED_M:
+        reason = f"{length_m:g} m is shorter than the straight line of {straight_m:.3f} m"
+        fix = "remove it, and it is computed when it is needed"
+        report.add(("corpus", "shortest_path_m"), reason, fix)
+
+
+def _family(table: Table) -> str | None:
+    family = table.text("family")
+    if isinstance(table.raw["family"], str) and not _is_name(family):
+        reason = f"empty, unprintable or longer than {LONGEST_FAMILY} characters"
+        table.refuse("family", reason, f"write family = {EXAMPLES['family']}")
+    return family
+
+
+def _is_name(text: str) -> bool:
+    return bool(text.strip()) and text.isprintable() and len(text) <= LONGEST_FAMILY
