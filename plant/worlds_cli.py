@@ -13,6 +13,7 @@ from plant.world_file import SHIPPED_DIR, World, WorldError, load, shipped
 from plant.world_json import Json, as_json, places_json
 from plant.world_overrides import body_of
 from plant.world_text import draw
+from plant.worlds_make import add_verbs, make
 from protocol.options import numbers_kept
 
 EXIT_OK = 0
@@ -20,13 +21,15 @@ EXIT_USAGE = 2
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run one of list, check and show; 0, or 2 for a bad file or wrong usage."""
+    """Run one of the verbs; 0, or 2 for a bad file or wrong usage."""
     try:
         arguments = _parser().parse_args(numbers_kept(argv))
     except SystemExit as done:
         return EXIT_OK if done.code in (0, None) else EXIT_USAGE
     if arguments.verb == "list":
         return _list(arguments.json)
+    if arguments.verb == "generate":
+        return make(arguments)
     try:
         world = load(arguments.world)
     except WorldError as error:
@@ -38,9 +41,9 @@ def main(argv: Sequence[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="sidestep worlds", description="List, check and show worlds.", allow_abbrev=False
+        prog="sidestep worlds", description="List, check, show and make worlds.", allow_abbrev=False
     )
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|check|show")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|check|show|generate")
     for verb, says in (
         ("list", "the worlds that come with the program"),
         ("check", "say what is wrong with a world file: line, key, reason and fix"),
@@ -57,6 +60,7 @@ def _parser() -> argparse.ArgumentParser:
             one.add_argument(
                 "--goal", type=_finite, nargs=2, metavar=("X", "Y"), help="instead of the world's"
             )
+    add_verbs(verbs)
     return parser
 
 
