@@ -1,0 +1,126 @@
+"""A page as one HTML file that needs nothing else: no script, no font, no file from elsewhere."""
+
+import re
+from html import escape
+
+from study.report.page import (
+    Block,
+    Cell,
+    CellLike,
+    Code,
+    Figure,
+    Gallery,
+    Items,
+    Page,
+    Section,
+    Table,
+    Text,
+)
+from study.report.style import DRAWING_RULES, PAGE_STYLE
+
+
+def html(page: Page) -> str:
+    title = escape(page.title)
+    parts = [
+        "<!doctype html>",
+        '<html lang="en"><head><meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{title}</title><style>{PAGE_STYLE}{DRAWING_RULES}</style></head><body>",
+        f"<header><h1>{title}</h1></header><main>",
+        *map(_block, page.lead),
+        _contents(page.sections),
+        *(_section(section, 2) for section in page.sections),
+        "</main></body></html>\n",
+    ]
+    return "\n".join(parts)
+
+
+def anchor(title: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+
+
+def _contents(sections: tuple[Section, ...]) -> str:
+    links = (f'<li><a href="#{anchor(s.title)}">{escape(s.title)}</a></li>' for s in sections)
+    return f'<nav aria-label="Contents"><ol>{"".join(links)}</ol></nav>'
+
+
+def _section(section: Section, level: int) -> str:
+    name = f' id="{anchor(section.title)}"' if level == 2 else ""
+    parts = [f"<section{name}><h{level}>{_words(section.title)}</h{level}>"]
+    parts += map(_block, section.blocks)
+    parts += (_section(part, level + 1) for part in section.parts)
+    return "\n".join((*parts, "</section>"))
+
+
+def _block(block: Block) -> str:
+    if isinstance(block, Text):
+        return f"<p>{_words(block.words)}</p>"
+    if isinstance(block, Items):
+        return f"<ul>{''.join(f'<li>{_words(item)}</li>' for item in block.words)}</ul>"
+    if isinstance(block, Code):
+        return f"<pre><code>{escape(block.lines)}</code></pre>"
+    if isinstance(block, Table):
+        return _table(block)
+    if isinstance(block, Figure):
+        return _figure(block)
+    return _gallery(block)
+
+
+def _gallery(gallery: Gallery) -> str:
+    return f'<div class="gallery">{"".join(map(_figure, gallery.figures))}</div>'
+
+
+def _figure(figure: Figure) -> str:
+    note = f"<br>{_words(figure.note)}" if figure.note else ""
+    code = f"<pre><code>{escape(figure.code)}</code></pre>" if figure.code else ""
+    caption = f"<figcaption>{_words(figure.caption)}{note}</figcaption>"
+    return f"<figure>{figure.drawing.inline()}{caption}{code}</figure>"
+
+
+def _table(table: Table) -> str:
+    head = "".join(
+        f'<th scope="col"{_right(index, table)}>{_words(name)}</th>'
+        for index, name in enumerate(table.head)
+    )
+    rows = "\n".join(
+        f"<tr>{''.join(_cell(cell, index, table) for index, cell in enumerate(row))}</tr>"
+        for row in table.rows
+    )
+    # Wide tables scroll by themselves, also with the keyboard.
+    return (
+        f'<div class="wide" tabindex="0" role="region" aria-label="{_plain(table.caption)}"><table>'
+        f"<caption>{_words(table.caption)}</caption>"
+        f"<thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _right(index: int, table: Table) -> str:
+    return "" if index < table.names else ' class="figure"'
+
+
+def _cell(cell: CellLike, index: int, table: Table) -> str:
+    found = Cell(cell) if isinstance(cell, str) else cell
+    words = _words(found.text)
+    if found.tone:
+        words = f'<span class="{found.tone}">{words}</span>'
+    if index == 0:
+        return f'<th scope="row">{words}</th>'
+    return f"<td{_right(index, table)}{_heat(found.heat)}>{words}</td>"
+
+
+def _heat(heat: float | None) -> str:
+    """From warm at 0 over nothing in the middle to cool at 1; the figure stays readable on it."""
+    if heat is None:
+        return ""
+    name, strength = ("cool", 2 * heat - 1) if heat >= 0.5 else ("warm", 1 - 2 * heat)
+    return f' style="background:rgba(var(--{name}),{0.5 * strength:.2f})"'
+
+
+def _plain(words: str) -> str:
+    return escape(words.replace("`", "").replace("**", ""), quote=True)
+
+
+def _words(words: str) -> str:
+    text = escape(words, quote=False)
+    text = re.sub(r"`([^`]+)`", r"<code>\1</code>", text)
+    return re.sub(r"\*\*([^*]+)\*\*", r"<strong>\1</strong>", text)

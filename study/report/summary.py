@@ -1,0 +1,159 @@
+"""Navigator by noise: what the README shows, what `summary.json` keeps."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+
+from study.report.markdown import table_lines
+from study.report.page import Table
+from study.report.trials import Trials, distinct, trials_of
+from study.report.words import DASH, count, number, percent, share
+from study.statistics import Floats, Share, quantile
+
+HEAD: Final = (
+    *("navigator", "noise", "worlds", "trials", "success %", "touched something %"),
+    *("true error m, median / 95th", "in own ellipse %", "path / shortest, median (90th)"),
+    *("unreachable recognised %", "wrongly called %"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """`success` and what follows it is of worlds with a way; the `shut` ones have none."""
+
+    label: str
+    noise: str
+    worlds: int
+    success: Share
+    touched: Share
+    contacts: int
+    own_contacts: int
+    error_m: tuple[float, float, float]
+    """Median, 95th percentile and worst of the true position error of arrivals."""
+    heading_deg: tuple[float, float]
+    inside: Share
+    ratio: tuple[float, float]
+    time_s: float
+    clearance_m: tuple[float, float]
+    side_changes: tuple[float, float]
+    recognised: Share
+    recognised_s: float
+    wronged: Share
+
+
+def summaries(trials: Trials) -> list[Summary]:
+    return [
+        summary(trials.of(label=label, noise=noise), label, noise)
+        for label in trials.labels()
+        for noise in trials.values("noise")
+        if len(trials.of(label=label, noise=noise))
+    ]
+
+
+def summary(trials: Trials, label: str, noise: str) -> Summary:
+    """Of trials of one navigator at one noise."""
+    open_, shut = trials.where(trials.possible), trials.where(~trials.possible)
+    there, seen = open_.where(open_.arrived), shut.where(shut.recognised)
+    touched = trials.numbers("contacts") > 0.0
+    known = there.where(np.isfinite(there.numbers("mahalanobis2")))
+    error_m, turned = there.numbers("position_error_m"), there.numbers("heading_error_rad")
+    clearance_m, changes = there.numbers("min_clearance_m"), trials.numbers("side_changes")
+    return Summary(
+        label=label,
+        noise=noise,
+        worlds=len(set(trials.texts("world_digest").tolist())),
+        success=Share(len(there), len(open_)),
+        touched=Share(trials.count(touched), len(trials)),
+        contacts=_total(trials.numbers("contacts")),
+        own_contacts=_total(trials.numbers("own_contacts")),
+        error_m=(quantile(error_m, 0.5), quantile(error_m, 0.95), quantile(error_m, 1.0)),
+        heading_deg=(quantile(np.degrees(turned), 0.5), quantile(np.degrees(turned), 0.95)),
+        inside=Share(known.count(known.inside), len(known)),
+        ratio=(quantile(there.ratio, 0.5), quantile(there.ratio, 0.9)),
+        time_s=quantile(there.numbers("time_s"), 0.5),
+        clearance_m=(quantile(clearance_m, 0.0), quantile(clearance_m, 0.5)),
+        side_changes=(quantile(changes, 0.5), quantile(changes, 1.0)),
+        recognised=Share(len(seen), len(shut)),
+        recognised_s=quantile(seen.numbers("time_s"), 0.5),
+        wronged=Share(open_.count(open_.gave_up), len(open_)),
+    )
+
+
+def _total(values: Floats) -> int:
+    return int(np.nansum(values))
+
+
+def cells(found: Summary) -> tuple[str, ...]:
+    shut, wronged = found.recognised, found.wronged
+    return (
+        *(found.label, found.noise, count(found.worlds), count(found.success.of + shut.of)),
+        *(share(found.success), percent(found.touched.rate, 2)),
+        f"{number(found.error_m[0], 3)} / {number(found.error_m[1], 3)}",
+        percent(found.inside.rate),
+        f"{number(found.ratio[0])} ({number(found.ratio[1])})",
+        f"{percent(shut.rate)} of {shut.of}" if shut.of else DASH,
+        percent(wronged.rate, 2),
+    )
+
+
+def summary_table(table: pa.Table) -> str:
+    """Navigator by noise as a Markdown table."""
+    return markdown_of(as_json(summaries(distinct(trials_of(table)))))
+
+
+def as_json(found: Iterable[Summary]) -> list[dict[str, str]]:
+    """The cells by their heading: what is committed and compared with the README."""
+    return [dict(zip(HEAD, cells(one), strict=True)) for one in found]
+
+
+def markdown_of(rows: Iterable[Mapping[str, Any]]) -> str:
+    body = tuple(tuple(str(row[name]) for name in HEAD) for row in rows)
+    return table_lines(Table("", HEAD, body, names=2))
+
+
+def main_table(found: Iterable[Summary]) -> Table:
+    caption = (
+        "Success: arrived by its own belief and touched nothing, of worlds with a way; in brackets "
+        "the Wilson interval of 95 %. Error, ellipse and path ratio are of these arrivals. "
+        "Recognised: said `unreachable` where there is no way; wrongly called: where there is one."
+    )
+    return Table(caption, HEAD, tuple(cells(one) for one in found), names=2)
+
+
+def more_table(found: Iterable[Summary]) -> Table:
+    head = (
+        *("navigator", "noise", "contacts (own)", "worst error m"),
+        *(
+            "heading error deg, median / 95th",
+            "time s, median",
+            "clearance m, least / median",
+            "side changes, median / worst",
+        ),
+        "unreachable, s median",
+    )
+    rows = tuple(
+        (
+            *(one.label, one.noise, f"{count(one.contacts)} ({count(one.own_contacts)})"),
+            number(one.error_m[2], 3),
+            f"{number(one.heading_deg[0], 1)} / {number(one.heading_deg[1], 1)}",
+            number(one.time_s, 1),
+            f"{number(one.clearance_m[0], 3)} / {number(one.clearance_m[1], 3)}",
+            f"{_whole(one.side_changes[0])} / {_whole(one.side_changes[1])}",
+            number(one.recognised_s, 1),
+        )
+        for one in found
+    )
+    caption = (
+        "More of the same. Contacts are of all trials, in brackets those that the robot's own "
+        "motion caused; side changes too are of all trials. Clearance: least of an arrival and "
+        "the median over arrivals of the nearest the robot came to anything."
+    )
+    return Table(caption, head, rows, names=2)
+
+
+def _whole(value: float) -> str:
+    return f"{value:g}" if isfinite(value) else DASH
