@@ -34,6 +34,7 @@ TABLE: Final = (
     Spec("radius_m", "m", 0.02, 1.0, "radius of the robot"),
     Spec("track_m", "m", 0.02, 2.0, "distance between the wheels (the paper's l)"),
     Spec("wheel_radius_m", "m", 0.005, 0.5, "wheel radius"),
+    Spec("wheel_ratio", "", 0.8, 1.25, "diameter of the right wheel over that of the left"),
     Spec("m_per_tick", "m", 1e-6, 0.05, "distance a wheel rolls per encoder tick"),
     Spec("wheel_max_m_s", "m/s", 0.01, 3.0, "fastest rim speed of a wheel"),
     Spec("v_max_m_s", "m/s", 0.01, 3.0, "fastest forward speed"),

@@ -92,5 +92,7 @@ def act(state: State, wanted: Twist, inputs: Inputs, params: Params) -> Outputs:
     stalls.tell(state.stall.left, left_m_s, inputs.now_ms, params)
     stalls.tell(state.stall.right, right_m_s, inputs.now_ms, params)
     scale = 1000.0 / params.wheel_radius_m
-    left_mrad_s, right_mrad_s = int(left_m_s * scale), int(right_m_s * scale)
+    left_share, right_share = odometries.wheel_shares(params)
+    left_mrad_s = int(left_m_s * scale / left_share)
+    right_mrad_s = int(right_m_s * scale / right_share)
     return Outputs(left_mrad_s, right_mrad_s, reason, twist, state.decision)

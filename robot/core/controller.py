@@ -3,6 +3,7 @@
 from math import cos, pi, sin, tanh
 
 from robot.core.geometry import wrap
+from robot.core.odometry import wheel_shares
 from robot.core.parameters import Params
 from robot.core.typed import Final
 from robot.core.values import Twist
@@ -58,11 +59,15 @@ def heading_error(wanted_rad: float, heading_rad: float) -> float:
 
 
 def limited(speed_m_s: float, yaw_rate_rad_s: float, params: Params) -> tuple[float, float]:
-    """Within wheel and yaw limits by one factor, so that the curvature stays."""
+    """Within wheel and yaw limits by one factor, so that the curvature stays.
+
+    A smaller wheel has to turn faster for the same speed, and that is what its motor limits.
+    """
     fastest_m_s = abs(speed_m_s) + 0.5 * params.track_m * abs(yaw_rate_rad_s)
+    limit_m_s = params.wheel_max_m_s * min(wheel_shares(params))
     factor = 1.0
-    if fastest_m_s > params.wheel_max_m_s:
-        factor = params.wheel_max_m_s / fastest_m_s
+    if fastest_m_s > limit_m_s:
+        factor = limit_m_s / fastest_m_s
     if abs(yaw_rate_rad_s) * factor > params.yaw_max_rad_s:
         factor = params.yaw_max_rad_s / abs(yaw_rate_rad_s)
     return speed_m_s * factor, yaw_rate_rad_s * factor

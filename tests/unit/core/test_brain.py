@@ -217,3 +217,13 @@ def test_whatever_the_senses_say_the_limits_hold(
         assert max(abs(outputs.left_mrad_s), abs(outputs.right_mrad_s)) <= limit_mrad_s
         if wheels is None or scan is None:
             assert outputs.left_mrad_s == outputs.right_mrad_s == 0
+
+
+def test_unequal_wheels_are_told_unequal_speeds_so_that_straight_on_is_straight() -> None:
+    driven = armed(DEFAULTS._replace(wheel_ratio=1.02))
+    driven.goto(Goal(5.0, 0.0, None, 0.05, 0.05))
+    driven.forward(2.0)
+    told = driven.outputs
+    assert told.left_mrad_s / told.right_mrad_s == pytest.approx(1.02, rel=2e-3)
+    assert told.left_mrad_s * 0.033e-3 <= DEFAULTS.wheel_max_m_s
+    assert abs(driven.state.odometry.pose.heading_rad) < 0.01

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from robot.core import odometry as odometries
 from robot.core.odometry import Odometry, tick_difference
-from robot.core.parameters import DEFAULTS
+from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose, Wheels
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -60,7 +60,9 @@ def test_covariance_follows_the_finite_differences_of_the_motion(
     q = np.diag([DEFAULTS.k_r_m * abs(right_m), DEFAULTS.k_l_m * abs(left_m)])
     odometry = at(Pose(1.0, -2.0, heading_rad), before)
     odometries.roll(odometry, left_m, right_m, DEFAULTS)
-    after = f_p @ before @ f_p.T + f_q @ q @ f_q.T
+    step_m, middle_rad = (right_m + left_m) / 2, p[2] + (right_m - left_m) / TRACK_M / 2
+    shorter = 0.76 * 1e-3 * step_m * np.array([cos(middle_rad), sin(middle_rad), 0.0])
+    after = f_p @ before @ f_p.T + f_q @ q @ f_q.T + np.outer(shorter, shorter)
     assert covariance(odometry) == pytest.approx(after, abs=1e-11)
 
 
@@ -174,3 +176,51 @@ def test_a_clock_that_stands_gives_no_new_speed() -> None:
         odometries.update(odometry, wheels(count, count), now_ms, DEFAULTS)
     assert odometry.pose.x_m == pytest.approx(0.012)
     assert odometry.speed_m_s == pytest.approx(0.2)
+
+
+def driven(level_ticks: "list[tuple[int, int]]", params: Params = DEFAULTS) -> Odometry:
+    odometry = Odometry()
+    left = right = 0
+    for k, (more_left, more_right) in enumerate([(0, 0), *level_ticks]):
+        left, right = left + more_left, right + more_right
+        odometries.update(odometry, wheels(left, right), 50 * k, params)
+    return odometry
+
+
+def test_whole_ticks_alone_leave_the_position_a_fraction_of_a_millimetre_uncertain() -> None:
+    exact = DEFAULTS._replace(k_r_m=0.0, k_l_m=0.0)
+    odometry = driven([(75, 75)] * 400, exact)  # six metres
+    assert 1e-4 < odometry.pxx**0.5 < 4e-4
+    assert odometry.pxx == pytest.approx(odometry.pyy)
+    assert odometry.phh**0.5 == pytest.approx(0.0002 / 6**0.5 / TRACK_M)
+
+
+def test_an_uncertain_heading_makes_the_way_uncertain_too() -> None:
+    """Against many robots that drive straight on by their wheels and wander off by slip."""
+    params = DEFAULTS._replace(k_r_m=2e-5, k_l_m=2e-5)
+    steps_count, step_m = 667, 0.015
+    odometry = driven([(75, 75)] * steps_count, params)
+    rng = np.random.default_rng(3)
+    slips = rng.normal(0.0, (2e-5 * step_m) ** 0.5, (2, steps_count, 4000))
+    turns = (slips[0] - slips[1]) / TRACK_M
+    headings = np.cumsum(turns, axis=0) - turns / 2
+    x_m = np.sum((step_m + slips.mean(axis=0)) * np.cos(headings), axis=0)
+    second_moment = np.mean((x_m - odometry.pose.x_m) ** 2)
+    first_order = 2e-5 * steps_count * step_m / 2
+    assert second_moment > 5 * first_order
+    assert odometry.pxx == pytest.approx(second_moment, rel=0.15)
+
+
+def test_a_larger_right_wheel_rolls_farther_on_the_same_ticks() -> None:
+    params = DEFAULTS._replace(wheel_ratio=1.005)
+    odometry = driven([(50, 50)] * 100, params)
+    left_share, right_share = odometries.wheel_shares(params)
+    assert right_share / left_share == pytest.approx(1.005)
+    assert (left_share + right_share) / 2 == pytest.approx(1.0)
+    assert odometry.pose.heading_rad == pytest.approx((right_share - left_share) / TRACK_M)
+
+
+@given(st.lists(st.tuples(st.integers(-150, 150), st.integers(-150, 150)), max_size=60))
+def test_the_covariance_never_has_a_negative_variance(ticks: "list[tuple[int, int]]") -> None:
+    least = np.linalg.eigvalsh(covariance(driven(ticks)))[0]
+    assert least >= -1e-12
