@@ -1,13 +1,117 @@
-"""bug1: registered under its number; until its own step is here it drives like vgm."""
+"""Bug1 (Lumelsky and Stepanov 1987): all the way round, then back to the nearest point, and on.
 
-from robot.core import vgm
-from robot.core.memory import Memory
+From the nearest point of a boundary a goal that can be reached is not behind the same obstacle:
+whoever meets it again there knows that the goal is unreachable.
+"""
+
+from math import inf
+
+from robot.core import boundary as boundaries
+from robot.core import lap as laps
+from robot.core import states
+from robot.core.boundary import Boundary
 from robot.core.parameters import Params
 from robot.core.ring import Ring
+from robot.core.typed import Final
 from robot.core.values import Decision, Goal, Pose
 
-__all__ = ["Memory", "step"]
+GOING: Final = 0
+CIRCLING: Final = 1
+RETURNING: Final = 2
+
+AT_M: Final = 0.12
+NEARER_M: Final = 0.10
+TRIES: Final = 2  # the nearest point may be missed once, by drift
+
+
+class Memory:
+    """`nearest` is the place of the boundary nearest to the goal, `nearest_m` its distance, and
+    `nearest_at_m` where it lies along the way round; `left_m` how near the last one left was."""
+
+    __slots__ = (
+        "boundary",
+        "left_m",
+        "nearest",
+        "nearest_at_m",
+        "nearest_m",
+        "phase",
+        "return_m",
+        "side",
+        "tries",
+    )
+
+    def __init__(self) -> None:
+        self.boundary = Boundary()
+        self.side: int = states.LEFT
+        self.phase: int = GOING
+        self.nearest = Pose(0.0, 0.0, 0.0)
+        self.nearest_m = self.left_m = inf
+        self.nearest_at_m = self.return_m = 0.0
+        self.tries = 0
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    return vgm.step(memory, pose, ring, goal, params)
+    """Where to drive now: at the goal, round the obstacle, or back to its nearest point."""
+    boundary = memory.boundary
+    if boundaries.look(boundary, pose, ring, goal, params):
+        memory.phase, memory.left_m, memory.tries = GOING, inf, 0
+    if not boundary.following:
+        memory.phase = GOING
+    if memory.phase == GOING:
+        if boundaries.meets(boundary, params) and not meet(memory, pose, params):
+            return boundaries.give_up(boundary, ring, goal)
+    elif boundaries.goal_at_hand(boundary, params):
+        leave(memory)
+    elif memory.phase == CIRCLING:
+        circle(memory, pose)
+    else:
+        come_back(memory, pose)
+    return boundaries.decision(boundary, pose, ring, goal, params)
+
+
+def meet(memory: Memory, pose: Pose, params: Params) -> bool:
+    """Begin to circle what stands in the way; False when that has been done, to no avail."""
+    boundary = memory.boundary
+    if boundary.distance_m < memory.left_m - NEARER_M:
+        memory.tries = 0
+    else:
+        memory.tries += 1
+        if memory.tries >= TRIES:
+            return False
+    boundaries.follow(boundary, pose, memory.side, params)
+    memory.phase = CIRCLING
+    memory.nearest, memory.nearest_m, memory.nearest_at_m = pose, boundary.distance_m, 0.0
+    laps.begin(boundary.lap, pose)
+    return True
+
+
+def circle(memory: Memory, pose: Pose) -> None:
+    """Note the nearest point; once round, go back to it the shorter way."""
+    boundary, lap = memory.boundary, memory.boundary.lap
+    if boundary.distance_m < memory.nearest_m:
+        memory.nearest, memory.nearest_m = pose, boundary.distance_m
+        memory.nearest_at_m = lap.at_m
+    if laps.closed(lap, pose):
+        round_m = lap.at_m - lap.mark_at_m
+        on_m = (memory.nearest_at_m - lap.at_m) % max(round_m, 1e-3)
+        back_m = round_m - on_m
+        memory.phase = RETURNING
+        memory.return_m = 1.5 * min(on_m, back_m) + 1.0
+        if back_m < on_m:
+            boundary.follower.side = -boundary.follower.side
+        laps.begin(lap, pose)
+
+
+def come_back(memory: Memory, pose: Pose) -> None:
+    """Leave at the nearest point, or where it should have been by now."""
+    boundary, lap = memory.boundary, memory.boundary.lap
+    laps.closed(lap, pose)
+    here = laps.apart_m(pose, memory.nearest) <= AT_M
+    if here or boundary.distance_m <= memory.nearest_m or lap.at_m > memory.return_m:
+        leave(memory)
+
+
+def leave(memory: Memory) -> None:
+    memory.left_m = min(memory.left_m, memory.nearest_m)
+    memory.phase = GOING
+    boundaries.leave(memory.boundary)

@@ -1,13 +1,80 @@
-"""bug2: registered under its number; until its own step is here it drives like vgm."""
+"""Bug2 (Lumelsky and Stepanov 1987): along the boundary to the line from start to goal, then on.
 
-from robot.core import vgm
-from robot.core.memory import Memory
+The boundary is left on that line only nearer to the goal than where the obstacle was met, so every
+obstacle met is nearer than the last. Back where it was met without having left: unreachable.
+"""
+
+from math import inf, sqrt
+
+from robot.core import boundary as boundaries
+from robot.core import lap as laps
+from robot.core import states
+from robot.core.boundary import Boundary
 from robot.core.parameters import Params
 from robot.core.ring import Ring
+from robot.core.typed import Final
 from robot.core.values import Decision, Goal, Pose
 
-__all__ = ["Memory", "step"]
+ON_LINE_M: Final = 0.03
+NEARER_M: Final = 0.10
+LAPS: Final = 2  # the line may be missed once, by drift or because the way from it looked closed
+
+
+class Memory:
+    """The line starts at `start_x_m`, `start_y_m`; `aside_m` is how far the robot is to the left
+    of it, `met_m` how near it was where the loop now driven was begun, `laps` how often closed."""
+
+    __slots__ = ("aside_m", "boundary", "laps", "met_m", "side", "start_x_m", "start_y_m")
+
+    def __init__(self) -> None:
+        self.boundary = Boundary()
+        self.side: int = states.LEFT
+        self.start_x_m = self.start_y_m = self.aside_m = 0.0
+        self.met_m = inf
+        self.laps = 0
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    return vgm.step(memory, pose, ring, goal, params)
+    """Where to drive now: at the goal, or along the boundary."""
+    boundary = memory.boundary
+    if boundaries.look(boundary, pose, ring, goal, params):
+        memory.start_x_m, memory.start_y_m = pose.x_m, pose.y_m
+        memory.met_m = inf
+    crossed = crosses(memory, pose, goal)
+    if boundary.following:
+        if leaves(memory, crossed, params):
+            boundaries.leave(boundary)
+        elif laps.closed(boundary.lap, pose):
+            memory.laps += 1
+            if memory.laps >= LAPS:
+                return boundaries.give_up(boundary, ring, goal)
+    elif boundaries.meets(boundary, params):
+        boundaries.follow(boundary, pose, memory.side, params)
+        if boundary.hit_m < memory.met_m - NEARER_M:
+            memory.met_m = boundary.hit_m
+            memory.laps = 0
+            laps.begin(boundary.lap, pose)
+        else:
+            laps.resume(boundary.lap, pose)
+    return boundaries.decision(boundary, pose, ring, goal, params)
+
+
+def crosses(memory: Memory, pose: Pose, goal: Goal) -> bool:
+    """Whether the robot is on the line, or has come to its other side since the last tick."""
+    along_x_m, along_y_m = goal.x_m - memory.start_x_m, goal.y_m - memory.start_y_m
+    length_m = sqrt(along_x_m * along_x_m + along_y_m * along_y_m)
+    dx_m, dy_m = pose.x_m - memory.start_x_m, pose.y_m - memory.start_y_m
+    aside_m = (along_x_m * dy_m - along_y_m * dx_m) / max(length_m, 1e-6)
+    before_m = memory.aside_m
+    memory.aside_m = aside_m
+    return abs(aside_m) < ON_LINE_M or aside_m * before_m < 0.0
+
+
+def leaves(memory: Memory, crossed: bool, params: Params) -> bool:
+    """On the line, nearer than where the obstacle was met, and the way not seen to be closed."""
+    boundary = memory.boundary
+    if boundaries.goal_at_hand(boundary, params):
+        return True
+    if not crossed or boundary.distance_m > memory.met_m - NEARER_M:
+        return False
+    return boundaries.opens(boundary, params)

@@ -1,13 +1,67 @@
-"""distbug: registered under its number; until its own step is here it drives like vgm."""
+"""DistBug (Kamon and Rivlin 1997): along the boundary until the free way leads nearer than ever.
 
-from robot.core import vgm
-from robot.core.memory import Memory
+What the sonars see free towards the goal is believed, less what the robot needs to stop and turn.
+"""
+
+from math import inf
+
+from robot.core import boundary as boundaries
+from robot.core import lap as laps
+from robot.core import states
+from robot.core.boundary import Boundary
 from robot.core.parameters import Params
 from robot.core.ring import Ring
+from robot.core.typed import Final
 from robot.core.values import Decision, Goal, Pose
 
-__all__ = ["Memory", "step"]
+STEP_M: Final = 0.15
+STRIP_M: Final = 0.02
+SHORT_M: Final = 0.25  # this much before an echo the obstacle would be met
+LAPS: Final = 2
+
+
+class Memory:
+    """`least_m` is how near the goal was when the loop now driven was begun."""
+
+    __slots__ = ("boundary", "laps", "least_m", "side")
+
+    def __init__(self) -> None:
+        self.boundary = Boundary()
+        self.side: int = states.LEFT
+        self.least_m = inf
+        self.laps = 0
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    return vgm.step(memory, pose, ring, goal, params)
+    """Where to drive now: at the goal, or along the boundary."""
+    boundary = memory.boundary
+    if boundaries.look(boundary, pose, ring, goal, params):
+        memory.least_m = inf
+    if boundary.following:
+        if leaves(boundary, params):
+            boundaries.leave(boundary)
+        elif laps.closed(boundary.lap, pose):
+            memory.laps += 1
+            if memory.laps >= LAPS:
+                return boundaries.give_up(boundary, ring, goal)
+    elif boundaries.meets(boundary, params):
+        boundaries.follow(boundary, pose, memory.side, params)
+        if boundary.best_m < memory.least_m - STEP_M:
+            memory.least_m = boundary.best_m
+            memory.laps = 0
+            laps.begin(boundary.lap, pose)
+        else:
+            laps.resume(boundary.lap, pose)
+    return boundaries.decision(boundary, pose, ring, goal, params)
+
+
+def leaves(boundary: Boundary, params: Params) -> bool:
+    """Whether the next obstacle towards the goal would be met nearer than the goal ever was."""
+    if boundaries.goal_at_hand(boundary, params):
+        return True
+    if abs(boundary.bearing_rad) > boundaries.IN_VIEW_RAD:
+        return False
+    room_m = params.radius_m + STRIP_M
+    far_m = boundaries.free_m(boundary.follower, boundary.bearing_rad, room_m, params)
+    free_m = min(far_m, params.sonar_max_m) - SHORT_M - params.radius_m
+    return boundary.distance_m - max(free_m, 0.0) <= boundary.best_m - STEP_M

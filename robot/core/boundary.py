@@ -1,0 +1,188 @@
+"""What the classical bugs have in common: go for the goal, meet an obstacle, follow its boundary.
+
+When to leave, and what a closed loop means, is what they differ in.
+"""
+
+from math import atan2, cos, inf, pi, sin, sqrt
+
+from robot.core import follower as followers
+from robot.core import ring as rings
+from robot.core import states
+from robot.core.follower import Follower
+from robot.core.geometry import BEARINGS, HALF_CONE, wrap
+from robot.core.lap import Lap
+from robot.core.parameters import Params
+from robot.core.ring import AHEAD, Ring
+from robot.core.typed import Final
+from robot.core.values import SONARS, Decision, Goal, Pose
+
+HIT_M: Final = 0.03  # an obstacle that leaves less clearance than this is in the way
+HIT_LOOK_M: Final = 0.22
+HIT_TICKS: Final = 2
+NEAR_GOAL_M: Final = 0.60  # so near, a way that is seen to be free is taken
+STOP_M: Final = 0.035
+TIME_S: Final = 0.5
+CREEP_M_S: Final = 0.03
+IN_VIEW_RAD: Final = 78.0 * pi / 180.0
+CLOSING: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) for b in BEARINGS])
+"""The share of the speed with which an echo may come nearer: it may be at the cone's inner edge."""
+
+
+class Boundary:
+    """`distance_m` and `bearing_rad` are of the goal, `best_m` is the nearest it ever was,
+    `hit_m` how far it was where the obstacle was met, `lap` the way round since then."""
+
+    __slots__ = (
+        "bearing_rad",
+        "best_m",
+        "distance_m",
+        "follower",
+        "following",
+        "goal_x_m",
+        "goal_y_m",
+        "hit_m",
+        "lap",
+        "met_ticks",
+    )
+
+    def __init__(self) -> None:
+        self.follower = Follower()
+        self.lap = Lap()
+        self.following = False
+        self.goal_x_m = self.goal_y_m = inf
+        self.distance_m = self.best_m = self.hit_m = inf
+        self.bearing_rad = 0.0
+        self.met_ticks = 0
+
+
+def look(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Params) -> bool:
+    """Take in where everything is now; True when the goal is a new one."""
+    dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
+    boundary.distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
+    boundary.bearing_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
+    followers.sense(boundary.follower, pose, ring, params)
+    new = goal.x_m != boundary.goal_x_m or goal.y_m != boundary.goal_y_m
+    if new:
+        boundary.goal_x_m, boundary.goal_y_m = goal.x_m, goal.y_m
+        boundary.following = False
+        boundary.best_m = boundary.hit_m = inf
+    boundary.best_m = min(boundary.best_m, boundary.distance_m)
+    return new
+
+
+def meets(boundary: Boundary, params: Params) -> bool:
+    """Whether something has stood in the way to the goal for more than a single scan."""
+    clearance_m = 0.0 if boundary.distance_m < NEAR_GOAL_M else HIT_M
+    room_m = params.radius_m + clearance_m
+    look_m = min(HIT_LOOK_M, boundary.distance_m) + room_m
+    met = free_m(boundary.follower, boundary.bearing_rad, room_m, params, True) < look_m
+    boundary.met_ticks = boundary.met_ticks + 1 if met else 0
+    return boundary.met_ticks >= HIT_TICKS
+
+
+def free_m(
+    follower: Follower, bearing_rad: float, room_m: float, params: Params, kind: bool = False
+) -> float:
+    """How far the centre of the robot is from the nearest echo in a strip of half-width `room_m`.
+
+    `kind` takes an echo where it leaves most room within half its cone, else where it leaves least.
+    A sonar that is missing leaves no way.
+    """
+    free_m = inf
+    for i in range(SONARS):
+        range_m = follower.seen_m[i]
+        aside_rad = abs(wrap(BEARINGS[i] - bearing_rad))
+        if range_m is None:
+            if aside_rad <= HALF_CONE:
+                return 0.0
+            continue
+        far_m = range_m + params.radius_m
+        if far_m >= free_m or range_m >= params.sonar_max_m:
+            continue
+        if kind:
+            aside_rad += 0.5 * HALF_CONE if aside_rad > HALF_CONE else 0.0
+        else:
+            aside_rad = max(aside_rad - 0.5 * HALF_CONE, 0.0)
+        if aside_rad < 0.5 * pi and far_m * sin(aside_rad) < room_m:
+            free_m = far_m
+    return free_m
+
+
+def follow(boundary: Boundary, pose: Pose, side: int, params: Params) -> None:
+    """The obstacle in the way is followed from here on, passed on this side."""
+    boundary.following = True
+    boundary.met_ticks = 0
+    boundary.hit_m = boundary.distance_m
+    followers.start(boundary.follower, pose, side, boundary.bearing_rad, params)
+
+
+def leave(boundary: Boundary) -> None:
+    boundary.following = False
+    boundary.met_ticks = 0
+
+
+def goal_at_hand(boundary: Boundary, params: Params) -> bool:
+    """Whether the goal is near and the whole way to it is seen to be free."""
+    if boundary.distance_m >= NEAR_GOAL_M or abs(boundary.bearing_rad) > IN_VIEW_RAD:
+        return False
+    free = free_m(boundary.follower, boundary.bearing_rad, params.radius_m, params)
+    return free >= boundary.distance_m + params.radius_m
+
+
+def decision(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
+    """Along the boundary while one is followed, else at the goal."""
+    follower, alpha_rad = boundary.follower, boundary.bearing_rad
+    beta_rad, nearest_m = rings.bearing_rad(ring), ring.nearest_m
+    limit_m_s = speed_limit_m_s(ring, params)
+    if boundary.following:
+        turn_rad = followers.heading(follower, pose, params)
+        if follower.lost:
+            leave(boundary)
+        elif follower.boxed:
+            limit_m_s = 0.0
+    if not boundary.following:
+        branch = states.TO_GOAL
+        return Decision(branch, beta_rad, nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m, limit_m_s)
+    direction_rad = pose.heading_rad + turn_rad
+    return Decision(
+        states.PASS_LEFT if follower.side == states.LEFT else states.PASS_RIGHT,
+        beta_rad,
+        nearest_m,
+        alpha_rad,
+        wrap(turn_rad - alpha_rad),
+        pose.x_m + boundary.distance_m * cos(direction_rad),
+        pose.y_m + boundary.distance_m * sin(direction_rad),
+        limit_m_s,
+    )
+
+
+def give_up(boundary: Boundary, ring: Ring, goal: Goal) -> Decision:
+    """All the way round, and no way to the goal."""
+    beta_rad, alpha_rad = rings.bearing_rad(ring), boundary.bearing_rad
+    return Decision(
+        states.GIVE_UP, beta_rad, ring.nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m, 0.0
+    )
+
+
+def speed_limit_m_s(ring: Ring, params: Params) -> float:
+    """No echo is closed in on faster than in TIME_S to STOP_M; blind ahead, or beside a wall, it
+    creeps."""
+    limit_m_s = params.v_max_m_s
+    for i in range(SONARS):
+        range_m = ring.range_m[i]
+        if range_m is None:
+            if i in AHEAD:
+                limit_m_s = min(limit_m_s, CREEP_M_S)
+            continue
+        if range_m < limit_m_s * CLOSING[i] * TIME_S + STOP_M:
+            limit_m_s = max((range_m - STOP_M) / (TIME_S * CLOSING[i]), 0.0)
+            if i < 2 or i > SONARS - 3:
+                limit_m_s = max(limit_m_s, CREEP_M_S)
+    return limit_m_s
+
+
+def opens(boundary: Boundary, params: Params) -> bool:
+    """Whether nothing that is seen closes the way to the goal; out of view it may be open."""
+    room_m = params.radius_m + HIT_M
+    far_m = free_m(boundary.follower, boundary.bearing_rad, room_m, params)
+    return far_m >= min(HIT_LOOK_M + 0.05, boundary.distance_m) + room_m

@@ -1,0 +1,273 @@
+"""Follows the boundary of an obstacle with eight wide cones and a little memory of what is behind.
+
+Every echo closes the headings in which the robot, moved a short way ahead, would come too near.
+From the followed point the headings are swept away from the obstacle; the first open one is taken,
+tangent to everything that is closed without a gap: round corners and ends, into dead ends and out.
+"""
+
+from math import acos, asin, atan2, cos, pi, sin, sqrt
+
+from robot.core.geometry import BEARINGS, HALF_CONE, TWO_PI, wrap
+from robot.core.parameters import Params
+from robot.core.ring import Ring
+from robot.core.typed import Final
+from robot.core.values import SONARS, Pose
+
+POINTS: Final = 16
+SPACING_M: Final = 0.04
+NEAR_M: Final = 0.40  # an echo beside the robot up to this range is remembered
+OLD_TICKS: Final = 240
+WEIGHT: Final = 6
+JUMP_M: Final = 0.12  # two ranges of one sonar that differ by less agree
+THROUGH_M: Final = 0.08  # an echo this much behind a remembered point has passed through it
+CORE_RAD: Final = 0.8 * HALF_CONE
+
+LOOK_M: Final = 0.20
+TIGHT_M: Final = 0.02  # the clearance that every way must have
+WIDE_M: Final = 0.11  # the clearance that is kept where there is room
+PUSH_RAD_PER_M: Final = 6.0
+QUARTER_TURN: Final = 0.5 * pi
+BOXED_RAD: Final = TWO_PI - 0.3
+HALF_CONES_OUT: Final = 0.5 * HALF_CONE
+
+OUTWARD: Final = tuple(
+    [b + (HALF_CONES_OUT if b > 0.0 else -HALF_CONES_OUT) * (abs(b) > HALF_CONE) for b in BEARINGS]
+)
+"""Where an echo is taken to be in its cone: a wall beside is nearest at the cone's outer edge."""
+
+
+class Follower:
+    """`side` is where the obstacle is passed; the anchor is the point that is followed.
+
+    `seen_m` are the ranges without single ghosts and dropouts; `points_*` the remembered echoes of
+    the sonar beside; `bearing_rad`, `far_m` what is near now, `count` of them; `lost`, `boxed`.
+    """
+
+    __slots__ = (
+        "anchor_tick",
+        "anchor_weight",
+        "anchor_x_m",
+        "anchor_y_m",
+        "bearing_rad",
+        "boxed",
+        "count",
+        "far_m",
+        "lost",
+        "newest",
+        "older_m",
+        "points_tick",
+        "points_weight",
+        "points_x_m",
+        "points_y_m",
+        "recent_m",
+        "seen_m",
+        "side",
+        "tick",
+        "tight_rad",
+        "turn_rad",
+    )
+
+    def __init__(self) -> None:
+        self.side = 1
+        self.recent_m: list[float | None] = [None] * SONARS
+        self.older_m: list[float | None] = [None] * SONARS
+        self.seen_m: list[float | None] = [None] * SONARS
+        self.points_x_m = [0.0] * POINTS
+        self.points_y_m = [0.0] * POINTS
+        self.points_weight = [0] * POINTS
+        self.points_tick = [0] * POINTS
+        self.newest = self.tick = self.count = self.anchor_weight = self.anchor_tick = 0
+        self.anchor_x_m = self.anchor_y_m = 0.0
+        size = SONARS + POINTS + 1
+        self.bearing_rad = [0.0] * size
+        self.far_m = [0.0] * size
+        self.turn_rad = [0.0] * size
+        self.tight_rad = [0.0] * size
+        self.lost = self.boxed = False
+
+
+def sense(follower: Follower, pose: Pose, ring: Ring, params: Params) -> None:
+    """Take one scan; remember what is beside on the obstacle's side before it goes out of view."""
+    follower.tick += 1
+    recent_m, older_m, seen_m = follower.recent_m, follower.older_m, follower.seen_m
+    for i in range(SONARS):
+        here_m = ring.range_m[i]
+        seen_m[i] = here_m if agrees(here_m, recent_m[i], older_m[i]) else recent_m[i]
+        older_m[i] = recent_m[i]
+        recent_m[i] = here_m
+    beside = 0 if follower.side > 0 else SONARS - 1
+    range_m = seen_m[beside]
+    if range_m is not None and range_m < NEAR_M:
+        remember(follower, pose, beside, range_m + params.radius_m)
+
+
+def agrees(here_m: float | None, recent_m: float | None, older_m: float | None) -> bool:
+    """Whether one of the last two ranges bears this one out; a missing one needs no proof."""
+    if here_m is None or recent_m is None:
+        return True
+    if -JUMP_M < here_m - recent_m < JUMP_M:
+        return True
+    return older_m is not None and -JUMP_M < here_m - older_m < JUMP_M
+
+
+def remember(follower: Follower, pose: Pose, sonar: int, far_m: float) -> None:
+    """Note where this echo came from; one next to the last only renews it."""
+    direction_rad = pose.heading_rad + OUTWARD[sonar]
+    x_m, y_m = pose.x_m + far_m * cos(direction_rad), pose.y_m + far_m * sin(direction_rad)
+    k = follower.newest
+    dx_m, dy_m = x_m - follower.points_x_m[k], y_m - follower.points_y_m[k]
+    if not follower.points_weight[k] or dx_m * dx_m + dy_m * dy_m > SPACING_M * SPACING_M:
+        k = (k + 1) % POINTS
+        follower.newest = k
+        follower.points_x_m[k], follower.points_y_m[k] = x_m, y_m
+    follower.points_weight[k] = WEIGHT
+    follower.points_tick[k] = follower.tick
+
+
+def start(follower: Follower, pose: Pose, side: int, toward_rad: float, params: Params) -> None:
+    """Begin to follow what is nearest to the bearing `toward_rad`."""
+    follower.side = side
+    follower.lost = follower.boxed = False
+    gather(follower, pose, params)
+    anchor(follower, pose, nearest(follower, toward_rad))
+
+
+def nearest(follower: Follower, toward_rad: float) -> int:
+    """The index of what stands most in the way of this bearing, or -1."""
+    best, best_m = -1, 1e9
+    for k in range(follower.count):
+        aside = abs(wrap(follower.bearing_rad[k] - toward_rad))
+        cost_m = follower.far_m[k] * (1.0 + aside)
+        if cost_m < best_m:
+            best, best_m = k, cost_m
+    return best
+
+
+def anchor(follower: Follower, pose: Pose, k: int) -> None:
+    """Follow the point k of what is near."""
+    if k < 0:
+        return
+    direction_rad = pose.heading_rad + follower.bearing_rad[k]
+    follower.anchor_x_m = pose.x_m + follower.far_m[k] * cos(direction_rad)
+    follower.anchor_y_m = pose.y_m + follower.far_m[k] * sin(direction_rad)
+    follower.anchor_weight = WEIGHT
+    follower.anchor_tick = follower.tick
+
+
+def gather(follower: Follower, pose: Pose, params: Params) -> None:
+    """List what is near enough to matter: the echoes of now, then what is remembered."""
+    reach_m = LOOK_M + params.radius_m + WIDE_M
+    count = 0
+    for i in range(SONARS):
+        range_m = follower.seen_m[i]
+        if range_m is not None and range_m + params.radius_m < reach_m:
+            follower.bearing_rad[count] = OUTWARD[i]
+            follower.far_m[count] = range_m + params.radius_m
+            count += 1
+    follower.count = count
+    oldest = follower.tick - OLD_TICKS
+    for k in range(POINTS):
+        weight = follower.points_weight[k]
+        if weight > 0 and follower.points_tick[k] > oldest:
+            x_m, y_m = follower.points_x_m[k], follower.points_y_m[k]
+            follower.points_weight[k] = weight - recall(follower, pose, x_m, y_m, reach_m, params)
+
+
+def recall(
+    follower: Follower, pose: Pose, x_m: float, y_m: float, reach_m: float, params: Params
+) -> int:
+    """List a remembered point if it is near; how much weight it loses because it is not seen."""
+    dx_m, dy_m = x_m - pose.x_m, y_m - pose.y_m
+    square = dx_m * dx_m + dy_m * dy_m
+    if not square < reach_m * reach_m:
+        return 0
+    far_m = sqrt(square)
+    bearing_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
+    k = follower.count
+    follower.bearing_rad[k] = bearing_rad
+    follower.far_m[k] = far_m
+    follower.count = k + 1
+    if -QUARTER_TURN < bearing_rad < QUARTER_TURN:
+        i = int((bearing_rad + QUARTER_TURN) / (2.0 * HALF_CONE))
+        if abs(bearing_rad - BEARINGS[i]) < CORE_RAD:
+            range_m = follower.seen_m[i]
+            if range_m is not None and range_m + params.radius_m > far_m + THROUGH_M:
+                return 2 if range_m < params.sonar_max_m else 1
+    return 0
+
+
+def half_width(far_m: float, room_m: float) -> float:
+    """Half of the headings in which a point closes the way to a disc of radius `room_m`."""
+    if far_m <= room_m:
+        return QUARTER_TURN + PUSH_RAD_PER_M * (room_m - far_m)
+    square, room2 = far_m * far_m, room_m * room_m
+    if square <= LOOK_M * LOOK_M + room2:
+        return asin(room_m / far_m)
+    cosine = (square + LOOK_M * LOOK_M - room2) / (2.0 * far_m * LOOK_M)
+    return acos(cosine) if cosine < 1.0 else 0.0
+
+
+def heading(follower: Follower, pose: Pose, params: Params) -> float:
+    """The bearing to steer along the boundary; sets `lost` when there is none, `boxed` in a box."""
+    gather(follower, pose, params)
+    live = follower.count
+    reach_m = 2.0 * (LOOK_M + params.radius_m + WIDE_M)
+    follower.anchor_weight -= recall(
+        follower, pose, follower.anchor_x_m, follower.anchor_y_m, reach_m, params
+    )
+    old = follower.tick - follower.anchor_tick > OLD_TICKS
+    if follower.anchor_weight <= 0 or old or follower.count == live:
+        follower.count = live
+        k = nearest(follower, -follower.side * QUARTER_TURN)
+        follower.lost = k < 0
+        anchor(follower, pose, k)
+        if k < 0:
+            return 0.0
+        start_rad = follower.bearing_rad[k]
+    else:
+        start_rad = follower.bearing_rad[live]
+    swept_rad, last = sweep(follower, start_rad, params)
+    follower.boxed = swept_rad >= BOXED_RAD
+    if follower.boxed:
+        return follower.side * QUARTER_TURN
+    wide_rad = widened(follower, swept_rad, params)
+    if last >= 0 and last != live:
+        anchor(follower, pose, last)
+    return wrap(start_rad + follower.side * wide_rad)
+
+
+def sweep(follower: Follower, start_rad: float, params: Params) -> tuple[float, int]:
+    """How far to turn from `start_rad` to the first open heading, and which point closes it."""
+    room_m = params.radius_m + TIGHT_M
+    turn_rad, tight_rad = follower.turn_rad, follower.tight_rad
+    for k in range(follower.count):
+        turn = follower.side * wrap(follower.bearing_rad[k] - start_rad)
+        tight = half_width(follower.far_m[k], room_m)
+        turn_rad[k] = turn + TWO_PI if turn + tight <= 0.0 and turn < 0.0 else turn
+        tight_rad[k] = tight
+    swept, last, moved = 0.0, -1, True
+    while moved and swept < BOXED_RAD:
+        moved = False
+        for k in range(follower.count):
+            end = turn_rad[k] + tight_rad[k]
+            if swept < end and turn_rad[k] - tight_rad[k] <= swept:
+                swept, last, moved = end, k, True
+    return swept, last
+
+
+def widened(follower: Follower, swept_rad: float, params: Params) -> float:
+    """The same gap with more clearance if there is room for it, else through its middle."""
+    room_m = params.radius_m + WIDE_M
+    near, far, edge = swept_rad, 1e9, 1e9
+    for k in range(follower.count):
+        turn, tight = follower.turn_rad[k], follower.tight_rad[k]
+        wide = half_width(follower.far_m[k], room_m)
+        if turn - tight <= swept_rad:
+            if wide > 0.0 and turn + wide > near:
+                near = turn + wide
+        elif wide > 0.0:
+            far = min(far, turn - wide)
+            edge = min(edge, turn - tight)
+    if near <= far:
+        return near
+    return min(max(0.5 * (near + far), swept_rad), edge)
