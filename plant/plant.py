@@ -59,6 +59,11 @@ class Plant:
     def truth(self, robot: int = 0) -> GroundTruth:
         return self._vehicles[robot].truth(self.now_ns)
 
+    def attitude(self, robot: int = 0) -> tuple[float, float]:
+        """True heading and clearance: of the truth what is cheap to ask for at every tick."""
+        vehicle = self._vehicles[robot]
+        return vehicle.pose[2], vehicle.clearance_m
+
     def command(self, robot: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int) -> None:
         """Set the wheels from now on, until `ttl_ms` of simulated time have gone by."""
         self._vehicles[robot].drive.command(left_mrad_s, right_mrad_s, ttl_ms, self.now_ns)

@@ -1,0 +1,57 @@
+"""How a robot drove, added up tick by tick while it drives; cheap enough for every trial."""
+
+from math import pi
+
+from plant.plant import Plant
+from robot.core import states
+from robot.core.values import Outputs
+from study.onboard import Onboard
+
+SIDES = (states.PASS_LEFT, states.PASS_RIGHT)
+
+
+class Behaviour:
+    """Watches one trial; `plant` and `onboard` are its last ones, None when it never began."""
+
+    __slots__ = (
+        *("avoidances", "clearance_sum_m", "onboard", "plant", "side_changes", "ticks"),
+        *("ticks_of", "turned_rad", "_branch", "_heading_rad", "_side"),
+    )
+
+    def __init__(self) -> None:
+        self.plant: Plant | None = None
+        self.onboard: Onboard | None = None
+        self.ticks = self.avoidances = self.side_changes = 0
+        self.ticks_of = dict.fromkeys(range(states.GIVE_UP + 1), 0)
+        self.clearance_sum_m = self.turned_rad = 0.0
+        self._branch = self._side = states.NO_BRANCH
+        self._heading_rad = 0.0
+
+    def __call__(self, plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+        heading_rad, clearance_m = plant.attitude()
+        if self.plant is None:
+            self.plant, self.onboard = plant, onboard
+            self._heading_rad = heading_rad
+        turn_rad = abs(heading_rad - self._heading_rad)
+        self._heading_rad = heading_rad
+        self.turned_rad += turn_rad if turn_rad <= pi else 2.0 * pi - turn_rad
+        self.clearance_sum_m += clearance_m
+        self.ticks += 1
+        decision = outputs.decision
+        branch = states.NO_BRANCH if decision is None else decision.branch
+        self.ticks_of[branch] += 1
+        if branch != self._branch:
+            self._change(branch)
+
+    def _change(self, branch: int) -> None:
+        """Another branch than in the tick before."""
+        if branch in SIDES:
+            self.avoidances += self._branch not in SIDES
+            self.side_changes += self._side not in (branch, states.NO_BRANCH)
+            self._side = branch
+        self._branch = branch
+
+    @property
+    def mean_clearance_m(self) -> float:
+        """NaN when nothing was watched."""
+        return self.clearance_sum_m / self.ticks if self.ticks else float("nan")

@@ -1,0 +1,178 @@
+"""A task of a study becomes a row: the trial is run, watched and written down, however it ends."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from math import nan
+from time import perf_counter, thread_time
+from types import MappingProxyType
+from typing import Any, Final
+
+from plant.world_types import World
+from protocol.outcome import Outcome
+from robot.core import states
+from study.behaviour import Behaviour
+from study.plan import Task
+from study.provenance import Code, machine
+from study.rows import FAILED, Row
+from study.trial import Trial, run_trial
+
+MEASURED: Final = (
+    *("time_s", "path_m", "min_clearance_m"),
+    *("position_error_m", "estimated_position_error_m"),
+)
+COUNTED: Final = ("contacts", "own_contacts", "ticks")
+NOTHING: Final[Mapping[str, Any]] = MappingProxyType(
+    {
+        **dict.fromkeys(MEASURED, nan),
+        **dict.fromkeys(COUNTED, 0),
+        "heading_error_rad": None,
+        "digest": "",
+    }
+)
+"""What an outcome says of a trial that has none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bench:
+    """What all trials of a study share; handed to every worker once."""
+
+    study: str
+    code: Code
+    worlds: Sequence[World]
+
+
+def trial_of(asked: Task | Row, world: World) -> Trial:
+    """The trial itself, to be run for the first time or, from its row, once more."""
+    return Trial(
+        world=world,
+        navigator=asked.navigator,
+        side=asked.side,
+        seed=asked.seed,
+        noise=asked.noise,
+        timeout_s=asked.timeout_s,
+        parameters=json.loads(asked.parameters),
+    )
+
+
+def row_of(task: Task, bench: Bench) -> Row:
+    """Run it. An exception is how that trial ended, not the end of the study."""
+    watch, started_utc = Behaviour(), _now_utc()
+    wall_s, cpu_s = perf_counter(), thread_time()
+    try:
+        outcome = run_trial(trial_of(task, bench.worlds[task.place]), watch)
+    except Exception as error:
+        return failed(task, bench, f"{type(error).__name__}: {error}", started_utc)
+    wall_s, cpu_s = perf_counter() - wall_s, thread_time() - cpu_s
+    return Row(
+        **_asked(task, bench),
+        **_ended(outcome),
+        **_final(outcome, watch),
+        **_drove(watch),
+        wall_s=wall_s,
+        cpu_s=cpu_s,
+        started_utc=started_utc,
+    )
+
+
+def failed(task: Task, bench: Bench, reason: str, started_utc: str | None = None) -> Row:
+    """The row of a trial that could not be run to its end."""
+    empty = Behaviour()
+    return Row(
+        **_asked(task, bench),
+        **NOTHING,
+        **_final(None, empty),
+        **_drove(empty),
+        outcome=FAILED,
+        reason=reason,
+        wall_s=nan,
+        cpu_s=nan,
+        started_utc=started_utc or _now_utc(),
+    )
+
+
+def _asked(task: Task, bench: Bench) -> dict[str, Any]:
+    """Identity, world and provenance."""
+    world, code = bench.worlds[task.place], bench.code
+    return {
+        "study": bench.study,
+        "trial_id": task.trial_id,
+        "world": world.name,
+        "world_source": task.world_source,
+        "family": world.family,
+        "world_digest": task.world_digest,
+        "shortest_path_m": world.shortest_path_m,
+        "reachable": world.reachable,
+        "navigator": task.navigator,
+        "side": task.side,
+        "seed": task.seed,
+        "noise": task.noise,
+        "timeout_s": task.timeout_s,
+        "parameters": task.parameters,
+        "calibrated": task.calibrated,
+        "commit": code.commit,
+        "dirty": code.dirty,
+        "version": code.version,
+        **machine()._asdict(),
+    }
+
+
+def _ended(outcome: Outcome) -> dict[str, Any]:
+    """What the outcome says under the names of a row."""
+    names = (*NOTHING, "outcome", "reason")
+    return {name: getattr(outcome, name) for name in names}
+
+
+def _final(outcome: Outcome | None, watch: Behaviour) -> dict[str, Any]:
+    """Where it stood at the end, and how far that was from its belief."""
+    plant, onboard = watch.plant, watch.onboard
+    if outcome is None or plant is None or onboard is None:
+        names = ("true_x_m", "true_y_m", "true_heading_rad", "x_m", "y_m", "heading_rad")
+        spreads = ("cov_xx_m2", "cov_xy_m2", "cov_yy_m2", "cov_hh_rad2", "mahalanobis2")
+        return {"goal_state": 0, "goal_reason": 0, **dict.fromkeys((*names, *spreads), nan)}
+    truth, odometry = plant.truth(), onboard.state.odometry
+    pose, machine_state = odometry.pose, onboard.state.machine
+    off_x_m, off_y_m = truth.x_m - pose.x_m, truth.y_m - pose.y_m
+    spread = (odometry.pxx, odometry.pxy, odometry.pyy)
+    return {
+        "goal_state": machine_state.goal_state,
+        "goal_reason": machine_state.goal_reason,
+        "true_x_m": truth.x_m,
+        "true_y_m": truth.y_m,
+        "true_heading_rad": truth.heading_rad,
+        "x_m": pose.x_m,
+        "y_m": pose.y_m,
+        "heading_rad": pose.heading_rad,
+        "cov_xx_m2": odometry.pxx,
+        "cov_xy_m2": odometry.pxy,
+        "cov_yy_m2": odometry.pyy,
+        "cov_hh_rad2": odometry.phh,
+        "mahalanobis2": mahalanobis2(off_x_m, off_y_m, spread),
+    }
+
+
+def mahalanobis2(x_m: float, y_m: float, spread_m2: tuple[float, float, float]) -> float:
+    """(x, y) inverse(covariance) (x, y)'; NaN where the covariance has no inverse."""
+    xx, xy, yy = spread_m2
+    determinant = xx * yy - xy * xy
+    if not determinant > 0.0:
+        return nan
+    return (yy * x_m * x_m - 2.0 * xy * x_m * y_m + xx * y_m * y_m) / determinant
+
+
+def _drove(watch: Behaviour) -> dict[str, Any]:
+    return {
+        "mean_clearance_m": watch.mean_clearance_m,
+        "turned_rad": watch.turned_rad,
+        "side_changes": watch.side_changes,
+        "avoidances": watch.avoidances,
+        "ticks_to_goal": watch.ticks_of[states.TO_GOAL],
+        "ticks_passing_left": watch.ticks_of[states.PASS_LEFT],
+        "ticks_passing_right": watch.ticks_of[states.PASS_RIGHT],
+        "ticks_aligning": watch.ticks_of[states.ALIGN],
+    }
+
+
+def _now_utc() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

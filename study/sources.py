@@ -1,0 +1,170 @@
+"""The worlds of a study: where they come from, and how a row's `world_source` makes one again."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import plant.corpus
+from plant.corpus import FAMILIES, generate
+from plant.shortest_path import known_length_m
+from plant.world_file import load, shipped
+from plant.world_problems import Problem, WorldError
+from plant.world_toml import dumps
+from plant.world_types import World
+from protocol.errors import UserError
+from study.store import replacing
+from study.suggest import unknown
+
+CORPUS: Final = "corpus"
+FIXED: Final = "fixed"
+SHIPPED: Final = "shipped"
+KEPT: Final = "worlds"
+"""The directory in a study's own in which world files that somebody gave are kept."""
+
+FIXED_DIR: Final = Path(plant.corpus.__file__).parent / FIXED
+
+
+class Listed(NamedTuple):
+    """A world with its family and shortest path known; `text` is its file's, if it had one."""
+
+    source: str
+    digest: str
+    world: World
+    text: str | None = None
+
+
+class Wanted(NamedTuple):
+    """What the command line says about worlds."""
+
+    places: Sequence[str]
+    families: Sequence[str] | None
+    per_family: int
+    corpus_seed: int
+
+
+def listed(wanted: Wanted) -> list[Listed]:
+    """Every world that was asked for, once.
+
+    Raises UserError for a name that is not there, WorldError with all problems of all bad files.
+    """
+    found: list[Listed] = []
+    problems: list[Problem] = []
+    for place in wanted.places:
+        for source, file in _sources(place, wanted):
+            try:
+                found.append(_known(source, file))
+            except WorldError as error:
+                problems += error.problems
+    if problems:
+        raise _every(problems)
+    return _distinct(_of_families(found, wanted.families))
+
+
+def world_of(source: str, directory: Path) -> World:
+    """The world of a row again; `directory` is the study's own.
+
+    Raises UserError when the source says nothing, WorldError when the file is not as it was.
+    """
+    kind, _, rest = source.partition(":")
+    match kind, rest.split(":"):
+        case "shipped", [name]:
+            return load(name)
+        case "fixed", [name]:
+            return load(FIXED_DIR / f"{name}.toml")
+        case "kept", [name]:
+            return load(directory / KEPT / name)
+        case "corpus", [family, seed, index]:
+            return generate(family, int(index), int(seed))
+    raise UserError(f"world_source {source!r}: unknown; was the study made by another version?")
+
+
+def digest_of(world: World) -> str:
+    """SHA-256 over all that a trial can notice of the world, and its name."""
+    bare = replace(world, family=None, family_seed=None, shortest_path_m=None, reachable=None)
+    return sha256(dumps(bare).encode()).hexdigest()
+
+
+def keep(worlds: Iterable[Listed], directory: Path) -> None:
+    """Copy given files into the study's directory: they may be gone when somebody looks again."""
+    for one in worlds:
+        if one.text is None:
+            continue
+        file = directory / KEPT / one.source.partition(":")[2]
+        file.parent.mkdir(exist_ok=True)
+        if not file.exists():
+            with replacing(file) as opened:
+                opened.write(one.text.encode())
+
+
+def _sources(place: str, wanted: Wanted) -> Iterator[tuple[str, Path | None]]:
+    """What a word of --worlds stands for: sources, of given files with their path."""
+    path = Path(place)
+    if place == CORPUS:
+        for family in wanted.families or FAMILIES:
+            _check(family, FAMILIES)
+            for index in range(wanted.per_family):
+                yield f"corpus:{family}:{wanted.corpus_seed}:{index}", None
+    elif place == FIXED:
+        yield from ((f"fixed:{file.stem}", None) for file in sorted(FIXED_DIR.glob("*.toml")))
+    elif place == SHIPPED:
+        yield from ((f"shipped:{name}", None) for name in shipped())
+    elif place in shipped():
+        yield f"shipped:{place}", None
+    elif path.is_dir():
+        files = sorted(path.glob("*.toml"))
+        if not files:
+            raise UserError(f"--worlds {place}: no .toml file in this directory")
+        yield from (("", file) for file in files)
+    elif path.exists() or place.endswith(".toml"):
+        yield "", path
+    else:
+        names = [CORPUS, FIXED, SHIPPED, *shipped()]
+        raise UserError(f"--worlds: {unknown('world or directory', place, names)}")
+
+
+def _known(source: str, file: Path | None) -> Listed:
+    """Read or made, with what only the place tells of it."""
+    world = load(file) if file else world_of(source, Path())
+    family = world.family or (file.parent.resolve().name if file else SHIPPED)
+    digest = digest_of(world)
+    length_m = known_length_m(world)
+    world = replace(world, family=family, shortest_path_m=length_m, reachable=length_m is not None)
+    if file is None:
+        return Listed(source, digest, world)
+    return Listed(f"kept:{digest[:8]}-{file.name}", digest, world, file.read_text(encoding="utf-8"))
+
+
+def _every(problems: list[Problem]) -> WorldError:
+    """In the order of the files: WorldError itself sorts by line."""
+    error = WorldError(problems)
+    error.args = ("\n".join(map(str, problems)),)
+    return error
+
+
+def _of_families(found: list[Listed], families: Sequence[str] | None) -> list[Listed]:
+    if not families:
+        return found
+    present = list(dict.fromkeys(str(one.world.family) for one in found))
+    for family in families:
+        _check(family, present)
+    return [one for one in found if one.world.family in families]
+
+
+def _check(family: str, families: Sequence[str]) -> None:
+    if family not in families:
+        raise UserError(f"--families: {unknown('family', family, families)}")
+
+
+def _distinct(found: list[Listed]) -> list[Listed]:
+    """Each world once. Raises UserError when two of one name differ."""
+    by_name: dict[str, Listed] = {}
+    for one in found:
+        other = by_name.setdefault(one.world.name, one)
+        if other.digest != one.digest:
+            raise UserError(
+                f"--worlds: {other.source} and {one.source} are both named {one.world.name!r} "
+                "and differ; change `name` in one of them"
+            )
+    return list(by_name.values())

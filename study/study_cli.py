@@ -1,0 +1,27 @@
+"""`sidestep study`: many trials, on all cores or a cluster, and what they come to."""
+
+import importlib
+import importlib.util
+import sys
+from collections.abc import Sequence
+from typing import Final
+
+from protocol.errors import UserError
+
+NEEDED: Final = ("pyarrow", "matplotlib")
+INSTALL: Final = "pip install 'sidestep[study]'"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """0 done, 1 with failed trials, 2 wrong usage (argparse) or configuration (raised)."""
+    verb, *rest = sys.argv[1:] if argv is None else argv
+    assert verb == "study"
+    missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    if missing:
+        raise UserError(f"{' and '.join(missing)} missing; {INSTALL}")
+    if rest[:1] == ["report"]:
+        code: int = importlib.import_module("study.report.cli").main(rest[1:])
+        return code
+    from study.study_run import run  # needs what was looked for above
+
+    return run(rest)

@@ -1,0 +1,138 @@
+"""The command line of `sidestep study`."""
+
+import argparse
+from os import cpu_count
+from pathlib import Path
+from typing import Final
+
+from plant.noise import LEVELS
+from plant.worlds_make import PER_FAMILY
+from study.cli import parameter, seconds, seed
+from study.plan import EVERY_NAVIGATOR, Settings, navigator_of, noise_of
+from study.sources import CORPUS, FIXED, Wanted
+
+OUTPUT: Final = "study-results"
+QUICK_OUTPUT: Final = "study-quick"
+QUICK_NOISE: Final = ("none", "default")
+CORPUS_SEED: Final = 1
+
+DESCRIPTION: Final = (
+    "Run navigators x worlds x noise levels x seeds on all cores and write results.parquet and a"
+    " report. A study that was broken off, by whatever, goes on when the same command is given"
+    " again. `sidestep study report DIR` writes the report anew."
+)
+
+
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(
+        prog="sidestep study", description=DESCRIPTION, allow_abbrev=False
+    )
+    made.add_argument(
+        "--quick",
+        action="store_true",
+        help="the committed worlds, all navigators, noise none and default: a few minutes",
+    )
+    _add_what(made)
+    _add_how(made)
+    return made
+
+
+def _add_what(made: argparse.ArgumentParser) -> None:
+    made.add_argument(
+        "--navigators",
+        nargs="+",
+        metavar="NAME[:SIDE]",
+        help=f"instead of {' '.join(EVERY_NAVIGATOR)}",
+    )
+    made.add_argument(
+        "--worlds",
+        nargs="+",
+        metavar="WHERE",
+        help=f"{CORPUS} (generated), {FIXED} (committed), shipped, names of shipped worlds, .toml"
+        f" files, or directories of such; {CORPUS} by default",
+    )
+    made.add_argument("--families", nargs="+", metavar="F", help="only worlds of these")
+    made.add_argument(
+        "--per-family",
+        type=count,
+        default=PER_FAMILY,
+        metavar="N",
+        help=f"worlds generated of each family ({PER_FAMILY})",
+    )
+    made.add_argument(
+        "--corpus-seed", type=seed, default=CORPUS_SEED, help=f"of their making ({CORPUS_SEED})"
+    )
+    made.add_argument(
+        "--seeds",
+        type=count,
+        metavar="N",
+        help="runs of each with other noise (1); without noise there is only one",
+    )
+    made.add_argument(
+        "--noise", nargs="+", metavar="LEVEL", help=f"instead of all: {' '.join(LEVELS)}"
+    )
+    made.add_argument(
+        "--timeout",
+        type=seconds,
+        metavar="S",
+        help="simulated; by default the time for 40 times the shortest way, at least 120 s, and"
+        " 600 s where there is no way",
+    )
+    made.add_argument(
+        "--param",
+        type=parameter,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a parameter of the robot, as often as needed",
+    )
+
+
+def _add_how(made: argparse.ArgumentParser) -> None:
+    made.add_argument("--jobs", type=count, default=cpu_count() or 1, help="processes (all cores)")
+    made.add_argument("--dask", metavar="ADDRESS", help="run on the cluster of this scheduler")
+    made.add_argument(
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help=f"{OUTPUT}, or {QUICK_OUTPUT} with --quick",
+    )
+    made.add_argument(
+        "--mixed", action="store_true", help="go on even if settings or code are not as before"
+    )
+    made.add_argument("--no-report", action="store_true", help="results only")
+    made.add_argument("--json", action="store_true", help="one JSON object on standard output")
+
+
+def count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value} is not at least 1")
+    return value
+
+
+def wanted_of(options: argparse.Namespace) -> Wanted:
+    places = options.worlds or ([FIXED] if options.quick else [CORPUS])
+    return Wanted(places, options.families, options.per_family, options.corpus_seed)
+
+
+def settings_of(options: argparse.Namespace) -> Settings:
+    """Raises UserError for a navigator or a noise level that is not there."""
+    navigators = [navigator_of(text) for text in options.navigators or EVERY_NAVIGATOR]
+    noise = [noise_of(text) for text in options.noise or _usual_noise(options.quick)]
+    return Settings(
+        navigators=tuple(dict.fromkeys(navigators)),
+        noise=tuple(dict.fromkeys(noise)),
+        seeds=options.seeds or 1,
+        timeout_s=options.timeout,
+        parameters=dict(options.param),
+    )
+
+
+def _usual_noise(quick: bool) -> tuple[str, ...]:
+    return QUICK_NOISE if quick else tuple(LEVELS)
+
+
+def output_of(options: argparse.Namespace) -> Path:
+    given: Path | None = options.output
+    return given or Path(QUICK_OUTPUT if options.quick else OUTPUT)

@@ -1,0 +1,164 @@
+"""One call of `sidestep study`: what is asked, what is there already, the rest run, the end."""
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from shlex import join
+from time import monotonic
+from typing import Any, Final, NamedTuple
+
+import pyarrow as pa
+
+from protocol.errors import UserError
+from robot.parameters import OutOfRange, Unknown
+from study import on_dask
+from study.conduct import Collector, collect, finish, finished, open_tasks, recover
+from study.one import Bench, trial_of
+from study.plan import Settings, Task, tasks_of
+from study.pool import Pool
+from study.progress import Progress
+from study.provenance import code, machine
+from study.rows import FAILED
+from study.settled import alone, settings_of, settle
+from study.sources import Listed, keep, listed
+from study.study_options import output_of, parser, wanted_of
+from study.study_options import settings_of as settings_asked
+from study.trial import params_of
+
+EXIT_INTERRUPTED: Final = 130
+
+
+class Study(NamedTuple):
+    """Everything that is settled before anything runs."""
+
+    directory: Path
+    worlds: list[Listed]
+    settings: Settings
+    tasks: list[Task]
+    bench: Bench
+    command: str
+
+
+def run(argv: Sequence[str]) -> int:
+    """Raises UserError or WorldError, before anything has run, for what cannot be done."""
+    options = parser().parse_args(argv)
+    study = prepare(options, argv)
+    with alone(study.directory), ended_by_signals():
+        for line in tidied(study, options.mixed):
+            print(f"sidestep study: {line}", file=sys.stderr)
+        there = finished(study.directory)
+        tasks = open_tasks(study.tasks, there)
+        progress = Progress(len(study.tasks), len(study.tasks) - len(tasks), sys.stderr, monotonic)
+        try:
+            work(study, options, tasks, progress)
+        except KeyboardInterrupt:
+            return interrupted(study, progress)
+        return conclude(study, options, progress)
+
+
+def prepare(options: argparse.Namespace, argv: Sequence[str]) -> Study:
+    settings = settings_asked(options)
+    worlds = listed(wanted_of(options))
+    made_by, directory = code(), output_of(options)
+    bench = Bench(
+        study=directory.resolve().name, code=made_by, worlds=[one.world for one in worlds]
+    )
+    tasks = tasks_of(worlds, settings, made_by.version)
+    _check_parameters(tasks, bench)
+    return Study(directory, worlds, settings, tasks, bench, join(["sidestep", "study", *argv]))
+
+
+def _check_parameters(tasks: list[Task], bench: Bench) -> None:
+    """Raises UserError: what the robot refuses in one trial of a world it refuses in all."""
+    for task in {task.place: task for task in tasks}.values():
+        try:
+            params_of(trial_of(task, bench.worlds[task.place]))
+        except (Unknown, OutOfRange) as error:
+            name = bench.worlds[task.place].name
+            raise UserError(f"--param or the [robot] of world {name}: {error}") from None
+
+
+def tidied(study: Study, mixed: bool) -> Iterator[str]:
+    """The directory as it must be to begin or to go on; says what was out of order."""
+    made_by = study.bench.code
+    stored = settings_of(study.worlds, study.settings, made_by, machine())
+    differing = settle(study.directory, stored, made_by, mixed=mixed)
+    if differing:
+        yield f"--mixed: going on although {'; '.join(differing)}"
+    keep(study.worlds, study.directory)
+    yield from recover(study.directory)
+
+
+def work(study: Study, options: argparse.Namespace, tasks: list[Task], progress: Progress) -> None:
+    """Run what is open, on the cluster or in processes of our own."""
+    if not tasks:
+        return
+    collector = Collector(study.directory, monotonic)
+    if options.dask is not None:
+        with on_dask.cluster(options.dask) as client:
+            collect(on_dask.run(client, study.bench, tasks), collector, progress)
+        return
+    with Pool(min(options.jobs, len(tasks)), study.bench) as pool:
+        collect(pool.run(tasks), collector, progress)
+
+
+def interrupted(study: Study, progress: Progress) -> int:
+    done = progress.before + progress.now
+    print(
+        f"sidestep study: stopped; {done} of {progress.total} trials are in {study.directory}. "
+        f"To go on, the same again:\n  {study.command}",
+        file=sys.stderr,
+    )
+    return EXIT_INTERRUPTED
+
+
+def conclude(study: Study, options: argparse.Namespace, progress: Progress) -> int:
+    """Results in one file, report, summary; 1 when trials have failed."""
+    stored = settings_of(study.worlds, study.settings, study.bench.code, machine())
+    provenance = {
+        "command": study.command,
+        "settings": json.dumps(stored),
+        "commit": study.bench.code.commit,
+        "dirty": json.dumps(study.bench.code.dirty),
+    }
+    results = finish(study.directory, provenance)
+    table = finished(study.directory)
+    assert table is not None
+    summary = summary_of(study, table, results, progress)
+    if options.json:
+        print(json.dumps(summary))
+    else:
+        ends = ", ".join(f"{number} {name}" for name, number in summary["outcomes"].items())
+        print(f"{results}: {summary['trials']} trials: {ends}")
+    return 1 if FAILED in summary["outcomes"] else 0
+
+
+def summary_of(study: Study, table: pa.Table, results: Path, progress: Progress) -> dict[str, Any]:
+    """Of all that is in the results, and how fast this call was."""
+    counted = table.group_by("outcome").aggregate([("outcome", "count")]).to_pylist()
+    outcomes = {one["outcome"]: one["outcome_count"] for one in counted}
+    return {
+        "study": study.bench.study,
+        "results": str(results),
+        "trials": table.num_rows,
+        "run_now": progress.now,
+        "outcomes": dict(sorted(outcomes.items(), key=lambda one: -one[1])),
+        "worlds": len(study.worlds),
+        "simulated_h": round(progress.simulated_s / 3600.0, 3),
+        "wall_s": round(progress.elapsed_s, 1),
+        "simulated_h_per_min": round(progress.hours_per_minute, 2),
+    }
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """SIGTERM ends a study as Ctrl-C does."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
