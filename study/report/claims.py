@@ -1,0 +1,280 @@
+"""The paper's claims as rules that trials decide: confirmed, refuted or unclear, never by hand.
+
+Each rule was fixed before the trials were run. Where bug's two sides disagree a claim is unclear.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple, TypeAlias
+
+from study.report.comparisons import by_pair, comparison
+from study.report.drives import Drive
+from study.report.paper_runs import (
+    Runs,
+    left_of_deviation,
+    turn_left_deg,
+    untouched,
+    ways,
+)
+from study.report.trials import Flags, Trials
+from study.report.words import count, interval, number, probability, share
+from study.statistics import Share, quantile, quantile_interval
+
+CONFIRMED: Final = "confirmed"
+REFUTED: Final = "refuted"
+UNCLEAR: Final = "unclear"
+
+BUGS: Final = ("bug, left", "bug, right")
+LONGER: Final = 1.05
+RETURNED: Final = 0.25
+ORIENTED_DEG: Final = 10.0
+RARE: Final = 0.01
+ENOUGH: Final = 100
+LEVEL: Final = 0.05
+MOST_SHOWN: Final = 3
+
+CORNERS: Final = ("corner",)
+MINIMA: Final = ("corner", "u_trap", "dead_end", "spiral", "zigzag")
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """`shown`: the trials that decide it, by world, seed and noise or by their id."""
+
+    says: str
+    rule: str
+    evidence: str
+    shown: str
+    verdict: str
+
+
+def claims(trials: Trials, runs: Runs) -> list[Claim]:
+    """`trials` of any study, may be none; `runs` of the paper's figures."""
+    return [
+        _path(runs),
+        _return(runs, ("vgm",), "vgm returns to the original path, then reaches the goal", True),
+        _return(runs, BUGS, "bug does not return to the original path", False),
+        _heading(runs, ("vgm",), "vgm has kept its orientation when it reaches the goal", True),
+        _heading(runs, BUGS, "bug reaches the goal first and only then orients itself", False),
+        _corner(trials, runs),
+        _always(
+            "vgm does not get stuck in corners, avoids local minima, gets past obstacles "
+            "“whatever the shape and size … under any circumstances”",
+            _in_minima(trials, runs),
+            ARRIVALS,
+        ),
+        _always(
+            "vgm “guarantees that the robot will reach any reachable goal”",
+            _of_vgm(trials, runs),
+            ARRIVALS,
+        ),
+        _always(
+            "vgm gets to the goal “without colliding with any obstacle”",
+            _of_vgm(trials, runs),
+            CLEAN,
+        ),
+        _dominant(trials),
+    ]  # fmt: skip
+
+
+class Kind(NamedTuple):
+    """What is counted, in rows and in drives."""
+
+    what: str
+    of_rows: Callable[[Trials], Flags]
+    of_drive: Callable[[Drive], bool]
+
+
+def _clean(some: Trials) -> Flags:
+    found: Flags = some.numbers("contacts") == 0.0
+    return found
+
+
+ARRIVALS: Final = Kind("arrivals without contact", lambda some: some.success, untouched)
+CLEAN: Final = Kind("drives without contact", _clean, lambda one: not one.outcome.contacts)
+
+Pool: TypeAlias = tuple[Trials, Sequence[Drive]]
+
+
+def _of_vgm(trials: Trials, runs: Runs) -> Pool:
+    every = (*runs.figures, *runs.traps)
+    return trials.of(navigator="vgm"), [one for one in every if one.trial.navigator == "vgm"]
+
+
+def _in_minima(trials: Trials, runs: Runs) -> Pool:
+    """vgm's in these families, and its drives in the shipped traps."""
+    drives = [one for one in runs.traps if one.trial.navigator == "vgm"]
+    return _of_families(trials.of(navigator="vgm"), MINIMA), drives
+
+
+def _of_families(trials: Trials, families: Sequence[str]) -> Trials:
+    chosen = trials.has(family="")
+    for family in families:
+        chosen = chosen | trials.has(family=family)
+    return trials.where(chosen)
+
+
+def _agreed(verdicts: Iterable[str]) -> str:
+    found = set(verdicts)
+    return found.pop() if len(found) == 1 else UNCLEAR
+
+
+def _beyond(values: Sequence[float], limit: float, confirms: bool) -> tuple[str, str]:
+    """Whether the median is surely below the limit (`confirms`) or surely above; in words."""
+    low, high = span = quantile_interval(values, 0.5)
+    text = f"{number(quantile(values, 0.5))} {interval(span)}, {len(values)} drives"
+    if high <= limit:
+        return (CONFIRMED if confirms else REFUTED), text
+    if low > limit:
+        return (REFUTED if confirms else CONFIRMED), text
+    return UNCLEAR, text  # fmt: skip
+
+
+def _path(runs: Runs) -> Claim:
+    found = {label: _beyond(ways(runs, label, "vgm"), LONGER, False) for label in BUGS}
+    return Claim(
+        "“Bug algorithm cannot properly guide the robot … the path is not proper”",
+        f"bug's way is more than {LONGER - 1:.0%} longer than vgm's, median over pairs that both "
+        "arrive; refuted when surely not",
+        "bug / vgm: " + _each(found),
+        _batch("figures 11, 12 and 13"),
+        _agreed(verdict for verdict, _ in found.values()),
+    )
+
+
+def _return(runs: Runs, labels: Sequence[str], says: str, wanted: bool) -> Claim:
+    rule = (
+        "half way from the largest deviation to the goal, the deviation that is left, over the "
+        f"largest: returned when the median is at most {RETURNED:g}; heading straight for the goal "
+        "gives 0.5"
+    )
+    return _measured(runs, labels, says, rule, left_of_deviation, RETURNED, wanted)
+
+
+def _heading(runs: Runs, labels: Sequence[str], says: str, wanted: bool) -> Claim:
+    rule = (
+        "what is left to turn on the spot at the goal, in degrees: oriented when the median is at "
+        f"most {ORIENTED_DEG:g}"
+    )
+    return _measured(runs, labels, says, rule, turn_left_deg, ORIENTED_DEG, wanted)
+
+
+def _measured(
+    runs: Runs,
+    labels: Sequence[str],
+    says: str,
+    rule: str,
+    measure: Callable[[Drive], float | None],
+    limit: float,
+    wanted: bool,
+) -> Claim:
+    found: dict[str, tuple[str, str]] = {}
+    for label in labels:
+        values = [value for drive in runs.of(label) if (value := measure(drive)) is not None]
+        found[label] = _beyond(values, limit, wanted)
+    verdict = _agreed(verdict for verdict, _ in found.values())
+    return Claim(says, rule, _each(found), _batch("figures 11, 12 and 13"), verdict)
+
+
+def _each(found: dict[str, tuple[str, str]]) -> str:
+    return "; ".join(f"{label}: {text}" for label, (_, text) in found.items())
+
+
+def _corner(trials: Trials, runs: Runs) -> Claim:
+    """A claim of never, decided per side."""
+    verdicts, texts, shown = [], [], []
+    for side in ("left", "right"):
+        rows = _of_families(trials.of(navigator="bug", side=side), CORNERS)
+        drives = [
+            one
+            for one in runs.traps
+            if one.trial.world.name in CORNERS
+            and (one.trial.navigator, one.trial.side) == ("bug", side)
+        ]
+        found = _pooled((rows, drives), ARRIVALS)
+        verdicts.append(_universal(Share(found.of - found.count, found.of)))
+        texts.append(f"bug, {side}: {share(found)} % of {count(found.of)} arrive")
+        shown += _shown((rows, drives), ARRIVALS, True)
+    return Claim(
+        "bug “cannot avoid obstacles with corners … gets stuck and never reaches the goal”",
+        f"arrivals in corners: confirmed when there is none in at least {ENOUGH} trials, refuted "
+        f"when their share is surely above {RARE:.0%}",
+        "; ".join(texts),
+        "arrivals: " + ", ".join(shown) if shown else "",
+        _agreed(verdicts),
+    )
+
+
+def _always(says: str, pool: Pool, kind: Kind) -> Claim:
+    """A claim of always, in worlds with a way to the goal."""
+    rows, drives = pool
+    chosen = rows.where(rows.possible), drives
+    found, against = _pooled(chosen, kind), _shown(chosen, kind, False)
+    return Claim(
+        says,
+        f"{kind.what}: confirmed when there is nothing else in at least {ENOUGH} trials, refuted "
+        f"when their share is surely below {1 - RARE:.0%}",
+        f"{share(found)} % of {count(found.of)}",
+        "against it: " + ", ".join(against) if against else "",
+        _universal(found),
+    )
+
+
+def _universal(found: Share) -> str:
+    if found.interval.high < 1.0 - RARE:
+        return REFUTED
+    return CONFIRMED if found.count == found.of and found.of >= ENOUGH else UNCLEAR
+
+
+def _pooled(pool: Pool, kind: Kind) -> Share:
+    rows, drives = pool
+    good = rows.count(kind.of_rows(rows)) + sum(map(kind.of_drive, drives))
+    return Share(good, len(rows) + len(drives))
+
+
+def _shown(pool: Pool, kind: Kind, good: bool) -> list[str]:
+    """A few trials that are good, or that are not, of both sources."""
+    rows, drives = pool
+    found = [
+        f"{one.trial.world.name} {one.outcome.noise} seed {one.trial.seed}"
+        for one in drives
+        if kind.of_drive(one) == good
+    ]
+    picked = rows.where(kind.of_rows(rows) == good)
+    named = zip(
+        *(picked.texts(name).tolist() for name in ("world", "noise", "trial_id")),
+        picked.numbers("seed").tolist(),
+        strict=True,
+    )
+    ids = [f"{world} {noise} seed {seed:.0f} (`{id_[:12]}`)" for world, noise, id_, seed in named]
+    return found[:MOST_SHOWN] + sorted(ids)[:MOST_SHOWN]
+
+
+def _dominant(trials: Trials) -> Claim:
+    """vgm against both of bug's sides on the same worlds, noise and seeds."""
+    open_ = trials.where(trials.possible)
+    vgm = "vgm", by_pair(open_.of(navigator="vgm"))
+    texts, verdicts = [], []
+    for side in ("left", "right"):
+        bug = f"bug, {side}", by_pair(open_.of(navigator="bug", side=side))
+        found = comparison("", vgm, bug)
+        lead = found.worlds_first - found.worlds_second
+        sure = found.p_worlds < LEVEL
+        verdicts.append((CONFIRMED if lead > 0 else REFUTED) if sure else UNCLEAR)
+        texts.append(
+            f"against bug, {side}: vgm alone succeeds in {found.only_first}, bug alone in "
+            f"{found.only_second} of {count(found.pairs)} pairs; better in {found.worlds_first} : "
+            f"{found.worlds_second} worlds, p {probability(found.p_worlds)}"
+        )
+    return Claim(
+        "vgm “is dominant over Bug algorithm”, “more reliable”",
+        "successes in the same worlds at the same noise and seed: who is better in more worlds, "
+        f"sign test, p < {LEVEL:g}, against bug on either side",
+        "; ".join(texts),
+        "all trials of vgm and bug in this study",
+        _agreed(verdicts),
+    )
+
+
+def _batch(what: str) -> str:
+    return f"all drives of {what} below"

@@ -1,0 +1,159 @@
+"""A world seen from above, with what drove in it."""
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from math import atan2, cos, degrees, dist, pi, sin, sqrt
+from typing import Final
+
+from plant.world_overrides import body_of
+from plant.world_types import Circle, Point, Polygon, Polyline, World
+from study.report.drives import Drive, Pose
+from study.report.style import COLOURS
+from study.report.svg import Dot, Drawing
+from study.statistics import CHI2_2_95
+
+RIM: Final = 8.0
+STEP_M: Final = 0.03
+MOST_DOTS: Final = 500
+MARK: Final = 4.5
+FOOT: Final = 14.0
+
+
+class Map:
+    """Metres to pixels, y upwards as on a map."""
+
+    def __init__(self, world: World, width: float, says: str) -> None:
+        self.world = world
+        width_m, height_m = world.size_m
+        self._scale = min((width - 2 * RIM) / width_m, 1.15 * (width - 2 * RIM) / height_m)
+        self._top = RIM + height_m * self._scale
+        wide = 2 * RIM + width_m * self._scale
+        self.drawing = Drawing(wide, self._top + RIM + FOOT, says)
+        self._ground()
+
+    def at(self, point: Point) -> Dot:
+        return RIM + point[0] * self._scale, self._top - point[1] * self._scale
+
+    def add(self, drive: Drive, belief: bool = False, faint: bool = False) -> None:
+        """The true way in the navigator's colour; dotted, what the robot believed."""
+        name, right = drive.trial.navigator, drive.trial.side == "right"
+        colour = name if name in COLOURS else "other"
+        kind = f"way l-{colour}{' right' if right else ''}{' faint' if faint else ''}"
+        self.drawing.polyline(map(self.at, thinned(drive.true)), kind)
+        if belief:
+            self.drawing.polyline(map(self.at, thinned(drive.believed)), "believed")
+            self._doubt(drive)
+        if not faint:
+            self._end(drive, colour)
+
+    def ends(self) -> None:
+        """Start, goal with its tolerance and heading, and a bar one metre long."""
+        world, body = self.world, body_of(self.world)
+        start, goal = self.at((world.start.x_m, world.start.y_m)), world.goal
+        self.drawing.circle(start, 3.0, "start")
+        self._heading(start, world.start.heading_rad, 4.0, body.radius_m * self._scale)
+        centre = self.at((goal.x_m, goal.y_m))
+        self.drawing.circle(centre, max(6.5, goal.position_tolerance_m * self._scale), "goal")
+        if goal.heading_rad is not None:
+            self._heading(centre, goal.heading_rad, 6.5, 13.0)
+        y = self._top + RIM + 4.0
+        self.drawing.line((RIM, y), (RIM + self._scale, y), "axis")
+        self.drawing.text((RIM + self._scale + 5.0, y + 3.5), "1 m", "small")
+
+    def straight(self) -> None:
+        start, goal = self.world.start, self.world.goal
+        ends = self.at((start.x_m, start.y_m)), self.at((goal.x_m, goal.y_m))
+        self.drawing.line(*ends, "straight")
+
+    def _ground(self) -> None:
+        width_m, height_m = self.world.size_m
+        kind = "rim" if self.world.walls else "ground"
+        corner = self.at((0.0, height_m))
+        self.drawing.rectangle(corner, width_m * self._scale, height_m * self._scale, kind)
+        for obstacle in self.world.obstacles:
+            if isinstance(obstacle, Polygon):
+                self.drawing.polygon(map(self.at, obstacle.points_m), "solid")
+            elif isinstance(obstacle, Polyline):
+                self._wall(obstacle)
+            else:
+                self._disc(obstacle)
+
+    def _wall(self, wall: Polyline) -> None:
+        half = max(0.5, wall.thickness_m * self._scale / 2.0)
+        for a, b in pairwise(wall.points_m):
+            self.drawing.polygon(_bar(self.at(a), self.at(b), half), "solid")
+        for point in wall.points_m:
+            self.drawing.circle(self.at(point), half, "solid")
+
+    def _disc(self, disc: Circle) -> None:
+        if disc.path_m:
+            self.drawing.polyline(map(self.at, disc.path_m), "moverline")
+        kind = "mover" if disc.path_m else "solid"
+        self.drawing.circle(self.at((disc.x_m, disc.y_m)), disc.radius_m * self._scale, kind)
+
+    def _heading(self, at: Dot, heading_rad: float, near: float, far: float) -> None:
+        dx, dy = cos(heading_rad), -sin(heading_rad)
+        ends = (at[0] + near * dx, at[1] + near * dy), (at[0] + far * dx, at[1] + far * dy)
+        self.drawing.line(*ends, "goal")
+
+    def _doubt(self, drive: Drive) -> None:
+        """The 95 % ellipse around where it believed to be."""
+        long_m, short_m, turn_rad = ellipse(drive.covariance)
+        x_m, y_m, _ = drive.believed[-1]
+        radii = long_m * self._scale, short_m * self._scale
+        self.drawing.ellipse(self.at((x_m, y_m)), radii, -degrees(turn_rad), "doubt")
+
+    def _end(self, drive: Drive, colour: str) -> None:
+        x_m, y_m, _ = drive.true[-1]
+        end_mark(self.drawing, self.at((x_m, y_m)), drive.outcome.outcome, f"mark f-{colour}")
+
+
+def end_mark(drawing: Drawing, at: Dot, outcome: str, kind: str) -> None:
+    """A disc: reached; a cross: collided; a square: stuck; a triangle: time was up or it failed."""
+    x, y = at
+    if outcome == "reached":
+        drawing.circle(at, MARK, kind)
+    elif outcome == "collided":
+        drawing.line((x - MARK, y - MARK), (x + MARK, y + MARK), "cross")
+        drawing.line((x - MARK, y + MARK), (x + MARK, y - MARK), "cross")
+    elif outcome == "stuck":
+        drawing.rectangle((x - MARK, y - MARK), 2 * MARK, 2 * MARK, kind)
+    else:
+        tip = ((x, y - MARK - 1), (x - MARK, y + MARK - 1), (x + MARK, y + MARK - 1))
+        drawing.polygon(tip, kind)
+
+
+def ellipse(covariance: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Half axes of the 95 % ellipse in metres, and the long one's direction."""
+    xx, xy, yy = covariance
+    middle, half = (xx + yy) / 2.0, sqrt(((xx - yy) / 2.0) ** 2 + xy * xy)
+    long_m = sqrt(CHI2_2_95 * max(0.0, middle + half))
+    short_m = sqrt(CHI2_2_95 * max(0.0, middle - half))
+    return long_m, short_m, 0.5 * atan2(2.0 * xy, xx - yy) if half > 0.0 else 0.0
+
+
+def thinned(poses: Sequence[Pose]) -> Iterable[Point]:
+    """Without the points that are nearer to the last one kept than would show."""
+    way_m = sum(dist(a[:2], b[:2]) for a, b in pairwise(poses))
+    step_m = max(STEP_M, way_m / MOST_DOTS)
+    last: Point | None = None
+    for x_m, y_m, _ in poses[:-1]:
+        if last is None or dist(last, (x_m, y_m)) >= step_m:
+            last = (x_m, y_m)
+            yield last
+    yield poses[-1][:2]
+
+
+def _bar(a: Dot, b: Dot, half: float) -> tuple[Dot, Dot, Dot, Dot]:
+    """The four corners of a line that is 2 `half` wide."""
+    turn = atan2(b[1] - a[1], b[0] - a[0]) + pi / 2.0
+    dx, dy = half * cos(turn), half * sin(turn)
+    return (
+        (a[0] + dx, a[1] + dy),
+        (b[0] + dx, b[1] + dy),
+        (b[0] - dx, b[1] - dy),
+        (
+            a[0] - dx,
+            a[1] - dy,
+        ),
+    )
