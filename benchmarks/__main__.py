@@ -14,6 +14,7 @@ from benchmarks.figures import Report
 BENCHMARKS = {
     "trial": "a run in one process, x real time, and ir-sim beside it",
     "core": "CPU time of one step of the control core",
+    "budget": "one step on the LPC1768, modelled: operations counted, times cycles; its state",
     "codec": "encode and decode, pymavlink beside it",
     "lockstep": "plant, robot and ground over Zenoh as fast as they can, x real time",
     "latency": "sense published to wheel command received, a bare ping-pong beside it",

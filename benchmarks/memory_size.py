@@ -1,0 +1,67 @@
+"""What an object of the core takes of MicroPython's heap, by walking it.
+
+The model: blocks of 16 bytes, words of 4. An instance is a block and a map of 8 bytes per
+attribute, whatever its `__slots__`; a list 16 bytes and a word per item; a tuple 8 and a word per
+item; a bytearray 16 and its bytes; a float a block; an int up to 30 bits nothing, a longer one two
+blocks. Numbers and strings of the program are in flash. Every float is taken as its own, although
+two names may hold one.
+"""
+
+from typing import Any
+
+from benchmarks.scale import BOX_BYTES, WORD_BYTES, is_long, rounded
+
+MAP_ENTRY_BYTES = 8
+INSTANCE_BYTES = 16
+
+
+def heap_bytes(thing: Any, seen: set[int] | None = None) -> int:
+    """All that hangs on this object, and itself."""
+    seen = set() if seen is None else seen
+    if thing is None or isinstance(thing, bool | str | type):
+        return 0
+    if isinstance(thing, float):
+        return BOX_BYTES
+    if isinstance(thing, int):
+        return 2 * BOX_BYTES if is_long(thing) else 0
+    if id(thing) in seen:
+        return 0
+    seen.add(id(thing))
+    inside = sum(heap_bytes(part, seen) for part in parts(thing))
+    return inside + own_bytes(thing)
+
+
+def own_bytes(thing: Any) -> int:
+    if isinstance(thing, bytearray | bytes):
+        return BOX_BYTES + rounded(len(thing))
+    if isinstance(thing, list):
+        return BOX_BYTES + rounded(WORD_BYTES * len(thing))
+    if isinstance(thing, tuple):
+        return rounded(WORD_BYTES * (2 + len(thing)))
+    return INSTANCE_BYTES + rounded(MAP_ENTRY_BYTES * len(slots(thing)))
+
+
+def parts(thing: Any) -> list[Any]:
+    if isinstance(thing, bytearray | bytes):
+        return []
+    if isinstance(thing, list | tuple):
+        return list(thing)
+    return [getattr(thing, name) for name in slots(thing)]
+
+
+def slots(thing: Any) -> tuple[str, ...]:
+    """Raises TypeError for what the core may not hold: a thing without __slots__, a dict, a set."""
+    names: tuple[str, ...] | None = getattr(type(thing), "__slots__", None)
+    if names is None or hasattr(thing, "__dict__"):
+        raise TypeError(f"{type(thing).__name__}: no __slots__, so its size is not bounded")
+    return names
+
+
+def lengths(thing: Any, seen: set[int] | None = None) -> int:
+    """The items of all containers on it: grows when anything grows."""
+    seen = set() if seen is None else seen
+    if thing is None or isinstance(thing, bool | str | type | int | float) or id(thing) in seen:
+        return 0
+    seen.add(id(thing))
+    own = len(thing) if isinstance(thing, bytearray | bytes | list | tuple) else 0
+    return own + sum(lengths(part, seen) for part in parts(thing))

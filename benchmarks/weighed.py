@@ -1,0 +1,59 @@
+"""A second copy of the core whose every operation goes over a scale.
+
+The source of `robot/core` is rewritten, not the bytecode: MicroPython compiles a syntax tree nearly
+one to one, CPython's bytecode differs from version to version, and only at run time is it known
+whether `a + b` adds floats. So the counts are the same on every Python.
+"""
+
+import ast
+import builtins
+from collections import Counter
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from benchmarks.rewriting import SCALE, Rewriting
+from benchmarks.scale import Scale
+
+PACKAGE = "robot.core"
+SOURCE = Path(__file__).parents[1] / "robot" / "core"
+
+
+class WeighedCore:
+    """`core["brain"]` is a module; `counts` are what it did since they were last taken."""
+
+    def __init__(self) -> None:
+        self.scale = Scale()
+        self._modules: dict[str, ModuleType] = {}
+        self._package = ModuleType(PACKAGE)
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._modules:
+            self._load(name)
+        return self._modules[name]
+
+    def take(self) -> Counter[str]:
+        """The counts since the last time, and the scale cleared."""
+        total = self.scale.total()
+        self.scale.clear()
+        return total
+
+    def _load(self, name: str) -> None:
+        file = SOURCE / f"{name}.py"
+        tree = Rewriting(self.scale).visit(ast.parse(file.read_text("utf-8"), str(file)))
+        module = ModuleType(f"{PACKAGE}.{name}")
+        module.__dict__["__builtins__"] = {**vars(builtins), "__import__": self._import}
+        module.__dict__[SCALE] = self.scale
+        self._modules[name] = module
+        exec(compile(ast.fix_missing_locations(tree), str(file), "exec"), module.__dict__)
+        setattr(self._package, name, module)
+
+    def _import(self, name: str, *rest: Any) -> Any:
+        """What the copies import of the core are copies too."""
+        if name == PACKAGE:
+            for wanted in rest[2] or ():
+                self._package.__dict__.setdefault(wanted, self[wanted])
+            return self._package
+        if name.startswith(f"{PACKAGE}."):
+            return self[name.removeprefix(f"{PACKAGE}.")]
+        return builtins.__import__(name, *rest)
