@@ -1,16 +1,14 @@
 """Navigator by noise: what the README shows, what `summary.json` keeps."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import pyarrow as pa
 
-from study.report.markdown import table_lines
 from study.report.page import Table
-from study.report.trials import Trials, distinct, trials_of
+from study.report.trials import Trials
 from study.report.words import DASH, count, number, percent, share
 from study.statistics import Floats, Share, quantile
 
@@ -100,19 +98,9 @@ def cells(found: Summary) -> tuple[str, ...]:
     )
 
 
-def summary_table(table: pa.Table) -> str:
-    """Navigator by noise as a Markdown table."""
-    return markdown_of(as_json(summaries(distinct(trials_of(table)))))
-
-
 def as_json(found: Iterable[Summary]) -> list[dict[str, str]]:
     """The cells by their heading: what is committed and compared with the README."""
     return [dict(zip(HEAD, cells(one), strict=True)) for one in found]
-
-
-def markdown_of(rows: Iterable[Mapping[str, Any]]) -> str:
-    body = tuple(tuple(str(row[name]) for name in HEAD) for row in rows)
-    return table_lines(Table("", HEAD, body, names=2))
 
 
 def main_table(found: Iterable[Summary]) -> Table:

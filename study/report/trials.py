@@ -128,6 +128,7 @@ def trials_of(table: pa.Table) -> Trials:
     columns = {name: _column(table.column(name).cast(SCHEMA.field(name).type)) for name in COLUMNS}
     columns["family"] = np.where(columns["family"] == "", "other", columns["family"])
     columns["label"] = _labels(columns)
+    columns["place"] = np.arange(table.num_rows, dtype=np.float64)
     columns["pair"] = _joined(columns, PAIRED)
     return Trials(columns)
 

@@ -1,0 +1,107 @@
+"""`sidestep study report DIR`: the report of a study that was run."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from functools import partial
+from os import cpu_count
+from pathlib import Path
+from typing import Final
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from study.report.build import Asked
+from study.report.files import SUMMARY, write
+from study.report.gallery import PER_NAVIGATOR
+from study.report.paper_runs import Runs, run_paper
+from study.report.readme import update
+from study.sources import world_of
+from study.store import PROVENANCE, RESULTS, read
+
+MOST_FAILURES: Final = 50
+MOST_JOBS: Final = 1000
+
+
+def main(argv: Sequence[str]) -> int:
+    """0, or 2 for wrong usage (argparse); raises UserError for what cannot be read or written."""
+    options = parser().parse_args(argv)
+    output = options.output or options.study
+    files = report(
+        options.study,
+        output,
+        failures=options.failures,
+        jobs=options.jobs,
+        paper=not options.without_paper,
+    )
+    if options.readme is not None:
+        update(options.readme, output / SUMMARY)
+    print(files[0])
+    return 0
+
+
+def report(
+    study: Path,
+    output: Path,
+    *,
+    failures: int = PER_NAVIGATOR,
+    jobs: int = 1,
+    paper: bool = True,
+) -> list[Path]:
+    """The report of the study in that directory, finished or not; the files written."""
+    table = read(study)
+    if paper:
+        print("sidestep study report: driving the paper's figures", file=sys.stderr)
+    asked = Asked(
+        command=command_of(study),
+        runs=run_paper(jobs) if paper else Runs(),
+        world_of=partial(world_of, directory=study),
+        failures=failures,
+        jobs=jobs,
+    )
+    return write(table, output, asked)
+
+
+def command_of(study: Path) -> str:
+    """The command that made the results; empty while they are not complete."""
+    file = study / RESULTS
+    try:
+        metadata = pq.read_schema(file).metadata or {}
+    except (OSError, pa.ArrowException):
+        return ""
+    command: bytes = metadata.get(PROVENANCE + b".command", b"")
+    return command.decode()
+
+
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(
+        prog="sidestep study report", description=__doc__, allow_abbrev=False
+    )
+    made.add_argument("study", type=Path, metavar="DIR", help="the study's directory")
+    made.add_argument("--output", type=Path, metavar="DIR", help="for the report; the study's own")
+    made.add_argument("--readme", type=Path, metavar="FILE", help="renew the table in it, too")
+    made.add_argument(
+        "--failures",
+        type=lambda text: _whole(text, 0, MOST_FAILURES),
+        default=PER_NAVIGATOR,
+        metavar="N",
+        help=f"drawn of each navigator ({PER_NAVIGATOR})",
+    )
+    made.add_argument(
+        "--jobs",
+        type=lambda text: _whole(text, 1, MOST_JOBS),
+        default=cpu_count() or 1,
+        metavar="N",
+        help="processes that drive again (one per core)",
+    )
+    made.add_argument(
+        "--without-paper", action="store_true", help="do not drive the paper's figures"
+    )
+    return made
+
+
+def _whole(text: str, low: int, high: int) -> int:
+    value = int(text)
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text} is not from {low} to {high}")
+    return value

@@ -1,0 +1,80 @@
+"""The report's files: one HTML page, Markdown with its figures, and the summary as data."""
+
+import csv
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow as pa
+
+from protocol.errors import UserError
+from study.report.build import Asked, page_of
+from study.report.claims import claims
+from study.report.html import html
+from study.report.markdown import markdown
+from study.report.page import figures_of
+from study.report.summary import HEAD, as_json, summaries
+from study.report.trials import Trials, distinct, trials_of
+from study.report.wanted import targets
+
+FIGURES: Final = "figures"
+SUMMARY: Final = "summary.json"
+
+
+def write(table: pa.Table, directory: Path, asked: Asked | None = None) -> list[Path]:
+    """All files of the report; equal tables give equal bytes.
+
+    Raises UserError for a table that no study wrote and a directory that cannot be written.
+    """
+    asked = asked or Asked()
+    page = page_of(table, asked)
+    summary = summary_of(table, asked)
+    texts = {
+        "report.html": html(page),
+        "report.md": markdown(page, FIGURES),
+        SUMMARY: json.dumps(summary, indent=1, ensure_ascii=False) + "\n",
+        "summary.csv": _csv(summary["rows"]),
+    }
+    for figure in figures_of(page.sections):
+        texts[f"{FIGURES}/{figure.name}.svg"] = figure.drawing.alone()
+    try:
+        (directory / FIGURES).mkdir(parents=True, exist_ok=True)
+        for old in (directory / FIGURES).glob("*.svg"):
+            if f"{FIGURES}/{old.name}" not in texts:
+                old.unlink()
+        for name, text in texts.items():
+            (directory / name).write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise UserError(f"{error.filename or directory}: {error.strerror}") from None
+    return [directory / name for name in texts]
+
+
+def summary_of(table: pa.Table, asked: Asked) -> dict[str, Any]:
+    """What is kept of a study in the project: small, and all that the README needs."""
+    every = trials_of(table)
+    trials = distinct(every)
+    return {
+        "command": asked.command,
+        "commits": [commit for commit in every.values("commit") if commit],
+        "trials": len(every),
+        "worlds": len(set(every.texts("world_digest").tolist())),
+        "families": len(every.values("family")),
+        "rows": as_json(summaries(trials)),
+        "figures_to_reach": _targets(trials),
+        "claims": [asdict(claim) for claim in claims(trials, asked.runs)],
+    }
+
+
+def _targets(trials: Trials) -> list[Mapping[str, str]]:
+    return [asdict(target) for target in targets(trials)]
+
+
+def _csv(rows: list[Mapping[str, str]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, HEAD, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
