@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from ground.destination import Destination, destination
+from protocol.calibration import settings_of
 from protocol.errors import RemoteError, UserError
 from protocol.outcome import Asked
-from protocol.robot_table import parameters_of
 from protocol.wire_goal import start_words
 
 SHOW_S: Final = 60.0
@@ -47,6 +47,12 @@ class Scenario:
     router: bool
     record: str | None
     timeout_s: float
+    calibrated: bool = True
+
+    @property
+    def level(self) -> str:
+        """The level of noise by name; a world may have changed single values of it."""
+        return self.noise or str(self.facts["noise"].get("level", "default"))
 
     @property
     def lockstep(self) -> bool:
@@ -62,7 +68,7 @@ class Scenario:
             world=self.name,
             navigator=self.navigator,
             seed=self.seed,
-            noise=self.noise or str(self.facts["noise"].get("level", "default")),
+            noise=self.level,
             goal_x_m=goal.x_m,
             goal_y_m=goal.y_m,
             goal_heading_rad=goal.heading_rad,
@@ -91,6 +97,7 @@ def scenario_of(options: argparse.Namespace, facts: dict[str, Any]) -> Scenario:
         router=options.router or options.robots > 1,
         record=None if options.record is None else str(Path(options.record).resolve()),
         timeout_s=options.timeout,
+        calibrated=not options.uncalibrated,
     )
 
 
@@ -176,7 +183,8 @@ def robot(scenario: Scenario, entrant: Entrant, endpoint: str) -> list[str]:
     if scenario.lockstep:
         found.append("--lockstep")
     found += ["--start", *start_words(*entrant.start)]
-    for parameter, value in parameters_of(scenario.facts["robot"]).items():
+    settings = settings_of(scenario.facts["robot"], scenario.level, calibrated=scenario.calibrated)
+    for parameter, value in settings.items():
         found += ["--param", f"{parameter}={value!r}"]
     return found
 

@@ -59,6 +59,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=seed, default=0, metavar="S", help="of all randomness (0)")
     parser.add_argument("--noise", choices=NOISES, help="instead of what the world says")
+    parser.add_argument(
+        "--uncalibrated", action="store_true", help="robots not calibrated for the noise"
+    )
     parser.add_argument("--headless", action="store_true", help="no screen, as it is so far")
     parser.add_argument(
         "--timeout", type=seconds, default=TIMEOUT_S, metavar="S", help="simulated (300)"

@@ -34,6 +34,7 @@ def trial(options: argparse.Namespace) -> int:
         noise=options.noise,
         timeout_s=options.timeout,
         parameters=dict(options.param),
+        calibrated=not options.uncalibrated,
     )
     outcome = run(job, options.trace)
     print(json.dumps(outcome.as_json()) if options.json else outcome.text())
@@ -69,6 +70,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME=VALUE",
         help="a parameter of the robot, as often as needed",
     )
+    made.add_argument("--uncalibrated", action="store_true", help="not calibrated for the noise")
     made.add_argument("--trace", metavar="FILE", help="CSV, one line per tick")
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
     return made

@@ -10,8 +10,8 @@ from plant.plant import Plant
 from plant.shortest_path import known_length_m
 from plant.world_overrides import noise_of
 from plant.world_types import World
+from protocol.calibration import settings_of
 from protocol.outcome import Asked, Ended, Outcome, judged
-from protocol.robot_table import parameters_of
 from protocol.timing import TTL_MS
 from protocol.wire_goal import WireGoal, told_heading_rad, wire_goal
 from robot.core import reasons, states
@@ -39,7 +39,10 @@ Watch: TypeAlias = Callable[[Plant, Onboard, Outputs], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """What to run. `noise` None: what the world says; `parameters` override the robot's own."""
+    """What to run. `noise` None: what the world says; `parameters` override the robot's own.
+
+    `calibrated`: the robot has been calibrated for that noise, as one would a real one.
+    """
 
     world: World
     navigator: str = "vgm"
@@ -48,6 +51,12 @@ class Trial:
     noise: str | None = None
     timeout_s: float = 300.0
     parameters: Mapping[str, float] = field(default_factory=dict)
+    calibrated: bool = True
+
+    @property
+    def level(self) -> str:
+        """The level of noise by name; a world may have changed single values of it."""
+        return self.noise or str(self.world.noise.get("level", "default"))
 
 
 def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
@@ -83,9 +92,10 @@ def drive(
 
 
 def params_of(trial: Trial) -> Params:
-    """The robot's parameters: its defaults, then the world's robot, then what was asked for."""
+    """The robot's parameters: defaults, calibration, the world's robot, then what was asked for."""
     params = DEFAULTS._replace(navigator=NAVIGATORS[trial.navigator], side=SIDES[trial.side])
-    for name, value in {**parameters_of(trial.world.robot), **trial.parameters}.items():
+    told = settings_of(trial.world.robot, trial.level, calibrated=trial.calibrated)
+    for name, value in {**told, **trial.parameters}.items():
         params = with_value(params, name, value)
     return params
 
@@ -113,7 +123,7 @@ def asked_of(trial: Trial, wire_goal: WireGoal) -> Asked:
         world=world.name,
         navigator=trial.navigator,
         seed=trial.seed,
-        noise=trial.noise or str(world.noise.get("level", "default")),
+        noise=trial.level,
         goal_x_m=world.goal.x_m,
         goal_y_m=world.goal.y_m,
         goal_heading_rad=world.goal.heading_rad,

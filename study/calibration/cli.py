@@ -1,0 +1,167 @@
+"""`sidestep calibrate`: wheels, track and slip of a robot from squares driven both ways round."""
+
+import argparse
+import json
+import shlex
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+from numpy.linalg import LinAlgError
+
+from plant.noise import LEVELS
+from protocol.errors import UserError
+from robot.core.parameters import DEFAULTS, Params
+from robot.parameters import OutOfRange, Unknown, with_value
+from study.calibration import log, plot
+from study.calibration.fit import fitted
+from study.calibration.result import Result, as_toml, store
+from study.calibration.runs import Run, with_values
+from study.calibration.squares import drive
+from study.calibration.umbmark import umbmark
+from study.cli import parameter, seed
+
+RUNS = 20
+MOST_RUNS = 1000
+SIDE_M = 4.0
+PLOTS = (".svg", ".png")
+
+
+def main(argv: Sequence[str]) -> int:
+    """0, or 2 for wrong usage (argparse) or a log that cannot be used (raised)."""
+    options = parser().parse_args(list(argv))
+    judge(options)
+    params = params_of(options.param)
+    result = from_log(options, params) if options.log else from_plant(options, params)
+    try:
+        save(options, result, shlex.join(["sidestep", "calibrate", *argv]))
+    except OSError as error:
+        raise UserError(f"{error.filename}: cannot be written: {error.strerror}") from error
+    print(json.dumps(result.as_json()) if options.json else result.text())
+    return 0
+
+
+def from_plant(options: argparse.Namespace, params: Params) -> Result:
+    """Drive, find, and drive again with what was found."""
+    noise, side_m = LEVELS[options.noise], options.side
+    first = drive(noise, params, options.runs, 2 * options.seed, side_m)
+    fit = fitted(first, params)
+    after = with_values(params, fit.adopted(params))
+    even = replace(noise, slip_variance_m=0.0)
+    before_m, after_m = (
+        umbmark(drive(even, which, 1, 0, side_m), which, side_m).largest_m
+        for which in (params, after)
+    )
+    return Result(
+        source=f"{options.runs} squares of {side_m:g} m each way round in the plant,"
+        f" noise {options.noise}, seed {options.seed}",
+        side_m=side_m,
+        before=params,
+        fit=fit,
+        first=first,
+        second=drive(noise, after, options.runs, 2 * options.seed + 1, side_m),
+        unslipped=(before_m, after_m),
+    )
+
+
+def from_log(options: argparse.Namespace, params: Params) -> Result:
+    """The runs of a real robot; what comes after is the same runs, judged anew."""
+    runs: list[Run] = log.read(Path(options.log))
+    try:
+        fit = fitted(runs, params)
+        with_values(params, fit.adopted(params))
+    except (OutOfRange, LinAlgError) as error:
+        raise UserError(
+            f"{options.log}: these runs fit no robot ({error}); look at the measured poses, at"
+            " left and right, and with --param at m_per_tick"
+        ) from error
+    return Result(
+        source=f"{len(runs)} squares of {options.side:g} m from {options.log}; after: the same",
+        side_m=options.side,
+        before=params,
+        fit=fit,
+        first=runs,
+        second=runs,
+    )
+
+
+def save(options: argparse.Namespace, result: Result, command: str) -> None:
+    """Whatever files were asked for. Raises OSError."""
+    if options.save_log:
+        log.write(Path(options.save_log), result.first)
+    if options.output:
+        Path(options.output).write_text(as_toml(result, command), encoding="utf-8")
+    if options.state:
+        store(Path(options.state), DEFAULTS, result.values)
+    if options.plot:
+        plot.write(Path(options.plot), result)
+
+
+def judge(options: argparse.Namespace) -> None:
+    """What argparse cannot see, before minutes are spent."""
+    if options.log and options.save_log:
+        raise UserError("--save-log: there is nothing to save from --log; leave one of them out")
+    if options.plot and Path(options.plot).suffix not in PLOTS:
+        raise UserError(f"--plot {options.plot}: name a file that ends in {' or '.join(PLOTS)}")
+    if options.plot and find_spec("matplotlib") is None:
+        raise UserError("--plot needs matplotlib: pip install 'sidestep[study]'")
+
+
+def params_of(values: Iterable[tuple[str, float]]) -> Params:
+    params = DEFAULTS
+    for name, value in values:
+        try:
+            params = with_value(params, name, value)
+        except (Unknown, OutOfRange) as error:
+            raise UserError(f"--param: {error}") from None
+    return params
+
+
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(
+        prog="sidestep calibrate",
+        description="Drives UMBmark squares in the plant, or reads a log of them, and finds"
+        " wheel_ratio, track_m, k_r_m and k_l_m. A value is set only when it differs for sure.",
+        epilog=log.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    made.add_argument("--noise", choices=LEVELS, default="default", help="of the plant (default)")
+    made.add_argument("--seed", type=seed, default=0, help="of everything random (0)")
+    made.add_argument(
+        "--runs", type=runs, default=RUNS, metavar="N", help=f"squares each way round ({RUNS})"
+    )
+    made.add_argument(
+        "--side", type=length, default=SIDE_M, metavar="M", help=f"of the square ({SIDE_M:g})"
+    )
+    made.add_argument(
+        "--param",
+        type=parameter,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="what the robot believes before, as often as needed",
+    )
+    made.add_argument("--log", metavar="FILE", help="use the runs in this file, see below")
+    made.add_argument("--save-log", metavar="FILE", help="write the runs to such a file")
+    made.add_argument("--output", metavar="FILE", help="TOML for `sidestep robot --config`")
+    made.add_argument("--state", metavar="DIR", help="save for `sidestep robot --state DIR`")
+    made.add_argument("--plot", metavar="FILE", help="return errors before and after, .svg or .png")
+    made.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    return made
+
+
+def runs(text: str) -> int:
+    if not text.isdecimal() or not 2 <= int(text) <= MOST_RUNS:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 2 to {MOST_RUNS}")
+    return int(text)
+
+
+def length(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not 0.5 <= value <= 50.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a length from 0.5 to 50 m")
+    return value

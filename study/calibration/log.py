@@ -1,0 +1,130 @@
+"""The log of a calibration drive: a CSV file that a real robot can write as well as the plant.
+
+One line per control period (50 ms): `run,direction,left,right,x_m,y_m,heading_deg`. `run` is the
+number of the run, `direction` cw or ccw, `left` and `right` are the encoder counters. The last line
+of a run, and no other, carries the pose measured at its end, as the robot stood at its start:
+x forward, y to the left, heading counter-clockwise.
+"""
+
+import csv
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
+from math import degrees, isfinite, radians
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from protocol.errors import ConfigError
+from robot.core.geometry import wrap
+from robot.core.values import Pose
+from study.calibration.runs import DIRECTIONS, Run
+
+COLUMNS: Final = ("run", "direction", "left", "right", "x_m", "y_m", "heading_deg")
+MEASURED: Final = COLUMNS[4:]
+FEWEST_TICKS: Final = 2
+FEWEST_RUNS: Final = 2
+
+
+class Line(NamedTuple):
+    """One line of the file, by its number."""
+
+    number: int
+    run: str
+    direction: str
+    ticks: tuple[int, int]
+    measured: Pose | None
+
+
+def write(path: Path, runs: Iterable[Run]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for number, run in enumerate(runs, 1):
+            x_m, y_m, heading_rad = run.measured
+            for left, right in run.ticks[:-1]:
+                writer.writerow((number, run.direction, left, right, "", "", ""))
+            end = (f"{x_m:.7f}", f"{y_m:.7f}", f"{degrees(heading_rad):.6f}")
+            writer.writerow((number, run.direction, *run.ticks[-1], *end))
+
+
+def read(path: Path) -> list[Run]:
+    """Raises ConfigError that names the file, the line, what is wrong and what to do."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            lines = list(_lines(path, csv.reader(file)))
+    except OSError as error:
+        raise _refusal(path, "", str(error.strerror).lower(), "check the path") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise _refusal(path, "", "is not CSV text in UTF-8", "save it as that") from error
+    runs = [_run(path, list(group)) for _, group in groupby(lines, lambda line: line.run)]
+    for direction in DIRECTIONS:
+        count = sum(run.direction == direction for run in runs)
+        if count < FEWEST_RUNS:
+            fix = f"drive at least {FEWEST_RUNS} each way, better 20"
+            raise _refusal(path, "", f"has {count} runs {direction}", fix)
+    return runs
+
+
+def _lines(path: Path, rows: Iterator[list[str]]) -> Iterator[Line]:
+    head = next(rows, [])
+    if tuple(name.strip() for name in head) != COLUMNS:
+        fix = f"begin with {','.join(COLUMNS)}"
+        raise _refusal(path, "line 1", f"has the columns {','.join(head) or 'none'}", fix)
+    for number, row in enumerate(rows, 2):
+        where = f"line {number}"
+        if len(row) != len(COLUMNS):
+            raise _refusal(path, where, f"has {len(row)} fields", f"write {len(COLUMNS)}")
+        run, direction, left, right, *end = (field.strip() for field in row)
+        if direction not in DIRECTIONS:
+            fix = f"write {' or '.join(DIRECTIONS)}"
+            raise _refusal(path, f"{where}: direction", f"{direction!r} is no way round", fix)
+        ticks = (_whole(path, where, "left", left), _whole(path, where, "right", right))
+        yield Line(number, run, direction, ticks, _measured(path, where, end))
+
+
+def _run(path: Path, lines: Sequence[Line]) -> Run:
+    last = lines[-1]
+    where = f"line {last.number}"
+    if last.measured is None:
+        fix = f"give {', '.join(MEASURED)} on the last line of each run"
+        raise _refusal(path, where, f"ends run {last.run} without a measured pose", fix)
+    for line in lines[:-1]:
+        if line.measured is not None:
+            fix = "give it on the last line only, and a number of its own to each run"
+            raise _refusal(path, f"line {line.number}", "has a pose in the middle of a run", fix)
+    if len(lines) < FEWEST_TICKS or lines[0].ticks == last.ticks:
+        raise _refusal(path, where, f"ends run {last.run}, which did not move", "leave it out")
+    if any(line.direction != last.direction for line in lines):
+        fix = "give a number of its own to each run"
+        raise _refusal(path, where, f"run {last.run} goes both ways round", fix)
+    return Run(
+        direction=last.direction,
+        ticks=[line.ticks for line in lines],
+        measured=last.measured,
+    )
+
+
+def _measured(path: Path, where: str, fields: Sequence[str]) -> Pose | None:
+    if not any(fields):
+        return None
+    values = []
+    for name, text in zip(MEASURED, fields, strict=True):
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value):
+            raise _refusal(path, f"{where}: {name}", f"{text!r} is not a number", "measure it")
+        values.append(value)
+    return Pose(values[0], values[1], wrap(radians(values[2])))
+
+
+def _whole(path: Path, where: str, name: str, text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        fix = "write the encoder's counter"
+        raise _refusal(path, f"{where}: {name}", f"{text!r} is not a whole number", fix) from None
+
+
+def _refusal(path: Path, key: str, reason: str, fix: str) -> ConfigError:
+    return ConfigError(file=str(path), key=key, reason=reason, fix=fix)

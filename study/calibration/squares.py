@@ -1,0 +1,96 @@
+"""Squares as UMBmark wants them, driven by the core itself on an open floor in the plant."""
+
+from collections.abc import Iterator
+from math import cos, radians, sin
+from typing import Final
+
+from plant.noise import Noise
+from plant.plant import Plant
+from plant.world_types import GoalPose, Start, World
+from protocol.timing import TTL_MS
+from protocol.wire_goal import wire_goal
+from robot.core import reasons, states
+from robot.core.geometry import wrap
+from robot.core.machine import goal_lives
+from robot.core.parameters import Params
+from robot.core.values import Outputs, Pose
+from study.calibration.runs import CCW, CW, Run
+from study.onboard import Onboard
+
+FLOOR_M: Final = 400.0
+TOLERANCE_M: Final = 0.02
+TOLERANCE_RAD: Final = radians(0.5)
+MOST_TICKS: Final = 20_000
+CORNERS: Final = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))
+
+
+class SquareFailed(RuntimeError):
+    """The robot did not get round the square."""
+
+
+def drive(noise: Noise, params: Params, count: int, seed: int, side_m: float) -> list[Run]:
+    """`count` squares each way round."""
+    halves = ((CW, 2 * seed), (CCW, 2 * seed + 1))
+    return [run for way, own in halves for run in squares(way, noise, params, count, own, side_m)]
+
+
+def squares(
+    direction: str, noise: Noise, params: Params, count: int, seed: int, side_m: float
+) -> Iterator[Run]:
+    """One after the other on the same floor: a robot put back does not reset its encoders."""
+    half_m = 0.5 * FLOOR_M
+    start = Start(x_m=half_m, y_m=half_m)
+    goal = GoalPose(x_m=half_m + 1.0, y_m=half_m)
+    size_m = (FLOOR_M, FLOOR_M)
+    floor = World(name="floor", size_m=size_m, start=start, goal=goal, walls=False)
+    plant = Plant(floor, seed, noise)
+    # Straight to the corner and a turn on the spot, instead of a bend that ends with the heading.
+    params = params._replace(pose_from_m=0.0)
+    for _ in range(count):
+        yield square(direction, plant, params, side_m)
+
+
+def square(direction: str, plant: Plant, params: Params, side_m: float) -> Run:
+    """Drive round once from where it stands, with an odometry that starts at zero."""
+    turn = 1.0 if direction == CCW else -1.0
+    begun = plant.truth()
+    driver = Driver(plant, Onboard(params, Pose(0.0, 0.0, 0.0)))
+    for k, (x, y) in enumerate(CORNERS):
+        driver.go(side_m * x, turn * side_m * y, wrap(turn * radians(90.0) * (k + 1)))
+    ended = plant.truth()
+    dx_m, dy_m = ended.x_m - begun.x_m, ended.y_m - begun.y_m
+    cosine, sine = cos(begun.heading_rad), sin(begun.heading_rad)
+    heading_rad = wrap(ended.heading_rad - begun.heading_rad)
+    measured = Pose(cosine * dx_m + sine * dy_m, cosine * dy_m - sine * dx_m, heading_rad)
+    return Run(direction=direction, ticks=driver.ticks, measured=measured)
+
+
+class Driver:
+    """Core and plant, tick by tick; `ticks` is what the encoders showed."""
+
+    def __init__(self, plant: Plant, onboard: Onboard) -> None:
+        self._plant, self._onboard = plant, onboard
+        self.ticks: list[tuple[int, int]] = []
+        self._outputs = self._step()
+
+    def go(self, x_m: float, y_m: float, heading_rad: float) -> None:
+        """Raises SquareFailed when the goal is refused or not reached."""
+        machine = self._onboard.state.machine
+        refusal = self._onboard.go(wire_goal(x_m, y_m, heading_rad, TOLERANCE_M, TOLERANCE_RAD))
+        if refusal != reasons.OK:
+            raise SquareFailed(f"the corner was refused: reason {refusal}")
+        for _ in range(MOST_TICKS):
+            outputs = self._outputs
+            self._plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, TTL_MS)
+            if not goal_lives(machine):
+                break
+            self._plant.advance()
+            self._outputs = self._step()
+        if machine.goal_state != states.REACHED:
+            raise SquareFailed(f"no way round the square: goal state {machine.goal_state}")
+
+    def _step(self) -> Outputs:
+        wheels, scan = self._plant.senses()
+        if wheels is not None:
+            self.ticks.append((wheels.left, wheels.right))
+        return self._onboard.step(self._plant.now_ns, wheels, scan)
