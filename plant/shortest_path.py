@@ -54,7 +54,7 @@ def path_length_m(path: list[Point] | None) -> float | None:
 def shortest_path(world: World) -> list[Point] | None:
     """The corners of the shortest way, start and goal included; None when there is none."""
     radius_m = body_of(world).radius_m
-    blocked = _blocked(world, radius_m)
+    blocked = blocked_by(world, radius_m)
     start, goal = (world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m)
     nodes = np.vstack([np.array([start, goal]), _ring_points(world, blocked, radius_m)])
     came_from = _search(nodes, blocked)
@@ -66,7 +66,8 @@ def shortest_path(world: World) -> list[Point] | None:
     return [(float(nodes[node, 0]), float(nodes[node, 1])) for node in reversed(path)]
 
 
-def _blocked(world: World, radius_m: float) -> Blocked:
+def blocked_by(world: World, radius_m: float) -> Blocked:
+    """Everything that stands still, grown by the robot's radius."""
     discs: dict[tuple[Point, float], None] = {}
     segments: list[tuple[Point, Point]] = []
     for obstacle in world.obstacles:
@@ -88,6 +89,12 @@ def _blocked(world: World, radius_m: float) -> Blocked:
 
 def _ring_points(world: World, blocked: Blocked, radius_m: float) -> Array:
     """Points around every disc on which the robot's centre may be."""
+    points = rings(world, blocked, radius_m)
+    return points[_free(points, world, radius_m)]
+
+
+def rings(world: World, blocked: Blocked, radius_m: float) -> Array:
+    """Points just outside every disc that are on the floor, whatever else is there."""
     angles = (np.arange(RING_POINTS) + 0.5) * (2 * pi / RING_POINTS)
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1) / cos(pi / RING_POINTS)
     points = blocked.centres[:, None, :] + blocked.radii[:, None, None] * ring
@@ -95,7 +102,7 @@ def _ring_points(world: World, blocked: Blocked, radius_m: float) -> Array:
     if world.walls:
         low, high = radius_m - TOUCHING_M, np.array(world.size_m) - radius_m + TOUCHING_M
         points = points[((points >= low) & (points <= high)).all(axis=1)]
-    return points[_free(points, world, radius_m)]
+    return points
 
 
 def _free(points: Array, world: World, radius_m: float) -> Mask:
@@ -139,7 +146,7 @@ def _search(nodes: Array, blocked: Blocked) -> list[int] | None:
         done[here] = True
         through = cost[here] + np.hypot(*(nodes - nodes[here]).T)
         better = np.flatnonzero(~done & (through < cost) & (through + to_goal < cost[1]))
-        seen = better[_visible(nodes[here], nodes[better], blocked)]
+        seen = better[visible_from(nodes[here], nodes[better], blocked)]
         cost[seen] = through[seen]
         for node in seen.tolist():
             came_from[node] = here
@@ -147,7 +154,7 @@ def _search(nodes: Array, blocked: Blocked) -> list[int] | None:
     return None
 
 
-def _visible(eye: Array, targets: Array, blocked: Blocked) -> Mask:
+def visible_from(eye: Array, targets: Array, blocked: Blocked) -> Mask:
     """Which targets a straight line reaches; eye and targets themselves must be free."""
     way = targets - eye
     length2 = np.maximum((way * way).sum(axis=1), 1e-18)[:, None]

@@ -32,7 +32,7 @@ HEADING: Final = Limits(-360.0, 360.0, "degrees")
 POSITION_TOLERANCE: Final = Limits(0.001, 2.0, "m")
 HEADING_TOLERANCE: Final = Limits(0.1, 180.0, "degrees")
 LONGEST_NAME: Final = 64
-MOST_OBSTACLES: Final = 1000
+MOST_OBSTACLES: Final = 4000
 
 
 def read_world(raw: object, report: Report) -> World | None:

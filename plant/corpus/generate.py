@@ -13,6 +13,10 @@ from typing import Final
 from plant.body import Body
 from plant.corpus import buildings, crowds, forests, shapes, shut, traps
 from plant.corpus.draft import Draft, Family, standing_room
+from plant.corpus.grids import CELL_M, MAPS
+from plant.imports.grid_world import grid_world
+from plant.imports.made import Made
+from plant.imports.moving_ai import parse_map
 from plant.shortest_path import shortest_path_m
 from plant.world_types import GoalPose, Start, World
 
@@ -41,18 +45,25 @@ _DRAWN: Final[Mapping[str, Family]] = {
     "unreachable": shut.unreachable,
 }
 FAMILIES: Final = tuple(_DRAWN)
+GRID_FAMILIES: Final = tuple(MAPS)
+"""Maps in Moving AI's style, made through its importer; no part of the corpus itself."""
 
 
 def generate(family: str, index: int, seed: int) -> World:
     """The world of that number in a family; ValueError for a family that is not there."""
-    if family not in _DRAWN:
-        raise ValueError(f"no family {family!r}; there are {', '.join(_DRAWN)}")
-    random = Random(f"{family}/{seed}/{index}")
+    if family not in (*FAMILIES, *GRID_FAMILIES):
+        raise ValueError(
+            f"no family {family!r}; there are {', '.join((*FAMILIES, *GRID_FAMILIES))}"
+        )
+    random, name = Random(f"{family}/{seed}/{index}"), f"{family}_{seed}_{index:03d}"
+    if family in MAPS:
+        made = Made(file=f"{name}.map", name=name, family=family, seed=seed)
+        return grid_world(parse_map(MAPS[family](random), made.file, CELL_M), made, random)
     for _ in range(MOST_TRIES):
         draft = _DRAWN[family](random)
         if draft is None or not standing_room(draft):
             continue
-        world = _world(random, draft, f"{family}_{seed}_{index:03d}")
+        world = _world(random, draft, name)
         length_m = shortest_path_m(world)
         if (length_m is not None) == draft.reachable and _roomy(world, draft.reachable):
             return replace(

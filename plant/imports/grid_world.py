@@ -1,0 +1,31 @@
+"""Makes a world of blocked and free cells: obstacles, start and goal, and its shortest way."""
+
+from random import Random
+
+from plant.body import Body
+from plant.imports.cells import Cells
+from plant.imports.made import Made, bare_world, check_size, with_way
+from plant.imports.outlines import outlines
+from plant.imports.places import STANDING_M, far_apart
+from plant.imports.refusal import refuse
+from plant.imports.routes import Places, route_m
+from plant.world_types import Point, World
+
+
+def grid_world(cells: Cells, made: Made, random: Random) -> World:
+    """Raises WorldError when it is too large, or a robot cannot stand at start or goal."""
+    check_size(cells.size_m, made.file)
+    ends = _ends(cells, made, random)
+    world = bare_world(cells.size_m, ends, [*outlines(cells)], made, random)
+    radius_m = Body().radius_m
+    return with_way(world, made, route_m(world, Places(cells, radius_m), radius_m))
+
+
+def _ends(cells: Cells, made: Made, random: Random) -> tuple[Point, Point]:
+    if made.start is not None and made.goal is not None:
+        return made.start, made.goal
+    found = far_apart(cells, random, Body().radius_m)
+    if found is None:
+        reason = f"no two places {STANDING_M:g} m from anything with a way between them"
+        raise refuse(made.file, "start", reason, "make the cells larger with --cell, or the window")
+    return found

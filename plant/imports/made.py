@@ -1,0 +1,67 @@
+"""What every importer makes in the end: a world that is checked, and knows its shortest way."""
+
+from dataclasses import dataclass, replace
+from math import radians
+from random import Random
+from typing import Final
+
+from plant.body import Body
+from plant.imports.refusal import refuse
+from plant.placement import Floor, check_places
+from plant.world_problems import Report, WorldError
+from plant.world_read import MOST_OBSTACLES, SIZE
+from plant.world_types import GoalPose, Obstacle, Point, Start, World
+
+HEADING_TOLERANCE_RAD: Final = radians(3.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Made:
+    """What a world is called and where it comes from; `file` is what its errors name.
+
+    `start` and `goal` are on our floor, with its lower left corner at (0, 0); None: to be chosen.
+    """
+
+    file: str
+    name: str
+    family: str
+    seed: int
+    start: Point | None = None
+    goal: Point | None = None
+
+
+def check_size(size_m: Point, file: str) -> None:
+    for side_m in size_m:
+        if not SIZE.hold(side_m):
+            reason = f"{size_m[0]:g} x {size_m[1]:g} m, a side must be {SIZE}"
+            raise refuse(file, "size", reason, "take smaller cells, or a part with --window N")
+
+
+def bare_world(
+    size_m: Point, ends: tuple[Point, Point], obstacles: list[Obstacle], made: Made, random: Random
+) -> World:
+    """Still without its shortest way. Raises WorldError where a robot cannot stand."""
+    if len(obstacles) > MOST_OBSTACLES:
+        reason = f"{len(obstacles)} obstacles, at most {MOST_OBSTACLES}"
+        raise refuse(made.file, "size", reason, "take a part of it with --window N")
+    heading_deg = round(random.uniform(-180.0, 180.0), 1)
+    (start_x, start_y), (goal_x, goal_y) = ends
+    start = Start(x_m=start_x, y_m=start_y, heading_rad=radians(heading_deg))
+    goal = GoalPose(x_m=goal_x, y_m=goal_y, heading_tolerance_rad=HEADING_TOLERANCE_RAD)
+    report = Report(made.file, {})
+    floor = Floor(size_m, True, Body().radius_m, dict(enumerate(obstacles)))
+    check_places(report, floor, start, goal)
+    if report.problems:
+        raise WorldError([problem._replace(line=None) for problem in report.problems])
+    return World(name=made.name, size_m=size_m, start=start, goal=goal, obstacles=tuple(obstacles))
+
+
+def with_way(world: World, made: Made, length_m: float | None) -> World:
+    """The world with what is known of it: its shortest way, or that there is none."""
+    return replace(
+        world,
+        family=made.family,
+        family_seed=made.seed,
+        shortest_path_m=None if length_m is None else round(length_m, 3),
+        reachable=length_m is not None,
+    )

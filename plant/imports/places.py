@@ -1,0 +1,54 @@
+"""Chooses where to start and where to go on a floor of cells."""
+
+from math import dist
+from random import Random
+from typing import Final
+
+import numpy as np
+
+from plant.imports.cells import Cells, Labels, labelled, standing
+from plant.imports.routes import Places
+from plant.world_types import Point
+
+STANDING_M: Final = 0.17
+"""A place is at least so far from anything."""
+
+PAIRS: Final = 6
+MOST_DRAWS: Final = 200
+LEAST_APART_M: Final = 1.0
+
+
+def far_apart(cells: Cells, random: Random, radius_m: float) -> tuple[Point, Point] | None:
+    """Of a few random pairs of cells with a way between them, the one farthest apart."""
+    rows, columns = np.nonzero(standing(cells, STANDING_M))
+    if not len(rows):
+        return None
+    regions = _Regions(cells, radius_m)
+    found: list[tuple[Point, Point]] = []
+    for _ in range(MOST_DRAWS):
+        one, other = (random.randrange(len(rows)) for _ in range(2))
+        start = cells.centre(int(rows[one]), int(columns[one]))
+        goal = cells.centre(int(rows[other]), int(columns[other]))
+        if dist(start, goal) >= LEAST_APART_M and regions.joined(start, goal):
+            found.append((start, goal))
+        if len(found) == PAIRS:
+            break
+    return max(found, key=lambda pair: dist(*pair), default=None)
+
+
+class _Regions:
+    """Which places a robot can drive between."""
+
+    def __init__(self, cells: Cells, radius_m: float) -> None:
+        self._places = Places(cells, radius_m)
+        self._labels: Labels = labelled(self._places.free)
+
+    def joined(self, a: Point, b: Point) -> bool:
+        at_a, at_b = (self._places.nearest(point) for point in (a, b))
+        if at_a is None or at_b is None:
+            return False
+        label = self._label(at_a)
+        return label == self._label(at_b)
+
+    def _label(self, number: int) -> int:
+        return int(self._labels[self._places.cell(number)])
