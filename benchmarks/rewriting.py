@@ -19,8 +19,9 @@ Node = TypeVar("Node", bound=ast.AST)
 class Rewriting(ast.NodeTransformer):
     """Functions only: what a module does when it is imported is not weighed."""
 
-    def __init__(self, scale: Scale) -> None:
+    def __init__(self, scale: Scale, module: str) -> None:
         self._scale = scale
+        self._module = self._function = module
         self._locals: set[str] = set()
         self._unit: Counter[str] | None = None
         self._temporaries = 0
@@ -29,11 +30,12 @@ class Rewriting(ast.NodeTransformer):
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
         outer, self._locals = self._locals, names_of(node)
+        self._function = f"{self._module}.{node.name}"
         prologue = Counter({"call": 1, "argument": len(node.args.args)})
-        first = spend_statement(self._scale.unit(prologue))
+        first = self._spend_statement(prologue)
         node.body = [first, *self._block(node.body)]
         node.decorator_list = []
-        self._locals = outer
+        self._locals, self._function = outer, self._module
         return node
 
     def _block(self, body: list[ast.stmt]) -> list[ast.stmt]:
@@ -47,7 +49,7 @@ class Rewriting(ast.NodeTransformer):
         done = self.visit(node)
         unit, self._unit = self._unit, outer
         statements = done if isinstance(done, list) else [done]
-        return [spend_statement(self._scale.unit(unit)), *statements] if unit else statements
+        return [self._spend_statement(unit), *statements] if unit else statements
 
     def visit_If(self, node: ast.If) -> ast.If:
         self._count("jump")
@@ -71,7 +73,7 @@ class Rewriting(ast.NodeTransformer):
         each = Counter({"range, each" if ranged else "loop, each": 1, "store local": 1})
         if isinstance(node.target, ast.Tuple):
             each += Counter({"unpack": 1, "unpack, each": len(node.target.elts)})
-        spent = spend_statement(self._scale.unit(each))
+        spent = self._spend_statement(each)
         node.body, node.orelse = [spent, *self._block(node.body)], self._block(node.orelse)
         return node
 
@@ -240,16 +242,15 @@ class Rewriting(ast.NodeTransformer):
         outer, self._unit = self._unit, Counter(costs)
         done = self.visit(node)
         unit, self._unit = self._unit, outer
-        return scaled("spend", ast.Constant(self._scale.unit(unit)), done)
+        return scaled("spend", ast.Constant(self._scale.unit(self._function, unit)), done)
+
+    def _spend_statement(self, unit: Counter[str]) -> ast.stmt:
+        return ast.Expr(scaled("spend", ast.Constant(self._scale.unit(self._function, unit))))
 
 
 def scaled(method: str, *arguments: ast.expr) -> ast.Call:
     scale = ast.Attribute(ast.Name(SCALE, ast.Load()), method, ast.Load())
     return ast.Call(scale, list(arguments), [])
-
-
-def spend_statement(unit: int) -> ast.stmt:
-    return ast.Expr(scaled("spend", ast.Constant(unit)))
 
 
 def named(node: ast.expr) -> str | None:

@@ -45,32 +45,39 @@ BUILTIN = {abs: "abs", int: "int()", len: "len"}
 
 
 class Scale:
-    """Counts of operations by the names of the table, and bytes taken from the heap."""
+    """Counts of operations by the names of the table, and bytes taken from the heap.
+
+    `counts` are those of the function that is running; what a function costs whatever the values
+    comes from its units.
+    """
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
-        self.units: list[Counter[str]] = []
+        self.functions: dict[str, Counter[str]] = {"": self.counts}
+        self.units: list[tuple[str, Counter[str]]] = []
         self.hits: list[int] = []
         self.heap_bytes = 0
 
-    def unit(self, counts: Counter[str]) -> int:
+    def unit(self, function: str, counts: Counter[str]) -> int:
         """A stretch of code that is run as a whole; its number."""
-        self.units.append(counts)
+        self.units.append((function, counts))
         self.hits.append(0)
         return len(self.units) - 1
 
     def clear(self) -> None:
-        self.counts.clear()
+        for counts in self.functions.values():
+            counts.clear()
         self.hits = [0] * len(self.units)
         self.heap_bytes = 0
 
-    def total(self) -> Counter[str]:
+    def by_function(self) -> dict[str, Counter[str]]:
         """Everything since `clear`."""
-        total = Counter(self.counts)
-        for unit, hits in zip(self.units, self.hits, strict=True):
+        total = {name: Counter(counts) for name, counts in self.functions.items()}
+        for (function, unit), hits in zip(self.units, self.hits, strict=True):
             if hits:
+                counts = total.setdefault(function, Counter())
                 for name, count in unit.items():
-                    total[name] += count * hits
+                    counts[name] += count * hits
         return total
 
     def spend(self, unit: int, value: Any = None) -> Any:
@@ -163,13 +170,22 @@ class Scale:
 
     def call(self, function: Any, *arguments: Any, **named: Any) -> Any:
         self.counts["keyword"] += len(named)
-        result = function(*arguments, **named)
         if isinstance(function, FunctionType):
-            missing = function.__code__.co_argcount - len(arguments) - len(named)
-            self.counts["default"] += missing
-        else:
-            self.counts["argument"] += len(arguments)
-            self.note_builtin(function, arguments, result)
+            return self.call_own(function, arguments, named)
+        self.counts["argument"] += len(arguments)
+        result = function(*arguments, **named)
+        self.note_builtin(function, arguments, result)
+        return result
+
+    def call_own(self, function: FunctionType, arguments: Any, named: Any) -> Any:
+        """A function of the core: while it runs the counts are its own."""
+        missing = function.__code__.co_argcount - len(arguments) - len(named)
+        self.counts["default"] += missing
+        caller = self.counts
+        name = f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
+        self.counts = self.functions.setdefault(name, Counter())
+        result = function(*arguments, **named)
+        self.counts = caller
         return result
 
     def note_builtin(self, function: Any, arguments: tuple[Any, ...], result: Any) -> None:

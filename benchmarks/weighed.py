@@ -32,15 +32,15 @@ class WeighedCore:
             self._load(name)
         return self._modules[name]
 
-    def take(self) -> Counter[str]:
-        """The counts since the last time, and the scale cleared."""
-        total = self.scale.total()
+    def take(self) -> dict[str, Counter[str]]:
+        """The counts since the last time, by function, and the scale cleared."""
+        total = self.scale.by_function()
         self.scale.clear()
         return total
 
     def _load(self, name: str) -> None:
         file = SOURCE / f"{name}.py"
-        tree = Rewriting(self.scale).visit(ast.parse(file.read_text("utf-8"), str(file)))
+        tree = Rewriting(self.scale, name).visit(ast.parse(file.read_text("utf-8"), str(file)))
         module = ModuleType(f"{PACKAGE}.{name}")
         module.__dict__["__builtins__"] = {**vars(builtins), "__import__": self._import}
         module.__dict__[SCALE] = self.scale
