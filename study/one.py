@@ -53,6 +53,7 @@ def trial_of(asked: Task | Row, world: World) -> Trial:
         noise=asked.noise,
         timeout_s=asked.timeout_s,
         parameters=json.loads(asked.parameters),
+        calibrated=asked.calibrated,
     )
 
 

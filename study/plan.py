@@ -36,7 +36,7 @@ class Settings:
     seeds: int = 1
     timeout_s: float | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
-    calibrated: bool = False
+    calibrated: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -86,6 +86,9 @@ def _add_what(made: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="a parameter of the robot, as often as needed",
     )
+    made.add_argument(
+        "--uncalibrated", action="store_true", help="robots not calibrated for their noise"
+    )
 
 
 def _add_how(made: argparse.ArgumentParser) -> None:
@@ -126,6 +129,7 @@ def settings_of(options: argparse.Namespace) -> Settings:
         seeds=options.seeds or 1,
         timeout_s=options.timeout,
         parameters=dict(options.param),
+        calibrated=not options.uncalibrated,
     )
 
 
