@@ -73,8 +73,8 @@ class Progress:
         left = "" if self.left_s is None else f", {in_words(self.left_s)} left"
         bad = self.outcomes["failed"]
         failures = f", {bad} failed" if bad else ""
-        pace = f"{self.hours_per_minute:.1f} simulated h/min"
-        return f"{done}/{self.total} trials ({share:.0f} %), {pace}{left}{failures}"
+        pace = f", {self.hours_per_minute:.1f} simulated h/min" if self.now else ""
+        return f"{done}/{self.total} trials ({share:.0f} %){pace}{left}{failures}"
 
     def _write(self, line: str) -> None:
         if self._terminal:

@@ -55,9 +55,13 @@ def run(argv: Sequence[str]) -> int:
         progress = Progress(len(study.tasks), len(study.tasks) - len(tasks), sys.stderr, monotonic)
         try:
             work(study, options, tasks, progress)
+            summary = conclude(study, progress)
+            if not options.no_report:
+                report(study.directory, jobs=options.jobs)
         except KeyboardInterrupt:
             return interrupted(study, progress)
-        return conclude(study, options, progress)
+        print(json.dumps(summary) if options.json else in_words(summary))
+        return 1 if FAILED in summary["outcomes"] else 0
 
 
 def prepare(options: argparse.Namespace, argv: Sequence[str]) -> Study:
@@ -116,8 +120,8 @@ def interrupted(study: Study, progress: Progress) -> int:
     return EXIT_INTERRUPTED
 
 
-def conclude(study: Study, options: argparse.Namespace, progress: Progress) -> int:
-    """Results in one file, report, summary; 1 when trials have failed."""
+def conclude(study: Study, progress: Progress) -> dict[str, Any]:
+    """All results in one file; what they come to."""
     stored = settings_of(study.worlds, study.settings, study.bench.code, machine())
     provenance = {
         "command": study.command,
@@ -128,13 +132,19 @@ def conclude(study: Study, options: argparse.Namespace, progress: Progress) -> i
     results = finish(study.directory, provenance)
     table = finished(study.directory)
     assert table is not None
-    summary = summary_of(study, table, results, progress)
-    if options.json:
-        print(json.dumps(summary))
-    else:
-        ends = ", ".join(f"{number} {name}" for name, number in summary["outcomes"].items())
-        print(f"{results}: {summary['trials']} trials: {ends}")
-    return 1 if FAILED in summary["outcomes"] else 0
+    return summary_of(study, table, results, progress)
+
+
+def report(directory: Path, jobs: int) -> None:
+    from study.report import cli  # draws, which takes long to import
+
+    file, *_ = cli.report(directory, directory, jobs=jobs)
+    print(f"sidestep study: {file}", file=sys.stderr)
+
+
+def in_words(summary: dict[str, Any]) -> str:
+    ends = ", ".join(f"{number} {name}" for name, number in summary["outcomes"].items())
+    return f"{summary['results']}: {summary['trials']} trials: {ends}"
 
 
 def summary_of(study: Study, table: pa.Table, results: Path, progress: Progress) -> dict[str, Any]:
