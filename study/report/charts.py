@@ -29,9 +29,8 @@ def dashed(label: str) -> str:
     return " right" if ", right" in label else ""
 
 
-def success_chart(panels: Panels, says: str) -> Drawing:
+def success_chart(panels: Panels, labels: Sequence[str], says: str) -> Drawing:
     """A panel per noise, a row per navigator: a dot and its interval, from 0 to 100 %."""
-    labels = list(dict.fromkeys(label for panel in panels.values() for label in panel))
     height = TOP + ROW * len(labels) + 24.0
     drawing = Drawing(NAMES + (PANEL + GAP) * len(panels), height, says)
     for row, label in enumerate(labels):

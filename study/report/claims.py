@@ -137,7 +137,7 @@ def _path(runs: Runs) -> Claim:
         f"bug's way is more than {LONGER - 1:.0%} longer than vgm's, median over pairs that both "
         "arrive; refuted when surely not",
         "bug / vgm: " + _each(found),
-        _batch("figures 11, 12 and 13"),
+        _batch(runs),
         _agreed(verdict for verdict, _ in found.values()),
     )
 
@@ -173,7 +173,7 @@ def _measured(
         values = [value for drive in runs.of(label) if (value := measure(drive)) is not None]
         found[label] = _beyond(values, limit, wanted)
     verdict = _agreed(verdict for verdict, _ in found.values())
-    return Claim(says, rule, _each(found), _batch("figures 11, 12 and 13"), verdict)
+    return Claim(says, rule, _each(found), _batch(runs), verdict)
 
 
 def _each(found: dict[str, tuple[str, str]]) -> str:
@@ -194,7 +194,7 @@ def _corner(trials: Trials, runs: Runs) -> Claim:
         found = _pooled((rows, drives), ARRIVALS)
         verdicts.append(_universal(Share(found.of - found.count, found.of)))
         texts.append(f"bug, {side}: {share(found)} % of {count(found.of)} arrive")
-        shown += _shown((rows, drives), ARRIVALS, True)
+        shown += [f"{side}: {one}" for one in _shown((rows, drives), ARRIVALS, True)]
     return Claim(
         "bug “cannot avoid obstacles with corners … gets stuck and never reaches the goal”",
         f"arrivals in corners: confirmed when there is none in at least {ENOUGH} trials, refuted "
@@ -276,5 +276,11 @@ def _dominant(trials: Trials) -> Claim:
     )
 
 
-def _batch(what: str) -> str:
-    return f"all drives of {what} below"
+def _batch(runs: Runs) -> str:
+    """The trials of the paper's figures."""
+    worlds = dict.fromkeys(drive.trial.world.name for drive in runs.figures)
+    seeds = {drive.trial.seed for drive in runs.figures}
+    if not seeds:
+        return ""
+    noises = ", ".join(dict.fromkeys(drive.outcome.noise for drive in runs.figures))
+    return f"{' and '.join(worlds)}, noise {noises}, seeds {min(seeds)} to {max(seeds)}"

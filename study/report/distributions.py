@@ -33,9 +33,9 @@ def success_figure(found: list[Summary]) -> Figure:
     panels: dict[str, dict[str, Share]] = {}
     for one in found:
         panels.setdefault(one.noise, {})[one.label] = one.success
-    drawing = success_chart(
-        panels, "Success by navigator and noise; the table below has the values"
-    )
+    labels = list(dict.fromkeys(one.label for one in found))
+    says = "Success by navigator and noise; the table below has the values"
+    drawing = success_chart(panels, labels, says)
     caption = "Success in percent, with 95 % intervals, by noise."
     return Figure("success", drawing, caption)
 

@@ -35,7 +35,7 @@ def _facts(trials: Trials, kept: int) -> Mapping[str, str]:
         "seeds": _seeds(trials),
         "parameters": _all(trials, "parameters"),
         "calibrated": _flag(trials, "calibrated"),
-        "code": f"commit {_all(trials, 'commit')}; uncommitted changes: {_flag(trials, 'dirty')}",
+        "code": f"commit {_commits(trials)}; uncommitted changes: {_flag(trials, 'dirty')}",
         "version": _all(trials, "version"),
         "Python": _all(trials, "python"),
         "numpy, pymunk": f"{_all(trials, 'numpy')}, {_all(trials, 'pymunk')}",
@@ -65,6 +65,10 @@ def _all(trials: Trials, name: str) -> str:
     found = [value for value in trials.values(name) if value]
     more = f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
     return ", ".join(found[:SHOWN]) + more or "-"
+
+
+def _commits(trials: Trials) -> str:
+    return ", ".join(commit[:12] for commit in trials.values("commit")[:SHOWN] if commit) or "-"
 
 
 def _flag(trials: Trials, name: str) -> str:

@@ -18,6 +18,9 @@ from study.report.page import (
 )
 from study.report.style import DRAWING_RULES, PAGE_STYLE
 
+SHORT = 24
+"""A name of so few letters is not broken."""
+
 
 def html(page: Page) -> str:
     title = escape(page.title)
@@ -104,7 +107,8 @@ def _cell(cell: CellLike, index: int, table: Table) -> str:
     if found.tone:
         words = f'<span class="{found.tone}">{words}</span>'
     if index == 0:
-        return f'<th scope="row">{words}</th>'
+        short = ' class="short"' if len(found.text) <= SHORT else ""
+        return f'<th scope="row"{short}>{words}</th>'
     return f"<td{_right(index, table)}{_heat(found.heat)}>{words}</td>"
 
 

@@ -1,20 +1,21 @@
 """A world seen from above, with what drove in it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from math import atan2, cos, degrees, dist, pi, sin, sqrt
+from math import atan2, cos, degrees, pi, sin, sqrt
 from typing import Final
+
+import numpy as np
 
 from plant.world_overrides import body_of
 from plant.world_types import Circle, Point, Polygon, Polyline, World
 from study.report.drives import Drive, Pose
 from study.report.style import COLOURS
 from study.report.svg import Dot, Drawing
-from study.statistics import CHI2_2_95
+from study.statistics import CHI2_2_95, Floats
 
 RIM: Final = 8.0
-STEP_M: Final = 0.03
-MOST_DOTS: Final = 500
+STRAIGHT_M: Final = 0.004
 MARK: Final = 4.5
 FOOT: Final = 14.0
 
@@ -132,16 +133,35 @@ def ellipse(covariance: tuple[float, float, float]) -> tuple[float, float, float
     return long_m, short_m, 0.5 * atan2(2.0 * xy, xx - yy) if half > 0.0 else 0.0
 
 
-def thinned(poses: Sequence[Pose]) -> Iterable[Point]:
-    """Without the points that are nearer to the last one kept than would show."""
-    way_m = sum(dist(a[:2], b[:2]) for a, b in pairwise(poses))
-    step_m = max(STEP_M, way_m / MOST_DOTS)
-    last: Point | None = None
-    for x_m, y_m, _ in poses[:-1]:
-        if last is None or dist(last, (x_m, y_m)) >= step_m:
-            last = (x_m, y_m)
-            yield last
-    yield poses[-1][:2]
+def thinned(poses: Sequence[Pose]) -> list[Point]:
+    """Without the points that lie on a straight line with others, to within what shows.
+
+    Ramer, Douglas and Peucker's, with a stack instead of recursion.
+    """
+    points = np.array(poses, dtype=np.float64)[:, :2]
+    kept = np.zeros(len(points), dtype=np.bool_)
+    kept[[0, -1]] = True
+    open_ = [(0, len(points) - 1)]
+    while open_:
+        first, last = open_.pop()
+        if last - first < 2:
+            continue
+        away_m = _away_m(points[first + 1 : last], points[first], points[last])
+        worst = int(away_m.argmax())
+        if away_m[worst] > STRAIGHT_M:
+            middle = first + 1 + worst
+            kept[middle] = True
+            open_ += [(first, middle), (middle, last)]
+    return [(x_m, y_m) for x_m, y_m in points[kept].tolist()]
+
+
+def _away_m(points: Floats, a: Floats, b: Floats) -> Floats:
+    """How far from the stretch ab each is."""
+    along, off = b - a, points - a
+    length2 = float(along @ along)
+    share = np.clip(off @ along / length2, 0.0, 1.0) if length2 > 0.0 else np.zeros(len(points))
+    away: Floats = np.sqrt(((off - share[:, None] * along) ** 2).sum(axis=1))
+    return away
 
 
 def _bar(a: Dot, b: Dot, half: float) -> tuple[Dot, Dot, Dot, Dot]:

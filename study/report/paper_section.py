@@ -48,7 +48,7 @@ READING: Final = (
 HOW_RUN: Final = (
     "Thick: without noise. Thin: every seed at every noise level. Dashed: bug passing on the "
     "right; the straight dashes are the line from start to goal. Figures 11 and 12 show the same "
-    "place; all drives of figure 12 were run in it too."
+    "place, so that their drives can be compared pair by pair."
 )
 
 

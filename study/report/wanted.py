@@ -110,7 +110,13 @@ def _ellipse(trials: Trials, noise: str) -> Target:
 
 
 def at_least(what: str, noise: str, found: Share, wanted: float) -> Target:
-    return _of_share(what, noise, f"≥ {100 * wanted:g} %", found, found.rate >= wanted)
+    return _of_share(
+        what,
+        noise,
+        f"{'≥ ' if wanted < 1.0 else ''}{100 * wanted:g} %",
+        found,
+        found.rate >= wanted,
+    )
 
 
 def _of_share(what: str, noise: str, wanted: str, found: Share, met: bool) -> Target:
@@ -147,7 +153,7 @@ def _at_most(what: str, noise: str, values: Floats, at: float, most: float) -> T
         return Target(what, noise, f"≤ {most:g}", DASH, DASH, UNMEASURED)
     span = interval(quantile_interval(values, at)) if at < 1.0 else ""
     verdict = MET if value <= most else MISSED
-    return Target(what, noise, f"≤ {most:g}", number(value, 3), span, verdict)
+    return Target(what, noise, f"≤ {most:g}", f"{value:.4g}", span, verdict)
 
 
 def _unreachable(trials: Trials, noise: str) -> Iterator[Target]:

@@ -32,7 +32,9 @@ def share(found: Share, digits: int = 1) -> str:
 
 
 def interval(found: Interval, digits: int = 2) -> str:
-    """An end that nothing bounds is a dash."""
+    """An end that nothing bounds is a dash, and so is the whole when neither is bounded."""
+    if not (isfinite(found.low) or isfinite(found.high)):
+        return DASH
     return f"[{number(found.low, digits)}, {number(found.high, digits)}]"
 
 
