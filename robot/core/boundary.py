@@ -6,6 +6,7 @@ When to leave, and what a closed loop means, is what they differ in.
 from math import atan2, cos, inf, pi, sin, sqrt
 
 from robot.core import follower as followers
+from robot.core import lap as laps
 from robot.core import ring as rings
 from robot.core import states
 from robot.core.follower import Follower
@@ -20,6 +21,9 @@ HIT_M: Final = 0.03  # an obstacle that leaves less clearance than this is in th
 HIT_LOOK_M: Final = 0.22
 HIT_TICKS: Final = 2
 NEAR_GOAL_M: Final = 0.60  # so near, a way that is seen to be free is taken
+LAPS: Final = 2
+SETTLE_M: Final = 0.10
+AT_M: Final = 0.03
 STOP_M: Final = 0.035
 TIME_S: Final = 0.5
 CREEP_M_S: Final = 0.03
@@ -30,7 +34,8 @@ CLOSING: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) for b in BEARINGS])
 
 class Boundary:
     """`distance_m` and `bearing_rad` are of the goal, `best_m` is the nearest it ever was,
-    `hit_m` how far it was where the obstacle was met, `lap` the way round since then."""
+    `hit_m` how far it was where the obstacle was met, `lap` the way round since then, `laps` how
+    often that was closed, `near_m` the nearest the goal was on it, `hoped`: last hope is spent."""
 
     __slots__ = (
         "bearing_rad",
@@ -40,9 +45,13 @@ class Boundary:
         "following",
         "goal_x_m",
         "goal_y_m",
+        "hit_at_m",
         "hit_m",
+        "hoped",
         "lap",
+        "laps",
         "met_ticks",
+        "near_m",
     )
 
     def __init__(self) -> None:
@@ -50,7 +59,10 @@ class Boundary:
         self.lap = Lap()
         self.following = False
         self.goal_x_m = self.goal_y_m = inf
-        self.distance_m = self.best_m = self.hit_m = inf
+        self.distance_m = self.best_m = self.hit_m = self.near_m = inf
+        self.hit_at_m = 0.0
+        self.laps = 0
+        self.hoped = False
         self.bearing_rad = 0.0
         self.met_ticks = 0
 
@@ -116,9 +128,46 @@ def follow(boundary: Boundary, pose: Pose, side: int, params: Params) -> None:
     followers.start(boundary.follower, pose, side, boundary.bearing_rad, params)
 
 
+def circle(boundary: Boundary, pose: Pose, anew: bool) -> None:
+    """Count laps from here, or go on with the lap that was begun where the goal was as far."""
+    if anew:
+        boundary.laps = 0
+        boundary.hoped = False
+        boundary.near_m = inf
+        laps.begin(boundary.lap, pose)
+    else:
+        laps.resume(boundary.lap, pose)
+    boundary.hit_at_m = boundary.lap.at_m
+
+
+def rounded(boundary: Boundary, pose: Pose) -> bool:
+    """Account one tick along the boundary; whether it has been circled often enough to give up."""
+    marked, mark = boundary.lap.marked, boundary.lap.mark
+    boundary.near_m = min(boundary.near_m, boundary.distance_m)
+    if laps.closed(boundary.lap, pose):
+        boundary.laps += 1
+    elif marked and boundary.lap.mark is not mark:
+        boundary.near_m = boundary.distance_m
+    return boundary.laps >= LAPS
+
+
+def hopes(boundary: Boundary) -> bool:
+    """Once round and nowhere left: whether this is the nearest point, the one place where trying
+    without being asked can show a way that the sonars did not (as Bug1 does)."""
+    if not boundary.laps or boundary.hoped or boundary.distance_m > boundary.near_m + AT_M:
+        return False
+    boundary.hoped = True
+    return True
+
+
 def leave(boundary: Boundary) -> None:
     boundary.following = False
     boundary.met_ticks = 0
+
+
+def under_way(boundary: Boundary) -> bool:
+    """Whether the robot has got away from where it met the obstacle: what it sees now is new."""
+    return boundary.lap.at_m >= boundary.hit_at_m + SETTLE_M
 
 
 def goal_at_hand(boundary: Boundary, params: Params) -> bool:

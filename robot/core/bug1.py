@@ -60,7 +60,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     if memory.phase == GOING:
         if boundaries.meets(boundary, params) and not meet(memory, pose, params):
             return boundaries.give_up(boundary, ring, goal)
-    elif boundaries.goal_at_hand(boundary, params):
+    elif boundaries.under_way(boundary) and boundaries.goal_at_hand(boundary, params):
         leave(memory)
     elif memory.phase == CIRCLING:
         circle(memory, pose)
@@ -81,7 +81,7 @@ def meet(memory: Memory, pose: Pose, params: Params) -> bool:
     boundaries.follow(boundary, pose, memory.side, params)
     memory.phase = CIRCLING
     memory.nearest, memory.nearest_m, memory.nearest_at_m = pose, boundary.distance_m, 0.0
-    laps.begin(boundary.lap, pose)
+    boundaries.circle(boundary, pose, True)
     return True
 
 
@@ -91,7 +91,12 @@ def circle(memory: Memory, pose: Pose) -> None:
     if boundary.distance_m < memory.nearest_m:
         memory.nearest, memory.nearest_m = pose, boundary.distance_m
         memory.nearest_at_m = lap.at_m
-    if laps.closed(lap, pose):
+    marked, mark = lap.marked, lap.mark
+    closed = laps.closed(lap, pose)
+    if marked and lap.mark is not mark:
+        memory.nearest, memory.nearest_m = pose, boundary.distance_m
+        memory.nearest_at_m = lap.at_m
+    if closed:
         round_m = lap.at_m - lap.mark_at_m
         on_m = (memory.nearest_at_m - lap.at_m) % max(round_m, 1e-3)
         back_m = round_m - on_m

@@ -7,7 +7,6 @@ obstacle met is nearer than the last. Back where it was met without having left:
 from math import inf, sqrt
 
 from robot.core import boundary as boundaries
-from robot.core import lap as laps
 from robot.core import states
 from robot.core.boundary import Boundary
 from robot.core.parameters import Params
@@ -17,21 +16,19 @@ from robot.core.values import Decision, Goal, Pose
 
 ON_LINE_M: Final = 0.03
 NEARER_M: Final = 0.10
-LAPS: Final = 2  # the line may be missed once, by drift or because the way from it looked closed
 
 
 class Memory:
     """The line starts at `start_x_m`, `start_y_m`; `aside_m` is how far the robot is to the left
-    of it, `met_m` how near it was where the loop now driven was begun, `laps` how often closed."""
+    of it, `met_m` how near it was where the loop now driven was begun."""
 
-    __slots__ = ("aside_m", "boundary", "laps", "met_m", "side", "start_x_m", "start_y_m")
+    __slots__ = ("aside_m", "boundary", "met_m", "side", "start_x_m", "start_y_m")
 
     def __init__(self) -> None:
         self.boundary = Boundary()
         self.side: int = states.LEFT
         self.start_x_m = self.start_y_m = self.aside_m = 0.0
         self.met_m = inf
-        self.laps = 0
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
@@ -42,20 +39,16 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         memory.met_m = inf
     crossed = crosses(memory, pose, goal)
     if boundary.following:
-        if leaves(memory, crossed, params):
+        if boundaries.under_way(boundary) and leaves(memory, crossed, params):
             boundaries.leave(boundary)
-        elif laps.closed(boundary.lap, pose):
-            memory.laps += 1
-            if memory.laps >= LAPS:
-                return boundaries.give_up(boundary, ring, goal)
+        elif boundaries.rounded(boundary, pose):
+            return boundaries.give_up(boundary, ring, goal)
     elif boundaries.meets(boundary, params):
         boundaries.follow(boundary, pose, memory.side, params)
-        if boundary.hit_m < memory.met_m - NEARER_M:
+        anew = boundary.hit_m < memory.met_m - NEARER_M
+        if anew:
             memory.met_m = boundary.hit_m
-            memory.laps = 0
-            laps.begin(boundary.lap, pose)
-        else:
-            laps.resume(boundary.lap, pose)
+        boundaries.circle(boundary, pose, anew)
     return boundaries.decision(boundary, pose, ring, goal, params)
 
 
@@ -71,10 +64,8 @@ def crosses(memory: Memory, pose: Pose, goal: Goal) -> bool:
 
 
 def leaves(memory: Memory, crossed: bool, params: Params) -> bool:
-    """On the line, nearer than where the obstacle was met, and the way not seen to be closed."""
+    """On the line, and nearer than where the obstacle was met."""
     boundary = memory.boundary
-    if boundaries.goal_at_hand(boundary, params):
+    if boundaries.goal_at_hand(boundary, params) or boundaries.hopes(boundary):
         return True
-    if not crossed or boundary.distance_m > memory.met_m - NEARER_M:
-        return False
-    return boundaries.opens(boundary, params)
+    return crossed and boundary.distance_m <= memory.met_m - NEARER_M

@@ -6,7 +6,6 @@ What the sonars see free towards the goal is believed, less what the robot needs
 from math import inf
 
 from robot.core import boundary as boundaries
-from robot.core import lap as laps
 from robot.core import states
 from robot.core.boundary import Boundary
 from robot.core.parameters import Params
@@ -14,22 +13,20 @@ from robot.core.ring import Ring
 from robot.core.typed import Final
 from robot.core.values import Decision, Goal, Pose
 
-STEP_M: Final = 0.15
-STRIP_M: Final = 0.02
+STEP_M: Final = 0.05
+STRIP_M: Final = 0.04
 SHORT_M: Final = 0.25  # this much before an echo the obstacle would be met
-LAPS: Final = 2
 
 
 class Memory:
     """`least_m` is how near the goal was when the loop now driven was begun."""
 
-    __slots__ = ("boundary", "laps", "least_m", "side")
+    __slots__ = ("boundary", "least_m", "side")
 
     def __init__(self) -> None:
         self.boundary = Boundary()
         self.side: int = states.LEFT
         self.least_m = inf
-        self.laps = 0
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
@@ -38,26 +35,22 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     if boundaries.look(boundary, pose, ring, goal, params):
         memory.least_m = inf
     if boundary.following:
-        if leaves(boundary, params):
+        if boundaries.under_way(boundary) and leaves(boundary, params):
             boundaries.leave(boundary)
-        elif laps.closed(boundary.lap, pose):
-            memory.laps += 1
-            if memory.laps >= LAPS:
-                return boundaries.give_up(boundary, ring, goal)
+        elif boundaries.rounded(boundary, pose):
+            return boundaries.give_up(boundary, ring, goal)
     elif boundaries.meets(boundary, params):
         boundaries.follow(boundary, pose, memory.side, params)
-        if boundary.best_m < memory.least_m - STEP_M:
+        anew = boundary.best_m < memory.least_m - STEP_M
+        if anew:
             memory.least_m = boundary.best_m
-            memory.laps = 0
-            laps.begin(boundary.lap, pose)
-        else:
-            laps.resume(boundary.lap, pose)
+        boundaries.circle(boundary, pose, anew)
     return boundaries.decision(boundary, pose, ring, goal, params)
 
 
 def leaves(boundary: Boundary, params: Params) -> bool:
     """Whether the next obstacle towards the goal would be met nearer than the goal ever was."""
-    if boundaries.goal_at_hand(boundary, params):
+    if boundaries.goal_at_hand(boundary, params) or boundaries.hopes(boundary):
         return True
     if abs(boundary.bearing_rad) > boundaries.IN_VIEW_RAD:
         return False

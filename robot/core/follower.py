@@ -26,6 +26,8 @@ LOOK_M: Final = 0.20
 TIGHT_M: Final = 0.02  # the clearance that every way must have
 WIDE_M: Final = 0.11  # the clearance that is kept where there is room
 PUSH_RAD_PER_M: Final = 6.0
+SHARE: Final = 0.4
+SHARP_RAD: Final = 0.6  # a course that changes by more is taken at once
 QUARTER_TURN: Final = 0.5 * pi
 BOXED_RAD: Final = TWO_PI - 0.3
 HALF_CONES_OUT: Final = 0.5 * HALF_CONE
@@ -51,6 +53,7 @@ class Follower:
         "bearing_rad",
         "boxed",
         "count",
+        "course_rad",
         "far_m",
         "lost",
         "newest",
@@ -83,6 +86,7 @@ class Follower:
         self.far_m = [0.0] * size
         self.turn_rad = [0.0] * size
         self.tight_rad = [0.0] * size
+        self.course_rad = 0.0
         self.lost = self.boxed = False
 
 
@@ -128,6 +132,7 @@ def start(follower: Follower, pose: Pose, side: int, toward_rad: float, params: 
     """Begin to follow what is nearest to the bearing `toward_rad`."""
     follower.side = side
     follower.lost = follower.boxed = False
+    follower.course_rad = pose.heading_rad
     gather(follower, pose, params)
     anchor(follower, pose, nearest(follower, toward_rad))
 
@@ -233,7 +238,15 @@ def heading(follower: Follower, pose: Pose, params: Params) -> float:
     wide_rad = widened(follower, swept_rad, params)
     if last >= 0 and last != live:
         anchor(follower, pose, last)
-    return wrap(start_rad + follower.side * wide_rad)
+    return smoothed(follower, pose, start_rad + follower.side * wide_rad)
+
+
+def smoothed(follower: Follower, pose: Pose, turn_rad: float) -> float:
+    """The bearing of a course that follows what was found a little late, so that it wavers less."""
+    change_rad = wrap(pose.heading_rad + turn_rad - follower.course_rad)
+    share = SHARE if -SHARP_RAD < change_rad < SHARP_RAD else 1.0
+    follower.course_rad = wrap(follower.course_rad + share * change_rad)
+    return wrap(follower.course_rad - pose.heading_rad)
 
 
 def sweep(follower: Follower, start_rad: float, params: Params) -> tuple[float, int]:

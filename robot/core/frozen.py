@@ -19,6 +19,8 @@ STRAIGHT_RAD_PER_M: Final = 0.5
 CLOSING: Final = 3  # scans in a row in which an echo ahead came closer, until it is called closing
 CLOSING_SHARE: Final = 0.9
 SWING_MM: Final = 4
+SWING_SHARE: Final = 2.0  # what turning changes in a range, at most, along a wall seen aslant
+LEAP_MM: Final = 100  # an echo that changes by more is another one
 SWINGS: Final = 4  # to and fro in a row, until a sonar is called noisy
 
 
@@ -59,7 +61,7 @@ def watch(
     if echo != frozen.echo or scan.range_mm != frozen.range_mm or echo == 0:
         frozen.noise += moved_m == 0.0 and frozen.still and echo == frozen.echo
         frozen.still = moved_m == 0.0
-        compare(frozen, scan, echo & frozen.echo, moved_m)
+        compare(frozen, scan, echo & frozen.echo, moved_m, abs(turned_rad))
         frozen.echo, frozen.range_mm = echo, scan.range_mm
         frozen.moved_m = frozen.turned_rad = frozen.swung_rad = 0.0
         frozen.verdict = False
@@ -84,7 +86,7 @@ def had_to_change(frozen: Frozen, scan: Scan, params: Params) -> bool:
     return straight and frozen.closing >= CLOSING
 
 
-def compare(frozen: Frozen, scan: Scan, both: int, moved_m: float) -> None:
+def compare(frozen: Frozen, scan: Scan, both: int, moved_m: float, turned_rad: float) -> None:
     """How the new echoes differ from the last: closing ahead with the motion, to and fro by noise.
 
     `both` masks the sonars with an echo in both scans.
@@ -96,7 +98,8 @@ def compare(frozen: Frozen, scan: Scan, both: int, moved_m: float) -> None:
         change_mm = scan.range_mm[i] - frozen.range_mm[i] if both >> i & 1 else 0
         if i in AHEAD and moved_m > 0.0 and -change_mm >= CLOSING_SHARE * 1000.0 * moved_m:
             closing = True
-        if abs(change_mm) >= SWING_MM and change_mm * frozen.change_mm[i] < 0:
+        least_mm = SWING_MM + SWING_SHARE * turned_rad * scan.range_mm[i]
+        if least_mm <= abs(change_mm) < LEAP_MM and change_mm * frozen.change_mm[i] < 0:
             frozen.swings[i] += 1
             if frozen.swings[i] >= SWINGS:
                 frozen.noise = NOISY

@@ -14,6 +14,7 @@ CLOSE_M: Final = 0.25
 SAME_WAY_RAD: Final = pi / 3.0
 ROUND_RAD: Final = 300.0 * pi / 180.0
 SHORTEST_M: Final = 0.5
+WOUND_RAD: Final = 4.0 * pi  # so much without coming by the mark: it lies on another boundary
 SPUN_RAD: Final = 6.0 * pi  # boxed in, there is no way to go
 
 
@@ -37,6 +38,7 @@ def begin(lap: Lap, pose: Pose) -> None:
 
 def resume(lap: Lap, pose: Pose) -> None:
     """Go on after the robot was away from the boundary; the way between does not count."""
+    lap.turned_rad += wrap(pose.heading_rad - lap.last.heading_rad)
     lap.last = pose
 
 
@@ -57,6 +59,8 @@ def closed(lap: Lap, pose: Pose) -> bool:
         return False
     same_way = abs(wrap(pose.heading_rad - lap.mark.heading_rad)) <= SAME_WAY_RAD
     if not same_way or apart_m(lap.mark, pose) > CLOSE_M:
+        if abs(lap.turned_rad) > WOUND_RAD:
+            mark(lap, pose)
         return False
     lap.turned_rad = 0.0
     return True

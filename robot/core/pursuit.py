@@ -89,7 +89,8 @@ def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: P
             speed_m_s, yaw_rate_rad_s = into(distance_m, turn_rad, approach_rad, params)
         else:
             speed_m_s, yaw_rate_rad_s = toward(distance_m, turn_rad, params)
-    if ring.front_m < params.spin_room_m or state.bumper & FRONT_BUMPER:
+    narrow = ring.front_m < params.spin_room_m and decision.speed_limit_m_s == inf
+    if narrow or state.bumper & FRONT_BUMPER:
         speed_m_s = 0.0
     speed_m_s = min(speed_m_s, decision.speed_limit_m_s)
     return Twist(*limited(speed_m_s, yaw_rate_rad_s, params))
