@@ -28,7 +28,7 @@ def main(argv: Sequence[str]) -> int:
         return EXIT_OK if done.code in (0, None) else EXIT_USAGE
     if arguments.verb == "list":
         return _list(arguments.json)
-    if arguments.verb == "generate":
+    if arguments.verb in ("generate", "import"):
         return make(arguments)
     try:
         world = load(arguments.world)
@@ -43,7 +43,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="sidestep worlds", description="List, check, show and make worlds.", allow_abbrev=False
     )
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|check|show|generate")
+    verbs = parser.add_subparsers(
+        dest="verb", required=True, metavar="list|check|show|generate|import"
+    )
     for verb, says in (
         ("list", "the worlds that come with the program"),
         ("check", "say what is wrong with a world file: line, key, reason and fix"),

@@ -2,11 +2,12 @@
 
 import argparse
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from plant.corpus import FAMILIES, generate
+from plant.corpus import FAMILIES, GRID_FAMILIES, generate
+from plant.imports.anyone import CELL_M, TAKES, Wishes, import_worlds
 from plant.world_problems import WorldError
 from plant.world_toml import dumps
 from plant.world_types import World
@@ -15,15 +16,18 @@ EXIT_OK: Final = 0
 EXIT_USAGE: Final = 2
 PER_FAMILY: Final = 27
 MOST_PER_FAMILY: Final = 10_000
+SMALLEST_CELL_M: Final = 0.01
+LARGEST_CELL_M: Final = 10.0
+FARTHEST_M: Final = 1e6
 
 
 def add_verbs(verbs: "argparse._SubParsersAction[Any]") -> None:
     """Teach the command line of `sidestep worlds` to make files."""
     says = "make world files of the corpus: the same family, number and seed, the same world"
     one = verbs.add_parser("generate", help=says, description=says, allow_abbrev=False)
-    one.add_argument(
-        "--family", nargs="+", choices=FAMILIES, metavar="F", help=f"of {', '.join(FAMILIES)}; all"
-    )
+    families = (*FAMILIES, *GRID_FAMILIES)
+    helps = f"of {', '.join(families)}; all but the last {len(GRID_FAMILIES)} by default"
+    one.add_argument("--family", nargs="+", choices=families, metavar="F", help=helps)
     one.add_argument(
         "--per-family",
         type=_count,
@@ -31,13 +35,60 @@ def add_verbs(verbs: "argparse._SubParsersAction[Any]") -> None:
         metavar="N",
         help=f"worlds of each, {PER_FAMILY} by default",
     )
-    one.add_argument("--seed", type=_seed, default=1, metavar="S", help="1 by default")
-    one.add_argument("--out", required=True, metavar="DIR", help="where the files go")
+    _add_common(one)
+    says = f"make world files of somebody else's file: {', '.join(TAKES)}"
+    other = verbs.add_parser("import", help=says, description=says, allow_abbrev=False)
+    _add_import(other)
+    _add_common(other)
+
+
+def _add_import(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE", help="a ROS map is given by its .yaml file")
+    parser.add_argument(
+        "--cell",
+        type=_cell,
+        metavar="M",
+        help=f"the size of a cell: of a Moving AI map {CELL_M} m, of a BARN grid 0.15 m by default",
+    )
+    for end in ("start", "goal"):
+        parser.add_argument(
+            f"--{end}",
+            type=_place,
+            nargs=2,
+            metavar=("X", "Y"),
+            help="in metres in the map's own frame; chosen far apart by default",
+        )
+    parser.add_argument(
+        "--count", type=_count, default=1, metavar="N", help="so many worlds, 1 by default"
+    )
+    parser.add_argument(
+        "--window", type=_count, metavar="N", help="of a map N x N cells somewhere, not all of it"
+    )
+
+
+def _add_common(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--seed", type=_seed, default=1, metavar="S", help="1 by default")
+    parser.add_argument("--out", required=True, metavar="DIR", help="where the files go")
 
 
 def make(arguments: argparse.Namespace) -> int:
-    """Write the files and say how many; 2 when one cannot be written."""
-    return write(_generated(arguments), Path(arguments.out))
+    """Write the files and say how many; 2 when one cannot be made or written."""
+    worlds = _generated(arguments) if arguments.verb == "generate" else _imported(arguments)
+    return write(worlds, Path(arguments.out))
+
+
+def _imported(arguments: argparse.Namespace) -> Iterator[tuple[World, str]]:
+    wishes = Wishes(
+        cell_m=arguments.cell,
+        start=tuple(arguments.start) if arguments.start else None,
+        goal=tuple(arguments.goal) if arguments.goal else None,
+        seed=arguments.seed,
+        count=arguments.count,
+        window=arguments.window,
+    )
+    path = Path(arguments.file)
+    for world in import_worlds(path, wishes):
+        yield world, f"Made of {path.name} with seed {arguments.seed}."
 
 
 def write(worlds: Iterable[tuple[World, str]], directory: Path) -> int:
@@ -61,11 +112,26 @@ def write(worlds: Iterable[tuple[World, str]], directory: Path) -> int:
     return EXIT_OK
 
 
-def _generated(arguments: argparse.Namespace) -> Iterable[tuple[World, str]]:
+def _generated(arguments: argparse.Namespace) -> Iterator[tuple[World, str]]:
     for family in dict.fromkeys(arguments.family or FAMILIES):
         for index in range(arguments.per_family):
             says = f"Number {index} of the family {family} from seed {arguments.seed}."
             yield generate(family, index, arguments.seed), says
+
+
+def _cell(text: str) -> float:
+    value = float(text)
+    if not SMALLEST_CELL_M <= value <= LARGEST_CELL_M:
+        limits = f"{SMALLEST_CELL_M:g} to {LARGEST_CELL_M:g} m"
+        raise argparse.ArgumentTypeError(f"{text.strip()} is not within {limits}")
+    return value
+
+
+def _place(text: str) -> float:
+    value = float(text)
+    if not abs(value) <= FARTHEST_M:
+        raise argparse.ArgumentTypeError(f"{text.strip()} is not within {FARTHEST_M:g} m")
+    return value
 
 
 def _count(text: str) -> int:

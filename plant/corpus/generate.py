@@ -15,9 +15,10 @@ from plant.corpus import buildings, crowds, forests, shapes, shut, traps
 from plant.corpus.draft import Draft, Family, standing_room
 from plant.corpus.grids import CELL_M, MAPS
 from plant.imports.grid_world import grid_world
-from plant.imports.made import Made
+from plant.imports.made import Made, with_way
 from plant.imports.moving_ai import parse_map
 from plant.shortest_path import shortest_path_m
+from plant.world_problems import WorldError
 from plant.world_types import GoalPose, Start, World
 
 MARGIN_M: Final = 0.03
@@ -56,23 +57,11 @@ def generate(family: str, index: int, seed: int) -> World:
             f"no family {family!r}; there are {', '.join((*FAMILIES, *GRID_FAMILIES))}"
         )
     random, name = Random(f"{family}/{seed}/{index}"), f"{family}_{seed}_{index:03d}"
-    if family in MAPS:
-        made = Made(file=f"{name}.map", name=name, family=family, seed=seed)
-        return grid_world(parse_map(MAPS[family](random), made.file, CELL_M), made, random)
     for _ in range(MOST_TRIES):
-        draft = _DRAWN[family](random)
-        if draft is None or not standing_room(draft):
-            continue
-        world = _world(random, draft, name)
-        length_m = shortest_path_m(world)
-        if (length_m is not None) == draft.reachable and _roomy(world, draft.reachable):
-            return replace(
-                world,
-                family=family,
-                family_seed=seed,
-                shortest_path_m=None if length_m is None else round(length_m, 3),
-                reachable=draft.reachable,
-            )
+        make = _map_world if family in MAPS else _drawn_world
+        world = make(random, family, name, seed)
+        if world is not None:
+            return world
     raise RuntimeError(f"{family} {index} of seed {seed}: {MOST_TRIES} drafts, none of them sound")
 
 
@@ -81,6 +70,28 @@ def corpus(per_family: int, seed: int) -> Iterator[World]:
     for family in FAMILIES:
         for index in range(per_family):
             yield generate(family, index, seed)
+
+
+def _drawn_world(random: Random, family: str, name: str, seed: int) -> World | None:
+    """None when the draft is not what its family promises."""
+    draft = _DRAWN[family](random)
+    if draft is None or not standing_room(draft):
+        return None
+    world = _world(random, draft, name)
+    length_m = shortest_path_m(world)
+    if (length_m is not None) != draft.reachable or not _roomy(world, draft.reachable):
+        return None
+    return with_way(world, Made(file=name, name=name, family=family, seed=seed), length_m)
+
+
+def _map_world(random: Random, family: str, name: str, seed: int) -> World | None:
+    """None when no two places on the map have a way between them."""
+    made = Made(file=f"{name}.map", name=name, family=family, seed=seed)
+    try:
+        world = grid_world(parse_map(MAPS[family](random), made.file, CELL_M), made, random)
+    except WorldError:
+        return None
+    return world if world.reachable else None
 
 
 def _world(random: Random, draft: Draft, name: str) -> World:

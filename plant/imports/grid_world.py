@@ -16,7 +16,7 @@ def grid_world(cells: Cells, made: Made, random: Random) -> World:
     """Raises WorldError when it is too large, or a robot cannot stand at start or goal."""
     check_size(cells.size_m, made.file)
     ends = _ends(cells, made, random)
-    world = bare_world(cells.size_m, ends, [*outlines(cells)], made, random)
+    world = bare_world(cells.size_m, ends, outlines(cells), made, random)
     radius_m = Body().radius_m
     return with_way(world, made, route_m(world, Places(cells, radius_m), radius_m))
 

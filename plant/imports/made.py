@@ -1,5 +1,6 @@
 """What every importer makes in the end: a world that is checked, and knows its shortest way."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import radians
 from random import Random
@@ -38,7 +39,11 @@ def check_size(size_m: Point, file: str) -> None:
 
 
 def bare_world(
-    size_m: Point, ends: tuple[Point, Point], obstacles: list[Obstacle], made: Made, random: Random
+    size_m: Point,
+    ends: tuple[Point, Point],
+    obstacles: Sequence[Obstacle],
+    made: Made,
+    random: Random,
 ) -> World:
     """Still without its shortest way. Raises WorldError where a robot cannot stand."""
     if len(obstacles) > MOST_OBSTACLES:

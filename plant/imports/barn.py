@@ -1,0 +1,121 @@
+"""Reads the layout of the BARN benchmark: cylinders of 0.075 m radius on a grid of 0.15 m.
+
+Its grid files are numpy arrays of rows and columns, 1 where a cylinder stands; the robot crosses
+the field along the columns. Here it starts before the first one and goes beyond the last one, its
+way along x, row 0 at the left. A list of cylinders, one x, y and perhaps radius a line, is read
+too. Cylinders with all eight neighbours are left out, as the benchmark's own worlds do.
+"""
+
+import io
+from math import isfinite
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.imports.refusal import read_bytes, read_text, refuse
+from plant.world_types import Circle, Point
+
+PITCH_M: Final = 0.15
+RADIUS_M: Final = 0.075
+BEFORE_M: Final = 1.5
+"""Free floor before and behind the field."""
+
+AROUND_M: Final = 1.0
+"""Free floor around a list of cylinders."""
+
+MOST_BYTES: Final = 10_000_000
+MOST_SIDE: Final = 1000
+LARGEST_M: Final = 50.0
+FARTHEST_M: Final = 1e6
+HEADER: Final = ("x", "x_m")
+
+
+class Field(NamedTuple):
+    """Cylinders on a floor; `corner` is its lower left one in the file's own frame."""
+
+    size_m: Point
+    cylinders: tuple[Circle, ...]
+    corner: Point
+    ends: tuple[Point, Point] | None
+
+
+def load_grid(path: Path, pitch_m: float = PITCH_M) -> Field:
+    """The field of a grid file; raises WorldError and nothing else."""
+    grid = _array(read_bytes(path, MOST_BYTES), str(path))
+    rows, columns = grid.shape
+    padded = np.pad(grid, 1)
+    around = sum(
+        padded[1 + up : 1 + up + rows, 1 + right : 1 + right + columns].astype(np.int64)
+        for up in (-1, 0, 1)
+        for right in (-1, 0, 1)
+    )
+    cylinders = []
+    for row, column in np.argwhere(grid & (around < 9)).tolist():
+        x_m = BEFORE_M + (column + 0.5) * pitch_m
+        y_m = (rows - row - 0.5) * pitch_m
+        cylinders.append(Circle(x_m=round(x_m, 6), y_m=round(y_m, 6), radius_m=pitch_m / 2.0))
+    size_m = (round(2.0 * BEFORE_M + columns * pitch_m, 6), round(rows * pitch_m, 6))
+    middle_m = round(size_m[1] / 2.0, 6)
+    ends = ((BEFORE_M / 2.0, middle_m), (round(size_m[0] - BEFORE_M / 2.0, 6), middle_m))
+    return Field(size_m, tuple(cylinders), (0.0, 0.0), ends)
+
+
+def _array(data: bytes, file: str) -> NDArray[np.bool_]:
+    """The grid of a .npy file: two dimensions, nothing but 0 and 1; never unpickled."""
+    try:
+        found = np.load(io.BytesIO(data), allow_pickle=False)
+    except (ValueError, OSError, EOFError, SyntaxError, MemoryError) as error:
+        reason = f"cannot be read: {str(error).splitlines()[0][:80] if str(error) else 'cut'}"
+        raise refuse(file, "npy", reason, "give a grid_N.npy of the data set") from None
+    if not isinstance(found, np.ndarray) or found.ndim != 2 or found.dtype.kind not in "buif":
+        shape = getattr(found, "shape", "an archive")
+        reason = f"expected rows and columns of numbers, found {shape}"
+        raise refuse(file, "npy", reason, "give a grid_N.npy of the data set")
+    if not all(1 <= side <= MOST_SIDE for side in found.shape):
+        reason = f"{found.shape[0]} x {found.shape[1]}, a side must be 1 to {MOST_SIDE}"
+        raise refuse(file, "npy", reason, "give a smaller grid")
+    if not np.isin(found, (0, 1)).all():
+        reason = "a value that is neither 0 nor 1"
+        raise refuse(file, "npy", reason, "write 1 where a cylinder stands")
+    blocked: NDArray[np.bool_] = found == 1
+    return blocked
+
+
+def load_list(path: Path) -> Field:
+    """The field of a .csv or .txt list; the floor ends a little around the cylinders."""
+    return parse_list(read_text(path, MOST_BYTES), str(path))
+
+
+def parse_list(text: str, file: str) -> Field:
+    rows: list[tuple[float, float, float]] = []
+    first = True
+    for number, line in enumerate(text.split("\n"), 1):
+        words = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
+        if words and not (first and words[0].lower() in HEADER):
+            rows.append(_cylinder(words, number, file))
+        first = first and not words
+    if not rows:
+        raise refuse(file, "cylinders", "none in the file", "write x, y and perhaps radius a line")
+    low = [min(row[axis] - row[2] for row in rows) - AROUND_M for axis in (0, 1)]
+    high = [max(row[axis] + row[2] for row in rows) + AROUND_M for axis in (0, 1)]
+    cylinders = tuple(
+        Circle(x_m=round(x - low[0], 6), y_m=round(y - low[1], 6), radius_m=radius)
+        for x, y, radius in dict.fromkeys(rows)
+    )
+    size_m = (round(high[0] - low[0], 6), round(high[1] - low[1], 6))
+    return Field(size_m, cylinders, (low[0], low[1]), None)
+
+
+def _cylinder(words: list[str], line: int, file: str) -> tuple[float, float, float]:
+    try:
+        x_m, y_m, radius_m = (float(word) for word in (*words, str(RADIUS_M))[:3])
+    except ValueError:
+        x_m = y_m = radius_m = float("nan")
+    finite = all(isfinite(value) for value in (x_m, y_m, radius_m)) and len(words) in (2, 3)
+    if not finite or not 0.0 < radius_m <= LARGEST_M or max(abs(x_m), abs(y_m)) > FARTHEST_M:
+        reason = f"found {' '.join(words)[:40]!r}"
+        fix = "write x, y and perhaps radius in metres, as in 1.5, 0.3, 0.075"
+        raise refuse(file, "cylinder", reason, fix, line)
+    return x_m, y_m, radius_m

@@ -1,0 +1,49 @@
+"""Makes a world of cylinders: obstacles, start and goal, and its shortest way."""
+
+from math import dist
+from random import Random
+from typing import Final
+
+from plant.geometry import clearance_m
+from plant.imports.barn import Field
+from plant.imports.made import Made, bare_world, check_size, with_way
+from plant.imports.places import LEAST_APART_M, STANDING_M
+from plant.imports.refusal import refuse
+from plant.shortest_path import shortest_path_m
+from plant.world_types import Point, World
+
+MOST_DRAWS: Final = 2000
+MOST_PAIRS: Final = 30
+"""Looking for a way costs more than drawing places."""
+
+
+def cylinder_world(field: Field, made: Made, random: Random) -> World:
+    """Raises WorldError when it is too large, or a robot cannot stand at start or goal."""
+    check_size(field.size_m, made.file)
+    if made.start is not None and made.goal is not None:
+        world = bare_world(field.size_m, (made.start, made.goal), field.cylinders, made, random)
+        return with_way(world, made, shortest_path_m(world))
+    for _ in range(MOST_PAIRS):
+        ends = _ends(field, random)
+        if ends is not None:
+            world = bare_world(field.size_m, ends, field.cylinders, made, random)
+            length_m = shortest_path_m(world)
+            if length_m is not None:
+                return with_way(world, made, length_m)
+    reason = f"no two places {STANDING_M:g} m from anything with a way between them"
+    raise refuse(made.file, "start", reason, "give --start and --goal")
+
+
+def _ends(field: Field, random: Random) -> tuple[Point, Point] | None:
+    """Of a few free places the two farthest apart."""
+    free: list[Point] = []
+    for _ in range(MOST_DRAWS):
+        x_m, y_m = (
+            round(random.uniform(STANDING_M, side - STANDING_M), 3) for side in field.size_m
+        )
+        if all(clearance_m((x_m, y_m), one) >= STANDING_M for one in field.cylinders):
+            free.append((x_m, y_m))
+        if len(free) == 4:
+            break
+    pairs = [(a, b) for a in free for b in free if dist(a, b) >= LEAST_APART_M]
+    return max(pairs, key=lambda pair: dist(*pair), default=None)

@@ -1,0 +1,59 @@
+"""Reads a ROS map, a .yaml file and the .pgm picture that it names, as map_server does.
+
+A pixel is free when its occupancy is below free_thresh; one that is occupied, and one that nobody
+has seen, is blocked.
+"""
+
+from math import pi
+from pathlib import Path
+from typing import Final
+
+from plant.imports.cells import Cells
+from plant.imports.map_yaml import MapYaml, load_map_yaml
+from plant.imports.netpbm import load_pgm
+from plant.imports.refusal import refuse
+
+FARTHEST_M: Final = 1e6
+MODES: Final = ("trinary", "scale")
+TRUE: Final = ("1", "true", "yes")
+FALSE: Final = ("0", "false", "no")
+
+
+def load_ros_map(path: Path) -> Cells:
+    """The map's cells, in its frame, without what is blocked all around; raises WorldError."""
+    said = load_map_yaml(path)
+    image = path.parent / said.text("image", "map.pgm")
+    cell_m = said.number("resolution", "0.05", 0.001, 10.0)
+    x_m, y_m, yaw_rad = said.numbers("origin", "[0.0, 0.0, 0.0]", 3, FARTHEST_M)
+    if abs(yaw_rad) > 2.0 * pi:
+        raise said.refuse("origin", f"a yaw of {yaw_rad:g}", "[0.0, 0.0, 0.0], the yaw in radians")
+    free_below, negated = _threshold(said), _negated(said)
+    if image.suffix.lower() != ".pgm":
+        reason = f"{image.name} is no .pgm file"
+        raise said.refuse("image", reason, "map.pgm, and save the picture as PGM")
+    whiteness = load_pgm(image)
+    occupancy = whiteness if negated else 1.0 - whiteness
+    free = occupancy < free_below
+    if not free.any():
+        fix = "are negate and free_thresh what they should be?"
+        raise refuse(str(path), "free_thresh", "no pixel is free", fix, said.line("free_thresh"))
+    return Cells(~free[::-1], cell_m, (x_m, y_m), yaw_rad).trimmed()
+
+
+def _threshold(said: MapYaml) -> float:
+    """free_thresh, after the keys that belong to it were checked."""
+    free_below = said.number("free_thresh", "0.196", 0.0, 1.0)
+    occupied_above = said.number("occupied_thresh", "0.65", 0.0, 1.0)
+    if free_below > occupied_above:
+        raise said.refuse("free_thresh", f"above occupied_thresh ({occupied_above:g})", "0.196")
+    mode = said.text("mode", "trinary") if "mode" in said else MODES[0]
+    if mode not in MODES:
+        raise said.refuse("mode", f"{mode!r} is none of {', '.join(MODES)}", "trinary")
+    return free_below
+
+
+def _negated(said: MapYaml) -> bool:
+    word = said.text("negate", "0").lower()
+    if word not in (*TRUE, *FALSE):
+        raise said.refuse("negate", f"{word!r} is neither 0 nor 1", "0")
+    return word in TRUE
