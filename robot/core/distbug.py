@@ -14,19 +14,22 @@ from robot.core.typed import Final
 from robot.core.values import Decision, Goal, Pose
 
 STEP_M: Final = 0.05
+SURE_TICKS: Final = 3  # in a quick turn a range belongs to where the sonar looked before
 STRIP_M: Final = 0.04
 SHORT_M: Final = 0.25  # this much before an echo the obstacle would be met
 
 
 class Memory:
-    """`least_m` is how near the goal was when the loop now driven was begun."""
+    """`least_m` is how near the goal was when the loop now driven was begun, `open_ticks` for how
+    long the way to it has looked good enough to leave."""
 
-    __slots__ = ("boundary", "least_m", "side")
+    __slots__ = ("boundary", "least_m", "open_ticks", "side")
 
     def __init__(self) -> None:
         self.boundary = Boundary()
         self.side: int = states.LEFT
         self.least_m = inf
+        self.open_ticks = 0
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
@@ -35,12 +38,13 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     if boundaries.look(boundary, pose, ring, goal, params):
         memory.least_m = inf
     if boundary.following:
-        if boundaries.under_way(boundary) and leaves(boundary, params):
+        if boundaries.under_way(boundary) and leaves(memory, params):
             boundaries.leave(boundary)
         elif boundaries.rounded(boundary, pose):
             return boundaries.give_up(boundary, ring, goal)
     elif boundaries.meets(boundary, params):
         boundaries.follow(boundary, pose, memory.side, params)
+        memory.open_ticks = 0
         anew = boundary.best_m < memory.least_m - STEP_M
         if anew:
             memory.least_m = boundary.best_m
@@ -48,10 +52,17 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     return boundaries.decision(boundary, pose, ring, goal, params)
 
 
-def leaves(boundary: Boundary, params: Params) -> bool:
+def leaves(memory: Memory, params: Params) -> bool:
     """Whether the next obstacle towards the goal would be met nearer than the goal ever was."""
-    if boundaries.goal_at_hand(boundary, params) or boundaries.hopes(boundary):
+    boundary = memory.boundary
+    memory.open_ticks = memory.open_ticks + 1 if leads_nearer(boundary, params) else 0
+    if memory.open_ticks >= SURE_TICKS:
         return True
+    return boundaries.goal_at_hand(boundary, params) or boundaries.hopes(boundary)
+
+
+def leads_nearer(boundary: Boundary, params: Params) -> bool:
+    """Whether what is seen free, less what is needed to stop and turn, leads nearer than ever."""
     if abs(boundary.bearing_rad) > boundaries.IN_VIEW_RAD:
         return False
     room_m = params.radius_m + STRIP_M
