@@ -94,6 +94,8 @@ def _legend(world: World, path: Sequence[Point] | None) -> list[str]:
     ]
     if still < len(world.obstacles):
         lines.append(f"  {MOVING}  {len(world.obstacles) - still} moving, where they begin")
+    if path is None and world.shortest_path_m is not None:
+        return [*lines, f"     shortest way {world.shortest_path_m:.2f} m, as the file says"]
     if path is None:
         return [*lines, "     the goal cannot be reached"]
     length_m = sum(dist(a, b) for a, b in pairwise(path))

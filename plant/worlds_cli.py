@@ -5,17 +5,20 @@ import json
 import sys
 from collections.abc import Sequence
 from math import isfinite
+from typing import Final
 
 from plant.goals import goals
 from plant.lineup import starts
-from plant.shortest_path import path_length_m, shortest_path
+from plant.shortest_path import known_length_m, shortest_path
 from plant.world_file import SHIPPED_DIR, World, WorldError, load, shipped
 from plant.world_json import Json, as_json, places_json
 from plant.world_overrides import body_of
 from plant.world_text import draw
+from plant.world_types import Circle, Point
 from plant.worlds_make import add_verbs, make
 from protocol.options import numbers_kept
 
+MANY_CORNERS: Final = 120
 EXIT_OK = 0
 EXIT_USAGE = 2
 
@@ -103,7 +106,7 @@ def _refuse(arguments: argparse.Namespace, error: WorldError) -> int:
 
 
 def _check(file: str, world: World, as_object: bool) -> int:
-    length_m = path_length_m(shortest_path(world))
+    length_m = known_length_m(world)
     if as_object:
         _print_json({"ok": True, "file": file, "name": world.name, "problems": []})
         return EXIT_OK
@@ -118,12 +121,18 @@ def _show(world: World, arguments: argparse.Namespace) -> int:
     except ValueError as error:
         print(error, file=sys.stderr)
         return EXIT_USAGE
-    path = shortest_path(world)
     if arguments.json:
-        _print_json(as_json(world, path_length_m(path)) | places)
+        _print_json(as_json(world, known_length_m(world)) | places)
     else:
-        print(draw(world, path))
+        print(draw(world, _path_to_draw(world)))
     return EXIT_OK
+
+
+def _path_to_draw(world: World) -> list[Point] | None:
+    """None where it would take long to find and the file says how long it is."""
+    corners = sum(1 if isinstance(one, Circle) else len(one.points_m) for one in world.obstacles)
+    said = world.reachable is False or world.shortest_path_m is not None
+    return None if said and corners > MANY_CORNERS else shortest_path(world)
 
 
 def _places(world: World, arguments: argparse.Namespace) -> dict[str, Json]:
