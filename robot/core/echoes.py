@@ -30,6 +30,11 @@ THROUGH_SHARE: Final = 0.03
 CORE_RAD: Final = 0.8 * HALF_CONE
 ASIDE: Final = 0.235  # tan of half a cone and two degrees
 SPREAD: Final = 0.1  # half of tan of half a cone
+LEANING: Final = 0.6
+SLANT: Final = 2.1
+EDGE_RAD: Final = 0.75 * HALF_CONE
+COS_EDGE: Final = cos(EDGE_RAD)
+SIN_EDGE: Final = sin(EDGE_RAD)
 FINER: Final = 0.7
 SLICES: Final = 4
 FADE_TICKS: Final = 120
@@ -89,12 +94,34 @@ def update(echoes: Echoes, pose: Pose, ring: Ring, params: Params) -> None:
                 continue
             along_x = cosine * COSINES[i] - sine * SINES[i]
             along_y = sine * COSINES[i] + cosine * SINES[i]
-            take(echoes, i, at, along_x, along_y, range_m, params.radius_m)
+            lean = leaning(ring, i, range_m, params.radius_m)
+            take(echoes, i, lean, at, along_x, along_y, range_m, params.radius_m)
+
+
+def leaning(ring: Ring, sonar: int, range_m: float, radius_m: float) -> int:
+    """On which side of its cone an echo lies: 1 left, -1 right, 0 in the middle or unknown.
+
+    Where a neighbour sees the same surface nearer, this cone meets it at the edge next to that.
+    """
+    away_m = range_m + radius_m
+    right_m = left_m = None
+    if sonar > 0:
+        right_m = ring.range_m[sonar - 1]
+    if sonar < SONARS - 1:
+        left_m = ring.range_m[sonar + 1]
+    right_nearer = (
+        right_m is not None and right_m < range_m and away_m < SLANT * (right_m + radius_m)
+    )
+    left_nearer = left_m is not None and left_m < range_m and away_m < SLANT * (left_m + radius_m)
+    if left_nearer == right_nearer:
+        return 0
+    return 1 if left_nearer else -1
 
 
 def take(
     echoes: Echoes,
     sonar: int,
+    lean: int,
     at: Pose,
     along_x: float,
     along_y: float,
@@ -104,7 +131,7 @@ def take(
     """One echo: confirm the point it comes from, or remember a new one."""
     away_m = range_m + radius_m
     tolerance_m = SAME_M + SAME_SHARE * range_m
-    spread_mm = int(1000.0 * SPREAD * range_m) + 1
+    spread_mm = int(1000.0 * (SPREAD if lean == 0 else LEANING * SPREAD) * range_m) + 1
     x_mm, y_mm = 1000.0 * at.x_m, 1000.0 * at.y_m
     low_mm, high_mm = 1000.0 * (away_m - tolerance_m), 1000.0 * (away_m + tolerance_m)
     xs, ys = echoes.x_mm, echoes.y_mm
@@ -124,6 +151,11 @@ def take(
                 found = k
                 break
     if found == NEVER:
+        if lean:
+            along_x, along_y = (
+                COS_EDGE * along_x - lean * SIN_EDGE * along_y,
+                COS_EDGE * along_y + lean * SIN_EDGE * along_x,
+            )
         echoes.last[sonar] = insert(
             echoes,
             int(x_mm + 1000.0 * away_m * along_x),
@@ -208,9 +240,7 @@ def fade(echoes: Echoes, pose: Pose, ring: Ring, params: Params) -> None:
                 off_rad = bearing_rad - BEARINGS[sonar]
                 if range_m is not None and -CORE_RAD < off_rad < CORE_RAD:
                     here_m = 0.001 * sqrt(square) - params.radius_m
-                    if range_m < 9.0 and here_m < range_m - THROUGH_M - THROUGH_SHARE * range_m:
-                        echoes.weight[k] -= 1
-                    elif range_m > 9.0 and echoes.weight[k] < SURE:
+                    if (range_m < 9.0 and here_m < range_m - THROUGH_M - THROUGH_SHARE * range_m) or (range_m > 9.0 and echoes.weight[k] < SURE):
                         echoes.weight[k] -= 1
             if echoes.weight[k] <= 0:
                 drop(echoes, k)

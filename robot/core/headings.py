@@ -17,6 +17,7 @@ NEAR: Final = 40
 LOOK_M: Final = 0.20
 TIGHT_M: Final = 0.02
 WIDE_M: Final = 0.08
+SQUEEZE_M: Final = 0.01
 DOUBT: Final = 1.25
 TWO_PI: Final = 2.0 * pi
 HALF_TURN: Final = 0.5 * pi
@@ -32,8 +33,10 @@ class Sectors:
         "bearing_rad",
         "closing",
         "count",
+        "doubt_m",
         "from_rad",
         "point",
+        "squeezed_rad",
         "tight_rad",
         "wide_rad",
     )
@@ -42,8 +45,10 @@ class Sectors:
         self.count = 0
         self.point = [0] * NEAR
         self.away_m = [0.0] * NEAR
+        self.doubt_m = [0.0] * NEAR
         self.bearing_rad = [0.0] * NEAR
         self.tight_rad = [0.0] * NEAR
+        self.squeezed_rad = [0.0] * NEAR
         self.wide_rad = [0.0] * NEAR
         self.from_rad = [0.0] * NEAR
         self.closing = NOTHING
@@ -63,6 +68,9 @@ def measure(sectors: Sectors, echoes: Echoes, pose: Pose, ease_m: float, params:
         if not -reach_mm < dy_mm < reach_mm or weight[k] < SURE:
             continue
         away_m = 0.001 * sqrt(dx_mm * dx_mm + dy_mm * dy_mm)
+        if away_m < params.radius_m:
+            push_out(echoes, k, pose, away_m, params)
+            away_m = params.radius_m
         doubt_m = 0.001 * DOUBT * echoes.spread_mm[k]
         body_m = params.radius_m - doubt_m - ease_m
         wide_rad = closed(away_m, body_m + WIDE_M)
@@ -72,9 +80,19 @@ def measure(sectors: Sectors, echoes: Echoes, pose: Pose, ease_m: float, params:
         sectors.away_m[n] = away_m
         sectors.bearing_rad[n] = atan2(dy_mm, dx_mm)
         sectors.wide_rad[n] = wide_rad
+        sectors.doubt_m[n] = doubt_m + ease_m
         sectors.tight_rad[n] = closed(away_m, body_m + TIGHT_M)
         n += 1
     sectors.count = n
+
+
+def push_out(echoes: Echoes, k: int, pose: Pose, away_m: float, params: Params) -> None:
+    """Where the robot stands there is no obstacle: the echo came from beyond its rim."""
+    if away_m > 0.0:
+        stretch = params.radius_m / away_m
+        x_mm, y_mm = 1000.0 * pose.x_m, 1000.0 * pose.y_m
+        echoes.x_mm[k] = int(x_mm + stretch * (echoes.x_mm[k] - x_mm))
+        echoes.y_mm[k] = int(y_mm + stretch * (echoes.y_mm[k] - y_mm))
 
 
 def closed(away_m: float, body_m: float) -> float:
@@ -126,13 +144,31 @@ def sweep(sectors: Sectors, start_rad: float, side: int, half_rad: "list[float]"
     return turn_rad
 
 
+def squeeze(sectors: Sectors, params: Params) -> None:
+    """Work out the sectors without any margin."""
+    for k in range(sectors.count):
+        body_m = params.radius_m - sectors.doubt_m[k] - SQUEEZE_M
+        sectors.squeezed_rad[k] = closed(sectors.away_m[k], body_m)
+
+
+def room(sectors: Sectors, turn_rad: float, half_rad: "list[float]") -> float:
+    """How much farther headings stay open beyond the one that the last sweep ended with."""
+    least_rad = pi
+    for k in range(sectors.count):
+        if half_rad[k] > 0.0:
+            ahead_rad = (sectors.from_rad[k] - half_rad[k] - turn_rad) % TWO_PI
+            if ahead_rad < least_rad:
+                least_rad = ahead_rad
+    return least_rad
+
+
 def free_ahead(sectors: Sectors, heading_rad: float, params: Params) -> float:
     """How far the robot can drive on along its heading before it would touch a near point; at most
     a metre."""
     free_m = 1.0
-    body_m = params.radius_m
     for k in range(sectors.count):
         away_m = sectors.away_m[k]
+        body_m = params.radius_m - sectors.doubt_m[k]
         off_rad = sectors.bearing_rad[k] - heading_rad
         along_m = away_m * cos(off_rad)
         if along_m <= 0.0:

@@ -29,6 +29,7 @@ class Loops:
         "crumb_x_mm",
         "crumb_y_mm",
         "crumbs",
+        "first",
         "hit_side",
         "hit_x_mm",
         "hit_y_mm",
@@ -46,6 +47,7 @@ class Loops:
         self.crumb_rad = [0.0] * CRUMBS
         self.crumbs = 0
         self.matches = 0
+        self.first = 0
 
 
 def restart(loops: Loops) -> None:
@@ -69,7 +71,7 @@ def hit(loops: Loops, pose: Pose, side: int) -> int:
     return side
 
 
-def drop(loops: Loops, pose: Pose, heading_rad: float) -> bool:
+def drop(loops: Loops, pose: Pose) -> bool:
     """Drop a crumb every so often; whether the way has closed upon itself."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     if loops.crumbs:
@@ -78,21 +80,45 @@ def drop(loops: Loops, pose: Pose, heading_rad: float) -> bool:
         if dx_mm * dx_mm + dy_mm * dy_mm < SPACING_MM * SPACING_MM:
             return False
     again = False
+    first = 0
     for k in range(max(loops.crumbs - CRUMBS, 0), loops.crumbs - LEAST_AWAY):
         i = k % CRUMBS
         dx_mm = loops.crumb_x_mm[i] - x_mm
         if -SAME_MM < dx_mm < SAME_MM:
             dy_mm = loops.crumb_y_mm[i] - y_mm
             off_rad = (loops.crumb_rad[i] - pose.heading_rad + pi) % TWO_PI - pi
-            if (
-                dx_mm * dx_mm + dy_mm * dy_mm < SAME_MM * SAME_MM
-                and -SAME_RAD < off_rad < SAME_RAD
-            ):
+            if dx_mm * dx_mm + dy_mm * dy_mm < SAME_MM * SAME_MM and -SAME_RAD < off_rad < SAME_RAD:
                 again = True
+                first = k
                 break
     loops.matches = loops.matches + 1 if again else 0
+    loops.first = first
     k = loops.crumbs % CRUMBS
     loops.crumb_x_mm[k], loops.crumb_y_mm[k] = x_mm, y_mm
     loops.crumb_rad[k] = pose.heading_rad
     loops.crumbs += 1
     return loops.matches >= IN_A_ROW
+
+
+def turns_left(loops: Loops) -> bool:
+    """Whether the loop that closed goes round counter-clockwise; by the sign of its area."""
+    twice = 0.0
+    for k in range(loops.first, loops.crumbs):
+        i, j = k % CRUMBS, (k + 1) % CRUMBS if k + 1 < loops.crumbs else loops.first % CRUMBS
+        twice += loops.crumb_x_mm[i] * loops.crumb_y_mm[j] * 1e-6
+        twice -= loops.crumb_x_mm[j] * loops.crumb_y_mm[i] * 1e-6
+    return twice > 0.0
+
+
+def encloses(loops: Loops, x_m: float, y_m: float) -> bool:
+    """Whether a place lies within the loop that closed."""
+    x_mm, y_mm = 1000.0 * x_m, 1000.0 * y_m
+    inside = False
+    for k in range(loops.first, loops.crumbs):
+        i, j = k % CRUMBS, (k + 1) % CRUMBS if k + 1 < loops.crumbs else loops.first % CRUMBS
+        y1, y2 = loops.crumb_y_mm[i] - y_mm, loops.crumb_y_mm[j] - y_mm
+        if (y1 > 0.0) != (y2 > 0.0):
+            x1, x2 = loops.crumb_x_mm[i] - x_mm, loops.crumb_x_mm[j] - x_mm
+            if x1 + (x2 - x1) * y1 / (y1 - y2) > 0.0:
+                inside = not inside
+    return inside

@@ -11,7 +11,7 @@ from robot.core import echoes as echo_memory
 from robot.core import headings, loops, states
 from robot.core import ring as rings
 from robot.core.echoes import SURE, Echoes
-from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, wrap
+from robot.core.geometry import BEARINGS, HALF_CONE, wrap
 from robot.core.headings import LOOK_M, NOTHING, Sectors
 from robot.core.loops import Loops
 from robot.core.parameters import Params
@@ -21,6 +21,8 @@ from robot.core.values import SONARS, Decision, Goal, Pose
 
 STEP_M: Final = 0.10
 """Following ends only where the way to go gets shorter than ever by this much."""
+SHARP_RAD: Final = 70.0 * pi / 180.0
+ISLANDS: Final = 6
 SOFT_RAD: Final = 40.0 * pi / 180.0
 NEAR_GOAL_M: Final = 0.6
 LOST_M: Final = 0.6
@@ -28,6 +30,7 @@ HELD_MM: Final = 120
 SQUEEZE_M: Final = 0.02
 FLANK_M: Final = 0.06
 FLANK_RAD: Final = 40.0 * pi / 180.0
+CRAWL_M_S: Final = 0.04
 AHEAD_RAD: Final = 40.0 * pi / 180.0
 BESIDE: Final = 0.5 * pi
 
@@ -45,6 +48,7 @@ class Memory:
         "following",
         "given_up",
         "heading_rad",
+        "islands",
         "loops",
         "sectors",
         "shut",
@@ -63,7 +67,8 @@ class Memory:
         self.ease_m = 0.0
         self.anchor_x_m = self.anchor_y_m = 0.0
         self.heading_rad = 0.0
-        self.turned_back = 0
+        self.turned_back = False
+        self.islands = 0
         self.shut = 0
 
 
@@ -75,16 +80,22 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     echo_memory.update(memory.echoes, pose, ring, params)
     headings.measure(memory.sectors, memory.echoes, pose, memory.ease_m, params)
     if memory.following:
-        follow(memory, pose, ring, goal_rad, distance_m, params)
+        follow(memory, pose, ring, goal, goal_rad, distance_m, params)
     if not memory.following:
-        seek(memory, pose, ring, goal_rad, distance_m, params)
+        seek(memory, pose, ring, goal, goal_rad, distance_m, params)
     if distance_m < memory.best_m:
         memory.best_m = distance_m
     return decision(memory, pose, ring, goal_rad, dx_m, dy_m, params)
 
 
 def seek(
-    memory: Memory, pose: Pose, ring: Ring, goal_rad: float, distance_m: float, params: Params
+    memory: Memory,
+    pose: Pose,
+    ring: Ring,
+    goal: Goal,
+    goal_rad: float,
+    distance_m: float,
+    params: Params,
 ) -> None:
     """Straight for the goal, aside by a little for room; a closed way is a hit."""
     sectors = memory.sectors
@@ -102,7 +113,7 @@ def seek(
             )
         return
     hit(memory, pose, goal_rad, distance_m)
-    follow(memory, pose, ring, goal_rad, distance_m, params)
+    follow(memory, pose, ring, goal, goal_rad, distance_m, params)
 
 
 def hit(memory: Memory, pose: Pose, goal_rad: float, distance_m: float) -> None:
@@ -132,7 +143,13 @@ def hold(memory: Memory, sector: int) -> None:
 
 
 def follow(
-    memory: Memory, pose: Pose, ring: Ring, goal_rad: float, distance_m: float, params: Params
+    memory: Memory,
+    pose: Pose,
+    ring: Ring,
+    goal: Goal,
+    goal_rad: float,
+    distance_m: float,
+    params: Params,
 ) -> None:
     """Along the obstacle: the first open heading from the followed point, on the latched side."""
     sectors, side = memory.sectors, memory.side
@@ -143,24 +160,60 @@ def follow(
         memory.following = False
         return
     start_rad = atan2(memory.anchor_y_m - pose.y_m, memory.anchor_x_m - pose.x_m)
-    wide_rad = headings.sweep(sectors, start_rad, side, sectors.wide_rad)
-    tight_rad = headings.sweep(sectors, start_rad, side, sectors.tight_rad)
-    if tight_rad >= 2.0 * pi:
+    turn_rad = open_turn(memory, pose, start_rad, params)
+    if turn_rad >= 2.0 * pi:
         shut_in(memory)
         return
     memory.shut = 0
-    turn_rad = wide_rad if wide_rad - tight_rad < SOFT_RAD else tight_rad
     memory.heading_rad = start_rad + side * turn_rad
     hold(memory, sectors.closing)
-    closed = loops.drop(memory.loops, pose, memory.heading_rad)
-    if closed:
-        if memory.turned_back:
-            memory.given_up = True
+    if loops.drop(memory.loops, pose):
+        come_round(memory, goal)
+
+
+def open_turn(memory: Memory, pose: Pose, start_rad: float, params: Params) -> float:
+    """How far to turn from the followed point: with a wide margin where that costs little, else in
+    the middle of what is open, and through a gap without a margin before turning back."""
+    sectors, side = memory.sectors, memory.side
+    wide_rad = headings.sweep(sectors, start_rad, side, sectors.wide_rad)
+    turn_rad = headings.sweep(sectors, start_rad, side, sectors.tight_rad)
+    margins = sectors.tight_rad
+    off_rad = wrap(start_rad + side * turn_rad - pose.heading_rad)
+    if turn_rad >= 2.0 * pi or not -SHARP_RAD < off_rad < SHARP_RAD:
+        headings.squeeze(sectors, params)
+        closing = sectors.closing
+        squeezed_rad = headings.sweep(sectors, start_rad, side, sectors.squeezed_rad)
+        if squeezed_rad < turn_rad - SOFT_RAD:
+            turn_rad = squeezed_rad
+            margins = sectors.squeezed_rad
         else:
-            memory.turned_back = 1
-            memory.side = -side
-            memory.ease_m = SQUEEZE_M
-            loops.restart(memory.loops)
+            sectors.closing = closing
+    if turn_rad >= 2.0 * pi:
+        return turn_rad
+    if turn_rad <= wide_rad < turn_rad + SOFT_RAD:
+        return wide_rad
+    return turn_rad + min(0.5 * headings.room(sectors, turn_rad, margins), SOFT_RAD)
+
+
+def come_round(memory: Memory, goal: Goal) -> None:
+    """The way has closed upon itself. Where the loop keeps robot and goal apart, turn back once,
+    and the second time give up; where it does not, it was an island: go for the goal again."""
+    around = loops.turns_left(memory.loops)
+    island = around != (memory.side == states.LEFT)
+    inside = loops.encloses(memory.loops, goal.x_m, goal.y_m)
+    loops.restart(memory.loops)
+    if island != inside:
+        memory.islands += 1
+        memory.best_m = inf
+        memory.following = False
+        if memory.islands > ISLANDS:
+            memory.given_up = True
+    elif memory.turned_back:
+        memory.given_up = True
+    else:
+        memory.turned_back = True
+        memory.side = -memory.side
+        memory.ease_m = SQUEEZE_M
 
 
 def shut_in(memory: Memory) -> None:
@@ -313,9 +366,7 @@ def keep_off(ring: Ring, error_rad: float) -> float:
     return wrap(error_rad + FLANK_RAD * (left_m - right_m) / FLANK_M)
 
 
-def speed(
-    memory: Memory, pose: Pose, ring: Ring, error_rad: float, params: Params
-) -> float:
+def speed(memory: Memory, pose: Pose, ring: Ring, error_rad: float, params: Params) -> float:
     """Slower the nearer something is ahead, and while the heading is far off."""
     most_m_s = params.v_max_m_s
     if ring.nearest_m < 0.3:
@@ -327,7 +378,8 @@ def speed(
             range_m = ring.range_m[i]
             if range_m is not None and range_m < 0.08:
                 closing = 0.25 * cos(max(abs(BEARINGS[i]) - HALF_CONE, 0.0))
-                most_m_s = min(most_m_s, max(range_m - 0.025, 0.0) / closing)
+                least = CRAWL_M_S if i in (0, 1, 6, 7) and range_m > 0.015 else 0.0
+                most_m_s = min(most_m_s, max(max(range_m - 0.025, 0.0) / closing, least))
     most_m_s = min(most_m_s, 0.9 * headings.free_ahead(memory.sectors, pose.heading_rad, params))
     if error_rad != 0.0:
         cosine = max(cos(error_rad), 0.0)
