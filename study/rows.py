@@ -106,8 +106,12 @@ SCHEMA: Final = pa.schema([_column(name, kind) for name, kind in get_type_hints(
 
 
 def table_of(rows: list[Row]) -> pa.Table:
-    """The rows in their order."""
-    return pa.table({name: [getattr(row, name) for row in rows] for name in COLUMNS}, schema=SCHEMA)
+    """The rows in their order. Raises ValueError, naming the column, where a value is missing."""
+    columns = {name: [getattr(row, name) for row in rows] for name in COLUMNS}
+    for field in SCHEMA:
+        if not field.nullable and None in columns[field.name]:
+            raise ValueError(f"{field.name}: a row without a value")
+    return pa.table(columns, schema=SCHEMA)
 
 
 def rows_of(table: pa.Table) -> list[Row]:

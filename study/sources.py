@@ -68,14 +68,14 @@ def world_of(source: str, directory: Path) -> World:
     Raises UserError when the source says nothing, WorldError when the file is not as it was.
     """
     kind, _, rest = source.partition(":")
-    match kind, rest.split(":"):
+    match kind, rest.rsplit(":", 2):
         case "shipped", [name]:
             return load(name)
         case "fixed", [name]:
             return load(FIXED_DIR / f"{name}.toml")
-        case "kept", [name]:
-            return load(directory / KEPT / name)
-        case "corpus", [family, seed, index]:
+        case "kept", _ if rest:
+            return load(directory / KEPT / rest)
+        case "corpus", [family, seed, index] if family in FAMILIES:
             return generate(family, int(index), int(seed))
     raise UserError(f"world_source {source!r}: unknown; was the study made by another version?")
 

@@ -1,0 +1,72 @@
+"""Small studies for tests: a bare floor, its tasks, rows without a drive."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from plant.world_types import Circle, GoalPose, Start, World
+from study.one import Bench, failed
+from study.plan import Settings, Task, tasks_of
+from study.provenance import Code
+from study.rows import Row
+from study.sources import Listed, digest_of
+
+CODE = Code(commit="c0ffee", dirty=False, version="0.1.0", digest="d1")
+
+
+def floor(name: str = "floor", *, far_m: float = 0.4, family: str | None = "open") -> World:
+    """A goal straight ahead, a second or two away."""
+    return World(
+        name=name,
+        size_m=(4.0, 3.0),
+        start=Start(x_m=1.0, y_m=1.0),
+        goal=GoalPose(x_m=1.0 + far_m, y_m=1.0),
+        family=family,
+        shortest_path_m=far_m,
+        reachable=True,
+    )
+
+
+def boxed(name: str = "disc") -> World:
+    """A disc in the way, so that the robot has something to avoid."""
+    world = floor(name, far_m=2.4, family="disc")
+    return replace(world, obstacles=(Circle(x_m=2.2, y_m=1.0, radius_m=0.2),))
+
+
+def list_of(*worlds: World) -> list[Listed]:
+    return [Listed(f"shipped:{one.name}", digest_of(one), one) for one in worlds]
+
+
+def bench_of(*worlds: World, study: str = "test") -> Bench:
+    return Bench(study=study, code=CODE, worlds=worlds)
+
+
+def settings(**changed: Any) -> Settings:
+    usual: dict[str, Any] = {"navigators": ("vgm:left",), "noise": ("none",), "timeout_s": 20.0}
+    return Settings(**{**usual, **changed})
+
+
+def tasks(*worlds: World, **changed: Any) -> list[Task]:
+    return tasks_of(list_of(*worlds), settings(**changed), CODE.version)
+
+
+def rows(count: int, start: int = 0, **changed: Any) -> list[Row]:
+    """Rows of different trials, none of them driven."""
+    one, bench = tasks(floor())[0], bench_of(floor())
+    made = [
+        failed(replace(one, trial_id=f"{number:032x}"), bench, "never begun")
+        for number in range(start, start + count)
+    ]
+    return [replace(row, **changed) for row in made]
+
+
+def ids(found: Any) -> list[str]:
+    """Of a table, in its order."""
+    names: list[str] = found["trial_id"].to_pylist()
+    return names
+
+
+def spoil(file: Path) -> None:
+    """As a disk does that lost the end of a file."""
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2])

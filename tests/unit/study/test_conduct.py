@@ -1,0 +1,163 @@
+"""What is done is on the disk soon, and what is on the disk is not run again."""
+
+import errno
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given
+from hypothesis import settings as tuned
+from hypothesis import strategies as st
+
+from protocol.errors import UserError
+from study import store
+from study.conduct import FLUSH_S, Collector, collect, finish, finished, open_tasks, recover
+from study.plan import Task
+from study.progress import Progress
+from study.rows import Row
+from tests.unit.study.made import floor, ids, rows, spoil, tasks
+from tests.unit.study.test_progress import Watch
+
+
+def gather(directory: Path, coming: Iterator[Row | None], watch: Watch) -> None:
+    collect(coming, Collector(directory, watch), Progress(9, 0, StringIO(), watch))
+
+
+def shards(directory: Path) -> int:
+    return len(list((directory / store.SHARDS).glob("*.parquet")))
+
+
+def test_rows_are_written_every_few_seconds_and_at_the_end(tmp_path: Path) -> None:
+    watch, seen = Watch(), []
+
+    def coming() -> Iterator[Row | None]:
+        for row in rows(6):
+            seen.append(shards(tmp_path))
+            watch.now_s += FLUSH_S / 2.0
+            yield row
+
+    gather(tmp_path, coming(), watch)
+    assert seen == [0, 0, 1, 1, 2, 2]
+    assert len(ids(store.read(tmp_path))) == 6
+
+
+def test_while_nothing_comes_what_came_is_written_too(tmp_path: Path) -> None:
+    watch = Watch()
+
+    def coming() -> Iterator[Row | None]:
+        yield rows(1)[0]
+        assert shards(tmp_path) == 0
+        watch.now_s += FLUSH_S
+        yield None
+        assert shards(tmp_path) == 1
+
+    gather(tmp_path, coming(), watch)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, UserError, RuntimeError])
+def test_whatever_breaks_it_off_what_came_is_written(
+    tmp_path: Path, error: type[BaseException]
+) -> None:
+    def coming() -> Iterator[Row | None]:
+        yield from rows(3)
+        raise error
+
+    with pytest.raises(error):
+        gather(tmp_path, coming(), Watch())
+    assert len(ids(store.read(tmp_path))) == 3
+
+
+def test_on_a_full_disk_it_ends_with_a_clear_word_and_what_was_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch = Watch()
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def coming() -> Iterator[Row | None]:
+        for number, row in enumerate(rows(4)):
+            watch.now_s += FLUSH_S
+            if number == 3:
+                monkeypatch.setattr(os, "fsync", full)
+            yield row
+
+    with pytest.raises(UserError, match="No space left"):
+        gather(tmp_path, coming(), watch)
+    monkeypatch.undo()
+    assert len(ids(store.read(tmp_path))) == 3
+
+
+def numbered(count: int) -> list[Task]:
+    (one,) = tasks(floor())
+    return [replace(one, trial_id=f"{number:032x}") for number in range(count)]
+
+
+def test_only_what_is_not_there_is_open(tmp_path: Path) -> None:
+    assert open_tasks(numbered(4), finished(tmp_path)) == numbered(4)
+    store.write_shard(tmp_path, rows(2, start=1))
+    left = open_tasks(numbered(4), finished(tmp_path))
+    assert [int(task.trial_id, 16) for task in left] == [0, 3]
+
+
+def test_the_trials_of_a_shard_that_was_spoilt_are_open_again(tmp_path: Path) -> None:
+    store.write_shard(tmp_path, rows(2))
+    bad = store.write_shard(tmp_path, rows(2, start=2))
+    spoil(bad)
+    said = list(recover(tmp_path))
+    assert len(said) == 1
+    assert str(bad) in said[0]
+    assert "run again" in said[0]
+    left = open_tasks(numbered(4), finished(tmp_path))
+    assert [int(task.trial_id, 16) for task in left] == [2, 3]
+    assert list(recover(tmp_path)) == []
+
+
+def test_spoilt_results_are_set_aside_like_a_shard(tmp_path: Path) -> None:
+    store.write_shard(tmp_path, rows(2))
+    results = finish(tmp_path, {})
+    spoil(results)
+    assert str(results) in next(recover(tmp_path))
+    assert finished(tmp_path) is None
+    assert (tmp_path / store.ASIDE / store.RESULTS).exists()
+
+
+def test_what_a_killed_writer_left_is_removed(tmp_path: Path) -> None:
+    store.write_shard(tmp_path, rows(1))
+    left = [
+        tmp_path / store.SHARDS / f"000002.parquet{store.UNFINISHED}",
+        tmp_path / f"{store.RESULTS}{store.UNFINISHED}",
+    ]
+    for file in left:
+        file.write_bytes(b"half")
+    assert list(recover(tmp_path)) == []
+    assert not any(file.exists() for file in left)
+    assert len(ids(store.read(tmp_path))) == 1
+
+
+@tuned(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 9), st.integers(1, 4), st.booleans()), max_size=6))
+def test_however_it_is_broken_off_in_the_end_each_trial_is_there_once(
+    tmp_path: Path, calls: list[tuple[int, int, bool]]
+) -> None:
+    """Each call writes some of what is open; some are compacted, some lose their last shard."""
+    directory = tmp_path / str(len(list(tmp_path.iterdir())))
+    directory.mkdir()
+    for _, count, spoilt in calls:
+        list(recover(directory))
+        left = open_tasks(numbered(12), finished(directory))
+        made = [rows(1, start=int(task.trial_id, 16))[0] for task in left[:count]]
+        if made:
+            shard = store.write_shard(directory, made)
+            if spoilt:
+                spoil(shard)
+                continue
+            finish(directory, {})
+    list(recover(directory))
+    for row in open_tasks(numbered(12), finished(directory)):
+        store.write_shard(directory, rows(1, start=int(row.trial_id, 16)))
+    finish(directory, {})
+    assert [int(name, 16) for name in ids(store.read(directory))] == list(range(12))

@@ -1,0 +1,106 @@
+"""A row says what the trial was, how it ended and what produced it, also when it failed."""
+
+import sys
+from dataclasses import replace
+from math import isnan, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.enums import GoalState
+from robot.core import states
+from study.one import failed, mahalanobis2, row_of, trial_of
+from study.provenance import machine
+from study.rows import FAILED, rows_of, table_of
+from study.trial import run_trial
+from tests.unit.study.made import CODE, bench_of, boxed, floor, tasks
+from tests.unit.study.trouble import faulty
+
+FINITE = st.floats(-10.0, 10.0)
+
+
+def test_the_row_of_a_drive_says_what_the_drive_said() -> None:
+    world = boxed()
+    (task,) = tasks(world, noise=("default",))
+    row = row_of(task, bench_of(world))
+    outcome = run_trial(trial_of(task, world))
+    assert outcome.reached
+    for name in ("outcome", "reason", "time_s", "path_m", "contacts", "ticks", "digest"):
+        assert getattr(row, name) == getattr(outcome, name)
+    assert (row.world, row.family, row.shortest_path_m) == (world.name, "disc", 2.4)
+    assert row.goal_state == GoalState.REACHED
+    assert row.min_clearance_m <= row.mean_clearance_m
+    assert row.position_error_m == pytest.approx(
+        ((row.true_x_m - world.goal.x_m) ** 2 + (row.true_y_m - world.goal.y_m) ** 2) ** 0.5
+    )
+
+
+def test_the_ticks_of_a_drive_are_spent_in_its_branches() -> None:
+    world = boxed()
+    (task,) = tasks(world)
+    row = row_of(task, bench_of(world))
+    assert row.ticks_passing_left + row.ticks_passing_right > 0
+    spent = row.ticks_to_goal + row.ticks_passing_left + row.ticks_passing_right
+    assert 0 < spent + row.ticks_aligning <= row.ticks + 1
+
+
+def test_a_row_can_be_driven_again_to_the_same_digest() -> None:
+    world = boxed()
+    (task,) = tasks(world, noise=("harsh",), parameters={"d_obs_m": 0.31})
+    row = row_of(task, bench_of(world))
+    (stored,) = rows_of(table_of([row]))
+    assert run_trial(trial_of(stored, world)).digest == row.digest
+
+
+def test_a_row_says_what_produced_it() -> None:
+    world = floor()
+    row = row_of(tasks(world)[0], bench_of(world, study="night"))
+    assert (row.study, row.commit, row.dirty, row.version) == ("night", "c0ffee", False, "0.1.0")
+    assert row.python == ".".join(map(str, sys.version_info[:3]))
+    assert (row.numpy, row.pymunk) == (machine().numpy, machine().pymunk)
+    assert row.machine
+    assert row.platform
+    assert row.started_utc.endswith("+00:00")
+    assert CODE.digest not in row.commit
+
+
+def test_a_trial_that_raises_is_a_row_that_says_so() -> None:
+    row = row_of(tasks(floor("faulty"))[0], bench_of(faulty()))
+    assert (row.outcome, row.reason) == (FAILED, "RuntimeError: the floor gave way")
+    assert isnan(row.time_s)
+    assert row.ticks == 0
+    assert row.goal_state == states.NONE
+
+
+def test_a_failed_row_fits_into_the_table() -> None:
+    row = failed(tasks(floor())[0], bench_of(floor()), "nobody was there")
+    assert table_of([row])["reason"].to_pylist() == ["nobody was there"]
+
+
+def test_a_start_in_an_obstacle_has_an_outcome_with_a_reason() -> None:
+    stuck = replace(boxed(), start=replace(floor().start, x_m=2.2))
+    row = row_of(tasks(stuck)[0], bench_of(stuck))
+    assert row.outcome == "aborted"
+    assert row.reason not in ("", "ok")
+    assert row.min_clearance_m < 0.0
+
+
+@given(FINITE, FINITE, st.floats(0.01, 5.0))
+def test_of_equal_spreads_the_distance_counts_standard_deviations(
+    x_m: float, y_m: float, sigma_m: float
+) -> None:
+    found = mahalanobis2(x_m, y_m, (sigma_m**2, 0.0, sigma_m**2))
+    assert found == pytest.approx((x_m**2 + y_m**2) / sigma_m**2, abs=1e-9)
+
+
+@given(FINITE, FINITE, st.floats(0.1, 5.0), st.floats(0.1, 5.0), st.floats(-0.9, 0.9))
+def test_the_distance_is_never_negative(
+    x_m: float, y_m: float, xx: float, yy: float, correlation: float
+) -> None:
+    assert mahalanobis2(x_m, y_m, (xx, correlation * (xx * yy) ** 0.5, yy)) >= -1e-9
+
+
+@pytest.mark.parametrize("spread", [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (nan, 0.0, 1.0)])
+def test_a_covariance_without_an_inverse_gives_none(spread: tuple[float, float, float]) -> None:
+    assert isnan(mahalanobis2(0.1, 0.1, spread))

@@ -1,0 +1,94 @@
+"""Whoever waits sees how far it is and how long it will take."""
+
+from io import StringIO
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from study.progress import Progress, in_words
+from tests.unit.study.made import rows
+
+
+class Terminal(StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+class Watch:
+    """A clock that the test sets."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def test_trials_rate_and_time_left_are_told() -> None:
+    watch, file = Watch(), StringIO()
+    progress = Progress(100, 10, file, watch)
+    for row in rows(30, time_s=120.0):
+        progress.add(row)
+    watch.now_s += 60.0
+    progress.show()
+    assert file.getvalue() == ("40/100 trials (40 %), 1.0 simulated h/min, 2 min left, 30 failed\n")
+
+
+def test_before_the_first_trial_nothing_is_guessed() -> None:
+    file = StringIO()
+    Progress(5, 0, file, Watch()).show()
+    assert file.getvalue() == "0/5 trials (0 %)\n"
+
+
+def test_a_terminal_has_one_line_that_is_written_over() -> None:
+    watch, file = Watch(), Terminal()
+    progress = Progress(5, 0, file, watch)
+    for _ in range(4):
+        watch.now_s += 1.0
+        progress.show()
+    progress.close()
+    assert file.getvalue().count("\n") == 1
+    assert file.getvalue().count("\r") == 5
+
+
+def test_elsewhere_lines_are_sparse() -> None:
+    watch, file = Watch(), StringIO()
+    progress = Progress(5, 0, file, watch)
+    for _ in range(600):
+        watch.now_s += 0.1
+        progress.show()
+    assert 2 <= file.getvalue().count("\n") <= 3
+
+
+def test_something_said_in_between_does_not_mix_with_the_line() -> None:
+    file = Terminal()
+    progress = Progress(5, 0, file, Watch())
+    progress.show()
+    progress.say("a worker died")
+    assert "\x1b[Ka worker died\n" in file.getvalue()
+
+
+def test_a_failed_trial_without_a_time_spoils_no_sum() -> None:
+    progress = Progress(5, 0, StringIO(), Watch())
+    for row in rows(3):
+        progress.add(row)
+    assert progress.simulated_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("span_s", "words"),
+    [(0.0, "0 s"), (89.4, "89 s"), (90.0, "2 min"), (3600.0, "60 min"), (11_100.0, "3 h 05 min")],
+)
+def test_a_span_is_said_as_a_person_says_it(span_s: float, words: str) -> None:
+    assert in_words(span_s) == words
+
+
+@given(st.integers(0, 50), st.integers(0, 50), st.floats(0.0, 1e6))
+def test_the_line_can_always_be_written(before: int, now: int, elapsed_s: float) -> None:
+    watch = Watch()
+    progress = Progress(before + now + 1, before, StringIO(), watch)
+    for row in rows(now):
+        progress.add(row)
+    watch.now_s += elapsed_s
+    assert f"{before + now}/{before + now + 1} trials" in progress.line()

@@ -1,0 +1,65 @@
+"""A row and its columns say the same, nulls and numbers that are none included."""
+
+from dataclasses import fields, replace
+from math import inf, isnan, nan
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from study.rows import COLUMNS, SCHEMA, Row, rows_of, table_of
+from tests.unit.study.made import rows
+
+FLOATS = st.floats(allow_nan=False) | st.sampled_from([inf, -inf])
+
+
+def test_the_columns_are_the_fields_in_their_order() -> None:
+    assert tuple(SCHEMA.names) == COLUMNS == tuple(field.name for field in fields(Row))
+
+
+def test_only_what_may_be_unknown_may_be_null() -> None:
+    nullable = {field.name for field in SCHEMA if field.nullable}
+    assert nullable == {"shortest_path_m", "reachable", "heading_error_rad"}
+
+
+@given(
+    length_m=FLOATS | st.none(),
+    error_rad=FLOATS | st.none(),
+    reachable=st.booleans() | st.none(),
+    x_m=FLOATS,
+    seed=st.integers(0, 2**62),
+    reason=st.text(),
+)
+def test_a_row_comes_back_as_it_went_in(
+    length_m: float | None,
+    error_rad: float | None,
+    reachable: bool | None,
+    x_m: float,
+    seed: int,
+    reason: str,
+) -> None:
+    numbers: dict[str, Any] = {field.name: 0.5 for field in SCHEMA if field.type == "double"}
+    row = replace(rows(1)[0], **numbers)
+    row = replace(row, shortest_path_m=length_m, heading_error_rad=error_rad)
+    row = replace(row, reachable=reachable, x_m=x_m, seed=seed, reason=_encodable(reason))
+    assert rows_of(table_of([row])) == [row]
+
+
+def _encodable(text: str) -> str:
+    return text.encode("utf-8", "replace").decode()
+
+
+def test_a_nan_stays_a_nan_and_is_no_null() -> None:
+    row = replace(rows(1)[0], path_m=nan, heading_error_rad=nan)
+    (back,) = rows_of(table_of([row]))
+    assert isnan(back.path_m)
+    assert back.heading_error_rad is not None
+    assert isnan(back.heading_error_rad)
+
+
+@pytest.mark.parametrize("column", ["world", "seed", "dirty", "path_m"])
+def test_a_missing_value_where_one_must_be_is_refused(column: str) -> None:
+    missing: dict[str, Any] = {column: None}
+    with pytest.raises(ValueError, match=column):
+        table_of(rows(1, **missing))
