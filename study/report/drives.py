@@ -1,10 +1,11 @@
 """A trial run once more with its trajectory: trials are deterministic, so none needs keeping."""
 
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from math import hypot, remainder, tau
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from plant.plant import Plant
 from protocol.outcome import Outcome
@@ -15,6 +16,9 @@ from study.trial import Trial, run_trial
 
 Pose: TypeAlias = tuple[float, float, float]
 """x_m, y_m, heading_rad."""
+
+
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,8 +88,24 @@ def driven(trial: Trial) -> Drive:
     )
 
 
+def attempted(trial: Trial) -> Drive | str:
+    """The drive; in words why there is none: one bad row must not cost the whole report."""
+    try:
+        return driven(trial)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+
+
 def all_driven(trials: list[Trial], jobs: int) -> list[Drive]:
     """In the order given, on so many processes; in this one when `jobs` is 1."""
+    return _each(driven, trials, jobs)
+
+
+def all_attempted(trials: list[Trial], jobs: int) -> list[Drive | str]:
+    return _each(attempted, trials, jobs)
+
+
+def _each(run: Callable[[Trial], Found], trials: list[Trial], jobs: int) -> list[Found]:
     pool = nullcontext(None) if jobs <= 1 or len(trials) < 2 else ProcessPoolExecutor(jobs)
     with pool as workers:
-        return list(map(driven, trials) if workers is None else workers.map(driven, trials))
+        return list(map(run, trials) if workers is None else workers.map(run, trials))

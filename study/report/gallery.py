@@ -11,7 +11,7 @@ from plant.world_types import World
 from protocol.errors import UserError
 from protocol.reasons import Reason
 from study.one import trial_of
-from study.report.drives import Drive, all_driven
+from study.report.drives import Drive, all_attempted
 from study.report.map_drawing import Map
 from study.report.page import Block, Figure, Gallery, Section, Text
 from study.report.trials import NOISES, Trials
@@ -82,24 +82,32 @@ def _order(row: Row) -> tuple[int, float, str, int]:
 
 def gallery(found: list[Chosen], world_of: WorldOf, jobs: int) -> Section:
     """Runs the chosen once more and draws them."""
-    trials: list[Trial] = []
-    drawn: list[Chosen] = []
-    lost: list[str] = []
-    for one in found:
-        try:
-            trials.append(trial_of(one.row, world_of(one.row.world_source)))
-            drawn.append(one)
-        except (UserError, WorldError, ValueError) as error:
-            first = (str(error).splitlines() or [""])[0]
-            lost.append(f"`{one.row.trial_id[:12]}` in {one.row.world}: {first}")
     figures: dict[str, list[Figure]] = {}
-    for number, (one, drive) in enumerate(zip(drawn, all_driven(trials, jobs), strict=True)):
-        figures.setdefault(one.label, []).append(_figure(one, drive, f"failure-{number + 1:02d}"))
+    lost: list[str] = []
+    for number, (one, drive) in enumerate(zip(found, again(found, world_of, jobs), strict=True)):
+        if isinstance(drive, Drive):
+            name = f"failure-{number + 1:02d}"
+            figures.setdefault(one.label, []).append(_figure(one, drive, name))
+        else:
+            lost.append(f"`{one.row.trial_id[:12]}` in {one.row.world}: {drive}")
     parts = tuple(Section(label, (Gallery(tuple(some)),)) for label, some in figures.items())
     blocks: tuple[Block, ...] = (Text(LEGEND if figures else "No trial failed, or none was kept."),)
     if lost:
         blocks += (Text("Could not be run again: " + "; ".join(lost) + "."),)
     return Section("Failures", blocks, parts)
+
+
+def again(found: list[Chosen], world_of: WorldOf, jobs: int) -> list[Drive | str]:
+    """Each once more, or in words why not."""
+    trials: dict[int, Trial] = {}
+    results: dict[int, Drive | str] = {}
+    for index, one in enumerate(found):
+        try:
+            trials[index] = trial_of(one.row, world_of(one.row.world_source))
+        except (UserError, WorldError, ValueError) as error:
+            results[index] = (str(error).splitlines() or [""])[0]
+    results.update(zip(trials, all_attempted(list(trials.values()), jobs), strict=True))
+    return [results[index] for index in range(len(found))]
 
 
 LEGEND: Final = (

@@ -1,0 +1,186 @@
+"""Trials that nobody drove, for tests of what is made of them."""
+
+from collections.abc import Sequence
+from hashlib import sha256
+from itertools import pairwise, product
+from typing import Any
+
+import pyarrow as pa
+
+from plant.world_types import World
+from protocol.outcome import Outcome
+from protocol.reasons import Reason
+from study.report.drives import Drive, Pose
+from study.report.trials import Trials, trials_of
+from study.rows import SCHEMA, Row, table_of
+from study.trial import Trial
+from tests.unit.study.made import floor
+
+USUAL: dict[str, Any] = {
+    "study": "test",
+    "world": "box_1_000",
+    "world_source": "corpus:box:1:0",
+    "family": "box",
+    "navigator": "vgm_memory",
+    "side": "left",
+    "seed": 0,
+    "noise": "default",
+    "timeout_s": 300.0,
+    "parameters": "{}",
+    "calibrated": False,
+    "outcome": "reached",
+    "reason": "none",
+    "goal_state": 5,
+    "goal_reason": 0,
+    "time_s": 30.0,
+    "path_m": 5.5,
+    "shortest_path_m": 5.0,
+    "reachable": True,
+    "position_error_m": 0.05,
+    "heading_error_rad": 0.02,
+    "estimated_position_error_m": 0.04,
+    "min_clearance_m": 0.1,
+    "mean_clearance_m": 0.6,
+    "contacts": 0,
+    "own_contacts": 0,
+    "ticks": 600,
+    "wall_s": 0.5,
+    "cpu_s": 0.4,
+    "true_x_m": 5.0,
+    "true_y_m": 2.0,
+    "true_heading_rad": 0.0,
+    "x_m": 5.0,
+    "y_m": 2.0,
+    "heading_rad": 0.0,
+    "cov_xx_m2": 0.01,
+    "cov_xy_m2": 0.0,
+    "cov_yy_m2": 0.01,
+    "cov_hh_rad2": 0.001,
+    "mahalanobis2": 1.0,
+    "turned_rad": 3.0,
+    "side_changes": 0,
+    "avoidances": 1,
+    "ticks_to_goal": 400,
+    "ticks_passing_left": 100,
+    "ticks_passing_right": 80,
+    "ticks_aligning": 20,
+    "commit": "c0ffee",
+    "dirty": False,
+    "version": "0.1.0",
+    "python": "3.11.0",
+    "numpy": "2.0.0",
+    "pymunk": "7.0.0",
+    "platform": "Linux",
+    "machine": "a processor",
+    "started_utc": "2026-01-01T00:00:00+00:00",
+}
+
+
+def row(**changes: Any) -> Row:
+    """An arrival as it should be, but for the changes; its identity is that of its contents."""
+    fields = {**USUAL, **changes}
+    mark = sha256(repr(sorted(fields.items())).encode()).hexdigest()
+    fields.setdefault("world_digest", sha256(fields["world"].encode()).hexdigest())
+    return Row(**{"trial_id": mark[:32], "digest": mark, **fields})
+
+
+STUCK: dict[str, Any] = {"outcome": "stuck", "reason": "has come no closer for too long"}
+GAVE_UP: dict[str, Any] = {
+    "outcome": "stuck",
+    "reason": "went all the way round: unreachable",
+    "goal_reason": int(Reason.UNREACHABLE),
+}
+COLLIDED: dict[str, Any] = {"outcome": "collided", "contacts": 1, "own_contacts": 1}
+SHUT: dict[str, Any] = {
+    "world": "unreachable_1_000",
+    "family": "unreachable",
+    "reachable": False,
+    "world_source": "corpus:unreachable:1:0",
+    "shortest_path_m": None,
+}
+
+
+def trials(*rows: Row) -> Trials:
+    return trials_of(table_of(list(rows)))
+
+
+def study(
+    navigators: Sequence[str] = ("bug", "vgm", "vgm_memory"),
+    noises: Sequence[str] = ("none", "default"),
+    failing: bool = True,
+) -> pa.Table:
+    """Ten worlds of five families and one without a way; vgm and bug fail where told."""
+    rows: list[Row] = []
+    families = ("box", "corner", "u_trap", "forest_dense", "moving")
+    for navigator, noise, (place, family), number in product(
+        navigators, noises, enumerate(families), range(2)
+    ):
+        bad = failing and navigator != "vgm_memory" and (place + number) % 3 == 0
+        ending = (STUCK, COLLIDED, GAVE_UP)[place % 3] if bad else {}
+        name, source = f"{family}_1_{number:03d}", f"corpus:{family}:1:{number}"
+        asked = {"navigator": navigator, "noise": noise, "world": name, "family": family}
+        path_m = 5.2 + 0.1 * place + 0.3 * len(navigator)
+        rows.append(row(**{**asked, "world_source": source, "path_m": path_m, **ending}))
+    rows += [
+        row(**{"navigator": navigator, "noise": noise, **SHUT, **GAVE_UP})
+        for navigator, noise in product(navigators, noises)
+    ]
+    return table_of(rows)
+
+
+def without_values(table: pa.Table) -> pa.Table:
+    """Every column that need not say anything says nothing; floats are NaN."""
+    nulls = {"shortest_path_m", "reachable", "heading_error_rad"}
+    columns = {}
+    for field in SCHEMA:
+        values = table.column(field.name)
+        if field.name in nulls:
+            values = pa.nulls(table.num_rows, field.type)
+        elif pa.types.is_floating(field.type):
+            values = pa.array([float("nan")] * table.num_rows, field.type)
+        columns[field.name] = values
+    return pa.table(columns)
+
+
+def drive(
+    path: Sequence[Pose],
+    branches: Sequence[int] | None = None,
+    *,
+    world: World | None = None,
+    outcome: str = "reached",
+    contacts: int = 0,
+    **asked: Any,
+) -> Drive:
+    """A drive along these poses, believed as they are."""
+    place = world or floor(far_m=2.0)
+    trial = Trial(world=place, **{"navigator": "vgm", "noise": "none", **asked})
+    way_m = sum(abs(complex(b[0] - a[0], b[1] - a[1])) for a, b in pairwise(path))
+    ended = Outcome(
+        world=place.name,
+        navigator=trial.navigator,
+        seed=trial.seed,
+        noise=str(trial.noise),
+        wall_s=0.1,
+        outcome=outcome,
+        reason="none",
+        time_s=10.0,
+        path_m=way_m,
+        shortest_path_m=place.shortest_path_m,
+        position_error_m=0.0,
+        heading_error_rad=None,
+        estimated_position_error_m=0.0,
+        min_clearance_m=0.2,
+        contacts=contacts,
+        own_contacts=contacts,
+        ticks=len(path),
+        missed_ticks=0,
+        digest="d1",
+    )
+    return Drive(
+        trial=trial,
+        outcome=ended,
+        true=tuple(path),
+        believed=tuple(path),
+        branches=tuple(branches or [1] * len(path)),
+        covariance=(0.01, 0.0, 0.04),
+    )

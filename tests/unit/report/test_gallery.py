@@ -1,0 +1,136 @@
+"""Failures: which are chosen, that they are run again, and how a reader repeats them."""
+
+import pytest
+
+from plant.world_file import WorldError, load
+from plant.world_problems import Problem
+from plant.world_types import World
+from protocol.errors import UserError
+from study.one import trial_of
+from study.report.gallery import chosen, command_of, gallery, kind_of, varied
+from study.report.page import Gallery, Text
+from study.report.trials import distinct, trials_of
+from study.rows import Row, table_of
+from study.trial import run_trial
+from tests.unit.report.made import COLLIDED, GAVE_UP, SHUT, STUCK, row, study
+from tests.unit.study.made import floor
+
+
+def a_world(source: str) -> World:
+    return floor()
+
+
+def picked(*rows: Row, most: int = 6) -> list[str]:
+    table = table_of(list(rows))
+    return [one.row.world for one in chosen(table, distinct(trials_of(table)), most)]
+
+
+def test_only_failures_are_chosen_and_no_more_than_wanted() -> None:
+    assert picked(row(), row(world="b", **STUCK), row(world="c", family="maze", **STUCK)) == [
+        *("b", "c"),
+    ]
+    assert picked(row(world="b", **STUCK), row(world="c", family="f", **STUCK), most=1) == ["b"]
+    assert picked(row(**{**SHUT, **GAVE_UP}), row()) == []
+
+
+def test_each_kind_and_each_family_has_its_turn_before_any_comes_twice() -> None:
+    rows = [row(seed=seed, family="maze", **STUCK) for seed in range(50)]
+    rows += [row(family="box", **STUCK), row(family="disc", **COLLIDED), row(**GAVE_UP)]
+    rows += [row(family="disc", outcome="timeout")]
+    found = varied(rows, 5)
+    assert {kind_of(one) for one in found} == {
+        *("stuck", "collided", "called unreachable", "timeout"),
+    }
+    assert {one.family for one in found} == {"maze", "box", "disc"}
+    assert found == varied(rows[::-1], 5)
+
+
+def test_kinds_are_what_went_wrong() -> None:
+    assert kind_of(row(contacts=1)) == "was run into"
+    assert kind_of(row(**{**SHUT, **STUCK})) == "stuck"
+    assert kind_of(row(**SHUT)) == "reached"
+
+
+def test_trials_that_could_not_be_run_are_not_drawn() -> None:
+    assert picked(row(outcome="failed", digest="")) == []
+
+
+def test_a_failure_is_drawn_with_its_identity_and_command() -> None:
+    table = study(("bug", "vgm"))
+    section = gallery(chosen(table, distinct(trials_of(table)), 2), a_world, 1)
+    assert [part.title for part in section.parts] == ["bug", "vgm"]
+    (some,) = section.parts[0].blocks
+    assert isinstance(some, Gallery)
+    assert len(some.figures) == 2
+    for figure in some.figures:
+        assert "trial `" in figure.note
+        assert "This is not the recorded drive" in figure.note
+        assert figure.code.startswith("sidestep worlds generate --family ")
+
+
+def test_a_recorded_drive_that_comes_out_the_same_is_not_doubted() -> None:
+    failing = row(outcome="stuck", timeout_s=1.0, world="floor", noise="none")
+    digest = run_trial(trial_of(failing, floor())).digest
+    table = table_of([row(outcome="stuck", timeout_s=1.0, noise="none", digest=digest)])
+    section = gallery(chosen(table, trials_of(table), 1), a_world, 1)
+    (some,) = section.parts[0].blocks
+    assert isinstance(some, Gallery)
+    assert "recorded" not in some.figures[0].note
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        UserError("world_source: unknown"),
+        WorldError([Problem("gone.toml", None, "", "not there", "look")]),
+        ValueError("no family"),
+    ],
+)
+def test_a_world_that_is_gone_is_named_and_the_others_drawn(error: Exception) -> None:
+    def some_worlds(source: str) -> World:
+        if "u_trap" in source:
+            raise error
+        return floor()
+
+    table = study(("vgm",))
+    section = gallery(chosen(table, distinct(trials_of(table)), 6), some_worlds, 1)
+    lost = section.blocks[1]
+    assert isinstance(lost, Text)
+    assert lost.words.startswith("Could not be run again: `")
+    assert len(section.parts) == 1
+
+
+def test_without_failures_the_gallery_says_so() -> None:
+    section = gallery([], a_world, 1)
+    assert section.parts == ()
+    assert section.blocks == (Text("No trial failed, or none was kept."),)
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("shipped:box", "sidestep trial --world box --navigator"),
+        ("fixed:box_1_000", "sidestep trial --world plant/corpus/fixed/box_1_000.toml"),
+        ("kept:ab-mine.toml", "sidestep trial --world STUDY/worlds/ab-mine.toml"),
+        (
+            "corpus:maze:1:7",
+            "sidestep worlds generate --family maze --per-family 8 --seed 1 --out worlds\n"
+            "sidestep trial --world worlds/maze_1_007.toml",
+        ),
+    ],
+)
+def test_the_command_names_the_world_wherever_it_comes_from(source: str, words: str) -> None:
+    asked = row(world_source=source, navigator="bug", side="right", seed=4, noise="harsh")
+    command = command_of(asked)
+    assert command.startswith(words)
+    assert command.endswith("--navigator bug --side right --seed 4 --noise harsh --timeout 300")
+
+
+def test_the_command_says_parameters_to_the_last_bit() -> None:
+    assert command_of(row(parameters='{"d_obs_m": 0.1234567890123}')).endswith(
+        " --param d_obs_m=0.1234567890123"
+    )
+
+
+def test_shipped_worlds_can_be_loaded_by_the_name_in_the_command() -> None:
+    assert load(command_of(row(world_source="shipped:u_trap")).split()[3]).name == "u_trap"

@@ -1,0 +1,227 @@
+"""The whole report: one page that needs nothing else, and sensible for every study there may be."""
+
+import json
+import re
+import xml.etree.ElementTree as xml
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+
+from plant.world_types import World
+from protocol.errors import UserError
+from study.report import Asked, write
+from study.report.cli import command_of, main
+from study.report.html import html
+from study.report.markdown import markdown
+from study.report.page import Cell, Code, Figure, Items, Page, Section, Table, Text
+from study.report.paper_runs import Runs
+from study.report.svg import Drawing
+from study.rows import SCHEMA, table_of
+from study.store import compact, write_table
+from tests.unit.report.made import STUCK, drive, row, study, without_values
+from tests.unit.study.made import floor
+
+VOID = {"meta", "rect", "line", "circle", "polyline", "polygon", "ellipse", "br"}
+SECTIONS = [
+    *("Summary", "Figures to reach", "Families of worlds", "Comparisons in pairs", "Final pose"),
+    *("Length of the way", "Decisions and behaviour", "The paper's figures and claims"),
+    *("Failures", "How to read this"),
+]
+WAY = [(1.0, 1.0, 0.0), (2.0, 1.5, 0.0), (3.0, 1.0, 0.0)]
+RUNS = Runs(
+    tuple(drive(WAY, navigator=name, seed=seed) for name in ("bug", "vgm") for seed in (0, 1))
+)
+
+
+def a_world(source: str) -> World:
+    return floor()
+
+
+ASKED = Asked(command="sidestep study --seeds 3", runs=RUNS, world_of=a_world, failures=2)
+
+
+class Checker(HTMLParser):
+    """Every tag closed in turn, nothing from elsewhere, every drawing with a title."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.titles: list[str] = []
+        self.attributes: list[tuple[str, str | None]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes += attrs
+        if tag == "title":
+            self.titles.append(self.open[-1])
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes += attrs
+
+
+def checked(page: str) -> Checker:
+    checker = Checker()
+    checker.feed(page)
+    assert checker.open == []
+    assert {name for name, _ in checker.attributes}.isdisjoint({"src", "onload", "onclick"})
+    links = [value for name, value in checker.attributes if name == "href"]
+    assert all(value and value.startswith("#") for value in links)
+    assert checker.titles.count("svg") == page.count("<svg ")
+    assert "http" not in page.replace("http-equiv", "")
+    assert "@import" not in page
+    return checker
+
+
+def written(table: pa.Table, directory: Path, asked: Asked = ASKED) -> str:
+    """The HTML page, after what must hold of every report."""
+    files = write(table, directory, asked)
+    assert all(file.exists() for file in files)
+    page = (directory / "report.html").read_text()
+    checked(page)
+    text = (directory / "report.md").read_text()
+    pictures = re.findall(r"!\[.+\]\((\S+)\)", text)
+    assert len(pictures) == len(set(pictures)) == page.count("<svg ")
+    for picture in pictures:
+        xml.fromstring((directory / picture).read_text())
+    assert not re.search(r"\b(nan|inf|None)\b", re.sub(r"<style>.*?</style>", "", page))
+    for lines in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
+        rows = lines.splitlines()
+        assert len({len(re.findall(r"(?<!\\)\|", one)) for one in rows}) == 1
+    json.loads((directory / "summary.json").read_text())
+    return page
+
+
+def headings(page: str) -> list[str]:
+    return re.findall(r"<h2>(.*?)</h2>", page)
+
+
+def test_a_report_has_every_section(tmp_path: Path) -> None:
+    page = written(study(), tmp_path)
+    assert headings(page) == SECTIONS
+    assert "sidestep study --seeds 3" in page
+    assert "66 trials in 11 worlds of 6 families" in page
+    assert "<h3>vgm</h3>" in page
+
+
+def test_equal_tables_give_equal_bytes(tmp_path: Path) -> None:
+    for name in "ab":
+        write(study(), tmp_path / name, ASKED)
+    files = sorted(file.relative_to(tmp_path / "a") for file in (tmp_path / "a").rglob("*.*"))
+    assert len(files) > 8
+    for file in files:
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+
+
+def test_an_empty_study_says_that_there_is_nothing(tmp_path: Path) -> None:
+    page = written(SCHEMA.empty_table(), tmp_path, Asked())
+    assert "There is no trial in this study" in page
+    assert headings(page) == ["The paper's figures and claims"]
+    assert "They were not run again for this report." in page
+
+
+def test_one_navigator_alone_is_compared_with_nobody(tmp_path: Path) -> None:
+    page = written(study(("vgm_memory",)), tmp_path)
+    assert headings(page) == SECTIONS
+    assert "No two navigators drove in the same worlds" in page
+
+
+def test_without_failures_nothing_is_drawn_among_them(tmp_path: Path) -> None:
+    page = written(study(failing=False), tmp_path)
+    assert "No trial failed, or none was kept." in page
+
+
+def test_noise_that_was_not_run_is_not_measured(tmp_path: Path) -> None:
+    page = written(study(noises=("harsh",)), tmp_path)
+    assert headings(page) == SECTIONS
+    assert "not measured" in page
+
+
+def test_a_study_in_which_nothing_is_known_is_reported_with_dashes(tmp_path: Path) -> None:
+    assert headings(written(without_values(study()), tmp_path)) == SECTIONS
+
+
+def test_trials_that_failed_are_counted_and_told(tmp_path: Path) -> None:
+    failed = row(outcome="failed", digest="", reason="ValueError: no", navigator="vgm")
+    page = written(table_of([row(), failed]), tmp_path)
+    assert "1 trials could not be run" in page
+
+
+def test_names_that_look_like_markup_are_only_names(tmp_path: Path) -> None:
+    odd = row(world="<b>|&amp;", family="a|b<i>", navigator="<script>", **STUCK)
+    page = written(table_of([odd]), tmp_path)
+    assert "<script>" not in page
+
+
+def test_pictures_of_an_earlier_report_are_removed(tmp_path: Path) -> None:
+    write(study(), tmp_path, ASKED)
+    before = {file.name for file in (tmp_path / "figures").iterdir()}
+    write(study(failing=False), tmp_path, ASKED)
+    after = {file.name for file in (tmp_path / "figures").iterdir()}
+    assert "failure-01.svg" in before
+    assert "failure-01.svg" not in after
+    assert after < before
+
+
+def test_a_directory_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="file"):
+        write(study(), tmp_path / "file", ASKED)
+
+
+def test_the_command_line_reports_a_study_and_renews_a_readme(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_table(tmp_path / "results.parquet", study())
+    readme = tmp_path / "README.md"
+    readme.write_text("<!-- study:begin -->\n<!-- study:end -->\n")
+    asked = ["--output", str(tmp_path / "out"), "--readme", str(readme), "--failures", "0"]
+    assert main([str(tmp_path), *asked, "--without-paper", "--jobs", "1"]) == 0
+    assert (tmp_path / "out" / "report.html").exists()
+    assert "| vgm_memory |" in readme.read_text()
+    assert "report.html" in capsys.readouterr().out
+
+
+def test_the_command_that_made_a_study_is_read_from_its_results(tmp_path: Path) -> None:
+    assert command_of(tmp_path) == ""
+    compact(tmp_path, study(), {"command": "sidestep study --quick"})
+    assert command_of(tmp_path) == "sidestep study --quick"
+    (tmp_path / "results.parquet").write_bytes(b"no parquet")
+    assert command_of(tmp_path) == ""
+
+
+@pytest.mark.parametrize("wrong", [["--failures", "99"], ["--jobs", "0"], ["--jobs", "x"], []])
+def test_wrong_usage_ends_with_two(wrong: list[str], tmp_path: Path) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path), *wrong] if wrong else [])
+    assert ended.value.code == 2
+
+
+def test_a_directory_without_results_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="holds no results"):
+        main([str(tmp_path), "--without-paper"])
+
+
+def test_every_block_has_its_form_in_both() -> None:
+    drawing = Drawing(10, 10, "says [so]")
+    table = Table("cap|tion", ("a", "b"), (("x|y", Cell("**1**", "good", 0.9)),))
+    figure = Figure("one", drawing, "caption", "note", "command")
+    blocks = (Text("`c` & **s**"), Items(("one", "two")), Code("a < b"), table, figure)
+    page = Page("T & U", (Text("lead"),), (Section("S one", blocks),))
+    made = html(page)
+    checked(made)
+    assert "<code>c</code> &amp; <strong>s</strong>" in made
+    assert "<li>one</li><li>two</li>" in made
+    assert "a &lt; b" in made
+    assert "background:rgba(var(--cool),0.40)" in made
+    assert '<a href="#s-one">' in made
+    text = markdown(page, "f")
+    assert "![says (so)](f/one.svg)" in text
+    assert "| x\\|y | **1** |" in text
+    assert "- one\n- two" in text
+    assert "```sh\na < b\n```" in text

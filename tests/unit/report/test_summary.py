@@ -1,0 +1,107 @@
+"""Navigator by noise, and the README's table that is made of it."""
+
+import json
+from math import inf, nan
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.errors import UserError
+from study.report import summary_table
+from study.report.build import Asked
+from study.report.files import summary_of
+from study.report.readme import BEGIN, END, block, update, with_block
+from study.report.summary import HEAD, as_json, summaries
+from study.report.words import interval, number, percent, probability, share
+from study.rows import SCHEMA, table_of
+from study.statistics import Interval, Share
+from tests.unit.report.made import COLLIDED, GAVE_UP, SHUT, row, study, trials
+
+ROOT = Path(__file__).parents[3]
+SUMMARY = ROOT / "docs" / "study" / "summary.json"
+
+
+def test_success_is_of_worlds_with_a_way_and_recognition_of_those_without() -> None:
+    (found,) = summaries(trials(row(), row(**COLLIDED), row(**GAVE_UP), row(**{**SHUT, **GAVE_UP})))
+    assert (found.success, found.recognised) == (Share(1, 3), Share(1, 1))
+    assert (found.wronged, found.touched) == (Share(1, 3), Share(1, 4))
+    assert (found.contacts, found.own_contacts, found.worlds) == (1, 1, 2)
+
+
+def test_every_navigator_has_a_row_for_every_noise_it_drove_in() -> None:
+    found = as_json(summaries(trials(row(), row(noise="harsh"), row(navigator="bug"))))
+    assert [(one["navigator"], one["noise"]) for one in found] == [
+        ("bug", "default"),
+        ("vgm_memory", "default"),
+        ("vgm_memory", "harsh"),
+    ]
+    assert all(tuple(one) == HEAD for one in found)
+
+
+def test_the_readme_table_has_a_column_per_noise_and_a_dash_where_nobody_drove() -> None:
+    lines = summary_table(
+        table_of([row(), row(noise="none", navigator="bug"), row(navigator="bug", **COLLIDED)])
+    ).splitlines()
+    assert lines[0].startswith("| navigator | success %, none | success %, default | touched")
+    assert lines[2].startswith("| bug | 100.0 [20.7, 100.0] | 0.0 [0.0, 79.3] | 100.00 |")
+    assert lines[3].startswith("| vgm_memory | - | 100.0 [20.7, 100.0] | 0.00 | 1.10 (1.10) |")
+
+
+def test_a_readme_table_of_nothing_is_a_head() -> None:
+    assert len(summary_table(SCHEMA.empty_table()).splitlines()) == 2
+
+
+def test_the_block_replaces_what_stood_between_the_markers_and_nothing_else() -> None:
+    page = f"# A\n\n{BEGIN}\nold\n{END}\n\nrest\n"
+    once = with_block(page, "new")
+    assert once == f"# A\n\n{BEGIN}\n\nnew\n\n{END}\n\nrest\n"
+    assert with_block(once, "new") == once
+
+
+@pytest.mark.parametrize("page", ["# A\n", f"{END}\n{BEGIN}\n", f"{BEGIN}\n"])
+def test_a_readme_without_the_markers_is_refused_by_name(page: str) -> None:
+    with pytest.raises(UserError, match=r"R\.md: has no <!-- study:begin -->"):
+        with_block(page, "new", "R.md")
+
+
+def test_updating_reads_the_summary_and_writes_the_block(tmp_path: Path) -> None:
+    readme, summary = tmp_path / "README.md", tmp_path / "summary.json"
+    readme.write_text(f"{BEGIN}\n{END}\n")
+    summary.write_text(json.dumps(summary_of(study(), Asked())))
+    update(readme, summary)
+    assert "66 trials in 11 worlds of 6 families" in readme.read_text()
+    summary.unlink()
+    with pytest.raises(UserError, match=r"summary\.json: No such file"):
+        update(readme, summary)
+
+
+def test_the_readme_says_what_the_committed_study_says() -> None:
+    found = json.loads(SUMMARY.read_text(encoding="utf-8"))
+    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert with_block(page, block(found)) == page, "sidestep study report ... --readme README.md"
+
+
+def test_what_was_committed_of_the_study_is_small() -> None:
+    files = [file for file in SUMMARY.parent.rglob("*") if file.is_file()]
+    assert sum(file.stat().st_size for file in files) < 3_000_000
+
+
+@pytest.mark.parametrize(
+    ("rate", "text"),
+    [(0.9999, ">99.9"), (1.0, "100.0"), (0.0001, "<0.1"), (0.0, "0.0"), (nan, "-"), (0.5, "50.0")],
+)
+def test_a_percentage_is_never_rounded_to_all_or_nothing(rate: float, text: str) -> None:
+    assert percent(rate) == text
+
+
+@given(st.floats(), st.floats())
+def test_every_number_can_be_written(value: float, other: float) -> None:
+    for text in (number(value), interval(Interval(value, other)), probability(abs(value))):
+        assert text
+        assert "inf" not in text.replace("< ", "") or abs(value) == inf
+
+
+def test_a_share_of_nothing_is_a_dash() -> None:
+    assert share(Share(0, 0)) == "-"
