@@ -15,7 +15,7 @@ FREE, BLOCKED = ".", "@"
 def grid_maze(random: Random) -> str:
     """Corridors one or two cells wide, walls one, with no loop or a few."""
     wide = random.randint(1, 2)
-    columns, rows = (_side(random) // (wide + 1) for _ in range(2))
+    columns, rows = (_count(random, wide + 1) for _ in range(2))
     doors = carved(random, columns, rows, random.choice((0.0, 0.05)))
     grid = _blocked((wide + 1) * columns + 1, (wide + 1) * rows + 1)
     for row in range(rows):
@@ -31,7 +31,7 @@ def grid_maze(random: Random) -> str:
 def grid_rooms(random: Random) -> str:
     """Rooms of 3 to 7 cells a side with doors of one cell."""
     side = random.randint(3, 7)
-    columns, rows = (max(2, _side(random) // (side + 1)) for _ in range(2))
+    columns, rows = (_count(random, side + 1) for _ in range(2))
     doors = carved(random, columns, rows, 0.3)
     grid = _blocked((side + 1) * columns + 1, (side + 1) * rows + 1)
     for row in range(rows):
@@ -64,6 +64,11 @@ MAPS: Final[Mapping[str, Callable[[Random], str]]] = {
 
 def _side(random: Random) -> int:
     return random.randint(FEWEST_CELLS, MOST_CELLS)
+
+
+def _count(random: Random, pitch: int) -> int:
+    """So many times the pitch, and a last wall, make a side."""
+    return random.randint(-(-(FEWEST_CELLS - 1) // pitch), (MOST_CELLS - 1) // pitch)
 
 
 def _blocked(columns: int, rows: int) -> list[list[str]]:

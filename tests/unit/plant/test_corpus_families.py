@@ -1,0 +1,141 @@
+"""What each family of worlds looks like."""
+
+from itertools import combinations, pairwise
+from math import dist, isclose, pi
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plant.body import Body
+from plant.corpus import GRID_FAMILIES, generate
+from plant.corpus.buildings import Plan, carved, neighbours, wall_lines
+from plant.corpus.draft import Frame
+from plant.corpus.forests import LEAST_PASSAGE_M
+from plant.corpus.grids import MAPS
+from plant.imports.cells import labelled
+from plant.imports.moving_ai import parse_map
+from plant.world_types import Circle, Polyline, World
+
+SOME = range(8)
+
+
+def walls_of(world: World) -> list[Polyline]:
+    return [one for one in world.obstacles if isinstance(one, Polyline)]
+
+
+@given(st.floats(-pi, pi), st.floats(-3, 3), st.floats(-3, 3), st.sampled_from((-1, 1)))
+def test_a_frame_turns_and_mirrors_but_keeps_distances(
+    angle_rad: float, along_m: float, left_m: float, hand: int
+) -> None:
+    frame = Frame((1.0, 2.0), angle_rad, hand)
+    assert isclose(
+        dist(frame.point(0.0, 0.0), frame.point(along_m, left_m)),
+        dist((0.0, 0.0), (along_m, left_m)),
+        abs_tol=0.002,
+    )
+
+
+def test_traps_have_many_sizes_and_are_open_towards_the_start() -> None:
+    for index in SOME:
+        world = generate("u_trap", index, 5)
+        (trap,) = walls_of(world)
+        near_left, far_left, far_right, near_right = trap.points_m
+        start = (world.start.x_m, world.start.y_m)
+        goal = (world.goal.x_m, world.goal.y_m)
+        assert 0.59 <= dist(far_left, far_right) <= 2.01
+        assert 0.59 <= dist(near_left, far_left) <= 1.61
+        assert isclose(dist(near_left, far_left), dist(near_right, far_right), abs_tol=0.01)
+        assert dist(start, goal) > 1.0
+
+
+def test_a_door_is_wide_enough_and_the_only_way_through_its_wall() -> None:
+    for index in SOME:
+        world = generate("door", index, 5)
+        walls = walls_of(world)
+        for left, right in zip(walls[::2], walls[1::2], strict=True):
+            gap_m = dist(left.points_m[0], right.points_m[0]) - left.thickness_m
+            assert 0.399 <= gap_m <= 0.601
+            for wall in (left, right):
+                x_m, y_m = wall.points_m[1]
+                assert not (0.0 <= x_m <= world.size_m[0] and 0.0 <= y_m <= world.size_m[1])
+
+
+@pytest.mark.parametrize(
+    ("family", "low_m2", "high_m2"),
+    [
+        ("forest_sparse", 0.2, 0.5),
+        ("forest_medium", 0.55, 0.9),
+        ("forest_dense", 1.0, 1.35),
+    ],
+)
+def test_a_forest_has_its_density_and_a_passage_between_any_two_trunks(
+    family: str, low_m2: float, high_m2: float
+) -> None:
+    for index in SOME:
+        world = generate(family, index, 5)
+        trunks = [one for one in world.obstacles if isinstance(one, Circle)]
+        assert low_m2 < len(trunks) / (world.size_m[0] * world.size_m[1]) < high_m2
+        gaps_m = (
+            dist((a.x_m, a.y_m), (b.x_m, b.y_m)) - a.radius_m - b.radius_m
+            for a, b in combinations(trunks, 2)
+        )
+        assert min(gaps_m) >= LEAST_PASSAGE_M > 2.0 * Body().radius_m
+
+
+def test_a_spiral_winds_and_its_arms_leave_the_robot_room() -> None:
+    for index in SOME:
+        (wall,) = walls_of(generate("spiral", index, 5))
+        legs_m = [dist(a, b) for a, b in pairwise(wall.points_m)]
+        assert 4 <= len(legs_m) <= 9
+        assert all(b > 0.99 * a for a, b in pairwise(legs_m))
+        assert legs_m[0] - wall.thickness_m > 2.0 * Body().radius_m + 0.1
+
+
+@given(st.integers(1, 7), st.integers(1, 7), st.integers(0, 1000))
+def test_a_carved_building_joins_all_cells_and_without_loops_only_just(
+    columns: int, rows: int, seed: int
+) -> None:
+    doors = carved(Random(seed), columns, rows, 0.0)
+    assert len(doors) == columns * rows - 1
+    reached, todo = {(0, 0)}, [(0, 0)]
+    while todo:
+        here = todo.pop()
+        for there in neighbours(here, columns, rows):
+            if frozenset((here, there)) in doors and there not in reached:
+                reached.add(there)
+                todo.append(there)
+    assert len(reached) == columns * rows
+
+
+@given(st.integers(2, 7), st.integers(2, 7), st.integers(0, 1000))
+def test_the_walls_of_a_maze_are_as_long_as_all_borders_that_are_shut(
+    columns: int, rows: int, seed: int
+) -> None:
+    doors = carved(Random(seed), columns, rows, 0.1)
+    borders = columns * (rows - 1) + rows * (columns - 1)
+    lines = wall_lines(Plan(columns, rows, (1.0, 1.0), doors))
+    assert isclose(sum(dist(a, b) for a, b in lines), borders - len(doors))
+    assert len(lines) <= borders - len(doors)
+
+
+@pytest.mark.parametrize("family", GRID_FAMILIES)
+@pytest.mark.parametrize("seed", SOME)
+def test_a_grid_map_is_a_map_of_the_right_size(family: str, seed: int) -> None:
+    cells = parse_map(MAPS[family](Random(seed)), "test.map", 0.4)
+    assert 20 <= min(cells.rows, cells.columns) <= max(cells.rows, cells.columns) <= 32
+    share = cells.blocked.mean()
+    assert (0.09 < share < 0.36) if family == "grid_random" else 0.1 < share < 0.8
+    if family != "grid_random":
+        assert labelled(~cells.blocked).max() == 1
+
+
+@pytest.mark.parametrize("family", GRID_FAMILIES)
+def test_a_grid_world_has_a_way(family: str) -> None:
+    for index in range(3):
+        world = generate(family, index, 9)
+        start, goal = (world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m)
+        assert world.reachable
+        assert world.shortest_path_m is not None
+        assert world.shortest_path_m > dist(start, goal) - 1e-3 > 1.0
