@@ -1,0 +1,56 @@
+"""A row can be traced to the code that made it; what no trial runs is not part of that."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from study.provenance import ROOT, code, code_digest, machine
+from tests.unit.study.made import CODE
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    for name in ("robot/core/brain.py", "plant/plant.py", "protocol/calibrations/none.toml"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_text(name)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "name", ["robot/core/brain.py", "plant/new.py", "protocol/calibrations/none.toml"]
+)
+def test_what_decides_a_trial_changes_the_digest(tree: Path, name: str) -> None:
+    before = code_digest(tree)
+    (tree / name).write_text("otherwise")
+    assert code_digest(tree) != before
+
+
+@pytest.mark.parametrize("name", ["README.md", "study/report.py", "plant/worlds_of_others.toml"])
+def test_what_decides_no_trial_does_not(tree: Path, name: str) -> None:
+    before = code_digest(tree)
+    (tree / name).parent.mkdir(exist_ok=True)
+    (tree / name).write_text("otherwise")
+    assert code_digest(tree) == before
+
+
+def test_moving_a_line_from_one_file_to_another_is_a_change(tree: Path) -> None:
+    (tree / "plant/a.py").write_text("x")
+    (tree / "plant/b.py").write_text("")
+    before = code_digest(tree)
+    (tree / "plant/a.py").write_text("")
+    (tree / "plant/b.py").write_text("x")
+    assert code_digest(tree) != before
+
+
+def test_the_commit_is_that_of_the_checkout() -> None:
+    answer = subprocess.run(
+        ["git", "-C", str(ROOT), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+    )
+    assert code().commit == (answer.stdout.strip() or "unknown")
+    assert len(code().digest) == len(CODE.digest) * 32
+
+
+def test_of_the_machine_everything_is_known() -> None:
+    assert "unknown" not in machine()
+    assert all(machine())

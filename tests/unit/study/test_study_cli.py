@@ -1,0 +1,162 @@
+"""`sidestep study` from its command line: what is refused, what is run, what goes on."""
+
+import importlib.util
+import json
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+import sidestep
+from study import study_cli, study_run
+from study.rows import rows_of
+from study.store import RESULTS, SHARDS, read, write_shard
+from study.study_options import parser
+from tests.unit.study.made import ids, rows, spoil
+
+SMALL = ("--worlds", "open", "--noise", "none", "default", "--navigators", "vgm", "--jobs", "1")
+
+
+def study(place: Path, *words: str, small: tuple[str, ...] = SMALL) -> int:
+    """Its exit code."""
+    return sidestep.main(["study", *small, "--no-report", "--output", str(place), *words])
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> Any:
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_study_writes_results_with_what_made_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert study(tmp_path / "s", "--json") == 0
+    summary = said(capsys)
+    assert (summary["trials"], summary["outcomes"]) == (2, {"reached": 2})
+    metadata = pq.read_schema(tmp_path / "s" / RESULTS).metadata
+    assert b"sidestep study --worlds open" in metadata[b"sidestep.command"]
+    assert json.loads(metadata[b"sidestep.settings"])["noise"] == ["none", "default"]
+    assert list((tmp_path / "s" / SHARDS).iterdir()) == []
+    assert set(read(tmp_path / "s")["study"].to_pylist()) == {"s"}
+
+
+def test_the_same_again_runs_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study(tmp_path)
+    before = read(tmp_path)
+    capsys.readouterr()
+    assert study(tmp_path, "--json") == 0
+    assert said(capsys)["run_now"] == 0
+    assert read(tmp_path).equals(before)
+
+
+def test_a_shard_that_was_spoilt_is_told_and_only_its_trials_run_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study(tmp_path)
+    whole = read(tmp_path)
+    (tmp_path / RESULTS).unlink()
+    write_shard(tmp_path, rows_of(whole.slice(0, 1)))
+    bad = write_shard(tmp_path, rows_of(whole.slice(1, 1)))
+    spoil(bad)
+    capsys.readouterr()
+    assert study(tmp_path, "--json") == 0
+    told = capsys.readouterr()
+    assert f"{bad}: cannot be read" in told.err
+    assert json.loads(told.out)["run_now"] == 1
+    assert ids(read(tmp_path)) == ids(whole)
+    assert read(tmp_path)["digest"].equals(whole["digest"])
+
+
+def test_more_seeds_in_the_same_place_need_a_word(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study(tmp_path)
+    assert study(tmp_path, "--seeds", "2") == 2
+    assert "seeds was 1, is 2" in capsys.readouterr().err
+    assert study(tmp_path, "--seeds", "2", "--mixed", "--json") == 0
+    told = capsys.readouterr()
+    assert "--mixed: going on although seeds was 1, is 2" in told.err
+    assert json.loads(told.out)["run_now"] == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--navigators", "vmg"), "did you mean 'vgm'"),
+        (("--noise", "harch"), "did you mean 'harsh'"),
+        (("--worlds", "opne"), "did you mean 'open'"),
+        (("--families", "forests"), "no such family: 'forests'"),
+        (("--param", "d_ob_m=1"), "--param or the [robot] of world open"),
+        (("--param", "d_obs_m=1e9"), "d_obs_m"),
+        (("--worlds", "nowhere.toml"), "nowhere.toml"),
+    ],
+)
+def test_what_is_not_there_is_refused_before_anything_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
+) -> None:
+    assert study(tmp_path / "s", *words) == 2
+    assert says in capsys.readouterr().err
+    assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--seeds", "0"),
+        ("--jobs", "-1"),
+        ("--timeout", "nan"),
+        ("--timeout", "0"),
+        ("--param", "d_obs_m=inf"),
+        ("--output",),
+        ("--unheard-of",),
+    ],
+)
+def test_wrong_usage_ends_with_two(tmp_path: Path, words: tuple[str, ...]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        study(tmp_path, *words)
+    assert ended.value.code == 2
+
+
+def test_without_the_extra_it_says_how_to_get_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there = importlib.util.find_spec
+
+    def find(name: str, package: str | None = None) -> Any:
+        return None if name in study_cli.NEEDED else there(name, package)
+
+    monkeypatch.setattr(importlib.util, "find_spec", find)
+    assert sidestep.main(["study", "--quick"]) == 2
+    assert "pyarrow and matplotlib missing; pip install 'sidestep[study]'" in (
+        capsys.readouterr().err
+    )
+
+
+def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study_run, "work", stopped)
+    assert study(tmp_path) == 130
+    told = capsys.readouterr().err
+    assert "stopped; 0 of 2 trials are in" in told
+    assert f"sidestep study {' '.join(SMALL)}" in told
+
+
+def test_a_study_with_a_failed_trial_ends_with_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+
+    monkeypatch.setattr(study_run, "work", lambda *_: write_shard(tmp_path, rows(1)))
+    assert study(tmp_path) == 1
+    assert "1 failed" in capsys.readouterr().out
+
+
+def test_quick_is_all_navigators_in_the_committed_worlds() -> None:
+    options = parser().parse_args(["--quick"])
+    made = study_run.prepare(options, ["--quick"])
+    assert len(made.worlds) == 36
+    assert len(made.tasks) == 36 * 7 * 2
+    assert str(made.directory) == "study-quick"
