@@ -145,6 +145,7 @@ def command_of(row: Row) -> str:
         *("sidestep trial --world", world, "--navigator", row.navigator, "--side", row.side),
         *("--seed", str(row.seed), "--noise", row.noise, "--timeout", f"{row.timeout_s:g}"),
         *(f"--param {name}={value!r}" for name, value in parameters.items()),
+        *(() if row.calibrated else ("--uncalibrated",)),
     ]
     return before + " ".join(words)
 

@@ -27,7 +27,7 @@ USUAL: dict[str, Any] = {
     "noise": "default",
     "timeout_s": 300.0,
     "parameters": "{}",
-    "calibrated": False,
+    "calibrated": True,
     "outcome": "reached",
     "reason": "none",
     "goal_state": 5,

@@ -132,5 +132,10 @@ def test_the_command_says_parameters_to_the_last_bit() -> None:
     )
 
 
+def test_the_command_says_when_the_robot_was_not_calibrated() -> None:
+    assert command_of(row(calibrated=False)).endswith(" --uncalibrated")
+    assert "calibrated" not in command_of(row())
+
+
 def test_shipped_worlds_can_be_loaded_by_the_name_in_the_command() -> None:
     assert load(command_of(row(world_source="shipped:u_trap")).split()[3]).name == "u_trap"

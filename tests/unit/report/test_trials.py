@@ -63,12 +63,12 @@ def test_a_navigator_is_told_apart_by_what_the_study_varied() -> None:
         row(navigator="bug", side="left"),
         row(navigator="bug", side="right"),
         row(navigator="vgm"),
-        row(navigator="distbug", calibrated=True),
+        row(navigator="distbug", calibrated=False),
         row(navigator="distbug", parameters='{"d_obs_m": 0.2}'),
     )
     assert found.labels() == [
         *("bug, left", "bug, right", "vgm"),
-        *('distbug, {"d_obs_m": 0.2}, not calibrated', "distbug, {}, calibrated"),
+        *('distbug, {"d_obs_m": 0.2}, calibrated', "distbug, {}, not calibrated"),
     ]
 
 
