@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from benchmarks.core import recorded
 from benchmarks.figures import Figure, Report, percentile
-from benchmarks.hardest import STORIES, stories
+from benchmarks.hardest import STORIES, TICKS, stories
 from benchmarks.mcu import EMULATED, INSTRUCTIONS, UNSEEN, milliseconds, share_percent
 from benchmarks.memory_size import heap_bytes
 from benchmarks.scale import instructions
@@ -130,10 +130,10 @@ def weigh_drive(trial: Trial, inputs: Sequence[Inputs], weights: Weights) -> Non
         note(core, state.memory, weights)
 
 
-def hard_ticks(name: str, count: int) -> Weights:
+def hard_ticks(name: str, count: int, ticks: int = TICKS) -> Weights:
     core, weights = WeighedCore(), Weights()
     params = core["parameters"].DEFAULTS._replace(navigator=NAVIGATORS[name])
-    for state in stories(core, params, count=count):
+    for state in stories(core, params, count=count, ticks=ticks):
         note(core, state.memory, weights)
     return weights
 

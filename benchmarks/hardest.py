@@ -8,7 +8,7 @@ every tick. Its trail is full in some. A bound found by search: nobody has prove
 from collections.abc import Iterator
 from math import cos, hypot, pi, sin
 from random import Random
-from typing import Any
+from typing import Any, Protocol
 
 from benchmarks.weighed import WeighedCore
 from robot.core.geometry import BEARINGS
@@ -23,6 +23,14 @@ ROOMS_M = (0.35, 0.45, 0.6, 0.8, 1.0, 1.3)
 GOALS_M = (0.4, 0.9, 2.0, 6.0)
 MARCH_M = 0.02
 JITTER_MM = 6
+
+
+class Core(Protocol):
+    """The modules of a core by their names; `take` clears what was counted."""
+
+    def __getitem__(self, name: str) -> Any: ...
+
+    def take(self) -> object: ...
 
 
 class Body:
@@ -48,6 +56,13 @@ class Body:
     def wheels(self) -> Wheels:
         per_m = 1.0 / self.params.m_per_tick
         return Wheels(round(self.left_m * per_m), round(self.right_m * per_m), 0)
+
+    def scan(self) -> Scan:
+        range_mm = tuple([self.range_mm(i) for i in range(SONARS)])
+        return Scan(range_mm, (25, 0) * (SONARS // 2), ALL, ALL)
+
+    def range_mm(self, i: int) -> int:
+        raise NotImplementedError
 
 
 class Carried(Body):
@@ -93,7 +108,7 @@ class ShutIn(Body):
 
 
 def stories(
-    core: WeighedCore, params: Params, *, seed: int = 0, count: int = STORIES
+    core: WeighedCore, params: Params, *, seed: int = 0, count: int = STORIES, ticks: int = TICKS
 ) -> Iterator[Any]:
     """Runs them; gives the state after every tick that was driven, when its counts can be taken."""
     luck = Random(seed)
@@ -103,16 +118,14 @@ def stories(
             state.trail.xs_m.extend([50.0] * core["trail"].LIMIT)
             state.trail.ys_m.extend([50.0] * core["trail"].LIMIT)
         body = (ShutIn if number % 2 else Carried)(params, luck, number // 2)
-        yield from told(core, state, body)
+        yield from told(core, state, body, ticks)
 
 
-def told(core: WeighedCore, state: Any, body: Carried | ShutIn) -> Iterator[Any]:
+def told(core: Core, state: Any, body: Body, ticks: int = TICKS) -> Iterator[Any]:
     """One story: whenever the goal has ended there is another one."""
     modes, machine = core["modes"], state.machine
-    for tick in range(TICKS):
-        range_mm = tuple([body.range_mm(i) for i in range(SONARS)])
-        scan = Scan(range_mm, (25, 0) * (SONARS // 2), ALL, ALL)
-        inputs = Inputs(PERIOD_MS * tick, body.wheels(), scan, 0)
+    for tick in range(ticks):
+        inputs = Inputs(PERIOD_MS * tick, body.wheels(), body.scan(), 0)
         core.take()
         _, outputs = core["brain"].step(state, inputs, body.params)
         if state.driving:

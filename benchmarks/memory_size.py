@@ -58,10 +58,10 @@ def slots(thing: Any) -> tuple[str, ...]:
 
 
 def lengths(thing: Any, seen: set[int] | None = None) -> int:
-    """The items of all containers on it: grows when anything grows."""
+    """The items of all lists on it: grows when anything grows. A tuple is a value, as numbers are."""
     seen = set() if seen is None else seen
     if thing is None or isinstance(thing, bool | str | type | int | float) or id(thing) in seen:
         return 0
     seen.add(id(thing))
-    own = len(thing) if isinstance(thing, bytearray | bytes | list | tuple) else 0
+    own = len(thing) if isinstance(thing, bytearray | list) else 0
     return own + sum(lengths(part, seen) for part in parts(thing))
