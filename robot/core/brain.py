@@ -1,9 +1,10 @@
 """One control cycle, read aloud: sense, check, decide, guard. No clock, no I/O, no luck."""
 
-from robot.core import failsafe, frozen, guard, pursuit, reasons, states
+from robot.core import closing, failsafe, frozen, guard, pursuit, reasons, states
 from robot.core import machine as machines
 from robot.core import odometry as odometries
 from robot.core import ring as rings
+from robot.core import slip as slips
 from robot.core import stall as stalls
 from robot.core import trail as trails
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY
@@ -49,10 +50,13 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
     odometries.update(odometry, wheels, now_ms, params)
     turned_rad = wrap(odometry.pose.heading_rad - heading_rad)
     rings.update(state.ring, scan, now_ms, params)
+    if scan is not None:
+        closing.watch(state.closing, state.ring, odometry.speed_m_s, params)
     frozen.watch(state.frozen, scan, odometry.moved_m, turned_rad, params)
     if wheels is not None:
         state.bumped = wheels.bumper & ~state.bumper != 0
         state.bumper = wheels.bumper
+        slips.watch(state.slip, odometry, state.ring, params)
         stalls.watch(state.stall, odometry, now_ms, params)
     age_ms = inputs.operator_age_ms
     machine.operator = age_ms is not None and age_ms <= params.op_lost_ms

@@ -8,6 +8,7 @@ from robot.core.typed import Final
 from robot.core.values import Wheels
 
 ROUNDING: Final = 1.0 + 1e-9  # a command right at the limit is not over it
+FLANKS: Final = (0, 1, 6, 7)
 FRONT_BUMPER: Final = 1 | 2
 REAR_BUMPER: Final = 4
 
@@ -42,18 +43,23 @@ def limit(
 
 
 def forward_factor(speed_m_s: float, ring: Ring, params: Params) -> float:
-    """How much of the forward speed the echoes ahead leave: none of them may be closed in on
-    faster than would take `guard_time_s` to reach `guard_stop_m`. Blind ahead leaves none."""
+    """How much of the forward speed the echoes leave: none ahead may be closed in on, by its own
+    motion and the robot's, faster than would take `guard_time_s` to reach `guard_stop_m`; nothing
+    that walks may be so near at a flank. Blind ahead leaves none."""
     if all_missing(ring):
         return 0.0
     if params.guard_stop_m <= 0.0:
         return 1.0
+    for i in FLANKS:
+        range_m = ring.range_m[i]
+        if ring.walks_m_s[i] > 0.0 and range_m is not None and range_m <= params.guard_stop_m:
+            return 0.0
     factor = 1.0
     for i in FRONT:
         range_m = ring.range_m[i]
         if range_m is not None:
             closing_m_s = speed_m_s * COSINES[i]
-            may_m_s = (range_m - params.guard_stop_m) / params.guard_time_s
+            may_m_s = (range_m - params.guard_stop_m) / params.guard_time_s - ring.walks_m_s[i]
             if may_m_s < closing_m_s * factor:
                 factor = max(may_m_s, 0.0) / closing_m_s
     return factor

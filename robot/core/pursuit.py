@@ -2,8 +2,8 @@
 
 from math import inf, sqrt
 
+from robot.core import closing, navigators, reasons, states
 from robot.core import machine as machines
-from robot.core import navigators, reasons, states
 from robot.core import progress as progresses
 from robot.core import trail as trails
 from robot.core.controller import HALT, align, heading_error, into, limited, toward
@@ -92,7 +92,7 @@ def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: P
     narrow = ring.front_m < params.spin_room_m and decision.speed_limit_m_s == inf
     if narrow or state.bumper & FRONT_BUMPER:
         speed_m_s = 0.0
-    speed_m_s = min(speed_m_s, decision.speed_limit_m_s)
+    speed_m_s = closing.limit_m_s(ring, min(speed_m_s, decision.speed_limit_m_s))
     return Twist(*limited(speed_m_s, yaw_rate_rad_s, params))
 
 

@@ -18,7 +18,8 @@ class Ring:
 
     `nearest` is the index of the nearest echo or -1, `fresh` the number of sonars not missing,
     `front_m` the nearest echo within 45 degrees of the heading, `impossible` that the last
-    scan carried a range that cannot be.
+    scan carried a range that cannot be. `walks_m_s[i]` is how fast an echo comes nearer beyond the
+    robot's own motion, 0 where nothing is known to (see `closing`).
     """
 
     __slots__ = (
@@ -29,11 +30,13 @@ class Ring:
         "nearest_m",
         "pinged_ms",
         "range_m",
+        "walks_m_s",
     )
 
     def __init__(self) -> None:
         self.range_m: list[float | None] = [None] * SONARS
         self.pinged_ms = [NEVER_MS] * SONARS
+        self.walks_m_s = [0.0] * SONARS
         self.nearest = -1
         self.nearest_m = self.front_m = inf
         self.fresh = 0

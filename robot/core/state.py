@@ -3,12 +3,14 @@
 from math import inf
 
 from robot.core import navigators, reasons
+from robot.core.closing import Closing
 from robot.core.frozen import Frozen
 from robot.core.machine import Machine
 from robot.core.odometry import Odometry
 from robot.core.parameters import Params
 from robot.core.progress import Progress
 from robot.core.ring import Ring
+from robot.core.slip import Slip
 from robot.core.stall import Stall
 from robot.core.trail import Trail
 from robot.core.values import Decision, Twist
@@ -25,6 +27,7 @@ class State:
         "arrived",
         "bumped",
         "bumper",
+        "closing",
         "decision",
         "driving",
         "frozen",
@@ -36,6 +39,7 @@ class State:
         "reported",
         "ring",
         "serial",
+        "slip",
         "stall",
         "trail",
         "twist",
@@ -45,10 +49,12 @@ class State:
         self.machine = Machine(params)
         self.odometry = Odometry()
         self.ring = Ring()
+        self.closing = Closing()
         self.frozen = Frozen()
         self.memory = navigators.fresh(params.navigator, params.side)
         self.trail = Trail()
         self.progress = Progress()
+        self.slip = Slip()
         self.stall = Stall()
         self.twist = Twist(0.0, 0.0)
         self.decision: Decision | None = None

@@ -101,6 +101,27 @@ def test_an_echo_beside_the_robot_is_not_in_its_way() -> None:
     assert limit(0.3, 0.0, ring({0: 30, 7: 30})) == (1.0, reasons.OK)
 
 
+def test_what_walks_at_a_near_flank_is_not_driven_on_past() -> None:
+    for i in (0, 1, 6, 7):
+        near, less_near = ring({i: 40}), ring({i: 41})
+        near.walks_m_s[i] = less_near.walks_m_s[i] = 0.1
+        assert limit(0.3, 0.0, near) == (0.0, reasons.OBSTACLE_AHEAD)
+        assert limit(0.3, 0.0, less_near) == (1.0, reasons.OK)
+        assert limit(0.0, 1.0, near) == (1.0, reasons.OK)
+        near.range_m[i] = None
+        assert limit(0.3, 0.0, near) == (1.0, reasons.OK)
+
+
+def test_what_walks_ahead_leaves_less_room() -> None:
+    seen = ring({3: 120})
+    standing, _ = limit(0.3, 0.0, seen)
+    seen.walks_m_s[3] = 0.1
+    walking, _ = limit(0.3, 0.0, seen)
+    assert 0.0 < walking < standing
+    seen.walks_m_s[3] = 0.2
+    assert limit(0.3, 0.0, seen) == (0.0, reasons.OBSTACLE_AHEAD)
+
+
 def test_the_obstacle_part_can_be_switched_off() -> None:
     off = DEFAULTS._replace(guard_stop_m=0.0)
     assert limit(0.3, 0.0, ring({3: 20}), params=off) == (1.0, reasons.OK)
