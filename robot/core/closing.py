@@ -34,10 +34,11 @@ FORGET: Final = 0.95
 class Closing:
     """Per cone: the range as followed, how fast it falls by itself, in how many scans it was seen.
 
-    `lately_m_s` is how fast the robot has driven lately.
+    `any` says whether there is one at all, `lately_m_s` how fast the robot has driven lately.
     """
 
     __slots__ = (
+        "any",
         "lately_m_s",
         "old_range_m",
         "old_rate_m_s",
@@ -52,71 +53,85 @@ class Closing:
         self.rate_m_s, self.old_rate_m_s = [0.0] * SONARS, [0.0] * SONARS
         self.seen, self.old_seen = [0] * SONARS, [0] * SONARS
         self.lately_m_s = 0.0
+        self.any = False
 
 
 def watch(closing: Closing, ring: Ring, speed_m_s: float, params: Params) -> None:
     """Follow the echoes by one scan more, and tell the ring how fast each one walks."""
+    closing.lately_m_s = max(abs(speed_m_s), FORGET * closing.lately_m_s)
+    if not closing.any and ring.nearest_m >= FAR_M:
+        return
     closing.old_range_m, closing.range_m = closing.range_m, closing.old_range_m
     closing.old_rate_m_s, closing.rate_m_s = closing.rate_m_s, closing.old_rate_m_s
     closing.old_seen, closing.seen = closing.seen, closing.old_seen
+    expect(closing, speed_m_s, params.period_s)
+    taken = follow(closing, ring, params.period_s)
+    seen, walking = closing.seen, ring.walks_m_s
+    closing.any = False
     for i in range(SONARS):
-        ring.walks_m_s[i] = 0.0
-        closing.seen[i] = 0
-    if ring.nearest_m >= FAR_M and max(closing.old_seen) == 0:
-        return
-    taken, way_m = 0, speed_m_s * params.period_s
-    closing.lately_m_s = max(abs(speed_m_s), FORGET * closing.lately_m_s)
-    for i in range(SONARS):
-        if is_foremost(ring, i):
-            taken |= follow(closing, ring, i, way_m, params)
-    for i in range(SONARS):
-        if not closing.seen[i] and not taken >> i & 1 and closing.old_seen[i] > MISSED:
-            coast(closing, i, way_m, params)
-        if closing.seen[i] >= SURE:
+        walking[i] = 0.0
+        if not seen[i]:
+            if closing.old_seen[i] <= MISSED or taken >> i & 1:
+                continue
+            coast(closing, i)
+        closing.any = True
+        if seen[i] >= SURE:
             walks_m_s = closing.rate_m_s[i] - closing.lately_m_s * UNSURE[i]
             if walks_m_s > LEAST_M_S + LEAST_SHARE_PER_S * closing.range_m[i]:
-                ring.walks_m_s[i] = walks_m_s
+                walking[i] = walks_m_s
 
 
-def is_foremost(ring: Ring, i: int) -> bool:
-    """Whether this sonar sees something near, and nearer than those beside it."""
-    here_m = ring.range_m[i]
-    if here_m is None or here_m >= FAR_M:
-        return False
-    before_m = ring.range_m[i - 1] if i > 0 else None
-    after_m = ring.range_m[i + 1] if i < SONARS - 1 else None
-    return (before_m is None or before_m >= here_m) and (after_m is None or after_m > here_m)
+def expect(closing: Closing, speed_m_s: float, period_s: float) -> None:
+    """Where the echoes should be by now: the robot came nearer to them and they to it."""
+    expected_m, old_seen, seen = closing.old_range_m, closing.old_seen, closing.seen
+    for j in range(SONARS):
+        seen[j] = 0
+        if old_seen[j]:
+            nearing_m_s = speed_m_s * COSINES[j] + closing.old_rate_m_s[j]
+            expected_m[j] -= nearing_m_s * period_s
 
 
-def follow(closing: Closing, ring: Ring, i: int, way_m: float, params: Params) -> int:
-    """Find the echo of this cone among those before; the bit of the cone it came from, or 0."""
-    here_m = ring.range_m[i] or 0.0
-    best, best_off_m = -1, GATE_M + GATE_SHARE * here_m
-    for j in range(max(i - 1, 0), min(i + 2, SONARS)):
-        if closing.old_seen[j]:
-            off_m = abs(here_m - expected_m(closing, j, way_m, params))
-            if off_m < best_off_m:
-                best, best_off_m = j, off_m
+def follow(closing: Closing, ring: Ring, period_s: float) -> int:
+    """Find each foremost echo among those before; the bits of the cones that they came from."""
+    range_m, last, taken = ring.range_m, SONARS - 1, 0
+    for i in range(SONARS):
+        here_m = range_m[i]
+        if here_m is None or here_m >= FAR_M:
+            continue
+        if i > 0:
+            before_m = range_m[i - 1]
+            if before_m is not None and before_m < here_m:
+                continue
+        if i < last:
+            after_m = range_m[i + 1]
+            if after_m is not None and after_m <= here_m:
+                continue
+        taken |= find(closing, i, here_m, period_s)
+    return taken
+
+
+def find(closing: Closing, i: int, here_m: float, period_s: float) -> int:
+    """Go on with what was followed here or beside; the bit of its cone, or 0 for a new echo."""
+    old_seen, expected_m = closing.old_seen, closing.old_range_m
+    best, surprise_m = -1, 0.0
+    least_m = GATE_M + GATE_SHARE * here_m
+    for j in (i - 1, i, i + 1):
+        if 0 <= j < SONARS and old_seen[j]:
+            off_m = here_m - expected_m[j]
+            if -least_m < off_m < least_m:
+                best, surprise_m, least_m = j, off_m, abs(off_m)
     if best < 0:
-        closing.range_m[i] = here_m
-        closing.rate_m_s[i] = 0.0
-        closing.seen[i] = 1
+        closing.range_m[i], closing.rate_m_s[i], closing.seen[i] = here_m, 0.0, 1
         return 0
-    guess_m = expected_m(closing, best, way_m, params)
-    closing.range_m[i] = guess_m + SMOOTH * (here_m - guess_m)
-    more_m_s = SMOOTH_RATE * (guess_m - here_m) / params.period_s
-    closing.rate_m_s[i] = closing.old_rate_m_s[best] + more_m_s
-    closing.seen[i] = min(closing.old_seen[best] + 1, MOST)
+    closing.range_m[i] = expected_m[best] + SMOOTH * surprise_m
+    closing.rate_m_s[i] = closing.old_rate_m_s[best] - SMOOTH_RATE * surprise_m / period_s
+    closing.seen[i] = min(old_seen[best] + 1, MOST)
     return 1 << best
 
 
-def expected_m(closing: Closing, j: int, way_m: float, params: Params) -> float:
-    return closing.old_range_m[j] - way_m * COSINES[j] - closing.old_rate_m_s[j] * params.period_s
-
-
-def coast(closing: Closing, i: int, way_m: float, params: Params) -> None:
+def coast(closing: Closing, i: int) -> None:
     """An echo that stays away for a scan or two goes on as it was."""
-    closing.range_m[i] = expected_m(closing, i, way_m, params)
+    closing.range_m[i] = closing.old_range_m[i]
     closing.rate_m_s[i] = closing.old_rate_m_s[i]
     closing.seen[i] = closing.old_seen[i] - MISSED
 
