@@ -20,6 +20,7 @@ BENCHMARKS = {
     "latency": "sense published to wheel command received, a bare ping-pong beside it",
     "robot": "the robot process at 20 Hz: CPU, memory, growth, import time",
     "jitter": "wall-clock driving: missed ticks and lateness, with and without SCHED_FIFO",
+    "nees": "whether the odometry's covariance fits its errors, per noise level",
     "digest": "the same trajectory in every way of running, another one for another seed",
 }
 

@@ -48,6 +48,7 @@ class Vehicle:
         self._operator_ns: int | None = None
         self._beat: tuple[int, int, int] | None = None
         self._beat_due_ns = 0
+        self._slipping = False
 
     @property
     def zone_m(self) -> float:
@@ -87,6 +88,10 @@ class Vehicle:
         except Exception:
             failsafe.trip(self.state.machine, reasons.CORE_EXCEPTION, inputs.now_ms)
             raise
+        slipping = self.state.slip.share > 0.0
+        if slipping and not self._slipping:
+            self.say(Severity.WARNING, "wheels seem to slip: place less sure")
+        self._slipping = slipping
         return outputs
 
     def report(self, reason: int) -> None:

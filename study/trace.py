@@ -12,6 +12,7 @@ COLUMNS = (
     *("time_s", "true_x_m", "true_y_m", "true_heading_rad", "clearance_m", "contact"),
     *("x_m", "y_m", "heading_rad", "speed_m_s", "yaw_rate_rad_s"),
     *("cov_xx_m2", "cov_xy_m2", "cov_xh_m_rad", "cov_yy_m2", "cov_yh_m_rad", "cov_hh_rad2"),
+    "slip_share",
     *("vehicle", "mode", "goal", "goal_distance_m"),
     *("branch", "nearest_bearing_rad", "nearest_range_m", "goal_bearing_rad", "rotation_rad"),
     *("virtual_x_m", "virtual_y_m", "speed_limit_m_s"),
@@ -44,7 +45,8 @@ def _estimate(onboard: Onboard) -> tuple[float, ...]:
     covariance = (odometry.pxx, odometry.pxy, odometry.pxh, odometry.pyy, odometry.pyh)
     speeds = (odometry.speed_m_s, odometry.yaw_rate_rad_s)
     states = (machine.vehicle, machine.mode, machine.goal_state, onboard.state.goal_distance_m)
-    return *odometry.pose, *speeds, *covariance, odometry.phh, *states
+    doubts = (odometry.phh, onboard.state.slip.share)
+    return *odometry.pose, *speeds, *covariance, *doubts, *states
 
 
 def _choice(onboard: Onboard, outputs: Outputs) -> tuple[float | None, ...]:

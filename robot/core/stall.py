@@ -1,7 +1,12 @@
-"""A wheel that is told to turn and does not."""
+"""A wheel that is told to turn and does not: what it should have turned is not sure, then stuck."""
 
-from robot.core.odometry import Odometry
+from robot.core.odometry import Odometry, blur
 from robot.core.parameters import Params
+from robot.core.typed import Final
+
+TURNS: Final = 0.5  # share of what it was told in a period; below, it may be the encoder that fails
+SLACK_M: Final = 0.03  # as much is late while a motor speeds up or turns round
+COAST_S: Final = 0.15  # of its speed, until it stands
 
 
 class Stall:
@@ -17,18 +22,49 @@ class Stall:
 
 
 class Wheel:
-    __slots__ = ("since_ms", "told_m", "told_m_s", "turned_m")
+    """`missing_m` is what it did not turn of what it was told since it last turned well, and
+    `doubted_m` how much of that is in the covariance."""
+
+    __slots__ = ("doubted_m", "missing_m", "since_ms", "told_m", "told_m_s", "turned_m")
 
     def __init__(self) -> None:
         self.told_m_s = self.told_m = self.turned_m = 0.0
+        self.missing_m = self.doubted_m = 0.0
         self.since_ms = 0
 
 
 def watch(stall: Stall, odometry: Odometry, now_ms: int, params: Params) -> None:
     """Account the last period; a missing encoder sample is accounted with the next one."""
+    miss(stall.left, odometry.left_m, params)
+    miss(stall.right, odometry.right_m, params)
     left = is_stuck(stall.left, odometry.left_m, now_ms, params)
     right = is_stuck(stall.right, odometry.right_m, now_ms, params)
+    doubt(stall.left, odometry, -1.0 / params.track_m)
+    doubt(stall.right, odometry, 1.0 / params.track_m)
     stall.stuck = left or right
+
+
+def miss(wheel: Wheel, moved_m: float, params: Params) -> None:
+    """Add up what a wheel does not turn, until it turns well again or is not to turn."""
+    told_m = wheel.told_m_s * params.period_s
+    if moved_m * told_m >= TURNS * told_m * told_m:
+        wheel.missing_m = wheel.doubted_m = 0.0
+    else:
+        wheel.missing_m += told_m - moved_m
+
+
+def doubt(wheel: Wheel, odometry: Odometry, rad_per_m: float) -> None:
+    """It may be the encoder that stands: P <- P + f f' with all the way that is missing.
+
+    And half of that to every side, for a robot that turned otherwise than it believes went there.
+    """
+    missing_m, doubted_m = wheel.missing_m, wheel.doubted_m
+    if abs(missing_m) > SLACK_M:
+        more_m2 = missing_m * missing_m - doubted_m * doubted_m
+        blur(odometry, more_m2, 0.5 * odometry.cosine, 0.5 * odometry.sine, rad_per_m)
+        odometry.pxx += 0.25 * more_m2
+        odometry.pyy += 0.25 * more_m2
+        wheel.doubted_m = missing_m
 
 
 def is_stuck(wheel: Wheel, moved_m: float, now_ms: int, params: Params) -> bool:
@@ -39,6 +75,8 @@ def is_stuck(wheel: Wheel, moved_m: float, now_ms: int, params: Params) -> bool:
     if not late:
         return False
     stuck = wheel.turned_m * wheel.told_m < params.wheel_share * told_m * told_m
+    if stuck:
+        wheel.missing_m += wheel.told_m_s * COAST_S
     tell(wheel, 0.0, now_ms, params)
     return stuck
 

@@ -1,5 +1,7 @@
 from math import pi
 
+import pytest
+
 from robot.core import progress as progresses
 from robot.core import reasons
 from robot.core import stall as stalls
@@ -92,3 +94,32 @@ def test_a_navigator_that_judges_its_progress_itself_is_only_told_when_it_is_blo
         assert progresses.judge(progress, there, 3.0, k * 1000, DEFAULTS, True) == reasons.OK
     ends = [progresses.judge(progress, here, 3.0, 1000 * k, DEFAULTS, True) for k in (600, 611)]
     assert ends == [reasons.OK, reasons.BLOCKED]
+
+
+def doubted(left_turned: float, seconds: float, speed_m_s: float = 0.2) -> Odometry:
+    """What the odometry is unsure of when the left wheel turns this share of what it is told."""
+    stall, odometry = Stall(), Odometry()
+    for k in range(round(seconds * 20)):
+        odometry.left_m = speed_m_s * DEFAULTS.period_s * left_turned if k else 0.0
+        odometry.right_m = speed_m_s * DEFAULTS.period_s if k else 0.0
+        stalls.watch(stall, odometry, k * PERIOD_MS, DEFAULTS)
+        for wheel in (stall.left, stall.right):
+            stalls.tell(wheel, speed_m_s, k * PERIOD_MS, DEFAULTS)
+    return odometry
+
+
+def test_while_a_wheel_does_not_turn_the_pose_is_unsure_by_all_it_should_have_turned() -> None:
+    odometry = doubted(0.0, 0.45)  # eight periods were told: 80 mm
+    missing_m = 0.08
+    assert odometry.phh**0.5 == pytest.approx(missing_m / DEFAULTS.track_m)
+    assert odometry.pxx == pytest.approx(0.5 * missing_m * missing_m)
+
+
+def test_a_wheel_that_turns_or_is_only_slow_to_start_leaves_the_pose_sure() -> None:
+    assert doubted(1.0, 5.0).phh == 0.0
+    assert doubted(0.6, 5.0).phh == 0.0
+    assert doubted(0.0, 0.15).phh == 0.0
+
+
+def test_a_stuck_wheel_widens_both_ways_of_turning_alike() -> None:
+    assert doubted(0.0, 0.6, 0.2).phh == pytest.approx(doubted(0.0, 0.6, -0.2).phh)

@@ -1,0 +1,65 @@
+"""Whether the odometry knows how wrong it is: normalised estimation error squared over many drives.
+
+Per noise level, drives straight, in curves, stop-and-go and among obstacles, by a robot calibrated
+for that level. Expected are 3 for the pose and 2 for the position, within their 95 % bounds. Noise
+`none` is held to its ellipse only: what is left there, fractions of encoder ticks, is bounded.
+"""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from os import cpu_count
+
+from benchmarks.figures import Figure, Report
+from plant.noise import LEVELS
+from study.consistency import KINDS, Array, Consistency, drive, judged
+
+DRIVES = 400
+LEAST_INSIDE = 0.93
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--drives", type=int, default=DRIVES, help=f"per noise level ({DRIVES})")
+    parser.add_argument("--noise", nargs="+", choices=LEVELS, default=list(LEVELS))
+    parser.add_argument("--seed", type=int, default=0, help="of the first drive (0)")
+    parser.add_argument("--jobs", type=int, default=cpu_count())
+
+
+def measure(options: argparse.Namespace) -> Report:
+    figures: list[Figure] = []
+    notes: list[str] = []
+    each = -(-options.drives // len(KINDS))
+    with ProcessPoolExecutor(options.jobs) as pool:
+        for place, level in enumerate(options.noise):
+            first = options.seed + 100_000 * place
+            errors: list[tuple[Array, Array]] = []
+            for kind in KINDS:
+                run = partial(drive, kind, level)
+                ended = list(pool.map(run, range(first, first + each), chunksize=8))
+                errors += ended
+                notes.append(noted(level, kind, ended))
+            figures += figures_of(level, judged(errors))
+    return Report(benchmark="nees", figures=tuple(figures), notes=tuple(notes))
+
+
+def noted(level: str, kind: str, ended: Sequence[tuple[Array, Array]]) -> str:
+    found = judged(ended)
+    return (
+        f"{level}, {kind}: pose {found.pose:.2f}, position {found.position:.2f},"
+        f" {100.0 * found.inside:.1f} % inside, {found.drives} drives"
+    )
+
+
+def figures_of(level: str, found: Consistency) -> Iterator[Figure]:
+    """Both sides of the bounds as a figure each, for a figure has one threshold."""
+    for name, mean, (low, high) in (
+        ("pose, 3 expected", found.pose, found.pose_bounds),
+        ("position, 2 expected", found.position, found.position_bounds),
+    ):
+        whole = f"{level}: NEES of the {name}"
+        held = level != "none"
+        yield Figure(name=whole, unit="", values=(mean,), at_least=low if held else None)
+        yield Figure(name=whole, unit="", values=(mean,), at_most=high if held else None)
+    name = f"{level}: true position inside its 95 % ellipse"
+    yield Figure(name=name, unit="", values=(found.inside,), at_least=LEAST_INSIDE)

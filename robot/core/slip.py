@@ -1,0 +1,190 @@
+"""Whether the ground gives what the wheels turn, as far as the sonars ahead can tell.
+
+What is foremost ahead, nearer than all that the neighbouring cones see, is a point or a surface
+that must come nearer by at least cos 22.5 deg of the way, whatever it is, if it stands still. When
+over `WINDOW_M` of the way it comes nearer by less, the wheels slip (or it walks away: that cannot
+be told apart, and the pose is then called less sure than it is). From the last stretch that was
+as it should be, but no farther back than about `MEMORY_M`, until the next such stretch the wheels
+may have lost the share of their way that is missing. Where nothing is ahead, nothing is known.
+"""
+
+from math import inf, sqrt
+
+from robot.core.odometry import Odometry, blur
+from robot.core.parameters import Params
+from robot.core.ring import Ring
+from robot.core.typed import Final
+
+WINDOW_M: Final = 0.35
+MEMORY_M: Final = 1.0
+LASTS_M: Final = 1.5  # slip that nothing has shown for so long is over
+FAR_M: Final = 2.5
+FOREMOST: Final = 0.99
+CLOSING: Final = 0.96
+UNSURE: Final = 0.04  # cosines up to 22.5 degrees are so near to CLOSING
+SETTLE: Final = 6  # scans that make the first level of a stretch
+NEW: Final = 0.25  # weight of a new scan in the level
+LATE: Final = 5.5  # scans between the middles of the first level and of the last
+LEAST_SCANS: Final = 16
+STRIKES: Final = 3  # scans in a row that do not fit: something else is ahead now
+GATE_M: Final = 0.08
+SIGMAS: Final = 2.5  # of a single scan; the difference of the two levels has half of that
+LEAST_SHARE: Final = 0.15
+SPLIT: Final = 0.06  # wheels that slip more unevenly turn away from what is ahead
+
+
+class Slip:
+    """`share` is the part of the way that seems lost, 0 when nothing is known to be wrong.
+
+    `both_*`, `one_*`: how far the pose is off per share lost by both wheels, or by one more than by
+    the other, since the last stretch without slip. `level_m` stays the same while the way shortens
+    the range as it should; `anchor_m` is what it was at first.
+    """
+
+    __slots__ = (
+        "anchor_m",
+        "both_h",
+        "both_x",
+        "both_y",
+        "last_m",
+        "level_m",
+        "one_h",
+        "one_x",
+        "one_y",
+        "scatter_m2",
+        "seen",
+        "share",
+        "strikes",
+        "unseen_m",
+        "way_m",
+    )
+
+    def __init__(self) -> None:
+        self.both_x = self.both_y = self.both_h = 0.0
+        self.one_x = self.one_y = self.one_h = 0.0
+        self.share = self.unseen_m = self.way_m = self.scatter_m2 = 0.0
+        self.anchor_m = self.level_m = self.last_m = 0.0
+        self.seen = self.strikes = 0
+
+
+def watch(slip: Slip, odometry: Odometry, ring: Ring, params: Params) -> None:
+    """Account the last step of the wheels and the scan after it."""
+    if odometry.moved_m == 0.0:
+        return
+    carry(slip, odometry, params)
+    slip.way_m += 0.5 * (odometry.left_m + odometry.right_m)
+    follow(slip, foremost_m(ring, params))
+    if slip.seen >= LEAST_SCANS and slip.way_m >= WINDOW_M:
+        judge(slip, odometry)
+        slip.seen = 0
+
+
+def carry(slip: Slip, odometry: Odometry, params: Params) -> None:
+    """Carry what each lost share does to the pose along with the step, and widen while it slips."""
+    step_m = 0.5 * (odometry.left_m + odometry.right_m)
+    turn_rad = (odometry.right_m - odometry.left_m) / params.track_m
+    dx_m, dy_m = step_m * odometry.cosine, step_m * odometry.sine
+    slip.both_x -= dy_m * slip.both_h
+    slip.both_y += dx_m * slip.both_h
+    slip.one_x -= dy_m * slip.one_h
+    slip.one_y += dx_m * slip.one_h
+    if slip.share > 0.0:
+        widen(slip, odometry, -slip.share)
+    else:
+        kept = max(0.0, 1.0 - odometry.moved_m / MEMORY_M)
+        slip.both_x, slip.both_y, slip.both_h = (
+            slip.both_x * kept,
+            slip.both_y * kept,
+            slip.both_h * kept,
+        )
+        slip.one_x, slip.one_y, slip.one_h = slip.one_x * kept, slip.one_y * kept, slip.one_h * kept
+    half_turn_rad = 0.5 * turn_rad
+    slip.both_x += dx_m - dy_m * half_turn_rad
+    slip.both_y += dy_m + dx_m * half_turn_rad
+    slip.both_h += turn_rad
+    half = 0.5 * step_m / params.track_m
+    quarter_m = 0.5 * half_turn_rad * params.track_m
+    slip.one_x += quarter_m * odometry.cosine - dy_m * half
+    slip.one_y += quarter_m * odometry.sine + dx_m * half
+    slip.one_h += 2.0 * half
+    if slip.share > 0.0:
+        widen(slip, odometry, slip.share)
+        slip.unseen_m += odometry.moved_m
+        if slip.unseen_m > LASTS_M:
+            trust(slip)
+
+
+def widen(slip: Slip, odometry: Odometry, share: float) -> None:
+    """P <- P +- share^2 f f' for both ways to slip; a negative share takes it away again."""
+    variance = share * abs(share)
+    split = min(abs(share), SPLIT)
+    blur(odometry, variance, slip.both_x, slip.both_y, slip.both_h)
+    variance = split * split if share > 0.0 else -split * split
+    blur(odometry, variance, slip.one_x, slip.one_y, slip.one_h)
+
+
+def foremost_m(ring: Ring, params: Params) -> float:
+    """From the middle of the robot to what is foremost ahead; inf when the sides see it nearer."""
+    ahead_m = aside_m = inf
+    for i in (3, 4):
+        here_m = ring.range_m[i]
+        if here_m is not None and here_m < ahead_m:
+            ahead_m = here_m
+    for i in (2, 5):
+        here_m = ring.range_m[i]
+        if here_m is None:
+            return inf
+        if here_m < aside_m:
+            aside_m = here_m
+    ahead_m += params.radius_m
+    if ahead_m > FAR_M or ahead_m > FOREMOST * (aside_m + params.radius_m):
+        return inf
+    return ahead_m
+
+
+def follow(slip: Slip, ahead_m: float) -> None:
+    """Take one scan into the level; after a few that do not fit the stretch begins anew."""
+    level_m = ahead_m + CLOSING * slip.way_m
+    off_m = level_m - slip.level_m
+    if slip.seen == 0:
+        if ahead_m < inf:
+            slip.way_m = slip.scatter_m2 = 0.0
+            slip.anchor_m = slip.level_m = slip.last_m = ahead_m
+            slip.seen, slip.strikes = 1, 0
+        return
+    if not abs(off_m) <= GATE_M + SIGMAS * sqrt(slip.scatter_m2):
+        slip.strikes += 1
+        if slip.strikes >= STRIKES:
+            slip.seen = 0
+        return
+    slip.strikes = 0
+    slip.seen += 1
+    change_m = level_m - slip.last_m
+    slip.last_m = level_m
+    weight = max(1.0 / slip.seen, NEW if slip.seen > SETTLE else 0.0)
+    slip.level_m += weight * off_m
+    slip.scatter_m2 += max(0.1, 1.0 / slip.seen) * (0.5 * change_m * change_m - slip.scatter_m2)
+    if slip.seen <= SETTLE:
+        slip.anchor_m = slip.level_m
+
+
+def judge(slip: Slip, odometry: Odometry) -> None:
+    """At the end of a stretch: slip begins or goes on, or all was as it should be."""
+    lost_m = slip.level_m - slip.anchor_m
+    way_m = slip.way_m * (1.0 - LATE / slip.seen)
+    chance_m = UNSURE * way_m + SIGMAS * sqrt(slip.scatter_m2)
+    share = min(lost_m / way_m, 1.0)
+    if lost_m > chance_m and share > LEAST_SHARE:
+        if slip.share > 0.0:
+            widen(slip, odometry, -slip.share)
+        slip.share, slip.unseen_m = max(slip.share, share), 0.0
+        widen(slip, odometry, slip.share)
+    elif lost_m > -chance_m:
+        trust(slip)
+
+
+def trust(slip: Slip) -> None:
+    """All is well from here on; what was widened stays."""
+    slip.share = slip.unseen_m = 0.0
+    slip.both_x = slip.both_y = slip.both_h = 0.0
+    slip.one_x = slip.one_y = slip.one_h = 0.0
