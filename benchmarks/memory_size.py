@@ -58,7 +58,7 @@ def slots(thing: Any) -> tuple[str, ...]:
 
 
 def lengths(thing: Any, seen: set[int] | None = None) -> int:
-    """The items of all lists on it: grows when anything grows. A tuple is a value, as numbers are."""
+    """The items of all lists on it: grows when anything grows. A tuple is a value like a number."""
     seen = set() if seen is None else seen
     if thing is None or isinstance(thing, bool | str | type | int | float) or id(thing) in seen:
         return 0
