@@ -6,7 +6,6 @@ way along x, row 0 at the left. A list of cylinders, one x, y and perhaps radius
 too. Cylinders with all eight neighbours are left out, as the benchmark's own worlds do.
 """
 
-import io
 from math import isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -14,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.imports.npy import parse_npy
 from plant.imports.refusal import read_bytes, read_text, refuse
 from plant.world_types import Circle, Point
 
@@ -26,7 +26,6 @@ AROUND_M: Final = 1.0
 """Free floor around a list of cylinders."""
 
 MOST_BYTES: Final = 10_000_000
-MOST_SIDE: Final = 1000
 LARGEST_M: Final = 50.0
 FARTHEST_M: Final = 1e6
 HEADER: Final = ("x", "x_m")
@@ -43,7 +42,7 @@ class Field(NamedTuple):
 
 def load_grid(path: Path, pitch_m: float = PITCH_M) -> Field:
     """The field of a grid file; raises WorldError and nothing else."""
-    grid = _array(read_bytes(path, MOST_BYTES), str(path))
+    grid = _grid(read_bytes(path, MOST_BYTES), str(path))
     rows, columns = grid.shape
     padded = np.pad(grid, 1)
     around = sum(
@@ -62,24 +61,12 @@ def load_grid(path: Path, pitch_m: float = PITCH_M) -> Field:
     return Field(size_m, tuple(cylinders), (0.0, 0.0), ends)
 
 
-def _array(data: bytes, file: str) -> NDArray[np.bool_]:
-    """The grid of a .npy file: two dimensions, nothing but 0 and 1; never unpickled."""
-    try:
-        found = np.load(io.BytesIO(data), allow_pickle=False)
-    except (ValueError, OSError, EOFError, SyntaxError, MemoryError) as error:
-        reason = f"cannot be read: {str(error).splitlines()[0][:80] if str(error) else 'cut'}"
-        raise refuse(file, "npy", reason, "give a grid_N.npy of the data set") from None
-    if not isinstance(found, np.ndarray) or found.ndim != 2 or found.dtype.kind not in "buif":
-        shape = getattr(found, "shape", "an archive")
-        reason = f"expected rows and columns of numbers, found {shape}"
-        raise refuse(file, "npy", reason, "give a grid_N.npy of the data set")
-    if not all(1 <= side <= MOST_SIDE for side in found.shape):
-        reason = f"{found.shape[0]} x {found.shape[1]}, a side must be 1 to {MOST_SIDE}"
-        raise refuse(file, "npy", reason, "give a smaller grid")
-    if not np.isin(found, (0, 1)).all():
+def _grid(data: bytes, file: str) -> NDArray[np.bool_]:
+    table = parse_npy(data, file)
+    if not np.isin(table, (0, 1)).all():
         reason = "a value that is neither 0 nor 1"
         raise refuse(file, "npy", reason, "write 1 where a cylinder stands")
-    blocked: NDArray[np.bool_] = found == 1
+    blocked: NDArray[np.bool_] = table == 1
     return blocked
 
 
