@@ -23,10 +23,12 @@ HIT_TICKS: Final = 2
 NEAR_GOAL_M: Final = 0.60  # so near, a way that is seen to be free is taken
 LAPS: Final = 2
 SETTLE_M: Final = 0.10
+NEARER_M: Final = 0.10
 AT_M: Final = 0.03
 STOP_M: Final = 0.035
 TIME_S: Final = 0.5
 CREEP_M_S: Final = 0.03
+AFAR_M: Final = 0.60  # nearer, a wall beside the way would seem to stand in it
 IN_VIEW_RAD: Final = 78.0 * pi / 180.0
 CLOSING: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) for b in BEARINGS])
 """The share of the speed with which an echo may come nearer: it may be at the cone's inner edge."""
@@ -97,7 +99,7 @@ def free_m(
 ) -> float:
     """How far the centre of the robot is from the nearest echo in a strip of half-width `room_m`.
 
-    `kind` takes an echo where it leaves most room within half its cone, else where it leaves least.
+    `kind` takes an echo where it leaves room within its cone, else where it leaves none.
     A sonar that is missing leaves no way.
     """
     free_m = inf
@@ -114,7 +116,8 @@ def free_m(
         if kind:
             aside_rad += 0.5 * HALF_CONE if aside_rad > HALF_CONE else 0.0
         else:
-            aside_rad = max(aside_rad - 0.5 * HALF_CONE, 0.0)
+            aside_rad -= HALF_CONE if range_m > AFAR_M else 0.5 * HALF_CONE
+            aside_rad = max(aside_rad, 0.0)
         if aside_rad < 0.5 * pi and far_m * sin(aside_rad) < room_m:
             free_m = far_m
     return free_m
@@ -160,6 +163,11 @@ def hopes(boundary: Boundary) -> bool:
     return True
 
 
+def hopeless(boundary: Boundary) -> bool:
+    """Whether the obstacle met now is met again where even the nearest point led no nearer."""
+    return boundary.hoped and boundary.distance_m > boundary.near_m - NEARER_M
+
+
 def leave(boundary: Boundary) -> None:
     boundary.following = False
     boundary.met_ticks = 0
@@ -203,6 +211,18 @@ def decision(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Par
         pose.y_m + boundary.distance_m * sin(direction_rad),
         limit_m_s,
     )
+
+
+def lost(pose: Pose, goal: Goal) -> bool:
+    """Whether pose or goal is no place at all."""
+    total = pose.x_m + pose.y_m + pose.heading_rad + goal.x_m + goal.y_m
+    return total - total != 0.0
+
+
+def stand(ring: Ring, goal: Goal) -> Decision:
+    """Nowhere to go to: do not drive."""
+    beta_rad = rings.bearing_rad(ring)
+    return Decision(states.TO_GOAL, beta_rad, ring.nearest_m, 0.0, 0.0, goal.x_m, goal.y_m, 0.0)
 
 
 def give_up(boundary: Boundary, ring: Ring, goal: Goal) -> Decision:

@@ -34,6 +34,8 @@ class Memory:
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
     """Where to drive now: at the goal, or along the boundary."""
     boundary = memory.boundary
+    if boundaries.lost(pose, goal):
+        return boundaries.stand(ring, goal)
     if boundaries.look(boundary, pose, ring, goal, params):
         memory.start_x_m, memory.start_y_m = pose.x_m, pose.y_m
         memory.met_m = inf
@@ -44,6 +46,8 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         elif boundaries.rounded(boundary, pose):
             return boundaries.give_up(boundary, ring, goal)
     elif boundaries.meets(boundary, params):
+        if boundaries.hopeless(boundary):
+            return boundaries.give_up(boundary, ring, goal)
         boundaries.follow(boundary, pose, memory.side, params)
         anew = boundary.hit_m < memory.met_m - NEARER_M
         if anew:

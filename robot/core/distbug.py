@@ -35,6 +35,8 @@ class Memory:
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
     """Where to drive now: at the goal, or along the boundary."""
     boundary = memory.boundary
+    if boundaries.lost(pose, goal):
+        return boundaries.stand(ring, goal)
     if boundaries.look(boundary, pose, ring, goal, params):
         memory.least_m = inf
     if boundary.following:
@@ -43,6 +45,8 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         elif boundaries.rounded(boundary, pose):
             return boundaries.give_up(boundary, ring, goal)
     elif boundaries.meets(boundary, params):
+        if boundaries.hopeless(boundary):
+            return boundaries.give_up(boundary, ring, goal)
         boundaries.follow(boundary, pose, memory.side, params)
         memory.open_ticks = 0
         anew = boundary.best_m < memory.least_m - STEP_M

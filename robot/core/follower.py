@@ -95,23 +95,20 @@ def sense(follower: Follower, pose: Pose, ring: Ring, params: Params) -> None:
     follower.tick += 1
     recent_m, older_m, seen_m = follower.recent_m, follower.older_m, follower.seen_m
     for i in range(SONARS):
-        here_m = ring.range_m[i]
-        seen_m[i] = here_m if agrees(here_m, recent_m[i], older_m[i]) else recent_m[i]
-        older_m[i] = recent_m[i]
+        here_m, last_m = ring.range_m[i], recent_m[i]
+        # A missing range needs no proof; one that agrees with neither of the last two waits.
+        if here_m is None or last_m is None or -JUMP_M < here_m - last_m < JUMP_M:
+            seen_m[i] = here_m
+        else:
+            before_m = older_m[i]
+            agrees = before_m is not None and -JUMP_M < here_m - before_m < JUMP_M
+            seen_m[i] = here_m if agrees else last_m
+        older_m[i] = last_m
         recent_m[i] = here_m
     beside = 0 if follower.side > 0 else SONARS - 1
     range_m = seen_m[beside]
     if range_m is not None and range_m < NEAR_M:
         remember(follower, pose, beside, range_m + params.radius_m)
-
-
-def agrees(here_m: float | None, recent_m: float | None, older_m: float | None) -> bool:
-    """Whether one of the last two ranges bears this one out; a missing one needs no proof."""
-    if here_m is None or recent_m is None:
-        return True
-    if -JUMP_M < here_m - recent_m < JUMP_M:
-        return True
-    return older_m is not None and -JUMP_M < here_m - older_m < JUMP_M
 
 
 def remember(follower: Follower, pose: Pose, sonar: int, far_m: float) -> None:

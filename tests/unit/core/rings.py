@@ -1,0 +1,108 @@
+"""A ring of sonars as it sees walls and discs from a pose, by a few rays in every cone."""
+
+from math import cos, hypot, inf, pi, sin, sqrt
+from typing import NamedTuple
+
+from robot.core import navigators, states
+from robot.core.geometry import BEARINGS, HALF_CONE, wrap
+from robot.core.parameters import DEFAULTS
+from robot.core.ring import Ring
+from robot.core.values import Decision, Goal, Pose
+from tests.unit.core.test_vgm import ring
+
+Wall = tuple[float, float, float, float]
+Disc = tuple[float, float, float]
+RAYS = 9
+
+
+def seen_from(pose: Pose, walls: list[Wall], discs: list[Disc] | None = None) -> Ring:
+    """Walls are segments x0 y0 x1 y1, discs are x y radius."""
+    echoes: dict[int, int] = {}
+    for i, bearing_rad in enumerate(BEARINGS):
+        angles = [
+            pose.heading_rad + bearing_rad + HALF_CONE * (2.0 * k / (RAYS - 1) - 1.0)
+            for k in range(RAYS)
+        ]
+        far_m = min(reach_m(pose, angle, walls, discs or []) for angle in angles)
+        range_m = far_m - DEFAULTS.radius_m
+        if range_m < DEFAULTS.sonar_max_m:
+            echoes[i] = max(30, round(range_m * 1000.0))
+    return ring(echoes)
+
+
+def reach_m(pose: Pose, angle_rad: float, walls: list[Wall], discs: list[Disc]) -> float:
+    c, s = cos(angle_rad), sin(angle_rad)
+    nearest_m = inf
+    for x0, y0, x1, y1 in walls:
+        ex, ey, wx, wy = x1 - x0, y1 - y0, x0 - pose.x_m, y0 - pose.y_m
+        cross = c * ey - s * ex
+        if abs(cross) > 1e-12:
+            along, share = (wx * ey - wy * ex) / cross, (wx * s - wy * c) / cross
+            if along > 0.0 and 0.0 <= share <= 1.0:
+                nearest_m = min(nearest_m, along)
+    for x, y, radius in discs:
+        dx, dy = x - pose.x_m, y - pose.y_m
+        along, aside = dx * c + dy * s, dx * s - dy * c
+        if along > 0.0 and abs(aside) < radius:
+            nearest_m = min(nearest_m, along - sqrt(radius * radius - aside * aside))
+    return nearest_m
+
+
+def clearance_m(pose: Pose, walls: list[Wall], discs: list[Disc] | None = None) -> float:
+    """From the robot's rim to what is nearest all round."""
+    angles = [2.0 * pi * k / 180 for k in range(180)]
+    rays = min(reach_m(pose, angle, walls, discs or []) for angle in angles)
+    ends = [hypot(x - pose.x_m, y - pose.y_m) for w in walls for x, y in (w[:2], w[2:])]
+    return min([rays, *ends]) - DEFAULTS.radius_m
+
+
+def rolled(pose: Pose, turn_rad: float, speed_m_s: float) -> Pose:
+    """One tick on: towards a bearing, slower the more it turns, never backwards."""
+    ahead_m_s = speed_m_s * max(cos(turn_rad), 0.0)
+    rate_rad_s = max(-2.5, min(2.5, 3.0 * turn_rad))
+    middle_rad = pose.heading_rad + 0.025 * rate_rad_s
+    return Pose(
+        pose.x_m + 0.05 * ahead_m_s * cos(middle_rad),
+        pose.y_m + 0.05 * ahead_m_s * sin(middle_rad),
+        wrap(pose.heading_rad + 0.05 * rate_rad_s),
+    )
+
+
+class Walk(NamedTuple):
+    """`poses` and the decision at each of them; `arrived`: within 5 cm of the goal."""
+
+    poses: list[Pose]
+    decisions: list[Decision]
+    arrived: bool
+
+    @property
+    def gave_up(self) -> bool:
+        return self.decisions[-1].branch == states.GIVE_UP
+
+    @property
+    def branches(self) -> set[int]:
+        return {decision.branch for decision in self.decisions}
+
+
+def walk_to(
+    number: int,
+    goal: Goal,
+    walls: list[Wall],
+    discs: list[Disc],
+    *,
+    side: int = states.LEFT,
+    seconds: float = 120.0,
+) -> Walk:
+    """From the origin with a navigator's own decisions, until it arrives, gives up or is late."""
+    memory, step = navigators.fresh(number, side), navigators.NAVIGATORS[number].step
+    pose, poses, decisions = Pose(0.0, 0.0, 0.0), [], []
+    for _ in range(round(seconds * 20)):
+        decision = step(memory, pose, seen_from(pose, walls, discs), goal, DEFAULTS)
+        poses.append(pose)
+        decisions.append(decision)
+        arrived = hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m) < 0.05
+        if arrived or decision.branch == states.GIVE_UP:
+            return Walk(poses, decisions, arrived)
+        turn_rad = wrap(decision.goal_bearing_rad + decision.rotation_rad)
+        pose = rolled(pose, turn_rad, min(0.25, decision.speed_limit_m_s))
+    return Walk(poses, decisions, False)

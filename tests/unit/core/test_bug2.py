@@ -1,0 +1,70 @@
+import pytest
+
+from robot.core import bug2, states
+from robot.core.parameters import DEFAULTS
+from robot.core.values import Goal, Pose
+from tests.unit.core.rings import Disc, Wall, clearance_m, walk_to
+from tests.unit.core.test_bug1 import BOX_AROUND_THE_GOAL, DISC, FAR, GOAL
+from tests.unit.core.test_vgm import ring
+
+U_TRAP: list[Wall] = [(0.8, 0.5, 2.0, 0.5), (2.0, 0.5, 2.0, -0.5), (2.0, -0.5, 0.8, -0.5)]
+BEHIND_THE_TRAP = Goal(3.2, 0.0, None, 0.05, 0.05)
+
+
+def test_an_obstacle_ahead_is_met_only_when_it_is_seen_twice() -> None:
+    memory, here = bug2.Memory(), Pose(0.0, 0.0, 0.0)
+    ahead = ring({3: 180, 4: 180})
+    assert bug2.step(memory, here, ahead, GOAL, DEFAULTS).branch == states.TO_GOAL
+    assert bug2.step(memory, here, ahead, GOAL, DEFAULTS).branch == states.PASS_LEFT
+
+
+@pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+def test_the_boundary_is_left_on_the_line_behind_the_obstacle(side: int) -> None:
+    walk = walk_to(states.BUG2, FAR, [], DISC, side=side)
+    assert walk.arrived
+    left = max(k for k, d in enumerate(walk.decisions) if d.branch != states.TO_GOAL)
+    assert abs(walk.poses[left].y_m) < 0.06
+    assert walk.poses[left].x_m > 1.5
+    assert min(clearance_m(pose, [], DISC) for pose in walk.poses) > 0.05
+
+
+@pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+def test_a_trap_is_entered_and_left(side: int) -> None:
+    walk = walk_to(states.BUG2, BEHIND_THE_TRAP, U_TRAP, [], side=side)
+    assert walk.arrived
+    assert max(pose.x_m for pose in walk.poses if abs(pose.y_m) < 0.4) > 1.6
+    assert min(clearance_m(pose, U_TRAP) for pose in walk.poses) > 0.05
+
+
+def test_crossing_the_line_farther_from_the_goal_than_the_hit_is_no_reason_to_leave() -> None:
+    memory = bug2.Memory()
+    memory.met_m = 2.0
+    memory.boundary.distance_m = 2.5
+    assert not bug2.leaves(memory, True, DEFAULTS)
+    memory.boundary.distance_m = 1.5
+    assert bug2.leaves(memory, True, DEFAULTS)
+    assert not bug2.leaves(memory, False, DEFAULTS)
+
+
+def test_the_line_is_noticed_when_it_is_jumped_over() -> None:
+    memory = bug2.Memory()
+    assert not bug2.crosses(memory, Pose(1.0, 0.2, 0.0), GOAL)
+    assert bug2.crosses(memory, Pose(1.0, -0.2, 0.0), GOAL)
+    assert not bug2.crosses(memory, Pose(1.1, -0.2, 0.0), GOAL)
+
+
+def test_a_goal_that_is_walled_in_is_unreachable() -> None:
+    assert walk_to(states.BUG2, GOAL, BOX_AROUND_THE_GOAL, []).gave_up
+
+
+def test_a_robot_that_is_walled_in_finds_out() -> None:
+    room: list[Wall] = [(-0.7, -0.7, 0.7, -0.7), (0.7, -0.7, 0.7, 0.7)]
+    room += [(0.7, 0.7, -0.7, 0.7), (-0.7, 0.7, -0.7, -0.7)]
+    assert walk_to(states.BUG2, GOAL, room, []).gave_up
+
+
+def test_a_disc_that_hides_nothing_is_no_reason_to_give_up() -> None:
+    posts: list[Disc] = [(0.8, 0.0, 0.06), (1.3, 0.1, 0.06), (1.8, -0.1, 0.06)]
+    walk = walk_to(states.BUG2, GOAL, [], posts)
+    assert walk.arrived
+    assert min(clearance_m(pose, [], posts) for pose in walk.poses) > 0.02
