@@ -17,19 +17,16 @@ from study.calibration.runs import Array, Run, believed, covariance_of, errors_o
 SYSTEMATIC: Final = ("wheel_ratio", "track_m")
 ROUNDS: Final = 4
 STEP: Final = 1e-4
-SWEEPS: Final = 6
 PROBE_M: Final = 1e-9
 SURE: Final = 2.58
 """Standard errors by which a parameter must be off to be changed: one in a hundred by chance."""
-SPLIT: Final = 6.63
-"""So much must two constants k explain better than one, in twice the log likelihood (1 %)."""
 LEAST_K_M: Final = 1e-10
 MOST_K_M: Final = 1e-2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """Best value and standard error by parameter name; `k` share one relative error."""
+    """Best value and standard error by parameter name."""
 
     value: dict[str, float]
     error: dict[str, float]
@@ -44,18 +41,15 @@ class Fit:
 
 
 class Spreads(NamedTuple):
-    """Per run: covariance by whole ticks, by each wheel's unit k, and the bends by unit k."""
+    """Per run: covariance by whole ticks and by a unit k of both wheels, and the bend by that k."""
 
     grain: Array
-    by_right: Array
-    by_left: Array
-    bend_right: Array
-    bend_left: Array
+    by_slip: Array
+    bend: Array
 
-    def covariance(self, k_r_m: float, k_l_m: float) -> Array:
-        bend = k_r_m * self.bend_right + k_l_m * self.bend_left
-        linear = self.grain + k_r_m * self.by_right + k_l_m * self.by_left
-        total: Array = linear + bend[:, :, None] * bend[:, None, :]
+    def covariance(self, k_m: float) -> Array:
+        bend = k_m * self.bend
+        total: Array = self.grain + k_m * self.by_slip + bend[:, :, None] * bend[:, None, :]
         return total
 
 
@@ -64,11 +58,11 @@ def fitted(runs: Sequence[Run], before: Params) -> Fit:
 
     Raises OutOfRange or LinAlgError when the runs are none that any robot could have driven.
     """
-    params, k_m = before, (max(before.k_r_m, LEAST_K_M), max(before.k_l_m, LEAST_K_M))
+    params, k_m = before, max(0.5 * (before.k_r_m + before.k_l_m), LEAST_K_M)
     information: Array = np.zeros((2, 2))
     for _ in range(ROUNDS):
         spreads = spreads_of(runs, params)
-        weights = np.linalg.inv(spreads.covariance(*k_m))
+        weights = np.linalg.inv(spreads.covariance(k_m))
         slopes, errors = slopes_of(runs, params), errors_of(runs, params)
         information = np.einsum("nip,nij,njq->pq", slopes, weights, slopes)
         pull = np.einsum("nip,nij,nj->p", slopes, weights, errors)
@@ -79,32 +73,29 @@ def fitted(runs: Sequence[Run], before: Params) -> Fit:
     return judged(params, information, k_m, len(runs))
 
 
-def judged(params: Params, information: Array, k_m: tuple[float, float], runs: int) -> Fit:
+def judged(params: Params, information: Array, k_m: float, runs: int) -> Fit:
     """With standard errors; a variance is as sure as the number of errors it was found from."""
     covariance = np.linalg.inv(information)
     relative = (2.0 / (3 * runs - len(SYSTEMATIC))) ** 0.5
     value = {name: float(getattr(params, name)) for name in SYSTEMATIC}
     error = dict(zip(SYSTEMATIC, map(float, np.sqrt(np.diag(covariance))), strict=True))
-    for name, k in zip(("k_r_m", "k_l_m"), k_m, strict=True):
-        value[name] = k if k > 1.01 * LEAST_K_M else 0.0
-        error[name] = relative * k
+    for name in ("k_r_m", "k_l_m"):
+        value[name] = k_m if k_m > 1.01 * LEAST_K_M else 0.0
+        error[name] = relative * k_m
     return Fit(value=value, error=error)
 
 
 def spreads_of(runs: Sequence[Run], params: Params) -> Spreads:
-    """From the core itself, run with no slip and with a probe of slip on either side."""
-    grain: list[Array] = []
-    columns: tuple[list[Array], ...] = ([], [], [], [])
+    """From the core itself, run with no slip and with a probe of slip."""
+    still = with_values(params, {"k_r_m": 0.0, "k_l_m": 0.0})
+    probe = with_values(params, {"k_r_m": PROBE_M, "k_l_m": PROBE_M})
+    grain, by_slip, bends = [], [], []
     for run in runs:
-        still = covariance_of(believed(run, params._replace(k_r_m=0.0, k_l_m=0.0)))
-        grain.append(still)
-        for side, name in enumerate(("k_r_m", "k_l_m")):
-            other = {"k_r_m": 0.0, "k_l_m": 0.0, name: PROBE_M}
-            odometry = believed(run, with_values(params, other))
-            bend = np.array([odometry.bend_x_m, odometry.bend_y_m, 0.0]) / PROBE_M
-            columns[2 + side].append(bend)
-            columns[side].append((covariance_of(odometry) - still) / PROBE_M)
-    return Spreads(np.array(grain), *(np.array(column) for column in columns))
+        grain.append(covariance_of(believed(run, still)))
+        probed = believed(run, probe)
+        by_slip.append((covariance_of(probed) - grain[-1]) / PROBE_M)
+        bends.append(np.array([probed.bend_x_m, probed.bend_y_m, 0.0]) / PROBE_M)
+    return Spreads(np.array(grain), np.array(by_slip), np.array(bends))
 
 
 def slopes_of(runs: Sequence[Run], params: Params) -> Array:
@@ -119,19 +110,12 @@ def slopes_of(runs: Sequence[Run], params: Params) -> Array:
     return stacked
 
 
-def likeliest_k(errors: Array, spreads: Spreads) -> tuple[float, float]:
-    """One k for both wheels, unless two explain the errors better than chance would."""
+def likeliest_k(errors: Array, spreads: Spreads) -> float:
+    """One k for both wheels: a square, on which both roll as far, cannot tell them apart."""
 
-    def unlikely(k_r_m: float, k_l_m: float) -> float:
-        covariance = spreads.covariance(k_r_m, k_l_m)
+    def unlikely(k_m: float) -> float:
+        covariance = spreads.covariance(k_m)
         distance2 = np.einsum("ni,nij,nj->", errors, np.linalg.inv(covariance), errors)
         return float(distance2 + np.linalg.slogdet(covariance)[1].sum())
 
-    k_m = least(lambda k: unlikely(k, k), LEAST_K_M, MOST_K_M)
-    one, right_m, left_m = unlikely(k_m, k_m), k_m, k_m
-    for _ in range(SWEEPS):
-        fixed_m = left_m
-        right_m = least(lambda k: unlikely(k, fixed_m), LEAST_K_M, MOST_K_M)  # noqa: B023
-        turned_m = right_m
-        left_m = least(lambda k: unlikely(turned_m, k), LEAST_K_M, MOST_K_M)  # noqa: B023
-    return (right_m, left_m) if one - unlikely(right_m, left_m) > SPLIT else (k_m, k_m)
+    return least(unlikely, LEAST_K_M, MOST_K_M)

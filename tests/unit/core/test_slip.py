@@ -51,11 +51,11 @@ class Drive:
 
     @property
     def off_m(self) -> float:
-        return self.odometry.pose.x_m - self.x_m
+        return float(self.odometry.pose.x_m) - self.x_m
 
     @property
     def sigma_m(self) -> float:
-        return self.odometry.pxx**0.5
+        return float(self.odometry.pxx**0.5)
 
 
 def test_wheels_that_grip_are_not_called_slipping() -> None:
