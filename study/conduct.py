@@ -19,7 +19,10 @@ from study.store import (
     write_shard,
 )
 
-FLUSH_S: Final = 5.0
+FLUSH_S: Final = 2.0
+LONGEST_FLUSH_S: Final = 10.0
+SLOWING: Final = 1.0 / 60.0
+"""By so much of the time it has run a study writes more seldom: hours make no thousands of files."""
 
 
 class Collector:
@@ -29,14 +32,16 @@ class Collector:
         self._directory = directory
         self._monotonic_s = monotonic_s
         self._rows: list[Row] = []
-        self._written_s = monotonic_s()
+        self._began_s = self._written_s = monotonic_s()
 
     def add(self, row: Row) -> None:
         self._rows.append(row)
 
     def look(self) -> None:
         """Write when it is time again."""
-        if self._monotonic_s() - self._written_s >= FLUSH_S:
+        now_s = self._monotonic_s()
+        every_s = min(FLUSH_S + SLOWING * (now_s - self._began_s), LONGEST_FLUSH_S)
+        if now_s - self._written_s >= every_s:
             self.close()
 
     def close(self) -> None:

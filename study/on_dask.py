@@ -2,9 +2,11 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
+from queue import Empty, SimpleQueue
 from typing import Any, Final
 
 from protocol.errors import UserError
@@ -19,6 +21,8 @@ MOST_WITHOUT_WORKERS_S: Final = 120.0
 AHEAD: Final = 4
 """Tasks per thread that the cluster holds: enough to be busy, few enough to be stopped soon."""
 
+ASK_EVERY: Final = 50
+KEPT: Final = "what is done is kept, and the same command goes on from there"
 MOST_KILLINGS: Final = 2
 """Dask gives a task up when several workers died while they had it, though it may only have been
 on the same worker as the one they died of. Given up this often, it has failed."""
@@ -55,6 +59,8 @@ def _check_workers(client: Any, address: str) -> None:
             f"`dask worker {address}`"
         ) from None
     for worker, said in client.run(code_digest, on_error="return").items():
+        if isinstance(said, OSError):
+            continue  # it died while it was asked; another takes its place
         if isinstance(said, Exception):
             reason = f"cannot run sidestep ({_first_line(said)})"
         elif said != code().digest:
@@ -76,36 +82,62 @@ def run(client: Any, bench: Bench, tasks: Iterable[Task]) -> Iterator[Row | None
     Raises UserError when the scheduler is gone or has had no workers for a while.
     """
     waiting, running = iter(tasks), dict[Any, Task]()
-    killings = Counter[str]()
-    idle_s = 0.0
+    over, killings = SimpleQueue[Any](), Counter[str]()
+
+    def submit(task: Task) -> None:
+        future = _submit(client, bench, task)
+        running[future] = task
+        future.add_done_callback(over.put)
+
+    room = Room(client)
     while True:
-        threads = sum(_threads(client).values())
-        for task in islice(waiting, max(0, AHEAD * max(1, threads) - len(running))):
-            running[_submit(client, bench, task)] = task
+        for task in islice(waiting, max(0, room.most() - len(running))):
+            submit(task)
         if not running:
             return
-        idle_s = 0.0 if threads else idle_s + REFRESH_S
-        if idle_s >= MOST_WITHOUT_WORKERS_S:
-            raise UserError("--dask: the cluster has no workers left; what is done is kept")
-        done = _wait(list(running))
-        if not done:
+        try:
+            future = over.get(timeout=REFRESH_S)
+        except Empty:
+            room.ask(REFRESH_S)
             yield None
-        for future in done:
-            task = running.pop(future)
-            row = _result(future, task, bench, killings)
-            if row is None:
-                running[_submit(client, bench, task)] = task
-            else:
-                yield row
+            continue
+        ended = running.pop(future, None)
+        if ended is None:
+            continue  # told of twice: its result was lost and made again
+        row = _result(future, ended, bench, killings)
+        if row is None:
+            submit(ended)
+        else:
+            yield row
 
 
-def _threads(client: Any) -> dict[str, int]:
-    """Raises UserError when the scheduler is gone."""
-    with suppress(OSError, TimeoutError):
-        if client.status == "running":
-            found: dict[str, int] = client.nthreads()
-            return found
-    raise UserError("--dask: the scheduler is gone; what is done is kept, run it again to go on")
+class Room:
+    """How much the cluster should hold; asking costs a round trip, so it is not done every time."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._threads = self._times = 0
+        self._idle_s = 0.0
+
+    def most(self) -> int:
+        """Raises UserError when the scheduler is gone."""
+        if self._times % ASK_EVERY == 0:
+            self.ask(0.0)
+        self._times += 1
+        return AHEAD * max(1, self._threads)
+
+    def ask(self, waited_s: float) -> None:
+        """Raises UserError when the scheduler is gone, or has had no workers for a while."""
+        try:
+            alive = self._client.status == "running"
+            self._threads = sum(self._client.nthreads().values()) if alive else 0
+        except (OSError, TimeoutError):
+            alive = False
+        if not alive:
+            raise UserError(f"--dask: the scheduler is gone; {KEPT}")
+        self._idle_s = 0.0 if self._threads else self._idle_s + waited_s
+        if self._idle_s >= MOST_WITHOUT_WORKERS_S:
+            raise UserError(f"--dask: the cluster has no workers left; {KEPT}")
 
 
 def _submit(client: Any, bench: Bench, task: Task) -> Any:
@@ -114,33 +146,21 @@ def _submit(client: Any, bench: Bench, task: Task) -> Any:
     return client.submit(row_of, replace(task, place=0), alone, pure=False)
 
 
-def _wait(futures: list[Any]) -> list[Any]:
-    """Those that are over, or none after a while."""
-    from distributed import wait
-
-    try:
-        return list(wait(futures, timeout=REFRESH_S, return_when="FIRST_COMPLETED").done)
-    except TimeoutError:
-        return []
-    except Exception as error:
-        # wait() raises what one of them was cancelled with; which one, they say themselves.
-        over = [future for future in futures if future.done()]
-        if not over:
-            raise UserError(f"--dask: {_first_line(error)}; what is done is kept") from None
-        return over
-
-
 def _result(future: Any, task: Task, bench: Bench, killings: Counter[str]) -> Row | None:
     """None: it is to be run again."""
     from distributed import KilledWorker
 
-    if future.status == "finished":
+    if future.status not in ("finished", "error"):
+        return None  # cancelled or lost, with a scheduler that began anew
+    try:
+        # The worker that has it may be dead by now, and so may be those that try again.
         row: Row = future.result()
         return row
-    if future.status != "error":
-        return None  # cancelled or lost, with a scheduler that began anew
-    error = future.exception()
-    if not isinstance(error, KilledWorker):
+    except KilledWorker:
+        pass
+    except (CancelledError, OSError, TimeoutError):
+        return None
+    except Exception as error:
         return failed(task, bench, f"{type(error).__name__}: {_first_line(error)}")
     killings[task.trial_id] += 1
     if killings[task.trial_id] < MOST_KILLINGS:

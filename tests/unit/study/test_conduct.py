@@ -14,7 +14,16 @@ from hypothesis import strategies as st
 
 from protocol.errors import UserError
 from study import store
-from study.conduct import FLUSH_S, Collector, collect, finish, finished, open_tasks, recover
+from study.conduct import (
+    FLUSH_S,
+    LONGEST_FLUSH_S,
+    Collector,
+    collect,
+    finish,
+    finished,
+    open_tasks,
+    recover,
+)
 from study.plan import Task
 from study.progress import Progress
 from study.rows import Row
@@ -36,7 +45,7 @@ def test_rows_are_written_every_few_seconds_and_at_the_end(tmp_path: Path) -> No
     def coming() -> Iterator[Row | None]:
         for row in rows(6):
             seen.append(shards(tmp_path))
-            watch.now_s += FLUSH_S / 2.0
+            watch.now_s += FLUSH_S * 0.6
             yield row
 
     gather(tmp_path, coming(), watch)
@@ -50,11 +59,21 @@ def test_while_nothing_comes_what_came_is_written_too(tmp_path: Path) -> None:
     def coming() -> Iterator[Row | None]:
         yield rows(1)[0]
         assert shards(tmp_path) == 0
-        watch.now_s += FLUSH_S
+        watch.now_s += LONGEST_FLUSH_S
         yield None
         assert shards(tmp_path) == 1
 
     gather(tmp_path, coming(), watch)
+
+
+def test_a_long_study_writes_more_seldom_but_never_waits_long(tmp_path: Path) -> None:
+    watch = Watch()
+    collector = Collector(tmp_path, watch)
+    for row in rows(1000):
+        watch.now_s += 3.6
+        collector.add(row)
+        collector.look()
+    assert 3600.0 / LONGEST_FLUSH_S * 0.8 <= shards(tmp_path) <= 700
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, UserError, RuntimeError])
@@ -80,7 +99,7 @@ def test_on_a_full_disk_it_ends_with_a_clear_word_and_what_was_written(
 
     def coming() -> Iterator[Row | None]:
         for number, row in enumerate(rows(4)):
-            watch.now_s += FLUSH_S
+            watch.now_s += LONGEST_FLUSH_S
             if number == 3:
                 monkeypatch.setattr(os, "fsync", full)
             yield row

@@ -1,0 +1,179 @@
+"""`sidestep study --dask`: the same trials on a cluster, whose workers may die."""
+
+import os
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from distributed import LocalCluster
+
+from plant.world_types import World
+from protocol.errors import UserError
+from study import on_dask
+from study.one import Bench
+from study.plan import Task
+from study.pool import Pool
+from study.provenance import code
+from study.rows import FAILED, Row
+from tests.unit.study.made import bench_of, boxed, floor, tasks
+from tests.unit.study.trouble import deadly
+
+pytestmark = pytest.mark.stack
+
+ANYWHERE = "127.0.0.1:0"
+
+
+@contextmanager
+def two_workers() -> Iterator[str]:
+    """A scheduler with two worker processes."""
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=ANYWHERE
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    with two_workers() as found:
+        yield found
+
+
+@pytest.fixture
+def doomed() -> Iterator[str]:
+    """For one test alone: its workers do not live long."""
+    with two_workers() as found:
+        yield found
+
+
+def run(address: str, made: Sequence[Task], *worlds: World) -> dict[str, Row]:
+    with on_dask.cluster(address) as client:
+        return by_trial(on_dask.run(client, bench_of(*worlds), made))
+
+
+def by_trial(rows: Iterator[Row | None]) -> dict[str, Row]:
+    found = [row for row in rows if row is not None]
+    assert len({row.trial_id for row in found}) == len(found), "a trial came twice"
+    return {row.trial_id: row for row in found}
+
+
+def digests(rows: dict[str, Row]) -> dict[str, str]:
+    return {name: row.digest for name, row in rows.items()}
+
+
+def test_the_rows_are_those_of_our_own_processes(address: str) -> None:
+    worlds = (floor(), boxed())
+    made = tasks(*worlds, noise=("none", "harsh"), seeds=3)
+    with Pool(1, bench_of(*worlds)) as pool:
+        ours = by_trial(pool.run(made))
+    assert digests(run(address, made, *worlds)) == digests(ours)
+    assert len(ours) == len(made)
+
+
+def test_a_dask_worker_that_dies_costs_no_trial(doomed: str, tmp_path: Path) -> None:
+    worlds = (floor(), deadly(tmp_path / "marks", times=1), boxed())
+    made = tasks(*worlds, noise=("default",), seeds=4)
+    rows = run(doomed, made, *worlds)
+    assert len(list((tmp_path / "marks").iterdir())) == 1
+    assert sorted(rows) == sorted(task.trial_id for task in made)
+    assert {row.outcome for row in rows.values()} == {"reached"}
+
+
+def test_dask_workers_killed_from_outside_cost_no_trial(doomed: str) -> None:
+    made = tasks(boxed(), noise=("default",), seeds=12)
+    with on_dask.cluster(doomed) as client:
+        pids = list(client.run(os.getpid).values())
+        coming = on_dask.run(client, bench_of(boxed()), made)
+        first = next(row for row in coming if row is not None)
+        for pid in pids:
+            os.kill(pid, signal.SIGKILL)
+        rows = by_trial(coming)
+    assert first.trial_id not in rows
+    assert len(rows) == len(made) - 1
+    assert {row.outcome for row in rows.values()} == {"reached"}
+
+
+def test_a_trial_that_every_dask_worker_dies_of_has_failed(doomed: str, tmp_path: Path) -> None:
+    worlds = (deadly(tmp_path / "marks", times=99), floor())
+    rows = run(doomed, tasks(*worlds), *worlds)
+    ends = {row.world: row.outcome for row in rows.values()}
+    assert ends == {"deadly": FAILED, "floor": "reached"}
+    assert any("workers that ran it died" in row.reason for row in rows.values())
+
+
+def test_a_study_on_dask_is_like_any_other(address: str, tmp_path: Path) -> None:
+    from study.store import read
+    from study.study_cli import main
+
+    words = ["study", "--worlds", "open", "box", "--noise", "none", "--no-report"]
+    assert main([*words, "--dask", address, "--output", str(tmp_path / "dask")]) == 0
+    assert main([*words, "--jobs", "2", "--output", str(tmp_path / "ours")]) == 0
+    one, other = read(tmp_path / "dask"), read(tmp_path / "ours")
+    assert one.num_rows == 14
+    assert one["trial_id"].equals(other["trial_id"])
+    assert one["digest"].equals(other["digest"])
+
+
+def test_other_code_on_the_workers_is_refused(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = code()._replace(digest="other")
+    monkeypatch.setattr(on_dask, "code", lambda: other)
+    with pytest.raises(UserError, match="runs other code than this"), on_dask.cluster(address):
+        raise AssertionError("other code was let in")
+
+
+def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(on_dask, "CONNECT_S", 1.0)
+    gone = "tcp://127.0.0.1:1"
+    with pytest.raises(UserError, match="no scheduler answers there"), on_dask.cluster(gone):
+        raise AssertionError("nobody is there")
+
+
+def test_an_address_that_is_none_is_told() -> None:
+    with pytest.raises(UserError, match="--dask"), on_dask.cluster("no address: at all"):
+        raise AssertionError("that is no address")
+
+
+def test_a_scheduler_without_workers_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(on_dask, "CONNECT_S", 1.0)
+    with (
+        LocalCluster(n_workers=0, dashboard_address=ANYWHERE) as cluster,
+        pytest.raises(UserError, match="has no workers"),
+        on_dask.cluster(cluster.scheduler_address),
+    ):
+        raise AssertionError("nobody works there")
+
+
+def test_a_scheduler_that_goes_away_ends_the_study_with_what_is_done() -> None:
+    made = tasks(boxed(), noise=("default",), seeds=40)
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=ANYWHERE) as cluster,
+        on_dask.cluster(cluster.scheduler_address) as client,
+    ):
+        coming = on_dask.run(client, bench_of(boxed()), made)
+        assert next(row for row in coming if row is not None).outcome == "reached"
+        cluster.close()
+        with pytest.raises(UserError, match="what is done is kept"):
+            exhaust(coming)
+
+
+def exhaust(coming: Iterator[Any]) -> None:
+    for _ in coming:
+        pass
+
+
+def test_every_task_travels_with_its_own_world_only() -> None:
+    sent: list[tuple[Task, Bench]] = []
+
+    class Client:
+        def submit(self, _: object, task: Task, bench: Bench, **__: object) -> None:
+            sent.append((task, bench))
+
+    worlds = (floor(), boxed())
+    for task in tasks(*worlds):
+        on_dask._submit(Client(), bench_of(*worlds), task)
+    assert all(task.place == 0 and len(bench.worlds) == 1 for task, bench in sent)
+    assert {bench.worlds[0].name for _, bench in sent} == {"floor", "disc"}
