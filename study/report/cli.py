@@ -14,13 +14,14 @@ import pyarrow.parquet as pq
 from study.report.build import Asked
 from study.report.files import SUMMARY, write
 from study.report.gallery import PER_NAVIGATOR
-from study.report.paper_runs import Runs, run_paper
+from study.report.paper_runs import SEEDS, run_paper
 from study.report.readme import update
 from study.sources import world_of
 from study.store import PROVENANCE, RESULTS, read
 
 MOST_FAILURES: Final = 50
 MOST_JOBS: Final = 1000
+MOST_SEEDS: Final = 1000
 
 
 def main(argv: Sequence[str]) -> int:
@@ -32,7 +33,7 @@ def main(argv: Sequence[str]) -> int:
         output,
         failures=options.failures,
         jobs=options.jobs,
-        paper=not options.without_paper,
+        paper_seeds=options.paper_seeds,
     )
     if options.readme is not None:
         update(options.readme, output / SUMMARY)
@@ -46,15 +47,15 @@ def report(
     *,
     failures: int = PER_NAVIGATOR,
     jobs: int = 1,
-    paper: bool = True,
+    paper_seeds: int = SEEDS,
 ) -> list[Path]:
     """The report of the study in that directory, finished or not; the files written."""
     table = read(study)
-    if paper:
+    if paper_seeds:
         print("sidestep study report: driving the paper's figures", file=sys.stderr)
     asked = Asked(
         command=command_of(study),
-        runs=run_paper(jobs) if paper else Runs(),
+        runs=run_paper(jobs, paper_seeds),
         world_of=partial(world_of, directory=study),
         failures=failures,
         jobs=jobs,
@@ -95,7 +96,11 @@ def parser() -> argparse.ArgumentParser:
         help="processes that drive again (one per core)",
     )
     made.add_argument(
-        "--without-paper", action="store_true", help="do not drive the paper's figures"
+        "--paper-seeds",
+        type=lambda text: _whole(text, 0, MOST_SEEDS),
+        default=SEEDS,
+        metavar="N",
+        help=f"of the drives in the paper's figures at each noise ({SEEDS}); 0 for none",
     )
     return made
 

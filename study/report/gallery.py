@@ -110,6 +110,7 @@ def again(found: list[Chosen], world_of: WorldOf, jobs: int) -> list[Drive | str
     return [results[index] for index in range(len(found))]
 
 
+OTHER: Final = "the code is another one, or the machine rounds otherwise"
 LEGEND: Final = (
     "Some failures of each navigator, chosen by rule: every kind of failure and every family gets "
     "its turn, the least noise and the shortest drive first. Coloured: the true way; dotted: where "
@@ -132,7 +133,7 @@ def _figure(one: Chosen, drive: Drive, name: str) -> Figure:
         note += f" of {row.shortest_path_m:.1f} m"
     note += f"; trial `{row.trial_id[:12]}`"
     if outcome.digest != row.digest:
-        note += ". **This is not the recorded drive**: the code has changed since"
+        note += f". **This is not the recorded drive**: {OTHER}"
     caption = f"**{row.world}**, {row.noise}, seed {row.seed}: **{one.kind}**"
     return Figure(name, plan.drawing, caption, note, command_of(row))
 

@@ -42,7 +42,7 @@ DRAWING_RULES: Final = (
     ".drawing .ground{fill:var(--paper)}"
     ".drawing .label{fill:var(--ink)}.drawing .small{fill:var(--soft);font-size:10px}"
     ".drawing .head{fill:var(--ink);font-weight:600;font-size:12px}"
-    ".drawing .on{fill:#fff;font-size:10px}"
+    ".drawing .on{fill:var(--paper);font-size:10px}"
     ".drawing .axis{stroke:var(--soft)}.drawing .grid{stroke:var(--rule)}"
     ".drawing .wanted{stroke:var(--ink);stroke-dasharray:2 3}"
     ".drawing .solid{fill:var(--solid)}.drawing .solidline{stroke:var(--solid);fill:none;"

@@ -131,7 +131,7 @@ def _of_share(what: str, noise: str, wanted: str, found: Share, met: bool) -> Ta
 def _contacts(touched: Flags, noise: str, most: float, what: str) -> Target:
     found = Share(int(np.count_nonzero(touched)), len(touched))
     text = f"trials with a contact{what}, per 10,000"
-    wanted = f"≤ {most:g}"
+    wanted = f"≤ {most:g}" if most else "0"
     if not found.of:
         return Target(text, noise, wanted, DASH, DASH, UNMEASURED)
     per = 10_000.0

@@ -7,14 +7,19 @@ from typing import Any
 import pytest
 
 from robot.core import states
+from study.report import paper_runs
 from study.report.claims import CONFIRMED, REFUTED, UNCLEAR, Claim, claims
 from study.report.drives import Drive, Pose
+from study.report.page import figures_of
 from study.report.paper_runs import (
     PLACES,
+    TRAPS,
     Runs,
     deviation_m,
+    figure_trials,
     left_of_deviation,
     run_paper,
+    trap_trials,
     turn_left_deg,
     ways,
 )
@@ -150,11 +155,24 @@ def test_without_any_trial_every_claim_is_unclear() -> None:
     assert len(claims_table(found).rows) == len(found) == 10
 
 
-def test_the_papers_places_are_driven_at_every_noise_by_all_and_the_same_each_time() -> None:
-    found = run_paper(1, seeds=1, trap_seeds=0)
+def test_the_papers_places_are_driven_at_every_noise_and_once_without() -> None:
+    found = figure_trials(3)
+    assert len(found) == len(PLACES) * 4 * (1 + 3 * 3)
+    assert {one.world.name for one in found} == set(PLACES.values())
+    assert {one.navigator for one in trap_trials(1)} == {"bug", "vgm"}
+    assert {one.world.name for one in trap_trials(1)} == set(TRAPS)
+
+
+def test_the_papers_figures_are_redone_and_shown_with_every_drive(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(paper_runs, "TRAPS", ())
+    found = run_paper(1, seeds=1)
     assert len(found.figures) == len(PLACES) * 4 * 4
-    assert found.traps == tuple(one for one in found.traps if one.outcome.noise == "none")
-    again = {one.outcome.digest for one in run_paper(1, seeds=1, trap_seeds=0).figures}
-    assert again == {one.outcome.digest for one in found.figures}
     section = paper_section(NONE, found)
     assert [part.title for part in section.parts] == ["Claims", "Figures 11, 12 and 13"]
+    drawn = [one.drawing.says for one in figures_of([section])]
+    assert [says.partition(":")[0] for says in drawn] == [
+        *("Figure 11 redone", "Figure 12 redone", "Figure 13 redone"),
+    ]
+    assert run_paper(1, seeds=0) == Runs()

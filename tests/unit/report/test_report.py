@@ -181,7 +181,7 @@ def test_the_command_line_reports_a_study_and_renews_a_readme(
     readme = tmp_path / "README.md"
     readme.write_text("<!-- study:begin -->\n<!-- study:end -->\n")
     asked = ["--output", str(tmp_path / "out"), "--readme", str(readme), "--failures", "0"]
-    assert main([str(tmp_path), *asked, "--without-paper", "--jobs", "1"]) == 0
+    assert main([str(tmp_path), *asked, "--paper-seeds", "0", "--jobs", "1"]) == 0
     assert (tmp_path / "out" / "report.html").exists()
     assert "| vgm_memory |" in readme.read_text()
     assert "report.html" in capsys.readouterr().out
@@ -204,7 +204,7 @@ def test_wrong_usage_ends_with_two(wrong: list[str], tmp_path: Path) -> None:
 
 def test_a_directory_without_results_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="holds no results"):
-        main([str(tmp_path), "--without-paper"])
+        main([str(tmp_path), "--paper-seeds", "0"])
 
 
 def test_every_block_has_its_form_in_both() -> None:
