@@ -97,3 +97,17 @@ def test_on_a_bend_past_one_obstacle_only_what_is_close_ahead_has_to_change() ->
     drive(far, scan({2: 300}), ticks=8, turned=0.012)
     assert close.verdict
     assert not far.verdict
+
+
+def swinging(turned_rad: float) -> Frozen:
+    """Drives on while an echo swings to and fro by 12 mm, and then no more."""
+    sonars = Frozen()
+    for k in range(12):
+        drive(sonars, scan({0: 280, 2: 500 + 12 * (k % 2), 7: 280}), ticks=1, turned=turned_rad)
+    drive(sonars, scan({0: 280, 2: 500, 7: 280}), ticks=9)
+    return sonars
+
+
+def test_echoes_that_swing_because_the_robot_wavers_do_not_make_the_sonars_noisy() -> None:
+    assert swinging(0.0).verdict
+    assert not swinging(0.01).verdict
