@@ -22,9 +22,8 @@ EVERY: Final = 3
 
 def near_path(world: World, way: list[Point], radius_m: float) -> list[Point]:
     """The corners of the shortest way found; the given one itself when none is shorter."""
-    blocked = blocked_by(world, radius_m)
-    given = np.array(way)
-    blocked = _only(blocked, given, SIGHT_M + NEAR_M)
+    every, given = blocked_by(world, radius_m), np.array(way)
+    blocked = _only(every, given, SIGHT_M + NEAR_M)
     corners = rings(world, _only(blocked, given, NEAR_M), radius_m)
     corners = corners[_free(corners, blocked)]
     nodes = np.vstack([given[:1], given[-1:], corners, given[EVERY:-1:EVERY]])
@@ -34,7 +33,18 @@ def near_path(world: World, way: list[Point], radius_m: float) -> list[Point]:
     path = [1]
     while path[-1] != 0:
         path.append(came_from[path[-1]])
-    return [(float(nodes[node, 0]), float(nodes[node, 1])) for node in reversed(path)]
+    pulled = _pulled(nodes[path[::-1]], every)
+    return [(float(x_m), float(y_m)) for x_m, y_m in pulled.tolist()]
+
+
+def _pulled(path: Array, blocked: Blocked) -> Array:
+    """Without the points that can be left out because one sees past them, however far."""
+    kept = [0]
+    while kept[-1] < len(path) - 1:
+        after = kept[-1] + 1
+        seen = np.flatnonzero(visible_from(path[kept[-1]], path[after:], blocked))
+        kept.append(after + int(seen.max(initial=0)))
+    return path[kept]
 
 
 def _only(blocked: Blocked, points: Array, reach_m: float) -> Blocked:

@@ -1,0 +1,148 @@
+"""Shortest ways over many cells, and those of the corpus, against a search that knows no corners.
+
+The judge is Dijkstra over a fine grid: its moves in eight directions are at most 8.3 % longer than
+the straight line, never shorter.
+"""
+
+from heapq import heappop, heappush
+from itertools import pairwise
+from math import asin, atan2, ceil, dist, hypot, inf, sqrt
+from random import Random
+
+import numpy as np
+import pytest
+
+from plant.body import Body
+from plant.corpus import FAMILIES, GRID_FAMILIES, generate
+from plant.geometry import clearance_m
+from plant.imports.cells import Cells, Mask
+from plant.imports.grid_world import grid_world
+from plant.imports.made import Made
+from plant.imports.routes import Places
+from plant.near_path import near_path
+from plant.scene import moves
+from plant.shortest_path import shortest_path_m
+from plant.world_types import Point, World
+
+RADIUS_M = Body().radius_m
+PITCH_M = 0.05
+MOVES = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]
+LONGER = 1.0824
+
+
+def free_nodes(world: World, room_m: float) -> Mask:
+    """Where the robot's centre may be, node by node."""
+    columns, rows = (ceil(side / PITCH_M) + 1 for side in world.size_m)
+    still = [one for one in world.obstacles if not moves(one)]
+    free = np.zeros((columns, rows), dtype=bool)
+    for column, row in np.ndindex(columns, rows):
+        x_m, y_m = column * PITCH_M, row * PITCH_M
+        rim_m = min(x_m, y_m, world.size_m[0] - x_m, world.size_m[1] - y_m)
+        free[column, row] = rim_m >= room_m and all(
+            clearance_m((x_m, y_m), one) >= room_m for one in still
+        )
+    return free
+
+
+def grid_length_m(world: World, room_m: float) -> float:
+    """From node to node nearest to start and goal; inf when there is no way."""
+    free = free_nodes(world, room_m)
+    first, last = (
+        (round(end.x_m / PITCH_M), round(end.y_m / PITCH_M)) for end in (world.start, world.goal)
+    )
+    cost, todo = {first: 0.0}, [(0.0, first)]
+    while todo:
+        here_cost, here = heappop(todo)
+        if here == last:
+            return here_cost * PITCH_M
+        for x, y in MOVES:
+            there = here[0] + x, here[1] + y
+            inside = all(0 <= value < side for value, side in zip(there, free.shape, strict=True))
+            if inside and free[there] and here_cost + hypot(x, y) < cost.get(there, inf):
+                cost[there] = here_cost + hypot(x, y)
+                heappush(todo, (cost[there], there))
+    return inf
+
+
+@pytest.mark.parametrize("family", [name for name in FAMILIES if name != "forest_dense"])
+def test_the_shortest_path_of_a_corpus_world_is_no_longer_than_that_of_a_fine_grid(
+    family: str,
+) -> None:
+    world = generate(family, 2, 31)
+    # Room for what lies between two nodes; a passage may be lost to it, but no way is made up.
+    safe_m, bold_m = grid_length_m(world, RADIUS_M + 0.01), grid_length_m(world, RADIUS_M - 0.03)
+    if world.reachable:
+        assert world.shortest_path_m is not None
+        assert world.shortest_path_m <= safe_m + 2 * PITCH_M
+        assert world.shortest_path_m >= bold_m / LONGER - 2 * PITCH_M
+    else:
+        assert safe_m == inf
+
+
+@pytest.mark.parametrize("family", GRID_FAMILIES)
+def test_the_way_over_cells_is_that_of_the_exact_search(family: str) -> None:
+    world = generate(family, {"grid_maze": 2, "grid_rooms": 3, "grid_random": 0}[family], 1)
+    exact_m = shortest_path_m(world)
+    assert exact_m is not None
+    assert world.shortest_path_m is not None
+    assert exact_m - 2e-3 <= world.shortest_path_m <= 1.028 * exact_m
+
+
+def cells_of(*rows: str) -> Cells:
+    """Drawn with the first row at the top."""
+    return Cells(np.array([[one == "#" for one in row] for row in rows[::-1]]), 0.4)
+
+
+def world_of(cells: Cells, start: Point, goal: Point) -> World:
+    made = Made(file="x.map", name="x", family="test", seed=1, start=start, goal=goal)
+    return grid_world(cells, made, Random(1))
+
+
+def test_a_passage_of_one_cell_is_a_passage() -> None:
+    cells = cells_of("...#...", "...#...", ".......", "...#...")
+    world = world_of(cells, (0.6, 0.2), (2.2, 0.2))
+    assert world.reachable
+    # Tangent to a corner, round it, along to the next, round it, tangent to the goal.
+    tangent_m, turn_rad = sqrt(0.6**2 + 0.2**2 - RADIUS_M**2), atan2(0.2, 0.6) + asin(0.12 / 0.6325)
+    exact_m = 2.0 * (tangent_m + RADIUS_M * turn_rad) + 0.4
+    assert world.shortest_path_m == pytest.approx(exact_m, rel=0.006)
+
+
+def test_a_squeeze_between_two_cells_that_meet_at_a_corner_is_none() -> None:
+    cells = cells_of("..#.", "..#.", "##..", "....")
+    world = world_of(cells, (0.2, 1.4), (1.4, 1.4))
+    assert (world.reachable, world.shortest_path_m) == (False, None)
+    assert shortest_path_m(world) is None
+
+
+def test_a_room_too_narrow_for_the_robot_is_closed() -> None:
+    narrow = cells_of("......", "##.###", "......")._replace(cell_m=0.23)
+    world = world_of(narrow._replace(blocked=narrow.finer(3).blocked), (0.4, 0.3), (0.4, 1.7))
+    assert world.reachable
+    tight = Cells(narrow.finer(3).blocked, 0.23 / 3)
+    assert Places(tight, RADIUS_M).way((0.5, 0.115), (0.5, 0.575)) is None
+
+
+def test_a_straight_way_is_straight() -> None:
+    world = world_of(Cells(np.zeros((20, 30), dtype=bool), 0.4), (1.0, 1.0), (10.0, 6.3))
+    assert world.shortest_path_m == round(dist((1.0, 1.0), (10.0, 6.3)), 3)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_way_over_cells_touches_nothing(seed: int) -> None:
+    mask = np.random.default_rng(seed).random((24, 24)) < 0.25
+    made = Made(file="x.map", name="x", family="test", seed=seed)
+    world = grid_world(Cells(mask, 0.4), made, Random(seed))
+    ends = (world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m)
+    way = Places(Cells(mask, 0.4), RADIUS_M).way(*ends)
+    assert way is not None
+    path = near_path(world, way, RADIUS_M)
+    assert (path[0], path[-1]) == ends
+    for a, b in pairwise(path):
+        for i in range(21):
+            point = (a[0] + (b[0] - a[0]) * i / 20, a[1] + (b[1] - a[1]) * i / 20)
+            gap_m = min(clearance_m(point, one) for one in world.obstacles)
+            assert gap_m >= RADIUS_M - 1e-5
+    length_m = sum(dist(a, b) for a, b in pairwise(path))
+    assert length_m <= sum(dist(a, b) for a, b in pairwise(way)) + 1e-9
+    assert world.shortest_path_m == round(length_m, 3)
