@@ -168,23 +168,21 @@ def gather(follower: Follower, pose: Pose, params: Params) -> None:
             count += 1
     follower.count = count
     oldest = follower.tick - OLD_TICKS
+    here_x_m, here_y_m, heading_rad = pose
+    square_m2 = reach_m * reach_m
     for k in range(POINTS):
         weight = follower.points_weight[k]
         if weight > 0 and follower.points_tick[k] > oldest:
-            x_m, y_m = follower.points_x_m[k], follower.points_y_m[k]
-            follower.points_weight[k] = weight - recall(follower, pose, x_m, y_m, reach_m, params)
+            dx_m, dy_m = follower.points_x_m[k] - here_x_m, follower.points_y_m[k] - here_y_m
+            if dx_m * dx_m + dy_m * dy_m < square_m2:
+                lost = recall(follower, heading_rad, dx_m, dy_m, params)
+                follower.points_weight[k] = weight - lost
 
 
-def recall(
-    follower: Follower, pose: Pose, x_m: float, y_m: float, reach_m: float, params: Params
-) -> int:
-    """List a remembered point if it is near; how much weight it loses because it is not seen."""
-    dx_m, dy_m = x_m - pose.x_m, y_m - pose.y_m
-    square = dx_m * dx_m + dy_m * dy_m
-    if not square < reach_m * reach_m:
-        return 0
-    far_m = sqrt(square)
-    bearing_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
+def recall(follower: Follower, heading_rad: float, dx_m: float, dy_m: float, params: Params) -> int:
+    """List a remembered point that is near; how much weight it loses because it is not seen."""
+    far_m = sqrt(dx_m * dx_m + dy_m * dy_m)
+    bearing_rad = wrap(atan2(dy_m, dx_m) - heading_rad)
     k = follower.count
     follower.bearing_rad[k] = bearing_rad
     follower.far_m[k] = far_m
@@ -214,9 +212,9 @@ def heading(follower: Follower, pose: Pose, params: Params) -> float:
     gather(follower, pose, params)
     live = follower.count
     reach_m = 2.0 * (LOOK_M + params.radius_m + WIDE_M)
-    follower.anchor_weight -= recall(
-        follower, pose, follower.anchor_x_m, follower.anchor_y_m, reach_m, params
-    )
+    dx_m, dy_m = follower.anchor_x_m - pose.x_m, follower.anchor_y_m - pose.y_m
+    if dx_m * dx_m + dy_m * dy_m < reach_m * reach_m:
+        follower.anchor_weight -= recall(follower, pose.heading_rad, dx_m, dy_m, params)
     old = follower.tick - follower.anchor_tick > OLD_TICKS
     if follower.anchor_weight <= 0 or old or follower.count == live:
         follower.count = live
