@@ -50,7 +50,9 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "trial": Verb("study.cli", "one run in this process, as fast as possible"),
         "study": Verb("study.study_cli", "many trials on all cores, their results and a report"),
         "calibrate": Verb("study.calibration.cli", "wheels, track and slip from squares", False),
-        "worlds": Verb("plant.worlds_cli", "list, check, show, generate and import world files", False),
+        "worlds": Verb(
+            "plant.worlds_cli", "list, check, show, generate and import world files", False
+        ),
         "bench": Verb("benchmarks.__main__", "measure, against floors and peers", False),
     },
 }
