@@ -3,7 +3,7 @@
 import csv
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +16,7 @@ from study.report.claims import claims
 from study.report.html import html
 from study.report.markdown import markdown
 from study.report.page import figures_of
-from study.report.summary import HEAD, as_json, summaries
+from study.report.summary import as_json, numbers, summaries
 from study.report.trials import Trials, distinct, trials_of
 from study.report.wanted import targets
 
@@ -36,7 +36,7 @@ def write(table: pa.Table, directory: Path, asked: Asked | None = None) -> list[
         "report.html": html(page),
         "report.md": markdown(page, FIGURES),
         SUMMARY: json.dumps(summary, indent=1, ensure_ascii=False) + "\n",
-        "summary.csv": _csv(summary["rows"]),
+        "summary.csv": _csv([numbers(one) for one in summaries(distinct(trials_of(table)))]),
     }
     for figure in figures_of(page.sections):
         texts[f"{FIGURES}/{figure.name}.svg"] = figure.drawing.alone()
@@ -72,9 +72,10 @@ def _targets(trials: Trials) -> list[Mapping[str, str]]:
     return [asdict(target) for target in targets(trials)]
 
 
-def _csv(rows: list[Mapping[str, str]]) -> str:
+def _csv(rows: Sequence[Mapping[str, object]]) -> str:
+    """Empty where a value is unknown; of no rows nothing."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, HEAD, lineterminator="\n")
+    writer = csv.DictWriter(text, rows[0] if rows else (), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from math import isfinite
+from typing import Final
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from study.report.trials import NAVIGATORS, Trials
 from study.report.words import count, number
 from study.rows import FAILED
 
-SHOWN: int = 6
+SHOWN: Final = 6
 
 
 def how_run(trials: Trials, kept: int, command: str) -> tuple[Block, ...]:

@@ -1,7 +1,7 @@
 """Navigator by noise: what the README shows, what `summary.json` keeps."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import isfinite
 from typing import Final
 
@@ -101,6 +101,28 @@ def cells(found: Summary) -> tuple[str, ...]:
 def as_json(found: Iterable[Summary]) -> list[dict[str, str]]:
     """The cells by their heading: what is committed and compared with the README."""
     return [dict(zip(HEAD, cells(one), strict=True)) for one in found]
+
+
+def numbers(found: Summary) -> dict[str, str | int | float | None]:
+    """Everything unrounded, by name; None where it is unknown."""
+    row: dict[str, str | int | float | None] = {}
+    for field in fields(found):
+        value = getattr(found, field.name)
+        if isinstance(value, Share):
+            row |= {field.name: value.count, f"{field.name}_of": value.of}
+            row |= {
+                f"{field.name}_low": value.interval.low,
+                f"{field.name}_high": value.interval.high,
+            }
+        elif isinstance(value, tuple):
+            row |= {f"{field.name}_{place}": _known(one) for place, one in enumerate(value)}
+        else:
+            row[field.name] = _known(value) if isinstance(value, float) else value
+    return row
+
+
+def _known(value: float) -> float | None:
+    return value if isfinite(value) else None
 
 
 def main_table(found: Iterable[Summary]) -> Table:

@@ -13,7 +13,7 @@ from study.report import summary_table
 from study.report.build import Asked
 from study.report.files import summary_of
 from study.report.readme import BEGIN, END, block, update, with_block
-from study.report.summary import HEAD, as_json, summaries
+from study.report.summary import HEAD, as_json, numbers, summaries
 from study.report.words import interval, number, percent, probability, share
 from study.rows import SCHEMA, table_of
 from study.statistics import Interval, Share
@@ -38,6 +38,14 @@ def test_every_navigator_has_a_row_for_every_noise_it_drove_in() -> None:
         ("vgm_memory", "harsh"),
     ]
     assert all(tuple(one) == HEAD for one in found)
+
+
+def test_the_numbers_are_kept_unrounded_and_unknown_ones_are_empty() -> None:
+    (found,) = summaries(trials(row(path_m=5.4321), row(**COLLIDED, heading_error_rad=None)))
+    kept = numbers(found)
+    assert (kept["success"], kept["success_of"], kept["ratio_0"]) == (1, 2, 5.4321 / 5.0)
+    assert (kept["recognised_of"], kept["recognised_s"]) == (0, None)
+    assert (kept["success_low"], kept["success_high"]) == Share(1, 2).interval
 
 
 def test_the_readme_table_has_a_column_per_noise_and_a_dash_where_nobody_drove() -> None:
