@@ -21,6 +21,7 @@ BENCHMARKS = {
     "robot": "the robot process at 20 Hz: CPU, memory, growth, import time",
     "jitter": "wall-clock driving: missed ticks and lateness, with and without SCHED_FIFO",
     "nees": "whether the odometry's covariance fits its errors, per noise level",
+    "arrival": "pose and last turn at the goal in the open, go-then-align beside it",
     "digest": "the same trajectory in every way of running, another one for another seed",
 }
 

@@ -1,6 +1,6 @@
 """The way to one goal: navigate, arrive, align, stand, reached, or give up."""
 
-from math import inf, sqrt
+from math import cos, inf, pi, sin, sqrt
 
 from robot.core import closing, navigators, reasons, states
 from robot.core import machine as machines
@@ -16,6 +16,9 @@ from robot.core.typed import Final
 from robot.core.values import Decision, Goal, Twist
 
 LEAVE: Final = 3.0  # arrived is taken back only at this many tolerances
+CENTRE_M: Final = 0.02  # in the open the robot goes on to within this, or a share of the tolerance
+CENTRE_SHARE: Final = 0.4
+ALIGNED_RAD: Final = 1.8 * pi / 180.0  # a greater heading error is turned away at any tolerance
 STILL_M_S: Final = 0.02
 STILL_RAD_S: Final = 0.10
 
@@ -29,16 +32,38 @@ def pursue(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
     distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
     if target is goal:
         state.goal_distance_m = distance_m
-        reach_m = goal.position_tolerance_m * (LEAVE if state.arrived else 1.0)
-        state.arrived = distance_m <= reach_m
+        state.arrived = has_arrived(state, goal, distance_m, params)
         if state.arrived:
             return settle(state, goal, now_ms, params)
     patient = NAVIGATORS[state.machine.navigator].judges_progress
     reason = progresses.judge(state.progress, pose, distance_m, now_ms, params, patient)
     if reason != reasons.OK:
+        if target is goal and distance_m <= goal.position_tolerance_m:
+            state.arrived = True
+            return settle(state, goal, now_ms, params)
         machines.end_goal(state.machine, states.STUCK, reason, now_ms)
         return HALT
     return travel(state, target, distance_m, now_ms, params)
+
+
+def has_arrived(state: State, goal: Goal, distance_m: float, params: Params) -> bool:
+    """Whether to stop here: within the tolerance, and with nothing gained by going on.
+
+    In the open the robot goes on to the middle for as long as that lies ahead; with anything near,
+    the tolerance will do, so that it does not insist on a place that it cannot take.
+    """
+    tolerance_m = goal.position_tolerance_m
+    if state.arrived:
+        return distance_m <= LEAVE * tolerance_m
+    if distance_m > tolerance_m:
+        return False
+    if distance_m <= min(tolerance_m, max(CENTRE_M, CENTRE_SHARE * tolerance_m)):
+        return True
+    if state.ring.nearest_m < params.d_obs_m:
+        return True
+    pose = state.odometry.pose
+    dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
+    return dx_m * cos(pose.heading_rad) + dy_m * sin(pose.heading_rad) <= 0.0
 
 
 def begin(state: State, now_ms: int) -> None:
@@ -102,7 +127,7 @@ def settle(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
     if goal.heading_rad is not None:
         error_rad = heading_error(goal.heading_rad, pose.heading_rad)
         standing = state.twist.yaw_rate_rad_s == 0.0
-        close_rad = goal.heading_tolerance_rad * (1.0 if standing else 0.5)
+        close_rad = min(goal.heading_tolerance_rad, ALIGNED_RAD) * (1.0 if standing else 0.5)
         if abs(error_rad) > close_rad:
             machine.goal_state = states.ALIGNING
             state.decision = Decision(

@@ -1,0 +1,140 @@
+"""Arrival with orientation, between random poses in an open world; beside it go-then-align.
+
+Errors are those of the pose the robot believed when it called its goal reached: what arriving can
+do, apart from odometry. A last turn is what was turned on the spot at the goal.
+"""
+
+import argparse
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import cos, degrees, hypot, pi, remainder, sin
+from random import Random
+from typing import Final
+
+from benchmarks.figures import Figure, Report, percentile
+from plant.noise import LEVELS
+from plant.plant import Plant
+from plant.world_types import GoalPose, Start, World
+from robot.core import states
+from robot.core.values import Outputs
+from study.onboard import Onboard
+from study.trial import NAVIGATORS, Trial, run_trial
+
+LEAST_M: Final = 0.5
+MOST_M: Final = 5.0
+SIDE_M: Final = 14.0
+TURN_DEG: Final = 5.0
+POSITION_M: Final = 0.03
+HEADING_DEG: Final = 2.0
+TURNS_PERCENT: Final = 5.0
+PEER: Final[Mapping[str, float]] = {"pose_from_m": 0.0}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arrival:
+    reached: bool
+    position_m: float
+    heading_deg: float
+    turned_deg: float
+    time_s: float
+    ratio: float
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--poses", type=int, default=300)
+    parser.add_argument("--noises", nargs="+", choices=LEVELS, default=["none", "default"])
+    parser.add_argument("--navigator", choices=NAVIGATORS, default="vgm")
+
+
+def measure(options: argparse.Namespace) -> Report:
+    figures: list[Figure] = []
+    for noise in options.noises:
+        for label, parameters in (("", {}), ("go-then-align ", PEER)):
+            arrivals = [
+                arrive(seed, noise, options.navigator, parameters) for seed in range(options.poses)
+            ]
+            figures += of(f"{label}{noise}", arrivals, judged=not label)
+    notes = (
+        f"{options.poses} starts and goals {LEAST_M:g} to {MOST_M:g} m apart, {options.navigator}",
+        "position and heading as believed; default tolerances 0.05 m and 3 deg",
+    )
+    return Report(benchmark="arrival", figures=tuple(figures), notes=notes)
+
+
+def between(seed: int) -> World:
+    """Two random poses in a room whose walls are far from both."""
+    random = Random(seed)
+    distance_m, towards_rad = random.uniform(LEAST_M, MOST_M), random.uniform(-pi, pi)
+    middle_m = SIDE_M / 2.0
+    return World(
+        name=f"arrival {seed}",
+        size_m=(SIDE_M, SIDE_M),
+        start=Start(x_m=middle_m, y_m=middle_m, heading_rad=random.uniform(-pi, pi)),
+        goal=GoalPose(
+            x_m=middle_m + distance_m * cos(towards_rad),
+            y_m=middle_m + distance_m * sin(towards_rad),
+            heading_rad=random.uniform(-pi, pi),
+        ),
+    )
+
+
+class Onlooker:
+    """Sees every tick: adds up what is turned on the spot at the goal."""
+
+    def __init__(self) -> None:
+        self.turned_rad = 0.0
+        self.pose = (0.0, 0.0, 0.0)
+
+    def __call__(self, _plant: Plant, onboard: Onboard, _outputs: Outputs) -> None:
+        pose = onboard.state.odometry.pose
+        if onboard.state.machine.goal_state == states.ALIGNING:
+            self.turned_rad += abs(remainder(pose.heading_rad - self.pose[2], 2.0 * pi))
+        self.pose = (pose.x_m, pose.y_m, pose.heading_rad)
+
+
+def arrive(
+    seed: int, noise: str, navigator: str = "vgm", parameters: Mapping[str, float] | None = None
+) -> Arrival:
+    """One drive, from one pose to the other."""
+    world, onlooker = between(seed), Onlooker()
+    trial = Trial(
+        world=world, navigator=navigator, seed=seed, noise=noise, parameters=parameters or {}
+    )
+    outcome = run_trial(trial, onlooker)
+    (x_m, y_m, heading_rad), goal, start = onlooker.pose, world.goal, world.start
+    assert goal.heading_rad is not None
+    return Arrival(
+        reached=outcome.reached,
+        position_m=hypot(x_m - goal.x_m, y_m - goal.y_m),
+        heading_deg=degrees(abs(remainder(heading_rad - goal.heading_rad, 2.0 * pi))),
+        turned_deg=degrees(onlooker.turned_rad),
+        time_s=outcome.time_s,
+        ratio=outcome.path_m / hypot(goal.x_m - start.x_m, goal.y_m - start.y_m),
+    )
+
+
+def of(label: str, arrivals: list[Arrival], *, judged: bool) -> Iterator[Figure]:
+    """Judged is the robot as it is: all there, within 3 cm and 2 degrees, hardly a last turn."""
+    turned = [one.turned_deg for one in arrivals]
+    ratios = [one.ratio for one in arrivals]
+    worst_m = max(one.position_m for one in arrivals)
+    worst_deg = max(one.heading_deg for one in arrivals)
+    mean_s = sum(one.time_s for one in arrivals) / len(arrivals)
+
+    def figure(name: str, unit: str, value: float, most: float | None = None) -> Figure:
+        at_most = most if judged else None
+        return Figure(name=f"{label}: {name}", unit=unit, values=(value,), at_most=at_most)
+
+    yield figure("not reached", "%", percent([not one.reached for one in arrivals]), 0.0)
+    yield figure("position, worst", "m", worst_m, POSITION_M)
+    yield figure("heading, worst", "deg", worst_deg, HEADING_DEG)
+    turns = percent([turn > TURN_DEG for turn in turned])
+    yield figure(f"last turn over {TURN_DEG:g} deg", "%", turns, TURNS_PERCENT)
+    yield figure("last turn, p90", "deg", percentile(turned, 0.9))
+    yield figure("time, mean", "s", mean_s)
+    yield figure("path / distance, median", "", percentile(ratios, 0.5))
+    yield figure("path / distance, p90", "", percentile(ratios, 0.9))
+
+
+def percent(found: list[bool]) -> float:
+    return 100.0 * sum(found) / len(found)

@@ -1,0 +1,39 @@
+"""Arriving in the open: where the robot believes it stands, and how it is measured."""
+
+from argparse import ArgumentParser
+
+import pytest
+
+from benchmarks import arrival
+from benchmarks.arrival import PEER, arrive
+
+
+@pytest.mark.parametrize("noise", ["none", "default"])
+@pytest.mark.parametrize("navigator", ["bug", "vgm", "vgm_memory"])
+def test_it_arrives_within_3_cm_and_2_degrees_without_a_last_turn(
+    navigator: str, noise: str
+) -> None:
+    for seed in range(5):
+        one = arrive(seed, noise, navigator)
+        assert one.reached
+        assert one.position_m <= 0.03
+        assert one.heading_deg <= 2.0
+        assert one.turned_deg <= 5.0
+
+
+def test_without_the_pose_controller_it_turns_at_the_end() -> None:
+    assert max(arrive(seed, "none", "vgm", PEER).turned_deg for seed in range(3)) > 30.0
+
+
+def test_the_robot_is_judged_and_what_it_is_compared_with_is_not() -> None:
+    parser = ArgumentParser()
+    arrival.add_options(parser)
+    report = arrival.measure(parser.parse_args(["--poses", "2", "--noises", "none"]))
+    judged = {figure.name: figure.met for figure in report.figures if figure.met is not None}
+    assert judged == {
+        "none: not reached": True,
+        "none: position, worst": True,
+        "none: heading, worst": True,
+        "none: last turn over 5 deg": True,
+    }
+    assert sum(figure.name.startswith("go-then-align") for figure in report.figures) == 8
