@@ -22,7 +22,7 @@ from study.store import (
 FLUSH_S: Final = 2.0
 LONGEST_FLUSH_S: Final = 10.0
 SLOWING: Final = 1.0 / 60.0
-"""By so much of the time it has run a study writes more seldom: hours make no thousands of files."""
+"""What a study waits longer for each second it has run: hours make no thousands of files."""
 
 
 class Collector:
