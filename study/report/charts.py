@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from study.report.style import COLOURS
+from study.report.style import colour, dashed
 from study.report.svg import Drawing
 from study.statistics import Floats, Share
 
@@ -18,15 +18,6 @@ TOP: Final = 26.0
 MOST_DOTS: Final = 80
 
 Panels = Mapping[str, Mapping[str, Share]]
-
-
-def colour(label: str) -> str:
-    name = label.partition(",")[0]
-    return name if name in COLOURS else "other"
-
-
-def dashed(label: str) -> str:
-    return " right" if ", right" in label else ""
 
 
 def success_chart(panels: Panels, labels: Sequence[str], says: str) -> Drawing:

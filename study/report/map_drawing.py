@@ -10,7 +10,7 @@ import numpy as np
 from plant.world_overrides import body_of
 from plant.world_types import Circle, Point, Polygon, Polyline, World
 from study.report.drives import Drive, Pose
-from study.report.style import COLOURS
+from study.report.style import colour, dashed
 from study.report.svg import Dot, Drawing
 from study.statistics import CHI2_2_95, Floats
 
@@ -37,15 +37,14 @@ class Map:
 
     def add(self, drive: Drive, belief: bool = False, faint: bool = False) -> None:
         """The true way in the navigator's colour; dotted, what the robot believed."""
-        name, right = drive.trial.navigator, drive.trial.side == "right"
-        colour = name if name in COLOURS else "other"
-        kind = f"way l-{colour}{' right' if right else ''}{' faint' if faint else ''}"
+        label = f"{drive.trial.navigator}, {drive.trial.side}"
+        kind = f"way l-{colour(label)}{dashed(label)}{' faint' if faint else ''}"
         self.drawing.polyline(map(self.at, thinned(drive.true)), kind)
         if belief:
             self.drawing.polyline(map(self.at, thinned(drive.believed)), "believed")
             self._doubt(drive)
         if not faint:
-            self._end(drive, colour)
+            self._end(drive, colour(label))
 
     def ends(self) -> None:
         """Start, goal with its tolerance and heading, and a bar one metre long."""
@@ -60,6 +59,14 @@ class Map:
         y = self._top + RIM + 4.0
         self.drawing.line((RIM, y), (RIM + self._scale, y), "axis")
         self.drawing.text((RIM + self._scale + 5.0, y + 3.5), "1 m", "small")
+
+    def legend(self, labels: Sequence[str]) -> None:
+        """Beside the bar: whose line is which."""
+        x, y = RIM + self._scale + 40.0, self._top + RIM + 4.0
+        for label in labels:
+            self.drawing.line((x, y), (x + 16.0, y), f"way l-{colour(label)}{dashed(label)}")
+            self.drawing.text((x + 20.0, y + 3.5), label, "small")
+            x += 32.0 + 5.6 * len(label)
 
     def straight(self) -> None:
         start, goal = self.world.start, self.world.goal
@@ -104,9 +111,9 @@ class Map:
         radii = long_m * self._scale, short_m * self._scale
         self.drawing.ellipse(self.at((x_m, y_m)), radii, -degrees(turn_rad), "doubt")
 
-    def _end(self, drive: Drive, colour: str) -> None:
+    def _end(self, drive: Drive, name: str) -> None:
         x_m, y_m, _ = drive.true[-1]
-        end_mark(self.drawing, self.at((x_m, y_m)), drive.outcome.outcome, f"mark f-{colour}")
+        end_mark(self.drawing, self.at((x_m, y_m)), drive.outcome.outcome, f"mark f-{name}")
 
 
 def end_mark(drawing: Drawing, at: Dot, outcome: str, kind: str) -> None:

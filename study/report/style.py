@@ -18,6 +18,16 @@ COLOURS: Final = {
 """In light, in dark."""
 
 
+def colour(label: str) -> str:
+    """The name of the colour of a navigator, whatever its label says besides."""
+    name = label.partition(",")[0]
+    return name if name in COLOURS else "other"
+
+
+def dashed(label: str) -> str:
+    return " right" if ", right" in label else ""
+
+
 def _variables(which: int) -> str:
     return "".join(f"--{name}:{pair[which]};" for name, pair in COLOURS.items())
 
@@ -89,7 +99,7 @@ PAGE_STYLE: Final = (
     "pre{padding:.6rem .8rem;overflow-x:auto;white-space:pre-wrap;overflow-wrap:anywhere}"
     ".wide{overflow-x:auto;margin:1rem 0}table{border-collapse:collapse;font-size:.88rem;"
     "font-variant-numeric:tabular-nums}caption{caption-side:top;text-align:left;"
-    "padding:0 0 .4rem;color:var(--soft);max-width:48rem}"
+    "padding:0 0 .4rem;color:var(--soft);max-width:min(48rem,90vw)}"
     "th,td{padding:.28rem .6rem;border-bottom:1px solid var(--rule);text-align:left;"
     "vertical-align:top}thead th{border-bottom:2px solid var(--soft);vertical-align:bottom}"
     "th{font-weight:600}tbody th{font-weight:500}"
@@ -99,6 +109,7 @@ PAGE_STYLE: Final = (
     ".open{color:var(--open);font-weight:600}.none{color:var(--soft)}"
     "figure{margin:1rem 0}figcaption{font-size:.88rem;color:var(--soft);max-width:48rem;"
     "margin-top:.35rem}svg.drawing{max-width:100%;height:auto;display:block}"
+    "section>figure{overflow-x:auto}section>figure svg.drawing{min-width:36rem}"
     ".gallery{display:grid;grid-template-columns:repeat(auto-fill,minmax(20rem,1fr));gap:1.25rem}"
     ".gallery figure{margin:0;min-width:0}.gallery pre{font-size:.72rem;margin:.3rem 0 0}"
     "@media print{nav{display:none}figure,tr{break-inside:avoid}}"
