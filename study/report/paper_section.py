@@ -48,7 +48,8 @@ READING: Final = (
 )
 HOW_RUN: Final = (
     f"Thick: without noise. Thin: the first {DRAWN_SEEDS} seeds at every noise level; all seeds "
-    "are counted, in the table below. Dashed: bug passing on the right; the straight dashes are the line from start to goal. Figures 11 and 12 show the same "
+    "are counted, in the table below. Dashed: bug passing on the right; the straight dashes are "
+    "the line from start to goal. Figures 11 and 12 show the same "
     "place, so that their drives can be compared pair by pair."
 )
 
