@@ -5,7 +5,7 @@ from robot.core.parameters import Params
 from robot.core.typed import Final
 
 TURNS: Final = 0.5  # share of what it was told in a period; below, it may be the encoder that fails
-SLACK_M: Final = 0.03  # as much is late while a motor speeds up or turns round
+SLACK_M: Final = 0.05  # as much is late while a motor speeds up or turns round
 COAST_S: Final = 0.15  # of its speed, until it stands
 
 

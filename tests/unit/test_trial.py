@@ -143,3 +143,14 @@ def test_lost_senses_stop_the_robot_with_their_reason() -> None:
     world = replace(NEAR, faults=({"kind": "scan_stopped", "start_s": 1.0},))
     outcome = run_trial(Trial(world=world))
     assert (outcome.outcome, outcome.reason) == ("aborted", "no fresh sonar scan for 250 ms")
+
+
+def test_a_robot_is_calibrated_for_the_noise_of_its_run_unless_it_shall_not_be() -> None:
+    harsh = replace(NEAR, noise={"level": "harsh", "range_sigma_m": 0.0})
+    for trial in (Trial(world=harsh), Trial(world=NEAR, noise="harsh")):
+        assert trial.level == "harsh"
+        params = params_of(trial)
+        assert params.wheel_ratio == pytest.approx(1.005, abs=5e-4)
+        assert params_of(replace(trial, calibrated=False)) == DEFAULTS
+        asked = replace(trial, parameters={"wheel_ratio": 1.01})
+        assert params_of(asked).wheel_ratio == 1.01

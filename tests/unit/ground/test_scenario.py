@@ -19,6 +19,7 @@ from plant.lineup import starts
 from plant.world_file import load
 from plant.world_overrides import body_of
 from plant.worlds_cli import main as worlds
+from protocol.calibration import calibration_of
 from protocol.errors import UserError
 from protocol.outcome import Asked
 from protocol.wire_goal import wire_goal
@@ -172,3 +173,11 @@ def test_more_robots_than_there_is_room_for_are_refused() -> None:
     words = question(parse(["up", "--robots", "20"]))
     with pytest.raises(UserError, match="has room for 7 beside its start, not for 20"):
         world_facts(command(words, os.getpid()))
+
+
+def test_robots_are_calibrated_for_the_noise_of_their_run_unless_they_shall_not_be() -> None:
+    harsh = words_of(scenario("--noise", "harsh"), "robot r1")
+    for name, value in calibration_of("harsh").items():
+        assert harsh[harsh.index(f"{name}={value!r}") - 1] == "--param"
+    assert "--param" not in words_of(scenario("--noise", "harsh", "--uncalibrated"), "robot r1")
+    assert "--param" not in words_of(scenario(), "robot r1")

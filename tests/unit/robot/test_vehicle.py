@@ -261,3 +261,14 @@ def test_an_operator_never_heard_has_no_age() -> None:
     assert desk.vehicle.operator_age_ms(5 * MS) is None
     desk.vehicle.hear_operator(5 * MS)
     assert desk.vehicle.operator_age_ms(9 * MS) == 4
+
+
+def test_wheels_that_seem_to_slip_are_told_once() -> None:
+    desk = Desk()
+    desk.step()
+    desk.vehicle.texts()
+    desk.vehicle.state.slip.share = 0.4
+    desk.step()
+    desk.step()
+    told = [text.text for text in desk.vehicle.texts()]
+    assert told == ["wheels seem to slip: place less sure"]

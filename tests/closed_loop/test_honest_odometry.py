@@ -1,0 +1,138 @@
+"""The robot knows how wrong it is: on good ground, and better than before on ground that slips."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+
+from plant.noise import LEVELS
+from plant.plant import Plant
+from plant.world_types import Circle, GoalPose, Polygon, Setting, Start, World
+from protocol.calibration import settings_of
+from robot.core import slip as slips
+from robot.core import stall as stalls
+from robot.core.parameters import DEFAULTS
+from robot.core.values import Outputs
+from study.calibration.runs import covariance_of, with_values
+from study.calibration.squares import drive as squares
+from study.calibration.umbmark import umbmark
+from study.consistency import ELLIPSE, KINDS, drive, error_of, judged
+from study.onboard import Onboard
+from study.trial import Trial, run_trial
+
+EACH = 50
+
+
+@pytest.mark.parametrize("level", ["default", "lossy", "harsh"])
+def test_over_two_hundred_drives_the_error_is_as_large_as_the_covariance_says(level: str) -> None:
+    first = 100_000 * list(LEVELS).index(level)
+    found = judged([drive(kind, level, first + k) for kind in KINDS for k in range(EACH)])
+    assert found.drives == 200
+    assert found.consistent, found
+    assert 0.92 <= found.inside <= 0.98
+
+
+def test_without_noise_fractions_of_ticks_are_what_the_robot_is_unsure_of() -> None:
+    found = judged([drive("obstacles", "none", k) for k in range(60)])
+    assert found.inside >= 0.90
+    assert 1.0 < found.position < 3.0
+
+
+def test_calibration_cuts_the_systematic_error_of_harsh_noise_tenfold() -> None:
+    even = replace(LEVELS["harsh"], slip_variance_m=0.0)
+    after = with_values(DEFAULTS, settings_of({}, "harsh", calibrated=True))
+    largest_m = [
+        umbmark(squares(even, params, 1, 0, 4.0), params, 4.0).largest_m
+        for params in (DEFAULTS, after)
+    ]
+    assert largest_m[0] > 1.0
+    assert largest_m[0] > 10.0 * largest_m[1]
+
+
+def slippery(number: int, kind: str) -> World:
+    """A hall with a few things in it and a fault that begins on the way across."""
+    rng = np.random.default_rng(number)
+    start = Start(x_m=0.6, y_m=rng.uniform(1.0, 4.0))
+    goal = GoalPose(x_m=5.4, y_m=rng.uniform(1.0, 4.0))
+    box = Polygon(((2.9, 2.2), (3.2, 2.2), (3.2, 2.8), (2.9, 2.8)))
+    trunk = Circle(x_m=4.2, y_m=rng.uniform(1.0, 4.0), radius_m=0.1)
+    begins_s = rng.uniform(1.5, 6.0)
+    share = rng.uniform(0.3, 0.8) if kind == "wheel_slip" else 0.0
+    target = "both" if kind == "wheel_slip" else ("left", "right")[number % 2]
+    fault: dict[str, Setting] = {
+        "kind": kind,
+        "target": target,
+        "start_s": begins_s,
+        "end_s": begins_s + 4.0 if kind == "wheel_slip" else inf,
+        "value": share,
+    }
+    return World(
+        name="hall",
+        size_m=(6.0, 5.0),
+        start=start,
+        goal=goal,
+        obstacles=(box, trunk),
+        faults=(fault,),
+    )
+
+
+def inside(worlds: Sequence[World]) -> float:
+    """Share of the drives at whose end the truth lies inside the 95 % ellipse."""
+    count = 0
+    for seed, world in enumerate(worlds):
+        last: list[tuple[Plant, Onboard]] = []
+
+        def watch(
+            plant: Plant,
+            onboard: Onboard,
+            _: Outputs,
+            last: list[tuple[Plant, Onboard]] = last,
+        ) -> None:
+            last[:] = [(plant, onboard)]
+
+        run_trial(Trial(world=world, seed=seed, timeout_s=30.0), watch)
+        plant, onboard = last[0]
+        odometry = onboard.state.odometry
+        error, spread = error_of(plant, odometry)[:2], covariance_of(odometry)[:2, :2]
+        count += float(error @ np.linalg.solve(spread, error)) <= ELLIPSE
+    return count / len(worlds)
+
+
+def unwatched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(slips, "watch", lambda *_: None)
+    monkeypatch.setattr(stalls, "doubt", lambda *_: None)
+
+
+def test_on_ground_that_slips_the_truth_is_far_more_often_inside_the_ellipse(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    worlds = [slippery(k, "wheel_slip") for k in range(60)]
+    watched = inside(worlds)
+    unwatched(monkeypatch)
+    assert watched > inside(worlds) + 0.3
+
+
+def test_with_an_encoder_that_stands_the_truth_is_nearly_always_inside_the_ellipse(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    worlds = [slippery(k, "encoder_stuck") for k in range(60)]
+    assert inside(worlds) >= 0.9
+    unwatched(monkeypatch)
+    assert inside(worlds) <= 0.2
+
+
+@pytest.mark.parametrize("noise", ["default", "lossy"])
+def test_where_nothing_slips_nobody_says_so(noise: str) -> None:
+    doubts: list[float] = []
+
+    def watch(_: Plant, onboard: Onboard, __: Outputs) -> None:
+        state = onboard.state
+        doubts.extend((state.slip.share, state.stall.left.doubted_m, state.stall.right.doubted_m))
+
+    for k in range(25):
+        world = replace(slippery(k, "wheel_slip"), faults=())
+        run_trial(Trial(world=world, seed=k, noise=noise, timeout_s=30.0), watch)
+    assert doubts
+    assert not any(doubts)

@@ -1,0 +1,59 @@
+from pathlib import Path
+
+import pytest
+
+from plant.noise import LEVELS
+from protocol import calibration
+from protocol.calibration import FOLDER, calibration_of, settings_of
+from protocol.errors import ConfigError
+from robot.core.parameters import DEFAULTS
+from robot.parameters import SPECS, with_value
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_every_noise_level_has_a_calibration_that_a_robot_takes_and_the_command_it_is_from(
+    level: str,
+) -> None:
+    for name, value in calibration_of(level).items():
+        assert with_value(DEFAULTS, name, value) != DEFAULTS
+        assert name in SPECS
+    made_by = (FOLDER / f"{level}.toml").read_text(encoding="utf-8").splitlines()[0]
+    assert made_by.startswith(f"# Made by: sidestep calibrate --noise {level} --runs ")
+
+
+def test_the_usual_noise_is_what_the_robots_defaults_are_for() -> None:
+    assert calibration_of("default") == calibration_of("lossy") == {}
+
+
+def test_without_noise_wheels_do_not_slip() -> None:
+    assert calibration_of("none") == {"k_r_m": 0.0, "k_l_m": 0.0}
+
+
+def test_harsh_noise_has_the_wheels_the_plant_gives_it() -> None:
+    found = calibration_of("harsh")
+    half = LEVELS["harsh"].diameter_difference_ratio / 2
+    assert found["wheel_ratio"] == pytest.approx((1 + half) / (1 - half), abs=3e-4)
+    assert found["k_r_m"] == pytest.approx(LEVELS["harsh"].slip_variance_m, rel=0.15)
+
+
+def test_the_worlds_own_robot_comes_after_its_calibration() -> None:
+    told = settings_of({"track_m": 0.17}, "harsh", calibrated=True)
+    assert told == {**calibration_of("harsh"), "track_m": 0.17}
+    assert settings_of({"track_m": 0.17}, "harsh", calibrated=False) == {"track_m": 0.17}
+
+
+def test_a_level_nobody_has_calibrated_for_is_an_error_that_names_the_file() -> None:
+    with pytest.raises(ConfigError, match=r"gale\.toml: no such file"):
+        calibration_of("gale")
+
+
+def test_a_misspelt_file_is_refused_by_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "typo.toml").write_text("[parameter]\nk_r_m = 1e-6\n", encoding="utf-8")
+    monkeypatch.setattr(calibration, "FOLDER", tmp_path)
+    with pytest.raises(ConfigError, match="parameter: unknown key"):
+        calibration_of("typo")
+
+
+def test_nobody_can_change_what_others_read() -> None:
+    with pytest.raises(TypeError):
+        calibration_of("harsh")["k_r_m"] = 1.0  # type: ignore[index]
