@@ -1,0 +1,104 @@
+"""Made-up senses, tick by tick, and the same ones seen in a mirror."""
+
+from math import inf, nan
+from typing import NamedTuple
+
+from hypothesis import strategies as st
+
+from robot.core import brain, modes, states
+from robot.core.parameters import DEFAULTS, Params
+from robot.core.values import SONARS, Goal, Inputs, Outputs, Scan, Wheels
+
+AGES = (25, 0) * (SONARS // 2)
+PERIOD_MS = 50
+ALL = 0xFF
+
+
+class Tick(NamedTuple):
+    """What one tick brings; `rolled` are the ticks of the encoders since the last."""
+
+    rolled: "tuple[float, float] | None"
+    range_mm: "tuple[float, ...] | None"
+    valid: int
+    echo: int
+    bumper: int
+    age_ms: "tuple[int, ...]" = AGES
+
+
+class Driver:
+    """A core that is armed again and sent on again whenever it has stopped."""
+
+    def __init__(self, navigator: int, goal: Goal, side: int = states.LEFT) -> None:
+        self.params: Params = DEFAULTS._replace(navigator=navigator, side=side)
+        self.state = brain.State(self.params)
+        self.goal = goal
+        self.left: float = 0
+        self.right: float = 0
+        self.ticks = 0
+
+    def tick(self, tick: Tick) -> Outputs:
+        wheels = None
+        if tick.rolled is not None:
+            self.left, self.right = self.left + tick.rolled[0], self.right + tick.rolled[1]
+            wheels = Wheels(self.left, self.right, tick.bumper)  # type: ignore[arg-type]
+            if self.left - self.left != 0.0 or self.right - self.right != 0.0:
+                self.left = self.right = 0
+        scan = None
+        if tick.range_mm is not None:
+            scan = Scan(tick.range_mm, tick.age_ms, tick.valid, tick.echo)  # type: ignore[arg-type]
+        inputs = Inputs(PERIOD_MS * self.ticks, wheels, scan, None)
+        self.state, outputs = brain.step(self.state, inputs, self.params)
+        self.ticks += 1
+        modes.arm(self.state.machine)
+        if not states.ACCEPTED <= self.state.machine.goal_state <= states.ALIGNING:
+            modes.goto(self.state.machine, self.goal, states.AUTO, inputs.now_ms)
+        return outputs
+
+
+def reversed_bits(mask: int) -> int:
+    return sum(1 << (SONARS - 1 - i) for i in range(SONARS) if mask >> i & 1)
+
+
+def mirrored(tick: Tick) -> Tick:
+    """Left is right: the axis is the heading."""
+    bumper = (tick.bumper & 4) | (tick.bumper & 1) << 1 | (tick.bumper & 2) >> 1
+    return Tick(
+        tick.rolled and tick.rolled[::-1],
+        tick.range_mm and tick.range_mm[::-1],
+        reversed_bits(tick.valid),
+        reversed_bits(tick.echo),
+        bumper,
+        tick.age_ms[::-1],
+    )
+
+
+def mirrored_goal(goal: Goal) -> Goal:
+    heading_rad = goal.heading_rad
+    return goal._replace(y_m=-goal.y_m, heading_rad=None if heading_rad is None else -heading_rad)
+
+
+odd = st.sampled_from([nan, inf, -inf, -1.0, 0.0, 1e30])
+whole_ranges = st.tuples(*[st.integers(20, 3000)] * SONARS)
+any_ranges = st.tuples(*[st.one_of(st.integers(0, 65535), odd)] * SONARS)
+any_rolled = st.tuples(*[st.one_of(st.integers(-400, 400), odd)] * 2)
+masks = st.integers(0, ALL)
+
+anything = st.builds(
+    Tick,
+    st.one_of(st.none(), any_rolled),
+    st.one_of(st.none(), any_ranges),
+    masks,
+    masks,
+    st.integers(0, 7),
+    st.just(AGES),
+)
+"""Whatever may be wrong with a sense, at once or in turn."""
+
+small_rolls = st.tuples(*[st.integers(-70, 90)] * 2)
+sound = st.builds(Tick, small_rolls, whole_ranges, st.just(ALL), masks, st.just(0), st.just(AGES))
+"""A robot that turns and rolls among echoes that may change as they like."""
+
+places = st.floats(-6.0, 6.0)
+goals = st.builds(
+    Goal, places, places, st.one_of(st.none(), st.floats(-3.0, 3.0)), st.just(0.05), st.just(0.05)
+)

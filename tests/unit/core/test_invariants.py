@@ -1,0 +1,235 @@
+"""What holds for every navigator, whatever its senses say: total, finite, bounded, never forward
+into what is seen to be too near, the same twice, and the same in a mirror."""
+
+from collections.abc import Sequence
+from math import atan2, cos, inf, isfinite, nan, pi, sin
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+
+from robot.core import ring as rings
+from robot.core import states, vgm
+from robot.core.geometry import BEARINGS, wrap
+from robot.core.navigators import NAVIGATORS, Navigator, fresh
+from robot.core.parameters import DEFAULTS
+from robot.core.ring import FRONT, Ring
+from robot.core.values import SONARS, Decision, Goal, Outputs, Pose, Scan
+from tests.unit.core.stories import (
+    AGES,
+    ALL,
+    PERIOD_MS,
+    Driver,
+    Tick,
+    anything,
+    goals,
+    mirrored,
+    mirrored_goal,
+    sound,
+)
+
+LIMIT_MRAD_S = DEFAULTS.wheel_max_m_s / DEFAULTS.wheel_radius_m * 1000.0
+numbers = st.sampled_from(sorted(NAVIGATORS))
+every = pytest.mark.parametrize("navigator", sorted(NAVIGATORS))
+floats = st.floats()  # NaN and infinity included
+
+
+def check_bounds(outputs: Outputs) -> None:
+    """Whole and within the wheels' limits; the twist finite."""
+    for mrad_s in (outputs.left_mrad_s, outputs.right_mrad_s):
+        assert isinstance(mrad_s, int)
+        assert abs(mrad_s) <= LIMIT_MRAD_S
+    assert all(map(isfinite, outputs.twist)) or outputs.left_mrad_s == outputs.right_mrad_s == 0
+
+
+def check_room(driver: Driver, outputs: Outputs) -> None:
+    """No speed forward while a front sonar sees something nearer than the minimum distance."""
+    ranges_m = [driver.state.ring.range_m[i] for i in FRONT]
+    if any(range_m is not None and range_m <= DEFAULTS.guard_stop_m for range_m in ranges_m):
+        assert outputs.left_mrad_s + outputs.right_mrad_s <= 0
+
+
+class Ticks(RuleBasedStateMachine):
+    """Any sequence of sound and broken ticks, for any navigator, with goals that come anew."""
+
+    @initialize(navigator=numbers, goal=goals, side=st.sampled_from([states.LEFT, states.RIGHT]))
+    def begin(self, navigator: int, goal: Goal, side: int) -> None:
+        self.driver = Driver(navigator, goal, side)
+        self.outputs = self.driver.tick(Tick((0, 0), (500,) * SONARS, ALL, ALL, 0))
+
+    @rule(tick=anything)
+    def broken(self, tick: Tick) -> None:
+        self.outputs = self.driver.tick(tick)
+        if tick.rolled is None or tick.range_mm is None:
+            assert self.outputs.left_mrad_s == self.outputs.right_mrad_s == 0
+
+    @rule(tick=sound, times=st.integers(1, 12))
+    def whole(self, tick: Tick, times: int) -> None:
+        for _ in range(times):
+            self.outputs = self.driver.tick(tick)
+
+    @rule(goal=goals)
+    def somewhere_else(self, goal: Goal) -> None:
+        self.driver.goal = goal
+
+    @invariant()
+    def bounds(self) -> None:
+        if hasattr(self, "outputs"):
+            check_bounds(self.outputs)
+            check_room(self.driver, self.outputs)
+
+
+TestTicks = Ticks.TestCase
+TestTicks.settings = settings(max_examples=40, stateful_step_count=30, deadline=None)
+
+
+def seen(range_mm: Sequence[float], echo: int = ALL, valid: int = ALL) -> Ring:
+    ring = Ring()
+    rings.update(ring, Scan(tuple(range_mm), AGES, valid, echo), 0, DEFAULTS)  # type: ignore[arg-type]
+    return ring
+
+
+@every
+@settings(max_examples=25, deadline=None)
+@given(
+    st.lists(st.tuples(floats, floats, floats), min_size=1, max_size=8),
+    floats,
+    floats,
+    st.tuples(*[st.one_of(st.integers(0, 4000), st.just(nan))] * SONARS),
+    st.integers(0, ALL),
+)
+def test_no_pose_goal_or_ring_breaks_a_navigator(
+    navigator: int,
+    poses: list[tuple[float, float, float]],
+    x_m: float,
+    y_m: float,
+    range_mm: tuple[float, ...],
+    echo: int,
+) -> None:
+    """Its step alone, without the failsafes that would keep such numbers from it."""
+    memory, ring = fresh(navigator, states.LEFT), seen(range_mm, echo)
+    goal = Goal(x_m, y_m, None, 0.05, 0.05)
+    for pose in poses:
+        decision = NAVIGATORS[navigator].step(memory, Pose(*pose), ring, goal, DEFAULTS)
+        assert states.TO_GOAL <= decision.branch <= states.GIVE_UP
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(sound, min_size=5, max_size=30),
+    st.floats(-pi, pi),
+    st.sampled_from([states.TO_GOAL, states.PASS_LEFT, states.PASS_RIGHT]),
+)
+def test_a_navigator_gone_mad_cannot_drive_into_what_is_seen(
+    story: list[Tick], turn_rad: float, branch: int
+) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        mad = Navigator(
+            NAVIGATORS[states.VGM].memory,
+            lambda memory, pose, ring, goal, params: Decision(
+                branch, None, inf, 0.0, turn_rad, 1e9, 1e9, inf
+            ),
+            True,
+        )
+        patch.setitem(NAVIGATORS, states.VGM, mad)
+        driver = Driver(states.VGM, Goal(50.0, 0.0, None, 0.05, 0.05))
+        for tick in story:
+            outputs = driver.tick(tick._replace(range_mm=(25, *tick.range_mm[1:])))  # type: ignore[index]
+            check_bounds(outputs)
+            check_room(driver, outputs)
+            near = tick._replace(range_mm=(3000, 3000, 39, *tick.range_mm[3:]), echo=ALL)  # type: ignore[index]
+            outputs = driver.tick(near)
+            assert outputs.left_mrad_s + outputs.right_mrad_s <= 0
+
+
+@given(
+    st.builds(Pose, st.floats(-20, 20), st.floats(-20, 20), st.floats(-pi, pi)),
+    st.integers(0, SONARS - 1),
+    st.integers(20, 299),
+    st.floats(-pi, pi),
+    st.floats(0.5, 20.0),
+)
+def test_the_virtual_goal_is_tangent_to_the_nearest_echo_to_a_billionth(
+    pose: Pose, sonar: int, near_mm: int, goal_at_rad: float, distance_m: float
+) -> None:
+    range_mm = [3000] * SONARS
+    range_mm[sonar] = near_mm
+    x_m, y_m = pose.x_m + distance_m * cos(goal_at_rad), pose.y_m + distance_m * sin(goal_at_rad)
+    memory = fresh(states.VGM, states.LEFT)
+    decision = vgm.step(memory, pose, seen(range_mm), Goal(x_m, y_m, None, 0.05, 0.05), DEFAULTS)
+    turn_rad = decision.goal_bearing_rad + decision.rotation_rad
+    aside_rad = wrap(turn_rad - BEARINGS[sonar])
+    assert abs(abs(aside_rad) - pi / 2) < 1e-9
+    at_rad = atan2(decision.virtual_y_m - pose.y_m, decision.virtual_x_m - pose.x_m)
+    assert abs(abs(wrap(at_rad - pose.heading_rad - BEARINGS[sonar])) - pi / 2) < 1e-9
+
+
+@every
+@given(
+    st.lists(st.builds(Pose, st.floats(-9, 9), st.floats(-9, 9), st.floats(-pi, pi)), max_size=20),
+    goals,
+)
+def test_without_obstacles_the_goal_is_not_rotated(
+    navigator: int, poses: list[Pose], goal: Goal
+) -> None:
+    memory, ring = fresh(navigator, states.LEFT), seen([0] * SONARS, echo=0)
+    for pose in poses:
+        decision = NAVIGATORS[navigator].step(memory, pose, ring, goal, DEFAULTS)
+        assert decision.branch == states.TO_GOAL
+        assert decision.rotation_rad == 0.0
+        assert decision.virtual_x_m == pytest.approx(goal.x_m, abs=1e-9)
+        assert decision.virtual_y_m == pytest.approx(goal.y_m, abs=1e-9)
+
+
+@every
+@settings(max_examples=15, deadline=None)
+@given(st.lists(st.one_of(sound, anything), max_size=40), goals)
+def test_the_same_inputs_give_the_same_outputs(
+    navigator: int, story: list[Tick], goal: Goal
+) -> None:
+    one, other = Driver(navigator, goal), Driver(navigator, goal)
+    for tick in story:
+        assert repr(one.tick(tick)) == repr(other.tick(tick))  # repr: NaN equals itself
+    assert one.ticks * PERIOD_MS == len(story) * PERIOD_MS
+
+
+def check_mirror(one: Driver, other: Driver, tick: Tick) -> None:
+    """Two echoes equally near have no mirror image, so there are none here."""
+    assert tick.range_mm is not None
+    assume(len(set(tick.range_mm)) == SONARS)
+    ours, theirs = one.tick(tick), other.tick(mirrored(tick))
+    assert abs(ours.left_mrad_s - theirs.right_mrad_s) <= 1
+    assert abs(ours.right_mrad_s - theirs.left_mrad_s) <= 1
+    assert ours.guard == theirs.guard
+
+
+sides = pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+
+
+@pytest.mark.parametrize("navigator", [states.BUG, states.VGM])
+@sides
+@settings(max_examples=25, deadline=None)
+@given(st.lists(sound, min_size=1, max_size=40), goals)
+def test_in_the_mirror_it_does_the_mirrored_thing(
+    side: int, navigator: int, story: list[Tick], goal: Goal
+) -> None:
+    """The side it prefers swapped too."""
+    assume(abs(goal.y_m) > 1e-3)
+    one, other = Driver(navigator, goal, side), Driver(navigator, mirrored_goal(goal), -side)
+    for tick in story:
+        check_mirror(one, other, tick)
+
+
+@every
+@sides
+@settings(max_examples=25, deadline=None)
+@given(sound, st.integers(1, 6), goals)
+def test_a_scene_that_stays_is_mirrored_by_every_navigator(
+    side: int, navigator: int, tick: Tick, times: int, goal: Goal
+) -> None:
+    """Standing still: what a memory makes of echoes that jump depends on which came first."""
+    assume(abs(goal.y_m) > 1e-3)
+    one, other = Driver(navigator, goal, side), Driver(navigator, mirrored_goal(goal), -side)
+    for _ in range(times):
+        check_mirror(one, other, tick._replace(rolled=(0, 0)))
