@@ -13,8 +13,8 @@ from robot.core.ring import Ring
 from robot.core.typed import Final
 from robot.core.values import SONARS, Pose
 
-POINTS: Final = 16
-SPACING_M: Final = 0.04
+POINTS: Final = 12
+SPACING_M: Final = 0.05
 NEAR_M: Final = 0.40  # an echo beside the robot up to this range is remembered
 OLD_TICKS: Final = 240
 WEIGHT: Final = 6
@@ -29,6 +29,7 @@ PUSH_RAD_PER_M: Final = 6.0
 SHARE: Final = 0.4
 SHARP_RAD: Final = 0.6  # a course that changes by more is taken at once
 QUARTER_TURN: Final = 0.5 * pi
+WIDEST_RAD: Final = QUARTER_TURN + PUSH_RAD_PER_M * WIDE_M  # of a point at the rim
 BOXED_RAD: Final = TWO_PI - 0.3
 HALF_CONES_OUT: Final = 0.5 * HALF_CONE
 
@@ -269,13 +270,16 @@ def widened(follower: Follower, swept_rad: float, params: Params) -> float:
     near, far, edge = swept_rad, 1e9, 1e9
     for k in range(follower.count):
         turn, tight = follower.turn_rad[k], follower.tight_rad[k]
-        wide = half_width(follower.far_m[k], room_m)
         if turn - tight <= swept_rad:
-            if wide > 0.0 and turn + wide > near:
-                near = turn + wide
-        elif wide > 0.0:
-            far = min(far, turn - wide)
-            edge = min(edge, turn - tight)
+            if turn + WIDEST_RAD > near:
+                wide = half_width(follower.far_m[k], room_m)
+                if wide > 0.0 and turn + wide > near:
+                    near = turn + wide
+            continue
+        if turn - tight < edge:
+            edge = turn - tight
+        if turn - WIDEST_RAD < far:
+            far = min(far, turn - half_width(follower.far_m[k], room_m))
     if near <= far:
         return near
     return min(max(0.5 * (near + far), swept_rad), edge)
