@@ -32,10 +32,16 @@ class Fit:
     error: dict[str, float]
 
     def adopted(self, before: Params) -> dict[str, float]:
-        """Only what differs from the present value by more than chance: the rest stays."""
+        """Only what differs from the present value by more than chance: the rest stays.
+
+        What chance does to a k grows with the true one, and that may be the present one.
+        """
         kept = {}
         for name, value in self.value.items():
-            if abs(value - getattr(before, name)) > SURE * self.error[name]:
+            now, doubt = float(getattr(before, name)), self.error[name]
+            if name not in SYSTEMATIC and value > 0.0:
+                doubt *= max(1.0, now / value)
+            if abs(value - now) > SURE * doubt:
                 kept[name] = float(f"{value:.6g}")
         return kept
 

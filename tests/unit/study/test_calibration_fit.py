@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from robot.core.parameters import DEFAULTS
 from robot.parameters import OutOfRange
-from study.calibration.fit import fitted, likeliest_k, spreads_of
+from study.calibration.fit import Fit, fitted, likeliest_k, spreads_of
 from study.calibration.golden import least
 from study.calibration.runs import Run, believed, covariance_of, with_values
 from tests.unit.study.calibration_runs import squares
@@ -64,3 +64,11 @@ def test_runs_that_no_robot_drives_are_refused() -> None:
     ]
     with pytest.raises(OutOfRange):
         fitted(runs, DEFAULTS)
+
+
+@pytest.mark.parametrize(("k_m", "set_"), [(1.4e-6, False), (1.1e-6, True), (3.5e-6, True)])
+def test_a_k_is_changed_only_when_the_present_one_could_not_look_so(k_m: float, set_: bool) -> None:
+    relative = 0.13
+    value = {"wheel_ratio": 1.0, "track_m": 0.2, "k_r_m": k_m, "k_l_m": k_m}
+    error = {"wheel_ratio": 1e-4, "track_m": 1e-4, "k_r_m": relative * k_m, "k_l_m": relative * k_m}
+    assert ("k_r_m" in Fit(value=value, error=error).adopted(DEFAULTS)) is set_
