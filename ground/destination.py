@@ -48,6 +48,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--tolerance",
+        "--position-tolerance",
         type=positive,
         default=POSITION_TOLERANCE_M,
         metavar="M",

@@ -18,7 +18,9 @@ from robot.core.values import Decision, Goal, Twist
 LEAVE: Final = 3.0  # arrived is taken back only at this many tolerances
 CENTRE_M: Final = 0.02  # in the open the robot goes on to within this, or a share of the tolerance
 CENTRE_SHARE: Final = 0.4
-ALIGNED_RAD: Final = 1.8 * pi / 180.0  # a greater heading error is turned away at any tolerance
+CROWDED: Final = 4  # ticks in a row with something near, so that a false echo does not count
+ALIGNED_RAD: Final = 1.8 * pi / 180.0  # the same of its heading
+ALIGNED_SHARE: Final = 0.6
 STILL_M_S: Final = 0.02
 STILL_RAD_S: Final = 0.10
 
@@ -59,7 +61,8 @@ def has_arrived(state: State, goal: Goal, distance_m: float, params: Params) -> 
         return False
     if distance_m <= min(tolerance_m, max(CENTRE_M, CENTRE_SHARE * tolerance_m)):
         return True
-    if state.ring.nearest_m < params.d_obs_m:
+    state.crowded = state.crowded + 1 if state.ring.nearest_m < params.d_obs_m else 0
+    if state.crowded >= CROWDED:
         return True
     pose = state.odometry.pose
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
@@ -73,6 +76,7 @@ def begin(state: State, now_ms: int) -> None:
         state.serial = machine.serial
         state.memory = navigators.fresh(machine.navigator, machine.side)
         state.arrived = False
+        state.crowded = 0
         state.driving = False
     if not state.driving:
         state.driving = True
@@ -127,7 +131,9 @@ def settle(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
     if goal.heading_rad is not None:
         error_rad = heading_error(goal.heading_rad, pose.heading_rad)
         standing = state.twist.yaw_rate_rad_s == 0.0
-        close_rad = min(goal.heading_tolerance_rad, ALIGNED_RAD) * (1.0 if standing else 0.5)
+        tolerance_rad = goal.heading_tolerance_rad
+        close_rad = min(tolerance_rad, max(ALIGNED_RAD, ALIGNED_SHARE * tolerance_rad))
+        close_rad *= 1.0 if standing else 0.5
         if abs(error_rad) > close_rad:
             machine.goal_state = states.ALIGNING
             state.decision = Decision(

@@ -20,7 +20,8 @@ class State:
     """The whole memory of the core. `goal_distance_m`, `decision` and `guard` are there to be read.
 
     `reported` is a failsafe reason that only the host can see (BUDGET); `serial` the goal being
-    driven to, `arrived` whether its place is reached, `twist` what the wheels were last told.
+    driven to, `arrived` whether its place is reached, `twist` what the wheels were last told,
+    `crowded` for how many ticks something was near at the goal.
     """
 
     __slots__ = (
@@ -28,6 +29,7 @@ class State:
         "bumped",
         "bumper",
         "closing",
+        "crowded",
         "decision",
         "driving",
         "frozen",
@@ -61,6 +63,6 @@ class State:
         self.goal_distance_m = inf
         self.serial = 0
         self.arrived = self.driving = False
-        self.bumper = 0
+        self.bumper = self.crowded = 0
         self.bumped = False
         self.reported: int = reasons.OK

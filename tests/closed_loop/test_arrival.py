@@ -37,6 +37,30 @@ def test_a_wide_tolerance_is_used() -> None:
     assert 0.15 < believed(state, goal) <= 0.2
 
 
+@pytest.mark.parametrize(("tolerance_deg", "turns"), [(180.0, False), (20.0, True)])
+def test_a_wide_heading_tolerance_is_used(tolerance_deg: float, turns: bool) -> None:
+    goal = Goal(0.0, 0.0, pi / 2, 0.05, tolerance_deg * pi / 180)
+    state = drive_to(Toy(), goal, limit_s=10.0)
+    assert state.machine.goal_state == states.REACHED
+    error_rad = abs(wrap(state.odometry.pose.heading_rad - pi / 2))
+    assert error_rad <= goal.heading_tolerance_rad
+    assert (state.odometry.pose.heading_rad != 0.0) is turns
+    assert error_rad > 3 * pi / 180  # no farther than asked
+
+
+def test_a_false_echo_at_the_goal_does_not_end_the_way_early() -> None:
+    goal, ticks = Goal(1.0, 0.0, None, 0.05, TOLERANCE_RAD), [0]
+
+    class Haunted(Toy):
+        def sonar_m(self, i: int) -> float:
+            ticks[0] += 1
+            return 0.2 if i == 7 and ticks[0] // 8 % 3 == 0 else super().sonar_m(i)
+
+    state = drive_to(Haunted(), goal, states.BUG)
+    assert state.machine.goal_state == states.REACHED
+    assert believed(state, goal) <= 0.03
+
+
 def test_a_tolerance_finer_than_the_middle_is_kept() -> None:
     goal = Goal(1.0, 0.3, None, 0.01, TOLERANCE_RAD)
     state = drive_to(Toy(), goal)

@@ -21,6 +21,7 @@ def typed(*words: str) -> argparse.Namespace:
 
 
 def test_metres_and_degrees_become_millimetres_and_microradians() -> None:
+    assert typed("2", "1", "--position-tolerance", "0.1").tolerance == 0.1
     where = destination_of(typed("2", "-1.5", "90", "--tolerance", "0.1"))
     request = goal_request(where.on_the_wire(), 7, Mode.GUIDED)
     assert (request.x_mm, request.y_mm) == (2000, -1500)
