@@ -62,6 +62,7 @@ class Caster:
         self._rays = np.empty((4, RAYS))
         self._starts = np.empty((4, RAYS))
         self._nearest = np.empty(RAYS)
+        self._nearest_of = self._nearest.reshape(SONARS, RAYS_PER_SONAR)
         self._columns = np.arange(RAYS)
 
     def cast(
@@ -80,7 +81,7 @@ class Caster:
         self._meet()
         if self._least_cosine > 0.0:
             self._lose_grazing()
-        nearness: list[float] = self._nearest.reshape(SONARS, RAYS_PER_SONAR).max(axis=1).tolist()
+        nearness: list[float] = np.maximum.reduce(self._nearest_of, axis=1).tolist()
         return nearness
 
     def _choose(self, at: Pose, moving: int) -> None:
@@ -134,10 +135,13 @@ class Caster:
         np.sqrt(roots, out=roots)
         np.add(towards, roots, out=self._near_discs)
 
-        np.add(self._edge_starts, self._edge_ends, out=self._d)
+        grazing = self._least_cosine > 0.0
+        d = self._d if grazing else self._near_edges
+        np.add(self._edge_starts, self._edge_ends, out=d)
         np.minimum(self._edge_starts, self._edge_ends, out=meets_edges)
         np.minimum(meets_edges, self._n, out=meets_edges)
-        self._near_edges[:] = self._d
+        if grazing:
+            self._near_edges[:] = d
 
         np.maximum(self._inverse, TINY, out=self._inverse)
         np.divide(self._near, self._inverse, out=self._near)
@@ -146,7 +150,7 @@ class Caster:
             half = self._moving // 2
             self._near[:half, EARLY:] = 0.0
             self._near[half : self._moving, :EARLY] = 0.0
-        np.max(self._near, axis=0, out=self._nearest, initial=0.0)
+        np.maximum.reduce(self._near, axis=0, out=self._nearest, initial=0.0)
 
     def _lose_grazing(self) -> None:
         """No echo comes back along a ray that meets its surface too obliquely."""

@@ -57,19 +57,27 @@ class Ring:
         errors, chances, ghosts = self._errors.next(), self._chances.next(), self._ghosts.next()
         range_mm = [0] * SONARS
         echo = 0
+        least_nearness, rim_m, most_m = self._least_nearness, self._rim_m, self._most_m
+        least_mm, most_mm, untrue = self._least_mm, self._most_mm, self._untrue
+        sigma_m, sigma_ratio = self._sigma_m, self._sigma_ratio
         for sonar, near in zip(ORDER, nearness, strict=True):
-            seen = near >= self._least_nearness
-            range_m = 1.0 / near - self._rim_m if seen else self._most_m
+            seen = near >= least_nearness
             chance = chances[sonar]
-            if chance < self._untrue:
+            if chance < untrue:
                 if chance < self._lost:
                     continue
+                range_m = 1.0 / near - rim_m if seen else most_m
                 range_m = self._least_m + ghosts[sonar] * (range_m - self._least_m)
             elif seen:
-                range_m += errors[sonar] * (self._sigma_m + self._sigma_ratio * range_m)
+                range_m = 1.0 / near - rim_m
+                range_m += errors[sonar] * (sigma_m + sigma_ratio * range_m)
             else:
                 continue
-            range_mm[sonar] = max(self._least_mm, min(self._most_mm, round(range_m * 1e3)))
+            # Compared, as min() and max() here cost more than all the rest of the ring.
+            read_mm = round(range_m * 1e3)
+            if read_mm > most_mm:
+                read_mm = most_mm
+            range_mm[sonar] = read_mm if read_mm > least_mm else least_mm
             echo |= 1 << sonar
         return Reading(tuple(range_mm), ALL, echo)
 
