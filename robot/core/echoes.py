@@ -240,7 +240,9 @@ def fade(echoes: Echoes, pose: Pose, ring: Ring, params: Params) -> None:
                 off_rad = bearing_rad - BEARINGS[sonar]
                 if range_m is not None and -CORE_RAD < off_rad < CORE_RAD:
                     here_m = 0.001 * sqrt(square) - params.radius_m
-                    if (range_m < 9.0 and here_m < range_m - THROUGH_M - THROUGH_SHARE * range_m) or (range_m > 9.0 and echoes.weight[k] < SURE):
+                    if (
+                        range_m < 9.0 and here_m < range_m - THROUGH_M - THROUGH_SHARE * range_m
+                    ) or (range_m > 9.0 and echoes.weight[k] < SURE):
                         echoes.weight[k] -= 1
             if echoes.weight[k] <= 0:
                 drop(echoes, k)

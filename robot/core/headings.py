@@ -7,8 +7,9 @@ it does not; sectors are exact, there are no bins.
 
 from math import acos, asin, atan2, cos, pi, sin, sqrt
 
-from robot.core.echoes import SURE, Echoes
+from robot.core.echoes import CONE, CORE_RAD, SURE, THROUGH_M, Echoes
 from robot.core.parameters import Params
+from robot.core.ring import Ring
 from robot.core.typed import Final
 from robot.core.values import Pose
 
@@ -54,7 +55,9 @@ class Sectors:
         self.closing = NOTHING
 
 
-def measure(sectors: Sectors, echoes: Echoes, pose: Pose, ease_m: float, params: Params) -> None:
+def measure(
+    sectors: Sectors, echoes: Echoes, pose: Pose, ring: Ring, ease_m: float, params: Params
+) -> None:
     """Collect the points that are near enough to close anything; `ease_m` is taken off margins."""
     reach_mm = 1000.0 * (LOOK_M + params.radius_m + WIDE_M)
     x_mm, y_mm = 1000.0 * pose.x_m, 1000.0 * pose.y_m
@@ -78,7 +81,10 @@ def measure(sectors: Sectors, echoes: Echoes, pose: Pose, ease_m: float, params:
             continue
         sectors.point[n] = k
         sectors.away_m[n] = away_m
-        sectors.bearing_rad[n] = atan2(dy_mm, dx_mm)
+        bearing_rad = atan2(dy_mm, dx_mm)
+        if passed_through(ring, bearing_rad - pose.heading_rad, away_m - params.radius_m):
+            weight[k] -= 1
+        sectors.bearing_rad[n] = bearing_rad
         sectors.wide_rad[n] = wide_rad
         sectors.doubt_m[n] = doubt_m + ease_m
         sectors.tight_rad[n] = closed(away_m, body_m + TIGHT_M)
@@ -93,6 +99,18 @@ def push_out(echoes: Echoes, k: int, pose: Pose, away_m: float, params: Params) 
         x_mm, y_mm = 1000.0 * pose.x_m, 1000.0 * pose.y_m
         echoes.x_mm[k] = int(x_mm + stretch * (echoes.x_mm[k] - x_mm))
         echoes.y_mm[k] = int(y_mm + stretch * (echoes.y_mm[k] - y_mm))
+
+
+def passed_through(ring: Ring, bearing_rad: float, range_m: float) -> bool:
+    """Whether the sonar that looks there hears an echo from well behind."""
+    bearing_rad = (bearing_rad + pi) % TWO_PI - HALF_TURN
+    if not 0.0 < bearing_rad < pi:
+        return False
+    sonar = int(bearing_rad / CONE)
+    if not -CORE_RAD < bearing_rad - (sonar + 0.5) * CONE < CORE_RAD:
+        return False
+    echo_m = ring.range_m[sonar]
+    return echo_m is not None and range_m + THROUGH_M < 0.97 * echo_m < 9.0
 
 
 def closed(away_m: float, body_m: float) -> float:

@@ -22,6 +22,9 @@ from robot.core.values import SONARS, Decision, Goal, Pose
 STEP_M: Final = 0.10
 """Following ends only where the way to go gets shorter than ever by this much."""
 SHARP_RAD: Final = 70.0 * pi / 180.0
+PATIENCE: Final = 14
+AWAY: Final = 1.3
+AWAY_M: Final = 0.4
 ISLANDS: Final = 6
 SOFT_RAD: Final = 40.0 * pi / 180.0
 NEAR_GOAL_M: Final = 0.6
@@ -48,8 +51,10 @@ class Memory:
         "following",
         "given_up",
         "heading_rad",
+        "hit_m",
         "islands",
         "loops",
+        "patience",
         "sectors",
         "shut",
         "side",
@@ -69,6 +74,8 @@ class Memory:
         self.heading_rad = 0.0
         self.turned_back = False
         self.islands = 0
+        self.hit_m = 0.0
+        self.patience = PATIENCE
         self.shut = 0
 
 
@@ -78,7 +85,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
     goal_rad = atan2(dy_m, dx_m)
     echo_memory.update(memory.echoes, pose, ring, params)
-    headings.measure(memory.sectors, memory.echoes, pose, memory.ease_m, params)
+    headings.measure(memory.sectors, memory.echoes, pose, ring, memory.ease_m, params)
     if memory.following:
         follow(memory, pose, ring, goal, goal_rad, distance_m, params)
     if not memory.following:
@@ -124,6 +131,8 @@ def hit(memory: Memory, pose: Pose, goal_rad: float, distance_m: float) -> None:
     side = states.LEFT if left_rad <= right_rad else states.RIGHT
     memory.side = loops.hit(memory.loops, pose, side)
     memory.following = True
+    memory.hit_m = distance_m
+    memory.patience = PATIENCE
     nearest = NOTHING
     for k in range(sectors.count):
         off_rad = (sectors.bearing_rad[k] - goal_rad + pi) % (2.0 * pi) - pi
@@ -169,6 +178,16 @@ def follow(
     hold(memory, sectors.closing)
     if loops.drop(memory.loops, pose):
         come_round(memory, goal)
+    elif is_astray(memory, distance_m):
+        memory.side = -side
+        memory.patience *= 2
+        loops.restart(memory.loops)
+
+
+def is_astray(memory: Memory, distance_m: float) -> bool:
+    """Whether it went on for long on this side, and only away from the goal: the other side is
+    tried, and each time with twice the patience (linear search by doubling)."""
+    return memory.loops.crumbs >= memory.patience and distance_m > AWAY * memory.hit_m + AWAY_M
 
 
 def open_turn(memory: Memory, pose: Pose, start_rad: float, params: Params) -> float:
