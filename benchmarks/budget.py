@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from benchmarks.core import recorded
 from benchmarks.figures import Figure, Report, percentile
 from benchmarks.hardest import STORIES, TICKS, stories
-from benchmarks.mcu import EMULATED, INSTRUCTIONS, UNSEEN, milliseconds, share_percent
+from benchmarks.mcu import INSTRUCTIONS, UNSEEN, milliseconds, share_percent
 from benchmarks.memory_size import heap_bytes
 from benchmarks.scale import instructions
 from benchmarks.weighed import WeighedCore
@@ -157,15 +157,3 @@ def made_of(name: str, worst: Weight) -> list[str]:
         for spent in (worst.functions, kinds)
         for what in sorted(spent, key=lambda what: -spent[what])[:DEAREST]
     ]
-
-
-def against_emulator(world: str, navigator: str) -> tuple[float, float]:
-    """This model over the emulator, for the median and the worst of the same ticks."""
-    trial = Trial(world=load(world), navigator=navigator, noise="default", timeout_s=SECONDS)
-    weights = Weights()
-    weigh_drive(trial, recorded(trial)[:EMULATED_TICKS], weights)
-    median, worst = EMULATED[world, navigator]
-    return weights.share(0.5) / median, weights.share(1.0) / worst
-
-
-EMULATED_TICKS = 400
