@@ -21,7 +21,9 @@ NAVIGATOR, NOISE, SUCCESS, TOUCHED, ERROR, RATIO = (
     *("navigator", "noise", "success %", "touched something %"),
     *("true error m, median / 95th", "path / shortest, median (90th)"),
 )
-assert {NAVIGATOR, NOISE, SUCCESS, TOUCHED, ERROR, RATIO} <= set(HEAD)
+RECOGNISED: Final = "unreachable recognised %"
+REST: Final = (TOUCHED, RATIO, ERROR, RECOGNISED)
+assert {NAVIGATOR, NOISE, SUCCESS, *REST} <= set(HEAD)
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -37,13 +39,13 @@ def lines_of(rows: Rows) -> str:
     usual = USUAL if USUAL in noises or not noises else noises[0]
     head = (
         *(NAVIGATOR, *(f"success %, {noise}" for noise in noises)),
-        *(f"{name}, {usual}" for name in (TOUCHED, RATIO, ERROR)),
+        *(f"{name}, {usual}" for name in REST),
     )
     body = []
     for label in dict.fromkeys(str(row[NAVIGATOR]) for row in rows):
         at = {row[NOISE]: row for row in rows if row[NAVIGATOR] == label}
         successes = [str(at[noise][SUCCESS]) if noise in at else DASH for noise in noises]
-        rest = [str(at[usual][name]) if usual in at else DASH for name in (TOUCHED, RATIO, ERROR)]
+        rest = [str(at[usual][name]) if usual in at else DASH for name in REST]
         body.append((label, *successes, *rest))
     return table_lines(Table("", head, tuple(body)))
 
@@ -52,8 +54,8 @@ def block(summary: Mapping[str, Any]) -> str:
     """What stands between the markers."""
     says = (
         f"{summary['trials']:,} trials in {summary['worlds']:,} worlds of {summary['families']} "
-        "families; in brackets 95 % intervals. Success: arrived by its own belief and touched "
-        "nothing, or said so where there is no way."
+        "families; in brackets 95 % intervals.\nSuccess: arrived by its own belief and touched "
+        "nothing, of worlds with a way. Recognised: said\nso where there is none."
     )
     return f"{lines_of(summary['rows'])}\n\n{says}"
 
