@@ -12,6 +12,7 @@ from time import monotonic
 from typing import Any, Final, NamedTuple
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from protocol.errors import UserError
 from robot.parameters import OutOfRange, Unknown
@@ -148,7 +149,10 @@ def in_words(summary: dict[str, Any]) -> str:
 
 
 def summary_of(study: Study, table: pa.Table, results: Path, progress: Progress) -> dict[str, Any]:
-    """Of all that is in the results, and how fast this call was."""
+    """Of all that is in the results, and how fast this call was. A trial's CPU time is told too:
+    unlike its pace it does not say how busy the machine was with other things."""
+    driven = table.filter(pc.field("outcome") != FAILED)
+    cpu_s, driven_s = (pc.sum(driven[name]).as_py() or 0.0 for name in ("cpu_s", "time_s"))
     counted = table.group_by("outcome").aggregate([("outcome", "count")]).to_pylist()
     outcomes = {one["outcome"]: one["outcome_count"] for one in counted}
     return {
@@ -161,6 +165,7 @@ def summary_of(study: Study, table: pa.Table, results: Path, progress: Progress)
         "simulated_h": round(progress.simulated_s / 3600.0, 3),
         "wall_s": round(progress.elapsed_s, 1),
         "simulated_h_per_min": round(progress.hours_per_minute, 2),
+        "cpu_s_per_simulated_h": round(3600.0 * cpu_s / driven_s, 2) if driven_s else None,
     }
 
 

@@ -33,6 +33,7 @@ def test_a_study_writes_results_with_what_made_them(
     assert study(tmp_path / "s", "--json") == 0
     summary = said(capsys)
     assert (summary["trials"], summary["outcomes"]) == (2, {"reached": 2})
+    assert 0.0 < summary["cpu_s_per_simulated_h"] < 3600.0
     metadata = pq.read_schema(tmp_path / "s" / RESULTS).metadata
     assert b"sidestep study --worlds open" in metadata[b"sidestep.command"]
     assert json.loads(metadata[b"sidestep.settings"])["noise"] == ["none", "default"]
