@@ -151,7 +151,7 @@ def end_of(score: RunScore, goal_state: int, goal_reason: int, timeout_s: float)
     if score.own_contacts:
         rest = f"; {reason_text(goal_reason)}" if goal_reason else f"; {end}" if end else ""
         return "collided", f"touched something {_times(score.contacts)}{rest}"
-    rest = f"; was run into {_times(score.contacts)}" if score.contacts else ""
+    rest = f"; was touched {_times(score.contacts)}" if score.contacts else ""
     if end is None:
         return "timeout", f"not there after {timeout_s:g} s{rest}"
     return end, f"{reason_text(goal_reason)}{rest}"

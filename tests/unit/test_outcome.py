@@ -112,11 +112,11 @@ def test_a_run_that_touched_something_is_a_collision_even_at_its_goal() -> None:
 def test_a_robot_that_was_only_run_into_did_not_collide_but_its_contacts_stay() -> None:
     outcome = run(contacts=2)
     assert (outcome.outcome, outcome.contacts, outcome.own_contacts) == ("reached", 2, 0)
-    assert outcome.reason == "ok; was run into 2 times"
+    assert outcome.reason == "ok; was touched 2 times"
     bumped = end_of(touches(1, 0), GoalState.ABORTED, Reason.BUMPER, 60.0)
-    assert bumped == ("aborted", "bumper contact; was run into once")
+    assert bumped == ("aborted", "bumper contact; was touched once")
     late = end_of(touches(1, 0), GoalState.DRIVING, Reason.NONE, 60.0)
-    assert late == ("timeout", "not there after 60 s; was run into once")
+    assert late == ("timeout", "not there after 60 s; was touched once")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,125 @@
+"""Goals that cannot be, starts that should not be, senses that fail: each ends, and says why."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf, nan, pi
+
+import pytest
+
+from plant.plant import Plant
+from plant.world_types import Circle, GoalPose, Obstacle, Polygon, Settings, Start, World
+from protocol.outcome import Outcome
+from robot.core.values import Outputs
+from study.onboard import Onboard
+from study.trial import NAVIGATORS, Trial, run_trial
+
+TIMEOUT_S = 300.0
+BLOCK = Polygon(((2.2, 1.4), (3.4, 1.4), (3.4, 2.6), (2.2, 2.6)))
+every_navigator = pytest.mark.parametrize("navigator", NAVIGATORS)
+
+
+def room(*obstacles: Obstacle, goal: tuple[float, float], walls: bool = True) -> World:
+    return World(
+        name="room",
+        size_m=(5.0, 4.0),
+        start=Start(x_m=1.0, y_m=2.0, heading_rad=0.0),
+        goal=GoalPose(x_m=goal[0], y_m=goal[1]),
+        walls=walls,
+        obstacles=obstacles,
+    )
+
+
+def ends(
+    world: World,
+    navigator: str,
+    watch: Callable[[Plant, Onboard, Outputs], None] | None = None,
+) -> Outcome:
+    trial = Trial(world=world, navigator=navigator, noise="none", timeout_s=TIMEOUT_S)
+    return run_trial(trial, watch)
+
+
+@every_navigator
+def test_a_goal_inside_an_obstacle_is_given_up(navigator: str) -> None:
+    outcome = ends(room(BLOCK, goal=(2.8, 2.0)), navigator)
+    assert (outcome.outcome, outcome.own_contacts) == ("stuck", 0)
+    assert outcome.reason != "ok"
+
+
+@every_navigator
+def test_a_goal_behind_the_outer_wall_is_given_up(navigator: str) -> None:
+    outcome = ends(room(goal=(5.6, 2.0)), navigator)
+    assert (outcome.outcome, outcome.own_contacts) == ("stuck", 0)
+
+
+@every_navigator
+@pytest.mark.parametrize("heading_rad", [None, 0.0, pi / 2])
+def test_a_goal_at_the_robot_is_reached_without_a_way(
+    navigator: str, heading_rad: float | None
+) -> None:
+    world = room(goal=(1.0, 2.0))
+    world = replace(world, goal=replace(world.goal, heading_rad=heading_rad))
+    outcome = ends(world, navigator)
+    assert (outcome.outcome, outcome.path_m < 0.01) == ("reached", True)
+    assert outcome.time_s < 5.0
+
+
+@every_navigator
+@pytest.mark.parametrize("walls", [True, False])
+def test_a_world_without_any_obstacle_is_crossed_straight(navigator: str, walls: bool) -> None:
+    outcome = ends(room(goal=(4.0, 2.6), walls=walls), navigator)
+    assert (outcome.outcome, outcome.contacts) == ("reached", 0)
+    assert outcome.path_m < 1.02 * (3.0**2 + 0.6**2) ** 0.5
+
+
+@every_navigator
+@pytest.mark.parametrize("heading_deg", [0, 60, 120, 180])
+def test_a_robot_that_starts_in_contact_does_not_push(navigator: str, heading_deg: int) -> None:
+    """Its back to the wall it gets away or stops; its face to it, it turns or stops."""
+    pillar = Circle(x_m=1.0 + 0.12 + 0.3, y_m=2.0, radius_m=0.3)
+    world = room(pillar, goal=(4.0, 2.0))
+    start = replace(world.start, heading_rad=heading_deg * pi / 180)
+    outcome = ends(replace(world, start=start), navigator)
+    assert outcome.own_contacts == 0
+    assert outcome.outcome in ("reached", "stuck", "aborted")
+    assert outcome.outcome == "reached" or outcome.reason != "ok"
+
+
+@every_navigator
+def test_sonars_that_freeze_beside_an_obstacle_stop_the_robot(navigator: str) -> None:
+    fault: Settings = {"kind": "sonar_frozen", "target": "all", "start_s": 6.0}
+    outcome = ends(replace(room(BLOCK, goal=(4.4, 2.0)), faults=(fault,)), navigator)
+    assert (outcome.outcome, outcome.reason) == ("aborted", "sonar values are frozen")
+    assert outcome.contacts == 0
+    assert outcome.time_s < 12.0
+
+
+@every_navigator
+@pytest.mark.parametrize("range_m", [0.0, 60.0])
+def test_a_sonar_that_reads_what_cannot_be_stops_the_robot(navigator: str, range_m: float) -> None:
+    fault: Settings = {"kind": "sonar_fixed", "target": "4", "start_s": 6.0, "value": range_m}
+    outcome = ends(replace(room(BLOCK, goal=(4.4, 2.0)), faults=(fault,)), navigator)
+    assert (outcome.outcome, outcome.reason) == ("aborted", "sonar values are impossible")
+    assert outcome.contacts == 0
+
+
+@every_navigator
+@pytest.mark.parametrize("value", [nan, inf])
+def test_a_pose_that_is_no_number_in_mid_follow_stops_the_robot(
+    navigator: str, value: float
+) -> None:
+    def spoil(plant: Plant, onboard: Onboard, _outputs: Outputs) -> None:
+        if plant.now_ns == 6_000_000_000:
+            odometry = onboard.state.odometry
+            odometry.pose = odometry.pose._replace(x_m=value)
+
+    outcome = ends(room(BLOCK, goal=(4.4, 2.0)), navigator, spoil)
+    assert (outcome.outcome, outcome.reason) == ("aborted", "a value is not a number")
+    assert outcome.contacts == 0
+
+
+@every_navigator
+def test_a_ring_gone_blind_in_mid_follow_stops_the_robot(navigator: str) -> None:
+    fault: Settings = {"kind": "sonar_dead", "target": "all", "start_s": 6.0}
+    outcome = ends(replace(room(BLOCK, goal=(4.4, 2.0)), faults=(fault,)), navigator)
+    assert (outcome.outcome, outcome.reason) == ("aborted", "no fresh sonar scan for 250 ms")
+    assert outcome.contacts == 0
