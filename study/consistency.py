@@ -80,8 +80,9 @@ def bounds(degrees_of_freedom: int, count: int) -> tuple[float, float]:
 
 
 def drive(kind: str, level: str, seed: int) -> tuple[Array, Array]:
-    """Error and covariance at the end of one drive of a calibrated robot."""
-    random = np.random.default_rng((KINDS.index(kind), seed))
+    """Error and covariance at the end of one drive of a calibrated robot; no two slip alike."""
+    seed = len(KINDS) * seed + KINDS.index(kind)
+    random = np.random.default_rng(seed)
     if kind == "obstacles":
         return among_obstacles(level, seed, random)
     return on_open_floor(list(speeds_of(kind, random)), level, seed, random)
