@@ -23,6 +23,8 @@ STEP_M: Final = 0.10
 """Following ends only where the way to go gets shorter than ever by this much."""
 SHARP_RAD: Final = 70.0 * pi / 180.0
 PATIENCE: Final = 14
+ENDLESS: Final = 1_000_000
+PROMISES: Final = 3
 AWAY: Final = 1.3
 AWAY_M: Final = 0.4
 ISLANDS: Final = 6
@@ -46,6 +48,7 @@ class Memory:
         "anchor_x_m",
         "anchor_y_m",
         "best_m",
+        "broken",
         "ease_m",
         "echoes",
         "following",
@@ -53,6 +56,7 @@ class Memory:
         "heading_rad",
         "hit_m",
         "islands",
+        "left_m",
         "loops",
         "patience",
         "sectors",
@@ -75,6 +79,8 @@ class Memory:
         self.turned_back = False
         self.islands = 0
         self.hit_m = 0.0
+        self.left_m = inf
+        self.broken = 0
         self.patience = PATIENCE
         self.shut = 0
 
@@ -132,6 +138,10 @@ def hit(memory: Memory, pose: Pose, goal_rad: float, distance_m: float) -> None:
     memory.side = loops.hit(memory.loops, pose, side)
     memory.following = True
     memory.hit_m = distance_m
+    if memory.best_m < memory.left_m - STEP_M:
+        memory.broken = 0
+    elif memory.left_m < inf:
+        memory.broken += 1
     memory.patience = PATIENCE
     nearest = NOTHING
     for k in range(sectors.count):
@@ -180,7 +190,7 @@ def follow(
         come_round(memory, goal)
     elif is_astray(memory, distance_m):
         memory.side = -side
-        memory.patience *= 2
+        memory.patience = ENDLESS
         loops.restart(memory.loops)
 
 
@@ -223,7 +233,7 @@ def come_round(memory: Memory, goal: Goal) -> None:
     loops.restart(memory.loops)
     if island != inside:
         memory.islands += 1
-        memory.best_m = inf
+        memory.best_m = memory.left_m = inf
         memory.following = False
         if memory.islands > ISLANDS:
             memory.given_up = True
@@ -283,8 +293,13 @@ def leaves(
     sectors = memory.sectors
     if not headings.is_open(sectors, goal_rad, sectors.wide_rad):
         return False
-    free_m = free_towards(ring, wrap(goal_rad - pose.heading_rad), distance_m, params)
-    return distance_m - free_m <= memory.best_m - STEP_M
+    free_m = 0.0
+    if memory.broken < PROMISES:
+        free_m = free_towards(ring, wrap(goal_rad - pose.heading_rad), distance_m, params)
+    if distance_m - free_m > memory.best_m - STEP_M:
+        return False
+    memory.left_m = memory.best_m
+    return True
 
 
 def free_towards(ring: Ring, alpha_rad: float, distance_m: float, params: Params) -> float:
@@ -392,7 +407,8 @@ def speed(memory: Memory, pose: Pose, ring: Ring, error_rad: float, params: Para
         for i in (2, 3, 4, 5):
             range_m = ring.range_m[i]
             if range_m is not None:
-                most_m_s = min(most_m_s, max(1.2 * (range_m - 0.02), 0.0) + 0.02)
+                rate = 1.4 if 2 < i < 5 else 2.0
+                most_m_s = min(most_m_s, max(rate * (range_m - 0.03), 0.0) + 0.03)
         for i in range(SONARS):
             range_m = ring.range_m[i]
             if range_m is not None and range_m < 0.08:
