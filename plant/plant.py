@@ -47,6 +47,7 @@ class Plant:
             Vehicle(common, number, start, [fault for fault in every if fault.robot == number])
             for number, start in enumerate(starts(world, self.body, robots))
         ]
+        self._alone = robots == 1 and not self._movers
         self._early_discs = self._discs = self._discs_at(0)
         self._close_m = _close_m(self.body, noise, self._mover_speed_m_s, robots)
         self.restart_score()
@@ -109,6 +110,9 @@ class Plant:
             vehicle.faults.clear(self.now_ns)
 
     def _substep(self, now_ns: int, close: bool) -> None:
+        if self._alone and not close:
+            self._vehicles[0].coast(now_ns, SUBSTEP_S)
+            return
         speeds_m_s = sorted([vehicle.set_off(now_ns, SUBSTEP_S) for vehicle in self._vehicles])
         if self._movers:
             self._carry(now_ns)

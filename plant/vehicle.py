@@ -60,14 +60,30 @@ class Vehicle:
         self._turned_rad = self._turning_rad = 0.0
         self._velocity_m_s = (0.0, 0.0)
         self._touched = 0
-        self._closing = False
+        self._closing = self._coasted = False
         self.bumper = 0
         self.clearance_m = 0.0
         self.score = Score(0, *start, 0.0)
         self.senses: tuple[WheelTicks | None, SonarScan | None] = (None, None)
 
+    def coast(self, now_ns: int, span_s: float) -> None:
+        """A whole substep where nothing can be in the way: what the arena would do, bit for bit."""
+        self._roll(now_ns, span_s)
+        x_m_s, y_m_s = self._velocity_m_s
+        self._coasted = True
+        self._turn_to(self.pose[0] + x_m_s * span_s, self.pose[1] + y_m_s * span_s)
+
     def set_off(self, now_ns: int, span_s: float) -> float:
-        """Run the wheels for a substep, along the chord of the arc they roll; its speed."""
+        """Run the wheels for a substep and push the robot; its speed."""
+        speed_m_s = self._roll(now_ns, span_s)
+        if self._coasted:
+            self._arena.place(self._robot, *self.pose[:2])
+            self._coasted = False
+        self._arena.push(self._robot, *self._velocity_m_s)
+        return speed_m_s
+
+    def _roll(self, now_ns: int, span_s: float) -> float:
+        """Take a substep's velocity, along the chord of the arc that the wheels roll; its speed."""
         left_m, right_m = self.drive.roll(now_ns, span_s, self.faults.at(now_ns))
         half_rad = (right_m - left_m) / self._track_m / 2.0
         speed_m_s = (left_m + right_m) / 2.0 / span_s
@@ -76,19 +92,21 @@ class Vehicle:
         towards_rad = self.pose[2] + half_rad
         self._turning_rad = 2.0 * half_rad
         self._velocity_m_s = speed_m_s * cos(towards_rad), speed_m_s * sin(towards_rad)
-        self._arena.push(self._robot, *self._velocity_m_s)
         return abs(speed_m_s)
 
     def arrive(self, close: bool) -> None:
         """See where the substep has led; `close`: it may have touched something."""
-        x_m, y_m = self._arena.position_m(self._robot)
+        self._turn_to(*self._arena.position_m(self._robot))
+        if close:
+            self._touch(self._arena.contacts(self._robot))
+
+    def _turn_to(self, x_m: float, y_m: float) -> None:
+        """Be there, with the turn of the substep made."""
         heading_rad = self.pose[2] + self._turning_rad
         if abs(heading_rad) > pi:
             heading_rad -= 2.0 * pi if heading_rad > 0.0 else -2.0 * pi
         self._turned_rad += self._turning_rad
         self.pose = (x_m, y_m, heading_rad)
-        if close:
-            self._touch(self._arena.contacts(self._robot))
 
     def _touch(self, directions: Sequence[Point]) -> None:
         """Press the bumper; whose doing it was is decided where the tick's touching begins."""
@@ -105,7 +123,7 @@ class Vehicle:
         """Add the tick to the score."""
         self.bumper, self._touched = self._touched, 0
         closing, self._closing = self._closing, False
-        self.clearance_m = self._arena.clearance_m(self._robot)
+        self.clearance_m = self._arena.clearance_m(self._robot, self.pose[:2])
         self.score.add(*self.pose, self.clearance_m, self.bumper != 0, closing)
 
     def begin_tick(self) -> None:
@@ -113,7 +131,7 @@ class Vehicle:
         self._turned_rad = 0.0
 
     def restart_score(self, now_ns: int) -> None:
-        self.clearance_m = self._arena.clearance_m(self._robot)
+        self.clearance_m = self._arena.clearance_m(self._robot, self.pose[:2])
         self.score = Score(now_ns, *self.pose, self.clearance_m)
 
     def sense(self, now_ns: int, moved: Moved) -> None:

@@ -65,10 +65,14 @@ class Arena:
         position = self._robots[robot].position
         return position.x, position.y
 
-    def clearance_m(self, robot: int) -> float:
-        """From the rim to the nearest surface, less than 0 when pressed into it."""
+    def place(self, robot: int, x_m: float, y_m: float) -> None:
+        """Put a robot where it has come to without the arena."""
+        self._robots[robot].position = x_m, y_m
+
+    def clearance_m(self, robot: int, at: Point) -> float:
+        """From the rim of a robot there to the nearest surface, below 0 when pressed into it."""
         nearest = self._space.point_query_nearest(
-            self._robots[robot].position, CLEARANCE_LIMIT_M + self._radius_m, self._filters[robot]
+            at, CLEARANCE_LIMIT_M + self._radius_m, self._filters[robot]
         )
         return CLEARANCE_LIMIT_M if nearest is None else nearest.distance - self._radius_m
 

@@ -1,0 +1,54 @@
+"""Where nothing is in the way the arena is not asked, and nobody can tell: not by one bit."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from plant.corpus import generate
+from plant.noise import LEVELS
+from plant.plant import Plant
+from protocol.messages import RunScore
+
+FASTEST_MRAD_S = 9000
+COMMANDS = st.lists(
+    st.tuples(
+        st.integers(-FASTEST_MRAD_S, FASTEST_MRAD_S), st.integers(-FASTEST_MRAD_S, FASTEST_MRAD_S)
+    ),
+    min_size=1,
+    max_size=6,
+)
+
+
+def driven(
+    family: str, commands: list[tuple[int, int]], noise: str, *, always_ask: bool
+) -> RunScore:
+    """The score after two seconds of each command, wherever that leads."""
+    plant = Plant(generate(family, 1, 9), 3, LEVELS[noise])
+    if always_ask:
+        plant._alone = False
+    for left_mrad_s, right_mrad_s in commands:
+        for _ in range(40):
+            plant.command(0, left_mrad_s, right_mrad_s, 300)
+            plant.advance()
+    return plant.score(plant.now_ns)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.sampled_from(["forest_dense", "u_trap", "maze", "open", "door"]),
+    COMMANDS,
+    st.sampled_from(list(LEVELS)),
+)
+def test_the_way_is_the_same_with_and_without_the_arena(
+    family: str, commands: list[tuple[int, int]], noise: str
+) -> None:
+    one = driven(family, commands, noise, always_ask=False)
+    assert one == driven(family, commands, noise, always_ask=True)
+
+
+@pytest.mark.parametrize("family", ["forest_dense", "maze"])
+def test_also_when_it_runs_into_things_and_leaves_them_again(family: str) -> None:
+    commands = [(9000, 9000), (-9000, -8500), (9000, 8000), (-9000, -9000), (9000, 9000)] * 2
+    one = driven(family, commands, "harsh", always_ask=False)
+    assert one.contacts > 1
+    assert one == driven(family, commands, "harsh", always_ask=True)
