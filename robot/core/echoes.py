@@ -1,50 +1,63 @@
-"""A short memory of where echoes came from: at most 96 points in the odometry frame.
+"""A short memory of where echoes came from: at most 64 points in the odometry frame.
 
 A cone says how far the nearest surface in it is, not at which bearing. So a point carries with it
-how far aside of the middle of its cone the surface may have been (`spread_mm`); a later echo from
-nearer by narrows that. Points count once an echo has confirmed them, and go when a longer echo
-passes through the place, when they are not seen again for long, or when they are far away.
+how far aside of its place the surface may have been (`spread_mm`); a later echo from nearer by
+narrows that. Points count once an echo has confirmed them, and go when longer echoes pass through
+their place, when they are not seen again for long, or when they are far away.
+
+Millimetres and brads (4096 to the circle) as integers: nothing is allocated, and an integer
+operation costs a microcontroller without a floating-point unit a third of a float's.
 """
 
 from math import atan2, cos, pi, sin, sqrt
 
-from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, SINES, wrap
-from robot.core.parameters import Params
+from robot.core.geometry import HALF_CONE
 from robot.core.ring import Ring
 from robot.core.typed import Final
 from robot.core.values import SONARS, Pose
 
-POINTS: Final = 96
-REACH_M: Final = 0.75
-"""Echoes from farther away are not remembered."""
-FORGET_M: Final = 1.0
+POINTS: Final = 64
 SURE: Final = 2
 """Points with at least this weight count."""
 MOST_WEIGHT: Final = 4
-NEVER: Final = -1
+NOTHING: Final = -1
 
-SAME_M: Final = 0.035
-SAME_SHARE: Final = 0.02
-THROUGH_M: Final = 0.07
-THROUGH_SHARE: Final = 0.03
-CORE_RAD: Final = 0.8 * HALF_CONE
-ASIDE: Final = 0.235  # tan of half a cone and two degrees
-SPREAD: Final = 0.1  # half of tan of half a cone
-LEANING: Final = 0.6
+CIRCLE: Final = 4096
+HALF_CIRCLE: Final = 2048
+QUARTER: Final = 1024
+BRADS: Final = CIRCLE / (2.0 * pi)
+CONE: Final = 256  # brads, 22.5 degrees
+CORE: Final = 102  # 0.8 of half a cone
+
+REACH_M: Final = 0.75
+"""Echoes from farther away are not remembered."""
+FORGET_MM: Final = 900
+THROUGH_MM: Final = 70
+SAME_MM: Final = 35
+ASIDE: Final = 240  # 1024 times the tangent of half a cone and two degrees
+SPREAD: Final = 10  # half the tangent of half a cone, in hundredths
+SPREAD_LEANING: Final = 6
 SLANT: Final = 2.1
-EDGE_RAD: Final = 0.75 * HALF_CONE
-COS_EDGE: Final = cos(EDGE_RAD)
-SIN_EDGE: Final = sin(EDGE_RAD)
-FINER: Final = 0.7
 SLICES: Final = 4
-FADE_TICKS: Final = 120
-CONE: Final = 2.0 * HALF_CONE
+FADE_TICKS: Final = 128
+
+EDGE_RAD: Final = 0.75 * HALF_CONE
+AHEAD: Final = tuple(
+    [
+        (int(1024 * cos(b)), int(1024 * sin(b)))
+        for b in [(i - 3.5) * pi / 8.0 for i in range(SONARS)]
+    ]
+)
+"""Where sonar i looks, 1024 long, in the robot's frame."""
+COS_EDGE: Final = int(1024 * cos(EDGE_RAD))
+SIN_EDGE: Final = int(1024 * sin(EDGE_RAD))
 
 
 class Echoes:
     """Points `x_mm`, `y_mm` with weight and spread, the first `count` of them in use.
 
-    `last` is per sonar the point that its last echo belonged to; `turn` counts ticks.
+    `last` is per sonar the point that its last echo belonged to; `turn` counts ticks; the pose of
+    the tick before is kept because half the sonars are pinged between the ticks.
     """
 
     __slots__ = ("count", "last", "pose", "spread_mm", "turn", "weight", "x_mm", "y_mm")
@@ -54,158 +67,162 @@ class Echoes:
         self.y_mm = [0] * POINTS
         self.weight = [0] * POINTS
         self.spread_mm = [0] * POINTS
-        self.last = [NEVER] * SONARS
+        self.last = [NOTHING] * SONARS
         self.count = 0
         self.turn = 0
         self.pose: Pose | None = None
 
 
 def clear(echoes: Echoes) -> None:
+    """Forget every point."""
     echoes.count = 0
-    echoes.pose = None
     for i in range(SONARS):
-        echoes.last[i] = NEVER
+        echoes.last[i] = NOTHING
 
 
-def update(echoes: Echoes, pose: Pose, ring: Ring, params: Params) -> None:
-    """Take this tick's ring; even sonars were pinged half a period before the odd ones."""
-    before = echoes.pose
-    if before is None:
-        before = pose
+def update(echoes: Echoes, pose: Pose, ring: Ring, radius_mm: int) -> None:
+    """Take the echoes of one ping group, the even sonars at every other tick."""
+    before = echoes.pose or pose
     echoes.pose = pose
     echoes.turn += 1
     if echoes.count:
-        fade(echoes, pose, ring, params)
+        fade(echoes, pose, ring, radius_mm)
     if ring.nearest_m >= REACH_M:
         return
-    turned_rad = wrap(pose.heading_rad - before.heading_rad)
-    middle = Pose(
-        0.5 * (pose.x_m + before.x_m),
-        0.5 * (pose.y_m + before.y_m),
-        before.heading_rad + 0.5 * turned_rad,
-    )
-    for first in (0, 1):
-        at = pose if first else middle
-        cosine, sine = cos(at.heading_rad), sin(at.heading_rad)
-        for i in range(first, SONARS, 2):
-            range_m = ring.range_m[i]
-            if range_m is None or range_m >= REACH_M:
-                echoes.last[i] = NEVER
-                continue
-            along_x = cosine * COSINES[i] - sine * SINES[i]
-            along_y = sine * COSINES[i] + cosine * SINES[i]
-            lean = leaning(ring, i, range_m, params.radius_m)
-            take(echoes, i, lean, at, along_x, along_y, range_m, params.radius_m)
+    first = echoes.turn & 1
+    x_m, y_m, heading_rad = pose
+    if first == 0:
+        turned_rad = (heading_rad - before.heading_rad + pi) % (2.0 * pi) - pi
+        heading_rad -= 0.5 * turned_rad
+        x_m, y_m = 0.5 * (x_m + before.x_m), 0.5 * (y_m + before.y_m)
+    x_mm, y_mm = int(1000.0 * x_m), int(1000.0 * y_m)
+    cosine, sine = int(1024.0 * cos(heading_rad)), int(1024.0 * sin(heading_rad))
+    for i in range(first, SONARS, 2):
+        range_m = ring.range_m[i]
+        if range_m is None or range_m >= REACH_M:
+            echoes.last[i] = NOTHING
+            continue
+        ahead, aside = AHEAD[i]
+        along_x = cosine * ahead - sine * aside >> 10
+        along_y = sine * ahead + cosine * aside >> 10
+        lean = leaning(ring, i, range_m, radius_mm)
+        take(echoes, i, lean, x_mm, y_mm, along_x, along_y, int(1000.0 * range_m), radius_mm)
 
 
-def leaning(ring: Ring, sonar: int, range_m: float, radius_m: float) -> int:
+def leaning(ring: Ring, sonar: int, range_m: float, radius_mm: int) -> int:
     """On which side of its cone an echo lies: 1 left, -1 right, 0 in the middle or unknown.
 
     Where a neighbour sees the same surface nearer, this cone meets it at the edge next to that.
     """
-    away_m = range_m + radius_m
-    right_m = left_m = None
+    least_m = (range_m + 0.001 * radius_mm) / SLANT - 0.001 * radius_mm
+    lean = 0
     if sonar > 0:
         right_m = ring.range_m[sonar - 1]
+        if right_m is not None and least_m < right_m < range_m:
+            lean = -1
     if sonar < SONARS - 1:
         left_m = ring.range_m[sonar + 1]
-    right_nearer = (
-        right_m is not None and right_m < range_m and away_m < SLANT * (right_m + radius_m)
-    )
-    left_nearer = left_m is not None and left_m < range_m and away_m < SLANT * (left_m + radius_m)
-    if left_nearer == right_nearer:
-        return 0
-    return 1 if left_nearer else -1
+        if left_m is not None and least_m < left_m < range_m:
+            lean += 1
+    return lean
 
 
 def take(
     echoes: Echoes,
     sonar: int,
     lean: int,
-    at: Pose,
-    along_x: float,
-    along_y: float,
-    range_m: float,
-    radius_m: float,
+    x_mm: int,
+    y_mm: int,
+    along_x: int,
+    along_y: int,
+    range_mm: int,
+    radius_mm: int,
 ) -> None:
     """One echo: confirm the point it comes from, or remember a new one."""
-    away_m = range_m + radius_m
-    tolerance_m = SAME_M + SAME_SHARE * range_m
-    spread_mm = int(1000.0 * (SPREAD if lean == 0 else LEANING * SPREAD) * range_m) + 1
-    x_mm, y_mm = 1000.0 * at.x_m, 1000.0 * at.y_m
-    low_mm, high_mm = 1000.0 * (away_m - tolerance_m), 1000.0 * (away_m + tolerance_m)
-    xs, ys = echoes.x_mm, echoes.y_mm
-    found = echoes.last[sonar]
-    if (
-        found == NEVER
-        or found >= echoes.count
-        or not within(xs[found] - x_mm, ys[found] - y_mm, along_x, along_y, low_mm, high_mm)
-    ):
-        found = NEVER
-        for k in range(echoes.count):
-            dx_mm, dy_mm = xs[k] - x_mm, ys[k] - y_mm
-            along_mm = dx_mm * along_x + dy_mm * along_y
-            if low_mm * 0.97 <= along_mm <= high_mm and within(
-                dx_mm, dy_mm, along_x, along_y, low_mm, high_mm
-            ):
-                found = k
-                break
-    if found == NEVER:
+    away_mm = range_mm + radius_mm
+    slack_mm = SAME_MM + range_mm // 50
+    spread_mm = range_mm * (SPREAD_LEANING if lean else SPREAD) // 100 + 1
+    found = find(echoes, sonar, x_mm, y_mm, along_x, along_y, away_mm, slack_mm)
+    if found == NOTHING:
         if lean:
             along_x, along_y = (
-                COS_EDGE * along_x - lean * SIN_EDGE * along_y,
-                COS_EDGE * along_y + lean * SIN_EDGE * along_x,
+                COS_EDGE * along_x - lean * SIN_EDGE * along_y >> 10,
+                COS_EDGE * along_y + lean * SIN_EDGE * along_x >> 10,
             )
-        echoes.last[sonar] = insert(
-            echoes,
-            int(x_mm + 1000.0 * away_m * along_x),
-            int(y_mm + 1000.0 * away_m * along_y),
-            spread_mm,
-            x_mm,
-            y_mm,
-        )
-        return
-    echoes.last[sonar] = found
-    if echoes.weight[found] < MOST_WEIGHT:
-        echoes.weight[found] += 1
-    if spread_mm < FINER * echoes.spread_mm[found]:
-        dx_mm, dy_mm = xs[found] - x_mm, ys[found] - y_mm
-        stretch = 1000.0 * away_m / sqrt(dx_mm * dx_mm + dy_mm * dy_mm)
-        xs[found] = int(x_mm + stretch * dx_mm)
-        ys[found] = int(y_mm + stretch * dy_mm)
+        found = vacant(echoes, x_mm, y_mm)
+        echoes.x_mm[found] = x_mm + (away_mm * along_x >> 10)
+        echoes.y_mm[found] = y_mm + (away_mm * along_y >> 10)
+        echoes.weight[found] = 1
         echoes.spread_mm[found] = spread_mm
+    else:
+        if echoes.weight[found] < MOST_WEIGHT:
+            echoes.weight[found] += 1
+        if 10 * spread_mm < 7 * echoes.spread_mm[found]:
+            dx_mm, dy_mm = echoes.x_mm[found] - x_mm, echoes.y_mm[found] - y_mm
+            now_mm = int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm)) or 1
+            echoes.x_mm[found] = x_mm + dx_mm * away_mm // now_mm
+            echoes.y_mm[found] = y_mm + dy_mm * away_mm // now_mm
+            echoes.spread_mm[found] = spread_mm
+    echoes.last[sonar] = found
 
 
-def within(
-    dx_mm: float, dy_mm: float, along_x: float, along_y: float, low_mm: float, high_mm: float
-) -> bool:
-    """Whether a place lies in the cone and at the distance of its echo."""
-    along_mm = dx_mm * along_x + dy_mm * along_y
-    aside_mm = dy_mm * along_x - dx_mm * along_y
-    if not -ASIDE * along_mm <= aside_mm <= ASIDE * along_mm:
-        return False
-    square = along_mm * along_mm + aside_mm * aside_mm
-    return low_mm * low_mm <= square <= high_mm * high_mm
-
-
-def insert(
-    echoes: Echoes, x_mm: int, y_mm: int, spread_mm: int, here_x_mm: float, here_y_mm: float
+def find(
+    echoes: Echoes,
+    sonar: int,
+    x_mm: int,
+    y_mm: int,
+    along_x: int,
+    along_y: int,
+    away_mm: int,
+    slack_mm: int,
 ) -> int:
-    """A new point; when there is no room the farthest one goes."""
+    """The point in the cone at the distance of its echo, the one of the last echo first."""
+    xs, ys, count = echoes.x_mm, echoes.y_mm, echoes.count
+    # No such point is farther from the middle of the arc than this, along either axis.
+    reach_mm = slack_mm + away_mm * ASIDE // 1000
+    middle_x, middle_y = x_mm + (away_mm * along_x >> 10), y_mm + (away_mm * along_y >> 10)
+    low_x, high_x, low_y, high_y = (
+        middle_x - reach_mm,
+        middle_x + reach_mm,
+        middle_y - reach_mm,
+        middle_y + reach_mm,
+    )
+    k = echoes.last[sonar]
+    for j in range(-1, count):
+        if j >= 0:
+            k = j
+        elif not 0 <= k < count:
+            continue
+        if not (low_x < xs[k] < high_x and low_y < ys[k] < high_y):
+            continue
+        dx_mm, dy_mm = xs[k] - x_mm, ys[k] - y_mm
+        along_mm = dx_mm * along_x + dy_mm * along_y >> 10
+        aside_mm = dy_mm * along_x - dx_mm * along_y
+        if not -ASIDE * along_mm <= aside_mm <= ASIDE * along_mm:
+            continue
+        aside_mm >>= 10
+        square = along_mm * along_mm + aside_mm * aside_mm
+        if (
+            (away_mm - slack_mm) * (away_mm - slack_mm)
+            <= square
+            <= (away_mm + slack_mm) * (away_mm + slack_mm)
+        ):
+            return k
+    return NOTHING
+
+
+def vacant(echoes: Echoes, x_mm: int, y_mm: int) -> int:
+    """Room for a new point; when there is none the farthest one goes."""
     k = echoes.count
     if k < POINTS:
         echoes.count += 1
-    else:
-        k, far = 0, -1.0
-        for j in range(POINTS):
-            dx_mm, dy_mm = echoes.x_mm[j] - here_x_mm, echoes.y_mm[j] - here_y_mm
-            square = dx_mm * dx_mm + dy_mm * dy_mm
-            if square > far:
-                k, far = j, square
-    echoes.x_mm[k] = x_mm
-    echoes.y_mm[k] = y_mm
-    echoes.weight[k] = 1
-    echoes.spread_mm[k] = spread_mm
+        return k
+    k, far = 0, NOTHING
+    for j in range(POINTS):
+        dx_mm, dy_mm = echoes.x_mm[j] - x_mm, echoes.y_mm[j] - y_mm
+        square = dx_mm * dx_mm + dy_mm * dy_mm
+        if square > far:
+            k, far = j, square
     return k
 
 
@@ -219,31 +236,36 @@ def drop(echoes: Echoes, k: int) -> None:
     echoes.spread_mm[k] = echoes.spread_mm[last]
 
 
-def fade(echoes: Echoes, pose: Pose, ring: Ring, params: Params) -> None:
-    """Look at a quarter of the points: drop the far ones, weaken those an echo passes through."""
-    x_mm, y_mm = 1000.0 * pose.x_m, 1000.0 * pose.y_m
-    far = 1e6 * FORGET_M * FORGET_M
+def fade(echoes: Echoes, pose: Pose, ring: Ring, radius_mm: int) -> None:
+    """Look at a quarter of the points: drop the far ones, weaken those an echo passes through and,
+    once in a while, all of them."""
+    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
+    heading = int(BRADS * pose.heading_rad)
     old = echoes.turn % FADE_TICKS < SLICES
     k = echoes.count - 1 - echoes.turn % SLICES
     while k >= 0:
         dx_mm, dy_mm = echoes.x_mm[k] - x_mm, echoes.y_mm[k] - y_mm
         square = dx_mm * dx_mm + dy_mm * dy_mm
-        if square > far:
-            drop(echoes, k)
-        else:
-            if old:
+        lost = square > FORGET_MM * FORGET_MM
+        if not lost:
+            bearing = int(BRADS * atan2(dy_mm, dx_mm)) - heading
+            if passed_through(ring, bearing, int(sqrt(square)) - radius_mm) or old:
                 echoes.weight[k] -= 1
-            bearing_rad = wrap(atan2(dy_mm, dx_mm) - pose.heading_rad)
-            if -0.5 * pi < bearing_rad < 0.5 * pi:
-                sonar = int((bearing_rad + 0.5 * pi) / CONE)
-                range_m = ring.range_m[sonar]
-                off_rad = bearing_rad - BEARINGS[sonar]
-                if range_m is not None and -CORE_RAD < off_rad < CORE_RAD:
-                    here_m = 0.001 * sqrt(square) - params.radius_m
-                    if (
-                        range_m < 9.0 and here_m < range_m - THROUGH_M - THROUGH_SHARE * range_m
-                    ) or (range_m > 9.0 and echoes.weight[k] < SURE):
-                        echoes.weight[k] -= 1
-            if echoes.weight[k] <= 0:
-                drop(echoes, k)
+            lost = echoes.weight[k] <= 0
+        if lost:
+            drop(echoes, k)
         k -= SLICES
+
+
+def passed_through(ring: Ring, bearing: int, range_mm: int) -> bool:
+    """Whether the sonar that looks along this bearing (brads from the heading) hears an echo from
+    well behind. No echo at all proves nothing: a wall met obliquely sends none."""
+    from_right = (bearing + QUARTER) % CIRCLE
+    if from_right >= HALF_CIRCLE:
+        return False
+    if not CONE // 2 - CORE < from_right % CONE < CONE // 2 + CORE:
+        return False
+    echo_m = ring.range_m[from_right // CONE]
+    if echo_m is None or echo_m > 9.0:
+        return False
+    return range_mm + THROUGH_MM < int(970.0 * echo_m)

@@ -2,67 +2,89 @@
 
 The disc of the robot, grown by a margin, must be able to move a look-ahead along a heading without
 meeting a remembered point. So a point closes the sector of headings around its bearing for which
-it does not; sectors are exact, there are no bins.
+it does not. Sectors are integers (brads, 4096 to the circle; millimetres), not bins.
 """
 
-from math import acos, asin, atan2, cos, pi, sin, sqrt
+from math import acos, asin, atan2, cos, sin, sqrt
 
-from robot.core.echoes import CONE, CORE_RAD, SURE, THROUGH_M, Echoes
-from robot.core.parameters import Params
+from robot.core.echoes import (
+    BRADS,
+    CIRCLE,
+    HALF_CIRCLE,
+    NOTHING,
+    QUARTER,
+    SURE,
+    Echoes,
+    passed_through,
+)
+from robot.core.geometry import BEARINGS
 from robot.core.ring import Ring
 from robot.core.typed import Final
-from robot.core.values import Pose
+from robot.core.values import SONARS, Pose
 
-NEAR: Final = 40
-"""At most this many points close sectors at a time."""
-LOOK_M: Final = 0.20
-TIGHT_M: Final = 0.02
-WIDE_M: Final = 0.08
-SQUEEZE_M: Final = 0.01
-DOUBT: Final = 1.25
-TWO_PI: Final = 2.0 * pi
-HALF_TURN: Final = 0.5 * pi
-NOTHING: Final = -1
+NEAR: Final = 28
+"""At most this many sectors at a time."""
+PASSES: Final = 6
+LOOK_MM: Final = 200
+WIDE_MM: Final = 80
+TIGHT_MM: Final = 20
+SQUEEZE_MM: Final = -10
+FREE_MM: Final = 1000
+DOUBT: Final = 5  # quarters of the spread
+WALK_S: Final = 1.5
+TABLE: Final = 256
+ASIN: Final = tuple([int(BRADS * asin(k / TABLE)) + 1 for k in range(TABLE + 1)])
+ACOS: Final = tuple([int(BRADS * acos(k / TABLE)) + 1 for k in range(TABLE + 1)])
 
 
 class Sectors:
-    """Bearings of the near points in the odometry frame, and half the sector each closes, with
-    the tight margin and with the wide one; `point` is its index among the echoes."""
+    """Bearings of what is near, in the odometry frame, and half the sector that it closes: with a
+    wide margin, with a tight one and, once worked out, with none.
+
+    `point` is its index among the echoes, NOTHING for somebody who walks. `free_mm` is how far the
+    robot could drive on along its heading. A sweep leaves `closing`, the sector that closes the
+    heading just before the one it found.
+    """
 
     __slots__ = (
-        "away_m",
-        "bearing_rad",
+        "away_mm",
+        "bearing",
+        "body_mm",
         "closing",
         "count",
-        "doubt_m",
-        "from_rad",
+        "free_mm",
+        "offset",
         "point",
-        "squeezed_rad",
-        "tight_rad",
-        "wide_rad",
+        "squeezed",
+        "tight",
+        "wide",
     )
 
     def __init__(self) -> None:
         self.count = 0
-        self.point = [0] * NEAR
-        self.away_m = [0.0] * NEAR
-        self.doubt_m = [0.0] * NEAR
-        self.bearing_rad = [0.0] * NEAR
-        self.tight_rad = [0.0] * NEAR
-        self.squeezed_rad = [0.0] * NEAR
-        self.wide_rad = [0.0] * NEAR
-        self.from_rad = [0.0] * NEAR
         self.closing = NOTHING
+        self.free_mm = FREE_MM
+        self.point = [0] * NEAR
+        self.away_mm = [0] * NEAR
+        self.body_mm = [0] * NEAR
+        self.bearing = [0] * NEAR
+        self.offset = [0] * NEAR
+        self.wide = [0] * NEAR
+        self.tight = [0] * NEAR
+        self.squeezed = [0] * NEAR
 
 
 def measure(
-    sectors: Sectors, echoes: Echoes, pose: Pose, ring: Ring, ease_m: float, params: Params
+    sectors: Sectors, echoes: Echoes, pose: Pose, ring: Ring, ease_mm: int, radius_mm: int
 ) -> None:
-    """Collect the points that are near enough to close anything; `ease_m` is taken off margins."""
-    reach_mm = 1000.0 * (LOOK_M + params.radius_m + WIDE_M)
-    x_mm, y_mm = 1000.0 * pose.x_m, 1000.0 * pose.y_m
+    """Collect what is near enough to close anything; `ease_mm` is taken off every margin."""
+    sectors.count = 0
+    sectors.free_mm = FREE_MM
+    reach_mm = LOOK_MM + WIDE_MM + radius_mm
+    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
+    heading = int(BRADS * pose.heading_rad)
+    cosine, sine = int(1024.0 * cos(pose.heading_rad)), int(1024.0 * sin(pose.heading_rad))
     xs, ys, weight = echoes.x_mm, echoes.y_mm, echoes.weight
-    n = 0
     for k in range(echoes.count):
         dx_mm = xs[k] - x_mm
         if not -reach_mm < dx_mm < reach_mm:
@@ -70,130 +92,140 @@ def measure(
         dy_mm = ys[k] - y_mm
         if not -reach_mm < dy_mm < reach_mm or weight[k] < SURE:
             continue
-        away_m = 0.001 * sqrt(dx_mm * dx_mm + dy_mm * dy_mm)
-        if away_m < params.radius_m:
-            push_out(echoes, k, pose, away_m, params)
-            away_m = params.radius_m
-        doubt_m = 0.001 * DOUBT * echoes.spread_mm[k]
-        body_m = params.radius_m - doubt_m - ease_m
-        wide_rad = closed(away_m, body_m + WIDE_M)
-        if wide_rad <= 0.0 or n >= NEAR:
+        away_mm = int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
+        if away_mm >= reach_mm:
             continue
-        sectors.point[n] = k
-        sectors.away_m[n] = away_m
-        bearing_rad = atan2(dy_mm, dx_mm)
-        if passed_through(ring, bearing_rad - pose.heading_rad, away_m - params.radius_m):
+        if away_mm < radius_mm:
+            away_mm = push_out(echoes, k, x_mm, y_mm, away_mm, radius_mm)
+        bearing = int(BRADS * atan2(dy_mm, dx_mm))
+        if passed_through(ring, bearing - heading, away_mm - radius_mm):
             weight[k] -= 1
-        sectors.bearing_rad[n] = bearing_rad
-        sectors.wide_rad[n] = wide_rad
-        sectors.doubt_m[n] = doubt_m + ease_m
-        sectors.tight_rad[n] = closed(away_m, body_m + TIGHT_M)
-        n += 1
-    sectors.count = n
+        body_mm = radius_mm - (DOUBT * echoes.spread_mm[k] >> 2) - ease_mm
+        add(sectors, k, bearing, away_mm, body_mm)
+        along_mm = dx_mm * cosine + dy_mm * sine >> 10
+        aside_mm = dy_mm * cosine - dx_mm * sine >> 10
+        if along_mm > 0 and -body_mm < aside_mm < body_mm:
+            free_mm = along_mm - int(sqrt(body_mm * body_mm - aside_mm * aside_mm))
+            if free_mm < sectors.free_mm:
+                sectors.free_mm = free_mm if free_mm > 0 else 0
+    give_way(sectors, ring, heading, radius_mm)
 
 
-def push_out(echoes: Echoes, k: int, pose: Pose, away_m: float, params: Params) -> None:
+def push_out(echoes: Echoes, k: int, x_mm: int, y_mm: int, away_mm: int, radius_mm: int) -> int:
     """Where the robot stands there is no obstacle: the echo came from beyond its rim."""
-    if away_m > 0.0:
-        stretch = params.radius_m / away_m
-        x_mm, y_mm = 1000.0 * pose.x_m, 1000.0 * pose.y_m
-        echoes.x_mm[k] = int(x_mm + stretch * (echoes.x_mm[k] - x_mm))
-        echoes.y_mm[k] = int(y_mm + stretch * (echoes.y_mm[k] - y_mm))
+    if away_mm > 0:
+        echoes.x_mm[k] = x_mm + (echoes.x_mm[k] - x_mm) * radius_mm // away_mm
+        echoes.y_mm[k] = y_mm + (echoes.y_mm[k] - y_mm) * radius_mm // away_mm
+    return radius_mm
 
 
-def passed_through(ring: Ring, bearing_rad: float, range_m: float) -> bool:
-    """Whether the sonar that looks there hears an echo from well behind."""
-    bearing_rad = (bearing_rad + pi) % TWO_PI - HALF_TURN
-    if not 0.0 < bearing_rad < pi:
-        return False
-    sonar = int(bearing_rad / CONE)
-    if not -CORE_RAD < bearing_rad - (sonar + 0.5) * CONE < CORE_RAD:
-        return False
-    echo_m = ring.range_m[sonar]
-    return echo_m is not None and range_m + THROUGH_M < 0.97 * echo_m < 9.0
+def give_way(sectors: Sectors, ring: Ring, heading: int, radius_mm: int) -> None:
+    """Who walks closes the headings that he will close in a moment."""
+    for i in range(SONARS):
+        range_m = ring.range_m[i]
+        if ring.walks_m_s[i] > 0.0 and range_m is not None:
+            away_mm = radius_mm + int(1000.0 * (range_m - WALK_S * ring.walks_m_s[i]))
+            if away_mm < radius_mm:
+                away_mm = radius_mm
+            add(sectors, NOTHING, heading + int(BRADS * BEARINGS[i]), away_mm, radius_mm)
 
 
-def closed(away_m: float, body_m: float) -> float:
-    """Half the sector of headings along which a disc of `body_m` meets a point within the look."""
-    if away_m >= LOOK_M + body_m:
-        return 0.0
-    if away_m <= body_m:
-        return HALF_TURN
-    if away_m * away_m - body_m * body_m <= LOOK_M * LOOK_M:
-        return asin(body_m / away_m)
-    cosine = (away_m * away_m + LOOK_M * LOOK_M - body_m * body_m) / (2.0 * away_m * LOOK_M)
-    return acos(cosine) if cosine < 1.0 else 0.0
+def add(sectors: Sectors, point: int, bearing: int, away_mm: int, body_mm: int) -> None:
+    """One sector more, if it closes anything and there is room; else the farthest one goes."""
+    wide = closed(away_mm, body_mm + WIDE_MM)
+    if wide == 0:
+        return
+    n = sectors.count
+    if n < NEAR:
+        sectors.count += 1
+    else:
+        n = farthest(sectors)
+        if sectors.away_mm[n] <= away_mm:
+            return
+    sectors.point[n] = point
+    sectors.bearing[n] = bearing
+    sectors.away_mm[n] = away_mm
+    sectors.body_mm[n] = body_mm
+    sectors.wide[n] = wide
+    sectors.tight[n] = closed(away_mm, body_mm + TIGHT_MM)
 
 
-def is_open(sectors: Sectors, heading_rad: float, half_rad: "list[float]") -> bool:
-    """Whether no point closes this heading; `half_rad`: `tight_rad` or `wide_rad`."""
-    bearing_rad = sectors.bearing_rad
-    for k in range(sectors.count):
-        off_rad = (bearing_rad[k] - heading_rad + pi) % TWO_PI - pi
-        if -half_rad[k] < off_rad < half_rad[k]:
-            return False
-    return True
+def farthest(sectors: Sectors) -> int:
+    n = 0
+    for k in range(1, sectors.count):
+        if sectors.away_mm[k] > sectors.away_mm[n]:
+            n = k
+    return n
 
 
-def sweep(sectors: Sectors, start_rad: float, side: int, half_rad: "list[float]") -> float:
-    """How far to turn from `start_rad` towards `side` until a heading is open, 0 to 2 pi.
-
-    `closing` is then the number of the sector that closes the heading just before; NOTHING when
-    the start itself is open. 2 pi or more: every heading is closed.
-    """
-    from_rad, bearing_rad, n = sectors.from_rad, sectors.bearing_rad, sectors.count
-    for k in range(n):
-        from_rad[k] = (side * (bearing_rad[k] - start_rad) + pi) % TWO_PI - pi
-    turn_rad = 0.0
-    sectors.closing = NOTHING
-    for _ in range(n + 1):
-        moved = False
-        for k in range(n):
-            half = half_rad[k]
-            off_rad = turn_rad - from_rad[k]
-            if off_rad > pi:
-                off_rad -= TWO_PI
-            if -half < off_rad < half:
-                turn_rad += half - off_rad + 1e-6
-                sectors.closing = k
-                moved = True
-        if not moved or turn_rad >= TWO_PI:
-            break
-    return turn_rad
+def closed(away_mm: int, body_mm: int) -> int:
+    """Half the sector of headings along which a disc of `body_mm` meets a point within the look."""
+    if away_mm >= LOOK_MM + body_mm or body_mm <= 0:
+        return 0
+    if away_mm <= body_mm:
+        return QUARTER
+    square = away_mm * away_mm - body_mm * body_mm
+    if square <= LOOK_MM * LOOK_MM:
+        return ASIN[body_mm * TABLE // away_mm]
+    share = (square + LOOK_MM * LOOK_MM) * (TABLE // 2) // (away_mm * LOOK_MM)
+    return ACOS[share] if share < TABLE else 0
 
 
-def squeeze(sectors: Sectors, params: Params) -> None:
+def squeeze(sectors: Sectors) -> None:
     """Work out the sectors without any margin."""
     for k in range(sectors.count):
-        body_m = params.radius_m - sectors.doubt_m[k] - SQUEEZE_M
-        sectors.squeezed_rad[k] = closed(sectors.away_m[k], body_m)
+        sectors.squeezed[k] = closed(sectors.away_mm[k], sectors.body_mm[k] + SQUEEZE_MM)
 
 
-def room(sectors: Sectors, turn_rad: float, half_rad: "list[float]") -> float:
+def closer(sectors: Sectors, heading: int, halves: "list[int]") -> int:
+    """The nearest sector that closes this heading, or NOTHING; `halves`: `wide` or `tight`."""
+    nearest = NOTHING
+    for k in range(sectors.count):
+        off = (sectors.bearing[k] - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+        half = halves[k]
+        if -half < off < half and (
+            nearest == NOTHING or sectors.away_mm[k] < sectors.away_mm[nearest]
+        ):
+            nearest = k
+    return nearest
+
+
+def sweep(sectors: Sectors, start: int, side: int, halves: "list[int]") -> int:
+    """How far to turn from `start` towards `side` until a heading is open; CIRCLE if none is.
+
+    Sectors overlap, so a few passes over them, to and fro, find the end of a chain of them; one
+    that is not at its end by then counts as endless.
+    """
+    offset, n = sectors.offset, sectors.count
+    for k in range(n):
+        offset[k] = (side * (sectors.bearing[k] - start) + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+    turn = 0
+    sectors.closing = NOTHING
+    for number in range(PASSES):
+        moved = False
+        for j in range(n):
+            k = n - 1 - j if number & 1 else j
+            off = turn - offset[k]
+            if off > HALF_CIRCLE:
+                off -= CIRCLE
+            half = halves[k]
+            if -half < off < half:
+                turn += half - off
+                sectors.closing = k
+                moved = True
+        if turn >= CIRCLE:
+            return CIRCLE
+        if not moved:
+            return turn
+    return CIRCLE
+
+
+def room(sectors: Sectors, turn: int, halves: "list[int]") -> int:
     """How much farther headings stay open beyond the one that the last sweep ended with."""
-    least_rad = pi
+    least = HALF_CIRCLE
     for k in range(sectors.count):
-        if half_rad[k] > 0.0:
-            ahead_rad = (sectors.from_rad[k] - half_rad[k] - turn_rad) % TWO_PI
-            if ahead_rad < least_rad:
-                least_rad = ahead_rad
-    return least_rad
-
-
-def free_ahead(sectors: Sectors, heading_rad: float, params: Params) -> float:
-    """How far the robot can drive on along its heading before it would touch a near point; at most
-    a metre."""
-    free_m = 1.0
-    for k in range(sectors.count):
-        away_m = sectors.away_m[k]
-        body_m = params.radius_m - sectors.doubt_m[k]
-        off_rad = sectors.bearing_rad[k] - heading_rad
-        along_m = away_m * cos(off_rad)
-        if along_m <= 0.0:
-            continue
-        aside_m = away_m * sin(off_rad)
-        if -body_m < aside_m < body_m:
-            here_m = along_m - sqrt(body_m * body_m - aside_m * aside_m)
-            if here_m < free_m:
-                free_m = here_m
-    return max(free_m, 0.0)
+        if halves[k] > 0:
+            ahead = (sectors.offset[k] - halves[k] - turn) % CIRCLE
+            if ahead < least:
+                least = ahead
+    return least

@@ -1,124 +1,147 @@
 """Notices that the robot has been here before: hits remembered by place, the way by its crumbs.
 
 A loop is the same places in the same order in the same direction; the place alone would take the
-two sides of a corridor for one.
+two sides of a corridor for one. Integers: centimetres, and brads (4096 to the circle).
 """
 
-from math import pi
-
+from robot.core.echoes import CIRCLE, HALF_CIRCLE
 from robot.core.typed import Final
-from robot.core.values import Pose
 
 HITS: Final = 16
-HIT_MM: Final = 350
-CRUMBS: Final = 160
-SPACING_MM: Final = 250
-SAME_MM: Final = 250
+HIT_CM: Final = 35
+CRUMBS: Final = 96
+SPACING_CM: Final = 25
 LEAST_AWAY: Final = 5
 """Crumbs that must lie between a place and its second visit."""
 IN_A_ROW: Final = 3
-SAME_RAD: Final = 50.0 * pi / 180.0
-TWO_PI: Final = 2.0 * pi
+SAME: Final = 570  # brads, 50 degrees
 
 
 class Loops:
-    """Rings of hits (place and side) and crumbs (place and heading); the oldest are overwritten."""
+    """A ring of hits (place and side) and the crumbs of the way since the last of them (place and
+    heading), thinned by half when there is no room. `first` is where the loop that closed began,
+    `last` the crumb that the newest one was found beside."""
 
     __slots__ = (
-        "crumb_rad",
-        "crumb_x_mm",
-        "crumb_y_mm",
-        "crumbs",
+        "count",
         "first",
+        "heading",
         "hit_side",
-        "hit_x_mm",
-        "hit_y_mm",
+        "hit_x_cm",
+        "hit_y_cm",
         "hits",
         "matches",
+        "spacing_cm",
+        "x_cm",
+        "y_cm",
     )
 
     def __init__(self) -> None:
-        self.hit_x_mm = [0] * HITS
-        self.hit_y_mm = [0] * HITS
+        self.hit_x_cm = [0] * HITS
+        self.hit_y_cm = [0] * HITS
         self.hit_side = [0] * HITS
         self.hits = 0
-        self.crumb_x_mm = [0] * CRUMBS
-        self.crumb_y_mm = [0] * CRUMBS
-        self.crumb_rad = [0.0] * CRUMBS
-        self.crumbs = 0
-        self.matches = 0
-        self.first = 0
+        self.x_cm = [0] * CRUMBS
+        self.y_cm = [0] * CRUMBS
+        self.heading = [0] * CRUMBS
+        self.count = self.matches = self.first = 0
+        self.spacing_cm = SPACING_CM
 
 
 def restart(loops: Loops) -> None:
     """Forget the way."""
-    loops.crumbs = 0
-    loops.matches = 0
+    loops.count = loops.matches = 0
+    loops.spacing_cm = SPACING_CM
 
 
-def hit(loops: Loops, pose: Pose, side: int) -> int:
+def walked_cm(loops: Loops) -> int:
+    """How long the way is since it was forgotten, about."""
+    return loops.count * loops.spacing_cm
+
+
+def side_at(loops: Loops, x_cm: int, y_cm: int, side: int) -> int:
     """The side to pass on: the wanted one, unless the last hit here was passed on that side."""
-    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     for k in range(loops.hits - 1, max(loops.hits - HITS, 0) - 1, -1):
-        dx_mm, dy_mm = loops.hit_x_mm[k % HITS] - x_mm, loops.hit_y_mm[k % HITS] - y_mm
-        if dx_mm * dx_mm + dy_mm * dy_mm < HIT_MM * HIT_MM:
-            side = -loops.hit_side[k % HITS]
-            break
-    k = loops.hits % HITS
-    loops.hit_x_mm[k], loops.hit_y_mm[k], loops.hit_side[k] = x_mm, y_mm, side
-    loops.hits += 1
-    restart(loops)
+        i = k % HITS
+        if is_near(loops.hit_x_cm[i] - x_cm, loops.hit_y_cm[i] - y_cm, HIT_CM):
+            return -loops.hit_side[i]
     return side
 
 
-def drop(loops: Loops, pose: Pose) -> bool:
+def remember(loops: Loops, x_cm: int, y_cm: int, side: int) -> None:
+    """A hit, passed on this side; the way begins anew."""
+    i = loops.hits % HITS
+    loops.hit_x_cm[i], loops.hit_y_cm[i], loops.hit_side[i] = x_cm, y_cm, side
+    loops.hits += 1
+    restart(loops)
+
+
+def is_near(dx_cm: int, dy_cm: int, least_cm: int) -> bool:
+    return dx_cm * dx_cm + dy_cm * dy_cm < least_cm * least_cm
+
+
+def drop(loops: Loops, x_cm: int, y_cm: int, heading: int) -> bool:
     """Drop a crumb every so often; whether the way has closed upon itself."""
-    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
-    if loops.crumbs:
-        k = (loops.crumbs - 1) % CRUMBS
-        dx_mm, dy_mm = loops.crumb_x_mm[k] - x_mm, loops.crumb_y_mm[k] - y_mm
-        if dx_mm * dx_mm + dy_mm * dy_mm < SPACING_MM * SPACING_MM:
-            return False
-    again = False
-    first = 0
-    for k in range(max(loops.crumbs - CRUMBS, 0), loops.crumbs - LEAST_AWAY):
-        i = k % CRUMBS
-        dx_mm = loops.crumb_x_mm[i] - x_mm
-        if -SAME_MM < dx_mm < SAME_MM:
-            dy_mm = loops.crumb_y_mm[i] - y_mm
-            off_rad = (loops.crumb_rad[i] - pose.heading_rad + pi) % TWO_PI - pi
-            if dx_mm * dx_mm + dy_mm * dy_mm < SAME_MM * SAME_MM and -SAME_RAD < off_rad < SAME_RAD:
-                again = True
-                first = k
-                break
-    loops.matches = loops.matches + 1 if again else 0
-    loops.first = first
-    k = loops.crumbs % CRUMBS
-    loops.crumb_x_mm[k], loops.crumb_y_mm[k] = x_mm, y_mm
-    loops.crumb_rad[k] = pose.heading_rad
-    loops.crumbs += 1
+    n = loops.count
+    if n and is_near(loops.x_cm[n - 1] - x_cm, loops.y_cm[n - 1] - y_cm, loops.spacing_cm):
+        return False
+    again = visited(loops, x_cm, y_cm, heading)
+    loops.matches = loops.matches + 1 if again >= 0 else 0
+    if again >= 0:
+        loops.first = again
+    if n == CRUMBS:
+        thin(loops)
+        n = loops.count
+    loops.x_cm[n], loops.y_cm[n], loops.heading[n] = x_cm, y_cm, heading
+    loops.count = n + 1
     return loops.matches >= IN_A_ROW
 
 
+def visited(loops: Loops, x_cm: int, y_cm: int, heading: int) -> int:
+    """The oldest crumb of the same place and direction, but for the newest few; -1 without one."""
+    same_cm = loops.spacing_cm if loops.spacing_cm == SPACING_CM else loops.spacing_cm * 6 // 10 + 5
+    xs, ys = loops.x_cm, loops.y_cm
+    for k in range(loops.count - LEAST_AWAY):
+        if -same_cm < xs[k] - x_cm < same_cm and -same_cm < ys[k] - y_cm < same_cm:
+            off = (loops.heading[k] - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+            if -SAME < off < SAME and is_near(xs[k] - x_cm, ys[k] - y_cm, same_cm):
+                return k
+    return -1
+
+
+def thin(loops: Loops) -> None:
+    """Keep every second crumb, and drop them twice as far apart from now on."""
+    loops.count = CRUMBS // 2
+    for k in range(loops.count):
+        loops.x_cm[k] = loops.x_cm[2 * k]
+        loops.y_cm[k] = loops.y_cm[2 * k]
+        loops.heading[k] = loops.heading[2 * k]
+    loops.first //= 2
+    loops.matches = 0
+    loops.spacing_cm *= 2
+
+
 def turns_left(loops: Loops) -> bool:
-    """Whether the loop that closed goes round counter-clockwise; by the sign of its area."""
-    twice = 0.0
-    for k in range(loops.first, loops.crumbs):
-        i, j = k % CRUMBS, (k + 1) % CRUMBS if k + 1 < loops.crumbs else loops.first % CRUMBS
-        twice += loops.crumb_x_mm[i] * loops.crumb_y_mm[j] * 1e-6
-        twice -= loops.crumb_x_mm[j] * loops.crumb_y_mm[i] * 1e-6
-    return twice > 0.0
+    """Whether the loop that closed goes round counter-clockwise, by the sign of its area."""
+    xs, ys, n = loops.x_cm, loops.y_cm, loops.count
+    x_cm, y_cm = xs[loops.first], ys[loops.first]
+    twice = 0
+    for k in range(loops.first, n):
+        j = k + 1 if k + 1 < n else loops.first
+        twice += (xs[k] - x_cm) * (ys[j] - y_cm) - (xs[j] - x_cm) * (ys[k] - y_cm)
+    return twice > 0
 
 
-def encloses(loops: Loops, x_m: float, y_m: float) -> bool:
-    """Whether a place lies within the loop that closed."""
-    x_mm, y_mm = 1000.0 * x_m, 1000.0 * y_m
+def encloses(loops: Loops, x_cm: int, y_cm: int) -> bool:
+    """Whether a place lies within the loop that closed (a ray to +x meets it an odd number of
+    times)."""
+    xs, ys, n = loops.x_cm, loops.y_cm, loops.count
     inside = False
-    for k in range(loops.first, loops.crumbs):
-        i, j = k % CRUMBS, (k + 1) % CRUMBS if k + 1 < loops.crumbs else loops.first % CRUMBS
-        y1, y2 = loops.crumb_y_mm[i] - y_mm, loops.crumb_y_mm[j] - y_mm
-        if (y1 > 0.0) != (y2 > 0.0):
-            x1, x2 = loops.crumb_x_mm[i] - x_mm, loops.crumb_x_mm[j] - x_mm
-            if x1 + (x2 - x1) * y1 / (y1 - y2) > 0.0:
+    for k in range(loops.first, n):
+        j = k + 1 if k + 1 < n else loops.first
+        y1, y2 = ys[k] - y_cm, ys[j] - y_cm
+        if (y1 > 0) != (y2 > 0):
+            x1, x2 = xs[k] - x_cm, xs[j] - x_cm
+            if (x1 + (x2 - x1) * y1 // (y1 - y2)) > 0:
                 inside = not inside
     return inside
