@@ -21,8 +21,13 @@ GATE_SHARE: Final = 0.04
 SURE: Final = 8  # scans in which an echo was followed, until its rate counts
 MOST: Final = 12
 MISSED: Final = 3  # a scan without it takes away as much as so many with it gave
-LEAST_M_S: Final = 0.04  # slower than this, and a share of the range, is noise
-LEAST_SHARE_PER_S: Final = 0.06
+LEAST_M_S: Final = 0.02  # slower than this, and a share of the range, is noise
+LEAST_SHARE_PER_S: Final = 0.1
+FLANK_M: Final = 0.06  # what walks comes 3 cm nearer while the wheels stop
+FLANKS: Final = (0, 1, 6, 7)
+HOLD: Final = 20  # scans for which a walker counts that is too near to be measured any more
+HOLD_FROM_M: Final = 0.10
+HELD_M: Final = 0.05
 WAIT_M: Final = 0.25
 WAIT_S: Final = 2.0
 
@@ -34,11 +39,13 @@ FORGET: Final = 0.95
 class Closing:
     """Per cone: the range as followed, how fast it falls by itself, in how many scans it was seen.
 
+    `held` counts for how many scans a walker at the right, at the left is still believed there;
     `any` says whether there is one at all, `lately_m_s` how fast the robot has driven lately.
     """
 
     __slots__ = (
         "any",
+        "held",
         "lately_m_s",
         "old_range_m",
         "old_rate_m_s",
@@ -54,6 +61,7 @@ class Closing:
         self.seen, self.old_seen = [0] * SONARS, [0] * SONARS
         self.lately_m_s = 0.0
         self.any = False
+        self.held = [0, 0]
 
 
 def watch(closing: Closing, ring: Ring, speed_m_s: float, params: Params) -> None:
@@ -74,11 +82,30 @@ def watch(closing: Closing, ring: Ring, speed_m_s: float, params: Params) -> Non
             if closing.old_seen[i] <= MISSED or taken >> i & 1:
                 continue
             coast(closing, i)
+            closing.any = True
+            continue
         closing.any = True
         if seen[i] >= SURE:
             walks_m_s = closing.rate_m_s[i] - closing.lately_m_s * UNSURE[i]
             if walks_m_s > LEAST_M_S + LEAST_SHARE_PER_S * closing.range_m[i]:
                 walking[i] = walks_m_s
+    for side in (0, 1):
+        hold(closing, ring, side)
+
+
+def hold(closing: Closing, ring: Ring, side: int) -> None:
+    """Nearer than a sonar can measure everything seems to stand: what walked there, walks on."""
+    half = SONARS // 2
+    for i in range(half * side, half * side + half):
+        range_m = ring.range_m[i]
+        if range_m is None or range_m > HOLD_FROM_M:
+            continue
+        if ring.walks_m_s[i] > 0.0:
+            closing.held[side] = HOLD
+            return
+        if closing.held[side] > 0 and range_m <= HELD_M:
+            ring.walks_m_s[i] = LEAST_M_S
+    closing.held[side] = max(closing.held[side] - 1, 0)
 
 
 def expect(closing: Closing, speed_m_s: float, period_s: float) -> None:
@@ -137,10 +164,22 @@ def coast(closing: Closing, i: int) -> None:
 
 
 def limit_m_s(ring: Ring, most_m_s: float) -> float:
-    """How fast to go on at what walks towards the way, so that it can pass before the robot."""
+    """How fast to go on at what walks towards the way, so that it can pass before the robot; with
+    somebody at the flank not at all."""
+    if is_flanked(ring):
+        return min(most_m_s, 0.0)
     for i in FRONT:
         walks_m_s, range_m = ring.walks_m_s[i], ring.range_m[i]
         if walks_m_s > 0.0 and range_m is not None:
             may_m_s = (range_m - WAIT_M) / WAIT_S - walks_m_s
             most_m_s = min(most_m_s, max(may_m_s, 0.0) / COSINES[i])
     return most_m_s
+
+
+def is_flanked(ring: Ring) -> bool:
+    """Whether something walks so near at a flank that the robot must not drive on past it."""
+    for i in FLANKS:
+        range_m = ring.range_m[i]
+        if ring.walks_m_s[i] > 0.0 and range_m is not None and range_m <= FLANK_M:
+            return True
+    return False

@@ -1,6 +1,7 @@
 """The last word before the wheels. It may only take speed away, never add or steer."""
 
 from robot.core import reasons
+from robot.core.closing import is_flanked
 from robot.core.geometry import COSINES
 from robot.core.parameters import Params
 from robot.core.ring import AHEAD, FRONT, Ring
@@ -8,7 +9,6 @@ from robot.core.typed import Final
 from robot.core.values import Wheels
 
 ROUNDING: Final = 1.0 + 1e-9  # a command right at the limit is not over it
-FLANKS: Final = (0, 1, 6, 7)
 FRONT_BUMPER: Final = 1 | 2
 REAR_BUMPER: Final = 4
 
@@ -50,10 +50,8 @@ def forward_factor(speed_m_s: float, ring: Ring, params: Params) -> float:
         return 0.0
     if params.guard_stop_m <= 0.0:
         return 1.0
-    for i in FLANKS:
-        range_m = ring.range_m[i]
-        if ring.walks_m_s[i] > 0.0 and range_m is not None and range_m <= params.guard_stop_m:
-            return 0.0
+    if is_flanked(ring):
+        return 0.0
     factor = 1.0
     for i in FRONT:
         range_m = ring.range_m[i]

@@ -1,4 +1,4 @@
-from math import cos, hypot, isnan, nan, pi
+from math import cos, hypot, isfinite, nan, pi
 
 import pytest
 from hypothesis import given
@@ -123,7 +123,9 @@ def test_it_is_total_and_what_walks_is_a_finite_speed(
     for tick, (ranges, bits, speed_m_s) in enumerate(given_scans):
         rings.update(ring, Scan(tuple(ranges), (0,) * 8, bits, 0xFF), tick * 50, DEFAULTS)
         closings.watch(closing, ring, speed_m_s, DEFAULTS)
-        assert all(walks >= 0.0 and not isnan(walks) for walks in ring.walks_m_s)
+        for walks_m_s, range_m in zip(ring.walks_m_s, ring.range_m, strict=True):
+            assert walks_m_s >= 0.0
+            assert walks_m_s == 0.0 or (range_m is not None and isfinite(walks_m_s + range_m))
 
 
 def test_a_speed_that_is_no_number_is_forgotten() -> None:
@@ -132,11 +134,38 @@ def test_a_speed_that_is_no_number_is_forgotten() -> None:
     assert onlooker.nearing(3, 0.15, 0.0)[3] > 0.1
 
 
+def test_who_walked_up_to_the_flank_is_there_though_no_longer_measured() -> None:
+    onlooker = Onlooker()
+    for tick in range(20):
+        onlooker.see({6: 0.21 - 0.01 * tick})
+    assert closings.is_flanked(onlooker.ring)
+    assert closings.limit_m_s(onlooker.ring, 0.3) == 0.0
+    held = [max(onlooker.see({7: 0.02})) > 0.0 for _ in range(60)]
+    assert all(held[:15])
+    assert not any(held[40:])
+
+
+def test_who_steps_back_from_the_flank_is_let_go() -> None:
+    onlooker = Onlooker()
+    for tick in range(20):
+        onlooker.see({6: 0.21 - 0.01 * tick})
+    for tick in range(10):
+        onlooker.see({6: 0.02 + 0.01 * tick})
+    assert not closings.is_flanked(onlooker.ring)
+
+
+def test_a_wall_beside_the_robot_was_never_a_walker() -> None:
+    onlooker = Onlooker()
+    for _ in range(40):
+        assert max(onlooker.see({0: 0.02, 1: 0.03}, 0.2)) == 0.0
+    assert not closings.is_flanked(onlooker.ring)
+
+
 def test_the_limit_lets_a_walker_pass_and_takes_only_speed_away() -> None:
     onlooker = Onlooker()
     onlooker.see({3: 0.5, 0: 0.3})
     assert closings.limit_m_s(onlooker.ring, 0.3) == 0.3
-    onlooker.ring.walks_m_s[0] = 0.2
+    onlooker.ring.walks_m_s[0] = 0.2  # at 0.3 m
     assert closings.limit_m_s(onlooker.ring, 0.3) == 0.3  # beside, not ahead
     onlooker.ring.walks_m_s[3] = 0.05
     slowed_m_s = closings.limit_m_s(onlooker.ring, 0.3)

@@ -103,7 +103,7 @@ def test_an_echo_beside_the_robot_is_not_in_its_way() -> None:
 
 def test_what_walks_at_a_near_flank_is_not_driven_on_past() -> None:
     for i in (0, 1, 6, 7):
-        near, less_near = ring({i: 40}), ring({i: 41})
+        near, less_near = ring({i: 60}), ring({i: 61})
         near.walks_m_s[i] = less_near.walks_m_s[i] = 0.1
         assert limit(0.3, 0.0, near) == (0.0, reasons.OBSTACLE_AHEAD)
         assert limit(0.3, 0.0, less_near) == (1.0, reasons.OK)
