@@ -66,7 +66,8 @@ class Closing:
 
 def watch(closing: Closing, ring: Ring, speed_m_s: float, params: Params) -> None:
     """Follow the echoes by one scan more, and tell the ring how fast each one walks."""
-    closing.lately_m_s = max(abs(speed_m_s), FORGET * closing.lately_m_s)
+    lately_m_s = FORGET * closing.lately_m_s
+    closing.lately_m_s = max(min(abs(speed_m_s), params.wheel_max_m_s), lately_m_s)
     if not closing.any and ring.nearest_m >= FAR_M:
         return
     closing.old_range_m, closing.range_m = closing.range_m, closing.old_range_m
