@@ -13,6 +13,7 @@ from robot.core.echoes import (
     HALF_CIRCLE,
     NOTHING,
     QUARTER,
+    REACH_M,
     SURE,
     Echoes,
     passed_through,
@@ -30,7 +31,7 @@ WIDE_MM: Final = 80
 TIGHT_MM: Final = 20
 SQUEEZE_MM: Final = -10
 FREE_MM: Final = 1000
-DOUBT: Final = 5  # quarters of the spread
+DOUBT: Final = 8  # quarters of the spread
 WALK_S: Final = 1.5
 TABLE: Final = 256
 ASIN: Final = tuple([int(BRADS * asin(k / TABLE)) + 1 for k in range(TABLE + 1)])
@@ -123,7 +124,7 @@ def give_way(sectors: Sectors, ring: Ring, heading: int, radius_mm: int) -> None
     """Who walks closes the headings that he will close in a moment."""
     for i in range(SONARS):
         range_m = ring.range_m[i]
-        if ring.walks_m_s[i] > 0.0 and range_m is not None:
+        if ring.walks_m_s[i] > 0.0 and range_m is not None and range_m < REACH_M:
             away_mm = radius_mm + int(1000.0 * (range_m - WALK_S * ring.walks_m_s[i]))
             if away_mm < radius_mm:
                 away_mm = radius_mm

@@ -23,7 +23,8 @@ STEP_M: Final = 0.10
 """Following ends only where the way to go gets shorter than ever by this much."""
 NEAR_GOAL_M: Final = 0.6
 SOFT: Final = 455  # brads, 40 degrees: so far aside for the sake of a wide margin
-SHARP: Final = 796  # 70 degrees: before turning by more, gaps are tried without a margin
+SHARP: Final = 796  # 70 degrees: on so sharp a turn the followed point is kept
+WIDE_TURN: Final = 400  # 35 degrees: before turning by more, gaps are tried without a margin
 SAME_SIDE: Final = 228  # 20 degrees: so much smaller must a rotation be to change the side
 HELD_MM: Final = 120
 LOST_MM: Final = 600
@@ -207,7 +208,10 @@ def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
         return
     memory.shut = 0
     memory.heading = start + memory.side * turn
-    hold(memory, memory.sectors.closing)
+    off = (memory.heading - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+    if -SHARP < off < SHARP:
+        # Before that the same point is kept: on the turn the sonars may still see a way past it.
+        hold(memory, memory.sectors.closing)
     if loops.drop(memory.loops, x_mm // 10, y_mm // 10, heading):
         come_round(memory)
     elif is_astray(memory, distance_m):
@@ -224,7 +228,7 @@ def open_turn(memory: Memory, start: int, heading: int) -> int:
     turn = headings.sweep(sectors, start, side, sectors.tight)
     halves = sectors.tight
     off = (start + side * turn - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
-    if turn >= CIRCLE or not -SHARP < off < SHARP:
+    if turn >= CIRCLE or not -WIDE_TURN < off < WIDE_TURN:
         headings.squeeze(sectors)
         closing = sectors.closing
         squeezed = headings.sweep(sectors, start, side, sectors.squeezed)
