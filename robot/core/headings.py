@@ -31,6 +31,8 @@ WIDE_MM: Final = 80
 TIGHT_MM: Final = 20
 SQUEEZE_MM: Final = -10
 FREE_MM: Final = 1000
+WARY_MM: Final = 60
+"""What only one echo has told of slows the robot down as if it were no nearer than this."""
 DOUBT: Final = 8  # quarters of the spread
 WALK_S: Final = 1.5
 TABLE: Final = 256
@@ -91,7 +93,7 @@ def measure(
         if not -reach_mm < dx_mm < reach_mm:
             continue
         dy_mm = ys[k] - y_mm
-        if not -reach_mm < dy_mm < reach_mm or weight[k] < SURE:
+        if not -reach_mm < dy_mm < reach_mm:
             continue
         away_mm = int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
         if away_mm >= reach_mm:
@@ -102,11 +104,15 @@ def measure(
         if passed_through(ring, bearing - heading, away_mm - radius_mm):
             weight[k] -= 1
         body_mm = radius_mm - (DOUBT * echoes.spread_mm[k] >> 2) - ease_mm
-        add(sectors, k, bearing, away_mm, body_mm)
+        sure = weight[k] >= SURE
+        if sure:
+            add(sectors, k, bearing, away_mm, body_mm)
         along_mm = dx_mm * cosine + dy_mm * sine >> 10
         aside_mm = dy_mm * cosine - dx_mm * sine >> 10
         if along_mm > 0 and -body_mm < aside_mm < body_mm:
             free_mm = along_mm - int(sqrt(body_mm * body_mm - aside_mm * aside_mm))
+            if not sure and free_mm < WARY_MM:
+                free_mm = WARY_MM
             if free_mm < sectors.free_mm:
                 sectors.free_mm = free_mm if free_mm > 0 else 0
     give_way(sectors, ring, heading, radius_mm)

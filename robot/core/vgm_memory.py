@@ -36,6 +36,8 @@ AWAY_M: Final = 0.4
 PROMISES: Final = 3
 ISLANDS: Final = 6
 SHUT_TICKS: Final = 60
+ABOUT: Final = 1365  # 120 degrees
+LONG_CM: Final = 1200
 LATCH_TICKS: Final = 20
 
 
@@ -54,6 +56,7 @@ class Memory:
         "aside_ticks",
         "best_m",
         "broken",
+        "doubtful",
         "ease_mm",
         "echoes",
         "following",
@@ -67,6 +70,7 @@ class Memory:
         "left_x_cm",
         "left_y_cm",
         "loops",
+        "proofs",
         "reversed",
         "sectors",
         "shut",
@@ -91,6 +95,8 @@ def begin(memory: Memory) -> None:
     """For a goal of its own; what the echoes told stays true."""
     memory.following = memory.given_up = memory.turned_back = memory.reversed = False
     memory.best_m = memory.left_m = memory.hit_m = inf
+    memory.doubtful = False
+    memory.proofs = 0
     memory.broken = memory.islands = memory.shut = memory.ease_mm = 0
     memory.loops.hits = 0
     loops.restart(memory.loops)
@@ -182,6 +188,7 @@ def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -
     loops.remember(memory.loops, x_cm, y_cm, memory.side)
     memory.hit_m = distance_m
     memory.reversed = False
+    memory.doubtful = False
     hold(memory, headings.closer(sectors, to_goal, sectors.tight))
 
 
@@ -209,6 +216,8 @@ def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
     memory.shut = 0
     memory.heading = start + memory.side * turn
     off = (memory.heading - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+    if not -ABOUT < off < ABOUT:
+        memory.doubtful = True
     if -SHARP < off < SHARP:
         # Before that the same point is kept: on the turn the sonars may still see a way past it.
         hold(memory, memory.sectors.closing)
@@ -216,6 +225,7 @@ def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
         come_round(memory)
     elif is_astray(memory, distance_m):
         memory.reversed = True
+        memory.doubtful = False
         memory.side = -memory.side
         loops.restart(memory.loops)
 
@@ -266,18 +276,23 @@ def is_astray(memory: Memory, distance_m: float) -> bool:
 
 
 def come_round(memory: Memory) -> None:
-    """The way has closed upon itself. Where the loop keeps robot and goal apart, turn back once,
-    and the second time give up; where it does not, it was an island: go for the goal again."""
+    """The way has closed upon itself. Where the loop does not keep robot and goal apart it was an
+    island: go for the goal again. Where it does, that proves that no way leads there, unless the
+    robot turned about on it, as in a dead end: then again, the other way round."""
     way = memory.loops
+    memory.proofs += 1 if memory.doubtful else 2
+    needed = 3 if memory.doubtful and loops.walked_cm(way) > LONG_CM else 2
     island = loops.turns_left(way) != (memory.side == states.LEFT)
     inside = loops.encloses(way, int(100.0 * memory.goal_x_m), int(100.0 * memory.goal_y_m))
     loops.restart(way)
+    memory.doubtful = False
     if island != inside:
         memory.islands += 1
         memory.best_m = memory.left_m = inf
         memory.following = False
         memory.given_up = memory.islands > ISLANDS
-    elif memory.turned_back:
+        memory.proofs = 0
+    elif memory.proofs >= needed:
         memory.given_up = True
     else:
         memory.turned_back = True
