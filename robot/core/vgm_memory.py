@@ -8,9 +8,11 @@ itself reverses the side once, and the second time means that nothing leads to t
 from math import atan2, cos, inf, sin, sqrt
 
 from robot.core import echoes as echo_memory
+from robot.core import escort as escorts
 from robot.core import headings, loops, pace, states
 from robot.core import ring as rings
 from robot.core.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING, SURE, Echoes
+from robot.core.escort import Escort
 from robot.core.geometry import wrap
 from robot.core.headings import Sectors
 from robot.core.loops import Loops
@@ -33,7 +35,7 @@ AGAIN_CM: Final = 30
 PATIENCE_CM: Final = 350
 AWAY: Final = 1.3
 AWAY_M: Final = 0.4
-PROMISES: Final = 3
+PROMISES: Final = 2
 ISLANDS: Final = 6
 SHUT_TICKS: Final = 60
 ABOUT: Final = 1365  # 120 degrees
@@ -59,6 +61,7 @@ class Memory:
         "doubtful",
         "ease_mm",
         "echoes",
+        "escort",
         "following",
         "given_up",
         "goal_x_m",
@@ -82,6 +85,7 @@ class Memory:
         self.echoes = Echoes()
         self.sectors = Sectors()
         self.loops = Loops()
+        self.escort = Escort()
         self.side: int = states.LEFT
         self.goal_x_m = self.goal_y_m = inf
         self.heading = 0
@@ -115,14 +119,30 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     radius_mm = int(1000.0 * params.radius_m)
     goal_rad = atan2(dy_m, dx_m)
     to_goal = int(BRADS * goal_rad)
+    heading = int(BRADS * pose.heading_rad)
     memory.heading = to_goal
     echo_memory.update(memory.echoes, pose, ring, radius_mm)
     headings.measure(memory.sectors, memory.echoes, pose, ring, memory.ease_mm, radius_mm)
-    if memory.sectors.count or memory.following:
+    if escorts.watch(memory.escort, ring, int(1000.0 * pose.x_m), int(1000.0 * pose.y_m), heading):
+        memory.following = False
+        echo_memory.clear(memory.echoes)
+    if memory.escort.ticks > 0:
+        give_way(memory)
+    elif memory.sectors.count or memory.following:
         choose(memory, pose, ring, to_goal, distance_m, params)
     if distance_m < memory.best_m:
         memory.best_m = distance_m
     return decision(memory, pose, ring, goal_rad, dx_m, dy_m, params)
+
+
+def give_way(memory: Memory) -> None:
+    """Away from who walks alongside, where that is open, and wait until he has gone ahead."""
+    sectors, escort = memory.sectors, memory.escort
+    escort.ticks -= 1
+    left = headings.sweep(sectors, escort.heading, states.LEFT, sectors.tight)
+    right = headings.sweep(sectors, escort.heading, states.RIGHT, sectors.tight)
+    memory.aside, turn = (states.LEFT, left) if left <= right else (states.RIGHT, right)
+    memory.heading = escort.heading + memory.aside * turn
 
 
 def choose(
@@ -187,7 +207,7 @@ def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -
     memory.side = loops.side_at(memory.loops, x_cm, y_cm, wanted)
     loops.remember(memory.loops, x_cm, y_cm, memory.side)
     memory.hit_m = distance_m
-    memory.reversed = False
+    memory.reversed = memory.reversed and memory.broken > 0
     memory.doubtful = False
     hold(memory, headings.closer(sectors, to_goal, sectors.tight))
 
@@ -394,6 +414,8 @@ def decision(
         gamma_rad = wrap(gamma_rad + off_rad)
     error_rad = wrap(alpha_rad + gamma_rad)
     speed_m_s = pace.speed(ring, memory.sectors.free_mm, error_rad, params)
+    if 0 < memory.escort.ticks < escorts.GIVE_WAY_TICKS - escorts.DRIVE_TICKS:
+        speed_m_s = 0.0
     cosine, sine = cos(gamma_rad), sin(gamma_rad)
     return Decision(
         branch,

@@ -1,0 +1,66 @@
+"""Notices who walks along beside the robot: near the last sonar of a flank, and it does not pass.
+
+What stands still there, with nothing before it, is behind the robot after a hand's breadth of
+straight driving. What is still there after much more drives or walks alongside, and following its
+boundary would follow a person. Then the robot turns away and lets it go ahead.
+"""
+
+from robot.core.echoes import CIRCLE, HALF_CIRCLE
+from robot.core.ring import Ring
+from robot.core.typed import Final
+
+NEAR_M: Final = 0.20
+BEFORE_M: Final = 0.25  # so much farther sees the sonar before it, if it sees the thing at all
+ALONG_MM: Final = 350
+STRAIGHT: Final = 340  # brads, 30 degrees
+GIVE_WAY_TICKS: Final = 60
+DRIVE_TICKS: Final = 30
+ASIDE: Final = 1080  # brads, 95 degrees
+
+
+class Escort:
+    """Where and how the robot stood when it first saw something only at one flank, on `side` (1
+    left, -1 right, 0 nothing); while `ticks` are left it gives way along `heading`."""
+
+    __slots__ = ("began", "heading", "side", "ticks", "x_mm", "y_mm")
+
+    def __init__(self) -> None:
+        self.x_mm = self.y_mm = self.began = self.heading = self.ticks = self.side = 0
+
+
+def watch(escort: Escort, ring: Ring, x_mm: int, y_mm: int, heading: int) -> bool:
+    """One tick; whether somebody has been walking alongside just now."""
+    side = flank(ring)
+    turned = (heading - escort.began + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+    if side == 0 or side != escort.side or not -STRAIGHT < turned < STRAIGHT:
+        escort.side = side
+        escort.x_mm, escort.y_mm, escort.began = x_mm, y_mm, heading
+        return False
+    dx_mm, dy_mm = x_mm - escort.x_mm, y_mm - escort.y_mm
+    if dx_mm * dx_mm + dy_mm * dy_mm < ALONG_MM * ALONG_MM:
+        return False
+    escort.heading = heading - side * ASIDE
+    escort.ticks = GIVE_WAY_TICKS
+    escort.side = 0
+    return True
+
+
+def flank(ring: Ring) -> int:
+    """The flank at which only the last sonar sees something near, and the one before it nothing."""
+    right_m, before_right_m = ring.range_m[0], ring.range_m[1]
+    left_m, before_left_m = ring.range_m[7], ring.range_m[6]
+    if (
+        right_m is not None
+        and before_right_m is not None
+        and right_m < NEAR_M
+        and before_right_m > right_m + BEFORE_M
+    ):
+        return -1
+    if (
+        left_m is not None
+        and before_left_m is not None
+        and left_m < NEAR_M
+        and before_left_m > left_m + BEFORE_M
+    ):
+        return 1
+    return 0
