@@ -11,7 +11,7 @@ from robot.core import echoes as echo_memory
 from robot.core import escort as escorts
 from robot.core import headings, loops, pace, states
 from robot.core import ring as rings
-from robot.core.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING, SURE, Echoes
+from robot.core.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING, QUARTER, SURE, Echoes
 from robot.core.escort import Escort
 from robot.core.geometry import wrap
 from robot.core.headings import Sectors
@@ -41,6 +41,7 @@ SHUT_TICKS: Final = 60
 ABOUT: Final = 1365  # 120 degrees
 LONG_CM: Final = 1200
 LATCH_TICKS: Final = 20
+FARTHEST: Final = 1e5  # metres or radians: beyond them, millimetres and brads are no numbers
 
 
 class Memory:
@@ -92,7 +93,10 @@ class Memory:
         self.anchor_x_mm = self.anchor_y_mm = 0
         self.left_x_cm = self.left_y_cm = 0
         self.aside = self.aside_ticks = 0
-        begin(self)
+        self.following = self.given_up = self.turned_back = self.reversed = False
+        self.doubtful = False
+        self.best_m = self.left_m = self.hit_m = inf
+        self.broken = self.islands = self.proofs = self.shut = self.ease_mm = 0
 
 
 def begin(memory: Memory) -> None:
@@ -110,8 +114,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     """Where to drive now, and how fast at most; GIVE_UP when no way leads to the goal."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
-    off = distance_m + pose.heading_rad
-    if off - off != 0.0:
+    if not is_somewhere(pose, distance_m):
         return Decision(states.TO_GOAL, None, ring.nearest_m, 0.0, 0.0, goal.x_m, goal.y_m, 0.0)
     if goal.x_m != memory.goal_x_m or goal.y_m != memory.goal_y_m:
         memory.goal_x_m, memory.goal_y_m = goal.x_m, goal.y_m
@@ -133,6 +136,16 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     if distance_m < memory.best_m:
         memory.best_m = distance_m
     return decision(memory, pose, ring, goal_rad, dx_m, dy_m, params)
+
+
+def is_somewhere(pose: Pose, distance_m: float) -> bool:
+    """Whether these are numbers that a robot's place can have; NaN and infinity are not."""
+    return (
+        distance_m < FARTHEST
+        and -FARTHEST < pose.x_m < FARTHEST
+        and -FARTHEST < pose.y_m < FARTHEST
+        and -FARTHEST < pose.heading_rad < FARTHEST
+    )
 
 
 def give_way(memory: Memory) -> None:
@@ -278,7 +291,7 @@ def open_turn(memory: Memory, start: int, heading: int) -> int:
 def shut_in(memory: Memory, heading: int) -> None:
     """Every heading is closed: look round on the spot, and in the end believe none of it."""
     memory.shut += 1
-    memory.heading = heading + memory.side * headings.QUARTER
+    memory.heading = heading + memory.side * QUARTER
     if memory.shut > SHUT_TICKS:
         echo_memory.clear(memory.echoes)
         memory.shut = 0
