@@ -8,6 +8,8 @@ from robot.core.ring import Ring
 from robot.core.typed import Final
 from robot.core.values import SONARS
 
+STOP_M: Final = 0.004
+FRONT_M: Final = 0.05
 CLOSE_M: Final = 0.30
 KEEP_M: Final = 0.03
 AHEAD_PER_S: Final = 1.4
@@ -36,6 +38,8 @@ def speed(ring: Ring, free_mm: int, error_rad: float, params: Params) -> float:
             if range_m is None or range_m >= CLOSE_M:
                 continue
             if 1 < i < 6:
+                if range_m <= params.guard_stop_m + STOP_M:
+                    return 0.0
                 rate = AHEAD_PER_S if 2 < i < 5 else ASIDE_PER_S
                 may_m_s = rate * (range_m - KEEP_M) + LEAST_M_S
                 most_m_s = min(most_m_s, max(may_m_s, LEAST_M_S))
@@ -59,6 +63,9 @@ def keep_off(ring: Ring) -> float:
     for i in range(SONARS):
         range_m = ring.range_m[i]
         if range_m is not None:
+            if 1 < i < 6 and range_m < FRONT_M:
+                # Until it is beside the robot, the guard will let nothing pass.
+                range_m = range_m - FRONT_M
             if i < SONARS // 2:
                 right_m = min(right_m, range_m)
             else:
