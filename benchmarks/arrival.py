@@ -18,7 +18,7 @@ from plant.world_types import GoalPose, Start, World
 from robot.core import states
 from robot.core.values import Outputs
 from study.onboard import Onboard
-from study.trial import NAVIGATORS, Trial, run_trial
+from study.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial
 
 LEAST_M: Final = 0.5
 MOST_M: Final = 5.0
@@ -43,7 +43,7 @@ class Arrival:
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--poses", type=int, default=300)
     parser.add_argument("--noises", nargs="+", choices=LEVELS, default=["none", "default"])
-    parser.add_argument("--navigator", choices=NAVIGATORS, default="vgm")
+    parser.add_argument("--navigator", choices=NAVIGATORS, default=USUAL_NAVIGATOR)
 
 
 def measure(options: argparse.Namespace) -> Report:
@@ -93,7 +93,10 @@ class Onlooker:
 
 
 def arrive(
-    seed: int, noise: str, navigator: str = "vgm", parameters: Mapping[str, float] | None = None
+    seed: int,
+    noise: str,
+    navigator: str = USUAL_NAVIGATOR,
+    parameters: Mapping[str, float] | None = None,
 ) -> Arrival:
     """One drive, from one pose to the other."""
     world, onlooker = between(seed), Onlooker()

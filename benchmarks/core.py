@@ -18,7 +18,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.senses import goal_of, now_ms_of, scan_of, wheels_of
 from robot.core.values import Goal, Inputs, Outputs, Pose
 from study.onboard import Onboard
-from study.trial import NAVIGATORS, Trial, run_trial, start_of, wire_goal_of
+from study.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial, start_of, wire_goal_of
 
 MEDIAN_US, WORST_US = 60.0, 200.0
 STEPS = 10_000
@@ -26,7 +26,7 @@ STEPS = 10_000
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--world", default="forest_medium")
-    parser.add_argument("--navigator", choices=NAVIGATORS, default="vgm")
+    parser.add_argument("--navigator", choices=NAVIGATORS, default=USUAL_NAVIGATOR)
     parser.add_argument("--steps", type=int, default=STEPS)
     parser.add_argument("--repetitions", type=int, default=5)
 

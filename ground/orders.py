@@ -17,6 +17,9 @@ URGENT_ATTEMPTS: Final = 10
 URGENT_PATIENCE_NS: Final = 200 * MS
 SIDES: Final = MappingProxyType({"left": 1, "right": -1})
 NAVIGATORS: Final = MappingProxyType({name.name.lower(): name for name in Navigator})
+USUAL_NAVIGATOR: Final = Navigator.VGM_MEMORY.name.lower()
+"""The robot's own."""
+
 HINTS: Final[Mapping[int, str]] = MappingProxyType(
     {
         Reason.NOT_ARMED: "sidestep arm",

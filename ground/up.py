@@ -14,7 +14,7 @@ from ground.errand import Errand
 from ground.leash import command
 from ground.link import NS_PER_S, Link, Unanswered
 from ground.options import Common, add_json, finite, positive, seconds
-from ground.orders import NAVIGATORS, SIDES
+from ground.orders import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.outing import Outing, as_json, in_words
 from ground.parts import Part
 from ground.says import Says
@@ -36,7 +36,12 @@ LOCAL: Final = "127.0.0.1"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--world", metavar="W", default="box", help="a world's name or file (box)")
-    parser.add_argument("--navigator", choices=list(NAVIGATORS), default="vgm")
+    parser.add_argument(
+        "--navigator",
+        choices=list(NAVIGATORS),
+        default=USUAL_NAVIGATOR,
+        help=f"({USUAL_NAVIGATOR})",
+    )
     parser.add_argument(
         "--side",
         choices=list(SIDES),

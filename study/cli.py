@@ -12,7 +12,7 @@ from protocol.errors import UserError
 from protocol.outcome import Outcome
 from robot.parameters import OutOfRange, Unknown
 from study.trace import Trace
-from study.trial import NAVIGATORS, SIDES, Trial, params_of, run_trial
+from study.trial import NAVIGATORS, SIDES, USUAL_NAVIGATOR, Trial, params_of, run_trial
 
 LONGEST_S = 24 * 3600.0
 
@@ -57,7 +57,9 @@ def run(job: Trial, trace: str | None) -> Outcome:
 def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(prog="sidestep trial", description=__doc__)
     made.add_argument("--world", required=True, help="name of a shipped world, or a .toml file")
-    made.add_argument("--navigator", choices=NAVIGATORS, default="vgm")
+    made.add_argument(
+        "--navigator", choices=NAVIGATORS, default=USUAL_NAVIGATOR, help=f"({USUAL_NAVIGATOR})"
+    )
     made.add_argument("--side", choices=SIDES, default="left", help="on which obstacles are passed")
     made.add_argument("--seed", type=seed, default=0, help="of everything random (0)")
     made.add_argument("--noise", choices=LEVELS, help="instead of what the world says")

@@ -29,6 +29,7 @@ NAVIGATORS: Mapping[str, int] = {
     "distbug": states.DISTBUG,
     "vgm_memory": states.VGM_MEMORY,
 }
+USUAL_NAVIGATOR = next(name for name in NAVIGATORS if NAVIGATORS[name] == DEFAULTS.navigator)
 SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 
 # The same world is run again and again, and its shortest path costs more than some runs.
@@ -45,7 +46,7 @@ class Trial:
     """
 
     world: World
-    navigator: str = "vgm"
+    navigator: str = USUAL_NAVIGATOR
     side: str = "left"
     seed: int = 0
     noise: str | None = None

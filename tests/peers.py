@@ -16,6 +16,7 @@ from plant.world_overrides import noise_of
 from protocol.bus import Bus, Network, open_bus
 from protocol.clock import ManualClock
 from protocol.codec import decode
+from protocol.enums import Navigator
 from protocol.messages import Statustext
 from protocol.network import Mode
 from protocol.timing import PERIOD_NS
@@ -31,7 +32,6 @@ from robot.vehicle import Vehicle
 
 FRAME_S: Final = 5.0
 TOLD: Final = "cycle report at the ground"
-NAVIGATORS: Final = {"bug": 1, "vgm": 2}
 
 
 class Arrivals:
@@ -61,7 +61,7 @@ class Peers:
         self,
         world: str = "open",
         *,
-        navigator: str = "vgm",
+        navigator: str = "vgm_memory",
         noise: str = "none",
         seed: int = 0,
         router: bool = False,
@@ -71,7 +71,7 @@ class Peers:
         self.operator = self._listening = False
         self.texts: list[str] = []
         self.clock = ManualClock()
-        self._params = DEFAULTS._replace(navigator=NAVIGATORS[navigator])
+        self._params = DEFAULTS._replace(navigator=Navigator[navigator.upper()])
         for name, value in (parameters or {}).items():
             self._params = with_value(self._params, name, value)
         self._noise = noise_of(self.world, noise)

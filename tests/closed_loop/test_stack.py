@@ -9,7 +9,7 @@ from study.trial import Trial, run_trial
 from tests.harness import Stack
 
 
-@pytest.mark.parametrize("navigator", ["bug", "vgm"])
+@pytest.mark.parametrize("navigator", ["bug", "vgm", "vgm_memory"])
 @pytest.mark.parametrize("router", [False, True], ids=["hub", "router"])
 def test_the_robot_drives_around_the_box_to_its_goal(navigator: str, router: bool) -> None:
     with Stack("box", navigator=navigator, router=router) as stack:

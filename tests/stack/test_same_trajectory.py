@@ -1,7 +1,7 @@
 """Whatever the run, over the bus it is the run in one process: the same to the last bit.
 
 Each case is one that could differ: senses that stay away, a robot of other dimensions, a start and
-a heading that no float holds exactly, things that move, every kind of noise, either navigator.
+a heading that no float holds exactly, things that move, every kind of noise, several navigators.
 """
 
 from pathlib import Path
@@ -58,7 +58,12 @@ def test_in_every_world(case: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("navigator", "side", "noise"),
-    [("bug", "left", "none"), ("bug", "right", "harsh"), ("vgm", "left", "lossy")],
+    [
+        ("bug", "left", "none"),
+        ("bug", "right", "harsh"),
+        ("vgm", "left", "lossy"),
+        ("vgm_memory", "left", "harsh"),
+    ],
 )
 def test_with_every_navigator_and_noise(navigator: str, side: str, noise: str) -> None:
     trial = Trial(world=load("disc"), navigator=navigator, side=side, noise=noise, seed=2)

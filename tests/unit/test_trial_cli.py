@@ -6,11 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from ground import cli as ground_cli
+from plant.world_file import load
 from plant.world_problems import WorldError
 from protocol.errors import UserError
+from robot.core.parameters import DEFAULTS
 from sidestep import main as sidestep
-from study.cli import main
+from study.cli import main, parser
 from study.trace import COLUMNS
+from study.trial import NAVIGATORS, Trial
 
 WORLD = """
 name = "near"
@@ -44,6 +48,14 @@ def test_json_is_one_object_on_standard_output(
 def test_a_person_is_told_in_words(near: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["trial", "--world", near, "--navigator", "bug", "--noise", "none"]) == 0
     assert "reached the goal of near with bug in " in capsys.readouterr().out
+
+
+def test_every_way_to_drive_uses_the_robot_s_own_navigator_unless_told() -> None:
+    usual = "vgm_memory"
+    assert NAVIGATORS[usual] == DEFAULTS.navigator
+    assert ground_cli.parse(["up"]).navigator == usual
+    assert parser().parse_args(["--world", "box"]).navigator == usual
+    assert Trial(world=load("box")).navigator == usual
 
 
 def test_a_goal_that_is_not_reached_is_exit_code_1(

@@ -58,9 +58,9 @@ def armed(params: Params = DEFAULTS) -> Driven:
     return driven
 
 
-def driving(mode: int = states.AUTO) -> Driven:
+def driving(mode: int = states.AUTO, params: Params = DEFAULTS) -> Driven:
     """Half a second on its way to a goal three metres ahead."""
-    driven = armed()
+    driven = armed(params)
     assert driven.goto(mode=mode) == 0
     driven.forward(0.5)
     assert not driven.stands

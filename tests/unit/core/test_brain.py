@@ -10,6 +10,7 @@ from robot.core.values import Goal, Inputs, Scan, Wheels
 from tests.unit.core.driving import AHEAD, Driven, armed, driving
 
 AGES = (25, 0) * 4
+VGM = DEFAULTS._replace(navigator=states.VGM)
 
 
 def until_ended(driven: Driven, limit_s: float = 60.0) -> Driven:
@@ -100,7 +101,7 @@ def test_even_the_finest_tolerance_is_reached(tolerance_deg: float) -> None:
 
 
 def test_an_obstacle_ahead_is_avoided_and_said_so() -> None:
-    driven = driving()
+    driven = driving(params=VGM)
     driven.scan = Scan((0, 0, 0, 290, 0, 0, 0, 0), AGES, 0xFF, 1 << 3)
     outputs = driven.tick()
     assert driven.machine.goal_state == states.AVOIDING
@@ -109,7 +110,7 @@ def test_an_obstacle_ahead_is_avoided_and_said_so() -> None:
 
 
 def test_with_hardly_any_room_ahead_it_turns_on_the_spot() -> None:
-    driven = armed()
+    driven = armed(VGM)
     driven.scan = Scan((0, 0, 0, 60, 70, 0, 0, 0), AGES, 0xFF, 0b11000)
     driven.goto()
     driven.forward(0.4)
@@ -148,9 +149,9 @@ def test_who_tries_and_does_not_move_is_blocked_after_ten_seconds() -> None:
 
 
 def test_who_comes_no_closer_for_two_minutes_gives_up() -> None:
-    driven = driving()
+    driven = driving(params=VGM)
     driven.scan = Scan((0, 0, 250, 0, 0, 0, 0, 0), AGES, 0xFF, 1 << 2)  # always just there
-    driven.params = DEFAULTS._replace(freeze_m=1e9)
+    driven.params = VGM._replace(freeze_m=1e9)
     driven.forward(100.0)
     assert driven.machine.goal_state == states.AVOIDING
     driven.forward(25.0)

@@ -53,7 +53,7 @@ def chosen(branch: int, speed_limit_m_s: float) -> Navigator:
 def test_giving_up_ends_the_goal_stuck_because_it_is_unreachable(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setitem(NAVIGATORS, states.VGM, chosen(states.GIVE_UP, 0.3))
+    monkeypatch.setitem(NAVIGATORS, DEFAULTS.navigator, chosen(states.GIVE_UP, 0.3))
     driven = armed()
     assert driven.goto() == reasons.OK
     driven.forward(1.0)
@@ -63,7 +63,7 @@ def test_giving_up_ends_the_goal_stuck_because_it_is_unreachable(
 
 
 def test_the_speed_limit_of_a_navigator_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(NAVIGATORS, states.VGM, chosen(states.TO_GOAL, 0.07))
+    monkeypatch.setitem(NAVIGATORS, DEFAULTS.navigator, chosen(states.TO_GOAL, 0.07))
     driven = armed()
     assert driven.goto() == reasons.OK
     driven.forward(2.0)
@@ -77,7 +77,7 @@ def test_who_judges_progress_itself_may_stay_away_for_longer_than_the_others(
     for judges in (True, False):
         turning = chosen(states.TO_GOAL, 0.0)
         moving = Navigator(turning.memory, turning.step, judges)
-        monkeypatch.setitem(NAVIGATORS, states.VGM, moving)
+        monkeypatch.setitem(NAVIGATORS, DEFAULTS.navigator, moving)
         driven = armed(DEFAULTS._replace(progress_ms=1000))
         assert driven.goto() == reasons.OK
         driven.forward(2.0)

@@ -11,6 +11,7 @@ from protocol.enums import Vehicle as VehicleState
 from protocol.messages import CommandAck, CommandRequest, ParamRequestRead, ParamSet, ParamValue
 from protocol.reasons import Reason
 from robot.core import brain
+from robot.core.parameters import DEFAULTS
 from robot.store import Store
 from tests.unit.robot.vehicles import MS, Desk, goal
 
@@ -222,7 +223,7 @@ def test_the_navigator_does_not_change_under_a_living_goal() -> None:
     desk.arm()
     desk.goto(2, 0)
     assert refused(set_parameter(desk, "navigator", 1)) == Reason.DRIVING
-    assert desk.vehicle.params.navigator == 2
+    assert desk.vehicle.params.navigator == DEFAULTS.navigator
 
 
 def test_a_value_that_cannot_be_saved_is_in_force_and_says_so(
