@@ -27,6 +27,7 @@ REACHED = Outcome(
     estimated_position_error_m=0.0,
     min_clearance_m=0.2,
     contacts=0,
+    own_contacts=0,
     ticks=200,
     missed_ticks=0,
     digest="00",
