@@ -8,7 +8,7 @@ from typing import Final
 
 from protocol.errors import UserError
 
-NEEDED: Final = ("pyarrow", "matplotlib")
+NEEDED: Final = "pyarrow"
 INSTALL: Final = "pip install 'sidestep[study]'"
 
 
@@ -16,9 +16,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """0 done, 1 with failed trials, 2 wrong usage (argparse) or configuration (raised)."""
     verb, *rest = sys.argv[1:] if argv is None else argv
     assert verb == "study"
-    missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
-    if missing:
-        raise UserError(f"{' and '.join(missing)} missing; {INSTALL}")
+    if importlib.util.find_spec(NEEDED) is None:
+        raise UserError(f"{NEEDED} missing; {INSTALL}")
     if rest[:1] == ["report"]:
         code: int = importlib.import_module("study.report.cli").main(rest[1:])
         return code

@@ -14,6 +14,7 @@ from study.sources import CORPUS, FIXED, Wanted
 OUTPUT: Final = "study-results"
 QUICK_OUTPUT: Final = "study-quick"
 QUICK_NOISE: Final = ("none", "default")
+QUICK_PAPER_SEEDS: Final = 5
 CORPUS_SEED: Final = 1
 
 DESCRIPTION: Final = (

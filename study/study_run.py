@@ -26,7 +26,7 @@ from study.provenance import code, machine
 from study.rows import FAILED
 from study.settled import alone, settings_of, settle
 from study.sources import Listed, keep, listed
-from study.study_options import output_of, parser, wanted_of
+from study.study_options import QUICK_PAPER_SEEDS, output_of, parser, wanted_of
 from study.study_options import settings_of as settings_asked
 from study.trial import params_of
 
@@ -58,7 +58,7 @@ def run(argv: Sequence[str]) -> int:
             work(study, options, tasks, progress)
             summary = conclude(study, progress)
             if not options.no_report:
-                report(study.directory, jobs=options.jobs)
+                report(study.directory, jobs=options.jobs, quick=options.quick)
         except KeyboardInterrupt:
             return interrupted(study, progress)
         print(json.dumps(summary) if options.json else in_words(summary))
@@ -136,10 +136,11 @@ def conclude(study: Study, progress: Progress) -> dict[str, Any]:
     return summary_of(study, table, results, progress)
 
 
-def report(directory: Path, jobs: int) -> None:
+def report(directory: Path, *, jobs: int, quick: bool) -> None:
     from study.report import cli  # draws, which takes long to import
 
-    file, *_ = cli.report(directory, directory, jobs=jobs)
+    paper_seeds = QUICK_PAPER_SEEDS if quick else cli.SEEDS
+    file, *_ = cli.report(directory, directory, jobs=jobs, paper_seeds=paper_seeds)
     print(f"sidestep study: {file}", file=sys.stderr)
 
 

@@ -239,7 +239,7 @@ def others() -> list[str]:
     mine = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     names = [name for name in ("python3.11", "python3.12", "python3.13") if name != mine]
     found = [path for path in map(shutil.which, names) if path is not None]
-    needs = "import numpy, pymunk, msgspec, pyarrow, matplotlib, fastcrc"
+    needs = "import numpy, pymunk, msgspec, pyarrow, fastcrc"
     return [
         path
         for path in found

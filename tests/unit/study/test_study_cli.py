@@ -10,6 +10,7 @@ import pytest
 
 import sidestep
 from study import study_cli, study_run
+from study.report import cli as report_cli
 from study.rows import rows_of
 from study.store import RESULTS, SHARDS, read, write_shard
 from study.study_options import parser
@@ -124,13 +125,26 @@ def test_without_the_extra_it_says_how_to_get_it(
     there = importlib.util.find_spec
 
     def find(name: str, package: str | None = None) -> Any:
-        return None if name in study_cli.NEEDED else there(name, package)
+        return None if name == study_cli.NEEDED else there(name, package)
 
     monkeypatch.setattr(importlib.util, "find_spec", find)
     assert sidestep.main(["study", "--quick"]) == 2
-    assert "pyarrow and matplotlib missing; pip install 'sidestep[study]'" in (
-        capsys.readouterr().err
-    )
+    assert "pyarrow missing; pip install 'sidestep[study]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("words", "seeds"), [(("--quick",), 5), ((), 20)])
+def test_a_quick_study_drives_the_paper_s_figures_with_fewer_seeds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], seeds: int
+) -> None:
+    asked: list[int] = []
+
+    def report(*_: object, paper_seeds: int, **__: object) -> list[Path]:
+        asked.append(paper_seeds)
+        return [tmp_path]
+
+    monkeypatch.setattr(report_cli, "report", report)
+    assert sidestep.main(["study", *SMALL, "--output", str(tmp_path / "s"), *words]) == 0
+    assert asked == [seeds]
 
 
 def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(
