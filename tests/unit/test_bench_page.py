@@ -1,9 +1,11 @@
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from benchmarks import page
+from benchmarks.__main__ import BENCHMARKS
 from benchmarks.figures import Figure, Report
 
 REPORT = Report(
@@ -49,6 +51,17 @@ def test_a_benchmark_that_breaks_down_leaves_the_old_page(
 def test_what_is_no_report_is_told_with_its_exit_code(capfd: pytest.CaptureFixture[str]) -> None:
     assert page.measured(["nonsense"]) is None
     assert "exit code 2" in capfd.readouterr().err
+
+
+def test_without_a_name_every_benchmark_is_on_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page, "measured", reported)
+    output = tmp_path / "figures.md"
+    assert page.main(["--output", str(output)]) == 0
+    commands = re.findall(r"^`sidestep bench (\w+)", output.read_text(), re.MULTILINE)
+    assert {"budget", "nees", "arrival"} < set(commands)
+    assert commands == list(BENCHMARKS)
 
 
 def test_the_growth_is_measured_over_ten_hours() -> None:
