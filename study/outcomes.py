@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 from plant.world_file import load, shipped
 from protocol.outcome import OUTCOMES, Outcome
+from study.plan import EVERY_NAVIGATOR
 from study.trial import Trial, run_trial
 
-NAVIGATORS = (("bug", "left"), ("bug", "right"), ("vgm", "left"))
-SEEDS = 20
+SEEDS = 10
 TIMEOUT_S = 300.0
 VERSIONS = ("numpy", "pymunk")
 
@@ -56,7 +56,7 @@ def rows_of(name: str, seeds: int) -> list[Row]:
     """All runs of one world."""
     world = load(name)
     rows: list[Row] = []
-    for navigator, side in NAVIGATORS:
+    for navigator, side in (words.split(":") for words in EVERY_NAVIGATOR):
         for noise, count in (("none", 1), ("default", seeds)):
             runs = [
                 run_trial(
