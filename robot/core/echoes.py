@@ -28,10 +28,12 @@ QUARTER: Final = 1024
 BRADS: Final = CIRCLE / (2.0 * pi)
 CONE: Final = 256  # brads, 22.5 degrees
 CORE: Final = 102  # 0.8 of half a cone
+CORE_FROM: Final = CONE // 2 - CORE
+CORE_TO: Final = CONE // 2 + CORE
 
 REACH_M: Final = 0.75
 """Echoes from farther away are not remembered."""
-FORGET_MM: Final = 900
+FORGET_MM2: Final = 900 * 900
 THROUGH_MM: Final = 70
 SAME_MM: Final = 35
 ASIDE: Final = 240  # 1024 times the tangent of half a cone and two degrees
@@ -57,16 +59,29 @@ class Echoes:
     """Points `x_mm`, `y_mm` with weight and spread, the first `count` of them in use.
 
     `last` is per sonar the point that its last echo belonged to; `turn` counts ticks; the pose of
-    the tick before is kept because half the sonars are pinged between the ticks.
+    the tick before is kept because half the sonars are pinged between the ticks. A point is passed
+    through when its distance squared is less than `through_mm2` of the sonar that looks there; one
+    more is for where none looks.
     """
 
-    __slots__ = ("count", "last", "pose", "spread_mm", "turn", "weight", "x_mm", "y_mm")
+    __slots__ = (
+        "count",
+        "last",
+        "pose",
+        "spread_mm",
+        "through_mm2",
+        "turn",
+        "weight",
+        "x_mm",
+        "y_mm",
+    )
 
     def __init__(self) -> None:
         self.x_mm = [0] * POINTS
         self.y_mm = [0] * POINTS
-        self.weight = [0] * POINTS
-        self.spread_mm = [0] * POINTS
+        self.weight = bytearray(POINTS)
+        self.spread_mm = bytearray(POINTS)
+        self.through_mm2 = [0] * (SONARS + 1)
         self.last = [NOTHING] * SONARS
         self.count = 0
         self.turn = 0
@@ -80,13 +95,15 @@ def clear(echoes: Echoes) -> None:
         echoes.last[i] = NOTHING
 
 
-def update(echoes: Echoes, pose: Pose, ring: Ring, radius_mm: int) -> None:
-    """Take the echoes of one ping group, the even sonars at every other tick."""
+def update(echoes: Echoes, pose: Pose, ring: Ring, cosine: int, sine: int, radius_mm: int) -> None:
+    """Take the echoes of one ping group, the even sonars at every other tick; `cosine` and `sine`
+    are those of the heading, 1024 long."""
     before = echoes.pose or pose
     echoes.pose = pose
     echoes.turn += 1
     if echoes.count:
-        fade(echoes, pose, ring, radius_mm)
+        listen(echoes, ring, radius_mm)
+        fade(echoes, pose, cosine, sine)
     if ring.nearest_m >= REACH_M:
         return
     first = echoes.turn & 1
@@ -95,8 +112,8 @@ def update(echoes: Echoes, pose: Pose, ring: Ring, radius_mm: int) -> None:
         turned_rad = (heading_rad - before.heading_rad + pi) % (2.0 * pi) - pi
         heading_rad -= 0.5 * turned_rad
         x_m, y_m = 0.5 * (x_m + before.x_m), 0.5 * (y_m + before.y_m)
+        cosine, sine = int(1024.0 * cos(heading_rad)), int(1024.0 * sin(heading_rad))
     x_mm, y_mm = int(1000.0 * x_m), int(1000.0 * y_m)
-    cosine, sine = int(1024.0 * cos(heading_rad)), int(1024.0 * sin(heading_rad))
     for i in range(first, SONARS, 2):
         range_m = ring.range_m[i]
         if range_m is None or range_m >= REACH_M:
@@ -107,6 +124,19 @@ def update(echoes: Echoes, pose: Pose, ring: Ring, radius_mm: int) -> None:
         along_y = sine * ahead + cosine * aside >> 10
         lean = leaning(ring, i, range_m, radius_mm)
         take(echoes, i, lean, x_mm, y_mm, along_x, along_y, int(1000.0 * range_m), radius_mm)
+
+
+def listen(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
+    """Within which distance each sonar passes through what it does not see. No echo at all proves
+    nothing: a wall met obliquely sends none."""
+    through_mm2 = echoes.through_mm2
+    for i in range(SONARS):
+        echo_m = ring.range_m[i]
+        through_mm2[i] = 0
+        if echo_m is not None and echo_m <= 9.0:
+            through_mm = int(970.0 * echo_m) - THROUGH_MM + radius_mm
+            if through_mm > 0:
+                through_mm2[i] = through_mm * through_mm
 
 
 def leaning(ring: Ring, sonar: int, range_m: float, radius_mm: int) -> int:
@@ -180,35 +210,36 @@ def find(
     xs, ys, count = echoes.x_mm, echoes.y_mm, echoes.count
     # No such point is farther from the middle of the arc than this, along either axis.
     reach_mm = slack_mm + away_mm * ASIDE // 1000
-    middle_x, middle_y = x_mm + (away_mm * along_x >> 10), y_mm + (away_mm * along_y >> 10)
-    low_x, high_x, low_y, high_y = (
-        middle_x - reach_mm,
-        middle_x + reach_mm,
-        middle_y - reach_mm,
-        middle_y + reach_mm,
-    )
-    k = echoes.last[sonar]
-    for j in range(-1, count):
-        if j >= 0:
-            k = j
-        elif not 0 <= k < count:
-            continue
-        if not (low_x < xs[k] < high_x and low_y < ys[k] < high_y):
-            continue
-        dx_mm, dy_mm = xs[k] - x_mm, ys[k] - y_mm
-        along_mm = dx_mm * along_x + dy_mm * along_y >> 10
-        aside_mm = dy_mm * along_x - dx_mm * along_y
-        if not -ASIDE * along_mm <= aside_mm <= ASIDE * along_mm:
-            continue
-        aside_mm >>= 10
-        square = along_mm * along_mm + aside_mm * aside_mm
-        if (
-            (away_mm - slack_mm) * (away_mm - slack_mm)
-            <= square
-            <= (away_mm + slack_mm) * (away_mm + slack_mm)
-        ):
-            return k
+    low_x = x_mm + (away_mm * along_x >> 10) - reach_mm
+    low_y = y_mm + (away_mm * along_y >> 10) - reach_mm
+    high_x, high_y = low_x + 2 * reach_mm, low_y + 2 * reach_mm
+    nearest, farthest = (away_mm - slack_mm) ** 2, (away_mm + slack_mm) ** 2
+    last = echoes.last[sonar]
+    if 0 <= last < count and low_x < xs[last] < high_x and low_y < ys[last] < high_y:
+        dx_mm, dy_mm = xs[last] - x_mm, ys[last] - y_mm
+        if fits(dx_mm, dy_mm, along_x, along_y, nearest, farthest):
+            return last
+    for k in range(count):
+        at_mm = xs[k]
+        if low_x < at_mm and at_mm < high_x:
+            dx_mm, at_mm = at_mm - x_mm, ys[k]
+            if (
+                low_y < at_mm
+                and at_mm < high_y
+                and fits(dx_mm, at_mm - y_mm, along_x, along_y, nearest, farthest)
+            ):
+                return k
     return NOTHING
+
+
+def fits(dx_mm: int, dy_mm: int, along_x: int, along_y: int, nearest: int, farthest: int) -> bool:
+    """Whether a point lies in the cone, and between two distances (squared)."""
+    along_mm = dx_mm * along_x + dy_mm * along_y >> 10
+    aside_mm = dy_mm * along_x - dx_mm * along_y
+    if not -ASIDE * along_mm <= aside_mm <= ASIDE * along_mm:
+        return False
+    aside_mm >>= 10
+    return nearest <= along_mm * along_mm + aside_mm * aside_mm <= farthest
 
 
 def vacant(echoes: Echoes, x_mm: int, y_mm: int) -> int:
@@ -236,36 +267,34 @@ def drop(echoes: Echoes, k: int) -> None:
     echoes.spread_mm[k] = echoes.spread_mm[last]
 
 
-def fade(echoes: Echoes, pose: Pose, ring: Ring, radius_mm: int) -> None:
+def fade(echoes: Echoes, pose: Pose, cosine: int, sine: int) -> None:
     """Look at a quarter of the points: drop the far ones, weaken those an echo passes through and,
     once in a while, all of them."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
+    xs, ys, weight = echoes.x_mm, echoes.y_mm, echoes.weight
+    through_mm2 = echoes.through_mm2
+    most_mm2 = max(through_mm2)
     old = echoes.turn % FADE_TICKS < SLICES
-    k = echoes.count - 1 - echoes.turn % SLICES
-    while k >= 0:
-        dx_mm, dy_mm = echoes.x_mm[k] - x_mm, echoes.y_mm[k] - y_mm
+    for k in range(echoes.count - 1 - echoes.turn % SLICES, -1, -SLICES):
+        dx_mm, dy_mm = xs[k] - x_mm, ys[k] - y_mm
         square = dx_mm * dx_mm + dy_mm * dy_mm
-        lost = square > FORGET_MM * FORGET_MM
-        if not lost:
-            bearing = int(BRADS * atan2(dy_mm, dx_mm)) - heading
-            if passed_through(ring, bearing, int(sqrt(square)) - radius_mm) or old:
-                echoes.weight[k] -= 1
-            lost = echoes.weight[k] <= 0
-        if lost:
+        if square > FORGET_MM2:
             drop(echoes, k)
-        k -= SLICES
+            continue
+        weaker = old
+        if square < most_mm2 and dx_mm * cosine + dy_mm * sine > 0:
+            bearing = int(BRADS * atan2(dy_mm, dx_mm)) - heading
+            weaker = weaker or square < through_mm2[looks_at(bearing)]
+        if weaker and weight[k]:
+            weight[k] -= 1
+        if weight[k] == 0:
+            drop(echoes, k)
 
 
-def passed_through(ring: Ring, bearing: int, range_mm: int) -> bool:
-    """Whether the sonar that looks along this bearing (brads from the heading) hears an echo from
-    well behind. No echo at all proves nothing: a wall met obliquely sends none."""
+def looks_at(bearing: int) -> int:
+    """The sonar whose cone's core holds this bearing (brads from the heading), or NOTHING."""
     from_right = (bearing + QUARTER) % CIRCLE
-    if from_right >= HALF_CIRCLE:
-        return False
-    if not CONE // 2 - CORE < from_right % CONE < CONE // 2 + CORE:
-        return False
-    echo_m = ring.range_m[from_right // CONE]
-    if echo_m is None or echo_m > 9.0:
-        return False
-    return range_mm + THROUGH_MM < int(970.0 * echo_m)
+    if from_right < HALF_CIRCLE and CORE_FROM < from_right % CONE < CORE_TO:
+        return from_right // CONE
+    return NOTHING

@@ -5,7 +5,7 @@ meeting a remembered point. So a point closes the sector of headings around its 
 it does not. Sectors are integers (brads, 4096 to the circle; millimetres), not bins.
 """
 
-from math import acos, asin, atan2, cos, sin, sqrt
+from math import acos, asin, atan2, sqrt
 
 from robot.core.echoes import (
     BRADS,
@@ -16,16 +16,16 @@ from robot.core.echoes import (
     REACH_M,
     SURE,
     Echoes,
-    passed_through,
+    looks_at,
 )
 from robot.core.geometry import BEARINGS
 from robot.core.ring import Ring
+from robot.core.states import LEFT, RIGHT
 from robot.core.typed import Final
 from robot.core.values import SONARS, Pose
 
 NEAR: Final = 28
 """At most this many sectors at a time."""
-PASSES: Final = 6
 LOOK_MM: Final = 200
 WIDE_MM: Final = 80
 TIGHT_MM: Final = 20
@@ -35,6 +35,10 @@ WARY_MM: Final = 60
 """What only one echo has told of slows the robot down as if it were no nearer than this."""
 DOUBT: Final = 8  # quarters of the spread
 WALK_S: Final = 1.5
+CLOSES_MM: Final = LOOK_MM + WIDE_MM
+"""So much beyond the body of the robot a point closes nothing."""
+LOOK_MM2: Final = LOOK_MM * LOOK_MM
+UNKNOWN: Final = CIRCLE  # no bearing
 TABLE: Final = 256
 ASIN: Final = tuple([int(BRADS * asin(k / TABLE)) + 1 for k in range(TABLE + 1)])
 ACOS: Final = tuple([int(BRADS * acos(k / TABLE)) + 1 for k in range(TABLE + 1)])
@@ -46,7 +50,7 @@ class Sectors:
 
     `point` is its index among the echoes, NOTHING for somebody who walks. `free_mm` is how far the
     robot could drive on along its heading. A sweep leaves `closing`, the sector that closes the
-    heading just before the one it found.
+    heading just before the one it found; `low` and `rest` are its own.
     """
 
     __slots__ = (
@@ -56,8 +60,10 @@ class Sectors:
         "closing",
         "count",
         "free_mm",
+        "low",
         "offset",
         "point",
+        "rest",
         "squeezed",
         "tight",
         "wide",
@@ -72,96 +78,150 @@ class Sectors:
         self.body_mm = [0] * NEAR
         self.bearing = [0] * NEAR
         self.offset = [0] * NEAR
+        self.low = [0] * NEAR
+        self.rest = bytearray(NEAR)
         self.wide = [0] * NEAR
         self.tight = [0] * NEAR
         self.squeezed = [0] * NEAR
 
 
 def measure(
-    sectors: Sectors, echoes: Echoes, pose: Pose, ring: Ring, ease_mm: int, radius_mm: int
+    sectors: Sectors,
+    echoes: Echoes,
+    pose: Pose,
+    ring: Ring,
+    cosine: int,
+    sine: int,
+    ease_mm: int,
+    radius_mm: int,
 ) -> None:
     """Collect what is near enough to close anything; `ease_mm` is taken off every margin."""
     sectors.count = 0
     sectors.free_mm = FREE_MM
-    reach_mm = LOOK_MM + WIDE_MM + radius_mm
-    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
-    cosine, sine = int(1024.0 * cos(pose.heading_rad)), int(1024.0 * sin(pose.heading_rad))
-    xs, ys, weight = echoes.x_mm, echoes.y_mm, echoes.weight
-    for k in range(echoes.count):
-        dx_mm = xs[k] - x_mm
-        if not -reach_mm < dx_mm < reach_mm:
-            continue
-        dy_mm = ys[k] - y_mm
-        if not -reach_mm < dy_mm < reach_mm:
-            continue
-        away_mm = int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
-        if away_mm >= reach_mm:
-            continue
-        if away_mm < radius_mm:
-            away_mm = push_out(echoes, k, x_mm, y_mm, away_mm, radius_mm)
-        bearing = int(BRADS * atan2(dy_mm, dx_mm))
-        if passed_through(ring, bearing - heading, away_mm - radius_mm):
-            weight[k] -= 1
-        body_mm = radius_mm - (DOUBT * echoes.spread_mm[k] >> 2) - ease_mm
-        sure = weight[k] >= SURE
-        if sure:
-            add(sectors, k, bearing, away_mm, body_mm)
-        along_mm = dx_mm * cosine + dy_mm * sine >> 10
-        aside_mm = dy_mm * cosine - dx_mm * sine >> 10
-        if along_mm > 0 and -body_mm < aside_mm < body_mm:
-            free_mm = along_mm - int(sqrt(body_mm * body_mm - aside_mm * aside_mm))
-            if not sure and free_mm < WARY_MM:
-                free_mm = WARY_MM
-            if free_mm < sectors.free_mm:
-                sectors.free_mm = free_mm if free_mm > 0 else 0
+    if echoes.count:
+        x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
+        gather(sectors, echoes, x_mm, y_mm, heading, cosine, sine, ease_mm, radius_mm)
+        for n in range(sectors.count):
+            shape(sectors, n)
     give_way(sectors, ring, heading, radius_mm)
 
 
-def push_out(echoes: Echoes, k: int, x_mm: int, y_mm: int, away_mm: int, radius_mm: int) -> int:
+def gather(
+    sectors: Sectors,
+    echoes: Echoes,
+    x_mm: int,
+    y_mm: int,
+    heading: int,
+    cosine: int,
+    sine: int,
+    ease_mm: int,
+    radius_mm: int,
+) -> None:
+    """The points within reach: weaken those an echo passes through, and see what lies ahead."""
+    xs, ys, weight, spread_mm = echoes.x_mm, echoes.y_mm, echoes.weight, echoes.spread_mm
+    point, away, body = sectors.point, sectors.away_mm, sectors.body_mm
+    bearings, wide, tight = sectors.bearing, sectors.wide, sectors.tight
+    through_mm2 = echoes.through_mm2
+    most_mm2 = max(through_mm2)
+    reach_mm = LOOK_MM + WIDE_MM + radius_mm
+    least_mm, reach_mm2, radius_mm2 = -reach_mm, reach_mm * reach_mm, radius_mm * radius_mm
+    for k in range(echoes.count):
+        dx_mm = xs[k] - x_mm
+        if dx_mm >= reach_mm or dx_mm <= least_mm:
+            continue
+        dy_mm = ys[k] - y_mm
+        square = dx_mm * dx_mm + dy_mm * dy_mm
+        if square >= reach_mm2:
+            continue
+        if square < radius_mm2:
+            push_out(echoes, k, x_mm, y_mm, int(sqrt(square)), radius_mm)
+            square = radius_mm2
+        along_mm = dx_mm * cosine + dy_mm * sine >> 10
+        bearing = UNKNOWN
+        if square < most_mm2 and along_mm >= 0:
+            bearing = int(BRADS * atan2(dy_mm, dx_mm))
+            if square < through_mm2[looks_at(bearing - heading)] and weight[k]:
+                weight[k] -= 1
+        body_mm = radius_mm - (DOUBT * spread_mm[k] >> 2) - ease_mm
+        sure = weight[k] >= SURE
+        if sure and square < (body_mm + CLOSES_MM) * (body_mm + CLOSES_MM):
+            n = room_for(sectors, square)
+            if n != NOTHING:
+                point[n], away[n], body[n] = k, square, body_mm
+                bearings[n], wide[n], tight[n] = bearing, dx_mm, dy_mm
+        if along_mm > 0:
+            aside_mm = dy_mm * cosine - dx_mm * sine >> 10
+            if -body_mm < aside_mm and aside_mm < body_mm:
+                see_ahead(sectors, along_mm, aside_mm, body_mm, sure)
+
+
+def see_ahead(sectors: Sectors, along_mm: int, aside_mm: int, body_mm: int, sure: bool) -> None:
+    """How far the robot can drive until its disc meets this point."""
+    free_mm = along_mm - int(sqrt(body_mm * body_mm - aside_mm * aside_mm))
+    if not sure and free_mm < WARY_MM:
+        free_mm = WARY_MM
+    if free_mm < sectors.free_mm:
+        sectors.free_mm = free_mm if free_mm > 0 else 0
+
+
+def push_out(echoes: Echoes, k: int, x_mm: int, y_mm: int, away_mm: int, radius_mm: int) -> None:
     """Where the robot stands there is no obstacle: the echo came from beyond its rim."""
     if away_mm > 0:
         echoes.x_mm[k] = x_mm + (echoes.x_mm[k] - x_mm) * radius_mm // away_mm
         echoes.y_mm[k] = y_mm + (echoes.y_mm[k] - y_mm) * radius_mm // away_mm
-    return radius_mm
+
+
+def room_for(sectors: Sectors, away: int) -> int:
+    """Where to put one sector more; when there is no room the farthest one goes."""
+    n = sectors.count
+    if n < NEAR:
+        sectors.count = n + 1
+        return n
+    n = farthest(sectors)
+    return n if away < sectors.away_mm[n] else NOTHING
+
+
+def shape(sectors: Sectors, n: int) -> None:
+    """What `gather` has put there is the place of a point and its distance squared."""
+    if sectors.bearing[n] == UNKNOWN:
+        sectors.bearing[n] = int(BRADS * atan2(sectors.tight[n], sectors.wide[n]))
+    sectors.away_mm[n] = away_mm = int(sqrt(sectors.away_mm[n]))
+    body_mm = sectors.body_mm[n]
+    sectors.wide[n] = closed(away_mm, body_mm + WIDE_MM)
+    sectors.tight[n] = closed(away_mm, body_mm + TIGHT_MM)
 
 
 def give_way(sectors: Sectors, ring: Ring, heading: int, radius_mm: int) -> None:
     """Who walks closes the headings that he will close in a moment."""
     for i in range(SONARS):
-        range_m = ring.range_m[i]
-        if ring.walks_m_s[i] > 0.0 and range_m is not None and range_m < REACH_M:
-            away_mm = radius_mm + int(1000.0 * (range_m - WALK_S * ring.walks_m_s[i]))
-            if away_mm < radius_mm:
-                away_mm = radius_mm
-            add(sectors, NOTHING, heading + int(BRADS * BEARINGS[i]), away_mm, radius_mm)
+        if ring.walks_m_s[i] > 0.0:
+            range_m = ring.range_m[i]
+            if range_m is not None and range_m < REACH_M:
+                away_mm = radius_mm + int(1000.0 * (range_m - WALK_S * ring.walks_m_s[i]))
+                if away_mm < radius_mm + CLOSES_MM:
+                    bearing = heading + int(BRADS * BEARINGS[i])
+                    add(sectors, bearing, max(away_mm, radius_mm), radius_mm)
 
 
-def add(sectors: Sectors, point: int, bearing: int, away_mm: int, body_mm: int) -> None:
-    """One sector more, if it closes anything and there is room; else the farthest one goes."""
-    wide = closed(away_mm, body_mm + WIDE_MM)
-    if wide == 0:
-        return
-    n = sectors.count
-    if n < NEAR:
-        sectors.count += 1
-    else:
-        n = farthest(sectors)
-        if sectors.away_mm[n] <= away_mm:
-            return
-    sectors.point[n] = point
-    sectors.bearing[n] = bearing
-    sectors.away_mm[n] = away_mm
-    sectors.body_mm[n] = body_mm
-    sectors.wide[n] = wide
-    sectors.tight[n] = closed(away_mm, body_mm + TIGHT_MM)
+def add(sectors: Sectors, bearing: int, away_mm: int, radius_mm: int) -> None:
+    """The sector of somebody who walks."""
+    n = room_for(sectors, away_mm)
+    if n != NOTHING:
+        sectors.point[n] = NOTHING
+        sectors.bearing[n] = bearing
+        sectors.away_mm[n] = away_mm
+        sectors.body_mm[n] = radius_mm
+        sectors.wide[n] = closed(away_mm, radius_mm + WIDE_MM)
+        sectors.tight[n] = closed(away_mm, radius_mm + TIGHT_MM)
 
 
 def farthest(sectors: Sectors) -> int:
-    n = 0
+    away = sectors.away_mm
+    n, most = 0, away[0]
     for k in range(1, sectors.count):
-        if sectors.away_mm[k] > sectors.away_mm[n]:
-            n = k
+        if away[k] > most:
+            n, most = k, away[k]
     return n
 
 
@@ -172,9 +232,9 @@ def closed(away_mm: int, body_mm: int) -> int:
     if away_mm <= body_mm:
         return QUARTER
     square = away_mm * away_mm - body_mm * body_mm
-    if square <= LOOK_MM * LOOK_MM:
+    if square <= LOOK_MM2:
         return ASIN[body_mm * TABLE // away_mm]
-    share = (square + LOOK_MM * LOOK_MM) * (TABLE // 2) // (away_mm * LOOK_MM)
+    share = (square + LOOK_MM2) * (TABLE // 2) // (away_mm * LOOK_MM)
     return ACOS[share] if share < TABLE else 0
 
 
@@ -186,45 +246,69 @@ def squeeze(sectors: Sectors) -> None:
 
 def closer(sectors: Sectors, heading: int, halves: "list[int]") -> int:
     """The nearest sector that closes this heading, or NOTHING; `halves`: `wide` or `tight`."""
-    nearest = NOTHING
+    bearing, away_mm = sectors.bearing, sectors.away_mm
+    nearest, least_mm = NOTHING, FREE_MM
+    across = HALF_CIRCLE - heading
     for k in range(sectors.count):
-        off = (sectors.bearing[k] - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
-        half = halves[k]
-        if -half < off < half and (
-            nearest == NOTHING or sectors.away_mm[k] < sectors.away_mm[nearest]
-        ):
-            nearest = k
+        off, half = (bearing[k] + across) % CIRCLE - HALF_CIRCLE, halves[k]
+        if off < half and -half < off and away_mm[k] < least_mm:
+            nearest, least_mm = k, away_mm[k]
     return nearest
 
 
-def sweep(sectors: Sectors, start: int, side: int, halves: "list[int]") -> int:
-    """How far to turn from `start` towards `side` until a heading is open; CIRCLE if none is.
+def aim(sectors: Sectors, start: int, side: int) -> None:
+    """Before sweeps from `start` towards `side`: how far to turn to the middle of each sector."""
+    bearing, offset = sectors.bearing, sectors.offset
+    across = HALF_CIRCLE - side * start
+    for k in range(sectors.count):
+        offset[k] = (side * bearing[k] + across) % CIRCLE - HALF_CIRCLE
 
-    Sectors overlap, so a few passes over them, to and fro, find the end of a chain of them; one
-    that is not at its end by then counts as endless.
+
+def sweep(sectors: Sectors, halves: "list[int]", turn: int = 0, most: int = CIRCLE) -> int:
+    """How far to turn, from `turn` on, until a heading is open; CIRCLE if none is before `most`.
+
+    First everything is put in the order it is in, once about the circle; what covers a heading is
+    done with, the others are looked at again until none of them covers the next.
     """
-    offset, n = sectors.offset, sectors.count
-    for k in range(n):
-        offset[k] = (side * (sectors.bearing[k] - start) + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
-    turn = 0
-    sectors.closing = NOTHING
-    for number in range(PASSES):
-        moved = False
-        for j in range(n):
-            k = n - 1 - j if number & 1 else j
-            off = turn - offset[k]
-            if off > HALF_CIRCLE:
-                off -= CIRCLE
-            half = halves[k]
-            if -half < off < half:
-                turn += half - off
-                sectors.closing = k
-                moved = True
-        if turn >= CIRCLE:
-            return CIRCLE
-        if not moved:
-            return turn
-    return CIRCLE
+    offset, low, rest = sectors.offset, sectors.low, sectors.rest
+    count, closing = 0, NOTHING
+    for k in range(sectors.count):
+        half = halves[k]
+        end = offset[k] + half
+        start = end - half - half
+        if end <= 0:
+            start, end = start + CIRCLE, end + CIRCLE
+        elif start < 0 and start + CIRCLE < most:
+            most = start + CIRCLE
+        if turn < end and start < most:
+            if start < turn:
+                turn, closing = end, k
+            else:
+                low[k], rest[count] = start, k
+                count += 1
+    before = NOTHING
+    while before != turn:
+        before, j = turn, 0
+        while j < count:
+            k = rest[j]
+            if low[k] < turn:
+                end = low[k] + 2 * halves[k]
+                if turn < end:
+                    turn, closing = end, k
+                count -= 1
+                rest[j] = rest[count]
+            else:
+                j += 1
+    sectors.closing = closing
+    return turn if turn <= most and turn < CIRCLE else CIRCLE
+
+
+def both_ways(sectors: Sectors, start: int, halves: "list[int]") -> "tuple[int, int]":
+    """How far to turn to the left, and to the right, until a heading is open."""
+    aim(sectors, start, LEFT)
+    left = sweep(sectors, halves)
+    aim(sectors, start, RIGHT)
+    return left, sweep(sectors, halves)
 
 
 def room(sectors: Sectors, turn: int, halves: "list[int]") -> int:
