@@ -137,9 +137,9 @@ def conclude(study: Study, progress: Progress) -> dict[str, Any]:
 
 
 def report(directory: Path, *, jobs: int, quick: bool) -> None:
-    from study.report import cli  # draws, which takes long to import
+    from study.report import cli, paper_runs  # draws, which takes long to import
 
-    paper_seeds = QUICK_PAPER_SEEDS if quick else cli.SEEDS
+    paper_seeds = QUICK_PAPER_SEEDS if quick else paper_runs.SEEDS
     file, *_ = cli.report(directory, directory, jobs=jobs, paper_seeds=paper_seeds)
     print(f"sidestep study: {file}", file=sys.stderr)
 
