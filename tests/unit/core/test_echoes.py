@@ -1,0 +1,268 @@
+from math import cos, hypot, inf, pi, sin
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.core import echoes as memory
+from robot.core.echoes import (
+    BRADS,
+    CIRCLE,
+    CONE,
+    CORE,
+    FADE_TICKS,
+    FORGET_MM,
+    HALF_CIRCLE,
+    MOST_WEIGHT,
+    NOTHING,
+    POINTS,
+    REACH_M,
+    SLICES,
+    SURE,
+    THROUGH_MM,
+    Echoes,
+)
+from robot.core.geometry import BEARINGS
+from robot.core.ring import Ring
+from robot.core.values import SONARS, Pose
+from tests.unit.core.test_vgm import ring
+
+RADIUS_MM = 120
+HERE = Pose(0.0, 0.0, 0.0)
+SILENT = ring({})
+
+
+def look(echoes: Echoes, seen: Ring, ticks: int, pose: Pose = HERE) -> None:
+    for _ in range(ticks):
+        memory.update(echoes, pose, seen, RADIUS_MM)
+
+
+def remembered(seen: Ring, ticks: int = 4, pose: Pose = HERE) -> Echoes:
+    echoes = Echoes()
+    look(echoes, seen, ticks, pose)
+    return echoes
+
+
+def blind() -> Ring:
+    """No sonar has measured anything."""
+    return Ring()
+
+
+def test_an_echo_is_confirmed_by_a_second_and_counts() -> None:
+    echoes = remembered(ring({3: 300}), 2)
+    assert echoes.count == 1
+    assert echoes.weight[0] < SURE
+    look(echoes, ring({3: 300}), 2)
+    assert echoes.count == 1
+    assert echoes.weight[0] >= SURE
+
+
+@pytest.mark.parametrize("sonar", range(SONARS))
+@pytest.mark.parametrize("heading_rad", [0.0, 1.0, -2.5])
+def test_a_point_lies_where_its_sonar_looks(sonar: int, heading_rad: float) -> None:
+    pose = Pose(1.5, -0.7, heading_rad)
+    echoes = remembered(ring({sonar: 400}), 4, pose)
+    away_m, bearing_rad = 0.4 + 0.001 * RADIUS_MM, heading_rad + BEARINGS[sonar]
+    assert echoes.x_mm[0] == pytest.approx(1000.0 * (1.5 + away_m * cos(bearing_rad)), abs=4)
+    assert echoes.y_mm[0] == pytest.approx(1000.0 * (-0.7 + away_m * sin(bearing_rad)), abs=4)
+
+
+def test_one_ping_group_is_taken_at_a_tick_and_the_other_at_the_next() -> None:
+    all_round = ring({0: 250, 3: 250, 4: 500, 7: 500})
+    assert remembered(all_round, 1).count == 2
+    assert remembered(all_round, 2).count == 4
+
+
+def test_what_was_pinged_between_two_ticks_is_placed_between_their_poses() -> None:
+    echoes = Echoes()
+    look(echoes, ring({4: 300}), 1, Pose(0.00, 0.0, -BEARINGS[4]))
+    look(echoes, ring({4: 300}), 1, Pose(0.04, 0.0, -BEARINGS[4]))
+    assert echoes.count == 1
+    assert echoes.x_mm[0] == pytest.approx(20 + RADIUS_MM + 300, abs=3)
+
+
+def test_halfway_between_two_headings_is_the_short_way_round() -> None:
+    echoes = Echoes()
+    look(echoes, ring({4: 300}), 1, Pose(0.0, 0.0, pi - 0.05 - BEARINGS[4]))
+    look(echoes, ring({4: 300}), 1, Pose(0.0, 0.0, -pi + 0.05 - BEARINGS[4]))
+    assert echoes.x_mm[0] == pytest.approx(-RADIUS_MM - 300, abs=3)
+    assert echoes.y_mm[0] == pytest.approx(0, abs=4)
+
+
+def test_a_longer_echo_through_its_place_erases_a_point() -> None:
+    echoes = remembered(ring({3: 300}))
+    look(echoes, ring({3: 2000}), SLICES * (MOST_WEIGHT + 1))
+    assert echoes.count == 0
+
+
+@pytest.mark.parametrize("seen", [SILENT, blind()], ids=["silence", "blindness"])
+def test_no_echo_at_all_erases_nothing(seen: Ring) -> None:
+    echoes = remembered(ring({3: 300}))
+    look(echoes, seen, SLICES * (MOST_WEIGHT + 1))
+    assert echoes.count == 1
+    assert echoes.weight[0] >= SURE
+
+
+def test_a_longer_echo_elsewhere_erases_nothing() -> None:
+    echoes = remembered(ring({3: 300}))
+    look(echoes, ring({6: 2000}), SLICES * (MOST_WEIGHT + 1))
+    assert echoes.count == 1
+
+
+def test_what_is_never_seen_again_is_forgotten_in_the_end() -> None:
+    echoes = remembered(ring({3: 300}))
+    look(echoes, SILENT, FADE_TICKS * (MOST_WEIGHT + 1))
+    assert echoes.count == 0
+
+
+def test_what_is_seen_all_the_time_stays() -> None:
+    echoes = remembered(ring({3: 300}))
+    look(echoes, ring({3: 300}), FADE_TICKS * (MOST_WEIGHT + 1))
+    assert echoes.count == 1
+    assert echoes.weight[0] >= SURE
+
+
+def test_what_is_far_away_by_now_is_forgotten_soon() -> None:
+    echoes = remembered(ring({3: 300}))
+    look(echoes, SILENT, SLICES, Pose(-0.002 * FORGET_MM, 0.0, 0.0))
+    assert echoes.count == 0
+
+
+def test_echoes_from_afar_are_not_remembered() -> None:
+    assert remembered(ring({3: int(1000 * REACH_M) + 10})).count == 0
+
+
+@pytest.mark.parametrize(
+    ("echoes_mm", "lean"),
+    [
+        ({3: 300}, 0),
+        ({3: 300, 4: 250}, 1),
+        ({3: 300, 2: 250}, -1),
+        ({3: 300, 2: 250, 4: 250}, 0),
+        ({3: 300, 4: 350}, 0),
+        ({3: 600, 4: 30}, 0),  # nothing reaches from so near to so far within a cone
+    ],
+)
+def test_an_echo_leans_to_the_neighbour_that_sees_it_nearer(
+    echoes_mm: dict[int, int], lean: int
+) -> None:
+    seen = ring(echoes_mm)
+    range_m = seen.range_m[3]
+    assert range_m is not None
+    assert memory.leaning(seen, 3, range_m, RADIUS_MM) == lean
+
+
+@pytest.mark.parametrize(("sonar", "neighbour"), [(0, 1), (7, 6)])
+def test_the_outermost_sonars_have_one_neighbour_to_lean_to(sonar: int, neighbour: int) -> None:
+    seen = ring({sonar: 300, neighbour: 250})
+    assert memory.leaning(seen, sonar, 0.3, RADIUS_MM) == neighbour - sonar
+
+
+@pytest.mark.parametrize("neighbour", [2, 4])
+def test_a_leaning_point_lies_aside_in_its_cone_and_is_surer_of_its_place(neighbour: int) -> None:
+    upright = remembered(ring({3: 300}), 1)
+    leaning = remembered(ring({3: 300, neighbour: 250}), 1)
+    turned_mm = leaning.y_mm[0] - upright.y_mm[0]
+    assert turned_mm * (neighbour - 3) > 20
+    away_mm = hypot(leaning.x_mm[0], leaning.y_mm[0])
+    assert away_mm == pytest.approx(300 + RADIUS_MM, abs=4)
+    assert leaning.spread_mm[0] < upright.spread_mm[0]
+
+
+def test_from_nearer_by_a_place_is_known_better() -> None:
+    echoes, doubts_mm = Echoes(), []
+    for k in range(50):
+        pose = Pose(0.01 * k, 0.0, -BEARINGS[3])
+        look(echoes, ring({3: 700 - 10 * k}), 1, pose)
+        doubts_mm.append(echoes.spread_mm[0])
+    assert echoes.count == 1
+    assert doubts_mm[-1] < doubts_mm[0] // 2
+    assert echoes.x_mm[0] == pytest.approx(700 + RADIUS_MM, abs=20)
+
+
+def test_when_there_is_no_room_the_farthest_point_goes() -> None:
+    echoes = Echoes()
+    echoes.count = POINTS
+    for k in range(POINTS):
+        echoes.x_mm[k], echoes.y_mm[k], echoes.weight[k] = 300, k - POINTS // 2, SURE
+    echoes.x_mm[17] = 800
+    assert memory.vacant(echoes, 0, 0) == 17
+    assert echoes.count == POINTS
+
+
+def test_while_there_is_room_nothing_goes() -> None:
+    echoes = remembered(ring({0: 250, 3: 250}))
+    assert memory.vacant(echoes, 0, 0) == 2
+    assert echoes.count == 3
+
+
+def test_a_forgotten_point_leaves_the_others_as_they_were() -> None:
+    echoes = remembered(ring({0: 250, 3: 300, 7: 400}))
+    places = list(zip(echoes.x_mm[:3], echoes.y_mm[:3], echoes.spread_mm[:3], strict=True))
+    memory.drop(echoes, 0)
+    left = list(zip(echoes.x_mm[:2], echoes.y_mm[:2], echoes.spread_mm[:2], strict=True))
+    assert sorted(left) == sorted(places[1:])
+
+
+def test_cleared_there_is_nothing_to_confirm() -> None:
+    echoes = remembered(ring({3: 300, 4: 300}))
+    memory.clear(echoes)
+    assert echoes.count == 0
+    look(echoes, ring({3: 300}), 2)
+    assert echoes.count == 1
+    assert echoes.weight[0] < SURE
+
+
+def bearing_of(sonar: int) -> int:
+    return int(BRADS * BEARINGS[sonar])
+
+
+@given(st.integers(0, SONARS - 1), st.integers(-CORE + 2, CORE - 2), st.integers(0, 1000))
+def test_a_sonar_sees_through_places_well_before_its_echo(
+    sonar: int, aside: int, range_mm: int
+) -> None:
+    behind_mm = (range_mm + THROUGH_MM) * 104 // 100 + 2
+    bearing = bearing_of(sonar) + aside
+    assert memory.passed_through(ring({sonar: behind_mm}), bearing, range_mm)
+    assert memory.passed_through(ring({sonar: behind_mm}), bearing - CIRCLE, range_mm)
+    assert not memory.passed_through(ring({sonar: range_mm + THROUGH_MM}), bearing, range_mm)
+    assert not memory.passed_through(SILENT, bearing, range_mm)
+    assert not memory.passed_through(blind(), bearing, range_mm)
+
+
+@given(st.integers(0, SONARS - 1), st.integers(CORE + 2, CONE // 2 - 2), st.sampled_from([1, -1]))
+def test_at_the_edge_of_its_cone_a_sonar_proves_nothing(sonar: int, aside: int, side: int) -> None:
+    all_far = ring(dict.fromkeys(range(SONARS), 2500))
+    assert not memory.passed_through(all_far, bearing_of(sonar) + side * aside, 200)
+
+
+@given(st.integers(HALF_CIRCLE // 2 + 2, HALF_CIRCLE * 3 // 2 - 2))
+def test_nothing_is_seen_through_behind_the_robot(bearing: int) -> None:
+    all_far = ring(dict.fromkeys(range(SONARS), 2500))
+    assert not memory.passed_through(all_far, bearing, 200)
+
+
+some_range = st.one_of(st.none(), st.just(inf), st.floats(0.02, 3.0))
+rings = st.lists(some_range, min_size=SONARS, max_size=SONARS)
+places = st.builds(Pose, st.floats(-1, 1), st.floats(-1, 1), st.floats(-pi, pi))
+
+
+@given(st.lists(st.tuples(rings, places), max_size=60))
+def test_whatever_is_heard_the_memory_keeps_its_size_and_its_whole_numbers(
+    story: list[tuple[list[float | None], Pose]],
+) -> None:
+    echoes = Echoes()
+    for range_m, pose in story:
+        seen = Ring()
+        seen.range_m = range_m
+        seen.nearest_m = min([m for m in range_m if m is not None], default=inf)
+        look(echoes, seen, 1, pose)
+        assert 0 <= echoes.count <= POINTS
+        assert all(NOTHING <= k < POINTS for k in echoes.last)
+        for k in range(echoes.count):
+            assert 0 < echoes.weight[k] <= MOST_WEIGHT
+            assert echoes.spread_mm[k] > 0
+            assert isinstance(echoes.x_mm[k], int)
+            assert isinstance(echoes.y_mm[k], int)
+    for kept in (echoes.x_mm, echoes.y_mm, echoes.weight, echoes.spread_mm):
+        assert len(kept) == POINTS

@@ -1,0 +1,224 @@
+from math import acos, asin, cos, hypot, inf, pi, sin, sqrt
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from robot.core import headings
+from robot.core.echoes import (
+    BRADS,
+    CIRCLE,
+    MOST_WEIGHT,
+    NOTHING,
+    QUARTER,
+    SURE,
+    Echoes,
+)
+from robot.core.geometry import BEARINGS
+from robot.core.headings import (
+    FREE_MM,
+    LOOK_MM,
+    NEAR,
+    SQUEEZE_MM,
+    TABLE,
+    TIGHT_MM,
+    WARY_MM,
+    WIDE_MM,
+    Sectors,
+)
+from robot.core.ring import Ring
+from robot.core.values import SONARS, Pose
+from tests.unit.core.test_vgm import ring
+
+RADIUS_MM = 120
+HERE = Pose(0.0, 0.0, 0.0)
+SILENT = ring({})
+sides = st.sampled_from([1, -1])
+
+
+def points(*places_mm: tuple[int, int], weight: int = MOST_WEIGHT, spread_mm: int = 0) -> Echoes:
+    echoes = Echoes()
+    echoes.count = len(places_mm)
+    for k, (x_mm, y_mm) in enumerate(places_mm):
+        echoes.x_mm[k], echoes.y_mm[k] = x_mm, y_mm
+        echoes.weight[k], echoes.spread_mm[k] = weight, spread_mm
+    return echoes
+
+
+def measured(echoes: Echoes, pose: Pose = HERE, seen: Ring = SILENT, ease_mm: int = 0) -> Sectors:
+    sectors = Sectors()
+    headings.measure(sectors, echoes, pose, seen, ease_mm, RADIUS_MM)
+    return sectors
+
+
+def half_of(away_mm: float, body_mm: float, slip: float) -> float:
+    """Half the closed sector by geometry, with the sine (or cosine) off by `slip`."""
+    square = away_mm * away_mm - body_mm * body_mm
+    if square <= LOOK_MM * LOOK_MM:
+        return BRADS * asin(max(0.0, min(1.0, body_mm / away_mm + slip)))
+    share = (square + LOOK_MM * LOOK_MM) / (2.0 * away_mm * LOOK_MM)
+    return BRADS * acos(max(-1.0, min(1.0, share + slip)))
+
+
+@given(st.integers(1, 300), st.integers(1, LOOK_MM - 1))
+def test_half_a_sector_is_what_geometry_says_within_a_step_of_the_table(
+    body_mm: int, beyond_mm: int
+) -> None:
+    away_mm = body_mm + beyond_mm
+    closed = headings.closed(away_mm, body_mm)
+    ends = [half_of(away_mm, body_mm, slip) for slip in (-1.0 / TABLE, 0.0, 1.0 / TABLE)]
+    assert min(ends) - 1 <= closed <= max(ends) + 2
+
+
+@given(st.integers(20, 300), st.integers(1, LOOK_MM - 1), sides)
+def test_along_a_heading_beside_the_sector_the_disc_meets_the_point_at_most_slightly(
+    body_mm: int, beyond_mm: int, side: int
+) -> None:
+    away_mm = body_mm + beyond_mm
+    turn_rad = side * headings.closed(away_mm, body_mm) / BRADS
+    along_mm = min(max(away_mm * cos(turn_rad), 0.0), LOOK_MM)
+    miss_mm = hypot(away_mm * cos(turn_rad) - along_mm, away_mm * sin(turn_rad))
+    assert miss_mm > body_mm - away_mm / TABLE - 1.0
+
+
+def test_what_is_out_of_the_look_closes_nothing_and_what_touches_closes_a_flank() -> None:
+    assert headings.closed(LOOK_MM + 100, 100) == 0
+    assert headings.closed(100, 100) == QUARTER
+    assert headings.closed(50, 100) == QUARTER
+    assert headings.closed(50, 0) == 0
+    assert headings.closed(50, -20) == 0
+
+
+@given(st.integers(-400, 400), st.integers(-400, 400), st.integers(0, 30), st.integers(0, 30))
+def test_a_wider_margin_closes_more(x_mm: int, y_mm: int, spread_mm: int, ease_mm: int) -> None:
+    sectors = measured(points((x_mm, y_mm), spread_mm=spread_mm), ease_mm=ease_mm)
+    headings.squeeze(sectors)
+    assert SQUEEZE_MM < TIGHT_MM < WIDE_MM
+    for k in range(sectors.count):
+        assert 0 <= sectors.squeezed[k] <= sectors.tight[k] <= sectors.wide[k] <= QUARTER
+
+
+def test_a_near_point_closes_the_headings_round_its_bearing() -> None:
+    sectors = measured(points((200, 200)))
+    assert sectors.count == 1
+    eighth = CIRCLE // 8
+    assert sectors.bearing[0] == pytest.approx(eighth, abs=1)
+    assert headings.closer(sectors, eighth, sectors.tight) == 0
+    assert headings.closer(sectors, -eighth, sectors.wide) == NOTHING
+
+
+def test_bearings_are_those_of_the_odometry_frame() -> None:
+    pose = Pose(1.0, 2.0, 2.2)
+    sectors = measured(points((1000, 1750)), pose)
+    assert sectors.bearing[0] == pytest.approx(-QUARTER, abs=1)
+
+
+def test_what_only_one_echo_has_told_of_closes_nothing_but_slows_down() -> None:
+    for x_mm in (RADIUS_MM + 20, RADIUS_MM + WARY_MM + 30):
+        sectors = measured(points((x_mm, 0), weight=SURE - 1))
+        assert sectors.count == 0
+        assert sectors.free_mm == max(WARY_MM, x_mm - RADIUS_MM)
+
+
+@given(st.floats(-pi, pi), st.integers(RADIUS_MM + 5, 300), st.integers(-110, 110))
+def test_the_way_ahead_is_free_up_to_where_the_disc_touches(
+    heading_rad: float, along_mm: int, aside_mm: int
+) -> None:
+    x_mm = along_mm * cos(heading_rad) - aside_mm * sin(heading_rad)
+    y_mm = along_mm * sin(heading_rad) + aside_mm * cos(heading_rad)
+    assume(hypot(x_mm, y_mm) < LOOK_MM + RADIUS_MM)
+    sectors = measured(points((round(x_mm), round(y_mm))), Pose(0.0, 0.0, heading_rad))
+    touch_mm = along_mm - sqrt(RADIUS_MM**2 - aside_mm**2)
+    assert sectors.free_mm == pytest.approx(touch_mm, abs=6)
+
+
+def test_beside_and_behind_nothing_bounds_the_way_ahead() -> None:
+    sectors = measured(points((0, 140), (0, -140), (-140, 0)))
+    assert sectors.count == 3
+    assert sectors.free_mm == FREE_MM
+
+
+def test_the_doubt_about_a_place_is_taken_off_the_body() -> None:
+    sure, doubtful = measured(points((250, 0))), measured(points((250, 0), spread_mm=25))
+    assert doubtful.tight[0] < sure.tight[0]
+    assert doubtful.free_mm > sure.free_mm
+
+
+def test_eased_margins_close_less() -> None:
+    assert measured(points((250, 0)), ease_mm=20).tight[0] < measured(points((250, 0))).tight[0]
+
+
+@given(st.integers(-80, 80), st.integers(-80, 80))
+def test_where_the_robot_stands_no_point_stays(x_mm: int, y_mm: int) -> None:
+    """It goes out to the rim, or just beyond it where whole millimetres make a direction coarse."""
+    assume((x_mm, y_mm) != (0, 0))
+    echoes = points((x_mm, y_mm))
+    sectors = measured(echoes)
+    away_mm = hypot(echoes.x_mm[0], echoes.y_mm[0])
+    assert away_mm > RADIUS_MM - 3
+    if hypot(x_mm, y_mm) > 30:
+        assert away_mm == pytest.approx(RADIUS_MM, rel=0.04)
+    assert sectors.away_mm[0] == RADIUS_MM
+    assert sectors.tight[0] == QUARTER
+
+
+def test_a_point_that_an_echo_passes_through_counts_less() -> None:
+    echoes = points((RADIUS_MM + 150, 0), weight=SURE)
+    pose = Pose(0.0, 0.0, -BEARINGS[3])
+    assert measured(echoes, pose, ring({3: 2000})).count == 0
+    assert echoes.weight[0] == SURE - 1
+
+
+def test_when_there_is_no_room_the_farthest_sector_goes() -> None:
+    crowd = [(200 + k, 0) for k in range(NEAR)]
+    sectors = measured(points(*crowd, (150, 0)))
+    assert sectors.count == NEAR
+    kept = sectors.away_mm[:NEAR]
+    assert min(kept) == 150
+    assert max(kept) == 200 + NEAR - 2
+    assert measured(points((150, 0), *crowd)).count == NEAR
+
+
+def walker(sonar: int, range_m: float, walks_m_s: float) -> Ring:
+    seen = ring({sonar: round(1000.0 * range_m)})
+    seen.walks_m_s[sonar] = walks_m_s
+    return seen
+
+
+@pytest.mark.parametrize("sonar", range(SONARS))
+def test_who_walks_closes_the_headings_where_he_will_be(sonar: int) -> None:
+    still, walking = walker(sonar, 0.5, 0.0), walker(sonar, 0.5, 0.3)
+    assert measured(Echoes(), seen=still).count == 0
+    sectors = measured(Echoes(), Pose(0.0, 0.0, 1.0), walking)
+    assert sectors.count == 1
+    assert sectors.point[0] == NOTHING
+    assert sectors.bearing[0] == pytest.approx(BRADS * (1.0 + BEARINGS[sonar]), abs=2)
+    faster = measured(Echoes(), Pose(0.0, 0.0, 1.0), walker(sonar, 0.5, 2.0))
+    assert faster.away_mm[0] == RADIUS_MM
+    assert faster.wide[0] >= sectors.wide[0]
+
+
+ranges = st.lists(
+    st.one_of(st.none(), st.just(inf), st.floats(0.02, 3.0)), min_size=SONARS, max_size=SONARS
+)
+anywhere = st.tuples(st.integers(-900, 900), st.integers(-900, 900))
+
+
+@given(
+    st.lists(anywhere, max_size=64),
+    ranges,
+    st.lists(st.floats(0.0, 2.0), min_size=SONARS, max_size=SONARS),
+    st.floats(-pi, pi),
+)
+def test_any_points_and_echoes_give_at_most_so_many_sectors(
+    places_mm: list[tuple[int, int]],
+    range_m: list[float | None],
+    walks_m_s: list[float],
+    heading_rad: float,
+) -> None:
+    seen = Ring()
+    seen.range_m, seen.walks_m_s = range_m, walks_m_s
+    sectors = measured(points(*places_mm), Pose(0.0, 0.0, heading_rad), seen)
+    assert 0 <= sectors.count <= NEAR
+    assert 0 <= sectors.free_mm <= FREE_MM
+    assert all(0 < sectors.wide[k] <= QUARTER for k in range(sectors.count))

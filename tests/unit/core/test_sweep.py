@@ -1,0 +1,97 @@
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from robot.core import headings
+from robot.core.echoes import CIRCLE, HALF_CIRCLE, NOTHING, QUARTER
+from robot.core.headings import NEAR, PASSES, Sectors
+
+BOTH = pytest.mark.parametrize("side", [1, -1])
+
+
+def chain(*given: tuple[int, int]) -> Sectors:
+    """Sectors of these bearings and halves; the later ones are farther away."""
+    sectors = Sectors()
+    sectors.count = len(given)
+    for k, (bearing, half) in enumerate(given):
+        sectors.bearing[k], sectors.tight[k], sectors.away_mm[k] = bearing, half, 200 + k
+    return sectors
+
+
+def is_open(given: list[tuple[int, int]], heading: int) -> bool:
+    offs = [((b - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE, half) for b, half in given]
+    return not any(-half < off < half for off, half in offs)
+
+
+def smallest(given: list[tuple[int, int]], start: int, side: int) -> int:
+    """By trying every heading there is."""
+    return next((t for t in range(CIRCLE) if is_open(given, start + side * t)), CIRCLE)
+
+
+# Some close nothing, most a part, few a whole flank, as near points do.
+halves = st.one_of(st.integers(0, 300), st.integers(0, QUARTER))
+bearings = st.integers(-2 * CIRCLE, 2 * CIRCLE)
+sectors_given = st.lists(st.tuples(bearings, halves), max_size=NEAR)
+sides = st.sampled_from([1, -1])
+
+
+@given(sectors_given, bearings, sides)
+def test_a_sweep_finds_the_smallest_open_rotation_on_either_side(
+    given: list[tuple[int, int]], start: int, side: int
+) -> None:
+    """One with more in its chain than its passes reach may only err by calling it endless."""
+    sectors = chain(*given)
+    turn = headings.sweep(sectors, start, side, sectors.tight)
+    right = smallest(given, start, side)
+    assert turn == right or (turn == CIRCLE and len(given) >= PASSES)
+
+
+@given(st.lists(st.tuples(bearings, halves), max_size=PASSES - 1), bearings, sides)
+def test_of_few_sectors_a_sweep_misses_none(
+    given: list[tuple[int, int]], start: int, side: int
+) -> None:
+    sectors = chain(*given)
+    assert headings.sweep(sectors, start, side, sectors.tight) == smallest(given, start, side)
+
+
+@BOTH
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_chain_is_swept_to_its_end_to_and_fro(side: int, order: int) -> None:
+    row = [(side * 100 * k, 80) for k in range(NEAR)][::order]
+    sectors = chain(*row)
+    assert headings.sweep(sectors, 0, side, sectors.tight) == 100 * (NEAR - 1) + 80
+    last = row.index((side * 100 * (NEAR - 1), 80))
+    assert sectors.closing == last
+
+
+@BOTH
+def test_where_everything_is_closed_a_sweep_finds_no_end(side: int) -> None:
+    sectors = chain(*[(k * 512, 300) for k in range(8)])
+    assert headings.sweep(sectors, 77, side, sectors.tight) == CIRCLE
+
+
+def test_an_open_heading_is_not_turned_and_nothing_closes_it() -> None:
+    sectors = chain((500, 200))
+    assert headings.sweep(sectors, 0, 1, sectors.tight) == 0
+    assert sectors.closing == NOTHING
+
+
+@given(sectors_given, bearings, sides)
+def test_room_is_how_far_it_stays_open_beyond(
+    given: list[tuple[int, int]], start: int, side: int
+) -> None:
+    sectors = chain(*given)
+    turn = headings.sweep(sectors, start, side, sectors.tight)
+    assume(turn < CIRCLE)
+    room = headings.room(sectors, turn, sectors.tight)
+    assert all(is_open(given, start + side * (turn + k)) for k in range(room + 1))
+    assert room == HALF_CIRCLE or not is_open(given, start + side * (turn + room + 1))
+
+
+@given(sectors_given, bearings)
+def test_the_nearest_of_those_that_close_a_heading_is_found(
+    given: list[tuple[int, int]], heading: int
+) -> None:
+    sectors = chain(*given)
+    closing = [k for k, sector in enumerate(given) if not is_open([sector], heading)]
+    assert headings.closer(sectors, heading, sectors.tight) == min(closing, default=NOTHING)
