@@ -95,15 +95,14 @@ def clear(echoes: Echoes) -> None:
         echoes.last[i] = NOTHING
 
 
-def update(echoes: Echoes, pose: Pose, ring: Ring, cosine: int, sine: int, radius_mm: int) -> None:
-    """Take the echoes of one ping group, the even sonars at every other tick; `cosine` and `sine`
-    are those of the heading, 1024 long."""
+def update(echoes: Echoes, pose: Pose, ring: Ring, radius_mm: int) -> None:
+    """Take the echoes of one ping group, the even sonars at every other tick."""
     before = echoes.pose or pose
     echoes.pose = pose
     echoes.turn += 1
     if echoes.count:
         listen(echoes, ring, radius_mm)
-        fade(echoes, pose, cosine, sine)
+        fade(echoes, pose)
     if ring.nearest_m >= REACH_M:
         return
     first = echoes.turn & 1
@@ -112,7 +111,7 @@ def update(echoes: Echoes, pose: Pose, ring: Ring, cosine: int, sine: int, radiu
         turned_rad = (heading_rad - before.heading_rad + pi) % (2.0 * pi) - pi
         heading_rad -= 0.5 * turned_rad
         x_m, y_m = 0.5 * (x_m + before.x_m), 0.5 * (y_m + before.y_m)
-        cosine, sine = int(1024.0 * cos(heading_rad)), int(1024.0 * sin(heading_rad))
+    cosine, sine = int(1024.0 * cos(heading_rad)), int(1024.0 * sin(heading_rad))
     x_mm, y_mm = int(1000.0 * x_m), int(1000.0 * y_m)
     for i in range(first, SONARS, 2):
         range_m = ring.range_m[i]
@@ -267,7 +266,7 @@ def drop(echoes: Echoes, k: int) -> None:
     echoes.spread_mm[k] = echoes.spread_mm[last]
 
 
-def fade(echoes: Echoes, pose: Pose, cosine: int, sine: int) -> None:
+def fade(echoes: Echoes, pose: Pose) -> None:
     """Look at a quarter of the points: drop the far ones, weaken those an echo passes through and,
     once in a while, all of them."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
@@ -283,7 +282,7 @@ def fade(echoes: Echoes, pose: Pose, cosine: int, sine: int) -> None:
             drop(echoes, k)
             continue
         weaker = old
-        if square < most_mm2 and dx_mm * cosine + dy_mm * sine > 0:
+        if square < most_mm2:
             bearing = int(BRADS * atan2(dy_mm, dx_mm)) - heading
             weaker = weaker or square < through_mm2[looks_at(bearing)]
         if weaker and weight[k]:

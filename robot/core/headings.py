@@ -5,7 +5,7 @@ meeting a remembered point. So a point closes the sector of headings around its 
 it does not. Sectors are integers (brads, 4096 to the circle; millimetres), not bins.
 """
 
-from math import acos, asin, atan2, sqrt
+from math import acos, asin, atan2, cos, sin, sqrt
 
 from robot.core.echoes import (
     BRADS,
@@ -20,7 +20,6 @@ from robot.core.echoes import (
 )
 from robot.core.geometry import BEARINGS
 from robot.core.ring import Ring
-from robot.core.states import LEFT, RIGHT
 from robot.core.typed import Final
 from robot.core.values import SONARS, Pose
 
@@ -90,8 +89,6 @@ def measure(
     echoes: Echoes,
     pose: Pose,
     ring: Ring,
-    cosine: int,
-    sine: int,
     ease_mm: int,
     radius_mm: int,
 ) -> None:
@@ -100,25 +97,25 @@ def measure(
     sectors.free_mm = FREE_MM
     heading = int(BRADS * pose.heading_rad)
     if echoes.count:
-        x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
-        gather(sectors, echoes, x_mm, y_mm, heading, cosine, sine, ease_mm, radius_mm)
-        for n in range(sectors.count):
-            shape(sectors, n)
+        gather(sectors, echoes, pose, heading, ease_mm, radius_mm)
+        shape(sectors)
     give_way(sectors, ring, heading, radius_mm)
+    if sectors.count:
+        close(sectors, sectors.wide, WIDE_MM)
+        close(sectors, sectors.tight, TIGHT_MM)
 
 
 def gather(
     sectors: Sectors,
     echoes: Echoes,
-    x_mm: int,
-    y_mm: int,
+    pose: Pose,
     heading: int,
-    cosine: int,
-    sine: int,
     ease_mm: int,
     radius_mm: int,
 ) -> None:
     """The points within reach: weaken those an echo passes through, and see what lies ahead."""
+    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
+    cosine, sine = int(1024.0 * cos(pose.heading_rad)), int(1024.0 * sin(pose.heading_rad))
     xs, ys, weight, spread_mm = echoes.x_mm, echoes.y_mm, echoes.weight, echoes.spread_mm
     point, away, body = sectors.point, sectors.away_mm, sectors.body_mm
     bearings, wide, tight = sectors.bearing, sectors.wide, sectors.tight
@@ -182,14 +179,13 @@ def room_for(sectors: Sectors, away: int) -> int:
     return n if away < sectors.away_mm[n] else NOTHING
 
 
-def shape(sectors: Sectors, n: int) -> None:
-    """What `gather` has put there is the place of a point and its distance squared."""
-    if sectors.bearing[n] == UNKNOWN:
-        sectors.bearing[n] = int(BRADS * atan2(sectors.tight[n], sectors.wide[n]))
-    sectors.away_mm[n] = away_mm = int(sqrt(sectors.away_mm[n]))
-    body_mm = sectors.body_mm[n]
-    sectors.wide[n] = closed(away_mm, body_mm + WIDE_MM)
-    sectors.tight[n] = closed(away_mm, body_mm + TIGHT_MM)
+def shape(sectors: Sectors) -> None:
+    """What `gather` has put there are places of points and their distances squared."""
+    bearing, away_mm, wide, tight = sectors.bearing, sectors.away_mm, sectors.wide, sectors.tight
+    for n in range(sectors.count):
+        away_mm[n] = int(sqrt(away_mm[n]))
+        if bearing[n] == UNKNOWN:
+            bearing[n] = int(BRADS * atan2(tight[n], wide[n]))
 
 
 def give_way(sectors: Sectors, ring: Ring, heading: int, radius_mm: int) -> None:
@@ -212,8 +208,6 @@ def add(sectors: Sectors, bearing: int, away_mm: int, radius_mm: int) -> None:
         sectors.bearing[n] = bearing
         sectors.away_mm[n] = away_mm
         sectors.body_mm[n] = radius_mm
-        sectors.wide[n] = closed(away_mm, radius_mm + WIDE_MM)
-        sectors.tight[n] = closed(away_mm, radius_mm + TIGHT_MM)
 
 
 def farthest(sectors: Sectors) -> int:
@@ -225,23 +219,27 @@ def farthest(sectors: Sectors) -> int:
     return n
 
 
-def closed(away_mm: int, body_mm: int) -> int:
-    """Half the sector of headings along which a disc of `body_mm` meets a point within the look."""
-    if away_mm >= LOOK_MM + body_mm or body_mm <= 0:
-        return 0
-    if away_mm <= body_mm:
-        return QUARTER
-    square = away_mm * away_mm - body_mm * body_mm
-    if square <= LOOK_MM2:
-        return ASIN[body_mm * TABLE // away_mm]
-    share = (square + LOOK_MM2) * (TABLE // 2) // (away_mm * LOOK_MM)
-    return ACOS[share] if share < TABLE else 0
+def close(sectors: Sectors, halves: "list[int]", margin_mm: int) -> None:
+    """Half of each sector: the headings along which a disc, so much larger than the robot's, meets
+    the point within the look."""
+    away, body, look_mm, look_mm2 = sectors.away_mm, sectors.body_mm, LOOK_MM, LOOK_MM2
+    for k in range(sectors.count):
+        away_mm, body_mm = away[k], body[k] + margin_mm
+        if away_mm <= body_mm:
+            halves[k] = QUARTER
+        elif body_mm <= 0 or away_mm >= look_mm + body_mm:
+            halves[k] = 0
+        else:
+            square = away_mm * away_mm - body_mm * body_mm
+            if square <= look_mm2:
+                halves[k] = ASIN[(body_mm << 8) // away_mm]
+            else:
+                halves[k] = ACOS[(square + look_mm2 << 7) // (away_mm * look_mm)]
 
 
 def squeeze(sectors: Sectors) -> None:
     """Work out the sectors without any margin."""
-    for k in range(sectors.count):
-        sectors.squeezed[k] = closed(sectors.away_mm[k], sectors.body_mm[k] + SQUEEZE_MM)
+    close(sectors, sectors.squeezed, SQUEEZE_MM)
 
 
 def closer(sectors: Sectors, heading: int, halves: "list[int]") -> int:
@@ -264,7 +262,13 @@ def aim(sectors: Sectors, start: int, side: int) -> None:
         offset[k] = (side * bearing[k] + across) % CIRCLE - HALF_CIRCLE
 
 
-def sweep(sectors: Sectors, halves: "list[int]", turn: int = 0, most: int = CIRCLE) -> int:
+def sweep(sectors: Sectors, start: int, side: int, halves: "list[int]") -> int:
+    """How far to turn from `start` towards `side` until a heading is open; CIRCLE if none is."""
+    aim(sectors, start, side)
+    return open_from(sectors, halves, 0, CIRCLE)
+
+
+def open_from(sectors: Sectors, halves: "list[int]", turn: int, most: int) -> int:
     """How far to turn, from `turn` on, until a heading is open; CIRCLE if none is before `most`.
 
     First everything is put in the order it is in, once about the circle; what covers a heading is
@@ -287,7 +291,7 @@ def sweep(sectors: Sectors, halves: "list[int]", turn: int = 0, most: int = CIRC
                 low[k], rest[count] = start, k
                 count += 1
     before = NOTHING
-    while before != turn:
+    while before != turn and turn <= most:
         before, j = turn, 0
         while j < count:
             k = rest[j]
@@ -301,14 +305,6 @@ def sweep(sectors: Sectors, halves: "list[int]", turn: int = 0, most: int = CIRC
                 j += 1
     sectors.closing = closing
     return turn if turn <= most and turn < CIRCLE else CIRCLE
-
-
-def both_ways(sectors: Sectors, start: int, halves: "list[int]") -> "tuple[int, int]":
-    """How far to turn to the left, and to the right, until a heading is open."""
-    aim(sectors, start, LEFT)
-    left = sweep(sectors, halves)
-    aim(sectors, start, RIGHT)
-    return left, sweep(sectors, halves)
 
 
 def room(sectors: Sectors, turn: int, halves: "list[int]") -> int:

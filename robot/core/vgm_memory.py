@@ -123,7 +123,9 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     to_goal = int(BRADS * goal_rad)
     heading = int(BRADS * pose.heading_rad)
     memory.heading = to_goal
-    look(memory, pose, ring, int(1000.0 * params.radius_m))
+    radius_mm = int(1000.0 * params.radius_m)
+    echo_memory.update(memory.echoes, pose, ring, radius_mm)
+    headings.measure(memory.sectors, memory.echoes, pose, ring, memory.ease_mm, radius_mm)
     if escorts.watch(memory.escort, ring, int(1000.0 * pose.x_m), int(1000.0 * pose.y_m), heading):
         memory.following = False
         echo_memory.clear(memory.echoes)
@@ -134,14 +136,6 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     if distance_m < memory.best_m:
         memory.best_m = distance_m
     return decision(memory, pose, ring, goal_rad, dx_m, dy_m, params)
-
-
-def look(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
-    """Remember the echoes, and find out which headings what is remembered closes."""
-    cosine, sine = int(1024.0 * cos(pose.heading_rad)), int(1024.0 * sin(pose.heading_rad))
-    echoes, ease_mm = memory.echoes, memory.ease_mm
-    echo_memory.update(echoes, pose, ring, cosine, sine, radius_mm)
-    headings.measure(memory.sectors, echoes, pose, ring, cosine, sine, ease_mm, radius_mm)
 
 
 def is_somewhere(pose: Pose, distance_m: float) -> bool:
@@ -158,7 +152,8 @@ def give_way(memory: Memory) -> None:
     """Away from who walks alongside, where that is open, and wait until he has gone ahead."""
     sectors, escort = memory.sectors, memory.escort
     escort.ticks -= 1
-    left, right = headings.both_ways(sectors, escort.heading, sectors.tight)
+    left = headings.sweep(sectors, escort.heading, states.LEFT, sectors.tight)
+    right = headings.sweep(sectors, escort.heading, states.RIGHT, sectors.tight)
     memory.aside, turn = (states.LEFT, left) if left <= right else (states.RIGHT, right)
     memory.heading = escort.heading + memory.aside * turn
 
@@ -193,7 +188,8 @@ def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: 
 def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
     """The smallest rotation with a wide margin, if it is small; the side is kept for a while."""
     sectors = memory.sectors
-    left, right = headings.both_ways(sectors, to_goal, sectors.wide)
+    left = headings.sweep(sectors, to_goal, states.LEFT, sectors.wide)
+    right = headings.sweep(sectors, to_goal, states.RIGHT, sectors.wide)
     if memory.aside_ticks > 0:
         memory.aside_ticks -= 1
         if memory.aside == states.LEFT:
@@ -218,7 +214,8 @@ def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -
         if loops.is_near(memory.left_x_cm - x_cm, memory.left_y_cm - y_cm, AGAIN_CM):
             hold(memory, headings.closer(sectors, to_goal, sectors.tight))
             return
-    left, right = headings.both_ways(sectors, to_goal, sectors.tight)
+    left = headings.sweep(sectors, to_goal, states.LEFT, sectors.tight)
+    right = headings.sweep(sectors, to_goal, states.RIGHT, sectors.tight)
     wanted = states.LEFT if left <= right else states.RIGHT
     memory.side = loops.side_at(memory.loops, x_cm, y_cm, wanted)
     loops.remember(memory.loops, x_cm, y_cm, memory.side)
@@ -271,18 +268,17 @@ def open_turn(memory: Memory, start: int, heading: int) -> int:
     the middle of what is open, and through a gap without a margin before turning back."""
     sectors, side = memory.sectors, memory.side
     halves = sectors.tight
-    headings.aim(sectors, start, side)
-    turn = headings.sweep(sectors, halves)
+    turn = headings.sweep(sectors, start, side, halves)
     closing = sectors.closing
     off = (start + side * turn - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
     if turn >= CIRCLE or not -WIDE_TURN < off < WIDE_TURN:
         headings.squeeze(sectors)
-        squeezed = headings.sweep(sectors, sectors.squeezed)
+        squeezed = headings.open_from(sectors, sectors.squeezed, 0, turn - SOFT)
         if squeezed < turn - SOFT:
             turn, closing = squeezed, sectors.closing
             halves = sectors.squeezed
     if halves is sectors.tight and turn < CIRCLE:
-        wide = headings.sweep(sectors, sectors.wide, turn, turn + SOFT)
+        wide = headings.open_from(sectors, sectors.wide, turn, turn + SOFT)
         if wide < turn + SOFT:
             sectors.closing = closing
             return wide
