@@ -13,6 +13,7 @@ from robot.core.echoes import (
     QUARTER,
     SURE,
     Echoes,
+    listen,
 )
 from robot.core.geometry import BEARINGS
 from robot.core.headings import (
@@ -47,7 +48,9 @@ def points(*places_mm: tuple[int, int], weight: int = MOST_WEIGHT, spread_mm: in
 
 def measured(echoes: Echoes, pose: Pose = HERE, seen: Ring = SILENT, ease_mm: int = 0) -> Sectors:
     sectors = Sectors()
-    headings.measure(sectors, echoes, pose, seen, ease_mm, RADIUS_MM)
+    cosine, sine = int(1024.0 * cos(pose.heading_rad)), int(1024.0 * sin(pose.heading_rad))
+    listen(echoes, seen, RADIUS_MM)
+    headings.measure(sectors, echoes, pose, seen, cosine, sine, ease_mm, RADIUS_MM)
     return sectors
 
 

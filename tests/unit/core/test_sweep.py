@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from robot.core import headings
 from robot.core.echoes import CIRCLE, HALF_CIRCLE, NOTHING, QUARTER
-from robot.core.headings import NEAR, PASSES, Sectors
+from robot.core.headings import NEAR, Sectors
 
 BOTH = pytest.mark.parametrize("side", [1, -1])
 
@@ -35,23 +35,47 @@ sectors_given = st.lists(st.tuples(bearings, halves), max_size=NEAR)
 sides = st.sampled_from([1, -1])
 
 
+def swept(sectors: Sectors, start: int, side: int) -> int:
+    headings.aim(sectors, start, side)
+    return headings.sweep(sectors, sectors.tight)
+
+
 @given(sectors_given, bearings, sides)
 def test_a_sweep_finds_the_smallest_open_rotation_on_either_side(
     given: list[tuple[int, int]], start: int, side: int
 ) -> None:
-    """One with more in its chain than its passes reach may only err by calling it endless."""
+    assert swept(chain(*given), start, side) == smallest(given, start, side)
+
+
+@given(sectors_given, bearings)
+def test_both_ways_are_swept_alike(given: list[tuple[int, int]], start: int) -> None:
     sectors = chain(*given)
-    turn = headings.sweep(sectors, start, side, sectors.tight)
-    right = smallest(given, start, side)
-    assert turn == right or (turn == CIRCLE and len(given) >= PASSES)
+    left, right = headings.both_ways(sectors, start, sectors.tight)
+    assert (left, right) == (smallest(given, start, 1), smallest(given, start, -1))
 
 
-@given(st.lists(st.tuples(bearings, halves), max_size=PASSES - 1), bearings, sides)
-def test_of_few_sectors_a_sweep_misses_none(
+@given(sectors_given, bearings, sides, st.integers(0, HALF_CIRCLE), st.integers(1, HALF_CIRCLE))
+def test_a_sweep_from_farther_on_finds_the_next_open_heading_before_its_end(
+    given: list[tuple[int, int]], start: int, side: int, turn: int, more: int
+) -> None:
+    sectors = chain(*given)
+    headings.aim(sectors, start, side)
+    found = headings.sweep(sectors, sectors.tight, turn, turn + more)
+    right = turn + smallest(given, start + side * turn, side)
+    assert found == (right if right <= turn + more else CIRCLE)
+
+
+@given(sectors_given, bearings, sides)
+def test_what_closes_the_heading_before_the_open_one_is_known(
     given: list[tuple[int, int]], start: int, side: int
 ) -> None:
     sectors = chain(*given)
-    assert headings.sweep(sectors, start, side, sectors.tight) == smallest(given, start, side)
+    turn = swept(sectors, start, side)
+    assume(turn < CIRCLE)
+    if turn == 0:
+        assert sectors.closing == NOTHING
+    else:
+        assert not is_open([given[sectors.closing]], start + side * (turn - 1))
 
 
 @BOTH
@@ -59,7 +83,7 @@ def test_of_few_sectors_a_sweep_misses_none(
 def test_a_chain_is_swept_to_its_end_to_and_fro(side: int, order: int) -> None:
     row = [(side * 100 * k, 80) for k in range(NEAR)][::order]
     sectors = chain(*row)
-    assert headings.sweep(sectors, 0, side, sectors.tight) == 100 * (NEAR - 1) + 80
+    assert swept(sectors, 0, side) == 100 * (NEAR - 1) + 80
     last = row.index((side * 100 * (NEAR - 1), 80))
     assert sectors.closing == last
 
@@ -67,12 +91,12 @@ def test_a_chain_is_swept_to_its_end_to_and_fro(side: int, order: int) -> None:
 @BOTH
 def test_where_everything_is_closed_a_sweep_finds_no_end(side: int) -> None:
     sectors = chain(*[(k * 512, 300) for k in range(8)])
-    assert headings.sweep(sectors, 77, side, sectors.tight) == CIRCLE
+    assert swept(sectors, 77, side) == CIRCLE
 
 
 def test_an_open_heading_is_not_turned_and_nothing_closes_it() -> None:
     sectors = chain((500, 200))
-    assert headings.sweep(sectors, 0, 1, sectors.tight) == 0
+    assert swept(sectors, 0, 1) == 0
     assert sectors.closing == NOTHING
 
 
@@ -81,7 +105,7 @@ def test_room_is_how_far_it_stays_open_beyond(
     given: list[tuple[int, int]], start: int, side: int
 ) -> None:
     sectors = chain(*given)
-    turn = headings.sweep(sectors, start, side, sectors.tight)
+    turn = swept(sectors, start, side)
     assume(turn < CIRCLE)
     room = headings.room(sectors, turn, sectors.tight)
     assert all(is_open(given, start + side * (turn + k)) for k in range(room + 1))

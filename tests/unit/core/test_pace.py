@@ -1,0 +1,176 @@
+from math import inf, pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.core import pace
+from robot.core.geometry import BEARINGS
+from robot.core.headings import FREE_MM
+from robot.core.pace import BESIDE, CLOSE_M, FLANK_M, LOOK_M
+from robot.core.parameters import DEFAULTS
+from robot.core.ring import Ring
+from robot.core.values import SONARS
+from tests.unit.core.test_vgm import ring
+
+ALL_SILENT = ring({})
+AHEAD = [2, 3, 4, 5]
+MOST_M_S = DEFAULTS.v_max_m_s
+
+
+def heard(range_m: list[float | None]) -> Ring:
+    seen = Ring()
+    seen.range_m = range_m
+    seen.nearest_m = min([m for m in range_m if m is not None], default=inf)
+    return seen
+
+
+def only(sonar: int, range_m: float) -> Ring:
+    ranges: list[float | None] = [inf] * SONARS
+    ranges[sonar] = range_m
+    return heard(ranges)
+
+
+def speed(seen: Ring, free_mm: int = FREE_MM, error_rad: float = 0.0) -> float:
+    return pace.speed(seen, free_mm, error_rad, DEFAULTS)
+
+
+some_range = st.one_of(st.none(), st.just(inf), st.floats(0.02, 3.3), st.floats(0.02, 0.3))
+rings = st.lists(some_range, min_size=SONARS, max_size=SONARS).map(heard)
+rooms = st.integers(0, FREE_MM)
+errors = st.floats(-pi, pi)
+
+
+def mirrored(seen: Ring) -> Ring:
+    return heard(seen.range_m[::-1])
+
+
+def test_with_nothing_near_it_goes_at_full_speed() -> None:
+    assert speed(ALL_SILENT) == MOST_M_S
+    assert speed(only(3, CLOSE_M)) == MOST_M_S
+
+
+@pytest.mark.parametrize("sonar", AHEAD)
+def test_the_nearer_something_ahead_the_slower(sonar: int) -> None:
+    speeds_m_s = [speed(only(sonar, 0.01 * k)) for k in range(2, 40)]
+    assert speeds_m_s == sorted(speeds_m_s)
+    assert speeds_m_s[0] < 0.05 < speeds_m_s[-1]
+
+
+@pytest.mark.parametrize("sonar", AHEAD)
+def test_where_the_guard_would_stop_it_it_does_not_push(sonar: int) -> None:
+    assert speed(only(sonar, DEFAULTS.guard_stop_m)) == 0.0
+
+
+@pytest.mark.parametrize("sonar", [0, 7])
+def test_a_wall_beside_it_is_passed_quickly_unless_it_nearly_touches(sonar: int) -> None:
+    assert speed(only(sonar, 0.12)) == MOST_M_S
+    assert 0.0 < speed(only(sonar, 0.03)) < MOST_M_S
+
+
+def test_little_room_ahead_slows_down_and_none_stops() -> None:
+    speeds_m_s = [speed(ALL_SILENT, free_mm) for free_mm in range(0, FREE_MM, 10)]
+    assert speeds_m_s == sorted(speeds_m_s)
+    assert speeds_m_s[0] == 0.0
+    assert speeds_m_s[-1] == MOST_M_S
+
+
+def test_it_turns_before_it_goes() -> None:
+    speeds_m_s = [speed(ALL_SILENT, error_rad=0.05 * k) for k in range(60)]
+    assert speeds_m_s == sorted(speeds_m_s, reverse=True)
+    assert speed(ALL_SILENT, error_rad=0.5 * pi + 0.01) == 0.0
+
+
+@given(rings, rooms, errors)
+def test_the_speed_is_never_negative_nor_more_than_it_can(
+    seen: Ring, free_mm: int, error_rad: float
+) -> None:
+    assert 0.0 <= speed(seen, free_mm, error_rad) <= MOST_M_S
+
+
+@given(rings, rooms, errors)
+def test_the_speed_is_the_same_in_the_mirror(seen: Ring, free_mm: int, error_rad: float) -> None:
+    mirror_m_s = speed(mirrored(seen), free_mm, -error_rad)
+    assert speed(seen, free_mm, error_rad) == pytest.approx(mirror_m_s, abs=1e-12)
+
+
+@given(rings, st.integers(0, SONARS - 1), st.floats(0.02, 0.3), rooms)
+def test_one_echo_more_never_makes_it_quicker(
+    seen: Ring, sonar: int, range_m: float, free_mm: int
+) -> None:
+    more = list(seen.range_m)
+    more[sonar] = min(range_m, here_m if (here_m := more[sonar]) is not None else inf)
+    assert speed(heard(more), free_mm) <= speed(seen, free_mm)
+
+
+@pytest.mark.parametrize("sonar", range(SONARS))
+def test_it_keeps_off_a_flank_that_is_too_near(sonar: int) -> None:
+    towards_left = sonar >= SONARS // 2
+    away_rad = pace.keep_off(only(sonar, 0.5 * FLANK_M))
+    assert (away_rad < 0.0) == towards_left
+    assert away_rad != 0.0
+    assert abs(pace.keep_off(only(sonar, 0.25 * FLANK_M))) > abs(away_rad)
+
+
+def test_between_two_equally_near_flanks_and_far_from_all_it_keeps_its_heading() -> None:
+    both: list[float | None] = [inf] * SONARS
+    both[0] = both[7] = 0.5 * FLANK_M
+    assert pace.keep_off(heard(both)) == 0.0
+    assert pace.keep_off(only(0, FLANK_M)) == 0.0
+    assert pace.keep_off(ALL_SILENT) == 0.0
+
+
+@given(rings)
+def test_it_keeps_off_the_other_way_in_the_mirror(seen: Ring) -> None:
+    assert pace.keep_off(mirrored(seen)) == -pace.keep_off(seen)
+    assert abs(pace.keep_off(seen)) < 0.5 * pi
+
+
+def free(seen: Ring, alpha_rad: float, distance_m: float = 10.0) -> float:
+    return pace.free_towards(seen, alpha_rad, distance_m, DEFAULTS)
+
+
+@pytest.mark.parametrize("alpha_rad", [BESIDE, -BESIDE, 2.0, -3.0, pi])
+def test_where_no_sonar_looks_nothing_is_known_to_be_free(alpha_rad: float) -> None:
+    assert free(ALL_SILENT, alpha_rad) == 0.0
+
+
+def test_a_way_without_echoes_is_free_as_far_as_sonars_reach() -> None:
+    assert free(ALL_SILENT, 0.3, 2.0) == 2.0
+    assert free(ALL_SILENT, 0.3, 10.0) == DEFAULTS.sonar_max_m - LOOK_M
+
+
+@pytest.mark.parametrize("sonar", range(SONARS))
+def test_an_echo_in_the_way_ends_what_is_free_before_it(sonar: int) -> None:
+    assert free(only(sonar, 1.2), BEARINGS[sonar]) == pytest.approx(1.2 - LOOK_M)
+    assert free(only(sonar, 1.2), BEARINGS[sonar], 1.0) == 1.0
+    assert free(only(sonar, 0.1), BEARINGS[sonar]) == 0.0
+
+
+def test_an_echo_aside_that_the_body_passes_leaves_the_way_free() -> None:
+    assert free(only(7, 0.5), 0.0) == DEFAULTS.sonar_max_m - LOOK_M
+    assert free(only(5, 0.05), 0.0) < 0.1
+
+
+@pytest.mark.parametrize("sonar", range(SONARS))
+def test_a_sonar_that_says_nothing_promises_nothing(sonar: int) -> None:
+    ranges: list[float | None] = [inf] * SONARS
+    ranges[sonar] = None
+    assert free(heard(ranges), BEARINGS[sonar]) == 0.0
+    assert free(heard(ranges), BEARINGS[(sonar + 4) % SONARS]) > 0.0
+
+
+@given(rings, errors, st.floats(0.0, 20.0))
+def test_what_is_free_is_never_beyond_the_goal_nor_more_than_without_echoes(
+    seen: Ring, alpha_rad: float, distance_m: float
+) -> None:
+    assert 0.0 <= free(seen, alpha_rad, distance_m) <= free(ALL_SILENT, alpha_rad, distance_m)
+
+
+@given(st.integers(0, SONARS - 1), st.floats(0.02, 3.0), errors, st.floats(0.0, 20.0))
+def test_to_the_left_as_much_is_free_as_to_the_right(
+    sonar: int, range_m: float, alpha_rad: float, distance_m: float
+) -> None:
+    seen = only(sonar, range_m)
+    mirror_m = free(mirrored(seen), -alpha_rad, distance_m)
+    assert free(seen, alpha_rad, distance_m) == pytest.approx(mirror_m, abs=1e-9)
