@@ -4,6 +4,7 @@ Generated from runs as they come and tuned to nobody's claim.
 """
 
 import argparse
+import re
 import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -26,6 +27,7 @@ HEAD = (
     "| world | navigator | noise | outcome | reason | time s | path / shortest | clearance m |"
     " contacts | of {seeds} seeds |"
 )
+SUMMARY = re.compile(r"^\| navigator \| noise \| runs \|.*?\n(?=\n)", re.MULTILINE | re.DOTALL)
 
 
 class Row(NamedTuple):
@@ -43,11 +45,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--worlds", nargs="+", default=shipped())
     parser.add_argument("--jobs", type=int, default=cpu_count())
     parser.add_argument("--output", type=Path, default=Path("docs/outcomes.md"))
+    parser.add_argument("--readme", type=Path, metavar="FILE", help="renew the summary in it, too")
     options = parser.parse_args(argv)
     with ProcessPoolExecutor(options.jobs) as pool:
         rows = list(pool.map(rows_of, options.worlds, [options.seeds] * len(options.worlds)))
     text = document(rows, options.seeds)
     options.output.write_text(text, encoding="utf-8")
+    if options.readme is not None:
+        page = options.readme.read_text(encoding="utf-8")
+        options.readme.write_text(with_summary(page, text), encoding="utf-8")
     print(f"{options.output}: {len(rows)} worlds", file=sys.stderr)
     return 0
 
@@ -109,6 +115,13 @@ def summary(rows: list[Row]) -> list[str]:
         counts = " | ".join(str(ends[outcome]) for outcome in OUTCOMES)
         lines.append(f"| {navigator} | {noise} | {ends.total()} | {counts} |")
     return lines
+
+
+def with_summary(page: str, document: str) -> str:
+    """The page with its summary table as in the document."""
+    made = SUMMARY.search(document)
+    assert made is not None
+    return SUMMARY.sub(lambda _: made[0], page)
 
 
 def line(row: Row) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from plant.world_file import shipped
-from study.outcomes import document, main, rows_of
+from study.outcomes import document, main, rows_of, with_summary
 
 TABLE = Path(__file__).parents[2] / "docs" / "outcomes.md"
 NAMES = ("bug, left", "bug, right", "vgm", "bug1", "bug2", "distbug", "vgm_memory")
@@ -37,6 +37,14 @@ def test_it_writes_the_file_it_is_told_to(
     assert main(["--worlds", "open", "--seeds", "1", "--jobs", "1", "--output", str(path)]) == 0
     assert path.read_text(encoding="utf-8").count("\n| open | ") == 2 * len(NAMES)
     assert "1 worlds" in capsys.readouterr().err
+
+
+def test_only_the_summary_of_a_page_is_renewed() -> None:
+    text = document([rows_of("open", 1)], 1)
+    page = "# Page\n\n| navigator | noise | runs | old |\n|---|\n| vgm | none | 9 |\n\n| other |\n"
+    summary = text.partition("## In sum\n\n")[2].partition("\n\n")[0]
+    assert with_summary(page, text) == f"# Page\n\n{summary}\n\n| other |\n"
+    assert with_summary("no table", text) == "no table"
 
 
 @pytest.mark.parametrize("world", shipped())
