@@ -1,0 +1,373 @@
+from math import atan2, hypot, inf, nan, pi
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot.core import escort as escorts
+from robot.core import loops, states, vgm_memory
+from robot.core import ring as rings
+from robot.core.echoes import REACH_M, SURE
+from robot.core.geometry import wrap
+from robot.core.parameters import DEFAULTS
+from robot.core.ring import Ring
+from robot.core.values import SONARS, Decision, Goal, Pose, Scan
+from robot.core.vgm_memory import ISLANDS, LONG_CM, PROMISES, SHUT_TICKS, Memory
+from tests.unit.core.rings import Disc, Wall, clearance_m, walk_to
+from tests.unit.core.test_vgm import ring
+
+HERE = Pose(0.0, 0.0, 0.0)
+GOAL = Goal(3.0, 0.0, None, 0.05, 0.05)
+SILENT = ring({})
+PASSING = {states.PASS_LEFT, states.PASS_RIGHT}
+SIDES = pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+
+
+def step(memory: Memory, pose: Pose, seen: Ring, goal: Goal = GOAL) -> Decision:
+    return vgm_memory.step(memory, pose, seen, goal, DEFAULTS)
+
+
+def stand(memory: Memory, seen: Ring, ticks: int, goal: Goal = GOAL) -> Decision:
+    for _ in range(ticks):
+        decision = step(memory, HERE, seen, goal)
+    return decision
+
+
+def contents(thing: object) -> object:
+    """All that a memory holds, to be compared."""
+    slots = getattr(thing, "__slots__", ())
+    if not slots:
+        return repr(thing)
+    return {name: contents(getattr(thing, name)) for name in slots}
+
+
+def size(thing: object) -> int:
+    """How many numbers a memory holds."""
+    slots = getattr(thing, "__slots__", ())
+    if slots:
+        return sum(size(getattr(thing, name)) for name in slots)
+    return len(thing) if isinstance(thing, list | bytearray | tuple) else 1
+
+
+def branch_of(side: int) -> int:
+    return states.PASS_LEFT if side == states.LEFT else states.PASS_RIGHT
+
+
+def slanting(side: int) -> Ring:
+    """Something in the way that leaves less to turn on this side."""
+    echoes = {4: 150, 3: 130, 2: 160, 1: 220}
+    return ring({i if side == states.LEFT else 7 - i: mm for i, mm in echoes.items()})
+
+
+places = st.floats(-8.0, 8.0)
+poses = st.builds(Pose, places, places, st.floats(-pi, pi))
+far = st.lists(st.floats(REACH_M + 0.01, 3.0), min_size=SONARS, max_size=SONARS)
+
+
+@given(st.lists(st.tuples(poses, far), min_size=1, max_size=20), places, places)
+def test_with_nothing_near_the_goal_itself_is_the_virtual_one(
+    story: list[tuple[Pose, list[float]]], x_m: float, y_m: float
+) -> None:
+    memory, goal = Memory(), Goal(x_m, y_m, None, 0.05, 0.05)
+    for pose, range_m in story:
+        seen = ring({i: round(1000.0 * range_m[i]) for i in range(SONARS)})
+        decision = step(memory, pose, seen, goal)
+        assert decision.branch == states.TO_GOAL
+        assert decision.rotation_rad == 0.0
+        assert (decision.virtual_x_m, decision.virtual_y_m) == pytest.approx((x_m, y_m), abs=1e-9)
+
+
+near = st.lists(st.one_of(st.integers(20, 400), st.just(0)), min_size=SONARS, max_size=SONARS)
+
+
+@given(poses, near, places, places)
+def test_the_virtual_goal_is_as_far_as_the_goal_turned_by_the_rotation(
+    pose: Pose, range_mm: list[int], x_m: float, y_m: float
+) -> None:
+    memory, goal = Memory(), Goal(x_m, y_m, None, 0.05, 0.05)
+    seen = ring({i: mm for i, mm in enumerate(range_mm) if mm})
+    for _ in range(6):
+        decision = step(memory, pose, seen, goal)
+        dx_m, dy_m = decision.virtual_x_m - pose.x_m, decision.virtual_y_m - pose.y_m
+        distance_m = hypot(x_m - pose.x_m, y_m - pose.y_m)
+        assert hypot(dx_m, dy_m) == pytest.approx(distance_m, abs=1e-9)
+        if distance_m > 1e-3:
+            turn_rad = decision.goal_bearing_rad + decision.rotation_rad
+            bearing_rad = atan2(dy_m, dx_m) - pose.heading_rad
+            assert abs(wrap(bearing_rad - turn_rad)) < 1e-6
+
+
+@SIDES
+def test_what_stands_in_the_way_is_passed_on_the_side_of_the_smaller_rotation(side: int) -> None:
+    discs: list[Disc] = [(1.5, -0.22 * side, 0.3)]
+    walk = walk_to(states.VGM_MEMORY, GOAL, [], discs)
+    assert walk.arrived
+    assert walk.branches & PASSING == {branch_of(side)}
+    assert max(side * pose.y_m for pose in walk.poses) > 0.1
+    assert min(clearance_m(pose, [], discs) for pose in walk.poses) > 0.03
+
+
+@SIDES
+def test_the_side_is_latched_until_the_obstacle_is_left(side: int) -> None:
+    """Even if the other side would do with less by now."""
+    memory = Memory()
+    seen = slanting(side)
+    assert stand(memory, seen, 8).branch == branch_of(side)
+    assert memory.following
+    turned = slanting(-side)
+    assert stand(memory, turned, 40).branch == branch_of(side)
+
+
+@SIDES
+def test_at_the_same_place_the_other_side_is_tried_next(side: int) -> None:
+    memory = Memory()
+    stand(memory, SILENT, 1)
+    loops.remember(memory.loops, 0, 0, side)
+    seen = slanting(side)
+    assert stand(memory, seen, 8).branch == branch_of(-side)
+
+
+@SIDES
+def test_one_echo_alone_turns_nothing(side: int) -> None:
+    memory = Memory()
+    seen = slanting(side)
+    assert stand(memory, seen, 2).branch == states.TO_GOAL
+    assert stand(memory, SILENT, 20).branch == states.TO_GOAL
+
+
+def alongside(best_m: float) -> Memory:
+    """Following a wall to its right, with the way to the goal open."""
+    memory = Memory()
+    beside = ring({0: 130})
+    stand(memory, beside, 8)
+    memory.following, memory.side = True, states.LEFT
+    memory.anchor_x_mm, memory.anchor_y_mm = memory.echoes.x_mm[0], memory.echoes.y_mm[0]
+    memory.best_m = best_m
+    return memory
+
+
+def test_the_obstacle_is_left_where_the_way_on_is_nearer_than_ever() -> None:
+    assert stand(alongside(inf), ring({0: 130}), 2).branch == states.TO_GOAL
+
+
+def test_promised_progress_is_enough_only_while_promises_are_kept() -> None:
+    memory = alongside(1.0)
+    assert stand(memory, ring({0: 130}), 2).branch == states.TO_GOAL
+    doubtful = alongside(1.0)
+    doubtful.broken = PROMISES
+    assert stand(doubtful, ring({0: 130}), 2).branch == states.PASS_LEFT
+
+
+def test_without_progress_the_obstacle_is_followed_on() -> None:
+    """Something far ahead in the way to the goal promises no more than it lets through."""
+    memory = alongside(1.0)
+    assert stand(memory, ring({0: 130, 3: 900, 4: 900}), 2).branch == states.PASS_LEFT
+
+
+def come_round(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
+    """A loop of two metres about a place, walked to the left (1) or to the right (-1)."""
+    corners = [(-100, -100), (100, -100), (100, 100), (-100, 100)][::turn]
+    for _ in range(times):
+        memory.following = True
+        way = memory.loops
+        for k, (dx_cm, dy_cm) in enumerate(corners):
+            way.x_cm[k], way.y_cm[k] = x_cm + dx_cm, dy_cm
+        way.count, way.first = len(corners), 0
+        vgm_memory.come_round(memory)
+
+
+def heading_for(goal: Goal, side: int) -> Memory:
+    memory = Memory()
+    stand(memory, SILENT, 1, goal)
+    memory.side = side
+    return memory
+
+
+@SIDES
+def test_round_an_island_it_goes_for_the_goal_again_but_not_for_ever(side: int) -> None:
+    """With the island on its right it walks to the right."""
+    memory = heading_for(GOAL, side)
+    come_round(memory, -side, 0)
+    assert not memory.following
+    assert not memory.given_up
+    come_round(memory, -side, 0, times=ISLANDS)
+    assert memory.given_up
+
+
+@SIDES
+@pytest.mark.parametrize(("round_goal", "x_cm"), [(True, 300), (False, 0)])
+def test_a_loop_that_keeps_robot_and_goal_apart_proves_that_no_way_leads_there(
+    side: int, round_goal: bool, x_cm: int
+) -> None:
+    """Round the goal, or along the inside of what the goal is not in."""
+    memory = heading_for(GOAL, side)
+    come_round(memory, -side if round_goal else side, x_cm)
+    assert memory.given_up
+    assert stand(memory, SILENT, 1).branch == states.GIVE_UP
+
+
+@SIDES
+def test_after_a_turn_about_the_loop_is_walked_the_other_way_round_first(side: int) -> None:
+    memory = heading_for(GOAL, side)
+    memory.doubtful = True
+    come_round(memory, side, 0)
+    assert not memory.given_up
+    assert memory.side == -side
+    memory.doubtful = True
+    come_round(memory, -side, 0)
+    assert memory.given_up
+
+
+def test_a_long_doubtful_loop_needs_one_proof_more() -> None:
+    memory = heading_for(GOAL, states.LEFT)
+    for turn in (1, -1):
+        memory.doubtful = True
+        memory.loops.spacing_cm = LONG_CM
+        come_round(memory, turn, 0)
+    assert not memory.given_up
+
+
+BOX: list[Wall] = [(2.4, -0.6, 3.6, -0.6), (3.6, -0.6, 3.6, 0.6)]
+BOX += [(3.6, 0.6, 2.4, 0.6), (2.4, 0.6, 2.4, -0.6)]
+TRAP: list[Wall] = [(0.8, 0.5, 2.0, 0.5), (2.0, 0.5, 2.0, -0.5), (2.0, -0.5, 0.8, -0.5)]
+
+
+def test_a_walled_in_goal_is_given_up() -> None:
+    walk = walk_to(states.VGM_MEMORY, GOAL, BOX, [], seconds=240.0)
+    assert walk.gave_up
+    assert min(clearance_m(pose, BOX) for pose in walk.poses) > 0.03
+
+
+def test_a_walled_in_robot_gives_up() -> None:
+    around = [(x0 - 3.0, y0, x1 - 3.0, y1) for x0, y0, x1, y1 in BOX]
+    walk = walk_to(states.VGM_MEMORY, GOAL, around, [], seconds=240.0)
+    assert walk.gave_up
+
+
+def test_a_trap_is_entered_and_left() -> None:
+    walk = walk_to(states.VGM_MEMORY, GOAL, TRAP, [])
+    assert walk.arrived
+    assert max(pose.x_m for pose in walk.poses if abs(pose.y_m) < 0.4) > 1.5
+    assert min(clearance_m(pose, TRAP) for pose in walk.poses) > 0.03
+
+
+def test_a_disc_is_passed_by_a_small_detour() -> None:
+    discs: list[Disc] = [(1.5, 0.02, 0.25)]
+    walk = walk_to(states.VGM_MEMORY, GOAL, [], discs)
+    assert walk.arrived
+    assert max(abs(pose.y_m) for pose in walk.poses) < 0.7
+    assert min(clearance_m(pose, [], discs) for pose in walk.poses) > 0.03
+
+
+def test_a_goal_just_before_a_wall_is_driven_to() -> None:
+    wall: list[Wall] = [(3.2, -1.0, 3.2, 1.0)]
+    assert walk_to(states.VGM_MEMORY, GOAL, wall, []).arrived
+
+
+def test_shut_in_on_all_sides_it_looks_round_and_in_the_end_believes_none_of_it() -> None:
+    memory = Memory()
+    ghosts = ring(dict.fromkeys(range(SONARS), 30))
+    for k in range(80):
+        step(memory, Pose(0.0, 0.0, wrap(0.1 * k)), ghosts)
+    assert memory.following
+    counts = []
+    for _ in range(SHUT_TICKS + 2):
+        step(memory, HERE, SILENT)
+        counts.append(memory.echoes.count)
+    assert 0 in counts
+
+
+@SIDES
+def test_who_walks_alongside_is_let_go_ahead(side: int) -> None:
+    memory, x_m = Memory(), 0.0
+    beside = ring({7: 100, 6: 2500} if side == states.LEFT else {0: 100, 1: 2500})
+    while memory.escort.ticks == 0 and x_m < 1.0:
+        x_m += 0.01
+        step(memory, Pose(x_m, 0.0, 0.0), beside)
+    decisions = [step(memory, Pose(x_m, 0.0, 0.0), SILENT) for _ in range(80)]
+    assert wrap(decisions[0].goal_bearing_rad + decisions[0].rotation_rad) * side < -1.0
+    waits = [decision.speed_limit_m_s == 0.0 for decision in decisions]
+    assert waits[escorts.DRIVE_TICKS + 2]
+    assert decisions[-1].branch == states.TO_GOAL
+    assert decisions[-1].speed_limit_m_s > 0.0
+
+
+def test_a_new_goal_begins_afresh_and_the_echoes_stay_true() -> None:
+    memory = Memory()
+    stand(memory, slanting(states.LEFT), 8)
+    memory.given_up, points = True, memory.echoes.count
+    assert points > 0
+    assert stand(memory, SILENT, 1).branch == states.GIVE_UP
+    behind = Goal(-3.0, 0.0, None, 0.05, 0.05)
+    assert stand(memory, SILENT, 1, behind).branch == states.TO_GOAL
+    assert not memory.following
+    assert memory.loops.hits == 0
+    assert memory.best_m == 3.0
+    assert memory.echoes.count == points
+    assert max(memory.echoes.weight) >= SURE
+
+
+def test_a_goal_begun_again_forgets_as_much_as_a_new_memory_has() -> None:
+    memory = heading_for(GOAL, states.LEFT)
+    fresh = Memory()
+    stand(fresh, SILENT, 1)
+    come_round(memory, 1, 0)
+    vgm_memory.begin(memory)
+    for name in ("following", "given_up", "reversed", "doubtful", "left_m", "hit_m"):
+        assert getattr(memory, name) == getattr(fresh, name)
+    for name in ("proofs", "broken", "islands", "shut", "ease_mm"):
+        assert getattr(memory, name) == getattr(fresh, name) == 0
+
+
+@pytest.mark.parametrize(
+    "pose",
+    [
+        Pose(nan, 0.0, 0.0),
+        Pose(0.0, inf, 0.0),
+        Pose(0.0, 0.0, nan),
+        Pose(0.0, 0.0, -inf),
+        Pose(1e300, 0.0, 0.0),
+        Pose(0.0, 0.0, 1e300),
+    ],
+)
+def test_a_pose_that_is_none_stops_it_and_is_not_remembered(pose: Pose) -> None:
+    memory = Memory()
+    seen = slanting(states.LEFT)
+    stand(memory, seen, 8)
+    before = contents(memory)
+    decision = step(memory, pose, seen)
+    assert decision.speed_limit_m_s == 0.0
+    assert contents(memory) == before
+    assert stand(memory, seen, 1).branch == states.PASS_LEFT
+
+
+@pytest.mark.parametrize("x_m", [nan, inf, -inf])
+def test_a_goal_that_is_nowhere_is_not_driven_to(x_m: float) -> None:
+    decision = step(Memory(), HERE, SILENT, Goal(x_m, 0.0, None, 0.05, 0.05))
+    assert decision.speed_limit_m_s == 0.0
+
+
+masks = st.integers(0, 255)
+some_range = st.one_of(st.integers(20, 400), st.integers(20, 3000), st.sampled_from([nan, inf, -1]))
+scans = st.builds(Scan, st.tuples(*[some_range] * SONARS), st.just((0,) * SONARS), masks, masks)
+wild = st.one_of(poses, st.builds(Pose, st.floats(), st.floats(), st.floats()))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(scans, wild, st.integers(1, 9)), max_size=30), places, places)
+def test_whatever_is_heard_wherever_it_decides_and_nothing_grows(
+    story: list[tuple[Scan, Pose, int]], x_m: float, y_m: float
+) -> None:
+    memory, seen, now_ms = Memory(), Ring(), 0
+    goal = Goal(x_m, y_m, None, 0.05, 0.05)
+    step(memory, HERE, seen, goal)
+    held = size(memory)
+    for scan, pose, ticks in story:
+        for _ in range(ticks):
+            now_ms += 50
+            rings.update(seen, scan, now_ms, DEFAULTS)
+            decision = step(memory, pose, seen, goal)
+            assert 0.0 <= decision.speed_limit_m_s <= DEFAULTS.v_max_m_s
+            assert states.TO_GOAL <= decision.branch <= states.GIVE_UP
+            assert -pi <= decision.rotation_rad <= pi
+    assert size(memory) == held
