@@ -1,0 +1,84 @@
+"""vgm_memory in the real plant: every family's goals are reached or known to be out of reach."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from time import process_time
+
+import pytest
+
+from plant.corpus import FAMILIES
+from plant.world_file import load
+from plant.world_types import World
+from protocol.outcome import Outcome
+from protocol.reasons import Reason, reason_text
+from study.behaviour import Behaviour
+from study.trial import Trial, run_trial
+
+FIXED = sorted((Path(__file__).parents[2] / "plant" / "corpus" / "fixed").glob("*.toml"))
+SHIPPED = ("u_trap", "zigzag", "corridor", "corner", "forest_dense", "door")
+MOST_SIDE_CHANGES = 4
+# Walls from alternate sides demand a change each (zigzag: three), so these may have twice as many.
+WINDING = ("zigzag", "maze")
+MOST_CPU_S = 25.0
+LONG_S = 1200.0
+
+
+@pytest.fixture(autouse=True)
+def _bounded_cost() -> Iterator[None]:
+    begun_s = process_time()
+    yield
+    assert process_time() - begun_s < MOST_CPU_S
+
+
+def run(world: World, noise: str, seed: int = 3) -> tuple[Outcome, Behaviour]:
+    trial = Trial(world=world, navigator="vgm_memory", noise=noise, seed=seed, timeout_s=LONG_S)
+    behaviour = Behaviour()
+    return run_trial(trial, behaviour), behaviour
+
+
+def most_side_changes(world: World) -> int:
+    winding = world.name in WINDING or world.family in WINDING
+    return 2 * MOST_SIDE_CHANGES if winding else MOST_SIDE_CHANGES
+
+
+@pytest.mark.parametrize("noise", ["none", "default"])
+@pytest.mark.parametrize("name", SHIPPED)
+def test_traps_and_narrow_places_are_passed_without_contact(name: str, noise: str) -> None:
+    world = load(name)
+    outcome, behaviour = run(world, noise)
+    assert (outcome.outcome, outcome.contacts) == ("reached", 0)
+    assert outcome.min_clearance_m > 0.02
+    assert behaviour.side_changes <= most_side_changes(world)
+
+
+def test_every_family_has_its_worlds_here() -> None:
+    assert {load(str(path)).family for path in FIXED} == set(FAMILIES)
+
+
+@pytest.mark.parametrize("path", FIXED, ids=lambda path: path.stem)
+def test_a_goal_is_reached_where_there_is_a_way_and_given_up_where_there_is_none(
+    path: Path,
+) -> None:
+    world = load(str(path))
+    outcome, behaviour = run(world, "default")
+    if world.family == "moving":  # somebody may still walk into the robot, and that ends it
+        assert outcome.own_contacts == 0
+        assert outcome.outcome == "reached" or outcome.contacts > 0
+        return
+    assert outcome.contacts == 0
+    if world.reachable is False:
+        assert outcome.outcome == "stuck"
+        assert outcome.reason == reason_text(Reason.UNREACHABLE)
+    else:
+        assert outcome.outcome == "reached"
+        assert behaviour.side_changes <= most_side_changes(world)
+
+
+@pytest.mark.parametrize("noise", ["none", "default", "lossy"])
+def test_among_people_who_walk_across_it_makes_no_contact_of_its_own(noise: str) -> None:
+    world = load("moving")
+    for seed in range(4):
+        outcome, behaviour = run(world, noise, seed)
+        assert outcome.own_contacts == 0
+        assert outcome.outcome == "reached" or outcome.contacts > 0
+        assert behaviour.side_changes <= most_side_changes(world)
