@@ -129,8 +129,9 @@ def listen(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
     """Within which distance each sonar passes through what it does not see. No echo at all proves
     nothing: a wall met obliquely sends none."""
     through_mm2 = echoes.through_mm2
+    range_m = ring.range_m
     for i in range(SONARS):
-        echo_m = ring.range_m[i]
+        echo_m = range_m[i]
         through_mm2[i] = 0
         if echo_m is not None and echo_m <= 9.0:
             through_mm = int(970.0 * echo_m) - THROUGH_MM + radius_mm

@@ -23,7 +23,7 @@ from robot.core.ring import Ring
 from robot.core.typed import Final
 from robot.core.values import SONARS, Pose
 
-NEAR: Final = 28
+NEAR: Final = 20
 """At most this many sectors at a time."""
 LOOK_MM: Final = 200
 WIDE_MM: Final = 80
@@ -123,6 +123,7 @@ def gather(
     most_mm2 = max(through_mm2)
     reach_mm = LOOK_MM + WIDE_MM + radius_mm
     least_mm, reach_mm2, radius_mm2 = -reach_mm, reach_mm * reach_mm, radius_mm * radius_mm
+    count, far = 0, NOTHING
     for k in range(echoes.count):
         dx_mm = xs[k] - x_mm
         if dx_mm >= reach_mm or dx_mm <= least_mm:
@@ -143,14 +144,22 @@ def gather(
         body_mm = radius_mm - (DOUBT * spread_mm[k] >> 2) - ease_mm
         sure = weight[k] >= SURE
         if sure and square < (body_mm + CLOSES_MM) * (body_mm + CLOSES_MM):
-            n = room_for(sectors, square)
+            n = count
+            if n < NEAR:
+                count += 1
+            else:
+                if far == NOTHING:
+                    far = farthest(away)
+                n = far if square < away[far] else NOTHING
             if n != NOTHING:
                 point[n], away[n], body[n] = k, square, body_mm
                 bearings[n], wide[n], tight[n] = bearing, dx_mm, dy_mm
+                far = NOTHING
         if along_mm > 0:
             aside_mm = dy_mm * cosine - dx_mm * sine >> 10
             if -body_mm < aside_mm and aside_mm < body_mm:
                 see_ahead(sectors, along_mm, aside_mm, body_mm, sure)
+    sectors.count = count
 
 
 def see_ahead(sectors: Sectors, along_mm: int, aside_mm: int, body_mm: int, sure: bool) -> None:
@@ -167,16 +176,6 @@ def push_out(echoes: Echoes, k: int, x_mm: int, y_mm: int, away_mm: int, radius_
     if away_mm > 0:
         echoes.x_mm[k] = x_mm + (echoes.x_mm[k] - x_mm) * radius_mm // away_mm
         echoes.y_mm[k] = y_mm + (echoes.y_mm[k] - y_mm) * radius_mm // away_mm
-
-
-def room_for(sectors: Sectors, away: int) -> int:
-    """Where to put one sector more; when there is no room the farthest one goes."""
-    n = sectors.count
-    if n < NEAR:
-        sectors.count = n + 1
-        return n
-    n = farthest(sectors)
-    return n if away < sectors.away_mm[n] else NOTHING
 
 
 def shape(sectors: Sectors) -> None:
@@ -201,21 +200,26 @@ def give_way(sectors: Sectors, ring: Ring, heading: int, radius_mm: int) -> None
 
 
 def add(sectors: Sectors, bearing: int, away_mm: int, radius_mm: int) -> None:
-    """The sector of somebody who walks."""
-    n = room_for(sectors, away_mm)
-    if n != NOTHING:
-        sectors.point[n] = NOTHING
-        sectors.bearing[n] = bearing
-        sectors.away_mm[n] = away_mm
-        sectors.body_mm[n] = radius_mm
+    """The sector of somebody who walks; when there is no room the farthest one goes."""
+    n = sectors.count
+    if n < NEAR:
+        sectors.count = n + 1
+    else:
+        n = farthest(sectors.away_mm)
+        if sectors.away_mm[n] <= away_mm:
+            return
+    sectors.point[n] = NOTHING
+    sectors.bearing[n] = bearing
+    sectors.away_mm[n] = away_mm
+    sectors.body_mm[n] = radius_mm
 
 
-def farthest(sectors: Sectors) -> int:
-    away = sectors.away_mm
-    n, most = 0, away[0]
-    for k in range(1, sectors.count):
-        if away[k] > most:
-            n, most = k, away[k]
+def farthest(away: "list[int]") -> int:
+    n, most = 0, -1
+    for k in range(NEAR):
+        here = away[k]
+        if here > most:
+            n, most = k, here
     return n
 
 
@@ -230,7 +234,7 @@ def close(sectors: Sectors, halves: "list[int]", margin_mm: int) -> None:
         elif body_mm <= 0 or away_mm >= look_mm + body_mm:
             halves[k] = 0
         else:
-            square = away_mm * away_mm - body_mm * body_mm
+            square = (away_mm + body_mm) * (away_mm - body_mm)
             if square <= look_mm2:
                 halves[k] = ASIN[(body_mm << 8) // away_mm]
             else:
@@ -246,9 +250,9 @@ def closer(sectors: Sectors, heading: int, halves: "list[int]") -> int:
     """The nearest sector that closes this heading, or NOTHING; `halves`: `wide` or `tight`."""
     bearing, away_mm = sectors.bearing, sectors.away_mm
     nearest, least_mm = NOTHING, FREE_MM
-    across = HALF_CIRCLE - heading
+    across, circle, half_circle = HALF_CIRCLE - heading, CIRCLE, HALF_CIRCLE
     for k in range(sectors.count):
-        off, half = (bearing[k] + across) % CIRCLE - HALF_CIRCLE, halves[k]
+        off, half = (bearing[k] + across) % circle - half_circle, halves[k]
         if off < half and -half < off and away_mm[k] < least_mm:
             nearest, least_mm = k, away_mm[k]
     return nearest
@@ -257,9 +261,9 @@ def closer(sectors: Sectors, heading: int, halves: "list[int]") -> int:
 def aim(sectors: Sectors, start: int, side: int) -> None:
     """Before sweeps from `start` towards `side`: how far to turn to the middle of each sector."""
     bearing, offset = sectors.bearing, sectors.offset
-    across = HALF_CIRCLE - side * start
+    across, circle = -side * start, CIRCLE
     for k in range(sectors.count):
-        offset[k] = (side * bearing[k] + across) % CIRCLE - HALF_CIRCLE
+        offset[k] = (side * bearing[k] + across) % circle
 
 
 def sweep(sectors: Sectors, start: int, side: int, halves: "list[int]") -> int:
@@ -276,18 +280,18 @@ def open_from(sectors: Sectors, halves: "list[int]", turn: int, most: int) -> in
     """
     offset, low, rest = sectors.offset, sectors.low, sectors.rest
     count, closing = 0, NOTHING
+    circle = CIRCLE
     for k in range(sectors.count):
-        half = halves[k]
-        end = offset[k] + half
-        start = end - half - half
-        if end <= 0:
-            start, end = start + CIRCLE, end + CIRCLE
-        elif start < 0 and start + CIRCLE < most:
-            most = start + CIRCLE
-        if turn < end and start < most:
+        half, middle = halves[k], offset[k]
+        start, end = middle - half, middle + half
+        if end > circle:
+            start, end = start - circle, end - circle
+        if start < 0 and start + circle < most:
+            most = start + circle
+        if turn < end:
             if start < turn:
                 turn, closing = end, k
-            else:
+            elif start < most:
                 low[k], rest[count] = start, k
                 count += 1
     before = NOTHING

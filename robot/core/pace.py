@@ -33,20 +33,27 @@ def speed(ring: Ring, free_mm: int, error_rad: float, params: Params) -> float:
     """The most speed: slower the nearer something is, and while the heading is `error_rad` off."""
     most_m_s = params.v_max_m_s
     if ring.nearest_m < CLOSE_M:
+        stop_m, ranges_m = params.guard_stop_m + STOP_M, ring.range_m
         for i in range(SONARS):
-            range_m = ring.range_m[i]
+            range_m = ranges_m[i]
             if range_m is None or range_m >= CLOSE_M:
                 continue
             if 1 < i < 6:
-                if range_m <= params.guard_stop_m + STOP_M:
+                if range_m <= stop_m:
                     return 0.0
                 rate = AHEAD_PER_S if 2 < i < 5 else ASIDE_PER_S
-                may_m_s = rate * (range_m - KEEP_M) + LEAST_M_S
-                most_m_s = min(most_m_s, max(may_m_s, LEAST_M_S))
+                may_m_s = LEAST_M_S
+                if range_m > KEEP_M:
+                    may_m_s = rate * (range_m - KEEP_M) + LEAST_M_S
+                if may_m_s < most_m_s:
+                    most_m_s = may_m_s
             if range_m < TOUCHING_M:
                 least_m_s = 0.0 if 1 < i < 6 or range_m < CRAWL_M else CRAWL_M_S
                 may_m_s = (range_m - RIM_M) * 4.0 / INNER[i]
-                most_m_s = min(most_m_s, max(may_m_s, least_m_s))
+                if may_m_s < least_m_s:
+                    may_m_s = least_m_s
+                if may_m_s < most_m_s:
+                    most_m_s = may_m_s
     if free_mm < 400:
         most_m_s = min(most_m_s, FREE_PER_S * 0.001 * free_mm)
     if error_rad != 0.0:
