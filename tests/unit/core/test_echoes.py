@@ -33,9 +33,8 @@ SILENT = ring({})
 
 
 def look(echoes: Echoes, seen: Ring, ticks: int, pose: Pose = HERE) -> None:
-    cosine, sine = int(1024.0 * cos(pose.heading_rad)), int(1024.0 * sin(pose.heading_rad))
     for _ in range(ticks):
-        memory.update(echoes, pose, seen, cosine, sine, RADIUS_MM)
+        memory.update(echoes, pose, seen, RADIUS_MM)
 
 
 def remembered(seen: Ring, ticks: int = 4, pose: Pose = HERE) -> Echoes:

@@ -48,10 +48,16 @@ def points(*places_mm: tuple[int, int], weight: int = MOST_WEIGHT, spread_mm: in
 
 def measured(echoes: Echoes, pose: Pose = HERE, seen: Ring = SILENT, ease_mm: int = 0) -> Sectors:
     sectors = Sectors()
-    cosine, sine = int(1024.0 * cos(pose.heading_rad)), int(1024.0 * sin(pose.heading_rad))
     listen(echoes, seen, RADIUS_MM)
-    headings.measure(sectors, echoes, pose, seen, cosine, sine, ease_mm, RADIUS_MM)
+    headings.measure(sectors, echoes, pose, seen, ease_mm, RADIUS_MM)
     return sectors
+
+
+def closed(away_mm: int, body_mm: int) -> int:
+    sectors = Sectors()
+    sectors.count, sectors.away_mm[0], sectors.body_mm[0] = 1, away_mm, body_mm
+    headings.close(sectors, sectors.tight, 0)
+    return sectors.tight[0]
 
 
 def half_of(away_mm: float, body_mm: float, slip: float) -> float:
@@ -68,9 +74,9 @@ def test_half_a_sector_is_what_geometry_says_within_a_step_of_the_table(
     body_mm: int, beyond_mm: int
 ) -> None:
     away_mm = body_mm + beyond_mm
-    closed = headings.closed(away_mm, body_mm)
+    half = closed(away_mm, body_mm)
     ends = [half_of(away_mm, body_mm, slip) for slip in (-1.0 / TABLE, 0.0, 1.0 / TABLE)]
-    assert min(ends) - 1 <= closed <= max(ends) + 2
+    assert min(ends) - 1 <= half <= max(ends) + 2
 
 
 @given(st.integers(20, 300), st.integers(1, LOOK_MM - 1), sides)
@@ -78,18 +84,18 @@ def test_along_a_heading_beside_the_sector_the_disc_meets_the_point_at_most_slig
     body_mm: int, beyond_mm: int, side: int
 ) -> None:
     away_mm = body_mm + beyond_mm
-    turn_rad = side * headings.closed(away_mm, body_mm) / BRADS
+    turn_rad = side * closed(away_mm, body_mm) / BRADS
     along_mm = min(max(away_mm * cos(turn_rad), 0.0), LOOK_MM)
     miss_mm = hypot(away_mm * cos(turn_rad) - along_mm, away_mm * sin(turn_rad))
     assert miss_mm > body_mm - away_mm / TABLE - 1.0
 
 
 def test_what_is_out_of_the_look_closes_nothing_and_what_touches_closes_a_flank() -> None:
-    assert headings.closed(LOOK_MM + 100, 100) == 0
-    assert headings.closed(100, 100) == QUARTER
-    assert headings.closed(50, 100) == QUARTER
-    assert headings.closed(50, 0) == 0
-    assert headings.closed(50, -20) == 0
+    assert closed(LOOK_MM + 100, 100) == 0
+    assert closed(100, 100) == QUARTER
+    assert closed(50, 100) == QUARTER
+    assert closed(50, 0) == 0
+    assert closed(50, -20) == 0
 
 
 @given(st.integers(-400, 400), st.integers(-400, 400), st.integers(0, 30), st.integers(0, 30))

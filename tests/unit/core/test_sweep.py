@@ -36,8 +36,7 @@ sides = st.sampled_from([1, -1])
 
 
 def swept(sectors: Sectors, start: int, side: int) -> int:
-    headings.aim(sectors, start, side)
-    return headings.sweep(sectors, sectors.tight)
+    return headings.sweep(sectors, start, side, sectors.tight)
 
 
 @given(sectors_given, bearings, sides)
@@ -47,20 +46,13 @@ def test_a_sweep_finds_the_smallest_open_rotation_on_either_side(
     assert swept(chain(*given), start, side) == smallest(given, start, side)
 
 
-@given(sectors_given, bearings)
-def test_both_ways_are_swept_alike(given: list[tuple[int, int]], start: int) -> None:
-    sectors = chain(*given)
-    left, right = headings.both_ways(sectors, start, sectors.tight)
-    assert (left, right) == (smallest(given, start, 1), smallest(given, start, -1))
-
-
 @given(sectors_given, bearings, sides, st.integers(0, HALF_CIRCLE), st.integers(1, HALF_CIRCLE))
 def test_a_sweep_from_farther_on_finds_the_next_open_heading_before_its_end(
     given: list[tuple[int, int]], start: int, side: int, turn: int, more: int
 ) -> None:
     sectors = chain(*given)
     headings.aim(sectors, start, side)
-    found = headings.sweep(sectors, sectors.tight, turn, turn + more)
+    found = headings.open_from(sectors, sectors.tight, turn, turn + more)
     right = turn + smallest(given, start + side * turn, side)
     assert found == (right if right <= turn + more else CIRCLE)
 
