@@ -100,8 +100,9 @@ def update(echoes: Echoes, pose: Pose, ring: Ring, radius_mm: int) -> None:
     before = echoes.pose or pose
     echoes.pose = pose
     echoes.turn += 1
-    if echoes.count:
+    if echoes.count or ring.nearest_m < REACH_M:
         listen(echoes, ring, radius_mm)
+    if echoes.count:
         fade(echoes, pose)
     if ring.nearest_m >= REACH_M:
         return

@@ -14,6 +14,7 @@ from robot.core.echoes import (
     SURE,
     Echoes,
     listen,
+    update,
 )
 from robot.core.geometry import BEARINGS
 from robot.core.headings import (
@@ -176,6 +177,15 @@ def test_a_point_that_an_echo_passes_through_counts_less() -> None:
     pose = Pose(0.0, 0.0, -BEARINGS[3])
     assert measured(echoes, pose, ring({3: 2000})).count == 0
     assert echoes.weight[0] == SURE - 1
+
+
+def test_what_was_heard_before_a_point_was_there_does_not_weaken_it() -> None:
+    echoes, pose = Echoes(), Pose(0.0, 0.0, -BEARINGS[3])
+    for seen in [ring({3: 150})] * 4 + [ring({3: 2000})] * 20 + [ring({3: 150})] * 4:
+        update(echoes, pose, seen, RADIUS_MM)
+        headings.measure(Sectors(), echoes, pose, seen, 0, RADIUS_MM)
+    assert echoes.count == 1
+    assert echoes.weight[0] >= SURE
 
 
 def test_when_there_is_no_room_the_farthest_sector_goes() -> None:
