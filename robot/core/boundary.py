@@ -244,9 +244,10 @@ def speed_limit_m_s(ring: Ring, params: Params) -> float:
                 limit_m_s = min(limit_m_s, CREEP_M_S)
             continue
         if range_m < limit_m_s * CLOSING[i] * TIME_S + STOP_M:
-            limit_m_s = max((range_m - STOP_M) / (TIME_S * CLOSING[i]), 0.0)
+            may_m_s = max((range_m - STOP_M) / (TIME_S * CLOSING[i]), 0.0)
             if i < 2 or i > SONARS - 3:
-                limit_m_s = max(limit_m_s, CREEP_M_S)
+                may_m_s = max(may_m_s, CREEP_M_S)
+            limit_m_s = min(limit_m_s, may_m_s)
     return limit_m_s
 
 

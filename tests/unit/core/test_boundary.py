@@ -160,3 +160,11 @@ def test_sonars_that_stop_measuring_in_mid_follow_leave_only_creeping(number: in
     blind = Ring()
     decisions = [step(memory, HERE, blind, GOAL, DEFAULTS) for _ in range(20)]
     assert all(d.speed_limit_m_s <= boundaries.CREEP_M_S for d in decisions)
+
+
+@pytest.mark.parametrize("flank", [0, 1, 6, 7])
+def test_a_wall_beside_it_allows_no_more_than_what_is_ahead(flank: int) -> None:
+    ahead = {3: 24, 4: 24}
+    limit_m_s = boundaries.speed_limit_m_s(ring(ahead), DEFAULTS)
+    assert limit_m_s < boundaries.CREEP_M_S
+    assert boundaries.speed_limit_m_s(ring({**ahead, flank: 20}), DEFAULTS) == limit_m_s
