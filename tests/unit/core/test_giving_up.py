@@ -1,0 +1,100 @@
+"""When vgm_memory comes round: for the goal again, the other way round, or no way leads there."""
+
+import pytest
+
+from robot.core import states, vgm_memory
+from robot.core.values import Goal
+from robot.core.vgm_memory import ISLANDS, LONG_CM, Memory
+from tests.unit.core.rings import Wall, clearance_m, walk_to
+from tests.unit.core.test_vgm_memory import GOAL, SIDES, SILENT, stand
+
+
+def come_round(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
+    """A loop of two metres about a place, walked to the left (1) or to the right (-1)."""
+    corners = [(-100, -100), (100, -100), (100, 100), (-100, 100)][::turn]
+    for _ in range(times):
+        memory.following = True
+        way = memory.loops
+        for k, (dx_cm, dy_cm) in enumerate(corners):
+            way.x_cm[k], way.y_cm[k] = x_cm + dx_cm, dy_cm
+        way.count, way.first = len(corners), 0
+        vgm_memory.come_round(memory)
+
+
+def heading_for(goal: Goal, side: int) -> Memory:
+    memory = Memory()
+    stand(memory, SILENT, 1, goal)
+    memory.side = side
+    return memory
+
+
+@SIDES
+def test_round_an_island_it_goes_for_the_goal_again_but_not_for_ever(side: int) -> None:
+    """With the island on its right it walks to the right."""
+    memory = heading_for(GOAL, side)
+    come_round(memory, -side, 0)
+    assert not memory.following
+    assert not memory.given_up
+    come_round(memory, -side, 0, times=ISLANDS)
+    assert memory.given_up
+
+
+@SIDES
+@pytest.mark.parametrize(("round_goal", "x_cm"), [(True, 300), (False, 0)])
+def test_a_loop_that_keeps_robot_and_goal_apart_proves_that_no_way_leads_there(
+    side: int, round_goal: bool, x_cm: int
+) -> None:
+    """Round the goal, or along the inside of what the goal is not in."""
+    memory = heading_for(GOAL, side)
+    come_round(memory, -side if round_goal else side, x_cm)
+    assert memory.given_up
+    assert stand(memory, SILENT, 1).branch == states.GIVE_UP
+
+
+@SIDES
+def test_after_a_turn_about_the_loop_is_walked_the_other_way_round_first(side: int) -> None:
+    memory = heading_for(GOAL, side)
+    memory.doubtful = True
+    come_round(memory, side, 0)
+    assert not memory.given_up
+    assert memory.side == -side
+    memory.doubtful = True
+    come_round(memory, -side, 0)
+    assert memory.given_up
+
+
+def test_a_long_doubtful_loop_needs_one_proof_more() -> None:
+    memory = heading_for(GOAL, states.LEFT)
+    for turn in (1, -1):
+        memory.doubtful = True
+        memory.loops.spacing_cm = LONG_CM
+        come_round(memory, turn, 0)
+    assert not memory.given_up
+
+
+BOX: list[Wall] = [(2.4, -0.6, 3.6, -0.6), (3.6, -0.6, 3.6, 0.6)]
+BOX += [(3.6, 0.6, 2.4, 0.6), (2.4, 0.6, 2.4, -0.6)]
+
+
+def test_a_walled_in_goal_is_given_up() -> None:
+    walk = walk_to(states.VGM_MEMORY, GOAL, BOX, [], seconds=240.0)
+    assert walk.gave_up
+    assert min(clearance_m(pose, BOX) for pose in walk.poses) > 0.03
+
+
+def test_a_walled_in_robot_gives_up() -> None:
+    around = [(x0 - 3.0, y0, x1 - 3.0, y1) for x0, y0, x1, y1 in BOX]
+    walk = walk_to(states.VGM_MEMORY, GOAL, around, [], seconds=240.0)
+    assert walk.gave_up
+
+
+def test_a_goal_begun_again_forgets_as_much_as_a_new_memory_has() -> None:
+    memory = heading_for(GOAL, states.LEFT)
+    fresh = Memory()
+    stand(fresh, SILENT, 1)
+    come_round(memory, 1, 0)
+    vgm_memory.begin(memory)
+    for name in ("following", "given_up", "reversed", "doubtful", "left_m", "hit_m"):
+        assert getattr(memory, name) == getattr(fresh, name)
+    for name in ("proofs", "broken", "islands", "shut", "ease_mm"):
+        assert getattr(memory, name) == getattr(fresh, name) == 0
