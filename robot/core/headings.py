@@ -123,7 +123,7 @@ def gather(
     most_mm2 = max(through_mm2)
     reach_mm = LOOK_MM + WIDE_MM + radius_mm
     least_mm, reach_mm2, radius_mm2 = -reach_mm, reach_mm * reach_mm, radius_mm * radius_mm
-    count, far = 0, NOTHING
+    most_body_mm, count, far = radius_mm - ease_mm, 0, NOTHING
     for k in range(echoes.count):
         dx_mm = xs[k] - x_mm
         if dx_mm >= reach_mm or dx_mm <= least_mm:
@@ -141,9 +141,10 @@ def gather(
             bearing = int(BRADS * atan2(dy_mm, dx_mm))
             if square < through_mm2[looks_at(bearing - heading)] and weight[k]:
                 weight[k] -= 1
-        body_mm = radius_mm - (DOUBT * spread_mm[k] >> 2) - ease_mm
+        body_mm = most_body_mm - (DOUBT * spread_mm[k] >> 2)
+        closes_mm = body_mm + CLOSES_MM
         sure = weight[k] >= SURE
-        if sure and square < (body_mm + CLOSES_MM) * (body_mm + CLOSES_MM):
+        if sure and square < closes_mm * closes_mm:
             n = count
             if n < NEAR:
                 count += 1
@@ -157,7 +158,7 @@ def gather(
                 far = NOTHING
         if along_mm > 0:
             aside_mm = dy_mm * cosine - dx_mm * sine >> 10
-            if -body_mm < aside_mm and aside_mm < body_mm:
+            if aside_mm < body_mm and -body_mm < aside_mm:
                 see_ahead(sectors, along_mm, aside_mm, body_mm, sure)
     sectors.count = count
 
@@ -227,6 +228,7 @@ def close(sectors: Sectors, halves: "list[int]", margin_mm: int) -> None:
     """Half of each sector: the headings along which a disc, so much larger than the robot's, meets
     the point within the look."""
     away, body, look_mm, look_mm2 = sectors.away_mm, sectors.body_mm, LOOK_MM, LOOK_MM2
+    asins, acoses = ASIN, ACOS
     for k in range(sectors.count):
         away_mm, body_mm = away[k], body[k] + margin_mm
         if away_mm <= body_mm:
@@ -236,9 +238,9 @@ def close(sectors: Sectors, halves: "list[int]", margin_mm: int) -> None:
         else:
             square = (away_mm + body_mm) * (away_mm - body_mm)
             if square <= look_mm2:
-                halves[k] = ASIN[(body_mm << 8) // away_mm]
+                halves[k] = asins[(body_mm << 8) // away_mm]
             else:
-                halves[k] = ACOS[(square + look_mm2 << 7) // (away_mm * look_mm)]
+                halves[k] = acoses[(square + look_mm2 << 7) // (away_mm * look_mm)]
 
 
 def squeeze(sectors: Sectors) -> None:
@@ -313,10 +315,11 @@ def open_from(sectors: Sectors, halves: "list[int]", turn: int, most: int) -> in
 
 def room(sectors: Sectors, turn: int, halves: "list[int]") -> int:
     """How much farther headings stay open beyond the one that the last sweep ended with."""
-    least = HALF_CIRCLE
+    offset, least, circle = sectors.offset, HALF_CIRCLE, CIRCLE
     for k in range(sectors.count):
-        if halves[k] > 0:
-            ahead = (sectors.offset[k] - halves[k] - turn) % CIRCLE
+        half = halves[k]
+        if half > 0:
+            ahead = (offset[k] - half - turn) % circle
             if ahead < least:
                 least = ahead
     return least
