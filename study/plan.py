@@ -18,7 +18,7 @@ from study.trial import NAVIGATORS, SIDES
 LEAST_S: Final = 120.0
 STARTING_S: Final = 30.0
 DETOUR: Final = 40.0
-WITHOUT_WAY_S: Final = 600.0
+WITHOUT_WAY_S: Final = 1200.0
 ROUND_S: Final = 10.0
 EVERY_NAVIGATOR: Final = (
     *("bug:left", "bug:right", "vgm:left", "bug1:left", "bug2:left", "distbug:left"),

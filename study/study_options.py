@@ -77,7 +77,7 @@ def _add_what(made: argparse.ArgumentParser) -> None:
         type=seconds,
         metavar="S",
         help="simulated; by default the time for 40 times the shortest way, at least 120 s, and"
-        " 600 s where there is no way",
+        " 1200 s where there is no way",
     )
     made.add_argument(
         "--param",

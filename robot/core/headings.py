@@ -23,7 +23,7 @@ from robot.core.ring import Ring
 from robot.core.typed import Final
 from robot.core.values import SONARS, Pose
 
-NEAR: Final = 20
+NEAR: Final = 24
 """At most this many sectors at a time."""
 LOOK_MM: Final = 200
 WIDE_MM: Final = 80

@@ -5,109 +5,27 @@ latched while an obstacle is followed, following ends only with progress, a way 
 itself reverses the side once, and the second time means that nothing leads to the goal.
 """
 
-from math import atan2, cos, inf, sin, sqrt
+from math import atan2, cos, sin, sqrt
 
 from robot.core import echoes as echo_memory
 from robot.core import escort as escorts
-from robot.core import headings, loops, pace, states
+from robot.core import following, headings, pace, states
 from robot.core import ring as rings
-from robot.core.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING, QUARTER, SURE, Echoes
-from robot.core.escort import Escort
+from robot.core.echoes import BRADS, HALF_CIRCLE, NOTHING, SURE
+from robot.core.following import Memory
 from robot.core.geometry import wrap
-from robot.core.headings import Sectors
-from robot.core.loops import Loops
 from robot.core.parameters import Params
 from robot.core.ring import Ring
 from robot.core.typed import Final
 from robot.core.values import Decision, Goal, Pose
 
-STEP_M: Final = 0.10
-"""Following ends only where the way to go gets shorter than ever by this much."""
+__all__ = ["Memory", "step"]
+
 NEAR_GOAL_M: Final = 0.6
-SOFT: Final = 455  # brads, 40 degrees: so far aside for the sake of a wide margin
-SHARP: Final = 796  # 70 degrees: on so sharp a turn the followed point is kept
-WIDE_TURN: Final = 400  # 35 degrees: before turning by more, gaps are tried without a margin
 SAME_SIDE: Final = 228  # 20 degrees: so much smaller must a rotation be to change the side
-HELD_MM: Final = 120
-LOST_MM: Final = 600
-EASE_MM: Final = 20
-AGAIN_CM: Final = 30
-PATIENCE_CM: Final = 150
-AWAY: Final = 1.15
-AWAY_M: Final = 0.2
 PROMISES: Final = 2
-ISLANDS: Final = 6
-SHUT_TICKS: Final = 60
-ABOUT: Final = 1365  # 120 degrees
-LONG_CM: Final = 1200
 LATCH_TICKS: Final = 20
 FARTHEST: Final = 1e5  # metres or radians: beyond them, millimetres and brads are no numbers
-
-
-class Memory:
-    """`side` is where the followed obstacle is passed, `anchor` the place of the echo followed.
-
-    `best_m` is the least distance to the goal so far, `left_m` that when it last left an obstacle,
-    `hit_m` when it met this one; `broken` counts leaves that did not pay. `aside` is the side of
-    the last small detour and `aside_ticks` how long it stays that.
-    """
-
-    __slots__ = (
-        "anchor_x_mm",
-        "anchor_y_mm",
-        "aside",
-        "aside_ticks",
-        "best_m",
-        "broken",
-        "doubtful",
-        "ease_mm",
-        "echoes",
-        "escort",
-        "following",
-        "given_up",
-        "goal_x_m",
-        "goal_y_m",
-        "heading",
-        "hit_m",
-        "islands",
-        "left_m",
-        "left_x_cm",
-        "left_y_cm",
-        "loops",
-        "proofs",
-        "reversed",
-        "sectors",
-        "shut",
-        "side",
-        "turned_back",
-    )
-
-    def __init__(self) -> None:
-        self.echoes = Echoes()
-        self.sectors = Sectors()
-        self.loops = Loops()
-        self.escort = Escort()
-        self.side: int = states.LEFT
-        self.goal_x_m = self.goal_y_m = inf
-        self.heading = 0
-        self.anchor_x_mm = self.anchor_y_mm = 0
-        self.left_x_cm = self.left_y_cm = 0
-        self.aside = self.aside_ticks = 0
-        self.following = self.given_up = self.turned_back = self.reversed = False
-        self.doubtful = False
-        self.best_m = self.left_m = self.hit_m = inf
-        self.broken = self.islands = self.proofs = self.shut = self.ease_mm = 0
-
-
-def begin(memory: Memory) -> None:
-    """For a goal of its own; what the echoes told stays true."""
-    memory.following = memory.given_up = memory.turned_back = memory.reversed = False
-    memory.best_m = memory.left_m = memory.hit_m = inf
-    memory.doubtful = False
-    memory.proofs = 0
-    memory.broken = memory.islands = memory.shut = memory.ease_mm = 0
-    memory.loops.hits = 0
-    loops.restart(memory.loops)
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
@@ -118,7 +36,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         return Decision(states.TO_GOAL, None, ring.nearest_m, 0.0, 0.0, goal.x_m, goal.y_m, 0.0)
     if goal.x_m != memory.goal_x_m or goal.y_m != memory.goal_y_m:
         memory.goal_x_m, memory.goal_y_m = goal.x_m, goal.y_m
-        begin(memory)
+        following.begin(memory)
     goal_rad = atan2(dy_m, dx_m)
     to_goal = int(BRADS * goal_rad)
     heading = int(BRADS * pose.heading_rad)
@@ -166,9 +84,9 @@ def choose(
     if memory.following and leaves(memory, pose, ring, to_goal, distance_m, params):
         leave(memory, x_cm, y_cm)
     if not memory.following and closes(memory, pose, to_goal, distance_m, params):
-        hit(memory, x_cm, y_cm, to_goal, distance_m)
+        following.hit(memory, x_cm, y_cm, to_goal, distance_m)
     if memory.following:
-        follow(memory, pose, distance_m)
+        following.follow(memory, pose, distance_m)
 
 
 def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
@@ -181,7 +99,7 @@ def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: 
     closing = headings.closer(sectors, to_goal, sectors.tight)
     if closing != NOTHING and sectors.point[closing] != NOTHING:
         return True
-    turn_aside(memory, to_goal, SOFT if closing == NOTHING else HALF_CIRCLE)
+    turn_aside(memory, to_goal, following.SOFT if closing == NOTHING else HALF_CIRCLE)
     return False
 
 
@@ -202,165 +120,6 @@ def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
         memory.heading = to_goal + side * turn
 
 
-def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -> None:
-    """Latch the side of the smaller rotation, but not the one tried at this place before."""
-    sectors = memory.sectors
-    memory.following = True
-    memory.shut = 0
-    if memory.best_m < memory.left_m - STEP_M:
-        memory.broken = 0
-    elif memory.left_m < inf:
-        memory.broken += 1
-        if loops.is_near(memory.left_x_cm - x_cm, memory.left_y_cm - y_cm, AGAIN_CM):
-            hold(memory, headings.closer(sectors, to_goal, sectors.tight))
-            return
-    left = headings.sweep(sectors, to_goal, states.LEFT, sectors.tight)
-    right = headings.sweep(sectors, to_goal, states.RIGHT, sectors.tight)
-    wanted = states.LEFT if left <= right else states.RIGHT
-    memory.side = loops.side_at(memory.loops, x_cm, y_cm, wanted)
-    loops.remember(memory.loops, x_cm, y_cm, memory.side)
-    memory.hit_m = distance_m
-    memory.reversed = memory.reversed and memory.broken > 0
-    memory.doubtful = False
-    hold(memory, headings.closer(sectors, to_goal, sectors.tight))
-
-
-def hold(memory: Memory, sector: int) -> None:
-    """Follow the point of this sector from now on."""
-    if sector != NOTHING:
-        k = memory.sectors.point[sector]
-        if k != NOTHING:
-            memory.anchor_x_mm = memory.echoes.x_mm[k]
-            memory.anchor_y_mm = memory.echoes.y_mm[k]
-
-
-def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
-    """Along the obstacle: the first open heading from the followed point, on the latched side."""
-    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
-    if not is_held(memory) and not regain(memory, x_mm, y_mm):
-        memory.following = False
-        return
-    start = int(BRADS * atan2(memory.anchor_y_mm - y_mm, memory.anchor_x_mm - x_mm))
-    heading = int(BRADS * pose.heading_rad)
-    turn = open_turn(memory, start, heading)
-    if turn >= CIRCLE:
-        shut_in(memory, heading)
-        return
-    memory.shut = 0
-    memory.heading = start + memory.side * turn
-    off = (memory.heading - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
-    if not -ABOUT < off < ABOUT:
-        memory.doubtful = True
-    if -SHARP < off < SHARP:
-        # Before that the same point is kept: on the turn the sonars may still see a way past it.
-        hold(memory, memory.sectors.closing)
-    if loops.drop(memory.loops, x_mm // 10, y_mm // 10, heading):
-        come_round(memory)
-    elif is_astray(memory, distance_m):
-        memory.reversed = True
-        memory.doubtful = False
-        memory.side = -memory.side
-        loops.restart(memory.loops)
-
-
-def open_turn(memory: Memory, start: int, heading: int) -> int:
-    """How far to turn from the followed point: with a wide margin where that costs little, else in
-    the middle of what is open, and through a gap without a margin before turning back."""
-    sectors, side = memory.sectors, memory.side
-    halves = sectors.tight
-    turn = headings.sweep(sectors, start, side, halves)
-    closing = sectors.closing
-    off = (start + side * turn - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
-    if turn >= CIRCLE or not -WIDE_TURN < off < WIDE_TURN:
-        headings.squeeze(sectors)
-        squeezed = headings.open_from(sectors, sectors.squeezed, 0, turn - SOFT)
-        if squeezed < turn - SOFT:
-            turn, closing = squeezed, sectors.closing
-            halves = sectors.squeezed
-    if halves is sectors.tight and turn < CIRCLE:
-        wide = headings.open_from(sectors, sectors.wide, turn, turn + SOFT)
-        if wide < turn + SOFT:
-            sectors.closing = closing
-            return wide
-    sectors.closing = closing
-    if turn >= CIRCLE:
-        return CIRCLE
-    beyond = headings.room(sectors, turn, halves) // 2
-    return turn + (beyond if beyond < SOFT else SOFT)
-
-
-def shut_in(memory: Memory, heading: int) -> None:
-    """Every heading is closed: look round on the spot, and in the end believe none of it."""
-    memory.shut += 1
-    memory.heading = heading + memory.side * QUARTER
-    if memory.shut > SHUT_TICKS:
-        echo_memory.clear(memory.echoes)
-        memory.shut = 0
-        memory.following = False
-
-
-def is_astray(memory: Memory, distance_m: float) -> bool:
-    """Whether it has gone on for long on this side, and only away from the goal: then the other
-    side is tried, once for each obstacle."""
-    return (
-        not memory.reversed
-        and loops.walked_cm(memory.loops) >= PATIENCE_CM
-        and distance_m > AWAY * memory.hit_m + AWAY_M
-    )
-
-
-def come_round(memory: Memory) -> None:
-    """The way has closed upon itself. Where the loop does not keep robot and goal apart it was an
-    island: go for the goal again. Where it does, that proves that no way leads there, unless the
-    robot turned about on it, as in a dead end: then again, the other way round."""
-    way = memory.loops
-    memory.proofs += 1 if memory.doubtful else 2
-    needed = 3 if memory.doubtful and loops.walked_cm(way) > LONG_CM else 2
-    island = loops.turns_left(way) != (memory.side == states.LEFT)
-    inside = loops.encloses(way, int(100.0 * memory.goal_x_m), int(100.0 * memory.goal_y_m))
-    loops.restart(way)
-    memory.doubtful = False
-    if island != inside:
-        memory.islands += 1
-        memory.best_m = memory.left_m = inf
-        memory.following = False
-        memory.given_up = memory.islands > ISLANDS
-        memory.proofs = 0
-    elif memory.proofs >= needed:
-        memory.given_up = True
-    else:
-        memory.turned_back = True
-        memory.side = -memory.side
-        memory.ease_mm = EASE_MM
-
-
-def is_held(memory: Memory) -> bool:
-    """Whether an echo is still remembered where the followed one was."""
-    low_x, high_x = memory.anchor_x_mm - HELD_MM, memory.anchor_x_mm + HELD_MM
-    low_y, high_y = memory.anchor_y_mm - HELD_MM, memory.anchor_y_mm + HELD_MM
-    echoes = memory.echoes
-    xs, ys = echoes.x_mm, echoes.y_mm
-    for k in range(echoes.count):
-        if low_x < xs[k] < high_x and low_y < ys[k] < high_y and echoes.weight[k] >= SURE:
-            return True
-    return False
-
-
-def regain(memory: Memory, x_mm: int, y_mm: int) -> bool:
-    """Follow the nearest remembered echo instead."""
-    echoes = memory.echoes
-    best, least = NOTHING, LOST_MM * LOST_MM
-    for k in range(echoes.count):
-        dx_mm, dy_mm = echoes.x_mm[k] - x_mm, echoes.y_mm[k] - y_mm
-        square = dx_mm * dx_mm + dy_mm * dy_mm
-        if square < least and echoes.weight[k] >= SURE:
-            best, least = k, square
-    if best == NOTHING:
-        return False
-    memory.anchor_x_mm, memory.anchor_y_mm = echoes.x_mm[best], echoes.y_mm[best]
-    return True
-
-
 def leaves(
     memory: Memory, pose: Pose, ring: Ring, to_goal: int, distance_m: float, params: Params
 ) -> bool:
@@ -375,7 +134,7 @@ def leaves(
     if memory.broken < PROMISES:
         alpha_rad = wrap(to_goal / BRADS - pose.heading_rad)
         free_m = pace.free_towards(ring, alpha_rad, distance_m, params)
-    return distance_m - free_m <= memory.best_m - STEP_M
+    return distance_m - free_m <= memory.best_m - following.STEP_M
 
 
 def leave(memory: Memory, x_cm: int, y_cm: int) -> None:

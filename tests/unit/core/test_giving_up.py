@@ -3,8 +3,8 @@
 import pytest
 
 from robot.core import states, vgm_memory
+from robot.core.following import ISLANDS, LONG_CM, Memory
 from robot.core.values import Goal
-from robot.core.vgm_memory import ISLANDS, LONG_CM, Memory
 from tests.unit.core.rings import Wall, clearance_m, walk_to
 from tests.unit.core.test_vgm_memory import GOAL, SIDES, SILENT, stand
 

@@ -8,11 +8,12 @@ from robot.core import escort as escorts
 from robot.core import loops, states, vgm_memory
 from robot.core import ring as rings
 from robot.core.echoes import REACH_M, SURE
+from robot.core.following import SHUT_TICKS, Memory
 from robot.core.geometry import wrap
 from robot.core.parameters import DEFAULTS
 from robot.core.ring import Ring
 from robot.core.values import SONARS, Decision, Goal, Pose, Scan
-from robot.core.vgm_memory import PROMISES, SHUT_TICKS, Memory
+from robot.core.vgm_memory import PROMISES
 from tests.unit.core.rings import Disc, Wall, clearance_m, walk_to
 from tests.unit.core.test_vgm import ring
 
