@@ -5,8 +5,7 @@ how far aside of its place the surface may have been (`spread_mm`); a later echo
 narrows that. Points count once an echo has confirmed them, and go when longer echoes pass through
 their place, when they are not seen again for long, or when they are far away.
 
-Millimetres and brads (4096 to the circle) as integers: nothing is allocated, and an integer
-operation costs a microcontroller without a floating-point unit a third of a float's.
+Millimetres and brads (4096 to the circle) as integers: they cost a third of floats there.
 """
 
 from math import atan2, cos, pi, sin, sqrt

@@ -8,6 +8,7 @@ from math import atan2, inf
 
 from robot.core import echoes as echo_memory
 from robot.core import headings, loops, states
+from robot.core import sweep as sweeps
 from robot.core.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING, QUARTER, SURE, Echoes
 from robot.core.escort import Escort
 from robot.core.headings import Sectors
@@ -106,17 +107,17 @@ def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -
     elif memory.left_m < inf:
         memory.broken += 1
         if loops.is_near(memory.left_x_cm - x_cm, memory.left_y_cm - y_cm, AGAIN_CM):
-            hold(memory, headings.closer(sectors, to_goal, sectors.tight))
+            hold(memory, sweeps.closer(sectors, to_goal, sectors.tight))
             return
-    left = headings.sweep(sectors, to_goal, states.LEFT, sectors.tight)
-    right = headings.sweep(sectors, to_goal, states.RIGHT, sectors.tight)
+    left = sweeps.sweep(sectors, to_goal, states.LEFT, sectors.tight)
+    right = sweeps.sweep(sectors, to_goal, states.RIGHT, sectors.tight)
     wanted = states.LEFT if left <= right else states.RIGHT
     memory.side = loops.side_at(memory.loops, x_cm, y_cm, wanted)
     loops.remember(memory.loops, x_cm, y_cm, memory.side)
     memory.hit_m = distance_m
     memory.reversed = memory.reversed and memory.broken > 0
     memory.doubtful = False
-    hold(memory, headings.closer(sectors, to_goal, sectors.tight))
+    hold(memory, sweeps.closer(sectors, to_goal, sectors.tight))
 
 
 def hold(memory: Memory, sector: int) -> None:
@@ -162,24 +163,24 @@ def open_turn(memory: Memory, start: int, heading: int) -> int:
     the middle of what is open, and through a gap without a margin before turning back."""
     sectors, side = memory.sectors, memory.side
     halves = sectors.tight
-    turn = headings.sweep(sectors, start, side, halves)
+    turn = sweeps.sweep(sectors, start, side, halves)
     closing = sectors.closing
     off = (start + side * turn - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
     if turn >= CIRCLE or not -WIDE_TURN < off < WIDE_TURN:
         headings.squeeze(sectors)
-        squeezed = headings.open_from(sectors, sectors.squeezed, 0, turn - SOFT)
+        squeezed = sweeps.open_from(sectors, sectors.squeezed, 0, turn - SOFT)
         if squeezed < turn - SOFT:
             turn, closing = squeezed, sectors.closing
             halves = sectors.squeezed
     if halves is sectors.tight and turn < CIRCLE:
-        wide = headings.open_from(sectors, sectors.wide, turn, turn + SOFT)
+        wide = sweeps.open_from(sectors, sectors.wide, turn, turn + SOFT)
         if wide < turn + SOFT:
             sectors.closing = closing
             return wide
     sectors.closing = closing
     if turn >= CIRCLE:
         return CIRCLE
-    beyond = headings.room(sectors, turn, halves) // 2
+    beyond = sweeps.room(sectors, turn, halves) // 2
     return turn + (beyond if beyond < SOFT else SOFT)
 
 

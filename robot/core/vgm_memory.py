@@ -11,6 +11,7 @@ from robot.core import echoes as echo_memory
 from robot.core import escort as escorts
 from robot.core import following, headings, pace, states
 from robot.core import ring as rings
+from robot.core import sweep as sweeps
 from robot.core.echoes import BRADS, HALF_CIRCLE, NOTHING, SURE
 from robot.core.following import Memory
 from robot.core.geometry import wrap
@@ -70,8 +71,8 @@ def give_way(memory: Memory) -> None:
     """Away from who walks alongside, where that is open, and wait until he has gone ahead."""
     sectors, escort = memory.sectors, memory.escort
     escort.ticks -= 1
-    left = headings.sweep(sectors, escort.heading, states.LEFT, sectors.tight)
-    right = headings.sweep(sectors, escort.heading, states.RIGHT, sectors.tight)
+    left = sweeps.sweep(sectors, escort.heading, states.LEFT, sectors.tight)
+    right = sweeps.sweep(sectors, escort.heading, states.RIGHT, sectors.tight)
     memory.aside, turn = (states.LEFT, left) if left <= right else (states.RIGHT, right)
     memory.heading = escort.heading + memory.aside * turn
 
@@ -92,11 +93,11 @@ def choose(
 def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
     """Whether something stands in the way to the goal; what is only near it is passed aside."""
     sectors = memory.sectors
-    if headings.closer(sectors, to_goal, sectors.wide) == NOTHING:
+    if sweeps.closer(sectors, to_goal, sectors.wide) == NOTHING:
         return False
     if distance_m < NEAR_GOAL_M and is_clear(memory, pose, to_goal, distance_m, params):
         return False
-    closing = headings.closer(sectors, to_goal, sectors.tight)
+    closing = sweeps.closer(sectors, to_goal, sectors.tight)
     if closing != NOTHING and sectors.point[closing] != NOTHING:
         return True
     turn_aside(memory, to_goal, following.SOFT if closing == NOTHING else HALF_CIRCLE)
@@ -106,8 +107,8 @@ def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: 
 def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
     """The smallest rotation with a wide margin, if it is small; the side is kept for a while."""
     sectors = memory.sectors
-    left = headings.sweep(sectors, to_goal, states.LEFT, sectors.wide)
-    right = headings.sweep(sectors, to_goal, states.RIGHT, sectors.wide)
+    left = sweeps.sweep(sectors, to_goal, states.LEFT, sectors.wide)
+    right = sweeps.sweep(sectors, to_goal, states.RIGHT, sectors.wide)
     if memory.aside_ticks > 0:
         memory.aside_ticks -= 1
         if memory.aside == states.LEFT:
@@ -128,7 +129,7 @@ def leaves(
     if distance_m < NEAR_GOAL_M and is_clear(memory, pose, to_goal, distance_m, params):
         return True
     sectors = memory.sectors
-    if headings.closer(sectors, to_goal, sectors.wide) != NOTHING:
+    if sweeps.closer(sectors, to_goal, sectors.wide) != NOTHING:
         return False
     free_m = 0.0
     if memory.broken < PROMISES:

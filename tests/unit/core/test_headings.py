@@ -5,6 +5,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from robot.core import headings
+from robot.core import sweep as sweeps
 from robot.core.echoes import (
     BRADS,
     CIRCLE,
@@ -113,8 +114,8 @@ def test_a_near_point_closes_the_headings_round_its_bearing() -> None:
     assert sectors.count == 1
     eighth = CIRCLE // 8
     assert sectors.bearing[0] == pytest.approx(eighth, abs=1)
-    assert headings.closer(sectors, eighth, sectors.tight) == 0
-    assert headings.closer(sectors, -eighth, sectors.wide) == NOTHING
+    assert sweeps.closer(sectors, eighth, sectors.tight) == 0
+    assert sweeps.closer(sectors, -eighth, sectors.wide) == NOTHING
 
 
 def test_bearings_are_those_of_the_odometry_frame() -> None:

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robot.core import headings
+from robot.core import sweep as sweeps
 from robot.core.echoes import CIRCLE, HALF_CIRCLE, NOTHING, QUARTER
 from robot.core.headings import NEAR, Sectors
 
@@ -36,7 +36,7 @@ sides = st.sampled_from([1, -1])
 
 
 def swept(sectors: Sectors, start: int, side: int) -> int:
-    return headings.sweep(sectors, start, side, sectors.tight)
+    return sweeps.sweep(sectors, start, side, sectors.tight)
 
 
 @given(sectors_given, bearings, sides)
@@ -51,8 +51,8 @@ def test_a_sweep_from_farther_on_finds_the_next_open_heading_before_its_end(
     given: list[tuple[int, int]], start: int, side: int, turn: int, more: int
 ) -> None:
     sectors = chain(*given)
-    headings.aim(sectors, start, side)
-    found = headings.open_from(sectors, sectors.tight, turn, turn + more)
+    sweeps.aim(sectors, start, side)
+    found = sweeps.open_from(sectors, sectors.tight, turn, turn + more)
     right = turn + smallest(given, start + side * turn, side)
     assert found == (right if right <= turn + more else CIRCLE)
 
@@ -99,7 +99,7 @@ def test_room_is_how_far_it_stays_open_beyond(
     sectors = chain(*given)
     turn = swept(sectors, start, side)
     assume(turn < CIRCLE)
-    room = headings.room(sectors, turn, sectors.tight)
+    room = sweeps.room(sectors, turn, sectors.tight)
     assert all(is_open(given, start + side * (turn + k)) for k in range(room + 1))
     assert room == HALF_CIRCLE or not is_open(given, start + side * (turn + room + 1))
 
@@ -110,4 +110,4 @@ def test_the_nearest_of_those_that_close_a_heading_is_found(
 ) -> None:
     sectors = chain(*given)
     closing = [k for k, sector in enumerate(given) if not is_open([sector], heading)]
-    assert headings.closer(sectors, heading, sectors.tight) == min(closing, default=NOTHING)
+    assert sweeps.closer(sectors, heading, sectors.tight) == min(closing, default=NOTHING)

@@ -1,0 +1,81 @@
+"""Sweeps over closed sectors: the smallest turn to an open heading, and what lies beyond it."""
+
+from robot.core.echoes import CIRCLE, HALF_CIRCLE, NOTHING
+from robot.core.headings import FREE_MM, Sectors
+
+
+def closer(sectors: Sectors, heading: int, halves: "list[int]") -> int:
+    """The nearest sector that closes this heading, or NOTHING; `halves`: `wide` or `tight`."""
+    bearing, away_mm = sectors.bearing, sectors.away_mm
+    nearest, least_mm = NOTHING, FREE_MM
+    across, circle, half_circle = HALF_CIRCLE - heading, CIRCLE, HALF_CIRCLE
+    for k in range(sectors.count):
+        off, half = (bearing[k] + across) % circle - half_circle, halves[k]
+        if off < half and -half < off and away_mm[k] < least_mm:
+            nearest, least_mm = k, away_mm[k]
+    return nearest
+
+
+def aim(sectors: Sectors, start: int, side: int) -> None:
+    """Before sweeps from `start` towards `side`: how far to turn to the middle of each sector."""
+    bearing, offset = sectors.bearing, sectors.offset
+    across, circle = -side * start, CIRCLE
+    for k in range(sectors.count):
+        offset[k] = (side * bearing[k] + across) % circle
+
+
+def sweep(sectors: Sectors, start: int, side: int, halves: "list[int]") -> int:
+    """How far to turn from `start` towards `side` until a heading is open; CIRCLE if none is."""
+    aim(sectors, start, side)
+    return open_from(sectors, halves, 0, CIRCLE)
+
+
+def open_from(sectors: Sectors, halves: "list[int]", turn: int, most: int) -> int:
+    """How far to turn, from `turn` on, until a heading is open; CIRCLE if none is before `most`.
+
+    First everything is put in the order it is in, once about the circle; what covers a heading is
+    done with, the others are looked at again until none of them covers the next.
+    """
+    offset, low, rest = sectors.offset, sectors.low, sectors.rest
+    count, closing = 0, NOTHING
+    circle = CIRCLE
+    for k in range(sectors.count):
+        half, middle = halves[k], offset[k]
+        start, end = middle - half, middle + half
+        if end > circle:
+            start, end = start - circle, end - circle
+        if start < 0 and start + circle < most:
+            most = start + circle
+        if turn < end:
+            if start < turn:
+                turn, closing = end, k
+            elif start < most:
+                low[k], rest[count] = start, k
+                count += 1
+    before = NOTHING
+    while before != turn and turn <= most:
+        before, j = turn, 0
+        while j < count:
+            k = rest[j]
+            if low[k] < turn:
+                end = low[k] + 2 * halves[k]
+                if turn < end:
+                    turn, closing = end, k
+                count -= 1
+                rest[j] = rest[count]
+            else:
+                j += 1
+    sectors.closing = closing
+    return turn if turn <= most and turn < CIRCLE else CIRCLE
+
+
+def room(sectors: Sectors, turn: int, halves: "list[int]") -> int:
+    """How much farther headings stay open beyond the one that the last sweep ended with."""
+    offset, least, circle = sectors.offset, HALF_CIRCLE, CIRCLE
+    for k in range(sectors.count):
+        half = halves[k]
+        if half > 0:
+            ahead = (offset[k] - half - turn) % circle
+            if ahead < least:
+                least = ahead
+    return least
