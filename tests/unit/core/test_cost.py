@@ -53,7 +53,7 @@ def with_its_miss(name: str) -> Any:
     return pytest.param(name, marks=mark if name == "vgm_memory" else ())
 
 
-@pytest.mark.parametrize("name", map(with_its_miss, NAVIGATORS))
+@pytest.mark.parametrize("name", [with_its_miss(name) for name in NAVIGATORS])
 def test_the_worst_tick_stays_within_its_limit(name: str) -> None:
     worst = hard_ticks(name, STORIES, TICKS).worst()
     dearest = sorted(worst.functions.items(), key=lambda item: -item[1])[:8]
