@@ -4,12 +4,20 @@ The search of `plant.shortest_path`, but only over corners close to the given wa
 farther than a few metres; points of the given way itself join what is farther apart.
 """
 
-from heapq import heappop, heappush
 from typing import Final
 
 import numpy as np
 
-from plant.shortest_path import TOUCHING_M, Array, Blocked, Mask, blocked_by, rings, visible_from
+from plant.shortest_path import (
+    TOUCHING_M,
+    Array,
+    Blocked,
+    Mask,
+    blocked_by,
+    rings,
+    search,
+    visible_from,
+)
 from plant.world_types import Point, World
 
 NEAR_M: Final = 1.0
@@ -27,24 +35,18 @@ def near_path(world: World, way: list[Point], radius_m: float) -> list[Point]:
     corners = rings(world, _only(blocked, given, NEAR_M), radius_m)
     corners = corners[_free(corners, blocked)]
     nodes = np.vstack([given[:1], given[-1:], corners, given[EVERY:-1:EVERY]])
-    came_from = _search(nodes, blocked)
-    if came_from is None:
-        return way
-    path = [1]
-    while path[-1] != 0:
-        path.append(came_from[path[-1]])
-    pulled = _pulled(nodes[path[::-1]], every)
-    return [(float(x_m), float(y_m)) for x_m, y_m in pulled.tolist()]
+    found = search(nodes, lambda eye, to: visible_from(eye, to, _around(eye, blocked)), SIGHT_M)
+    return way if found is None else _pulled(found, every)
 
 
-def _pulled(path: Array, blocked: Blocked) -> Array:
+def _pulled(path: list[Point], blocked: Blocked) -> list[Point]:
     """Without the points that can be left out because one sees past them, however far."""
-    kept = [0]
+    points, kept = np.array(path), [0]
     while kept[-1] < len(path) - 1:
         after = kept[-1] + 1
-        seen = np.flatnonzero(visible_from(path[kept[-1]], path[after:], blocked))
+        seen = np.flatnonzero(visible_from(points[kept[-1]], points[after:], blocked))
         kept.append(after + int(seen.max(initial=0)))
-    return path[kept]
+    return [path[k] for k in kept]
 
 
 def _only(blocked: Blocked, points: Array, reach_m: float) -> Blocked:
@@ -81,32 +83,6 @@ def _free(points: Array, blocked: Blocked) -> Mask:
         if free[index] and len(blocked.tails):
             free[index] = _edge_distances(blocked, point).min() >= radius_m - TOUCHING_M
     return free
-
-
-def _search(nodes: Array, blocked: Blocked) -> list[int] | None:
-    """A* from node 0 to node 1, looking no farther than SIGHT_M from each node."""
-    to_goal = np.hypot(*(nodes - nodes[1]).T)
-    cost = np.full(len(nodes), np.inf)
-    cost[0] = 0.0
-    came_from = [0] * len(nodes)
-    open_nodes = [(float(to_goal[0]), 0)]
-    done = np.zeros(len(nodes), dtype=bool)
-    while open_nodes:
-        _, here = heappop(open_nodes)
-        if here == 1:
-            return came_from
-        if done[here]:
-            continue
-        done[here] = True
-        away = np.hypot(*(nodes - nodes[here]).T)
-        through = cost[here] + away
-        better = np.flatnonzero(~done & (away <= SIGHT_M) & (through < cost))
-        seen = better[visible_from(nodes[here], nodes[better], _around(nodes[here], blocked))]
-        cost[seen] = through[seen]
-        for node in seen.tolist():
-            came_from[node] = here
-            heappush(open_nodes, (float(cost[node] + to_goal[node]), node))
-    return None
 
 
 def _around(eye: Array, blocked: Blocked) -> Blocked:

@@ -5,9 +5,10 @@ just outside, and A* runs over the straight lines between them that touch nothin
 exact but for the rings, which make an arc at most 0.6 % too long.
 """
 
+from collections.abc import Callable
 from heapq import heappop, heappush
 from itertools import pairwise
-from math import cos, dist, pi
+from math import cos, dist, inf, pi
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -19,6 +20,7 @@ from plant.world_types import Circle, Point, Polygon, World
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
+Sees: TypeAlias = Callable[[Array, Array], Mask]
 
 RING_POINTS: Final = 24
 TOUCHING_M: Final = 1e-6
@@ -57,13 +59,7 @@ def shortest_path(world: World) -> list[Point] | None:
     blocked = blocked_by(world, radius_m)
     start, goal = (world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m)
     nodes = np.vstack([np.array([start, goal]), _ring_points(world, blocked, radius_m)])
-    came_from = _search(nodes, blocked)
-    if came_from is None:
-        return None
-    path = [1]
-    while path[-1] != 0:
-        path.append(came_from[path[-1]])
-    return [(float(nodes[node, 0]), float(nodes[node, 1])) for node in reversed(path)]
+    return search(nodes, lambda eye, targets: visible_from(eye, targets, blocked))
 
 
 def blocked_by(world: World, radius_m: float) -> Blocked:
@@ -129,8 +125,12 @@ def _from_segment(points: Array, a: Array, b: Array) -> Array:
     return distance
 
 
-def _search(nodes: Array, blocked: Blocked) -> list[int] | None:
-    """A* from node 0 to node 1: each node's predecessor, or None when 1 is out of reach."""
+def search(nodes: Array, sees: Sees, sight_m: float = inf) -> list[Point] | None:
+    """A* from the first node to the second, looking no farther than `sight_m` from each.
+
+    `sees` tells which targets a straight line reaches from an eye. The corners of the shortest way,
+    both ends included; None when the second is out of reach.
+    """
     to_goal = np.hypot(*(nodes - nodes[1]).T)
     cost = np.full(len(nodes), np.inf)
     cost[0] = 0.0
@@ -140,18 +140,27 @@ def _search(nodes: Array, blocked: Blocked) -> list[int] | None:
     while open_nodes:
         _, here = heappop(open_nodes)
         if here == 1:
-            return came_from
+            return _way(nodes, came_from)
         if done[here]:
             continue
         done[here] = True
-        through = cost[here] + np.hypot(*(nodes - nodes[here]).T)
-        better = np.flatnonzero(~done & (through < cost) & (through + to_goal < cost[1]))
-        seen = better[visible_from(nodes[here], nodes[better], blocked)]
+        away = np.hypot(*(nodes - nodes[here]).T)
+        through = cost[here] + away
+        promising = ~done & (away <= sight_m) & (through < cost) & (through + to_goal < cost[1])
+        better = np.flatnonzero(promising)
+        seen = better[sees(nodes[here], nodes[better])]
         cost[seen] = through[seen]
         for node in seen.tolist():
             came_from[node] = here
             heappush(open_nodes, (float(cost[node] + to_goal[node]), node))
     return None
+
+
+def _way(nodes: Array, came_from: list[int]) -> list[Point]:
+    path = [1]
+    while path[-1] != 0:
+        path.append(came_from[path[-1]])
+    return [(float(x_m), float(y_m)) for x_m, y_m in nodes[path[::-1]].tolist()]
 
 
 def visible_from(eye: Array, targets: Array, blocked: Blocked) -> Mask:
