@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from math import degrees, pi, radians
 from typing import Final
 
-from ground.options import finite, positive, within
+from ground.options import positive, within
 from protocol.enums import Mode
 from protocol.errors import UserError
 from protocol.messages import GoalRequest
+from protocol.options import finite
 from protocol.wire_goal import WireGoal, wire_goal
 
 FARTHEST_M: Final = 2_000_000.0  # what fits the wire; the robot's own limit is nearer

@@ -1,15 +1,14 @@
-"""Options that verbs have in common, and the numbers they take: finite, or refused at once."""
+"""Options that verbs have in common, and the numbers they take: in range, or refused at once."""
 
 import argparse
 from dataclasses import dataclass, replace
-from math import isfinite
 from pathlib import Path
 from typing import Final
 
 from protocol.config import load_shared
 from protocol.errors import UserError
 from protocol.network import Network
-from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, dialled
+from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, dialled, finite
 from protocol.topics import robot_name
 
 DIAL_S: Final = 1.5
@@ -70,18 +69,6 @@ def listening_of(options: argparse.Namespace) -> Network:
     if options.listen is not None:
         listen = (options.listen,)
     return replace(network, mode="router", listen=listen)
-
-
-def finite(text: str) -> float:
-    """A number that is one: neither NaN nor infinite."""
-    text = text.strip()
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
-    if not isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
-    return value
 
 
 def positive(text: str) -> float:

@@ -10,11 +10,12 @@ from types import MappingProxyType
 from typing import Final, TypeAlias
 
 from ground.link import Link, Unanswered, linked
-from ground.options import add_common, common_of, finite
+from ground.options import add_common, common_of
 from ground.says import Says
 from protocol.enums import PARAM_TYPE_REAL32
 from protocol.errors import RemoteError, UserError
 from protocol.messages import CommandAck, ParamSet, ParamValue
+from protocol.options import finite
 from protocol.reasons import Reason, reason_text
 from protocol.topics import PARAMETER, PARAMETERS
 

@@ -13,7 +13,7 @@ from ground.children import Children
 from ground.errand import Errand
 from ground.leash import command
 from ground.link import NS_PER_S, Link, Unanswered
-from ground.options import Common, add_json, finite, positive, seconds
+from ground.options import Common, add_json, positive, seconds
 from ground.orders import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.outing import Outing, as_json, in_words
 from ground.parts import Part
@@ -22,6 +22,7 @@ from ground.scenario import Scenario, cast, question, scenario_of, world_facts
 from protocol.bus import Bus, Network, open_bus
 from protocol.clock import Clock, WallClock
 from protocol.errors import NoPeer, RemoteError, UserError
+from protocol.options import finite
 from protocol.outcome import Outcome
 from protocol.topics import Role
 

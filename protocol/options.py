@@ -1,9 +1,10 @@
-"""What command lines have in common: where a process listens or connects, and odd numbers."""
+"""What command lines have in common: where a process listens or connects, numbers, parameters."""
 
 import argparse
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from math import isfinite
 from typing import Final
 
 from protocol.network import Mode, Network
@@ -33,6 +34,39 @@ def _taken_for_option(word: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def finite(text: str) -> float:
+    """A number that is one: neither NaN nor infinite."""
+    text = text.strip()
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+    return value
+
+
+def add_param_option(
+    parser: argparse.ArgumentParser, says: str = "a parameter of the robot, as often as needed"
+) -> None:
+    """`--param NAME=VALUE`, any number of them: `param` is a list of names with their values."""
+    parser.add_argument(
+        "--param",
+        type=_assignment,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help=says,
+    )
+
+
+def _assignment(text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    if not (name and equals):
+        raise argparse.ArgumentTypeError(f"{text!r}: write NAME=VALUE, as in d_obs_m=0.4")
+    return name, finite(value)
 
 
 def add_network_options(parser: argparse.ArgumentParser) -> None:

@@ -1,20 +1,25 @@
 """`sidestep robot`: one robot's control loop, from the command line."""
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import isfinite, radians
+from math import radians
 from pathlib import Path
 
 from protocol import config
 from protocol.enums import Severity
-from protocol.errors import UserError
 from protocol.network import Network
-from protocol.options import add_network_options, network_of, numbers_kept
+from protocol.options import (
+    add_network_options,
+    add_param_option,
+    finite,
+    network_of,
+    numbers_kept,
+)
 from protocol.topics import robot_name
-from robot.core.parameters import DEFAULTS, Params
+from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
-from robot.parameters import OutOfRange, Unknown, with_value
+from robot.parameters import adjusted
 from robot.run import Options, run
 from robot.store import Store
 from robot.vehicle import Vehicle
@@ -57,14 +62,7 @@ def parser() -> argparse.ArgumentParser:
         default=(0.0, 0.0, 0.0),
         help="where it stands, so that goals are places of the world (0 0 0)",
     )
-    parser.add_argument(
-        "--param",
-        metavar="NAME=VALUE",
-        action="append",
-        default=[],
-        type=assignment,
-        help="a parameter; the names are in `sidestep param list`",
-    )
+    add_param_option(parser, "a parameter; the names are in `sidestep param list`")
     parser.add_argument("--state", metavar="DIR", type=Path, help="keep parameters there")
     parser.add_argument(
         "--lockstep", action="store_true", help="simulated time, given by the plant"
@@ -82,35 +80,11 @@ def parser() -> argparse.ArgumentParser:
 def vehicle_of(arguments: argparse.Namespace, settings: Settings) -> Vehicle:
     """Defaults, then the file, then what an operator saved, then the command line."""
     store = Store(arguments.state)
-    params = adjusted(DEFAULTS, settings.parameters.items(), f"{arguments.config}: [parameters]")
+    params = adjusted(DEFAULTS, settings.parameters, f"{arguments.config}: [parameters]")
     params, warnings = store.load(params)
-    params = adjusted(params, arguments.param, "--param")
+    params = adjusted(params, dict(arguments.param), "--param")
     x_m, y_m, heading_deg = arguments.start
     vehicle = Vehicle(params, store, Pose(x_m, y_m, radians(heading_deg)))
     for warning in warnings:
         vehicle.say(Severity.WARNING, warning)
     return vehicle
-
-
-def adjusted(params: Params, values: Iterable[tuple[str, float]], where: str) -> Params:
-    """Parameters with these values in force. Raises UserError, naming where a bad one stands."""
-    for name, value in values:
-        try:
-            params = with_value(params, name, value)
-        except (Unknown, OutOfRange) as error:
-            raise UserError(f"{where}: {error}") from error
-    return params
-
-
-def finite(text: str) -> float:
-    value = float(text)
-    if not isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text.strip()} is not a finite number")
-    return value
-
-
-def assignment(text: str) -> tuple[str, float]:
-    name, equals, value = text.partition("=")
-    if not (name and equals):
-        raise argparse.ArgumentTypeError(f"{text!r}: write NAME=VALUE, as in d_obs_m=0.4")
-    return name, finite(value)

@@ -1,10 +1,12 @@
 """The robot's parameters as an operator sees them: unit, range and meaning of each setting."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
 from types import MappingProxyType
 from typing import Final
 
+from protocol.errors import UserError
 from robot.core import states
 from robot.core.navigators import NAVIGATORS
 from robot.core.parameters import DEFAULTS, Params
@@ -118,6 +120,21 @@ def with_value(params: Params, name: str, value: float) -> Params:
     values = list(params)
     values[params._fields.index(name)] = int(value) if spec.integer else value
     return Params._make(values)
+
+
+def with_values(params: Params, values: Mapping[str, float]) -> Params:
+    """As `with_value`, for several. Raises Unknown or OutOfRange, saying which and why."""
+    for name, value in values.items():
+        params = with_value(params, name, value)
+    return params
+
+
+def adjusted(params: Params, values: Mapping[str, float], where: str) -> Params:
+    """As `with_values`. Raises UserError, naming where a bad one stands."""
+    try:
+        return with_values(params, values)
+    except (Unknown, OutOfRange) as error:
+        raise UserError(f"{where}: {error}") from None
 
 
 def described(params: Params) -> list[dict[str, float | bool | str]]:

@@ -4,11 +4,11 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from math import isfinite
 
 from plant.noise import LEVELS
 from plant.world_file import load
 from protocol.errors import UserError
+from protocol.options import add_param_option
 from protocol.outcome import Outcome
 from robot.parameters import OutOfRange, Unknown
 from study.trace import Trace
@@ -64,14 +64,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--seed", type=seed, default=0, help="of everything random (0)")
     made.add_argument("--noise", choices=LEVELS, help="instead of what the world says")
     made.add_argument("--timeout", type=seconds, default=300.0, metavar="S", help="simulated (300)")
-    made.add_argument(
-        "--param",
-        type=parameter,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a parameter of the robot, as often as needed",
-    )
+    add_param_option(made)
     made.add_argument("--uncalibrated", action="store_true", help="not calibrated for the noise")
     made.add_argument("--trace", metavar="FILE", help="CSV, one line per tick")
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
@@ -90,14 +83,3 @@ def seconds(text: str) -> float:
     if not 0.0 < value <= LONGEST_S:
         raise argparse.ArgumentTypeError(f"{text} is not above 0 and at most {LONGEST_S:g}")
     return value
-
-
-def parameter(text: str) -> tuple[str, float]:
-    name, equals, value = text.partition("=")
-    try:
-        number = float(value)
-    except ValueError:
-        number = float("nan")
-    if not (name and equals and isfinite(number)):
-        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=NUMBER")
-    return name, number

@@ -24,7 +24,8 @@ from robot.core.geometry import wrap
 from robot.core.odometry import Odometry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Outputs, Pose, Wheels
-from study.calibration.runs import covariance_of, with_values
+from robot.parameters import with_values
+from study.calibration.runs import covariance_of
 from study.onboard import Onboard
 from study.trial import Trial, run_trial
 

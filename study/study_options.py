@@ -7,7 +7,8 @@ from typing import Final
 
 from plant.noise import LEVELS
 from plant.worlds_make import PER_FAMILY
-from study.cli import parameter, seconds, seed
+from protocol.options import add_param_option
+from study.cli import seconds, seed
 from study.plan import EVERY_NAVIGATOR, Settings, navigator_of, noise_of
 from study.sources import CORPUS, FIXED, Wanted
 
@@ -79,14 +80,7 @@ def _add_what(made: argparse.ArgumentParser) -> None:
         help="simulated; by default the time for 40 times the shortest way, at least 120 s, and"
         " 1200 s where there is no way",
     )
-    made.add_argument(
-        "--param",
-        type=parameter,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a parameter of the robot, as often as needed",
-    )
+    add_param_option(made)
     made.add_argument(
         "--uncalibrated", action="store_true", help="robots not calibrated for their noise"
     )

@@ -18,7 +18,7 @@ from robot.core import reasons, states
 from robot.core.machine import goal_lives
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Outputs, Pose
-from robot.parameters import with_value
+from robot.parameters import with_values
 from study.onboard import Onboard
 
 NAVIGATORS: Mapping[str, int] = {
@@ -96,9 +96,7 @@ def params_of(trial: Trial) -> Params:
     """The robot's parameters: defaults, calibration, the world's robot, then what was asked for."""
     params = DEFAULTS._replace(navigator=NAVIGATORS[trial.navigator], side=SIDES[trial.side])
     told = settings_of(trial.world.robot, trial.level, calibrated=trial.calibrated)
-    for name, value in {**told, **trial.parameters}.items():
-        params = with_value(params, name, value)
-    return params
+    return with_values(params, {**told, **trial.parameters})
 
 
 def start_of(world: World) -> Pose:

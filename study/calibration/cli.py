@@ -3,7 +3,7 @@
 import argparse
 import json
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,15 +12,16 @@ from numpy.linalg import LinAlgError
 
 from plant.noise import LEVELS
 from protocol.errors import UserError
+from protocol.options import add_param_option
 from robot.core.parameters import DEFAULTS, Params
-from robot.parameters import OutOfRange, Unknown, with_value
+from robot.parameters import OutOfRange, adjusted, with_values
 from study.calibration import log, plot
 from study.calibration.fit import fitted
 from study.calibration.result import Result, as_toml, store
-from study.calibration.runs import Run, with_values
+from study.calibration.runs import Run
 from study.calibration.squares import drive
 from study.calibration.umbmark import umbmark
-from study.cli import parameter, seed
+from study.cli import seed
 
 RUNS = 20
 MOST_RUNS = 1000
@@ -32,7 +33,7 @@ def main(argv: Sequence[str]) -> int:
     """0, or 2 for wrong usage (argparse) or a log that cannot be used (raised)."""
     options = parser().parse_args(list(argv))
     judge(options)
-    params = params_of(options.param)
+    params = adjusted(DEFAULTS, dict(options.param), "--param")
     result = from_log(options, params) if options.log else from_plant(options, params)
     try:
         save(options, result, shlex.join(["sidestep", "calibrate", *argv]))
@@ -108,16 +109,6 @@ def judge(options: argparse.Namespace) -> None:
         raise UserError("--plot needs matplotlib: pip install 'sidestep[study]'")
 
 
-def params_of(values: Iterable[tuple[str, float]]) -> Params:
-    params = DEFAULTS
-    for name, value in values:
-        try:
-            params = with_value(params, name, value)
-        except (Unknown, OutOfRange) as error:
-            raise UserError(f"--param: {error}") from None
-    return params
-
-
 def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(
         prog="sidestep calibrate",
@@ -134,14 +125,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--side", type=length, default=SIDE_M, metavar="M", help=f"of the square ({SIDE_M:g})"
     )
-    made.add_argument(
-        "--param",
-        type=parameter,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="what the robot believes before, as often as needed",
-    )
+    add_param_option(made, "what the robot believes before, as often as needed")
     made.add_argument("--log", metavar="FILE", help="use the runs in this file, see below")
     made.add_argument("--save-log", metavar="FILE", help="write the runs to such a file")
     made.add_argument("--output", metavar="FILE", help="TOML for `sidestep robot --config`")

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from robot.core.parameters import Params
+from robot.parameters import with_values
 from robot.store import Store
 from study.calibration.fit import Fit
-from study.calibration.runs import CCW, CW, Run, errors_of, with_values
+from study.calibration.runs import CCW, CW, Run, errors_of
 from study.calibration.umbmark import Umbmark, umbmark
 
 UNITS: Final = {"wheel_ratio": "", "track_m": " m", "k_r_m": " m", "k_l_m": " m"}

@@ -1,6 +1,6 @@
 """One drive of a calibration: what its wheels counted, and where it ended as measured."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,7 +12,6 @@ from robot.core.geometry import wrap
 from robot.core.odometry import Odometry
 from robot.core.parameters import Params
 from robot.core.values import Pose, Wheels
-from robot.parameters import with_value
 
 CW: Final = "cw"
 CCW: Final = "ccw"
@@ -57,10 +56,3 @@ def errors_of(runs: Iterable[Run], params: Params) -> Array:
 def covariance_of(odometry: Odometry) -> Array:
     o = odometry
     return np.array([[o.pxx, o.pxy, o.pxh], [o.pxy, o.pyy, o.pyh], [o.pxh, o.pyh, o.phh]])
-
-
-def with_values(params: Params, values: Mapping[str, float]) -> Params:
-    """Raises OutOfRange for what no robot can be."""
-    for name, value in values.items():
-        params = with_value(params, name, value)
-    return params

@@ -15,7 +15,8 @@ from robot.core import slip as slips
 from robot.core import stall as stalls
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Outputs
-from study.calibration.runs import covariance_of, with_values
+from robot.parameters import with_values
+from study.calibration.runs import covariance_of
 from study.calibration.squares import drive as squares
 from study.calibration.umbmark import umbmark
 from study.consistency import ELLIPSE, KINDS, drive, error_of, judged

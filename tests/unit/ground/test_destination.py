@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.destination import arguments, destination, destination_of, goal_request
-from ground.options import finite, positive, seconds
+from ground.options import positive, seconds
 from protocol.codec import Encoder, decode
 from protocol.enums import Mode
 from protocol.errors import UserError
@@ -47,12 +47,6 @@ def test_without_a_heading_any_will_do() -> None:
 def test_what_no_robot_can_take_is_named(words: tuple[str, ...], named: str) -> None:
     with pytest.raises(UserError, match=rf"^{named} .* out of range"):
         destination_of(typed(*words))
-
-
-@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e999", "", "x", "1,5"])
-def test_what_is_no_finite_number_is_refused(text: str) -> None:
-    with pytest.raises(argparse.ArgumentTypeError):
-        finite(text)
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "nan", "1e9"])

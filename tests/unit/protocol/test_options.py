@@ -1,4 +1,4 @@
-"""Negative numbers are numbers; one [network] serves the one that waits and those who dial."""
+"""Numbers are numbers, also negative ones; one [network] serves who waits and who dials."""
 
 import argparse
 from typing import Literal
@@ -8,7 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.network import Network
-from protocol.options import DEFAULT_ENDPOINT, network_of, numbers_kept
+from protocol.options import (
+    DEFAULT_ENDPOINT,
+    add_param_option,
+    finite,
+    network_of,
+    numbers_kept,
+)
 
 
 def parsed(*words: str) -> argparse.Namespace:
@@ -34,6 +40,39 @@ def test_every_number_comes_back_as_it_was(value: float) -> None:
 @pytest.mark.parametrize("word", ["-i", "--goal", "-e3", "-1e", "-", "--", "", "1e3", "-1", "-0.5"])
 def test_everything_else_stays_as_it_is(word: str) -> None:
     assert numbers_kept([word]) == [word]
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e999", "", "x", "1,5"])
+def test_what_is_no_finite_number_is_refused(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError):
+        finite(text)
+
+
+def test_parameters_are_names_with_their_values() -> None:
+    parser = argparse.ArgumentParser()
+    add_param_option(parser)
+    assert parser.parse_args([]).param == []
+    words = ["--param", "side=-1", "--param", "d_obs_m=0.4"]
+    assert parser.parse_args(words).param == [("side", -1.0), ("d_obs_m", 0.4)]
+
+
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        ("d_obs_m", "write NAME=VALUE"),
+        ("=1", "write NAME=VALUE"),
+        ("d_obs_m=far", "'far' is not a number"),
+        ("d_obs_m=inf", "'inf' is not a finite number"),
+    ],
+)
+def test_what_gives_no_parameter_a_value_is_refused(
+    word: str, says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parser = argparse.ArgumentParser()
+    add_param_option(parser)
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--param", word])
+    assert says in capsys.readouterr().err
 
 
 HERE, THERE = "tcp/127.0.0.1:1", "tcp/127.0.0.1:2"

@@ -4,8 +4,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from protocol.errors import UserError
 from robot.core.parameters import DEFAULTS, Params
-from robot.parameters import SPECS, TABLE, OutOfRange, Unknown, described, with_value
+from robot.parameters import (
+    SPECS,
+    TABLE,
+    OutOfRange,
+    Unknown,
+    adjusted,
+    described,
+    with_value,
+    with_values,
+)
 
 
 def test_every_setting_of_the_core_has_one_row_in_the_same_order() -> None:
@@ -25,6 +35,17 @@ def test_a_value_is_put_into_force_and_nothing_else_changes() -> None:
     changed = with_value(DEFAULTS, "d_obs_m", 0.45)
     assert changed.d_obs_m == 0.45
     assert with_value(changed, "d_obs_m", DEFAULTS.d_obs_m) == DEFAULTS
+
+
+def test_several_values_are_put_into_force() -> None:
+    changed = with_values(DEFAULTS, {"d_obs_m": 0.45, "side": -1.0})
+    assert (changed.d_obs_m, changed.side) == (0.45, -1)
+
+
+@pytest.mark.parametrize("bad", [{"d_obs_cm": 30.0}, {"d_obs_m": inf}])
+def test_a_user_is_told_where_a_bad_value_stands(bad: dict[str, float]) -> None:
+    with pytest.raises(UserError, match=r"^robot\.toml: .*d_obs_c?m"):
+        adjusted(DEFAULTS, {"side": 1.0, **bad}, "robot.toml")
 
 
 def test_an_unknown_name_is_named() -> None:

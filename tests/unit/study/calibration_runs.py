@@ -6,7 +6,8 @@ import numpy as np
 
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
-from study.calibration.runs import CCW, CW, Run, believed, with_values
+from robot.parameters import with_values
+from study.calibration.runs import CCW, CW, Run, believed
 
 STEPS = 100  # no wheel turns farther in a period than the odometry believes
 SIDE_M = 4.0

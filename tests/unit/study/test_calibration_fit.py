@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core.parameters import DEFAULTS
-from robot.parameters import OutOfRange
+from robot.parameters import OutOfRange, with_values
 from study.calibration.fit import Fit, fitted, likeliest_k, spreads_of
 from study.calibration.golden import least
-from study.calibration.runs import Run, believed, covariance_of, with_values
+from study.calibration.runs import Run, believed, covariance_of
 from tests.unit.study.calibration_runs import squares
 
 

@@ -3,7 +3,8 @@ from math import hypot
 import pytest
 
 from robot.core.parameters import DEFAULTS
-from study.calibration.runs import CCW, CW, with_values
+from robot.parameters import with_values
+from study.calibration.runs import CCW, CW
 from study.calibration.umbmark import umbmark, wheel_ratio
 from tests.unit.study.calibration_runs import SIDE_M, squares
 
