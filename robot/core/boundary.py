@@ -35,12 +35,13 @@ CLOSING: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) for b in BEARINGS])
 
 
 class Boundary:
-    """`distance_m` and `bearing_rad` are of the goal, `best_m` is the nearest it ever was,
-    `hit_m` how far it was where the obstacle was met, `lap` the way round since then, `laps` how
+    """`distance_m` and `bearing_rad` are of the goal, `best_m` is the nearest it ever was, `lap`
+    the way round the obstacle since it was met, `begun_m` how near the goal was then, `laps` how
     often that was closed, `near_m` the nearest the goal was on it, `hoped`: last hope is spent."""
 
     __slots__ = (
         "bearing_rad",
+        "begun_m",
         "best_m",
         "distance_m",
         "follower",
@@ -48,7 +49,6 @@ class Boundary:
         "goal_x_m",
         "goal_y_m",
         "hit_at_m",
-        "hit_m",
         "hoped",
         "lap",
         "laps",
@@ -61,7 +61,7 @@ class Boundary:
         self.lap = Lap()
         self.following = False
         self.goal_x_m = self.goal_y_m = inf
-        self.distance_m = self.best_m = self.hit_m = self.near_m = inf
+        self.distance_m = self.best_m = self.begun_m = self.near_m = inf
         self.hit_at_m = 0.0
         self.laps = 0
         self.hoped = False
@@ -79,7 +79,7 @@ def look(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Params)
     if new:
         boundary.goal_x_m, boundary.goal_y_m = goal.x_m, goal.y_m
         boundary.following = False
-        boundary.best_m = boundary.hit_m = inf
+        boundary.best_m = boundary.begun_m = inf
     boundary.best_m = min(boundary.best_m, boundary.distance_m)
     return new
 
@@ -127,8 +127,27 @@ def follow(boundary: Boundary, pose: Pose, side: int, params: Params) -> None:
     """The obstacle in the way is followed from here on, passed on this side."""
     boundary.following = True
     boundary.met_ticks = 0
-    boundary.hit_m = boundary.distance_m
     followers.start(boundary.follower, pose, side, boundary.bearing_rad, params)
+
+
+def goes_on(
+    boundary: Boundary, pose: Pose, side: int, near_m: float, step_m: float, params: Params
+) -> bool:
+    """One tick along the boundary, or straight on until one is met and followed; False when there
+    is no way to the goal. A boundary met `step_m` nearer than the last, by the navigator's own
+    `near_m`, is a new one; else the lap that was begun goes on."""
+    if boundary.following:
+        return not rounded(boundary, pose)
+    if not meets(boundary, params):
+        return True
+    if hopeless(boundary):
+        return False
+    follow(boundary, pose, side, params)
+    anew = near_m < boundary.begun_m - step_m
+    if anew:
+        boundary.begun_m = near_m
+    circle(boundary, pose, anew)
+    return True
 
 
 def circle(boundary: Boundary, pose: Pose, anew: bool) -> None:
@@ -174,8 +193,8 @@ def leave(boundary: Boundary) -> None:
 
 
 def under_way(boundary: Boundary) -> bool:
-    """Whether the robot has got away from where it met the obstacle: what it sees now is new."""
-    return boundary.lap.at_m >= boundary.hit_at_m + SETTLE_M
+    """Whether it follows a boundary, away from where it met it by now: what it sees is new."""
+    return boundary.following and boundary.lap.at_m >= boundary.hit_at_m + SETTLE_M
 
 
 def goal_at_hand(boundary: Boundary, params: Params) -> bool:
@@ -249,10 +268,3 @@ def speed_limit_m_s(ring: Ring, params: Params) -> float:
                 may_m_s = max(may_m_s, CREEP_M_S)
             limit_m_s = min(limit_m_s, may_m_s)
     return limit_m_s
-
-
-def opens(boundary: Boundary, params: Params) -> bool:
-    """Whether nothing that is seen closes the way to the goal; out of view it may be open."""
-    room_m = params.radius_m + HIT_M
-    far_m = free_m(boundary.follower, boundary.bearing_rad, room_m, params)
-    return far_m >= min(HIT_LOOK_M + 0.05, boundary.distance_m) + room_m

@@ -4,7 +4,7 @@ The boundary is left on that line only nearer to the goal than where the obstacl
 obstacle met is nearer than the last. Back where it was met without having left: unreachable.
 """
 
-from math import inf, sqrt
+from math import sqrt
 
 from robot.core import boundary as boundaries
 from robot.core import states
@@ -20,15 +20,14 @@ NEARER_M: Final = 0.10
 
 class Memory:
     """The line starts at `start_x_m`, `start_y_m`; `aside_m` is how far the robot is to the left
-    of it, `met_m` how near it was where the loop now driven was begun."""
+    of it."""
 
-    __slots__ = ("aside_m", "boundary", "met_m", "side", "start_x_m", "start_y_m")
+    __slots__ = ("aside_m", "boundary", "side", "start_x_m", "start_y_m")
 
     def __init__(self) -> None:
         self.boundary = Boundary()
         self.side: int = states.LEFT
         self.start_x_m = self.start_y_m = self.aside_m = 0.0
-        self.met_m = inf
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
@@ -38,21 +37,11 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         return boundaries.stand(ring, goal)
     if boundaries.look(boundary, pose, ring, goal, params):
         memory.start_x_m, memory.start_y_m = pose.x_m, pose.y_m
-        memory.met_m = inf
     crossed = crosses(memory, pose, goal)
-    if boundary.following:
-        if boundaries.under_way(boundary) and leaves(memory, crossed, params):
-            boundaries.leave(boundary)
-        elif boundaries.rounded(boundary, pose):
-            return boundaries.give_up(boundary, ring, goal)
-    elif boundaries.meets(boundary, params):
-        if boundaries.hopeless(boundary):
-            return boundaries.give_up(boundary, ring, goal)
-        boundaries.follow(boundary, pose, memory.side, params)
-        anew = boundary.hit_m < memory.met_m - NEARER_M
-        if anew:
-            memory.met_m = boundary.hit_m
-        boundaries.circle(boundary, pose, anew)
+    if boundaries.under_way(boundary) and leaves(boundary, crossed, params):
+        boundaries.leave(boundary)
+    elif not boundaries.goes_on(boundary, pose, memory.side, boundary.distance_m, NEARER_M, params):
+        return boundaries.give_up(boundary, ring, goal)
     return boundaries.decision(boundary, pose, ring, goal, params)
 
 
@@ -67,9 +56,8 @@ def crosses(memory: Memory, pose: Pose, goal: Goal) -> bool:
     return abs(aside_m) < ON_LINE_M or aside_m * before_m < 0.0
 
 
-def leaves(memory: Memory, crossed: bool, params: Params) -> bool:
+def leaves(boundary: Boundary, crossed: bool, params: Params) -> bool:
     """On the line, and nearer than where the obstacle was met."""
-    boundary = memory.boundary
     if boundaries.goal_at_hand(boundary, params) or boundaries.hopes(boundary):
         return True
-    return crossed and boundary.distance_m <= memory.met_m - NEARER_M
+    return crossed and boundary.distance_m <= boundary.begun_m - NEARER_M

@@ -3,8 +3,6 @@
 What the sonars see free towards the goal is believed, less what the robot needs to stop and turn.
 """
 
-from math import inf
-
 from robot.core import boundary as boundaries
 from robot.core import states
 from robot.core.boundary import Boundary
@@ -20,15 +18,13 @@ SHORT_M: Final = 0.25  # this much before an echo the obstacle would be met
 
 
 class Memory:
-    """`least_m` is how near the goal was when the loop now driven was begun, `open_ticks` for how
-    long the way to it has looked good enough to leave."""
+    """`open_ticks` is for how long the way to the goal has looked good enough to leave."""
 
-    __slots__ = ("boundary", "least_m", "open_ticks", "side")
+    __slots__ = ("boundary", "open_ticks", "side")
 
     def __init__(self) -> None:
         self.boundary = Boundary()
         self.side: int = states.LEFT
-        self.least_m = inf
         self.open_ticks = 0
 
 
@@ -37,22 +33,13 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     boundary = memory.boundary
     if boundaries.lost(pose, goal):
         return boundaries.stand(ring, goal)
-    if boundaries.look(boundary, pose, ring, goal, params):
-        memory.least_m = inf
-    if boundary.following:
-        if boundaries.under_way(boundary) and leaves(memory, params):
-            boundaries.leave(boundary)
-        elif boundaries.rounded(boundary, pose):
-            return boundaries.give_up(boundary, ring, goal)
-    elif boundaries.meets(boundary, params):
-        if boundaries.hopeless(boundary):
-            return boundaries.give_up(boundary, ring, goal)
-        boundaries.follow(boundary, pose, memory.side, params)
+    boundaries.look(boundary, pose, ring, goal, params)
+    if not boundary.following:
         memory.open_ticks = 0
-        anew = boundary.best_m < memory.least_m - STEP_M
-        if anew:
-            memory.least_m = boundary.best_m
-        boundaries.circle(boundary, pose, anew)
+    if boundaries.under_way(boundary) and leaves(memory, params):
+        boundaries.leave(boundary)
+    elif not boundaries.goes_on(boundary, pose, memory.side, boundary.best_m, STEP_M, params):
+        return boundaries.give_up(boundary, ring, goal)
     return boundaries.decision(boundary, pose, ring, goal, params)
 
 

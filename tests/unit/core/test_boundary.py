@@ -90,6 +90,30 @@ def test_what_is_met_is_not_left_before_the_robot_has_got_away_from_there() -> N
     assert boundaries.under_way(boundary)
 
 
+def test_a_boundary_met_no_nearer_is_the_one_before_and_its_lap_goes_on() -> None:
+    boundary = looking({3: 180, 4: 180})
+    for near_m, begun_m, laps in ((3.0, 3.0, 0), (2.95, 3.0, 1), (2.8, 2.8, 0)):
+        boundaries.leave(boundary)
+        boundary.laps = 1
+        for _ in range(boundaries.HIT_TICKS):
+            assert not boundary.following
+            assert boundaries.goes_on(boundary, HERE, states.LEFT, near_m, 0.1, DEFAULTS)
+        assert boundary.following
+        assert (boundary.begun_m, boundary.laps) == (begun_m, laps)
+
+
+def test_where_hope_is_spent_or_all_is_rounded_it_does_not_go_on() -> None:
+    boundary = looking({3: 180, 4: 180})
+    boundary.hoped, boundary.near_m = True, 2.0
+    steps = [
+        boundaries.goes_on(boundary, HERE, states.LEFT, 3.0, 0.1, DEFAULTS)
+        for _ in range(boundaries.HIT_TICKS)
+    ]
+    assert steps == [True] * (boundaries.HIT_TICKS - 1) + [False]
+    boundary.following, boundary.laps = True, boundaries.LAPS
+    assert not boundaries.goes_on(boundary, HERE, states.LEFT, 3.0, 0.1, DEFAULTS)
+
+
 ranges = st.lists(st.one_of(st.none(), st.just(inf), st.floats(0.03, 3.0)), min_size=8, max_size=8)
 
 

@@ -37,13 +37,13 @@ def test_a_trap_is_entered_and_left(side: int) -> None:
 
 
 def test_crossing_the_line_farther_from_the_goal_than_the_hit_is_no_reason_to_leave() -> None:
-    memory = bug2.Memory()
-    memory.met_m = 2.0
-    memory.boundary.distance_m = 2.5
-    assert not bug2.leaves(memory, True, DEFAULTS)
-    memory.boundary.distance_m = 1.5
-    assert bug2.leaves(memory, True, DEFAULTS)
-    assert not bug2.leaves(memory, False, DEFAULTS)
+    boundary = bug2.Memory().boundary
+    boundary.begun_m = 2.0
+    boundary.distance_m = 2.5
+    assert not bug2.leaves(boundary, True, DEFAULTS)
+    boundary.distance_m = 1.5
+    assert bug2.leaves(boundary, True, DEFAULTS)
+    assert not bug2.leaves(boundary, False, DEFAULTS)
 
 
 def test_the_line_is_noticed_when_it_is_jumped_over() -> None:
