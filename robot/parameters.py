@@ -78,8 +78,6 @@ TABLE: Final = (
     Spec("align_k", "1/s", 0.1, 20.0, "last turn on the spot: gain"),
     Spec("align_min_rad_s", "rad/s", 0.01, 1.0, "last turn on the spot: slowest turn"),
     Spec("spin_room_m", "m", 0.0, 1.0, "with less room ahead the robot turns on the spot"),
-    Spec("pos_tol_m", "m", 0.005, 1.0, "position tolerance of a goal that names none"),
-    Spec("head_tol_rad", "rad", 0.0035, 3.1416, "heading tolerance of a goal that names none"),
     Spec("goal_max_m", "m", 1.0, 10_000.0, "farthest coordinate of a goal"),
     Spec("guard_stop_m", "m", 0.0, 1.0, "guard: no forward motion below this range; 0 is off"),
     Spec("guard_time_s", "s", 0.05, 5.0, "guard: time to cover the range that is left"),

@@ -41,8 +41,6 @@ Params = NamedTuple(
         ("align_k", float),
         ("align_min_rad_s", float),
         ("spin_room_m", float),
-        ("pos_tol_m", float),
-        ("head_tol_rad", float),
         ("goal_max_m", float),
         # guard
         ("guard_stop_m", float),
@@ -92,8 +90,6 @@ DEFAULTS: Final = Params(
     align_k=2.5,
     align_min_rad_s=0.15,
     spin_room_m=0.10,
-    pos_tol_m=0.05,
-    head_tol_rad=0.0523599,
     goal_max_m=100.0,
     guard_stop_m=0.04,
     guard_time_s=0.4,
