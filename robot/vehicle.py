@@ -1,6 +1,7 @@
 """All that is onboard but the clock and the sockets: core, commands, parameters, what to tell."""
 
 import json
+from math import nan
 from typing import Final, TypeAlias
 
 from protocol.enums import PARAM_TYPE_INT32, PARAM_TYPE_REAL32, Severity
@@ -52,9 +53,9 @@ class Vehicle:
 
     @property
     def zone_m(self) -> float:
-        """Width of the avoidance zone of the navigator in use."""
-        bug = self.state.machine.navigator == states.BUG
-        return self.params.d_th_m if bug else self.params.d_obs_m
+        """Width of the avoidance zone of the navigator in use; NaN where it has none."""
+        zones_m = {states.BUG: self.params.d_th_m, states.VGM: self.params.d_obs_m}
+        return zones_m.get(self.state.machine.navigator, nan)
 
     def described(self) -> bytes:
         """All parameters as JSON; `saved`: this value is still there after a restart."""

@@ -1,5 +1,5 @@
 import json
-from math import inf, nan
+from math import inf, isnan, nan
 from pathlib import Path
 
 import pytest
@@ -10,7 +10,7 @@ from protocol.enums import AckResult, Command, GoalState, Mode, Severity
 from protocol.enums import Vehicle as VehicleState
 from protocol.messages import CommandAck, CommandRequest, ParamRequestRead, ParamSet, ParamValue
 from protocol.reasons import Reason
-from robot.core import brain
+from robot.core import brain, states
 from robot.core.parameters import DEFAULTS
 from robot.store import Store
 from tests.unit.robot.vehicles import MS, Desk, goal
@@ -195,6 +195,19 @@ def test_a_parameter_is_set_answered_and_read_back() -> None:
     assert read == answer
     again = desk.vehicle.receive(ParamRequestRead(param_id="", param_index=answer.param_index), 0)
     assert again == answer
+
+
+@pytest.mark.parametrize(
+    ("navigator", "parameter"),
+    [(states.VGM, "d_obs_m"), (states.BUG, "d_th_m"), (states.DISTBUG, None)],
+)
+def test_the_zone_is_that_of_the_navigator_in_use(navigator: int, parameter: str | None) -> None:
+    desk = Desk()
+    set_parameter(desk, "navigator", navigator)
+    assert isnan(desk.vehicle.zone_m) == (parameter is None)
+    if parameter:
+        set_parameter(desk, parameter, 0.45)
+        assert desk.vehicle.zone_m == 0.45
 
 
 def refused(answer: object) -> int:
