@@ -8,23 +8,48 @@ from robot.core.ring import Ring
 from robot.core.typed import Final
 from robot.core.values import SONARS
 
-STOP_M: Final = 0.004
-FRONT_M: Final = 0.05
+# How fast. `_PER_S`: metres per second for each metre of room. Sonars 2 to 5 look ahead, the
+# others at the flanks; "usual" is what the parameters say by default.
 CLOSE_M: Final = 0.30
+"""What is farther slows nobody down; nothing beyond 0.23 m takes any of the usual 0.3 m/s."""
+STOP_M: Final = 0.004
+"""Ahead and no farther than this above the guard's stop the robot only turns: of any speed, and of
+the turn with it, the guard would take most away."""
 KEEP_M: Final = 0.03
-AHEAD_PER_S: Final = 1.4
-ASIDE_PER_S: Final = 2.0
-FREE_PER_S: Final = 0.9
 LEAST_M_S: Final = 0.03
+"""Ahead, speed grows from LEAST_M_S at KEEP_M. That is nearer than the guard's usual stop of
+0.04 m, so that wherever the guard lets the robot go, it goes."""
+AHEAD_PER_S: Final = 1.4
+"""Sonars 3 and 4: from 0.08 m on slower than the guard, as it usually is, would have it; so that it
+seldom has to act, which slows the turn too."""
+ASIDE_PER_S: Final = 2.0
+"""Sonars 2 and 5: faster, as they look 34 degrees aside, at what may be passed."""
+FREE_PER_S: Final = 0.9
+"""The way that remembered echoes leave: slowest, and 0 at 0 m, as no guard watches over those."""
 TOUCHING_M: Final = 0.08
+"""What is nearer, ahead or at a flank, is closed in on no faster than would take a quarter of a
+second to RIM_M; farther away, that takes nothing of the usual speed."""
 RIM_M: Final = 0.025
-CRAWL_M: Final = 0.015
 CRAWL_M_S: Final = 0.04
+CRAWL_M: Final = 0.015
+"""Past a flank the robot crawls also where that leaves nothing, or it would never get away from
+there. Nearer than CRAWL_M it may be touching and only turns; ours measure from 0.02 m on."""
+
+# How far aside.
 FLANK_M: Final = 0.06
 FLANK_RAD: Final = 40.0 * pi / 180.0
+"""What is nearer than FLANK_M on one side turns the heading away, in proportion, by FLANK_RAD at
+0 m; what is as near on the other side turns it back."""
+FRONT_M: Final = 0.05
+"""What is ahead and nearer than this counts as so much nearer still: before any flank."""
+
+# How far it is free towards the goal.
 BESIDE: Final = 0.5 * pi
+"""Radians from the heading: here the outermost cones end."""
 LOOK_M: Final = 0.25
+"""So much before an echo what it comes from would be met; DistBug takes off as much."""
 MARGIN_M: Final = 0.02
+"""What leaves so much room beside the body is passed; it is the tight margin of the headings."""
 INNER: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) for b in BEARINGS])
 """How much of its speed the robot closes in with on what is at the inner edge of a cone."""
 
@@ -54,7 +79,7 @@ def speed(ring: Ring, free_mm: int, error_rad: float, params: Params) -> float:
                     may_m_s = least_m_s
                 if may_m_s < most_m_s:
                     most_m_s = may_m_s
-    if free_mm < 400:
+    if free_mm < 400:  # more room takes nothing off the usual speed
         most_m_s = min(most_m_s, FREE_PER_S * 0.001 * free_mm)
     if error_rad != 0.0:
         cosine = max(cos(error_rad), 0.0)
