@@ -1,18 +1,45 @@
-"""A ring of sonars as it sees walls and discs from a pose, by a few rays in every cone."""
+"""Rings of sonars: with these echoes, or as they see walls and discs, by a few rays in a cone."""
 
 from math import cos, hypot, inf, pi, sin, sqrt
 from typing import NamedTuple
 
+from hypothesis import strategies as st
+
 from robot.core import navigators, states
+from robot.core import ring as rings
 from robot.core.geometry import BEARINGS, HALF_CONE, wrap
 from robot.core.parameters import DEFAULTS
 from robot.core.ring import Ring
-from robot.core.values import Decision, Goal, Pose
-from tests.unit.core.test_vgm import ring
+from robot.core.values import SONARS, Decision, Goal, Pose, Scan
 
 Wall = tuple[float, float, float, float]
 Disc = tuple[float, float, float]
 RAYS = 9
+RADIUS_MM = 120
+HERE = Pose(0.0, 0.0, 0.0)
+
+Ranges = list[float | None]
+some_range = st.one_of(st.none(), st.just(inf), st.floats(0.02, 3.0))
+any_ranges = st.lists(some_range, min_size=SONARS, max_size=SONARS)
+
+
+def ring(echoes: dict[int, int]) -> Ring:
+    """Just measured: echoes in millimetres by sonar, none from the others."""
+    seen = Ring()
+    ranges = tuple(echoes.get(i, 0) for i in range(8))
+    rings.update(seen, Scan(ranges, (0,) * 8, 0xFF, sum(1 << i for i in echoes)), 0, DEFAULTS)
+    return seen
+
+
+def heard(range_m: Ranges) -> Ring:
+    """Ranges in metres: inf without an echo, None where the sonar has measured nothing."""
+    seen = Ring()
+    seen.range_m = range_m
+    seen.nearest_m = min([m for m in range_m if m is not None], default=inf)
+    return seen
+
+
+SILENT = ring({})
 
 
 def seen_from(pose: Pose, walls: list[Wall], discs: list[Disc] | None = None) -> Ring:

@@ -11,11 +11,9 @@ from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.parameters import DEFAULTS
 from robot.core.ring import Ring
 from robot.core.values import Goal, Pose
-from tests.unit.core.rings import Wall, seen_from
-from tests.unit.core.test_vgm import ring
+from tests.unit.core.rings import HERE, Wall, ring, seen_from
 
 GOAL = Goal(3.0, 0.0, None, 0.05, 0.05)
-HERE = Pose(0.0, 0.0, 0.0)
 BUGS = (states.BUG1, states.BUG2, states.DISTBUG)
 
 

@@ -9,7 +9,7 @@ from robot.core.geometry import wrap
 from robot.core.memory import Memory
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Decision, Goal, Pose
-from tests.unit.core.test_vgm import ring
+from tests.unit.core.rings import ring
 
 AHEAD = Goal(5.0, 0.0, None, 0.05, 0.05)
 HERE = Pose(0.0, 0.0, 0.0)

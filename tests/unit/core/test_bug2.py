@@ -3,9 +3,8 @@ import pytest
 from robot.core import bug2, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Pose
-from tests.unit.core.rings import Disc, Wall, clearance_m, walk_to
+from tests.unit.core.rings import Disc, Wall, clearance_m, ring, walk_to
 from tests.unit.core.test_bug1 import BOX_AROUND_THE_GOAL, DISC, FAR, GOAL
-from tests.unit.core.test_vgm import ring
 
 U_TRAP: list[Wall] = [(0.8, 0.5, 2.0, 0.5), (2.0, 0.5, 2.0, -0.5), (2.0, -0.5, 0.8, -0.5)]
 BEHIND_THE_TRAP = Goal(3.2, 0.0, None, 0.05, 0.05)

@@ -5,13 +5,10 @@ import pytest
 from robot.core import boundary as boundaries
 from robot.core import distbug, states
 from robot.core.parameters import DEFAULTS
-from robot.core.values import Goal, Pose
-from tests.unit.core.rings import Wall, clearance_m, walk_to
+from robot.core.values import Goal
+from tests.unit.core.rings import HERE, Wall, clearance_m, ring, walk_to
 from tests.unit.core.test_bug1 import BOX_AROUND_THE_GOAL, DISC, GOAL
 from tests.unit.core.test_bug2 import BEHIND_THE_TRAP, U_TRAP
-from tests.unit.core.test_vgm import ring
-
-HERE = Pose(0.0, 0.0, 0.0)
 
 
 def looking(echoes: dict[int, int], best_m: float, goal: Goal = GOAL) -> distbug.Memory:

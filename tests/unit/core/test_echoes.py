@@ -1,4 +1,4 @@
-from math import cos, hypot, inf, pi, sin
+from math import cos, hypot, pi, sin
 
 import pytest
 from hypothesis import given
@@ -25,11 +25,7 @@ from robot.core.echoes import (
 from robot.core.geometry import BEARINGS
 from robot.core.ring import Ring
 from robot.core.values import SONARS, Pose
-from tests.unit.core.test_vgm import ring
-
-RADIUS_MM = 120
-HERE = Pose(0.0, 0.0, 0.0)
-SILENT = ring({})
+from tests.unit.core.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
 
 
 def look(echoes: Echoes, seen: Ring, ticks: int, pose: Pose = HERE) -> None:
@@ -248,21 +244,16 @@ def test_nothing_is_seen_through_behind_the_robot(bearing: int) -> None:
     assert not passed_through(all_far, bearing, 200)
 
 
-some_range = st.one_of(st.none(), st.just(inf), st.floats(0.02, 3.0))
-rings = st.lists(some_range, min_size=SONARS, max_size=SONARS)
 places = st.builds(Pose, st.floats(-1, 1), st.floats(-1, 1), st.floats(-pi, pi))
 
 
-@given(st.lists(st.tuples(rings, places), max_size=60))
+@given(st.lists(st.tuples(any_ranges, places), max_size=60))
 def test_whatever_is_heard_the_memory_keeps_its_size_and_its_whole_numbers(
-    story: list[tuple[list[float | None], Pose]],
+    story: list[tuple[Ranges, Pose]],
 ) -> None:
     echoes = Echoes()
     for range_m, pose in story:
-        seen = Ring()
-        seen.range_m = range_m
-        seen.nearest_m = min([m for m in range_m if m is not None], default=inf)
-        look(echoes, seen, 1, pose)
+        look(echoes, heard(range_m), 1, pose)
         assert 0 <= echoes.count <= POINTS
         assert all(NOTHING <= k < POINTS for k in echoes.last)
         for k in range(echoes.count):

@@ -7,8 +7,7 @@ from robot.core.echoes import BRADS, CIRCLE, HALF_CIRCLE
 from robot.core.escort import ALONG_MM, ASIDE, BEFORE_M, GIVE_WAY_TICKS, NEAR_M, Escort
 from robot.core.ring import Ring
 from robot.core.values import Pose
-from tests.unit.core.rings import Wall, seen_from
-from tests.unit.core.test_vgm import ring
+from tests.unit.core.rings import Wall, ring, seen_from
 
 FLANKS = pytest.mark.parametrize("side", [1, -1])
 STEP_M = 0.01

@@ -11,10 +11,8 @@ from robot.core.geometry import wrap
 from robot.core.parameters import DEFAULTS
 from robot.core.ring import Ring
 from robot.core.values import Pose
-from tests.unit.core.rings import Disc, Wall, clearance_m, rolled, seen_from
-from tests.unit.core.test_vgm import ring
+from tests.unit.core.rings import HERE, Disc, Wall, clearance_m, ring, rolled, seen_from
 
-HERE = Pose(0.0, 0.0, 0.0)
 BELOW: list[Wall] = [(-9.0, -0.25, 9.0, -0.25)]
 SPEED_M_S = 0.2
 

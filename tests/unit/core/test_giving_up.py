@@ -5,8 +5,8 @@ import pytest
 from robot.core import following, states
 from robot.core.following import ISLANDS, LONG_CM, Memory
 from robot.core.values import Goal
-from tests.unit.core.rings import Wall, clearance_m, walk_to
-from tests.unit.core.test_vgm_memory import GOAL, SIDES, SILENT, stand
+from tests.unit.core.rings import SILENT, Wall, clearance_m, walk_to
+from tests.unit.core.test_vgm_memory import GOAL, SIDES, stand
 
 
 def come_round(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:

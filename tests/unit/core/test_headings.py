@@ -1,4 +1,4 @@
-from math import acos, asin, cos, hypot, inf, pi, sin, sqrt
+from math import acos, asin, cos, hypot, pi, sin, sqrt
 
 import pytest
 from hypothesis import assume, given
@@ -31,11 +31,8 @@ from robot.core.headings import (
 )
 from robot.core.ring import Ring
 from robot.core.values import SONARS, Pose
-from tests.unit.core.test_vgm import ring
+from tests.unit.core.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
 
-RADIUS_MM = 120
-HERE = Pose(0.0, 0.0, 0.0)
-SILENT = ring({})
 sides = st.sampled_from([1, -1])
 
 
@@ -218,26 +215,23 @@ def test_who_walks_closes_the_headings_where_he_will_be(sonar: int) -> None:
     assert faster.wide[0] >= sectors.wide[0]
 
 
-ranges = st.lists(
-    st.one_of(st.none(), st.just(inf), st.floats(0.02, 3.0)), min_size=SONARS, max_size=SONARS
-)
 anywhere = st.tuples(st.integers(-900, 900), st.integers(-900, 900))
 
 
 @given(
     st.lists(anywhere, max_size=64),
-    ranges,
+    any_ranges,
     st.lists(st.floats(0.0, 2.0), min_size=SONARS, max_size=SONARS),
     st.floats(-pi, pi),
 )
 def test_any_points_and_echoes_give_at_most_so_many_sectors(
     places_mm: list[tuple[int, int]],
-    range_m: list[float | None],
+    range_m: Ranges,
     walks_m_s: list[float],
     heading_rad: float,
 ) -> None:
-    seen = Ring()
-    seen.range_m, seen.walks_m_s = range_m, walks_m_s
+    seen = heard(range_m)
+    seen.walks_m_s = walks_m_s
     sectors = measured(points(*places_mm), Pose(0.0, 0.0, heading_rad), seen)
     assert 0 <= sectors.count <= NEAR
     assert 0 <= sectors.free_mm <= FREE_MM

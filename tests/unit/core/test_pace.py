@@ -11,22 +11,14 @@ from robot.core.pace import BESIDE, CLOSE_M, FLANK_M, LOOK_M
 from robot.core.parameters import DEFAULTS
 from robot.core.ring import Ring
 from robot.core.values import SONARS
-from tests.unit.core.test_vgm import ring
+from tests.unit.core.rings import SILENT, Ranges, heard
 
-ALL_SILENT = ring({})
 AHEAD = [2, 3, 4, 5]
 MOST_M_S = DEFAULTS.v_max_m_s
 
 
-def heard(range_m: list[float | None]) -> Ring:
-    seen = Ring()
-    seen.range_m = range_m
-    seen.nearest_m = min([m for m in range_m if m is not None], default=inf)
-    return seen
-
-
 def only(sonar: int, range_m: float) -> Ring:
-    ranges: list[float | None] = [inf] * SONARS
+    ranges: Ranges = [inf] * SONARS
     ranges[sonar] = range_m
     return heard(ranges)
 
@@ -46,7 +38,7 @@ def mirrored(seen: Ring) -> Ring:
 
 
 def test_with_nothing_near_it_goes_at_full_speed() -> None:
-    assert speed(ALL_SILENT) == MOST_M_S
+    assert speed(SILENT) == MOST_M_S
     assert speed(only(3, CLOSE_M)) == MOST_M_S
 
 
@@ -69,16 +61,16 @@ def test_a_wall_beside_it_is_passed_quickly_unless_it_nearly_touches(sonar: int)
 
 
 def test_little_room_ahead_slows_down_and_none_stops() -> None:
-    speeds_m_s = [speed(ALL_SILENT, free_mm) for free_mm in range(0, FREE_MM, 10)]
+    speeds_m_s = [speed(SILENT, free_mm) for free_mm in range(0, FREE_MM, 10)]
     assert speeds_m_s == sorted(speeds_m_s)
     assert speeds_m_s[0] == 0.0
     assert speeds_m_s[-1] == MOST_M_S
 
 
 def test_it_turns_before_it_goes() -> None:
-    speeds_m_s = [speed(ALL_SILENT, error_rad=0.05 * k) for k in range(60)]
+    speeds_m_s = [speed(SILENT, error_rad=0.05 * k) for k in range(60)]
     assert speeds_m_s == sorted(speeds_m_s, reverse=True)
-    assert speed(ALL_SILENT, error_rad=0.5 * pi + 0.01) == 0.0
+    assert speed(SILENT, error_rad=0.5 * pi + 0.01) == 0.0
 
 
 @given(rings, rooms, errors)
@@ -113,11 +105,11 @@ def test_it_keeps_off_a_flank_that_is_too_near(sonar: int) -> None:
 
 
 def test_between_two_equally_near_flanks_and_far_from_all_it_keeps_its_heading() -> None:
-    both: list[float | None] = [inf] * SONARS
+    both: Ranges = [inf] * SONARS
     both[0] = both[7] = 0.5 * FLANK_M
     assert pace.keep_off(heard(both)) == 0.0
     assert pace.keep_off(only(0, FLANK_M)) == 0.0
-    assert pace.keep_off(ALL_SILENT) == 0.0
+    assert pace.keep_off(SILENT) == 0.0
 
 
 @given(rings)
@@ -132,12 +124,12 @@ def free(seen: Ring, alpha_rad: float, distance_m: float = 10.0) -> float:
 
 @pytest.mark.parametrize("alpha_rad", [BESIDE, -BESIDE, 2.0, -3.0, pi])
 def test_where_no_sonar_looks_nothing_is_known_to_be_free(alpha_rad: float) -> None:
-    assert free(ALL_SILENT, alpha_rad) == 0.0
+    assert free(SILENT, alpha_rad) == 0.0
 
 
 def test_a_way_without_echoes_is_free_as_far_as_sonars_reach() -> None:
-    assert free(ALL_SILENT, 0.3, 2.0) == 2.0
-    assert free(ALL_SILENT, 0.3, 10.0) == DEFAULTS.sonar_max_m - LOOK_M
+    assert free(SILENT, 0.3, 2.0) == 2.0
+    assert free(SILENT, 0.3, 10.0) == DEFAULTS.sonar_max_m - LOOK_M
 
 
 @pytest.mark.parametrize("sonar", range(SONARS))
@@ -154,7 +146,7 @@ def test_an_echo_aside_that_the_body_passes_leaves_the_way_free() -> None:
 
 @pytest.mark.parametrize("sonar", range(SONARS))
 def test_a_sonar_that_says_nothing_promises_nothing(sonar: int) -> None:
-    ranges: list[float | None] = [inf] * SONARS
+    ranges: Ranges = [inf] * SONARS
     ranges[sonar] = None
     assert free(heard(ranges), BEARINGS[sonar]) == 0.0
     assert free(heard(ranges), BEARINGS[(sonar + 4) % SONARS]) > 0.0
@@ -164,7 +156,7 @@ def test_a_sonar_that_says_nothing_promises_nothing(sonar: int) -> None:
 def test_what_is_free_is_never_beyond_the_goal_nor_more_than_without_echoes(
     seen: Ring, alpha_rad: float, distance_m: float
 ) -> None:
-    assert 0.0 <= free(seen, alpha_rad, distance_m) <= free(ALL_SILENT, alpha_rad, distance_m)
+    assert 0.0 <= free(seen, alpha_rad, distance_m) <= free(SILENT, alpha_rad, distance_m)
 
 
 @given(st.integers(0, SONARS - 1), st.floats(0.02, 3.0), errors, st.floats(0.0, 20.0))

@@ -4,23 +4,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import ring as rings
 from robot.core import states, vgm
 from robot.core.geometry import BEARINGS, wrap
 from robot.core.memory import Memory
 from robot.core.parameters import DEFAULTS
 from robot.core.ring import Ring
-from robot.core.values import Decision, Goal, Pose, Scan
+from robot.core.values import Decision, Goal, Pose
+from tests.unit.core.rings import ring
 
 places = st.floats(-20.0, 20.0)
 poses = st.builds(Pose, places, places, st.floats(-pi, pi))
-
-
-def ring(echoes: dict[int, int]) -> Ring:
-    seen = Ring()
-    ranges = tuple(echoes.get(i, 0) for i in range(8))
-    rings.update(seen, Scan(ranges, (0,) * 8, 0xFF, sum(1 << i for i in echoes)), 0, DEFAULTS)
-    return seen
 
 
 def goal(x_m: float, y_m: float) -> Goal:

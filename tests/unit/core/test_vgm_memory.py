@@ -14,12 +14,9 @@ from robot.core.parameters import DEFAULTS
 from robot.core.ring import Ring
 from robot.core.values import SONARS, Decision, Goal, Pose, Scan
 from robot.core.vgm_memory import PROMISES
-from tests.unit.core.rings import Disc, Wall, clearance_m, walk_to
-from tests.unit.core.test_vgm import ring
+from tests.unit.core.rings import HERE, SILENT, Disc, Wall, clearance_m, ring, walk_to
 
-HERE = Pose(0.0, 0.0, 0.0)
 GOAL = Goal(3.0, 0.0, None, 0.05, 0.05)
-SILENT = ring({})
 PASSING = {states.PASS_LEFT, states.PASS_RIGHT}
 SIDES = pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
 
