@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from math import nan
 from time import perf_counter, thread_time
@@ -15,9 +15,10 @@ from robot.core import states
 from study.behaviour import Behaviour
 from study.plan import Task
 from study.provenance import Code, machine
-from study.rows import FAILED, Row
+from study.rows import COLUMNS, FAILED, Row
 from study.trial import Trial, run_trial
 
+ASKED: Final = tuple(field.name for field in fields(Task) if field.name in COLUMNS)
 MEASURED: Final = (
     *("time_s", "path_m", "min_clearance_m"),
     *("position_error_m", "estimated_position_error_m"),
@@ -97,21 +98,12 @@ def _asked(task: Task, bench: Bench) -> dict[str, Any]:
     """Identity, world and provenance."""
     world, code = bench.worlds[task.place], bench.code
     return {
+        **{name: getattr(task, name) for name in ASKED},
         "study": bench.study,
-        "trial_id": task.trial_id,
         "world": world.name,
-        "world_source": task.world_source,
         "family": world.family,
-        "world_digest": task.world_digest,
         "shortest_path_m": world.shortest_path_m,
         "reachable": world.reachable,
-        "navigator": task.navigator,
-        "side": task.side,
-        "seed": task.seed,
-        "noise": task.noise,
-        "timeout_s": task.timeout_s,
-        "parameters": task.parameters,
-        "calibrated": task.calibrated,
         "commit": code.commit,
         "dirty": code.dirty,
         "version": code.version,
