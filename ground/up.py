@@ -22,7 +22,7 @@ from ground.scenario import Scenario, cast, question, scenario_of, world_facts
 from protocol.bus import Bus, Network, open_bus
 from protocol.clock import Clock, WallClock
 from protocol.errors import NoPeer, RemoteError, UserError
-from protocol.options import finite
+from protocol.options import finite, whole
 from protocol.outcome import Outcome
 from protocol.topics import Role
 
@@ -44,17 +44,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help=f"({USUAL_NAVIGATOR})",
     )
     parser.add_argument(
-        "--side",
-        choices=list(SIDES),
-        default="left",
-        help="on which obstacles are passed (left)",
+        "--side", choices=list(SIDES), default="left", help="on which obstacles are passed (left)"
     )
     parser.add_argument(
         "--goal", nargs="+", type=finite, metavar="N", help="X Y [DEG] instead of the world's"
     )
     parser.add_argument(
         "--robots",
-        type=robots,
+        type=whole(1, MOST_ROBOTS),
         default=1,
         metavar="K",
         help="how many drive, side by side, each to the goal shifted as its start is, or, where it"
@@ -63,7 +60,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--speed", type=speed, default="1", metavar="F", help="1: wall clock; else lockstep, or max"
     )
-    parser.add_argument("--seed", type=seed, default=0, metavar="S", help="of all randomness (0)")
+    parser.add_argument(
+        "--seed", type=whole(0), default=0, metavar="S", help="of all randomness (0)"
+    )
     parser.add_argument("--noise", choices=NOISES, help="instead of what the world says")
     parser.add_argument(
         "--uncalibrated", action="store_true", help="robots not calibrated for the noise"
@@ -168,15 +167,3 @@ def speed(text: str) -> str:
     if text == "max":
         return text
     return f"{positive(text):g}"
-
-
-def seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of 0 or more")
-    return int(text)
-
-
-def robots(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= MOST_ROBOTS:
-        raise argparse.ArgumentTypeError(f"{text!r}: from 1 to {MOST_ROBOTS}")
-    return int(text)

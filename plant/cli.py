@@ -13,7 +13,7 @@ from plant.world_overrides import noise_of
 from protocol import config
 from protocol.errors import UserError
 from protocol.network import Network
-from protocol.options import add_network_options, network_of
+from protocol.options import add_network_options, network_of, whole
 from protocol.topics import robot_name
 
 
@@ -60,7 +60,9 @@ def parser() -> argparse.ArgumentParser:
     )
     add_network_options(parser)
     parser.add_argument("--world", metavar="W", default="box", help="a world's name or file (box)")
-    parser.add_argument("--seed", metavar="S", type=seed, default=0, help="of all randomness (0)")
+    parser.add_argument(
+        "--seed", metavar="S", type=whole(0), default=0, help="of all randomness (0)"
+    )
     parser.add_argument("--noise", metavar="LEVEL", choices=sorted(LEVELS), help=", ".join(LEVELS))
     parser.add_argument("--robots", metavar="NAMES", help="as in r1,r2 (r1)")
     parser.add_argument("--lockstep", action="store_true", help="advance when all have answered")
@@ -69,13 +71,6 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--paused", action="store_true", help="wait for a START")
     return parser
-
-
-def seed(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is negative")
-    return value
 
 
 def speed(text: str) -> float:

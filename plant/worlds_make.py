@@ -11,6 +11,7 @@ from plant.imports.anyone import CELL_M, TAKES, Wishes, import_worlds
 from plant.world_problems import WorldError
 from plant.world_toml import dumps
 from plant.world_types import World
+from protocol.options import whole
 
 EXIT_OK: Final = 0
 EXIT_USAGE: Final = 2
@@ -30,7 +31,7 @@ def add_verbs(verbs: "argparse._SubParsersAction[Any]") -> None:
     one.add_argument("--family", nargs="+", choices=families, metavar="F", help=helps)
     one.add_argument(
         "--per-family",
-        type=_count,
+        type=whole(1, MOST_PER_FAMILY),
         default=PER_FAMILY,
         metavar="N",
         help=f"worlds of each, {PER_FAMILY} by default",
@@ -59,15 +60,22 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
             help="in metres in the map's own frame; chosen far apart by default",
         )
     parser.add_argument(
-        "--count", type=_count, default=1, metavar="N", help="so many worlds, 1 by default"
+        "--count",
+        type=whole(1, MOST_PER_FAMILY),
+        default=1,
+        metavar="N",
+        help="so many worlds, 1 by default",
     )
     parser.add_argument(
-        "--window", type=_count, metavar="N", help="of a map N x N cells somewhere, not all of it"
+        "--window",
+        type=whole(1, MOST_PER_FAMILY),
+        metavar="N",
+        help="of a map N x N cells somewhere, not all of it",
     )
 
 
 def _add_common(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--seed", type=_seed, default=1, metavar="S", help="1 by default")
+    parser.add_argument("--seed", type=whole(0, 2**53), default=1, metavar="S", help="1 by default")
     parser.add_argument("--out", required=True, metavar="DIR", help="where the files go")
 
 
@@ -131,19 +139,4 @@ def _place(text: str) -> float:
     value = float(text)
     if not abs(value) <= FARTHEST_M:
         raise argparse.ArgumentTypeError(f"{text.strip()} is not within {FARTHEST_M:g} m")
-    return value
-
-
-def _count(text: str) -> int:
-    return _whole(text, 1, MOST_PER_FAMILY)
-
-
-def _seed(text: str) -> int:
-    return _whole(text, 0, 2**53)
-
-
-def _whole(text: str, low: int, high: int) -> int:
-    value = int(text)
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{text.strip()} is not within {low} to {high}")
     return value

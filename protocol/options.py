@@ -2,9 +2,9 @@
 
 import argparse
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from math import isfinite
+from math import inf, isfinite
 from typing import Final
 
 from protocol.network import Mode, Network
@@ -46,6 +46,23 @@ def finite(text: str) -> float:
     if not isfinite(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
     return value
+
+
+def whole(low: int, high: float = inf) -> Callable[[str], int]:
+    """What reads a whole number from `low` to `high`, both included."""
+
+    def read(text: str) -> int:
+        text = text.strip()
+        try:
+            value = int(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+        if not low <= value <= high:
+            limits = f"within {low} to {high}" if high < inf else f"at least {low}"
+            raise argparse.ArgumentTypeError(f"{text} is not {limits}")
+        return value
+
+    return read
 
 
 def add_param_option(

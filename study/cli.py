@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from plant.noise import LEVELS
 from plant.world_file import load
 from protocol.errors import UserError
-from protocol.options import add_param_option
+from protocol.options import add_param_option, whole
 from protocol.outcome import Outcome
 from robot.parameters import OutOfRange, Unknown
 from study.trace import Trace
@@ -61,7 +61,7 @@ def parser() -> argparse.ArgumentParser:
         "--navigator", choices=NAVIGATORS, default=USUAL_NAVIGATOR, help=f"({USUAL_NAVIGATOR})"
     )
     made.add_argument("--side", choices=SIDES, default="left", help="on which obstacles are passed")
-    made.add_argument("--seed", type=seed, default=0, help="of everything random (0)")
+    made.add_argument("--seed", type=whole(0), default=0, help="of everything random (0)")
     made.add_argument("--noise", choices=LEVELS, help="instead of what the world says")
     made.add_argument("--timeout", type=seconds, default=300.0, metavar="S", help="simulated (300)")
     add_param_option(made)
@@ -69,13 +69,6 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--trace", metavar="FILE", help="CSV, one line per tick")
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
     return made
-
-
-def seed(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{value} is negative")
-    return value
 
 
 def seconds(text: str) -> float:

@@ -7,8 +7,8 @@ from typing import Final
 
 from plant.noise import LEVELS
 from plant.worlds_make import PER_FAMILY
-from protocol.options import add_param_option
-from study.cli import seconds, seed
+from protocol.options import add_param_option, whole
+from study.cli import seconds
 from study.plan import EVERY_NAVIGATOR, Settings, navigator_of, noise_of
 from study.sources import CORPUS, FIXED, Wanted
 
@@ -34,18 +34,13 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="the committed worlds, all navigators, noise none and default: a few minutes",
     )
+    _add_worlds(made)
     _add_what(made)
     _add_how(made)
     return made
 
 
-def _add_what(made: argparse.ArgumentParser) -> None:
-    made.add_argument(
-        "--navigators",
-        nargs="+",
-        metavar="NAME[:SIDE]",
-        help=f"instead of {' '.join(EVERY_NAVIGATOR)}",
-    )
+def _add_worlds(made: argparse.ArgumentParser) -> None:
     made.add_argument(
         "--worlds",
         nargs="+",
@@ -56,17 +51,26 @@ def _add_what(made: argparse.ArgumentParser) -> None:
     made.add_argument("--families", nargs="+", metavar="F", help="only worlds of these")
     made.add_argument(
         "--per-family",
-        type=count,
+        type=whole(1),
         default=PER_FAMILY,
         metavar="N",
         help=f"worlds generated of each family ({PER_FAMILY})",
     )
     made.add_argument(
-        "--corpus-seed", type=seed, default=CORPUS_SEED, help=f"of their making ({CORPUS_SEED})"
+        "--corpus-seed", type=whole(0), default=CORPUS_SEED, help=f"of their making ({CORPUS_SEED})"
+    )
+
+
+def _add_what(made: argparse.ArgumentParser) -> None:
+    made.add_argument(
+        "--navigators",
+        nargs="+",
+        metavar="NAME[:SIDE]",
+        help=f"instead of {' '.join(EVERY_NAVIGATOR)}",
     )
     made.add_argument(
         "--seeds",
-        type=count,
+        type=whole(1),
         metavar="N",
         help="runs of each with other noise (1); without noise there is only one",
     )
@@ -87,7 +91,9 @@ def _add_what(made: argparse.ArgumentParser) -> None:
 
 
 def _add_how(made: argparse.ArgumentParser) -> None:
-    made.add_argument("--jobs", type=count, default=cpu_count() or 1, help="processes (all cores)")
+    made.add_argument(
+        "--jobs", type=whole(1), default=cpu_count() or 1, help="processes (all cores)"
+    )
     made.add_argument("--dask", metavar="ADDRESS", help="run on the cluster of this scheduler")
     made.add_argument(
         "--output",
@@ -100,13 +106,6 @@ def _add_how(made: argparse.ArgumentParser) -> None:
     )
     made.add_argument("--no-report", action="store_true", help="results only")
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
-
-
-def count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{value} is not at least 1")
-    return value
 
 
 def wanted_of(options: argparse.Namespace) -> Wanted:

@@ -12,7 +12,7 @@ from numpy.linalg import LinAlgError
 
 from plant.noise import LEVELS
 from protocol.errors import UserError
-from protocol.options import add_param_option
+from protocol.options import add_param_option, whole
 from robot.core.parameters import DEFAULTS, Params
 from robot.parameters import OutOfRange, adjusted, with_values
 from study.calibration import log, plot
@@ -21,7 +21,6 @@ from study.calibration.result import Result, as_toml, store
 from study.calibration.runs import Run
 from study.calibration.squares import drive
 from study.calibration.umbmark import umbmark
-from study.cli import seed
 
 RUNS = 20
 MOST_RUNS = 1000
@@ -118,9 +117,13 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     made.add_argument("--noise", choices=LEVELS, default="default", help="of the plant (default)")
-    made.add_argument("--seed", type=seed, default=0, help="of everything random (0)")
+    made.add_argument("--seed", type=whole(0), default=0, help="of everything random (0)")
     made.add_argument(
-        "--runs", type=runs, default=RUNS, metavar="N", help=f"squares each way round ({RUNS})"
+        "--runs",
+        type=whole(2, MOST_RUNS),
+        default=RUNS,
+        metavar="N",
+        help=f"squares each way round ({RUNS})",
     )
     made.add_argument(
         "--side", type=length, default=SIDE_M, metavar="M", help=f"of the square ({SIDE_M:g})"
@@ -133,12 +136,6 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--plot", metavar="FILE", help="return errors before and after, .svg or .png")
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
     return made
-
-
-def runs(text: str) -> int:
-    if not text.isdecimal() or not 2 <= int(text) <= MOST_RUNS:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 2 to {MOST_RUNS}")
-    return int(text)
 
 
 def length(text: str) -> float:

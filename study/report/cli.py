@@ -11,6 +11,7 @@ from typing import Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from protocol.options import whole
 from study.report.build import Asked
 from study.report.files import SUMMARY, write
 from study.report.gallery import PER_NAVIGATOR
@@ -83,30 +84,23 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--readme", type=Path, metavar="FILE", help="renew the table in it, too")
     made.add_argument(
         "--failures",
-        type=lambda text: _whole(text, 0, MOST_FAILURES),
+        type=whole(0, MOST_FAILURES),
         default=PER_NAVIGATOR,
         metavar="N",
         help=f"drawn of each navigator ({PER_NAVIGATOR})",
     )
     made.add_argument(
         "--jobs",
-        type=lambda text: _whole(text, 1, MOST_JOBS),
+        type=whole(1, MOST_JOBS),
         default=cpu_count() or 1,
         metavar="N",
         help="processes that drive again (one per core)",
     )
     made.add_argument(
         "--paper-seeds",
-        type=lambda text: _whole(text, 0, MOST_SEEDS),
+        type=whole(0, MOST_SEEDS),
         default=SEEDS,
         metavar="N",
         help=f"of the drives in the paper's figures at each noise ({SEEDS}); 0 for none",
     )
     return made
-
-
-def _whole(text: str, low: int, high: int) -> int:
-    value = int(text)
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{text} is not from {low} to {high}")
-    return value

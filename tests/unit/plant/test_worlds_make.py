@@ -66,7 +66,7 @@ def test_generate_makes_every_family_but_the_grids_unless_told(tmp_path: Path) -
     [
         (["--family", "u_tarp"], "invalid choice: 'u_tarp'"),
         (["--per-family", "0"], "0 is not within 1 to"),
-        (["--per-family", "x"], "invalid"),
+        (["--per-family", "x"], "not a whole number"),
         (["--seed", "-1"], "-1 is not within 0 to"),
     ],
 )

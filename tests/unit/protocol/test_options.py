@@ -14,6 +14,7 @@ from protocol.options import (
     finite,
     network_of,
     numbers_kept,
+    whole,
 )
 
 
@@ -46,6 +47,30 @@ def test_everything_else_stays_as_it_is(word: str) -> None:
 def test_what_is_no_finite_number_is_refused(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError):
         finite(text)
+
+
+def test_a_whole_number_may_be_either_end_of_its_range() -> None:
+    assert (whole(2, 5)("2"), whole(2, 5)(" 5"), whole(0)("123456789")) == (2, 5, 123456789)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("1", "1 is not within 2 to 5"),
+        ("6", "6 is not within 2 to 5"),
+        ("2.5", "'2.5' is not a whole number"),
+        ("", "'' is not a whole number"),
+        ("nan", "'nan' is not a whole number"),
+    ],
+)
+def test_what_is_no_whole_number_in_its_range_is_refused(text: str, says: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match=f"^{says}$"):
+        whole(2, 5)(text)
+
+
+def test_without_a_highest_number_the_lowest_is_named() -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match=r"^-1 is not at least 0$"):
+        whole(0)("-1")
 
 
 def test_parameters_are_names_with_their_values() -> None:
