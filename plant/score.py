@@ -48,7 +48,7 @@ class Score:
         closing: bool = False,
     ) -> None:
         """One tick more; `closing`: the robot itself was moving towards what it touches."""
-        if self.full:
+        if len(self._contacts) > MOST_TICKS:
             return
         rows = self._rows
         path_m = rows[-2] + hypot(x_m - rows[-5], y_m - rows[-4])
