@@ -97,9 +97,7 @@ class Drive:
             left_m, right_m = left.turn(left_m_s, span_s), right.turn(right_m_s, span_s)
         else:
             self.expired = self._expires_ns >= 0
-            left_m, right_m = (
-                motor.brake(self._body.brake_m_s2, span_s) for motor in self._motors
-            )
+            left_m, right_m = (motor.brake(self._body.brake_m_s2, span_s) for motor in self._motors)
         if trouble is not NO_TROUBLE:
             left_m, right_m = self._jammed(left_m, right_m, trouble)
         else:

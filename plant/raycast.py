@@ -10,14 +10,15 @@ and radius r; an edge from a to b; x the cross product):
 """
 
 from collections.abc import Sequence
+from functools import cache
 from math import cos, hypot, inf, pi, radians, sin
 from struct import Struct
 from typing import Final
 
 import numpy as np
 
-from plant.scene import Disc, Scene
-from plant.surfaces import Drift, Floats, Pose, Surfaces
+from plant.scene import Disc, Pose, Scene
+from plant.surfaces import Chosen, Drift, Floats, Surfaces
 
 SONARS: Final = 8
 RAYS_PER_SONAR: Final = 5
@@ -72,12 +73,19 @@ class Caster:
 
         `moved`: the discs that move, where they are at the early and at the late ping.
         """
-        if self._drifted(late) or self._drifted(early) or self._moving != 2 * len(moved[0]):
-            self._choose(late, 2 * len(moved[0]))
+        moving = 2 * len(moved[0])
+        if moving != self._moving or self._drifted(late) or self._drifted(early):
+            self._choose(late, moving)
         if self._moving:
             self._chosen.place([*moved[0], *moved[1]])
         self._aim(early, late)
-        self._meet()
+        sheet = self._sheet
+        sheet.meet(self._rays, self._starts)
+        if self._moving:
+            half = self._moving // 2
+            sheet.near[:half, EARLY:] = 0.0
+            sheet.near[half : self._moving, :EARLY] = 0.0
+        np.maximum.reduce(sheet.near, axis=0, out=self._nearest, initial=0.0)
         if self._least_cosine > 0.0:
             self._lose_grazing()
         nearness: list[float] = np.maximum.reduce(self._nearest_of, axis=1).tolist()
@@ -90,22 +98,11 @@ class Caster:
         return gone_m > DRIFT.way_m or cos(at[2] - heading_rad) < LEAST_TURN_COSINE
 
     def _choose(self, at: Pose, moving: int) -> None:
-        """Take the surfaces in sight, and lay out the arrays to work in once for all of them."""
+        """Take the surfaces in sight."""
         self._moving = moving
         self._chosen_at = at
-        chosen = self._chosen = self._surfaces.in_sight(at, self._reach_m, DRIFT, moving)
-        discs, edges, rows = chosen.discs, chosen.edges, chosen.discs + chosen.edges
-        self._met = np.empty((discs + 2 * edges, RAYS))
-        self._towards = self._met[:discs]
-        self._edge_starts, self._edge_ends = self._met[discs:rows], self._met[rows:]
-        self._inverse = np.empty((rows, RAYS))
-        self._q, self._n = self._inverse[:discs], self._inverse[discs:]
-        self._across = np.empty((rows, RAYS))
-        self._roots, self._d = self._across[:discs], self._across[discs:]
-        self._near = np.empty((rows, RAYS)) if self._least_cosine > 0.0 else self._across
-        self._near_discs, self._near_edges = self._near[:discs], self._near[discs:]
-        self._meets = np.empty((rows, RAYS))
-        self._meets_discs, self._meets_edges = self._meets[:discs], self._meets[discs:]
+        self._chosen = self._surfaces.in_sight(at, self._reach_m, DRIFT, moving)
+        self._sheet = Sheet(self._chosen, self._least_cosine > 0.0)
 
     def _aim(self, early: Pose, late: Pose) -> None:
         """Turn the fan of rays to the heading and put it where the robot is, per group."""
@@ -125,23 +122,55 @@ class Caster:
         # fmt: on
         self._aim_matrix.dot(self._fan, self._aimed)
 
-    def _meet(self) -> None:
-        """The nearness of every surface to every ray, then the largest per ray."""
-        chosen = self._chosen
-        chosen.ray_rows.dot(self._rays, self._met)
-        chosen.origin_rows.dot(self._starts, self._inverse)
+    def _lose_grazing(self) -> None:
+        """No echo comes back along a ray that meets its surface too obliquely."""
+        sheet = self._sheet
+        if not len(sheet.near):
+            return
+        rows = sheet.near.argmax(axis=0)
+        cosines = sheet.across[rows, self._columns] / self._chosen.sizes[rows]
+        self._nearest[cosines < self._least_cosine] = 0.0
+
+
+class Sheet:
+    """The arrays in which the chosen surfaces meet the rays, laid out once for all of their casts.
+
+    `near` is the nearness, above zero only where they meet; `across` the length of a chosen
+    surface times the cosine under which a ray meets it, kept only for those who ask for it.
+    """
+
+    __slots__ = (
+        *("across", "near", "_chosen", "_d", "_edges", "_inverse", "_meets_discs", "_meets_edges"),
+        *("_meets", "_met", "_n", "_near_discs", "_near_edges", "_q", "_roots", "_towards"),
+    )
+
+    def __init__(self, chosen: Chosen, keep_across: bool) -> None:
+        discs, edges, rows = chosen.discs, chosen.edges, chosen.discs + chosen.edges
+        self._chosen = chosen
+        self._met = np.empty((discs + 2 * edges, RAYS))
+        self._towards = self._met[:discs]
+        self._edges = self._met[discs:rows], self._met[rows:]
+        self._inverse = np.empty((rows, RAYS))
+        self._q, self._n = self._inverse[:discs], self._inverse[discs:]
+        self.across = np.empty((rows, RAYS))
+        self._roots, self._d = self.across[:discs], self.across[discs:]
+        self.near = np.empty((rows, RAYS)) if keep_across else self.across
+        self._near_discs, self._near_edges = self.near[:discs], self.near[discs:]
+        self._meets = np.empty((rows, RAYS))
+        self._meets_discs, self._meets_edges = self._meets[:discs], self._meets[discs:]
+
+    def meet(self, rays: Floats, starts: Floats) -> None:
+        """The nearness of every surface to every ray."""
+        chosen, near, inverse = self._chosen, self.near, self._inverse
+        chosen.ray_rows.dot(rays, self._met)
+        chosen.origin_rows.dot(starts, inverse)
         if chosen.discs:
             self._meet_discs()
         if chosen.edges:
             self._meet_edges()
-        np.maximum(self._inverse, TINY, out=self._inverse)
-        np.divide(self._near, self._inverse, out=self._near)
-        np.copysign(self._near, self._meets, out=self._near)
-        if self._moving:
-            half = self._moving // 2
-            self._near[:half, EARLY:] = 0.0
-            self._near[half : self._moving, :EARLY] = 0.0
-        np.maximum.reduce(self._near, axis=0, out=self._nearest, initial=0.0)
+        np.maximum(inverse, TINY, out=inverse)
+        np.divide(near, inverse, out=near)
+        np.copysign(near, self._meets, out=near)
 
     def _meet_discs(self) -> None:
         towards, roots = self._towards, self._roots
@@ -153,26 +182,21 @@ class Caster:
         np.add(towards, roots, out=self._near_discs)
 
     def _meet_edges(self) -> None:
-        meets = self._meets_edges
-        np.add(self._edge_starts, self._edge_ends, out=self._d)
-        np.minimum(self._edge_starts, self._edge_ends, out=meets)
+        (begins, ends), meets = self._edges, self._meets_edges
+        np.add(begins, ends, out=self._d)
+        np.minimum(begins, ends, out=meets)
         np.minimum(meets, self._n, out=meets)
-        if self._near is not self._across:
+        if self.near is not self.across:
             self._near_edges[:] = self._d
 
-    def _lose_grazing(self) -> None:
-        """No echo comes back along a ray that meets its surface too obliquely."""
-        if not len(self._near):
-            return
-        rows = self._near.argmax(axis=0)
-        cosines = self._across[rows, self._columns] / self._chosen.sizes[rows]
-        self._nearest[cosines < self._least_cosine] = 0.0
 
-
+@cache
 def _fan() -> Floats:
     """Cosines and sines of the bearings, a pair of rows per group; and which column is whose."""
     bearings = np.array(ray_bearings_rad())
     halves = np.array([np.arange(RAYS) < EARLY, np.arange(RAYS) >= EARLY], dtype=float)
     cosines, sines = np.cos(bearings), np.sin(bearings)
     pairs = [cosines * halves[0], sines * halves[0], cosines * halves[1], sines * halves[1]]
-    return np.array([*pairs, *halves])
+    fan = np.array([*pairs, *halves])
+    fan.setflags(write=False)
+    return fan

@@ -12,11 +12,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from plant.scene import Disc, Scene
+from plant.scene import Disc, Pose, Scene
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
-Pose: TypeAlias = tuple[float, float, float]
 
 
 class Drift(NamedTuple):
@@ -61,8 +60,9 @@ class Surfaces:
 
     def _discs_in_sight(self, at: Pose, axes: Floats, farthest_m: float, way_m: float) -> Mask:
         gaps = self._centres - at[:2]
-        within: Mask = np.hypot(gaps[:, 0], gaps[:, 1]) - self._radii < farthest_m
-        return within & (_ahead_m(gaps, axes) + self._radii > -way_m)
+        near = np.hypot(gaps[:, 0], gaps[:, 1]) - self._radii < farthest_m
+        seen: Mask = near & (_ahead_m(gaps, axes) + self._radii > -way_m)
+        return seen
 
     def _edges_in_sight(self, at: Pose, axes: Floats, farthest_m: float, way_m: float) -> Mask:
         gaps, spans = self._starts - at[:2], self._spans
@@ -70,9 +70,10 @@ class Surfaces:
         shares = -(gaps * spans).sum(axis=1) / squares
         shares = np.minimum(np.maximum(shares, 0.0), 1.0)
         nearest = gaps + shares[:, None] * spans
-        within: Mask = np.hypot(nearest[:, 0], nearest[:, 1]) < farthest_m
+        near = np.hypot(nearest[:, 0], nearest[:, 1]) < farthest_m
         ahead_m = np.maximum(_ahead_m(gaps, axes), _ahead_m(self._ends - at[:2], axes))
-        return within & (ahead_m > -way_m)
+        seen: Mask = near & (ahead_m > -way_m)
+        return seen
 
 
 class Chosen:

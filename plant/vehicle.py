@@ -9,8 +9,8 @@ from plant.body import Body
 from plant.drive import Drive
 from plant.faults import Fault
 from plant.noise import Noise
-from plant.raycast import Caster, Pose
-from plant.scene import Disc, Scene
+from plant.raycast import Caster
+from plant.scene import Disc, Pose, Scene
 from plant.score import Score
 from plant.sonar import PING_AGE_US, Ring
 from plant.trouble import Schedule
