@@ -160,8 +160,7 @@ def follow(slip: Slip, ahead_m: float) -> None:
     slip.seen += 1
     change_m = level_m - slip.last_m
     slip.last_m = level_m
-    weight = max(1.0 / slip.seen, NEW if slip.seen > SETTLE else 0.0)
-    slip.level_m += weight * off_m
+    slip.level_m += (NEW if slip.seen > SETTLE else 1.0 / slip.seen) * off_m
     slip.scatter_m2 += max(0.1, 1.0 / slip.seen) * (0.5 * change_m * change_m - slip.scatter_m2)
     if slip.seen <= SETTLE:
         slip.anchor_m = slip.level_m
