@@ -35,6 +35,7 @@ class Surfaces:
         self._starts, self._ends = edges[:, :2], edges[:, 2:]
         self._spans = self._ends - self._starts
         self._lengths = np.hypot(self._spans[:, 0], self._spans[:, 1])
+        self._squares = np.maximum(self._lengths * self._lengths, np.finfo(float).tiny)
         self._disc_rays, self._disc_origins = _disc_rows(discs)
         self._start_rays, self._end_rays, self._edge_origins = _edge_rows(edges)
 
@@ -66,8 +67,7 @@ class Surfaces:
 
     def _edges_in_sight(self, at: Pose, axes: Floats, farthest_m: float, way_m: float) -> Mask:
         gaps, spans = self._starts - at[:2], self._spans
-        squares = np.maximum(self._lengths * self._lengths, np.finfo(float).tiny)
-        shares = -(gaps * spans).sum(axis=1) / squares
+        shares = -(gaps * spans).sum(axis=1) / self._squares
         shares = np.minimum(np.maximum(shares, 0.0), 1.0)
         nearest = gaps + shares[:, None] * spans
         near = np.hypot(nearest[:, 0], nearest[:, 1]) < farthest_m

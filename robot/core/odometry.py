@@ -128,7 +128,8 @@ def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> N
 
 def wheel_shares(params: Params) -> tuple[float, float]:
     """Diameters of left and right wheel over their mean, from their ratio (c_l, c_r of UMBmark)."""
-    return 2.0 / (params.wheel_ratio + 1.0), 2.0 / (1.0 / params.wheel_ratio + 1.0)
+    ratio = params.wheel_ratio
+    return 2.0 / (ratio + 1.0), 2.0 / (1.0 / ratio + 1.0)
 
 
 def start_grain(odometry: Odometry, params: Params) -> None:
