@@ -31,26 +31,24 @@ class Motor:
 
     def turn(self, wanted_m_s: float, span_s: float) -> float:
         """Run for a while and return the way of the rim in metres."""
-        missing_m_s = wanted_m_s - self.speed_m_s
-        if abs(missing_m_s) <= self._linear_m_s:
-            return self._approach(wanted_m_s, span_s)
-        ramp_s = (abs(missing_m_s) - self._linear_m_s) / self._acceleration_m_s2
-        if ramp_s >= span_s:
-            return self._ramp(copysign(self._acceleration_m_s2, missing_m_s), span_s)
-        way_m = self._ramp(copysign(self._acceleration_m_s2, missing_m_s), ramp_s)
-        return way_m + self._approach(wanted_m_s, span_s - ramp_s)
+        way_m, missing_m_s = 0.0, wanted_m_s - self.speed_m_s
+        if abs(missing_m_s) > self._linear_m_s:
+            ramp_s = (abs(missing_m_s) - self._linear_m_s) / self._acceleration_m_s2
+            acceleration_m_s2 = copysign(self._acceleration_m_s2, missing_m_s)
+            if ramp_s >= span_s:
+                return self._ramp(acceleration_m_s2, span_s)
+            way_m = self._ramp(acceleration_m_s2, ramp_s)
+            span_s -= ramp_s
+            missing_m_s = wanted_m_s - self.speed_m_s
+        left_m_s = missing_m_s * exp(-span_s / self._lag_s) if self._lag_s else 0.0
+        self.speed_m_s = wanted_m_s - left_m_s
+        return way_m + (wanted_m_s * span_s - self._lag_s * (missing_m_s - left_m_s))
 
     def _ramp(self, acceleration_m_s2: float, span_s: float) -> float:
         gain_m_s = acceleration_m_s2 * span_s
         way_m = (self.speed_m_s + 0.5 * gain_m_s) * span_s
         self.speed_m_s += gain_m_s
         return way_m
-
-    def _approach(self, wanted_m_s: float, span_s: float) -> float:
-        missing_m_s = wanted_m_s - self.speed_m_s
-        left_m_s = missing_m_s * exp(-span_s / self._lag_s) if self._lag_s else 0.0
-        self.speed_m_s = wanted_m_s - left_m_s
-        return wanted_m_s * span_s - self._lag_s * (missing_m_s - left_m_s)
 
     def brake(self, deceleration_m_s2: float, span_s: float) -> float:
         """Run short-circuited for a while and return the way of the rim in metres."""
@@ -72,7 +70,7 @@ class Drive:
     def __init__(self, body: Body, noise: Noise, seed: int, robot: int) -> None:
         self._body = body
         self._motors = (Motor(body), Motor(body))
-        self._wanted_m_s = [0.0, 0.0]
+        self._wanted_m_s = (0.0, 0.0)
         self._expires_ns = -1
         self._counted_m = [0.0, 0.0]
         half = noise.diameter_difference_ratio / 2.0
@@ -84,19 +82,22 @@ class Drive:
     def command(self, left_mrad_s: int, right_mrad_s: int, ttl_ms: int, now_ns: int) -> None:
         """What the wheels shall do until the time-to-live runs out; held within their limit."""
         limit_m_s, scale = self._body.max_speed_m_s, self._body.wheel_radius_m / 1000.0
-        self._wanted_m_s = [
-            max(-limit_m_s, min(limit_m_s, mrad_s * scale))
-            for mrad_s in (left_mrad_s, right_mrad_s)
-        ]
+        self._wanted_m_s = (
+            _within(left_mrad_s * scale, limit_m_s),
+            _within(right_mrad_s * scale, limit_m_s),
+        )
         self._expires_ns = now_ns + ttl_ms * NS_PER_MS
         self.expired = False
 
     def roll(self, now_ns: int, span_s: float, trouble: Trouble) -> tuple[float, float]:
         """Run the motors for a while; the way of the left and the right wheel on the ground."""
-        live = now_ns < self._expires_ns
-        self.expired = not live and self._expires_ns >= 0
-        left_m = self._turn(0, span_s, live)
-        right_m = self._turn(1, span_s, live)
+        if now_ns < self._expires_ns:
+            self.expired = False
+            (left, right), (left_m_s, right_m_s) = self._motors, self._wanted_m_s
+            left_m, right_m = left.turn(left_m_s, span_s), right.turn(right_m_s, span_s)
+        else:
+            self.expired = self._expires_ns >= 0
+            left_m, right_m = (motor.brake(self._body.brake_m_s2, span_s) for motor in self._motors)
         if trouble is not NO_TROUBLE:
             left_m, right_m = self._jammed(left_m, right_m, trouble)
         else:
@@ -119,12 +120,6 @@ class Drive:
         right = floor(self._counted_m[1] * per_m) + body.right_start_ticks + jumped_ticks[1]
         return _wrapped(left), _wrapped(right)
 
-    def _turn(self, side: int, span_s: float, live: bool) -> float:
-        motor = self._motors[side]
-        if live:
-            return motor.turn(self._wanted_m_s[side], span_s)
-        return motor.brake(self._body.brake_m_s2, span_s) if motor.speed_m_s else 0.0
-
     def _jammed(self, left_m: float, right_m: float, trouble: Trouble) -> tuple[float, float]:
         ways_m = [left_m, right_m]
         for side in (0, 1):
@@ -134,6 +129,13 @@ class Drive:
             if not trouble.encoder_stuck[side]:
                 self._counted_m[side] += ways_m[side]
         return ways_m[0], ways_m[1]
+
+
+def _within(speed_m_s: float, limit_m_s: float) -> float:
+    """Compared, as min() and max() here cost more than all the rest of a command."""
+    if speed_m_s > limit_m_s:
+        return limit_m_s
+    return speed_m_s if speed_m_s > -limit_m_s else -limit_m_s
 
 
 def _wrapped(count: int) -> int:

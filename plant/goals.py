@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from plant.body import Body
 from plant.geometry import clearance_m
 from plant.lineup import GAP_M, ROOM_M
-from plant.raycast import Pose
+from plant.scene import Pose
 from plant.world_types import Circle, Obstacle, Point, World
 
 STEP_M: Final = 0.05

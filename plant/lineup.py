@@ -7,7 +7,7 @@ from typing import Final
 
 from plant.body import Body
 from plant.geometry import clearance_m
-from plant.raycast import Pose
+from plant.scene import Pose
 from plant.world_types import World
 
 GAP_M: Final = 0.36

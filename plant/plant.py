@@ -72,8 +72,9 @@ class Plant:
     def advance(self) -> None:
         """Let one control period go by."""
         vehicles = self._vehicles
-        close = any(vehicle.clearance_m < self._close_m for vehicle in vehicles)
+        close = False
         for vehicle in vehicles:
+            close |= vehicle.clearance_m < self._close_m
             vehicle.begin_tick()
         self._substep(self.now_ns, close)
         for vehicle in vehicles:

@@ -10,16 +10,15 @@ and radius r; an edge from a to b; x the cross product):
 """
 
 from collections.abc import Sequence
+from functools import cache
 from math import cos, hypot, inf, pi, radians, sin
 from struct import Struct
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
-from plant.scene import Disc, Scene
-from plant.surfaces import Floats, Surfaces
-
-Pose: TypeAlias = tuple[float, float, float]
+from plant.scene import Disc, Pose, Scene
+from plant.surfaces import Chosen, Drift, Floats, Surfaces
 
 SONARS: Final = 8
 RAYS_PER_SONAR: Final = 5
@@ -29,12 +28,14 @@ CONE_RAD: Final = radians(22.5)
 ORDER: Final = (0, 2, 4, 6, 1, 3, 5, 7)
 """Sonars in the order of the columns: first the group pinged early, then the late one."""
 
-REFRESH_M: Final = 0.25
-"""The surfaces in reach are chosen anew when the robot has moved this far."""
+DRIFT: Final = Drift(way_m=0.35, turn_rad=radians(30.0))
+"""The surfaces in sight are chosen anew when the robot has moved or turned farther than that."""
+
+LEAST_TURN_COSINE: Final = cos(DRIFT.turn_rad)
 
 TINY: Final = 1e-12
-_SIXTEEN: Final = Struct("16d")
-_EIGHT: Final = Struct("8d")
+_AIM: Final = Struct(4 * "4d16x" + 4 * "32x2d")
+"""Two blocks in an 8 by 6 matrix, 4 by 4 at its upper left and 4 by 2 at its lower right."""
 
 
 def ray_bearings_rad() -> tuple[float, ...]:
@@ -47,20 +48,20 @@ def ray_bearings_rad() -> tuple[float, ...]:
 
 
 class Caster:
-    """What one ring sees: the surfaces in reach, and the rays that meet them."""
+    """What one ring sees: the surfaces in sight, and the rays that meet them."""
 
     def __init__(self, scene: Scene, reach_m: float, incidence_limit_rad: float) -> None:
         """`reach_m` counts from the centre of the robot."""
         self._surfaces = Surfaces(scene)
-        self._reach_m = reach_m + 2.0 * REFRESH_M
+        self._reach_m = reach_m
         self._least_cosine = cos(incidence_limit_rad) if incidence_limit_rad < pi / 2 else 0.0
         self._moving = 0
-        self._chosen_at = (inf, inf)
-        self._fan, self._halves = _fan()
-        self._directions = np.zeros((4, 4))
-        self._origins = np.zeros((4, 2))
-        self._rays = np.empty((4, RAYS))
-        self._starts = np.empty((4, RAYS))
+        self._chosen_at = (inf, inf, 0.0)
+        self._fan = _fan()
+        self._aim_matrix = np.zeros((8, 6))
+        self._aim_memory = self._aim_matrix.data
+        self._aimed = np.empty((8, RAYS))
+        self._rays, self._starts = self._aimed[:4], self._aimed[4:]
         self._nearest = np.empty(RAYS)
         self._nearest_of = self._nearest.reshape(SONARS, RAYS_PER_SONAR)
         self._columns = np.arange(RAYS)
@@ -72,35 +73,36 @@ class Caster:
 
         `moved`: the discs that move, where they are at the early and at the late ping.
         """
-        gone_m = hypot(late[0] - self._chosen_at[0], late[1] - self._chosen_at[1])
-        if gone_m > REFRESH_M or self._moving != 2 * len(moved[0]):
-            self._choose(late, 2 * len(moved[0]))
+        moving = 2 * len(moved[0])
+        if moving != self._moving or self._drifted(late) or self._drifted(early):
+            self._choose(late, moving)
         if self._moving:
             self._chosen.place([*moved[0], *moved[1]])
         self._aim(early, late)
-        self._meet()
+        sheet = self._sheet
+        sheet.meet(self._rays, self._starts)
+        if self._moving:
+            half = self._moving // 2
+            sheet.near[:half, EARLY:] = 0.0
+            sheet.near[half : self._moving, :EARLY] = 0.0
+        np.maximum.reduce(sheet.near, axis=0, out=self._nearest, initial=0.0)
         if self._least_cosine > 0.0:
             self._lose_grazing()
         nearness: list[float] = np.maximum.reduce(self._nearest_of, axis=1).tolist()
         return nearness
 
+    def _drifted(self, at: Pose) -> bool:
+        """Whether the surfaces were chosen for too different a pose."""
+        x_m, y_m, heading_rad = self._chosen_at
+        gone_m = hypot(at[0] - x_m, at[1] - y_m)
+        return gone_m > DRIFT.way_m or cos(at[2] - heading_rad) < LEAST_TURN_COSINE
+
     def _choose(self, at: Pose, moving: int) -> None:
-        """Take the surfaces in reach, and lay out the arrays to work in once for all of them."""
+        """Take the surfaces in sight."""
         self._moving = moving
-        self._chosen_at = at[:2]
-        chosen = self._chosen = self._surfaces.within(at[0], at[1], self._reach_m, moving)
-        discs, edges, rows = chosen.discs, chosen.edges, chosen.discs + chosen.edges
-        self._met = np.empty((discs + 2 * edges, RAYS))
-        self._towards = self._met[:discs]
-        self._edge_starts, self._edge_ends = self._met[discs:rows], self._met[rows:]
-        self._inverse = np.empty((rows, RAYS))
-        self._q, self._n = self._inverse[:discs], self._inverse[discs:]
-        self._across = np.empty((rows, RAYS))
-        self._roots, self._d = self._across[:discs], self._across[discs:]
-        self._near = np.empty((rows, RAYS))
-        self._near_discs, self._near_edges = self._near[:discs], self._near[discs:]
-        self._meets = np.empty((rows, RAYS))
-        self._meets_discs, self._meets_edges = self._meets[:discs], self._meets[discs:]
+        self._chosen_at = at
+        self._chosen = self._surfaces.in_sight(at, self._reach_m, DRIFT, moving)
+        self._sheet = Sheet(self._chosen, self._least_cosine > 0.0)
 
     def _aim(self, early: Pose, late: Pose) -> None:
         """Turn the fan of rays to the heading and put it where the robot is, per group."""
@@ -108,26 +110,70 @@ class Caster:
         c0, s0, c1, s1 = cos(heading0), sin(heading0), cos(heading1), sin(heading1)
         along0, across0 = x0 * c0 + y0 * s0, x0 * s0 - y0 * c0
         along1, across1 = x1 * c1 + y1 * s1, x1 * s1 - y1 * c1
-        _SIXTEEN.pack_into(
-            self._directions.data,
-            0,
-            *(c0, -s0, c1, -s1),
-            *(s0, c0, s1, c1),
-            *(-along0, across0, -along1, across1),
-            *(across0, along0, across1, along1),
+        # fmt: off
+        _AIM.pack_into(
+            self._aim_memory, 0,
+            c0, -s0, c1, -s1,
+            s0, c0, s1, c1,
+            -along0, across0, -along1, across1,
+            across0, along0, across1, along1,
+            x0, x1, y0, y1, 1.0, 1.0, x0 * x0 + y0 * y0, x1 * x1 + y1 * y1,
         )
-        _EIGHT.pack_into(
-            self._origins.data, 0, x0, x1, y0, y1, 1.0, 1.0, x0 * x0 + y0 * y0, x1 * x1 + y1 * y1
-        )
-        np.dot(self._directions, self._fan, out=self._rays)
-        np.dot(self._origins, self._halves, out=self._starts)
+        # fmt: on
+        self._aim_matrix.dot(self._fan, self._aimed)
 
-    def _meet(self) -> None:
-        """The nearness of every surface to every ray, then the largest per ray."""
-        towards, roots, meets_edges = self._towards, self._roots, self._meets_edges
-        np.dot(self._chosen.ray_rows, self._rays, out=self._met)
-        np.dot(self._chosen.origin_rows, self._starts, out=self._inverse)
+    def _lose_grazing(self) -> None:
+        """No echo comes back along a ray that meets its surface too obliquely."""
+        sheet = self._sheet
+        if not len(sheet.near):
+            return
+        rows = sheet.near.argmax(axis=0)
+        cosines = sheet.across[rows, self._columns] / self._chosen.sizes[rows]
+        self._nearest[cosines < self._least_cosine] = 0.0
 
+
+class Sheet:
+    """The arrays in which the chosen surfaces meet the rays, laid out once for all of their casts.
+
+    `near` is the nearness, above zero only where they meet; `across` the length of a chosen
+    surface times the cosine under which a ray meets it, kept only for those who ask for it.
+    """
+
+    __slots__ = (
+        *("across", "near", "_chosen", "_d", "_edges", "_inverse", "_meets_discs", "_meets_edges"),
+        *("_meets", "_met", "_n", "_near_discs", "_near_edges", "_q", "_roots", "_towards"),
+    )
+
+    def __init__(self, chosen: Chosen, keep_across: bool) -> None:
+        discs, edges, rows = chosen.discs, chosen.edges, chosen.discs + chosen.edges
+        self._chosen = chosen
+        self._met = np.empty((discs + 2 * edges, RAYS))
+        self._towards = self._met[:discs]
+        self._edges = self._met[discs:rows], self._met[rows:]
+        self._inverse = np.empty((rows, RAYS))
+        self._q, self._n = self._inverse[:discs], self._inverse[discs:]
+        self.across = np.empty((rows, RAYS))
+        self._roots, self._d = self.across[:discs], self.across[discs:]
+        self.near = np.empty((rows, RAYS)) if keep_across else self.across
+        self._near_discs, self._near_edges = self.near[:discs], self.near[discs:]
+        self._meets = np.empty((rows, RAYS))
+        self._meets_discs, self._meets_edges = self._meets[:discs], self._meets[discs:]
+
+    def meet(self, rays: Floats, starts: Floats) -> None:
+        """The nearness of every surface to every ray."""
+        chosen, near, inverse = self._chosen, self.near, self._inverse
+        chosen.ray_rows.dot(rays, self._met)
+        chosen.origin_rows.dot(starts, inverse)
+        if chosen.discs:
+            self._meet_discs()
+        if chosen.edges:
+            self._meet_edges()
+        np.maximum(inverse, TINY, out=inverse)
+        np.divide(near, inverse, out=near)
+        np.copysign(near, self._meets, out=near)
+
+    def _meet_discs(self) -> None:
+        towards, roots = self._towards, self._roots
         np.multiply(towards, towards, out=roots)
         np.subtract(roots, self._q, out=roots)
         np.minimum(roots, towards, out=self._meets_discs)
@@ -135,36 +181,22 @@ class Caster:
         np.sqrt(roots, out=roots)
         np.add(towards, roots, out=self._near_discs)
 
-        grazing = self._least_cosine > 0.0
-        d = self._d if grazing else self._near_edges
-        np.add(self._edge_starts, self._edge_ends, out=d)
-        np.minimum(self._edge_starts, self._edge_ends, out=meets_edges)
-        np.minimum(meets_edges, self._n, out=meets_edges)
-        if grazing:
-            self._near_edges[:] = d
-
-        np.maximum(self._inverse, TINY, out=self._inverse)
-        np.divide(self._near, self._inverse, out=self._near)
-        np.copysign(self._near, self._meets, out=self._near)
-        if self._moving:
-            half = self._moving // 2
-            self._near[:half, EARLY:] = 0.0
-            self._near[half : self._moving, :EARLY] = 0.0
-        np.maximum.reduce(self._near, axis=0, out=self._nearest, initial=0.0)
-
-    def _lose_grazing(self) -> None:
-        """No echo comes back along a ray that meets its surface too obliquely."""
-        if not len(self._near):
-            return
-        rows = self._near.argmax(axis=0)
-        cosines = self._across[rows, self._columns] / self._chosen.sizes[rows]
-        self._nearest[cosines < self._least_cosine] = 0.0
+    def _meet_edges(self) -> None:
+        (begins, ends), meets = self._edges, self._meets_edges
+        np.add(begins, ends, out=self._d)
+        np.minimum(begins, ends, out=meets)
+        np.minimum(meets, self._n, out=meets)
+        if self.near is not self.across:
+            self._near_edges[:] = self._d
 
 
-def _fan() -> tuple[Floats, Floats]:
+@cache
+def _fan() -> Floats:
     """Cosines and sines of the bearings, a pair of rows per group; and which column is whose."""
     bearings = np.array(ray_bearings_rad())
     halves = np.array([np.arange(RAYS) < EARLY, np.arange(RAYS) >= EARLY], dtype=float)
     cosines, sines = np.cos(bearings), np.sin(bearings)
-    fan = [cosines * halves[0], sines * halves[0], cosines * halves[1], sines * halves[1]]
-    return np.array(fan), halves
+    pairs = [cosines * halves[0], sines * halves[0], cosines * halves[1], sines * halves[1]]
+    fan = np.array([*pairs, *halves])
+    fan.setflags(write=False)
+    return fan

@@ -7,6 +7,9 @@ from typing import NamedTuple, TypeAlias, TypeGuard
 from plant.geometry import edges as sides
 from plant.world_types import Circle, Obstacle, Point, Polygon, Polyline, World
 
+Pose: TypeAlias = tuple[float, float, float]
+"""x_m, y_m, heading_rad."""
+
 Disc: TypeAlias = tuple[float, float, float]
 """x_m, y_m, radius_m."""
 
@@ -38,7 +41,7 @@ def still(world: World) -> Scene:
 
 def moves(obstacle: Obstacle) -> TypeGuard[Circle]:
     return (
-        isinstance(obstacle, Circle) and len(set(obstacle.path_m)) > 1 and obstacle.speed_m_s > 0.0
+        isinstance(obstacle, Circle) and obstacle.speed_m_s > 0.0 and len(set(obstacle.path_m)) > 1
     )
 
 

@@ -3,8 +3,9 @@
 from array import array
 from hashlib import sha256
 from math import hypot
-from struct import Struct
 from typing import Final
+
+import numpy as np
 
 from protocol.messages import RunScore
 from protocol.timing import PERIOD_NS
@@ -12,7 +13,7 @@ from protocol.timing import PERIOD_NS
 MOST_TICKS: Final = 1_000_000
 COLUMNS: Final = 5
 
-_ROW: Final = Struct("<Qddd")
+_SIGNED: Final = np.dtype([("time_ns", "<u8"), ("pose", "<f8", 3)])
 
 
 class Score:
@@ -48,7 +49,7 @@ class Score:
         closing: bool = False,
     ) -> None:
         """One tick more; `closing`: the robot itself was moving towards what it touches."""
-        if self.full:
+        if len(self._contacts) > MOST_TICKS:
             return
         rows = self._rows
         path_m = rows[-2] + hypot(x_m - rows[-5], y_m - rows[-4])
@@ -80,8 +81,8 @@ class Score:
 
     def _digest(self, ticks: int) -> bytes:
         """SHA-256 over stamp and true pose of every tick but the first, at which nothing moved."""
-        digest = sha256()
-        for tick in range(1, ticks + 1):
-            stamp_ns = self._start_ns + tick * PERIOD_NS
-            digest.update(_ROW.pack(stamp_ns, *self._row(tick)[:3]))
-        return digest.digest()
+        signed = np.empty(ticks, dtype=_SIGNED)
+        stamps = np.arange(1, ticks + 1, dtype=np.uint64) * np.uint64(PERIOD_NS)
+        signed["time_ns"] = stamps + np.uint64(self._start_ns)
+        signed["pose"] = np.array(self._rows).reshape(-1, COLUMNS)[1 : ticks + 1, :3]
+        return sha256(signed.tobytes()).digest()

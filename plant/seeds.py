@@ -11,7 +11,7 @@ from zlib import crc32
 import numpy as np
 import numpy.typing as npt
 
-BLOCK_ROWS: Final = 256
+BLOCK_ROWS: Final = 64
 
 
 def stream(seed: int, robot: int, source: str) -> np.random.Generator:

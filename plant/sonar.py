@@ -61,14 +61,12 @@ class Ring:
         least_mm, most_mm, untrue = self._least_mm, self._most_mm, self._untrue
         sigma_m, sigma_ratio = self._sigma_m, self._sigma_ratio
         for sonar, near in zip(ORDER, nearness, strict=True):
-            seen = near >= least_nearness
-            chance = chances[sonar]
-            if chance < untrue:
-                if chance < self._lost:
+            if chances[sonar] < untrue:
+                if chances[sonar] < self._lost:
                     continue
-                range_m = 1.0 / near - rim_m if seen else most_m
+                range_m = 1.0 / near - rim_m if near >= least_nearness else most_m
                 range_m = self._least_m + ghosts[sonar] * (range_m - self._least_m)
-            elif seen:
+            elif near >= least_nearness:
                 range_m = 1.0 / near - rim_m
                 range_m += errors[sonar] * (sigma_m + sigma_ratio * range_m)
             else:

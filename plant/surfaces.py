@@ -1,4 +1,4 @@
-"""The surfaces of a scene as rows of matrices, and of them those within reach of a ring.
+"""The surfaces of a scene as rows of matrices, and of them those that a ring may see.
 
 A row times a ray's (ux, uy, -u.o, -u x o) gives p of a disc, u x (a - o) or -u x (b - o) of an
 edge; a row times its origin's (ox, oy, 1, |o|^2) gives q of a disc, n of an edge. The letters are
@@ -6,40 +6,74 @@ those of `plant.raycast`.
 """
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from math import cos, sin
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from plant.scene import Disc, Scene
+from plant.scene import Disc, Pose, Scene
 
 Floats: TypeAlias = npt.NDArray[np.float64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+
+class Drift(NamedTuple):
+    """How far a ring may come from a pose, and how far it may turn either way (below pi / 2)."""
+
+    way_m: float
+    turn_rad: float
 
 
 class Surfaces:
     """Every surface of a scene."""
 
     def __init__(self, scene: Scene) -> None:
-        self._discs = np.array(scene.discs, dtype=float).reshape(-1, 3)
-        self._edges = np.array(scene.edges, dtype=float).reshape(-1, 4)
-        self._disc_rays, self._disc_origins = _disc_rows(self._discs)
-        self._edge_rays, self._edge_origins = _edge_rows(self._edges)
-        spans = self._edges[:, 2:] - self._edges[:, :2]
-        self._lengths = np.hypot(spans[:, 0], spans[:, 1])
+        discs = np.array(scene.discs, dtype=float).reshape(-1, 3)
+        edges = np.array(scene.edges, dtype=float).reshape(-1, 4)
+        self._centres, self._radii = discs[:, :2], discs[:, 2]
+        self._starts, self._ends = edges[:, :2], edges[:, 2:]
+        self._spans = self._ends - self._starts
+        self._lengths = np.hypot(self._spans[:, 0], self._spans[:, 1])
+        self._squares = np.maximum(self._lengths * self._lengths, np.finfo(float).tiny)
+        self._disc_rays, self._disc_origins = _disc_rows(discs)
+        self._start_rays, self._end_rays, self._edge_origins = _edge_rows(edges)
 
-    def within(self, x_m: float, y_m: float, reach_m: float, moving: int) -> "Chosen":
-        """Those nearer to a point than the reach, after `moving` rows left free for discs."""
-        point = np.array([x_m, y_m])
-        away = np.hypot(*(self._discs[:, :2] - point).T) - self._discs[:, 2]
-        discs = np.flatnonzero(away < reach_m)
-        edges = np.flatnonzero(_edge_distances(self._edges, point) < reach_m)
-        free = np.tile((0.0, 0.0, 1.0, 0.0), (moving, 1))
+    def in_sight(self, at: Pose, reach_m: float, drift: Drift, moving: int) -> "Chosen":
+        """Those within reach of a ring, and not all behind it, that may drift from there.
+
+        `moving` rows before them are left free for discs.
+        """
+        axes = _extreme_axes(at[2], drift.turn_rad)
+        farthest_m = reach_m + drift.way_m
+        discs = np.flatnonzero(self._discs_in_sight(at, axes, farthest_m, drift.way_m))
+        edges = np.flatnonzero(self._edges_in_sight(at, axes, farthest_m, drift.way_m))
+        free = np.zeros((moving, 4))
+        free[:, 2] = 1.0
         return Chosen(
-            np.concatenate([free, self._disc_rays[discs], *self._edge_rays[:, edges]]),
+            np.concatenate(
+                [free, self._disc_rays[discs], self._start_rays[edges], self._end_rays[edges]]
+            ),
             np.concatenate([free, self._disc_origins[discs], self._edge_origins[edges]]),
-            np.concatenate([np.ones(moving), self._discs[discs, 2], self._lengths[edges]]),
+            np.concatenate([np.ones(moving), self._radii[discs], self._lengths[edges]]),
             moving + len(discs),
         )
+
+    def _discs_in_sight(self, at: Pose, axes: Floats, farthest_m: float, way_m: float) -> Mask:
+        gaps = self._centres - at[:2]
+        near = np.hypot(gaps[:, 0], gaps[:, 1]) - self._radii < farthest_m
+        seen: Mask = near & (_ahead_m(gaps, axes) + self._radii > -way_m)
+        return seen
+
+    def _edges_in_sight(self, at: Pose, axes: Floats, farthest_m: float, way_m: float) -> Mask:
+        gaps, spans = self._starts - at[:2], self._spans
+        shares = -(gaps * spans).sum(axis=1) / self._squares
+        shares = np.minimum(np.maximum(shares, 0.0), 1.0)
+        nearest = gaps + shares[:, None] * spans
+        near = np.hypot(nearest[:, 0], nearest[:, 1]) < farthest_m
+        ahead_m = np.maximum(_ahead_m(gaps, axes), _ahead_m(self._ends - at[:2], axes))
+        seen: Mask = near & (ahead_m > -way_m)
+        return seen
 
 
 class Chosen:
@@ -71,19 +105,22 @@ def _disc_rows(discs: Floats) -> tuple[Floats, Floats]:
     return rays, np.stack([-2.0 * x, -2.0 * y, x * x + y * y - radius * radius, one], axis=1)
 
 
-def _edge_rows(edges: Floats) -> tuple[Floats, Floats]:
+def _edge_rows(edges: Floats) -> tuple[Floats, Floats, Floats]:
     ax, ay, bx, by = edges.T
     one, none = np.ones(len(edges)), np.zeros(len(edges))
     starts = np.stack([ay, -ax, none, one], axis=1)
     ends = np.stack([-by, bx, none, -one], axis=1)
     origins = np.stack([by - ay, ax - bx, ay * (bx - ax) - ax * (by - ay), none], axis=1)
-    return np.stack([starts, ends]), origins
+    return starts, ends, origins
 
 
-def _edge_distances(edges: Floats, point: Floats) -> Floats:
-    start, along = edges[:, :2], edges[:, 2:] - edges[:, :2]
-    squares = np.maximum((along * along).sum(axis=1), np.finfo(float).tiny)
-    share = np.clip(((point - start) * along).sum(axis=1) / squares, 0.0, 1.0)
-    gaps = start + share[:, None] * along - point
-    distances: Floats = np.hypot(gaps[:, 0], gaps[:, 1])
-    return distances
+def _extreme_axes(heading_rad: float, turn_rad: float) -> Floats:
+    """The headings farthest to both sides, as columns: what is behind at both is so between."""
+    right_rad, left_rad = heading_rad - turn_rad, heading_rad + turn_rad
+    return np.array(((cos(right_rad), cos(left_rad)), (sin(right_rad), sin(left_rad))))
+
+
+def _ahead_m(gaps: Floats, axes: Floats) -> Floats:
+    """How far each point is ahead, at the heading at which it is farthest ahead."""
+    ahead = gaps @ axes
+    return np.maximum(ahead[:, 0], ahead[:, 1])

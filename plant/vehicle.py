@@ -9,8 +9,8 @@ from plant.body import Body
 from plant.drive import Drive
 from plant.faults import Fault
 from plant.noise import Noise
-from plant.raycast import Caster, Pose
-from plant.scene import Disc, Scene
+from plant.raycast import Caster
+from plant.scene import Disc, Pose, Scene
 from plant.score import Score
 from plant.sonar import PING_AGE_US, Ring
 from plant.trouble import Schedule
@@ -69,9 +69,9 @@ class Vehicle:
     def coast(self, now_ns: int, span_s: float) -> None:
         """A whole substep where nothing can be in the way: what the arena would do, bit for bit."""
         self._roll(now_ns, span_s)
-        x_m_s, y_m_s = self._velocity_m_s
+        (x_m, y_m, _), (x_m_s, y_m_s) = self.pose, self._velocity_m_s
         self._coasted = True
-        self._turn_to(self.pose[0] + x_m_s * span_s, self.pose[1] + y_m_s * span_s)
+        self._turn_to(x_m + x_m_s * span_s, y_m + y_m_s * span_s)
 
     def set_off(self, now_ns: int, span_s: float) -> float:
         """Run the wheels for a substep and push the robot; its speed."""
@@ -102,10 +102,11 @@ class Vehicle:
 
     def _turn_to(self, x_m: float, y_m: float) -> None:
         """Be there, with the turn of the substep made."""
-        heading_rad = self.pose[2] + self._turning_rad
-        if abs(heading_rad) > pi:
+        turning_rad = self._turning_rad
+        heading_rad = self.pose[2] + turning_rad
+        if not -pi <= heading_rad <= pi:
             heading_rad -= 2.0 * pi if heading_rad > 0.0 else -2.0 * pi
-        self._turned_rad += self._turning_rad
+        self._turned_rad += turning_rad
         self.pose = (x_m, y_m, heading_rad)
 
     def _touch(self, directions: Sequence[Point]) -> None:

@@ -7,12 +7,13 @@ that it sinks in by less than a millimetre and never passes through.
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import ceil
+from math import ceil, inf
 from typing import Final
 
 import pymunk
 
 from plant.geometry import edges
+from plant.nearby import FURTHER_M, NEAR_M, Bar, Nearby, Round
 from plant.scene import movers, moves
 from plant.world_types import Circle, Point, Polygon, Polyline, World
 
@@ -32,6 +33,7 @@ class Arena:
         self._space.collision_slop = SLOP_M
         self._space.collision_bias = 0.0
         self._radius_m = radius_m
+        self._nearby = Nearby()
         self._robots: list[pymunk.Body] = []
         self._filters: list[pymunk.ShapeFilter] = []
         self._space.add(*_still_shapes(world, self._space.static_body))
@@ -71,10 +73,15 @@ class Arena:
 
     def clearance_m(self, robot: int, at: Point) -> float:
         """From the rim of a robot there to the nearest surface, below 0 when pressed into it."""
-        nearest = self._space.point_query_nearest(
-            at, CLEARANCE_LIMIT_M + self._radius_m, self._filters[robot]
-        )
-        return CLEARANCE_LIMIT_M if nearest is None else nearest.distance - self._radius_m
+        limit_m = CLEARANCE_LIMIT_M + self._radius_m
+        if self._movers or len(self._robots) > 1:
+            nearest = self._space.point_query_nearest(at, limit_m, self._filters[robot])
+            distance_m = inf if nearest is None else nearest.distance
+        else:
+            if not self._nearby.holds(at):
+                self._look_around(at)
+            distance_m = self._nearby.distance_m(at)
+        return distance_m - self._radius_m if distance_m < limit_m else CLEARANCE_LIMIT_M
 
     def contacts(self, robot: int) -> list[Point]:
         """The directions in which a robot touches something, as unit vectors."""
@@ -86,6 +93,24 @@ class Arena:
 
         self._robots[robot].each_arbiter(collect)
         return found
+
+    def _look_around(self, at: Point) -> None:
+        """Remember what can be nearest to the only robot while it is near there."""
+        space, others = self._space, self._filters[0]
+        farthest_m = CLEARANCE_LIMIT_M + self._radius_m + NEAR_M
+        nearest = space.point_query_nearest(at, farthest_m, others)
+        rounds: list[Round] = []
+        bars: list[Bar] = []
+        if nearest is not None:
+            for found in space.point_query(at, nearest.distance + FURTHER_M, others):
+                shape = found.shape
+                if isinstance(shape, pymunk.Circle):
+                    rounds.append((*shape.offset, shape.radius))
+                elif isinstance(shape, pymunk.Segment) and shape.a == shape.b:
+                    rounds.append((*shape.a, shape.radius))
+                elif isinstance(shape, pymunk.Segment):
+                    bars.append((*shape.a, *shape.b, shape.radius))
+        self._nearby.remember(at, rounds, bars)
 
     def _add_mover(self, circle: Circle) -> pymunk.Body:
         body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)

@@ -5,7 +5,7 @@ from math import degrees
 from typing import TypeAlias
 
 from plant.goals import RobotGoal
-from plant.raycast import Pose
+from plant.scene import Pose
 from plant.world_types import Circle, Obstacle, Polygon, Setting, Settings, World
 
 Json: TypeAlias = str | bool | int | float | list["Json"] | dict[str, "Json"] | None

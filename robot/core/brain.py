@@ -83,18 +83,20 @@ def decide(state: State, inputs: Inputs, params: Params) -> Twist:
 
 def act(state: State, wanted: Twist, inputs: Inputs, params: Params) -> Outputs:
     """What the guard leaves of it, in whole mrad/s cut towards zero: rounding adds no speed."""
-    factor, reason = guard.limit(*wanted, state.ring, inputs.wheels, params)
+    speed_m_s, yaw_rate_rad_s = wanted
+    factor, reason = guard.limit(speed_m_s, yaw_rate_rad_s, state.ring, inputs.wheels, params)
     twist = wanted
     if reason != reasons.OK:
-        twist = Twist(wanted.speed_m_s * factor, wanted.yaw_rate_rad_s * factor)
+        twist = Twist(speed_m_s * factor, yaw_rate_rad_s * factor)
         if factor == 0.0:
             twist = HALT
+        speed_m_s, yaw_rate_rad_s = twist
     state.twist = wanted if reason == reasons.NOT_FINITE else twist
-    speed_m_s, yaw_rate_rad_s = twist
     half_m_s = 0.5 * params.track_m * yaw_rate_rad_s
     left_m_s, right_m_s = speed_m_s - half_m_s, speed_m_s + half_m_s
-    stalls.tell(state.stall.left, left_m_s, inputs.now_ms, params)
-    stalls.tell(state.stall.right, right_m_s, inputs.now_ms, params)
+    stall, now_ms = state.stall, inputs.now_ms
+    stalls.tell(stall.left, left_m_s, now_ms, params)
+    stalls.tell(stall.right, right_m_s, now_ms, params)
     scale = 1000.0 / params.wheel_radius_m
     left_share, right_share = odometries.wheel_shares(params)
     left_mrad_s = int(left_m_s * scale / left_share)

@@ -82,10 +82,13 @@ def update(odometry: Odometry, wheels: Wheels | None, now_ms: int, params: Param
         start_grain(odometry, params)
     else:
         left_share, right_share = wheel_shares(params)
-        left_m = tick_difference(wheels.left, odometry.left) * params.m_per_tick * left_share
-        right_m = tick_difference(wheels.right, odometry.right) * params.m_per_tick * right_share
+        m_per_tick, longest_s = params.m_per_tick, params.period_s
+        left_m = tick_difference(wheels.left, odometry.left) * m_per_tick * left_share
+        right_m = tick_difference(wheels.right, odometry.right) * m_per_tick * right_share
         elapsed_s = (now_ms - odometry.last_ms) * 1e-3
-        reach_m = 2.0 * params.wheel_max_m_s * max(elapsed_s, params.period_s) + JUMP_SLACK_M
+        if elapsed_s > longest_s:
+            longest_s = elapsed_s
+        reach_m = 2.0 * params.wheel_max_m_s * longest_s + JUMP_SLACK_M
         odometry.jumped = not (abs(left_m) <= reach_m and abs(right_m) <= reach_m)
         if not odometry.jumped:
             roll(odometry, left_m, right_m, params)
@@ -100,14 +103,15 @@ def update(odometry: Odometry, wheels: Wheels | None, now_ms: int, params: Param
 
 def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> None:
     """Move pose and covariance by what the wheels rolled (eq. 8 with the track L, not 2l)."""
+    left_way_m, right_way_m, track_m = abs(left_m), abs(right_m), params.track_m
     odometry.left_m = left_m
     odometry.right_m = right_m
-    odometry.moved_m = 0.5 * (abs(left_m) + abs(right_m))
+    odometry.moved_m = 0.5 * (left_way_m + right_way_m)
     if left_m == 0.0 and right_m == 0.0:
         return
     x_m, y_m, heading_rad = odometry.pose
     step_m = 0.5 * (right_m + left_m)
-    turn_rad = (right_m - left_m) / params.track_m
+    turn_rad = (right_m - left_m) / track_m
     middle_rad = heading_rad + 0.5 * turn_rad
     cosine, sine = cos(middle_rad), sin(middle_rad)
     odometry.cosine, odometry.sine = cosine, sine
@@ -115,16 +119,17 @@ def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> N
     odometry.pose = Pose(x_m + dx_m, y_m + dy_m, wrap(heading_rad + turn_rad))
     bend(odometry, dx_m, dy_m)
     spread(odometry, dx_m, dy_m)
-    half = 0.5 / params.track_m
+    half = 0.5 / track_m
     cosine, sine = 0.5 * cosine, 0.5 * sine
     rotation = 2.0 * half
-    blur(odometry, params.k_r_m * abs(right_m), cosine - dy_m * half, sine + dx_m * half, rotation)
-    blur(odometry, params.k_l_m * abs(left_m), cosine + dy_m * half, sine - dx_m * half, -rotation)
+    blur(odometry, params.k_r_m * right_way_m, cosine - dy_m * half, sine + dx_m * half, rotation)
+    blur(odometry, params.k_l_m * left_way_m, cosine + dy_m * half, sine - dx_m * half, -rotation)
 
 
 def wheel_shares(params: Params) -> tuple[float, float]:
     """Diameters of left and right wheel over their mean, from their ratio (c_l, c_r of UMBmark)."""
-    return 2.0 / (params.wheel_ratio + 1.0), 2.0 / (1.0 / params.wheel_ratio + 1.0)
+    ratio = params.wheel_ratio
+    return 2.0 / (ratio + 1.0), 2.0 / (1.0 / ratio + 1.0)
 
 
 def start_grain(odometry: Odometry, params: Params) -> None:
@@ -142,10 +147,11 @@ def bend(odometry: Odometry, dx_m: float, dy_m: float) -> None:
     Also the little that the heading error by whole ticks adds, now one way, now the other.
     """
     old_x_m, old_y_m = odometry.bend_x_m, odometry.bend_y_m
-    share = BEND * (odometry.phh - odometry.grain_rad2)
+    grain_rad2 = odometry.grain_rad2
+    share = BEND * (odometry.phh - grain_rad2)
     odometry.bend_x_m = x_m = old_x_m + share * dx_m
     odometry.bend_y_m = y_m = old_y_m + share * dy_m
-    grain_m2 = odometry.grain_rad2 * GRAIN_LENGTH_M * odometry.moved_m
+    grain_m2 = grain_rad2 * GRAIN_LENGTH_M * odometry.moved_m
     odometry.pxx += x_m * x_m - old_x_m * old_x_m + grain_m2
     odometry.pxy += x_m * y_m - old_x_m * old_y_m
     odometry.pyy += y_m * y_m - old_y_m * old_y_m + grain_m2
@@ -154,11 +160,11 @@ def bend(odometry: Odometry, dx_m: float, dy_m: float) -> None:
 def spread(odometry: Odometry, dx_m: float, dy_m: float) -> None:
     """P <- F_p P F_p' (eq. 12): a heading error carries the position away, sideways to the step."""
     pxh, pyh, phh = odometry.pxh, odometry.pyh, odometry.phh - odometry.grain_rad2
-    odometry.pxh = pxh - dy_m * phh
-    odometry.pyh = pyh + dx_m * phh
-    odometry.pxx -= dy_m * (pxh + odometry.pxh)
-    odometry.pxy += dx_m * odometry.pxh - dy_m * pyh
-    odometry.pyy += dx_m * (pyh + odometry.pyh)
+    odometry.pxh = new_pxh = pxh - dy_m * phh
+    odometry.pyh = new_pyh = pyh + dx_m * phh
+    odometry.pxx -= dy_m * (pxh + new_pxh)
+    odometry.pxy += dx_m * new_pxh - dy_m * pyh
+    odometry.pyy += dx_m * (pyh + new_pyh)
 
 
 def blur(odometry: Odometry, variance_m2: float, x: float, y: float, h: float) -> None:

@@ -122,7 +122,8 @@ def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: P
     if narrow or state.bumper & FRONT_BUMPER:
         speed_m_s = 0.0
     speed_m_s = closing.limit_m_s(ring, min(speed_m_s, decision.speed_limit_m_s))
-    return Twist(*limited(speed_m_s, yaw_rate_rad_s, params))
+    speed_m_s, yaw_rate_rad_s = limited(speed_m_s, yaw_rate_rad_s, params)
+    return Twist(speed_m_s, yaw_rate_rad_s)
 
 
 def settle(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:

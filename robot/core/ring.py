@@ -54,37 +54,40 @@ def update(ring: Ring, scan: Scan | None, now_ms: int, params: Params) -> None:
         take(ring, scan, now_ms, params)
     oldest_ms = now_ms - params.sonar_stale_ms
     pinged_ms, range_m = ring.pinged_ms, ring.range_m
-    ring.nearest, ring.nearest_m, ring.fresh = -1, inf, 0
+    nearest, nearest_m, fresh = -1, inf, 0
     for i in range(SONARS):
         if pinged_ms[i] < oldest_ms:
             range_m[i] = None
             continue
-        ring.fresh += 1
+        fresh += 1
         here_m = range_m[i]
-        if here_m is not None and here_m < ring.nearest_m:
-            ring.nearest_m = here_m
-            ring.nearest = i
-    ring.front_m = inf
+        if here_m is not None and here_m < nearest_m:
+            nearest, nearest_m = i, here_m
+    ring.nearest, ring.nearest_m, ring.fresh = nearest, nearest_m, fresh
+    front_m = inf
     for i in FRONT:
         here_m = range_m[i]
-        if here_m is not None and here_m < ring.front_m:
-            ring.front_m = here_m
+        if here_m is not None and here_m < front_m:
+            front_m = here_m
+    ring.front_m = front_m
 
 
 def take(ring: Ring, scan: Scan, now_ms: int, params: Params) -> None:
     """Store what the sonars that measured saw; a value that cannot be is no measurement."""
     limit_mm = params.sonar_max_m * 1000.0 * BEYOND
+    range_mm, age_ms, valid, echo = scan.range_mm, scan.age_ms, scan.valid, scan.echo
+    range_m, pinged_ms = ring.range_m, ring.pinged_ms
     ring.impossible = False
     bit = 1
     for i in range(SONARS):
-        if scan.valid & bit:
-            here_mm = scan.range_mm[i]
-            if not scan.echo & bit:
-                ring.range_m[i] = inf
-                ring.pinged_ms[i] = now_ms - scan.age_ms[i]
+        if valid & bit:
+            here_mm = range_mm[i]
+            if not echo & bit:
+                range_m[i] = inf
+                pinged_ms[i] = now_ms - age_ms[i]
             elif 0 < here_mm <= limit_mm:
-                ring.range_m[i] = here_mm / 1000.0
-                ring.pinged_ms[i] = now_ms - scan.age_ms[i]
+                range_m[i] = here_mm / 1000.0
+                pinged_ms[i] = now_ms - age_ms[i]
             else:
                 ring.impossible = True
         bit += bit

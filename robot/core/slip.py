@@ -81,32 +81,31 @@ def watch(slip: Slip, odometry: Odometry, ring: Ring, params: Params) -> None:
 
 def carry(slip: Slip, odometry: Odometry, params: Params) -> None:
     """Carry what each lost share does to the pose along with the step, and widen while it slips."""
-    step_m = 0.5 * (odometry.left_m + odometry.right_m)
-    turn_rad = (odometry.right_m - odometry.left_m) / params.track_m
-    dx_m, dy_m = step_m * odometry.cosine, step_m * odometry.sine
+    left_m, right_m, track_m = odometry.left_m, odometry.right_m, params.track_m
+    cosine, sine = odometry.cosine, odometry.sine
+    step_m = 0.5 * (left_m + right_m)
+    turn_rad = (right_m - left_m) / track_m
+    dx_m, dy_m = step_m * cosine, step_m * sine
     slip.both_x -= dy_m * slip.both_h
     slip.both_y += dx_m * slip.both_h
     slip.one_x -= dy_m * slip.one_h
     slip.one_y += dx_m * slip.one_h
+    kept = 1.0
     if slip.share > 0.0:
         widen(slip, odometry, -slip.share)
     else:
-        kept = max(0.0, 1.0 - odometry.moved_m / MEMORY_M)
-        slip.both_x, slip.both_y, slip.both_h = (
-            slip.both_x * kept,
-            slip.both_y * kept,
-            slip.both_h * kept,
-        )
-        slip.one_x, slip.one_y, slip.one_h = slip.one_x * kept, slip.one_y * kept, slip.one_h * kept
+        kept = 1.0 - odometry.moved_m / MEMORY_M
+        if kept < 0.0:
+            kept = 0.0
     half_turn_rad = 0.5 * turn_rad
-    slip.both_x += dx_m - dy_m * half_turn_rad
-    slip.both_y += dy_m + dx_m * half_turn_rad
-    slip.both_h += turn_rad
-    half = 0.5 * step_m / params.track_m
-    quarter_m = 0.5 * half_turn_rad * params.track_m
-    slip.one_x += quarter_m * odometry.cosine - dy_m * half
-    slip.one_y += quarter_m * odometry.sine + dx_m * half
-    slip.one_h += 2.0 * half
+    slip.both_x = slip.both_x * kept + (dx_m - dy_m * half_turn_rad)
+    slip.both_y = slip.both_y * kept + (dy_m + dx_m * half_turn_rad)
+    slip.both_h = slip.both_h * kept + turn_rad
+    half = 0.5 * step_m / track_m
+    quarter_m = 0.5 * half_turn_rad * track_m
+    slip.one_x = slip.one_x * kept + (quarter_m * cosine - dy_m * half)
+    slip.one_y = slip.one_y * kept + (quarter_m * sine + dx_m * half)
+    slip.one_h = slip.one_h * kept + 2.0 * half
     if slip.share > 0.0:
         widen(slip, odometry, slip.share)
         slip.unseen_m += odometry.moved_m
@@ -161,8 +160,7 @@ def follow(slip: Slip, ahead_m: float) -> None:
     slip.seen += 1
     change_m = level_m - slip.last_m
     slip.last_m = level_m
-    weight = max(1.0 / slip.seen, NEW if slip.seen > SETTLE else 0.0)
-    slip.level_m += weight * off_m
+    slip.level_m += (NEW if slip.seen > SETTLE else 1.0 / slip.seen) * off_m
     slip.scatter_m2 += max(0.1, 1.0 / slip.seen) * (0.5 * change_m * change_m - slip.scatter_m2)
     if slip.seen <= SETTLE:
         slip.anchor_m = slip.level_m

@@ -35,8 +35,6 @@ class Wheel:
 
 def watch(stall: Stall, odometry: Odometry, now_ms: int, params: Params) -> None:
     """Account the last period; a missing encoder sample is accounted with the next one."""
-    miss(stall.left, odometry.left_m, params)
-    miss(stall.right, odometry.right_m, params)
     left = is_stuck(stall.left, odometry.left_m, now_ms, params)
     right = is_stuck(stall.right, odometry.right_m, now_ms, params)
     doubt(stall.left, odometry, -1.0 / params.track_m)
@@ -44,9 +42,8 @@ def watch(stall: Stall, odometry: Odometry, now_ms: int, params: Params) -> None
     stall.stuck = left or right
 
 
-def miss(wheel: Wheel, moved_m: float, params: Params) -> None:
+def miss(wheel: Wheel, moved_m: float, told_m: float) -> None:
     """Add up what a wheel does not turn, until it turns well again or is not to turn."""
-    told_m = wheel.told_m_s * params.period_s
     if moved_m * told_m >= TURNS * told_m * told_m:
         wheel.missing_m = wheel.doubted_m = 0.0
     else:
@@ -68,12 +65,13 @@ def doubt(wheel: Wheel, odometry: Odometry, rad_per_m: float) -> None:
 
 
 def is_stuck(wheel: Wheel, moved_m: float, now_ms: int, params: Params) -> bool:
-    wheel.told_m += wheel.told_m_s * params.period_s
+    told_m = wheel.told_m_s * params.period_s
+    miss(wheel, moved_m, told_m)
+    wheel.told_m += told_m
     wheel.turned_m += moved_m
-    told_m = abs(wheel.told_m)
-    late = now_ms - wheel.since_ms > params.wheel_time_ms
-    if not late:
+    if now_ms - wheel.since_ms <= params.wheel_time_ms:
         return False
+    told_m = abs(wheel.told_m)
     stuck = wheel.turned_m * wheel.told_m < params.wheel_share * told_m * told_m
     if stuck:
         wheel.missing_m += wheel.told_m_s * COAST_S

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.geometry import clearance_m
-from plant.raycast import ORDER, RAYS_PER_SONAR, SONARS, Caster, Pose, ray_bearings_rad
-from plant.scene import Scene, still
+from plant.raycast import ORDER, RAYS_PER_SONAR, SONARS, Caster, ray_bearings_rad
+from plant.scene import Pose, Scene, still
 from plant.world_types import Circle, Obstacle, Polygon, Polyline
 from tests.unit.plant.rooms import room
 
@@ -211,18 +211,37 @@ def test_a_moving_disc_grazed_is_lost_like_any_other() -> None:
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.lists(st.tuples(st.floats(0.2, 29.8), st.floats(0.2, 3.8)), min_size=1, max_size=40))
-def test_what_is_out_of_reach_is_left_out_and_nothing_else(
-    places: list[tuple[float, float]],
-) -> None:
-    """One caster that travels sees what a caster made anew at each place sees."""
+@given(
+    st.lists(
+        st.tuples(st.floats(0.2, 29.8), st.floats(0.2, 3.8), st.floats(-pi, pi)),
+        min_size=1,
+        max_size=40,
+    )
+)
+def test_what_is_out_of_reach_or_behind_is_left_out_and_nothing_else(poses: list[Pose]) -> None:
+    """One caster that travels and turns sees what a caster made anew at each pose sees."""
     discs = tuple((0.5 * i, 2.0 + (-1.0) ** i, 0.2) for i in range(60))
     scene = Scene(discs, still(room(size_m=(30.0, 4.0))).edges)
     travelling = Caster(scene, 3.12, pi / 2)
-    for x_m, y_m in places:
-        pose = (x_m, y_m, 0.3)
+    for pose in poses:
+        x_m, y_m, _ = pose
         if min(hypot(x_m - x, y_m - y) - r for x, y, r in discs) < 0.1:
             continue
         everything = Caster(scene, 60.0, pi / 2)
         for seen, wanted in zip(seen_m(travelling, pose), seen_m(everything, pose), strict=True):
             assert seen == pytest.approx(wanted, abs=1e-9) or min(seen, wanted) > 3.12
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.tuples(st.floats(-0.2, 0.2), st.floats(-0.4, 0.4)), min_size=1, max_size=60))
+def test_a_slow_turn_and_a_short_way_hide_nothing(steps: list[tuple[float, float]]) -> None:
+    """Small steps, after which the surfaces are mostly not chosen anew."""
+    discs = tuple((2.0 + 0.6 * i, 2.0 + 0.6 * j, 0.1) for i in range(-4, 5) for j in range(-4, 5))
+    scene = Scene(discs, still(room(size_m=(4.0, 4.0))).edges)
+    travelling = Caster(scene, 3.12, pi / 2)
+    along_m, heading_rad = 0.0, 0.0
+    for way_m, turn_rad in steps:
+        along_m, heading_rad = abs((along_m + way_m) % 0.6 - 0.3), heading_rad + turn_rad
+        pose = (1.7, 1.7 + along_m, heading_rad)
+        anew = Caster(scene, 3.12, pi / 2)
+        assert seen_m(travelling, pose) == seen_m(anew, pose)

@@ -1,0 +1,55 @@
+from itertools import accumulate
+from math import pi
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from plant.world import CLEARANCE_LIMIT_M, Arena
+from plant.world_types import Circle, Obstacle, Point, Polygon, Polyline
+from tests.unit.plant.rooms import room
+
+RADIUS_M = 0.12
+STILL: tuple[Obstacle, ...] = (
+    *(Circle(x_m=1.0 + 0.9 * i, y_m=1.0 + 0.7 * j, radius_m=0.1) for i in range(5) for j in (0, 1)),
+    Polygon(points_m=((1.0, 3.0), (2.5, 3.2), (1.3, 4.0))),
+    Polyline(points_m=((3.0, 3.0), (4.5, 3.1), (4.6, 3.1), (4.6, 4.4)), thickness_m=0.07),
+)
+FAR_AWAY = Circle(x_m=40.0, y_m=5.0, radius_m=0.1, path_m=((40.0, 5.0), (40.0, 6.0)), speed_m_s=0.1)
+"""With something that moves, nothing is remembered."""
+
+
+def arena(*more: Circle) -> Arena:
+    made = Arena(room(*STILL, *more, size_m=(50.0, 12.0)), RADIUS_M)
+    made.add_robot(0.5, 0.5)
+    return made
+
+
+def step_m() -> st.SearchStrategy[float]:
+    return st.floats(-0.2, 0.2) | st.floats(-0.02, 0.02)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.tuples(st.floats(0.2, 9.0), st.floats(0.2, 9.0)),
+    st.lists(st.tuples(step_m(), step_m()), max_size=60),
+)
+def test_what_is_remembered_gives_the_clearance_to_the_last_bit(
+    start: Point, steps: list[Point]
+) -> None:
+    remembering, asking = arena(), arena(FAR_AWAY)
+    for at in accumulate(steps, lambda a, b: (a[0] + b[0], a[1] + b[1]), initial=start):
+        assert remembering.clearance_m(0, at) == asking.clearance_m(0, at)
+
+
+def test_a_wall_of_one_point_is_as_far_as_its_rim() -> None:
+    point = Polyline(points_m=((5.0, 6.0), (5.0, 6.0)), thickness_m=0.2)
+    lonely = Arena(room(point, walls=False), RADIUS_M)
+    lonely.add_robot(1.0, 1.0)
+    assert lonely.clearance_m(0, (5.0, 5.0)) == pytest.approx(1.0 - 0.1 - RADIUS_M)
+
+
+def test_where_nothing_is_the_clearance_is_the_limit() -> None:
+    empty = Arena(room(walls=False), RADIUS_M)
+    empty.add_robot(1.0, 1.0)
+    assert empty.clearance_m(0, (pi, pi)) == CLEARANCE_LIMIT_M
