@@ -39,7 +39,8 @@ ASIDE: Final = 240  # 1024 times the tangent of half a cone and two degrees
 SPREAD: Final = 10  # half the tangent of half a cone, in hundredths
 SPREAD_LEANING: Final = 6
 SLANT: Final = 2.1
-SLICES: Final = 4
+FEW: Final = 8
+SLICES: Final = 2
 FADE_TICKS: Final = 128
 
 EDGE_RAD: Final = 0.75 * HALF_CONE
@@ -66,6 +67,7 @@ class Echoes:
     __slots__ = (
         "count",
         "last",
+        "next",
         "pose",
         "spread_mm",
         "through_mm2",
@@ -83,7 +85,7 @@ class Echoes:
         self.through_mm2 = [0] * (SONARS + 1)
         self.last = [NOTHING] * SONARS
         self.count = 0
-        self.turn = 0
+        self.turn = self.next = 0
         self.pose: Pose | None = None
 
 
@@ -101,8 +103,6 @@ def update(echoes: Echoes, pose: Pose, ring: Ring, radius_mm: int) -> None:
     echoes.turn += 1
     if echoes.count or ring.nearest_m < REACH_M:
         listen(echoes, ring, radius_mm)
-    if echoes.count:
-        fade(echoes, pose)
     if ring.nearest_m >= REACH_M:
         return
     first = echoes.turn & 1
@@ -243,13 +243,15 @@ def fits(dx_mm: int, dy_mm: int, along_x: int, along_y: int, nearest: int, farth
 
 
 def vacant(echoes: Echoes, x_mm: int, y_mm: int) -> int:
-    """Room for a new point; when there is none the farthest one goes."""
+    """Room for a new point; when there is none the farthest of the next few goes."""
     k = echoes.count
     if k < POINTS:
         echoes.count += 1
         return k
-    k, far = 0, NOTHING
-    for j in range(POINTS):
+    first = echoes.next
+    echoes.next = (first + FEW) % POINTS
+    k, far = first, NOTHING
+    for j in range(first, first + FEW):
         dx_mm, dy_mm = echoes.x_mm[j] - x_mm, echoes.y_mm[j] - y_mm
         square = dx_mm * dx_mm + dy_mm * dy_mm
         if square > far:
@@ -275,8 +277,8 @@ def fade(echoes: Echoes, pose: Pose) -> None:
     xs, ys, weight = echoes.x_mm, echoes.y_mm, echoes.weight
     through_mm2 = echoes.through_mm2
     most_mm2 = max(through_mm2)
-    old = echoes.turn % FADE_TICKS < SLICES
-    for k in range(echoes.count - 1 - echoes.turn % SLICES, -1, -SLICES):
+    old = echoes.turn % FADE_TICKS < 2 * SLICES
+    for k in range(echoes.count - 1 - (echoes.turn >> 1) % SLICES, -1, -SLICES):
         dx_mm, dy_mm = xs[k] - x_mm, ys[k] - y_mm
         square = dx_mm * dx_mm + dy_mm * dy_mm
         if square > FORGET_MM2:

@@ -29,7 +29,7 @@ PATIENCE_CM: Final = 150
 AWAY: Final = 1.15
 AWAY_M: Final = 0.2
 ISLANDS: Final = 6
-SHUT_TICKS: Final = 60
+SHUT_TICKS: Final = 30
 ABOUT: Final = 1365  # 120 degrees
 LONG_CM: Final = 1200
 
@@ -39,7 +39,8 @@ class Memory:
 
     `best_m` is the least distance to the goal so far, `left_m` that when it last left an obstacle,
     `hit_m` when it met this one; `broken` counts leaves that did not pay. `aside` is the side of
-    the last small detour and `aside_ticks` how long it stays that.
+    the last small detour and `aside_ticks` for how many choices it stays that. `heading` is what
+    was chosen last and `rotation` how far aside of the goal that was.
     """
 
     __slots__ = (
@@ -66,6 +67,7 @@ class Memory:
         "loops",
         "proofs",
         "reversed",
+        "rotation",
         "sectors",
         "shut",
         "side",
@@ -78,7 +80,7 @@ class Memory:
         self.escort = Escort()
         self.side: int = states.LEFT
         self.goal_x_m = self.goal_y_m = inf
-        self.heading = 0
+        self.heading = self.rotation = 0
         self.anchor_x_mm = self.anchor_y_mm = 0
         self.left_x_cm = self.left_y_cm = 0
         self.aside = self.aside_ticks = 0

@@ -4,7 +4,7 @@ A loop is the same places in the same order in the same direction; the place alo
 two sides of a corridor for one. Integers: centimetres, and brads (4096 to the circle).
 """
 
-from robot.core.echoes import CIRCLE, HALF_CIRCLE
+from robot.core.echoes import CIRCLE
 from robot.core.typed import Final
 
 HITS: Final = 16
@@ -14,13 +14,14 @@ SPACING_CM: Final = 25
 LEAST_AWAY: Final = 5
 """Crumbs that must lie between a place and its second visit."""
 IN_A_ROW: Final = 3
-SAME: Final = 570  # brads, 50 degrees
+STEPS: Final = 16
+"""The headings of crumbs are kept in so many brads, 256 to the circle: a byte each."""
+SAME: Final = 35  # of those, 50 degrees
 
 
 class Loops:
     """A ring of hits (place and side) and the crumbs of the way since the last of them (place and
-    heading), thinned by half when there is no room. `first` is where the loop that closed began,
-    `last` the crumb that the newest one was found beside."""
+    heading), thinned by half when there is no room. `first` is where the loop that closed began."""
 
     __slots__ = (
         "count",
@@ -43,7 +44,7 @@ class Loops:
         self.hits = 0
         self.x_cm = [0] * CRUMBS
         self.y_cm = [0] * CRUMBS
-        self.heading = [0] * CRUMBS
+        self.heading = bytearray(CRUMBS)
         self.count = self.matches = self.first = 0
         self.spacing_cm = SPACING_CM
 
@@ -85,6 +86,7 @@ def drop(loops: Loops, x_cm: int, y_cm: int, heading: int) -> bool:
     n = loops.count
     if n and is_near(loops.x_cm[n - 1] - x_cm, loops.y_cm[n - 1] - y_cm, loops.spacing_cm):
         return False
+    heading = heading % CIRCLE // STEPS
     again = visited(loops, x_cm, y_cm, heading)
     loops.matches = loops.matches + 1 if again >= 0 else 0
     if again >= 0:
@@ -103,7 +105,7 @@ def visited(loops: Loops, x_cm: int, y_cm: int, heading: int) -> int:
     xs, ys = loops.x_cm, loops.y_cm
     for k in range(loops.count - LEAST_AWAY):
         if -same_cm < xs[k] - x_cm < same_cm and -same_cm < ys[k] - y_cm < same_cm:
-            off = (loops.heading[k] - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+            off = (loops.heading[k] - heading + 128) % 256 - 128
             if -SAME < off < SAME and is_near(xs[k] - x_cm, ys[k] - y_cm, same_cm):
                 return k
     return -1
