@@ -28,7 +28,7 @@ AGAIN_CM: Final = 30
 PATIENCE_CM: Final = 150
 AWAY: Final = 1.15
 AWAY_M: Final = 0.2
-ISLANDS: Final = 6
+ISLANDS: Final = 10
 SHUT_TICKS: Final = 30
 ABOUT: Final = 1365  # 120 degrees
 LONG_CM: Final = 1200
@@ -201,7 +201,7 @@ def is_astray(memory: Memory, distance_m: float) -> bool:
     side is tried, once for each obstacle."""
     return (
         not memory.reversed
-        and loops.walked_cm(memory.loops) >= PATIENCE_CM
+        and loops.walked_cm(memory.loops) >= PATIENCE_CM << memory.islands
         and distance_m > AWAY * memory.hit_m + AWAY_M
     )
 
@@ -211,8 +211,9 @@ def come_round(memory: Memory) -> None:
     island: go for the goal again. Where it does, that proves that no way leads there, unless the
     robot turned about on it, as in a dead end: then again, the other way round."""
     way = memory.loops
-    memory.proofs += 1 if memory.doubtful else 2
-    needed = 3 if memory.doubtful and loops.walked_cm(way) > LONG_CM else 2
+    doubtful, needed = memory.doubtful, 2
+    if doubtful and loops.walked_cm(way) > LONG_CM:
+        needed = 3
     island = loops.turns_left(way) != (memory.side == states.LEFT)
     inside = loops.encloses(way, int(100.0 * memory.goal_x_m), int(100.0 * memory.goal_y_m))
     loops.restart(way)
@@ -222,7 +223,9 @@ def come_round(memory: Memory) -> None:
         memory.best_m = memory.left_m = inf
         memory.following = False
         memory.given_up = memory.islands > ISLANDS
-    elif memory.proofs >= needed:
+        return
+    memory.proofs += 1 if doubtful else 2
+    if memory.proofs >= needed:
         memory.given_up = True
     else:
         memory.side = -memory.side
