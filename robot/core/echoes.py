@@ -40,7 +40,9 @@ SPREAD: Final = 10  # half the tangent of half a cone, in hundredths
 SPREAD_LEANING: Final = 6
 SLANT: Final = 2.1
 FEW: Final = 8
+"""So many points are compared when one of them must make room."""
 SLICES: Final = 2
+"""Every other tick one of so many slices of the points is looked at, whether it still holds."""
 FADE_TICKS: Final = 128
 
 EDGE_RAD: Final = 0.75 * HALF_CONE
@@ -58,7 +60,8 @@ SIN_EDGE: Final = int(1024 * sin(EDGE_RAD))
 class Echoes:
     """Points `x_mm`, `y_mm` with weight and spread, the first `count` of them in use.
 
-    `last` is per sonar the point that its last echo belonged to; `turn` counts ticks; the pose of
+    `last` is per sonar the point that its last echo belonged to; `turn` counts ticks; `next` is
+    where to look for room; the pose of
     the tick before is kept because half the sonars are pinged between the ticks. A point is passed
     through when its distance squared is less than `through_mm2` of the sonar that looks there; one
     more is for where none looks.
@@ -270,8 +273,8 @@ def drop(echoes: Echoes, k: int) -> None:
 
 
 def fade(echoes: Echoes, pose: Pose) -> None:
-    """Look at a quarter of the points: drop the far ones, weaken those an echo passes through and,
-    once in a while, all of them."""
+    """At every other tick, look at one slice of the points: drop the far ones, weaken those that an
+    echo passes through and, once in a while, all of them."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
     xs, ys, weight = echoes.x_mm, echoes.y_mm, echoes.weight

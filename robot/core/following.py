@@ -93,7 +93,7 @@ def begin(memory: Memory) -> None:
     """For a goal of its own; what the echoes told stays true."""
     memory.best_m = memory.left_m = memory.hit_m = inf
     memory.following = memory.given_up = memory.doubtful = memory.reversed = False
-    memory.proofs = 0
+    memory.proofs = memory.rotation = 0
     memory.broken = memory.islands = memory.shut = memory.ease_mm = 0
     memory.loops.hits = 0
     loops.restart(memory.loops)

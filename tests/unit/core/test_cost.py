@@ -44,6 +44,7 @@ def test_every_registered_navigator_has_a_name_and_so_a_limit() -> None:
     assert set(NAVIGATORS.values()) == set(REGISTERED)
 
 
+@pytest.mark.parametrize("name", NAVIGATORS)
 def test_the_worst_tick_stays_within_its_limit(name: str) -> None:
     worst = hard_ticks(name, STORIES, TICKS).worst()
     dearest = sorted(worst.functions.items(), key=lambda item: -item[1])[:8]

@@ -98,7 +98,7 @@ def test_the_newest_crumbs_are_no_earlier_visit() -> None:
     assert way.visited(loops, 0, 0, 0) == -1
     way.drop(loops, LEAST_AWAY * SPACING_CM, 0, 0)
     assert way.visited(loops, 0, 0, 0) == 0
-    assert way.visited(loops, 0, 0, 2048) == -1
+    assert way.visited(loops, 0, 0, 128) == -1
 
 
 def test_the_way_is_as_long_as_it_was_walked_also_when_thinned() -> None:

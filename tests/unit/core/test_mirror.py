@@ -15,7 +15,7 @@ from tests.unit.core.stories import ALL, goals, mirrored_goal, reversed_bits
 from tests.unit.core.test_invariants import seen
 
 JOLTS = 16
-LOOKS = 8
+LOOKS = 16
 nearby = st.one_of(st.integers(20, 300), st.integers(20, 3000))
 scenes = st.tuples(*[nearby] * SONARS)
 
