@@ -262,6 +262,13 @@ def vacant(echoes: Echoes, x_mm: int, y_mm: int) -> int:
     return k
 
 
+def put(echoes: Echoes, x_mm: int, y_mm: int, weight: int) -> None:
+    """A point that no echo has told of."""
+    k = vacant(echoes, x_mm, y_mm)
+    echoes.x_mm[k], echoes.y_mm[k] = x_mm, y_mm
+    echoes.weight[k], echoes.spread_mm[k] = weight, 1
+
+
 def drop(echoes: Echoes, k: int) -> None:
     """Forget a point; the last one takes its place."""
     echoes.count -= 1

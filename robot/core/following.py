@@ -71,6 +71,9 @@ class Memory:
         "sectors",
         "shut",
         "side",
+        "stood",
+        "stood_x_mm",
+        "stood_y_mm",
     )
 
     def __init__(self) -> None:
@@ -84,6 +87,7 @@ class Memory:
         self.anchor_x_mm = self.anchor_y_mm = 0
         self.left_x_cm = self.left_y_cm = 0
         self.aside = self.aside_ticks = 0
+        self.stood = self.stood_x_mm = self.stood_y_mm = 0
         self.following = self.given_up = self.doubtful = self.reversed = False
         self.best_m = self.left_m = self.hit_m = inf
         self.broken = self.islands = self.proofs = self.shut = self.ease_mm = 0

@@ -29,6 +29,10 @@ NEAR_GOAL_M: Final = 0.6
 SAME_SIDE: Final = 228  # 20 degrees: so much smaller must a rotation be to change the side
 PROMISES: Final = 2
 LATCH_TICKS: Final = 10
+STOOD: Final = 30
+STOOD_MM: Final = 20
+BAR_MM: Final = 20
+BAR_WEIGHT: Final = 100
 FARTHEST: Final = 1e5  # metres or radians: beyond them, millimetres and brads are no numbers
 
 
@@ -55,6 +59,8 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
             give_way(memory)
         elif memory.sectors.count or memory.following:
             choose(memory, pose, ring, to_goal, distance_m, params)
+        if has_stood(memory, int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)):
+            bar(memory, pose, radius_mm)
         memory.rotation = memory.heading - to_goal
         echo_memory.fade(memory.echoes, pose)
     echo_memory.update(memory.echoes, pose, ring, radius_mm)
@@ -78,6 +84,24 @@ def forget(memory: Memory) -> None:
     memory.following = False
     echo_memory.clear(memory.echoes)
     memory.sectors.count = 0
+
+
+def has_stood(memory: Memory, x_mm: int, y_mm: int) -> bool:
+    """Whether the robot has got nowhere for so many choices."""
+    dx_mm, dy_mm = x_mm - memory.stood_x_mm, y_mm - memory.stood_y_mm
+    if memory.escort.ticks or not -STOOD_MM < dx_mm < STOOD_MM or not -STOOD_MM < dy_mm < STOOD_MM:
+        memory.stood_x_mm, memory.stood_y_mm, memory.stood = x_mm, y_mm, 0
+    memory.stood += 1
+    return memory.stood > STOOD
+
+
+def bar(memory: Memory, pose: Pose, radius_mm: int) -> None:
+    """The heading looks open and the guard lets nothing through: remember something there."""
+    memory.stood = 0
+    away_mm = radius_mm + BAR_MM
+    x_mm = int(1000.0 * pose.x_m + away_mm * cos(memory.heading / BRADS))
+    y_mm = int(1000.0 * pose.y_m + away_mm * sin(memory.heading / BRADS))
+    echo_memory.put(memory.echoes, x_mm, y_mm, BAR_WEIGHT)
 
 
 def give_way(memory: Memory) -> None:
