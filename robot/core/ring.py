@@ -6,6 +6,7 @@ from robot.core.geometry import BEARINGS
 from robot.core.parameters import Params
 from robot.core.typed import Final
 from robot.core.values import SONARS, Scan
+from robot.core.walkers import Walkers
 
 FRONT: Final = (2, 3, 4, 5)
 AHEAD: Final = (3, 4)
@@ -30,6 +31,7 @@ class Ring:
         "nearest_m",
         "pinged_ms",
         "range_m",
+        "walkers",
         "walks_m_s",
     )
 
@@ -37,6 +39,7 @@ class Ring:
         self.range_m: list[float | None] = [None] * SONARS
         self.pinged_ms = [NEVER_MS] * SONARS
         self.walks_m_s = [0.0] * SONARS
+        self.walkers = Walkers()
         self.nearest = -1
         self.nearest_m = self.front_m = inf
         self.fresh = 0
