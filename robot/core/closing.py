@@ -94,7 +94,9 @@ def expect(w: Walkers, k: int, odometry: Odometry, params: Params) -> None:
     """Where a track should be by now, by the robot's motion and its own."""
     speed_m_s, heading_rad = odometry.speed_m_s, odometry.pose.heading_rad
     off_rad, nears_m_s, across_m_s = w.at_rad[k] - heading_rad, w.nears_m_s[k], w.across_m_s[k]
-    away_m = max(w.range_m[k], 0.0) + params.radius_m + PERSON_M
+    away_m = w.range_m[k] + params.radius_m + PERSON_M
+    if away_m < PERSON_M:
+        away_m = PERSON_M
     w.range_m[k] -= (speed_m_s * cos(off_rad) + nears_m_s) * params.period_s
     turn_rad = (across_m_s + speed_m_s * sin(off_rad)) * params.period_s / away_m
     w.at_rad[k] += turn_rad
@@ -114,12 +116,12 @@ def follow(w: Walkers, ring: Ring, odometry: Odometry, params: Params) -> None:
         right_m = left_m = LEAN_M
         if i > 0:
             beside_m = range_m[i - 1]
-            if beside_m is not None:
-                right_m = min(beside_m - here_m, LEAN_M)
+            if beside_m is not None and beside_m - here_m < LEAN_M:
+                right_m = beside_m - here_m
         if i < last and right_m >= 0.0:
             beside_m = range_m[i + 1]
-            if beside_m is not None:
-                left_m = min(beside_m - here_m, LEAN_M)
+            if beside_m is not None and beside_m - here_m < LEAN_M:
+                left_m = beside_m - here_m
         if right_m >= 0.0 and left_m > 0.0:
             see(w, ring, i, sqrt(right_m), sqrt(left_m), odometry, params)
 
@@ -154,7 +156,7 @@ def see(
         blur = min(1.0, sqrt(1.4 * noise_m) / (right + left))
         least_m_s = LEAST_M_S + noise_m * DOUBT[w.seen[k]] + w.lately_m_s * UNSURE[i] * blur
         bent = (right + left) * (right + left) > CURVED * rim_m * (1.0 + rim_m / ROUND_M)
-        crosses = bent and not edge and crossing(w, k) and odometry.speed_m_s > 0.0
+        crosses = bent and not edge and odometry.speed_m_s > 0.0 and crossing(w, k)
         believe(w, k, least_m_s, edge, crosses)
         if w.sure[k] and w.nears_m_s[k] > 0.0:
             ring.walks_m_s[i] = w.nears_m_s[k]
@@ -162,15 +164,15 @@ def see(
 
 def find(w: Walkers, here_m: float, off_rad: float) -> int:
     """The track that is nearest to where it should be, or -1."""
-    best, least = -1, 1.0
-    gate_m = GATE_M + GATE_SHARE * here_m
+    best, least_m = -1, GATE_M + GATE_SHARE * here_m
+    range_m, seen = w.range_m, w.seen
     for k in range(TRACKS):
-        if w.seen[k] and not w.taken >> k & 1:
-            far = abs(here_m - w.range_m[k]) / gate_m
-            if far < least:
-                far = max(far, abs(wrap(off_rad - w.off_rad[k])) / GATE_RAD)
-                if far < least:
-                    best, least = k, far
+        if seen[k] and not w.taken >> k & 1:
+            off_m = here_m - range_m[k]
+            if off_m < 0.0:
+                off_m = -off_m
+            if off_m < least_m and -GATE_RAD < off_rad - w.off_rad[k] < GATE_RAD:
+                best, least_m = k, off_m
     return best
 
 
@@ -182,13 +184,17 @@ def learn(
     w.missed[k] = 0
     n = w.seen[k] = min(w.seen[k] + 1, MOST)
     gain, rate_gain = GAIN[n], RATE_GAIN[n] / params.period_s
-    off_m, turn_rad = here_m - w.range_m[k], wrap(off_rad - w.off_rad[k])
+    off_m, turn_rad = here_m - w.range_m[k], off_rad - w.off_rad[k]
     w.range_m[k] += gain * off_m
     if measured:
         w.nears_m_s[k] -= rate_gain * off_m
     away_m = here_m + params.radius_m + PERSON_M
     across_m_s = w.across_m_s[k] + rate_gain * turn_rad * away_m
-    w.across_m_s[k] = min(max(across_m_s, -CAPPED_M_S), CAPPED_M_S)
+    if across_m_s > CAPPED_M_S:
+        across_m_s = CAPPED_M_S
+    elif across_m_s < -CAPPED_M_S:
+        across_m_s = -CAPPED_M_S
+    w.across_m_s[k] = across_m_s
     w.at_rad[k] += gain * turn_rad
     w.off_rad[k] += gain * turn_rad
 

@@ -271,9 +271,10 @@ def close(sectors: Sectors, halves: "list[int]", margin_mm: int) -> None:
 def squeeze(sectors: Sectors) -> None:
     """Work out the sectors without any margin; who walks keeps his."""
     close(sectors, sectors.squeezed, SQUEEZE_MM)
-    for k in range(sectors.count):
-        if sectors.point[k] == NOTHING:
-            sectors.squeezed[k] = sectors.tight[k]
+    if NOTHING in sectors.point:
+        for k in range(sectors.count):
+            if sectors.point[k] == NOTHING:
+                sectors.squeezed[k] = sectors.tight[k]
     for n in range(sectors.count):
         if sectors.point[n] == NOTHING:
             sectors.squeezed[n] = sectors.tight[n]

@@ -9,7 +9,7 @@ from math import inf
 
 from robot.core.typed import Final
 
-TRACKS: Final = 4
+TRACKS: Final = 3
 PERSON_M: Final = 0.20
 """So far behind the nearest point of a person is its middle."""
 
