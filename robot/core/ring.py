@@ -20,7 +20,8 @@ class Ring:
     `nearest` is the index of the nearest echo or -1, `fresh` the number of sonars not missing,
     `front_m` the nearest echo within 45 degrees of the heading, `impossible` that the last
     scan carried a range that cannot be. `walks_m_s[i]` is how fast an echo comes nearer beyond the
-    robot's own motion, 0 where nothing is known to or no echo came (see `closing`).
+    robot's own motion, 0 where nothing is known to or no echo came; `walkers` remembers who does
+    (see `closing`).
     """
 
     __slots__ = (
