@@ -38,6 +38,7 @@ BELIEF: Final = 40
 ACROSS_M_S: Final = 0.13
 CURVED: Final = 0.11
 ROUND_M: Final = 0.35
+CROWD: Final = 3  # among more near echoes at a time who seems to cross may be many who stand
 CAPPED_M_S: Final = 0.3
 TURNING_RAD_S: Final = 0.15
 CLAMPED_M: Final = 0.03  # nearer than a sonar can measure everything seems to stand
@@ -109,10 +110,12 @@ def expect(w: Walkers, k: int, odometry: Odometry, params: Params) -> None:
 def follow(w: Walkers, ring: Ring, odometry: Odometry, params: Params) -> None:
     """Find the cones nearer than both their neighbours, and how far in each of them leans."""
     range_m, last = ring.range_m, SONARS - 1
+    near = 0
     for i in range(SONARS):
         here_m = range_m[i]
         if here_m is None or here_m >= FAR_M:
             continue
+        near += 1
         right_m = left_m = LEAN_M
         if i > 0:
             beside_m = range_m[i - 1]
@@ -124,6 +127,7 @@ def follow(w: Walkers, ring: Ring, odometry: Odometry, params: Params) -> None:
                 left_m = beside_m - here_m
         if right_m >= 0.0 and left_m > 0.0:
             see(w, ring, i, sqrt(right_m), sqrt(left_m), odometry, params)
+    w.near = near
 
 
 def see(
@@ -156,7 +160,9 @@ def see(
         blur = min(1.0, sqrt(1.4 * noise_m) / (right + left))
         least_m_s = LEAST_M_S + noise_m * DOUBT[w.seen[k]] + w.lately_m_s * UNSURE[i] * blur
         bent = (right + left) * (right + left) > CURVED * rim_m * (1.0 + rim_m / ROUND_M)
-        crosses = bent and not edge and odometry.speed_m_s > 0.0 and crossing(w, k)
+        crosses = (
+            bent and not edge and w.near <= CROWD and odometry.speed_m_s > 0.0 and crossing(w, k)
+        )
         believe(w, k, least_m_s, edge, crosses)
         if w.sure[k] and w.nears_m_s[k] > 0.0:
             ring.walks_m_s[i] = w.nears_m_s[k]

@@ -19,7 +19,8 @@ class Walkers:
 
     `agreed` scans in a row said that it walks, and while `sure` is above 0 that is believed.
     `off_rad` is its bearing from the heading, `taken` has a bit for each track in this scan; `any`
-    says whether there is one at all, `lately_m_s` how fast the robot has driven lately.
+    says whether there is one at all, `near` how many cones saw something near in the last scan,
+    `lately_m_s` how fast the robot has driven lately.
     """
 
     __slots__ = (
@@ -29,6 +30,7 @@ class Walkers:
         "at_rad",
         "lately_m_s",
         "missed",
+        "near",
         "nears_m_s",
         "off_rad",
         "range_m",
@@ -43,6 +45,6 @@ class Walkers:
         self.nears_m_s, self.across_m_s = [0.0] * TRACKS, [0.0] * TRACKS
         self.seen, self.missed = [0] * TRACKS, [0] * TRACKS
         self.agreed, self.sure = [0] * TRACKS, [0] * TRACKS
-        self.taken = 0
+        self.taken = self.near = 0
         self.lately_m_s = 0.0
         self.any = False
