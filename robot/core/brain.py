@@ -51,7 +51,7 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
     turned_rad = wrap(odometry.pose.heading_rad - heading_rad)
     rings.update(state.ring, scan, now_ms, params)
     if scan is not None:
-        closing.watch(state.closing, state.ring, odometry.speed_m_s, params)
+        closing.watch(state.ring.walkers, state.ring, odometry, params)
     frozen.watch(state.frozen, scan, odometry.moved_m, turned_rad, params)
     if wheels is not None:
         state.bumped = wheels.bumper & ~state.bumper != 0

@@ -1,172 +1,273 @@
-"""What comes nearer by itself: how fast the echoes close in beyond the robot's own motion.
+"""Who walks: what comes nearer, or goes away, otherwise than by the robot's own motion.
 
-Turning on the spot moves an echo from cone to cone and leaves its range. So only the cones nearer
-than both their neighbours are followed, each from wherever it or a neighbour was one scan before.
-Where everything stands still no echo nears faster than the robot drives at it; what does, walks.
+What stands still, post or wall, comes nearer exactly as fast as the robot drives at its nearest
+point. So the cones nearer than both their neighbours are followed, each by the straight line
+through its last scans, and what nears by another rate walks. It is believed to go on walking so,
+seen or not: most who would walk into the robot do so where it has no eyes.
 """
 
-from math import cos, inf
+from math import cos, sin, sqrt
 
-from robot.core.geometry import BEARINGS, COSINES, HALF_CONE
+from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, SINES, wrap
+from robot.core.odometry import Odometry
 from robot.core.parameters import Params
 from robot.core.ring import FRONT, Ring
 from robot.core.typed import Final
 from robot.core.values import SONARS
+from robot.core.walkers import PERSON_M, TRACKS, Walkers
 
-FAR_M: Final = 0.8
-SMOOTH: Final = 0.4  # of a range's surprise that is believed; the rate is critically damped for it
-SMOOTH_RATE: Final = 0.1
-GATE_M: Final = 0.02  # a surprise greater than this, and a share of the range, is another echo
+FAR_M: Final = 1.1
+GATE_M: Final = 0.03  # farther from where it should be, or GATE_RAD aside, it is another echo
 GATE_SHARE: Final = 0.04
-SURE: Final = 8  # scans in which an echo was followed, until its rate counts
-MOST: Final = 12
-MISSED: Final = 3  # a scan without it takes away as much as so many with it gave
-LEAST_M_S: Final = 0.02  # slower than this, and a share of the range, is noise
-LEAST_SHARE_PER_S: Final = 0.1
-FLANK_M: Final = 0.06  # what walks comes 3 cm nearer while the wheels stop
+GATE_RAD: Final = 0.5
+LEAN_M: Final = 0.10  # so much farther in the cone beside says no more than nothing there
+NOISE_M: Final = 0.003
+NOISE_SHARE: Final = 0.01
+SURE: Final = 8  # scans in which a track was seen, until its rate counts
+MOST: Final = 24  # scans that a straight line goes through
+MISSED: Final = 5  # scans without it until a track ends,
+HIDDEN: Final = 15  # if it walks and should be in view,
+BEHIND: Final = 60  # or walks where no sonar looks
+VIEW_RAD: Final = 1.45
+GONE_M: Final = 1.5
+LEAST_M_S: Final = 0.025  # slower than this, and than noise can be, is standing
+SIGMAS: Final = 2.5
+FASTEST_M_S: Final = 0.28  # what seems faster is another echo
+AGREE: Final = 3
+BELIEF: Final = 40
+ACROSS_M_S: Final = 0.13
+CURVED: Final = 0.11
+ROUND_M: Final = 0.35
+CROWD: Final = 3  # among more near echoes at a time who seems to cross may be many who stand
+CAPPED_M_S: Final = 0.3
+TURNING_RAD_S: Final = 0.15
+CLAMPED_M: Final = 0.03  # nearer than a sonar can measure everything seems to stand
+PERIOD_S: Final = 0.05
+FORGET: Final = 0.95
+FLANK_M: Final = 0.06
 FLANKS: Final = (0, 1, 6, 7)
-HOLD: Final = 20  # scans for which a walker counts that is too near to be measured any more
-HOLD_FROM_M: Final = 0.10
-HELD_M: Final = 0.05
 WAIT_M: Final = 0.25
 WAIT_S: Final = 2.0
 
 UNSURE: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) - cos(b) for b in BEARINGS])
 """How much of the robot's speed an echo in this cone may see beyond what its middle sees."""
-FORGET: Final = 0.95
+GAIN: Final = tuple([1.0, 1.0] + [2.0 * (2 * n - 1) / (n * (n + 1)) for n in range(2, MOST + 1)])
+RATE_GAIN: Final = tuple([0.0, 0.0] + [6.0 / (n * (n + 1)) for n in range(2, MOST + 1)])
+"""Share of a surprise, with n scans, that goes to end and slope of a line of best fit."""
+DOUBT: Final = tuple(
+    [SIGMAS * sqrt(12.0 / (n or 1)) / (PERIOD_S * (n or 1)) for n in range(MOST + 1)]
+)
+"""How far that slope may be off per metre of noise, in 1/s."""
 
 
-class Closing:
-    """Per cone: the range as followed, how fast it falls by itself, in how many scans it was seen.
-
-    `held` counts for how many scans a walker at the right, at the left is still believed there;
-    `any` says whether there is one at all, `lately_m_s` how fast the robot has driven lately.
-    """
-
-    __slots__ = (
-        "any",
-        "held",
-        "lately_m_s",
-        "old_range_m",
-        "old_rate_m_s",
-        "old_seen",
-        "range_m",
-        "rate_m_s",
-        "seen",
-    )
-
-    def __init__(self) -> None:
-        self.range_m, self.old_range_m = [inf] * SONARS, [inf] * SONARS
-        self.rate_m_s, self.old_rate_m_s = [0.0] * SONARS, [0.0] * SONARS
-        self.seen, self.old_seen = [0] * SONARS, [0] * SONARS
-        self.lately_m_s = 0.0
-        self.any = False
-        self.held = [0, 0]
-
-
-def watch(closing: Closing, ring: Ring, speed_m_s: float, params: Params) -> None:
+def watch(walkers: Walkers, ring: Ring, odometry: Odometry, params: Params) -> None:
     """Follow the echoes by one scan more, and tell the ring how fast each one walks."""
-    lately_m_s = FORGET * closing.lately_m_s
-    closing.lately_m_s = max(min(abs(speed_m_s), params.wheel_max_m_s), lately_m_s)
-    if not closing.any and ring.nearest_m >= FAR_M:
+    for i in range(SONARS):
+        ring.walks_m_s[i] = 0.0
+    speed_m_s = odometry.speed_m_s
+    finite = speed_m_s + odometry.yaw_rate_rad_s + odometry.pose.heading_rad
+    if finite - finite != 0.0:
+        clear(walkers)
         return
-    closing.old_range_m, closing.range_m = closing.range_m, closing.old_range_m
-    closing.old_rate_m_s, closing.rate_m_s = closing.rate_m_s, closing.old_rate_m_s
-    closing.old_seen, closing.seen = closing.seen, closing.old_seen
-    expect(closing, speed_m_s, params.period_s)
-    taken = follow(closing, ring, params.period_s)
-    seen, walking = closing.seen, ring.walks_m_s
-    closing.any = False
-    for i in range(SONARS):
-        walking[i] = 0.0
-        if not seen[i]:
-            if closing.old_seen[i] <= MISSED or taken >> i & 1:
-                continue
-            coast(closing, i)
-            closing.any = True
-            continue
-        closing.any = True
-        if seen[i] >= SURE:
-            walks_m_s = closing.rate_m_s[i] - closing.lately_m_s * UNSURE[i]
-            if walks_m_s > LEAST_M_S + LEAST_SHARE_PER_S * closing.range_m[i]:
-                walking[i] = walks_m_s
-    for side in (0, 1):
-        hold(closing, ring, side)
+    lately_m_s = FORGET * walkers.lately_m_s
+    walkers.lately_m_s = max(min(abs(speed_m_s), params.wheel_max_m_s), lately_m_s)
+    if not walkers.any and ring.nearest_m >= FAR_M:
+        return
+    walkers.taken = 0
+    for k in range(TRACKS):
+        if walkers.seen[k]:
+            expect(walkers, k, odometry, params)
+    follow(walkers, ring, odometry, params)
+    walkers.any = False
+    for k in range(TRACKS):
+        if walkers.seen[k]:
+            miss(walkers, k)
 
 
-def hold(closing: Closing, ring: Ring, side: int) -> None:
-    """Nearer than a sonar can measure everything seems to stand: what walked there, walks on."""
-    half = SONARS // 2
-    for i in range(half * side, half * side + half):
-        range_m = ring.range_m[i]
-        if range_m is None or range_m > HOLD_FROM_M:
-            continue
-        if ring.walks_m_s[i] > 0.0:
-            closing.held[side] = HOLD
-            return
-        if closing.held[side] > 0 and range_m <= HELD_M:
-            ring.walks_m_s[i] = LEAST_M_S
-    closing.held[side] = max(closing.held[side] - 1, 0)
+def clear(walkers: Walkers) -> None:
+    """Forget everybody."""
+    for k in range(TRACKS):
+        walkers.seen[k] = walkers.sure[k] = 0
+    walkers.any = False
 
 
-def expect(closing: Closing, speed_m_s: float, period_s: float) -> None:
-    """Where the echoes should be by now: the robot came nearer to them and they to it."""
-    expected_m, old_seen, seen = closing.old_range_m, closing.old_seen, closing.seen
+def expect(w: Walkers, k: int, odometry: Odometry, params: Params) -> None:
+    """Where a track should be by now, by the robot's motion and its own."""
+    speed_m_s, heading_rad = odometry.speed_m_s, odometry.pose.heading_rad
+    off_rad, nears_m_s, across_m_s = w.at_rad[k] - heading_rad, w.nears_m_s[k], w.across_m_s[k]
+    away_m = w.range_m[k] + params.radius_m + PERSON_M
+    if away_m < PERSON_M:
+        away_m = PERSON_M
+    w.range_m[k] -= (speed_m_s * cos(off_rad) + nears_m_s) * params.period_s
+    turn_rad = (across_m_s + speed_m_s * sin(off_rad)) * params.period_s / away_m
+    w.at_rad[k] += turn_rad
+    if w.sure[k]:
+        w.nears_m_s[k] = nears_m_s - across_m_s * turn_rad
+        w.across_m_s[k] = across_m_s + nears_m_s * turn_rad
+    w.off_rad[k] = wrap(off_rad + turn_rad)
+
+
+def follow(w: Walkers, ring: Ring, odometry: Odometry, params: Params) -> None:
+    """Find the cones nearer than both their neighbours, and how far in each of them leans; no more
+    of them than there are tracks, from the right and from the left by turns."""
+    range_m, last = ring.range_m, SONARS - 1
+    near = foremost = 0
+    w.leftwards = not w.leftwards
     for j in range(SONARS):
-        seen[j] = 0
-        if old_seen[j]:
-            nearing_m_s = speed_m_s * COSINES[j] + closing.old_rate_m_s[j]
-            expected_m[j] -= nearing_m_s * period_s
-
-
-def follow(closing: Closing, ring: Ring, period_s: float) -> int:
-    """Find each foremost echo among those before; the bits of the cones that they came from."""
-    range_m, last, taken = ring.range_m, SONARS - 1, 0
-    for i in range(SONARS):
+        i = j if w.leftwards else last - j
         here_m = range_m[i]
         if here_m is None or here_m >= FAR_M:
             continue
+        near += 1
+        right_m = left_m = LEAN_M
         if i > 0:
-            before_m = range_m[i - 1]
-            if before_m is not None and before_m < here_m:
-                continue
-        if i < last:
-            after_m = range_m[i + 1]
-            if after_m is not None and after_m <= here_m:
-                continue
-        taken |= find(closing, i, here_m, period_s)
-    return taken
+            beside_m = range_m[i - 1]
+            if beside_m is not None and beside_m - here_m < LEAN_M:
+                right_m = beside_m - here_m
+        if i < last and right_m >= 0.0:
+            beside_m = range_m[i + 1]
+            if beside_m is not None and beside_m - here_m < LEAN_M:
+                left_m = beside_m - here_m
+        if right_m >= 0.0 and left_m > 0.0 and foremost < TRACKS:
+            foremost += 1
+            see(w, ring, i, sqrt(right_m), sqrt(left_m), odometry, params)
+    w.near = near
 
 
-def find(closing: Closing, i: int, here_m: float, period_s: float) -> int:
-    """Go on with what was followed here or beside; the bit of its cone, or 0 for a new echo."""
-    old_seen, expected_m = closing.old_seen, closing.old_range_m
-    best, surprise_m = -1, 0.0
-    least_m = GATE_M + GATE_SHARE * here_m
-    for j in (i - 1, i, i + 1):
-        if 0 <= j < SONARS and old_seen[j]:
-            off_m = here_m - expected_m[j]
-            if -least_m < off_m < least_m:
-                best, surprise_m, least_m = j, off_m, abs(off_m)
+def see(
+    w: Walkers, ring: Ring, i: int, right: float, left: float, odometry: Odometry, params: Params
+) -> None:
+    """Take the echo of one cone: how much farther both neighbours see says where in it that is,
+    whatever it is. The even sonars were pinged half a period ago."""
+    here_m = ring.range_m[i] or 0.0
+    lean_rad = HALF_CONE * (right - left) / (right + left)
+    off_rad = BEARINGS[i] + lean_rad
+    sooner_s = 0.0
+    if i & 1 == 0:
+        sooner_s = 0.5 * params.period_s
+        off_rad -= sooner_s * odometry.yaw_rate_rad_s
+    drives_m_s = odometry.speed_m_s * (COSINES[i] - lean_rad * SINES[i])
+    k = find(w, here_m - sooner_s * drives_m_s, off_rad)
+    if k < 0:
+        start(w, here_m, off_rad, odometry.pose.heading_rad)
+        return
+    late_m = here_m - sooner_s * (drives_m_s + w.nears_m_s[k])
+    edge = i == 0 or i == SONARS - 1
+    if edge and w.sure[k] == 0 and abs(odometry.yaw_rate_rad_s) > TURNING_RAD_S:
+        # The edge of the view sweeps over what stands beside the robot.
+        w.seen[k], w.agreed[k] = 2, 0
+        learn(w, k, late_m, off_rad, False, params)
+        return
+    learn(w, k, late_m, off_rad, here_m > CLAMPED_M, params)
+    if w.seen[k] >= SURE:
+        noise_m, rim_m = NOISE_M + NOISE_SHARE * here_m, here_m + params.radius_m
+        blur = min(1.0, sqrt(1.4 * noise_m) / (right + left))
+        least_m_s = LEAST_M_S + noise_m * DOUBT[w.seen[k]] + w.lately_m_s * UNSURE[i] * blur
+        bent = (right + left) * (right + left) > CURVED * rim_m * (1.0 + rim_m / ROUND_M)
+        crosses = (
+            bent and not edge and w.near <= CROWD and odometry.speed_m_s > 0.0 and crossing(w, k)
+        )
+        believe(w, k, least_m_s, edge, crosses)
+        if w.sure[k] and w.nears_m_s[k] > 0.0:
+            ring.walks_m_s[i] = w.nears_m_s[k]
+
+
+def find(w: Walkers, here_m: float, off_rad: float) -> int:
+    """The track that is nearest to where it should be, or -1."""
+    best, least_m = -1, GATE_M + GATE_SHARE * here_m
+    range_m, seen = w.range_m, w.seen
+    for k in range(TRACKS):
+        if seen[k] and not w.taken >> k & 1:
+            off_m = here_m - range_m[k]
+            if off_m < 0.0:
+                off_m = -off_m
+            if off_m < least_m and -GATE_RAD < off_rad - w.off_rad[k] < GATE_RAD:
+                best, least_m = k, off_m
+    return best
+
+
+def learn(
+    w: Walkers, k: int, here_m: float, off_rad: float, measured: bool, params: Params
+) -> None:
+    """Lay the line of best fit anew, with one scan more."""
+    w.taken |= 1 << k
+    w.missed[k] = 0
+    n = w.seen[k] = min(w.seen[k] + 1, MOST)
+    gain, rate_gain = GAIN[n], RATE_GAIN[n] / params.period_s
+    off_m, turn_rad = here_m - w.range_m[k], off_rad - w.off_rad[k]
+    w.range_m[k] += gain * off_m
+    if measured:
+        w.nears_m_s[k] -= rate_gain * off_m
+    away_m = here_m + params.radius_m + PERSON_M
+    across_m_s = w.across_m_s[k] + rate_gain * turn_rad * away_m
+    if across_m_s > CAPPED_M_S:
+        across_m_s = CAPPED_M_S
+    elif across_m_s < -CAPPED_M_S:
+        across_m_s = -CAPPED_M_S
+    w.across_m_s[k] = across_m_s
+    w.at_rad[k] += gain * turn_rad
+    w.off_rad[k] += gain * turn_rad
+
+
+def crossing(w: Walkers, k: int) -> bool:
+    """Whether it seems to go where the robot goes, and long enough to be sure."""
+    across_m_s = w.across_m_s[k]
+    if w.seen[k] < MOST or not (across_m_s > ACROSS_M_S or across_m_s < -ACROSS_M_S):
+        return False
+    return (across_m_s > 0.0) != (w.off_rad[k] > 0.0)
+
+
+def believe(w: Walkers, k: int, least_m_s: float, edge: bool, crosses: bool) -> None:
+    """Some scans in a row must say so; what then seems to stand is believed for a while yet. At the
+    edge of the view a wall that stands may seem to go away."""
+    nears_m_s, across_m_s = w.nears_m_s[k], w.across_m_s[k]
+    walks = crosses or nears_m_s > least_m_s or (nears_m_s < -least_m_s and not edge)
+    if w.sure[k]:
+        w.sure[k] = BELIEF if walks else w.sure[k] - 1
+        return
+    square = nears_m_s * nears_m_s + across_m_s * across_m_s
+    if not walks or square > FASTEST_M_S * FASTEST_M_S:
+        w.agreed[k] = 0
+        return
+    w.agreed[k] += 1
+    if w.agreed[k] >= AGREE:
+        w.sure[k] = BELIEF
+
+
+def start(w: Walkers, here_m: float, off_rad: float, heading_rad: float) -> None:
+    """A new track, in the place of none or of the one that matters least."""
+    best, least = -1, here_m
+    for k in range(TRACKS):
+        if w.seen[k] == 0:
+            best = k
+            break
+        if w.sure[k] == 0 and w.range_m[k] > least and not w.taken >> k & 1:
+            best, least = k, w.range_m[k]
     if best < 0:
-        closing.range_m[i], closing.rate_m_s[i], closing.seen[i] = here_m, 0.0, 1
-        return 0
-    closing.range_m[i] = expected_m[best] + SMOOTH * surprise_m
-    closing.rate_m_s[i] = closing.old_rate_m_s[best] - SMOOTH_RATE * surprise_m / period_s
-    closing.seen[i] = min(old_seen[best] + 1, MOST)
-    return 1 << best
+        return
+    w.range_m[best], w.off_rad[best], w.at_rad[best] = here_m, off_rad, heading_rad + off_rad
+    w.nears_m_s[best] = w.across_m_s[best] = 0.0
+    w.seen[best] = 1
+    w.missed[best] = w.agreed[best] = w.sure[best] = 0
+    w.taken |= 1 << best
 
 
-def coast(closing: Closing, i: int) -> None:
-    """An echo that stays away for a scan or two goes on as it was."""
-    closing.range_m[i] = closing.old_range_m[i]
-    closing.rate_m_s[i] = closing.old_rate_m_s[i]
-    closing.seen[i] = closing.old_seen[i] - MISSED
+def miss(w: Walkers, k: int) -> None:
+    """A track that this scan does not show goes on as it was, and ends in time."""
+    if not w.taken >> k & 1:
+        w.missed[k] += 1
+        most = MISSED
+        if w.sure[k]:
+            most = HIDDEN if -VIEW_RAD < w.off_rad[k] < VIEW_RAD else BEHIND
+        if w.missed[k] > most or w.range_m[k] > GONE_M:
+            w.seen[k] = w.sure[k] = 0
+            return
+    w.any = True
 
 
 def limit_m_s(ring: Ring, most_m_s: float) -> float:
-    """How fast to go on at what walks towards the way, so that it can pass before the robot; with
-    somebody at the flank not at all."""
+    """For navigators that know nothing of walkers: how fast to go on at what walks towards the way,
+    so that it can pass before the robot; with somebody at the flank not at all."""
     if is_flanked(ring):
         return min(most_m_s, 0.0)
     for i in FRONT:
@@ -178,7 +279,7 @@ def limit_m_s(ring: Ring, most_m_s: float) -> float:
 
 
 def is_flanked(ring: Ring) -> bool:
-    """Whether something walks so near at a flank that the robot must not drive on past it."""
+    """Whether something walks so near at a flank that such a robot must not drive on past it."""
     for i in FLANKS:
         range_m = ring.range_m[i]
         if ring.walks_m_s[i] > 0.0 and range_m is not None and range_m <= FLANK_M:

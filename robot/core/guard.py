@@ -1,7 +1,6 @@
 """The last word before the wheels. It may only take speed away, never add or steer."""
 
 from robot.core import reasons
-from robot.core.closing import is_flanked
 from robot.core.geometry import COSINES
 from robot.core.parameters import Params
 from robot.core.ring import AHEAD, FRONT, Ring
@@ -44,14 +43,12 @@ def limit(
 
 def forward_factor(speed_m_s: float, ring: Ring, params: Params) -> float:
     """How much of the forward speed the echoes leave: none ahead may be closed in on, by its own
-    motion and the robot's, faster than would take `guard_time_s` to reach `guard_stop_m`; nothing
-    that walks may be so near at a flank. Blind ahead leaves none."""
+    motion and the robot's, faster than would take `guard_time_s` to reach `guard_stop_m`.
+    Blind ahead leaves none."""
     if all_missing(ring):
         return 0.0
     if params.guard_stop_m <= 0.0:
         return 1.0
-    if is_flanked(ring):
-        return 0.0
     factor = 1.0
     for i in FRONT:
         range_m = ring.range_m[i]

@@ -10,17 +10,17 @@ from math import acos, asin, atan2, cos, sin, sqrt
 from robot.core.echoes import (
     BRADS,
     CIRCLE,
+    HALF_CIRCLE,
     NOTHING,
     QUARTER,
-    REACH_M,
     SURE,
     Echoes,
     looks_at,
 )
-from robot.core.geometry import BEARINGS
 from robot.core.ring import Ring
 from robot.core.typed import Final
-from robot.core.values import SONARS, Pose
+from robot.core.values import Pose
+from robot.core.walkers import PERSON_M, TRACKS, Walkers
 
 NEAR: Final = 24
 """At most this many sectors at a time."""
@@ -32,7 +32,11 @@ FREE_MM: Final = 1000
 WARY_MM: Final = 60
 """What only one echo has told of slows the robot down as if it were no nearer than this."""
 DOUBT: Final = 8  # quarters of the spread
-WALK_S: Final = 1.5
+WALK_WIDE_MM: Final = 100  # of room for who walks, by which he may be elsewhere than believed
+WALK_TIGHT_MM: Final = 50
+PERSON_MM: Final = int(1000.0 * PERSON_M)
+MEET_M: Final = 1.2
+SPEED_MM_S: Final = 300
 CLOSES_MM: Final = LOOK_MM + WIDE_MM
 """So much beyond the body of the robot a point closes nothing."""
 LOOK_MM2: Final = LOOK_MM * LOOK_MM
@@ -98,10 +102,11 @@ def measure(
     if echoes.count:
         gather(sectors, echoes, pose, heading, ease_mm, radius_mm)
         shape(sectors)
-    give_way(sectors, ring, heading, radius_mm)
     if sectors.count:
         close(sectors, sectors.wide, WIDE_MM)
         close(sectors, sectors.tight, TIGHT_MM)
+    if ring.walkers.any:
+        give_way(sectors, ring.walkers, radius_mm)
 
 
 def gather(
@@ -187,31 +192,52 @@ def shape(sectors: Sectors) -> None:
             bearing[n] = int(BRADS * atan2(tight[n], wide[n]))
 
 
-def give_way(sectors: Sectors, ring: Ring, heading: int, radius_mm: int) -> None:
-    """Who walks closes the headings that he will close in a moment."""
-    for i in range(SONARS):
-        if ring.walks_m_s[i] > 0.0:
-            range_m = ring.range_m[i]
-            if range_m is not None and range_m < REACH_M:
-                away_mm = radius_mm + int(1000.0 * (range_m - WALK_S * ring.walks_m_s[i]))
-                if away_mm < radius_mm + CLOSES_MM:
-                    bearing = heading + int(BRADS * BEARINGS[i])
-                    add(sectors, bearing, max(away_mm, radius_mm), radius_mm)
+def give_way(sectors: Sectors, walkers: Walkers, radius_mm: int) -> None:
+    """Who walks closes the headings along which the robot would meet him."""
+    for k in range(TRACKS):
+        if walkers.sure[k] and walkers.range_m[k] < MEET_M:
+            n = sectors.count
+            if n < NEAR:
+                sectors.count = n + 1
+            else:
+                n = farthest(sectors.away_mm)
+            away_mm = radius_mm + max(int(1000.0 * walkers.range_m[k]), 0)
+            sectors.point[n] = NOTHING
+            sectors.away_mm[n] = away_mm
+            sectors.body_mm[n] = radius_mm
+            middle_mm, body_mm = away_mm + PERSON_MM, radius_mm + PERSON_MM
+            bearing = int(BRADS * walkers.at_rad[k])
+            nears = int(1000.0 * walkers.nears_m_s[k])
+            across = int(1000.0 * walkers.across_m_s[k])
+            sine = (body_mm + WALK_TIGHT_MM << 8) // middle_mm
+            meet(sectors, n, bearing, sine, nears, across, sectors.tight)
+            sine = (body_mm + WALK_WIDE_MM << 8) // middle_mm
+            meet(sectors, n, bearing, sine, nears, across, sectors.wide)
 
 
-def add(sectors: Sectors, bearing: int, away_mm: int, radius_mm: int) -> None:
-    """The sector of somebody who walks; when there is no room the farthest one goes."""
-    n = sectors.count
-    if n < NEAR:
-        sectors.count = n + 1
-    else:
-        n = farthest(sectors.away_mm)
-        if sectors.away_mm[n] <= away_mm:
-            return
-    sectors.point[n] = NOTHING
-    sectors.bearing[n] = bearing
-    sectors.away_mm[n] = away_mm
-    sectors.body_mm[n] = radius_mm
+def meet(
+    sectors: Sectors,
+    n: int,
+    bearing: int,
+    sine: int,
+    nears: int,
+    across: int,
+    halves: "list[int]",
+) -> None:
+    """The sector of headings along which the robot, at its full speed, meets who walks on as he
+    does: those that make its motion, seen by him, point at his body (`sine` of half of what that
+    covers, in 256ths; his speeds along and across the line of sight in mm/s)."""
+    sine = min(sine, TABLE)
+    half, cosine = ASIN[sine], int(sqrt(TABLE * TABLE - sine * sine))
+    left = half + arcsine((nears * sine + across * cosine) // SPEED_MM_S)
+    right = half + arcsine((nears * sine - across * cosine) // SPEED_MM_S)
+    sectors.bearing[n] = bearing + (left - right) // 2
+    halves[n] = max(1, min((left + right) // 2, HALF_CIRCLE - 1))
+
+
+def arcsine(sine: int) -> int:
+    """In brads, of 256ths."""
+    return -ASIN[min(-sine, TABLE)] if sine < 0 else ASIN[min(sine, TABLE)]
 
 
 def farthest(away: "list[int]") -> int:
@@ -243,5 +269,12 @@ def close(sectors: Sectors, halves: "list[int]", margin_mm: int) -> None:
 
 
 def squeeze(sectors: Sectors) -> None:
-    """Work out the sectors without any margin."""
+    """Work out the sectors without any margin; who walks keeps his."""
     close(sectors, sectors.squeezed, SQUEEZE_MM)
+    if NOTHING in sectors.point:
+        for k in range(sectors.count):
+            if sectors.point[k] == NOTHING:
+                sectors.squeezed[k] = sectors.tight[k]
+    for n in range(sectors.count):
+        if sectors.point[n] == NOTHING:
+            sectors.squeezed[n] = sectors.tight[n]

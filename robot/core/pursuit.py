@@ -121,7 +121,9 @@ def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: P
     narrow = ring.front_m < params.spin_room_m and decision.speed_limit_m_s == inf
     if narrow or state.bumper & FRONT_BUMPER:
         speed_m_s = 0.0
-    speed_m_s = closing.limit_m_s(ring, min(speed_m_s, decision.speed_limit_m_s))
+    speed_m_s = min(speed_m_s, decision.speed_limit_m_s)
+    if decision.speed_limit_m_s == inf:
+        speed_m_s = closing.limit_m_s(ring, speed_m_s)
     speed_m_s, yaw_rate_rad_s = limited(speed_m_s, yaw_rate_rad_s, params)
     return Twist(speed_m_s, yaw_rate_rad_s)
 

@@ -6,6 +6,7 @@ from robot.core.geometry import BEARINGS
 from robot.core.parameters import Params
 from robot.core.typed import Final
 from robot.core.values import SONARS, Scan
+from robot.core.walkers import Walkers
 
 FRONT: Final = (2, 3, 4, 5)
 AHEAD: Final = (3, 4)
@@ -19,7 +20,8 @@ class Ring:
     `nearest` is the index of the nearest echo or -1, `fresh` the number of sonars not missing,
     `front_m` the nearest echo within 45 degrees of the heading, `impossible` that the last
     scan carried a range that cannot be. `walks_m_s[i]` is how fast an echo comes nearer beyond the
-    robot's own motion, 0 where nothing is known to or no echo came (see `closing`).
+    robot's own motion, 0 where nothing is known to or no echo came; `walkers` remembers who does
+    (see `closing`).
     """
 
     __slots__ = (
@@ -30,6 +32,7 @@ class Ring:
         "nearest_m",
         "pinged_ms",
         "range_m",
+        "walkers",
         "walks_m_s",
     )
 
@@ -37,6 +40,7 @@ class Ring:
         self.range_m: list[float | None] = [None] * SONARS
         self.pinged_ms = [NEVER_MS] * SONARS
         self.walks_m_s = [0.0] * SONARS
+        self.walkers = Walkers()
         self.nearest = -1
         self.nearest_m = self.front_m = inf
         self.fresh = 0

@@ -3,7 +3,6 @@
 from math import inf
 
 from robot.core import navigators, reasons
-from robot.core.closing import Closing
 from robot.core.frozen import Frozen
 from robot.core.machine import Machine
 from robot.core.odometry import Odometry
@@ -28,7 +27,6 @@ class State:
         "arrived",
         "bumped",
         "bumper",
-        "closing",
         "crowded",
         "decision",
         "driving",
@@ -51,7 +49,6 @@ class State:
         self.machine = Machine(params)
         self.odometry = Odometry()
         self.ring = Ring()
-        self.closing = Closing()
         self.frozen = Frozen()
         self.memory = navigators.fresh(params.navigator, params.side)
         self.trail = Trail()

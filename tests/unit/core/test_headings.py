@@ -9,6 +9,7 @@ from robot.core import sweep as sweeps
 from robot.core.echoes import (
     BRADS,
     CIRCLE,
+    HALF_CIRCLE,
     MOST_WEIGHT,
     NOTHING,
     QUARTER,
@@ -28,9 +29,10 @@ from robot.core.headings import (
     WARY_MM,
     WIDE_MM,
     Sectors,
+    squeeze,
 )
 from robot.core.ring import Ring
-from robot.core.values import SONARS, Pose
+from robot.core.values import Pose
 from tests.unit.core.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
 
 sides = st.sampled_from([1, -1])
@@ -196,43 +198,73 @@ def test_when_there_is_no_room_the_farthest_sector_goes() -> None:
     assert measured(points((150, 0), *crowd)).count == NEAR
 
 
-def walker(sonar: int, range_m: float, walks_m_s: float) -> Ring:
-    seen = ring({sonar: round(1000.0 * range_m)})
-    seen.walks_m_s[sonar] = walks_m_s
+def walker(at_rad: float, range_m: float, nears_m_s: float, across_m_s: float = 0.0) -> Ring:
+    seen, walkers = ring({}), Ring().walkers
+    walkers.any = True
+    walkers.seen[0] = walkers.sure[0] = 1
+    walkers.at_rad[0], walkers.range_m[0] = at_rad, range_m
+    walkers.nears_m_s[0], walkers.across_m_s[0] = nears_m_s, across_m_s
+    seen.walkers = walkers
     return seen
 
 
-@pytest.mark.parametrize("sonar", range(SONARS))
-def test_who_walks_closes_the_headings_where_he_will_be(sonar: int) -> None:
-    still, walking = walker(sonar, 0.5, 0.0), walker(sonar, 0.5, 0.3)
-    assert measured(Echoes(), seen=still).count == 0
-    sectors = measured(Echoes(), Pose(0.0, 0.0, 1.0), walking)
+@pytest.mark.parametrize("at_rad", [-2.5, -1.0, 0.0, 0.7, 3.0])
+def test_who_walks_at_the_robot_closes_the_headings_that_meet_him(at_rad: float) -> None:
+    sectors = measured(Echoes(), seen=walker(at_rad, 0.5, 0.1))
     assert sectors.count == 1
     assert sectors.point[0] == NOTHING
-    assert sectors.bearing[0] == pytest.approx(BRADS * (1.0 + BEARINGS[sonar]), abs=2)
-    faster = measured(Echoes(), Pose(0.0, 0.0, 1.0), walker(sonar, 0.5, 2.0))
-    assert faster.away_mm[0] == RADIUS_MM
-    assert faster.wide[0] >= sectors.wide[0]
+    assert sectors.bearing[0] == pytest.approx(BRADS * at_rad, abs=3)
+    faster = measured(Echoes(), seen=walker(at_rad, 0.5, 0.2))
+    assert sectors.tight[0] < sectors.wide[0] < faster.wide[0] < HALF_CIRCLE
+
+
+@pytest.mark.parametrize("across_m_s", [0.15, -0.15])
+def test_who_walks_across_is_met_where_he_will_be(across_m_s: float) -> None:
+    """With 0.15 m/s across the line of sight and 0.3 m/s of its own it meets him at 30 degrees."""
+    sectors = measured(Echoes(), seen=walker(0.0, 1.0, 0.0, across_m_s))
+    aside = 1.0 if across_m_s > 0.0 else -1.0
+    assert sectors.bearing[0] == pytest.approx(aside * BRADS * pi / 6, rel=0.1)
+    assert abs(sectors.bearing[0]) - sectors.tight[0] > 0
+
+
+def test_who_only_may_walk_or_is_far_away_closes_nothing() -> None:
+    unsure = walker(0.0, 0.5, 0.1)
+    unsure.walkers.sure[0] = 0
+    assert measured(Echoes(), seen=unsure).count == 0
+    assert measured(Echoes(), seen=walker(0.0, 1.3, 0.1)).count == 0
+
+
+def test_who_walks_is_not_squeezed_past() -> None:
+    sectors = measured(Echoes(), seen=walker(0.0, 0.3, 0.1))
+    squeeze(sectors)
+    assert sectors.squeezed[0] == sectors.tight[0]
+
+
+def test_among_many_points_who_walks_still_counts() -> None:
+    crowd = [(200 + k, 0) for k in range(NEAR)]
+    sectors = measured(points(*crowd), seen=walker(1.0, 0.3, 0.1))
+    assert sectors.count == NEAR
+    assert sectors.point.count(NOTHING) == 1
 
 
 anywhere = st.tuples(st.integers(-900, 900), st.integers(-900, 900))
 
 
-@given(
-    st.lists(anywhere, max_size=64),
-    any_ranges,
-    st.lists(st.floats(0.0, 2.0), min_size=SONARS, max_size=SONARS),
-    st.floats(-pi, pi),
+walks = st.tuples(
+    st.floats(-9.0, 9.0), st.floats(-1.0, 2.0), st.floats(-3.0, 3.0), st.floats(-0.3, 0.3)
 )
+
+
+@given(st.lists(anywhere, max_size=64), any_ranges, walks, st.floats(-pi, pi))
 def test_any_points_and_echoes_give_at_most_so_many_sectors(
     places_mm: list[tuple[int, int]],
     range_m: Ranges,
-    walks_m_s: list[float],
+    walk: tuple[float, float, float, float],
     heading_rad: float,
 ) -> None:
-    seen = heard(range_m)
-    seen.walks_m_s = walks_m_s
+    seen = walker(*walk)
+    seen.range_m = heard(range_m).range_m
     sectors = measured(points(*places_mm), Pose(0.0, 0.0, heading_rad), seen)
     assert 0 <= sectors.count <= NEAR
     assert 0 <= sectors.free_mm <= FREE_MM
-    assert all(0 < sectors.wide[k] <= QUARTER for k in range(sectors.count))
+    assert all(0 < sectors.wide[k] < HALF_CIRCLE for k in range(sectors.count))
