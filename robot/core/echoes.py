@@ -41,8 +41,8 @@ SPREAD_LEANING: Final = 6
 SLANT: Final = 2.1
 FEW: Final = 8
 """So many points are compared when one of them must make room."""
-SLICES: Final = 2
-"""Every other tick one of so many slices of the points is looked at, whether it still holds."""
+SLICES: Final = 4
+"""Each tick one of so many slices of the points is looked at, whether it still holds."""
 FADE_TICKS: Final = 128
 
 EDGE_RAD: Final = 0.75 * HALF_CONE
@@ -280,15 +280,15 @@ def drop(echoes: Echoes, k: int) -> None:
 
 
 def fade(echoes: Echoes, pose: Pose) -> None:
-    """At every other tick, look at one slice of the points: drop the far ones, weaken those that an
-    echo passes through and, once in a while, all of them."""
+    """Look at one slice of the points: drop the far ones, weaken those that an echo passes through
+    and, once in a while, all of them."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
     xs, ys, weight = echoes.x_mm, echoes.y_mm, echoes.weight
     through_mm2 = echoes.through_mm2
     most_mm2 = max(through_mm2)
-    old = echoes.turn % FADE_TICKS < 2 * SLICES
-    for k in range(echoes.count - 1 - (echoes.turn >> 1) % SLICES, -1, -SLICES):
+    old = echoes.turn % FADE_TICKS < SLICES
+    for k in range(echoes.count - 1 - echoes.turn % SLICES, -1, -SLICES):
         dx_mm, dy_mm = xs[k] - x_mm, ys[k] - y_mm
         square = dx_mm * dx_mm + dy_mm * dy_mm
         if square > FORGET_MM2:

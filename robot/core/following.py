@@ -108,12 +108,14 @@ def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -
     sectors = memory.sectors
     memory.following = True
     memory.shut = 0
+    closing = sweeps.closer(sectors, to_goal, sectors.tight)
+    if closing != NOTHING:
+        hold(memory, closing)
     if memory.best_m < memory.left_m - STEP_M:
         memory.broken = 0
     elif memory.left_m < inf:
         memory.broken += 1
         if loops.is_near(memory.left_x_cm - x_cm, memory.left_y_cm - y_cm, AGAIN_CM):
-            hold(memory, sweeps.closer(sectors, to_goal, sectors.tight))
             return
     left = sweeps.sweep(sectors, to_goal, states.LEFT, sectors.tight)
     right = sweeps.sweep(sectors, to_goal, states.RIGHT, sectors.tight)
@@ -123,7 +125,7 @@ def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -
     memory.hit_m = distance_m
     memory.reversed = memory.reversed and memory.broken > 0
     memory.doubtful = False
-    hold(memory, sweeps.closer(sectors, to_goal, sectors.tight))
+    memory.heading = to_goal + memory.side * (left if memory.side == states.LEFT else right)
 
 
 def hold(memory: Memory, sector: int) -> None:

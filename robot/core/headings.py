@@ -24,6 +24,9 @@ from robot.core.walkers import PERSON_M, TRACKS, Walkers
 
 NEAR: Final = 24
 """At most this many sectors at a time."""
+SLICES: Final = 3
+FEW: Final = NEAR // SLICES
+"""So many of them are compared when one must make room."""
 LOOK_MM: Final = 200
 WIDE_MM: Final = 80
 TIGHT_MM: Final = 20
@@ -127,7 +130,7 @@ def gather(
     most_mm2 = max(through_mm2)
     reach_mm = LOOK_MM + WIDE_MM + radius_mm
     least_mm, reach_mm2, radius_mm2 = -reach_mm, reach_mm * reach_mm, radius_mm * radius_mm
-    most_body_mm, count, far = radius_mm - ease_mm, 0, NOTHING
+    most_body_mm, count = radius_mm - ease_mm, 0
     for k in range(echoes.count):
         dx_mm = xs[k] - x_mm
         if dx_mm >= reach_mm or dx_mm <= least_mm:
@@ -153,13 +156,12 @@ def gather(
             if n < NEAR:
                 count += 1
             else:
-                if far == NOTHING:
-                    far = farthest(away)
-                n = far if square < away[far] else NOTHING
+                n = farthest(away, k % SLICES * FEW)
+                if square >= away[n]:
+                    n = NOTHING
             if n != NOTHING:
                 point[n], away[n], body[n] = k, square, body_mm
                 bearings[n], wide[n], tight[n] = bearing, dx_mm, dy_mm
-                far = NOTHING
         if along_mm > 0:
             aside_mm = dy_mm * cosine - dx_mm * sine >> 10
             if aside_mm < body_mm and -body_mm < aside_mm:
@@ -200,7 +202,7 @@ def give_way(sectors: Sectors, walkers: Walkers, radius_mm: int) -> None:
             if n < NEAR:
                 sectors.count = n + 1
             else:
-                n = farthest(sectors.away_mm)
+                n = farthest(sectors.away_mm, k % SLICES * FEW)
             away_mm = radius_mm + max(int(1000.0 * walkers.range_m[k]), 0)
             sectors.point[n] = NOTHING
             sectors.away_mm[n] = away_mm
@@ -240,9 +242,10 @@ def arcsine(sine: int) -> int:
     return -ASIN[min(-sine, TABLE)] if sine < 0 else ASIN[min(sine, TABLE)]
 
 
-def farthest(away: "list[int]") -> int:
-    n, most = 0, -1
-    for k in range(NEAR):
+def farthest(away: "list[int]", first: int) -> int:
+    """Of a few sectors, beginning with this one; all of them would take too long."""
+    n, most = first, away[first]
+    for k in range(first + 1, first + FEW):
         here = away[k]
         if here > most:
             n, most = k, here

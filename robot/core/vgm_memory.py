@@ -52,6 +52,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         forget(memory)
     radius_mm = int(1000.0 * params.radius_m)
     if memory.echoes.turn & 1:
+        echo_memory.fade(memory.echoes, pose)
         headings.measure(memory.sectors, memory.echoes, pose, ring, memory.ease_mm, radius_mm)
     else:
         memory.heading = to_goal
@@ -119,12 +120,13 @@ def choose(
 ) -> None:
     """Go on following or leave; go straight, a little aside, or begin to follow."""
     x_cm, y_cm = int(100.0 * pose.x_m), int(100.0 * pose.y_m)
-    if memory.following and leaves(memory, pose, ring, to_goal, distance_m, params):
-        leave(memory, x_cm, y_cm)
-    if not memory.following and closes(memory, pose, to_goal, distance_m, params):
-        following.hit(memory, x_cm, y_cm, to_goal, distance_m)
     if memory.following:
-        following.follow(memory, pose, distance_m)
+        if leaves(memory, pose, ring, to_goal, distance_m, params):
+            leave(memory, x_cm, y_cm)
+        else:
+            following.follow(memory, pose, distance_m)
+    elif closes(memory, pose, to_goal, distance_m, params):
+        following.hit(memory, x_cm, y_cm, to_goal, distance_m)
 
 
 def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:

@@ -30,9 +30,8 @@ from tests.unit.core.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, h
 
 
 def look(echoes: Echoes, seen: Ring, ticks: int, pose: Pose = HERE) -> None:
-    for tick in range(ticks):
-        if tick % 2 == 0:
-            memory.fade(echoes, pose)
+    for _ in range(ticks):
+        memory.fade(echoes, pose)
         memory.update(echoes, pose, seen, RADIUS_MM)
 
 
@@ -90,21 +89,21 @@ def test_halfway_between_two_headings_is_the_short_way_round() -> None:
 
 def test_a_longer_echo_through_its_place_erases_a_point() -> None:
     echoes = remembered(ring({3: 300}))
-    look(echoes, ring({3: 2000}), 2 * SLICES * (MOST_WEIGHT + 1))
+    look(echoes, ring({3: 2000}), SLICES * (MOST_WEIGHT + 1))
     assert echoes.count == 0
 
 
 @pytest.mark.parametrize("seen", [SILENT, blind()], ids=["silence", "blindness"])
 def test_no_echo_at_all_erases_nothing(seen: Ring) -> None:
     echoes = remembered(ring({3: 300}))
-    look(echoes, seen, 2 * SLICES * (MOST_WEIGHT + 1))
+    look(echoes, seen, SLICES * (MOST_WEIGHT + 1))
     assert echoes.count == 1
     assert echoes.weight[0] >= SURE
 
 
 def test_a_longer_echo_elsewhere_erases_nothing() -> None:
     echoes = remembered(ring({3: 300}))
-    look(echoes, ring({6: 2000}), 2 * SLICES * (MOST_WEIGHT + 1))
+    look(echoes, ring({6: 2000}), SLICES * (MOST_WEIGHT + 1))
     assert echoes.count == 1
 
 
@@ -123,7 +122,7 @@ def test_what_is_seen_all_the_time_stays() -> None:
 
 def test_what_is_far_away_by_now_is_forgotten_soon() -> None:
     echoes = remembered(ring({3: 300}))
-    look(echoes, SILENT, 2 * SLICES, Pose(-0.002 * FORGET_MM2**0.5, 0.0, 0.0))
+    look(echoes, SILENT, SLICES, Pose(-0.002 * FORGET_MM2**0.5, 0.0, 0.0))
     assert echoes.count == 0
 
 
