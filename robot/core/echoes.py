@@ -287,7 +287,7 @@ def fade(echoes: Echoes, pose: Pose) -> None:
     xs, ys, weight = echoes.x_mm, echoes.y_mm, echoes.weight
     through_mm2 = echoes.through_mm2
     most_mm2 = max(through_mm2)
-    old = echoes.turn % FADE_TICKS < SLICES
+    old = echoes.turn % FADE_TICKS >= FADE_TICKS - SLICES
     for k in range(echoes.count - 1 - echoes.turn % SLICES, -1, -SLICES):
         dx_mm, dy_mm = xs[k] - x_mm, ys[k] - y_mm
         square = dx_mm * dx_mm + dy_mm * dy_mm

@@ -132,7 +132,7 @@ def test_armed_again_in_contact_it_turns_away_on_the_spot() -> None:
 
 
 def test_who_tries_and_does_not_move_is_blocked_after_ten_seconds() -> None:
-    params = DEFAULTS._replace(guard_stop_m=0.9, spin_room_m=0.0, d_obs_m=0.1)
+    params = VGM._replace(guard_stop_m=0.9, spin_room_m=0.0, d_obs_m=0.1)
     driven = armed(params)
     driven.scan = Scan((0, 0, 0, 800, 0, 0, 0, 0), AGES, 0xFF, 1 << 3)
     driven.goto()

@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from robot.core import escort as escorts
 from robot.core import loops, states, vgm_memory
 from robot.core import ring as rings
-from robot.core.echoes import REACH_M, SURE
+from robot.core.echoes import MOST_WEIGHT, REACH_M, SURE
 from robot.core.following import SHUT_TICKS, Memory
 from robot.core.geometry import wrap
 from robot.core.parameters import DEFAULTS
 from robot.core.ring import Ring
 from robot.core.values import SONARS, Decision, Goal, Pose, Scan
-from robot.core.vgm_memory import PROMISES
+from robot.core.vgm_memory import PROMISES, STOOD
 from tests.unit.core.rings import HERE, SILENT, Disc, Wall, clearance_m, ring, walk_to
 
 GOAL = Goal(3.0, 0.0, None, 0.05, 0.05)
@@ -280,3 +280,16 @@ def test_whatever_is_heard_wherever_it_decides_and_nothing_grows(
             assert states.TO_GOAL <= decision.branch <= states.GIVE_UP
             assert -pi <= decision.rotation_rad <= pi
     assert size(memory) == held
+
+
+def test_a_heading_that_lets_nothing_through_is_barred_in_the_end() -> None:
+    """The sonars see a way and the robot gets nowhere on it, as between two rims too near."""
+    memory = Memory()
+    assert stand(memory, SILENT, 2 * STOOD).branch == states.TO_GOAL
+    assert stand(memory, SILENT, 6).branch in PASSING
+    assert memory.echoes.weight[0] > MOST_WEIGHT
+    x_m = 0.0
+    moving = Memory()
+    for _ in range(4 * STOOD):
+        x_m += 0.005
+        assert step(moving, Pose(x_m, 0.0, 0.0), SILENT).branch == states.TO_GOAL
