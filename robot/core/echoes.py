@@ -8,7 +8,7 @@ their place, when they are not seen again for long, or when they are far away.
 Millimetres and brads (4096 to the circle) as integers: they cost a third of floats there.
 """
 
-from math import atan2, cos, pi, sin, sqrt
+from math import cos, pi, sin, sqrt
 
 from robot.core.geometry import HALF_CONE
 from robot.core.ring import Ring
@@ -26,14 +26,9 @@ HALF_CIRCLE: Final = 2048
 QUARTER: Final = 1024
 BRADS: Final = CIRCLE / (2.0 * pi)
 CONE: Final = 256  # brads, 22.5 degrees
-CORE: Final = 102  # 0.8 of half a cone
-CORE_FROM: Final = CONE // 2 - CORE
-CORE_TO: Final = CONE // 2 + CORE
 
 REACH_M: Final = 0.75
 """Echoes from farther away are not remembered."""
-FORGET_MM2: Final = 900 * 900
-THROUGH_MM: Final = 70
 SAME_MM: Final = 35
 ASIDE: Final = 240  # 1024 times the tangent of half a cone and two degrees
 SPREAD: Final = 10  # half the tangent of half a cone, in hundredths
@@ -41,9 +36,6 @@ SPREAD_LEANING: Final = 6
 SLANT: Final = 2.1
 FEW: Final = 8
 """So many points are compared when one of them must make room."""
-SLICES: Final = 4
-"""Each tick one of so many slices of the points is looked at, whether it still holds."""
-FADE_TICKS: Final = 128
 
 EDGE_RAD: Final = 0.75 * HALF_CONE
 AHEAD: Final = tuple(
@@ -60,18 +52,16 @@ SIN_EDGE: Final = int(1024 * sin(EDGE_RAD))
 class Echoes:
     """Points `x_mm`, `y_mm` with weight and spread, the first `count` of them in use.
 
-    `last` is per sonar the point that its last echo belonged to; `turn` counts ticks; `next` is
-    where to look for room; the pose of
-    the tick before is kept because half the sonars are pinged between the ticks. A point is passed
-    through when its distance squared is less than `through_mm2` of the sonar that looks there; one
-    more is for where none looks.
+    `last` is per sonar the point that its last echo belonged to; `next` is where to look for room.
+    For `fading`: `turn` counts what it has looked at, and a point is passed through when its
+    distance squared is less than `through_mm2` of the sonar that looks there; one more is for where
+    none looks.
     """
 
     __slots__ = (
         "count",
         "last",
         "next",
-        "pose",
         "spread_mm",
         "through_mm2",
         "turn",
@@ -89,7 +79,6 @@ class Echoes:
         self.last = [NOTHING] * SONARS
         self.count = 0
         self.turn = self.next = 0
-        self.pose: Pose | None = None
 
 
 def clear(echoes: Echoes) -> None:
@@ -99,21 +88,21 @@ def clear(echoes: Echoes) -> None:
         echoes.last[i] = NOTHING
 
 
-def update(echoes: Echoes, pose: Pose, ring: Ring, radius_mm: int) -> None:
-    """Take the echoes of one ping group, the even sonars at every other tick."""
-    before = echoes.pose or pose
-    echoes.pose = pose
-    echoes.turn += 1
-    if echoes.count or ring.nearest_m < REACH_M:
-        listen(echoes, ring, radius_mm)
+def hear(echoes: Echoes, before: Pose, pose: Pose, ring: Ring, radius_mm: int) -> None:
+    """Take the echoes of a ring: the odd sonars were pinged right now, the even ones half way from
+    the pose `before`, one tick ago."""
     if ring.nearest_m >= REACH_M:
         return
-    first = echoes.turn & 1
+    hear_group(echoes, 1, pose, ring, radius_mm)
+    turned_rad = (pose.heading_rad - before.heading_rad + pi) % (2.0 * pi) - pi
+    x_m, y_m = 0.5 * (pose.x_m + before.x_m), 0.5 * (pose.y_m + before.y_m)
+    halfway = Pose(x_m, y_m, pose.heading_rad - 0.5 * turned_rad)
+    hear_group(echoes, 0, halfway, ring, radius_mm)
+
+
+def hear_group(echoes: Echoes, first: int, pose: Pose, ring: Ring, radius_mm: int) -> None:
+    """Every second sonar, from where they were pinged."""
     x_m, y_m, heading_rad = pose
-    if first == 0:
-        turned_rad = (heading_rad - before.heading_rad + pi) % (2.0 * pi) - pi
-        heading_rad -= 0.5 * turned_rad
-        x_m, y_m = 0.5 * (x_m + before.x_m), 0.5 * (y_m + before.y_m)
     cosine, sine = int(1024.0 * cos(heading_rad)), int(1024.0 * sin(heading_rad))
     x_mm, y_mm = int(1000.0 * x_m), int(1000.0 * y_m)
     for i in range(first, SONARS, 2):
@@ -126,20 +115,6 @@ def update(echoes: Echoes, pose: Pose, ring: Ring, radius_mm: int) -> None:
         along_y = sine * ahead + cosine * aside >> 10
         lean = leaning(ring, i, range_m, radius_mm)
         take(echoes, i, lean, x_mm, y_mm, along_x, along_y, int(1000.0 * range_m), radius_mm)
-
-
-def listen(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
-    """Within which distance each sonar passes through what it does not see. No echo at all proves
-    nothing: a wall met obliquely sends none."""
-    through_mm2 = echoes.through_mm2
-    range_m = ring.range_m
-    for i in range(SONARS):
-        echo_m = range_m[i]
-        through_mm2[i] = 0
-        if echo_m is not None and echo_m <= 9.0:
-            through_mm = int(970.0 * echo_m) - THROUGH_MM + radius_mm
-            if through_mm > 0:
-                through_mm2[i] = through_mm * through_mm
 
 
 def leaning(ring: Ring, sonar: int, range_m: float, radius_mm: int) -> int:
@@ -277,36 +252,3 @@ def drop(echoes: Echoes, k: int) -> None:
     echoes.y_mm[k] = echoes.y_mm[last]
     echoes.weight[k] = echoes.weight[last]
     echoes.spread_mm[k] = echoes.spread_mm[last]
-
-
-def fade(echoes: Echoes, pose: Pose) -> None:
-    """Look at one slice of the points: drop the far ones, weaken those that an echo passes through
-    and, once in a while, all of them."""
-    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
-    heading = int(BRADS * pose.heading_rad)
-    xs, ys, weight = echoes.x_mm, echoes.y_mm, echoes.weight
-    through_mm2 = echoes.through_mm2
-    most_mm2 = max(through_mm2)
-    old = echoes.turn % FADE_TICKS >= FADE_TICKS - SLICES
-    for k in range(echoes.count - 1 - echoes.turn % SLICES, -1, -SLICES):
-        dx_mm, dy_mm = xs[k] - x_mm, ys[k] - y_mm
-        square = dx_mm * dx_mm + dy_mm * dy_mm
-        if square > FORGET_MM2:
-            drop(echoes, k)
-            continue
-        weaker = old
-        if square < most_mm2:
-            bearing = int(BRADS * atan2(dy_mm, dx_mm)) - heading
-            weaker = weaker or square < through_mm2[looks_at(bearing)]
-        if weaker and weight[k]:
-            weight[k] -= 1
-        if weight[k] == 0:
-            drop(echoes, k)
-
-
-def looks_at(bearing: int) -> int:
-    """The sonar whose cone's core holds this bearing (brads from the heading), or NOTHING."""
-    from_right = (bearing + QUARTER) % CIRCLE
-    if from_right < HALF_CIRCLE and CORE_FROM < from_right % CONE < CORE_TO:
-        return from_right // CONE
-    return NOTHING

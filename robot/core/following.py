@@ -29,7 +29,7 @@ PATIENCE_CM: Final = 150
 AWAY: Final = 1.15
 AWAY_M: Final = 0.2
 ISLANDS: Final = 10
-SHUT_TICKS: Final = 30
+SHUT: Final = 20  # choices
 ABOUT: Final = 1365  # 120 degrees
 LONG_CM: Final = 1200
 
@@ -40,7 +40,8 @@ class Memory:
     `best_m` is the least distance to the goal so far, `left_m` that when it last left an obstacle,
     `hit_m` when it met this one; `broken` counts leaves that did not pay. `aside` is the side of
     the last small detour and `aside_ticks` for how many choices it stays that. `heading` is what
-    was chosen last and `rotation` how far aside of the goal that was.
+    was chosen last and `rotation` how far aside of the goal that was; for `stood` choices the robot
+    has stood at one place. `turn` says whose it is, `before` is the pose one tick ago.
     """
 
     __slots__ = (
@@ -48,6 +49,7 @@ class Memory:
         "anchor_y_mm",
         "aside",
         "aside_ticks",
+        "before",
         "best_m",
         "broken",
         "doubtful",
@@ -74,6 +76,7 @@ class Memory:
         "stood",
         "stood_x_mm",
         "stood_y_mm",
+        "turn",
     )
 
     def __init__(self) -> None:
@@ -83,6 +86,8 @@ class Memory:
         self.escort = Escort()
         self.side: int = states.LEFT
         self.goal_x_m = self.goal_y_m = inf
+        self.before: Pose | None = None
+        self.turn = 0
         self.heading = self.rotation = 0
         self.anchor_x_mm = self.anchor_y_mm = 0
         self.left_x_cm = self.left_y_cm = 0
@@ -196,7 +201,7 @@ def shut_in(memory: Memory, heading: int) -> None:
     """Every heading is closed: look round on the spot, and in the end believe none of it."""
     memory.shut += 1
     memory.heading = heading + memory.side * QUARTER
-    if memory.shut > SHUT_TICKS:
+    if memory.shut > SHUT:
         echo_memory.clear(memory.echoes)
         memory.shut = 0
         memory.following = False

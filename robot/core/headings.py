@@ -15,8 +15,8 @@ from robot.core.echoes import (
     QUARTER,
     SURE,
     Echoes,
-    looks_at,
 )
+from robot.core.fading import looks_at
 from robot.core.ring import Ring
 from robot.core.typed import Final
 from robot.core.values import Pose

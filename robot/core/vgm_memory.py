@@ -4,15 +4,15 @@ What the paper's method lacks is here: the echoes of the last metre are remember
 latched while an obstacle is followed, following ends only with progress, and ways that close upon
 themselves between robot and goal prove in the end that nothing leads there.
 
-At one tick it looks which headings are open, at the next it chooses one: together they would take
-more than half the period of the LPC1768, and 0.1 s is what the prototype could wait without loss.
+It takes turns: at one tick it hears what the sonars say, at the next it looks which headings are
+open, at the third it chooses one. All at once would take more than half the period of the LPC1768.
 """
 
 from math import atan2, cos, sin, sqrt
 
 from robot.core import echoes as echo_memory
 from robot.core import escort as escorts
-from robot.core import following, headings, pace, states
+from robot.core import fading, following, headings, pace, states
 from robot.core import ring as rings
 from robot.core import sweep as sweeps
 from robot.core.echoes import BRADS, HALF_CIRCLE, NOTHING, SURE
@@ -25,14 +25,17 @@ from robot.core.values import Decision, Goal, Pose
 
 __all__ = ["Memory", "step"]
 
+TURNS: Final = 3
+HEARS: Final = 1
+LOOKS: Final = 2
 NEAR_GOAL_M: Final = 0.6
 SAME_SIDE: Final = 228  # 20 degrees: so much smaller must a rotation be to change the side
 PROMISES: Final = 2
-LATCH_TICKS: Final = 10
-STOOD: Final = 30
+LATCH: Final = 7  # choices
+STOOD: Final = 20  # choices, three seconds
 STOOD_MM: Final = 20
 BAR_MM: Final = 20
-BAR_WEIGHT: Final = 100
+BAR_WEIGHT: Final = 40
 FARTHEST: Final = 1e5  # metres or radians: beyond them, millimetres and brads are no numbers
 
 
@@ -51,8 +54,11 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     if escorts.watch(memory.escort, ring, int(1000.0 * pose.x_m), int(1000.0 * pose.y_m), heading):
         forget(memory)
     radius_mm = int(1000.0 * params.radius_m)
-    if memory.echoes.turn & 1:
-        echo_memory.fade(memory.echoes, pose)
+    memory.turn = (memory.turn + 1) % TURNS
+    if memory.turn == HEARS:
+        echo_memory.hear(memory.echoes, memory.before or pose, pose, ring, radius_mm)
+    elif memory.turn == LOOKS:
+        fading.listen(memory.echoes, ring, radius_mm)
         headings.measure(memory.sectors, memory.echoes, pose, ring, memory.ease_mm, radius_mm)
     else:
         memory.heading = to_goal
@@ -63,8 +69,9 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         if has_stood(memory, int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)):
             bar(memory, pose, radius_mm)
         memory.rotation = memory.heading - to_goal
-        echo_memory.fade(memory.echoes, pose)
-    echo_memory.update(memory.echoes, pose, ring, radius_mm)
+        fading.listen(memory.echoes, ring, radius_mm)
+        fading.fade(memory.echoes, pose)
+    memory.before = pose
     if distance_m < memory.best_m:
         memory.best_m = distance_m
     return decision(memory, pose, ring, goal_rad, dx_m, dy_m, params)
@@ -108,7 +115,7 @@ def bar(memory: Memory, pose: Pose, radius_mm: int) -> None:
 def give_way(memory: Memory) -> None:
     """Away from who walks alongside, where that is open, and wait until he has gone ahead."""
     sectors, escort = memory.sectors, memory.escort
-    escort.ticks -= 2
+    escort.ticks = max(escort.ticks - TURNS, 0)
     left = sweeps.sweep(sectors, escort.heading, states.LEFT, sectors.tight)
     right = sweeps.sweep(sectors, escort.heading, states.RIGHT, sectors.tight)
     memory.aside, turn = (states.LEFT, left) if left <= right else (states.RIGHT, right)
@@ -156,7 +163,7 @@ def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
             left += SAME_SIDE
     side, turn = (states.LEFT, left) if left <= right else (states.RIGHT, right)
     if turn < most:
-        memory.aside, memory.aside_ticks = side, LATCH_TICKS
+        memory.aside, memory.aside_ticks = side, LATCH
         memory.heading = to_goal + side * turn
 
 

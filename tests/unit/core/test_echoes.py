@@ -5,39 +5,39 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core import echoes as memory
+from robot.core import fading
 from robot.core.echoes import (
     BRADS,
     CIRCLE,
     CONE,
-    CORE,
-    FADE_TICKS,
     FEW,
-    FORGET_MM2,
     HALF_CIRCLE,
     MOST_WEIGHT,
     NOTHING,
     POINTS,
     REACH_M,
-    SLICES,
     SURE,
-    THROUGH_MM,
     Echoes,
 )
+from robot.core.fading import CORE, FADE_TURNS, FORGET_MM2, SLICES, THROUGH_MM
 from robot.core.geometry import BEARINGS
 from robot.core.ring import Ring
 from robot.core.values import SONARS, Pose
 from tests.unit.core.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
 
 
-def look(echoes: Echoes, seen: Ring, ticks: int, pose: Pose = HERE) -> None:
-    for _ in range(ticks):
-        memory.fade(echoes, pose)
-        memory.update(echoes, pose, seen, RADIUS_MM)
+def look(
+    echoes: Echoes, seen: Ring, looks: int, pose: Pose = HERE, before: Pose | None = None
+) -> None:
+    for _ in range(looks):
+        fading.listen(echoes, seen, RADIUS_MM)
+        fading.fade(echoes, pose)
+        memory.hear(echoes, before or pose, pose, seen, RADIUS_MM)
 
 
-def remembered(seen: Ring, ticks: int = 4, pose: Pose = HERE) -> Echoes:
+def remembered(seen: Ring, looks: int = 2, pose: Pose = HERE) -> Echoes:
     echoes = Echoes()
-    look(echoes, seen, ticks, pose)
+    look(echoes, seen, looks, pose)
     return echoes
 
 
@@ -47,10 +47,10 @@ def blind() -> Ring:
 
 
 def test_an_echo_is_confirmed_by_a_second_and_counts() -> None:
-    echoes = remembered(ring({3: 300}), 2)
+    echoes = remembered(ring({3: 300}), 1)
     assert echoes.count == 1
     assert echoes.weight[0] < SURE
-    look(echoes, ring({3: 300}), 2)
+    look(echoes, ring({3: 300}), 1)
     assert echoes.count == 1
     assert echoes.weight[0] >= SURE
 
@@ -59,30 +59,23 @@ def test_an_echo_is_confirmed_by_a_second_and_counts() -> None:
 @pytest.mark.parametrize("heading_rad", [0.0, 1.0, -2.5])
 def test_a_point_lies_where_its_sonar_looks(sonar: int, heading_rad: float) -> None:
     pose = Pose(1.5, -0.7, heading_rad)
-    echoes = remembered(ring({sonar: 400}), 4, pose)
+    echoes = remembered(ring({sonar: 400}), 2, pose)
     away_m, bearing_rad = 0.4 + 0.001 * RADIUS_MM, heading_rad + BEARINGS[sonar]
     assert echoes.x_mm[0] == pytest.approx(1000.0 * (1.5 + away_m * cos(bearing_rad)), abs=4)
     assert echoes.y_mm[0] == pytest.approx(1000.0 * (-0.7 + away_m * sin(bearing_rad)), abs=4)
 
 
-def test_one_ping_group_is_taken_at_a_tick_and_the_other_at_the_next() -> None:
-    all_round = ring({0: 250, 3: 250, 4: 500, 7: 500})
-    assert remembered(all_round, 1).count == 2
-    assert remembered(all_round, 2).count == 4
-
-
 def test_what_was_pinged_between_two_ticks_is_placed_between_their_poses() -> None:
     echoes = Echoes()
-    look(echoes, ring({4: 300}), 1, Pose(0.00, 0.0, -BEARINGS[4]))
-    look(echoes, ring({4: 300}), 1, Pose(0.04, 0.0, -BEARINGS[4]))
+    look(echoes, ring({4: 300}), 1, Pose(0.04, 0.0, -BEARINGS[4]), Pose(0.00, 0.0, -BEARINGS[4]))
     assert echoes.count == 1
     assert echoes.x_mm[0] == pytest.approx(20 + RADIUS_MM + 300, abs=3)
 
 
 def test_halfway_between_two_headings_is_the_short_way_round() -> None:
     echoes = Echoes()
-    look(echoes, ring({4: 300}), 1, Pose(0.0, 0.0, pi - 0.05 - BEARINGS[4]))
-    look(echoes, ring({4: 300}), 1, Pose(0.0, 0.0, -pi + 0.05 - BEARINGS[4]))
+    before = Pose(0.0, 0.0, pi - 0.05 - BEARINGS[4])
+    look(echoes, ring({4: 300}), 1, Pose(0.0, 0.0, -pi + 0.05 - BEARINGS[4]), before)
     assert echoes.x_mm[0] == pytest.approx(-RADIUS_MM - 300, abs=3)
     assert echoes.y_mm[0] == pytest.approx(0, abs=4)
 
@@ -109,13 +102,13 @@ def test_a_longer_echo_elsewhere_erases_nothing() -> None:
 
 def test_what_is_never_seen_again_is_forgotten_in_the_end() -> None:
     echoes = remembered(ring({3: 300}))
-    look(echoes, SILENT, FADE_TICKS * (MOST_WEIGHT + 1))
+    look(echoes, SILENT, FADE_TURNS * (MOST_WEIGHT + 1))
     assert echoes.count == 0
 
 
 def test_what_is_seen_all_the_time_stays() -> None:
     echoes = remembered(ring({3: 300}))
-    look(echoes, ring({3: 300}), FADE_TICKS * (MOST_WEIGHT + 1))
+    look(echoes, ring({3: 300}), FADE_TURNS * (MOST_WEIGHT + 1))
     assert echoes.count == 1
     assert echoes.weight[0] >= SURE
 
@@ -207,15 +200,16 @@ def test_cleared_there_is_nothing_to_confirm() -> None:
     echoes = remembered(ring({3: 300, 4: 300}))
     memory.clear(echoes)
     assert echoes.count == 0
-    look(echoes, ring({3: 300}), 2)
+    look(echoes, ring({3: 300}), 1)
     assert echoes.count == 1
     assert echoes.weight[0] < SURE
 
 
 def passed_through(seen: Ring, bearing: int, range_mm: int) -> bool:
     echoes = Echoes()
-    memory.listen(echoes, seen, RADIUS_MM)
-    return (range_mm + RADIUS_MM) ** 2 < echoes.through_mm2[memory.looks_at(bearing)]
+    echoes.count = 1
+    fading.listen(echoes, seen, RADIUS_MM)
+    return (range_mm + RADIUS_MM) ** 2 < echoes.through_mm2[fading.looks_at(bearing)]
 
 
 def bearing_of(sonar: int) -> int:

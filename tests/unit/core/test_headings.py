@@ -15,9 +15,9 @@ from robot.core.echoes import (
     QUARTER,
     SURE,
     Echoes,
-    listen,
-    update,
+    hear,
 )
+from robot.core.fading import listen
 from robot.core.geometry import BEARINGS
 from robot.core.headings import (
     FEW,
@@ -183,8 +183,9 @@ def test_a_point_that_an_echo_passes_through_counts_less() -> None:
 def test_what_was_heard_before_a_point_was_there_does_not_weaken_it() -> None:
     echoes, pose = Echoes(), Pose(0.0, 0.0, -BEARINGS[3])
     for seen in [ring({3: 150})] * 4 + [ring({3: 2000})] * 20 + [ring({3: 150})] * 4:
-        update(echoes, pose, seen, RADIUS_MM)
+        listen(echoes, seen, RADIUS_MM)
         headings.measure(Sectors(), echoes, pose, seen, 0, RADIUS_MM)
+        hear(echoes, pose, pose, seen, RADIUS_MM)
     assert echoes.count == 1
     assert echoes.weight[0] >= SURE
 

@@ -15,7 +15,7 @@ from tests.unit.core.stories import ALL, goals, mirrored_goal, reversed_bits
 from tests.unit.core.test_invariants import seen
 
 JOLTS = 16
-LOOKS = 16
+LOOKS = 24
 nearby = st.one_of(st.integers(20, 300), st.integers(20, 3000))
 scenes = st.tuples(*[nearby] * SONARS)
 
@@ -25,7 +25,7 @@ def looked_at(
 ) -> tuple[int, float, float]:
     """What vgm_memory makes of a scene that stays, beginning with this ping group."""
     memory, ring = fresh(states.VGM_MEMORY, states.LEFT), seen(range_mm, echo)
-    memory.echoes.turn = turn
+    memory.turn = turn
     for _ in range(LOOKS):
         decision = NAVIGATORS[states.VGM_MEMORY].step(memory, pose, ring, goal, DEFAULTS)
     return decision.branch, decision.rotation_rad, decision.speed_limit_m_s

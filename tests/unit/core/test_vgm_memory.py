@@ -8,7 +8,7 @@ from robot.core import escort as escorts
 from robot.core import loops, states, vgm_memory
 from robot.core import ring as rings
 from robot.core.echoes import MOST_WEIGHT, REACH_M, SURE
-from robot.core.following import SHUT_TICKS, Memory
+from robot.core.following import SHUT, Memory
 from robot.core.geometry import wrap
 from robot.core.parameters import DEFAULTS
 from robot.core.ring import Ring
@@ -110,7 +110,7 @@ def test_the_side_is_latched_until_the_obstacle_is_left(side: int) -> None:
     """Even if the other side would do with less by now."""
     memory = Memory()
     seen = slanting(side)
-    assert stand(memory, seen, 8).branch == branch_of(side)
+    assert stand(memory, seen, 12).branch == branch_of(side)
     assert memory.following
     turned = slanting(-side)
     assert stand(memory, turned, 40).branch == branch_of(side)
@@ -192,7 +192,7 @@ def test_shut_in_on_all_sides_it_looks_round_and_in_the_end_believes_none_of_it(
         step(memory, Pose(0.0, 0.0, wrap(0.1 * k)), ghosts)
     assert memory.following
     counts = []
-    for _ in range(SHUT_TICKS + 2):
+    for _ in range(SHUT + 2):
         step(memory, HERE, SILENT)
         counts.append(memory.echoes.count)
     assert 0 in counts
@@ -285,11 +285,11 @@ def test_whatever_is_heard_wherever_it_decides_and_nothing_grows(
 def test_a_heading_that_lets_nothing_through_is_barred_in_the_end() -> None:
     """The sonars see a way and the robot gets nowhere on it, as between two rims too near."""
     memory = Memory()
-    assert stand(memory, SILENT, 2 * STOOD).branch == states.TO_GOAL
+    assert stand(memory, SILENT, 3 * STOOD).branch == states.TO_GOAL
     assert stand(memory, SILENT, 6).branch in PASSING
     assert memory.echoes.weight[0] > MOST_WEIGHT
     x_m = 0.0
     moving = Memory()
-    for _ in range(4 * STOOD):
+    for _ in range(5 * STOOD):
         x_m += 0.005
         assert step(moving, Pose(x_m, 0.0, 0.0), SILENT).branch == states.TO_GOAL

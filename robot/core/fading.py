@@ -1,0 +1,67 @@
+"""Forgetting echoes: what is far away, what is old, and what longer echoes pass through."""
+
+from math import atan2
+
+from robot.core.echoes import BRADS, CIRCLE, CONE, HALF_CIRCLE, NOTHING, QUARTER, Echoes, drop
+from robot.core.ring import Ring
+from robot.core.typed import Final
+from robot.core.values import SONARS, Pose
+
+CORE: Final = 102  # 0.8 of half a cone
+CORE_FROM: Final = CONE // 2 - CORE
+CORE_TO: Final = CONE // 2 + CORE
+FORGET_MM2: Final = 900 * 900
+THROUGH_MM: Final = 70
+SLICES: Final = 2
+"""At a time one of so many slices of the points is looked at, whether it still holds."""
+FADE_TURNS: Final = 40
+"""All points lose weight once in so many turns."""
+
+
+def fade(echoes: Echoes, pose: Pose) -> None:
+    """Look at one slice of the points: drop the far ones, weaken those that an echo passes through
+    and, once in a while, all of them."""
+    echoes.turn = turn = (echoes.turn + 1) % FADE_TURNS
+    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
+    heading = int(BRADS * pose.heading_rad)
+    xs, ys, weight = echoes.x_mm, echoes.y_mm, echoes.weight
+    through_mm2 = echoes.through_mm2
+    most_mm2 = max(through_mm2)
+    old = turn < SLICES
+    for k in range(echoes.count - 1 - turn % SLICES, -1, -SLICES):
+        dx_mm, dy_mm = xs[k] - x_mm, ys[k] - y_mm
+        square = dx_mm * dx_mm + dy_mm * dy_mm
+        if square > FORGET_MM2:
+            drop(echoes, k)
+            continue
+        weaker = old
+        if square < most_mm2:
+            bearing = int(BRADS * atan2(dy_mm, dx_mm)) - heading
+            weaker = weaker or square < through_mm2[looks_at(bearing)]
+        if weaker and weight[k]:
+            weight[k] -= 1
+        if weight[k] == 0:
+            drop(echoes, k)
+
+
+def listen(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
+    """Within which distance each sonar passes through what it does not see. No echo at all proves
+    nothing: a wall met obliquely sends none."""
+    if echoes.count == 0:
+        return
+    through_mm2, range_m = echoes.through_mm2, ring.range_m
+    for i in range(SONARS):
+        echo_m = range_m[i]
+        through_mm2[i] = 0
+        if echo_m is not None and echo_m <= 9.0:
+            through_mm = int(970.0 * echo_m) - THROUGH_MM + radius_mm
+            if through_mm > 0:
+                through_mm2[i] = through_mm * through_mm
+
+
+def looks_at(bearing: int) -> int:
+    """The sonar whose cone's core holds this bearing (brads from the heading), or NOTHING."""
+    from_right = (bearing + QUARTER) % CIRCLE
+    if from_right < HALF_CIRCLE and CORE_FROM < from_right % CONE < CORE_TO:
+        return from_right // CONE
+    return NOTHING
