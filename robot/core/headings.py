@@ -131,6 +131,7 @@ def gather(
     reach_mm = LOOK_MM + WIDE_MM + radius_mm
     least_mm, reach_mm2, radius_mm2 = -reach_mm, reach_mm * reach_mm, radius_mm * radius_mm
     most_body_mm, count = radius_mm - ease_mm, 0
+    slim_mm = most_body_mm + SQUEEZE_MM
     for k in range(echoes.count):
         dx_mm = xs[k] - x_mm
         if dx_mm >= reach_mm or dx_mm <= least_mm:
@@ -164,8 +165,8 @@ def gather(
                 bearings[n], wide[n], tight[n] = bearing, dx_mm, dy_mm
         if along_mm > 0:
             aside_mm = dy_mm * cosine - dx_mm * sine >> 10
-            if aside_mm < body_mm and -body_mm < aside_mm:
-                see_ahead(sectors, along_mm, aside_mm, body_mm, sure)
+            if aside_mm < slim_mm and -slim_mm < aside_mm:
+                see_ahead(sectors, along_mm, aside_mm, slim_mm, sure)
     sectors.count = count
 
 
