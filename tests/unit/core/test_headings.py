@@ -36,6 +36,7 @@ from robot.core.ring import Ring
 from robot.core.values import Pose
 from tests.unit.core.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
 
+SLIM_MM = RADIUS_MM + SQUEEZE_MM
 sides = st.sampled_from([1, -1])
 
 
@@ -128,7 +129,7 @@ def test_what_only_one_echo_has_told_of_closes_nothing_but_slows_down() -> None:
     for x_mm in (RADIUS_MM + 20, RADIUS_MM + WARY_MM + 30):
         sectors = measured(points((x_mm, 0), weight=SURE - 1))
         assert sectors.count == 0
-        assert sectors.free_mm == max(WARY_MM, x_mm - RADIUS_MM)
+        assert sectors.free_mm == max(WARY_MM, x_mm - SLIM_MM)
 
 
 @given(st.floats(-pi, pi), st.integers(RADIUS_MM + 5, 300), st.integers(-110, 110))
@@ -139,7 +140,7 @@ def test_the_way_ahead_is_free_up_to_where_the_disc_touches(
     y_mm = along_mm * sin(heading_rad) + aside_mm * cos(heading_rad)
     assume(hypot(x_mm, y_mm) < LOOK_MM + RADIUS_MM)
     sectors = measured(points((round(x_mm), round(y_mm))), Pose(0.0, 0.0, heading_rad))
-    touch_mm = along_mm - sqrt(RADIUS_MM**2 - aside_mm**2)
+    touch_mm = along_mm - sqrt(SLIM_MM**2 - aside_mm**2)
     assert sectors.free_mm == pytest.approx(touch_mm, abs=6)
 
 
@@ -149,10 +150,10 @@ def test_beside_and_behind_nothing_bounds_the_way_ahead() -> None:
     assert sectors.free_mm == FREE_MM
 
 
-def test_the_doubt_about_a_place_is_taken_off_the_body() -> None:
+def test_the_doubt_about_a_place_opens_headings_and_makes_it_no_faster() -> None:
     sure, doubtful = measured(points((250, 0))), measured(points((250, 0), spread_mm=25))
     assert doubtful.tight[0] < sure.tight[0]
-    assert doubtful.free_mm > sure.free_mm
+    assert doubtful.free_mm == sure.free_mm
 
 
 def test_eased_margins_close_less() -> None:
