@@ -132,7 +132,7 @@ def test_what_only_one_echo_has_told_of_closes_nothing_but_slows_down() -> None:
         assert sectors.free_mm == max(WARY_MM, x_mm - SLIM_MM)
 
 
-@given(st.floats(-pi, pi), st.integers(RADIUS_MM + 5, 300), st.integers(-110, 110))
+@given(st.floats(-pi, pi), st.integers(RADIUS_MM + 5, 300), st.integers(-105, 105))
 def test_the_way_ahead_is_free_up_to_where_the_disc_touches(
     heading_rad: float, along_mm: int, aside_mm: int
 ) -> None:
