@@ -5,7 +5,7 @@ from math import atan2
 from robot.core.echoes import BRADS, CIRCLE, CONE, HALF_CIRCLE, NOTHING, QUARTER, Echoes, drop
 from robot.core.ring import Ring
 from robot.core.typed import Final
-from robot.core.values import SONARS, Pose
+from robot.core.values import EVERY, Pose
 
 CORE: Final = 102  # 0.8 of half a cone
 CORE_FROM: Final = CONE // 2 - CORE
@@ -50,7 +50,7 @@ def listen(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
     if echoes.count == 0:
         return
     through_mm2, range_m = echoes.through_mm2, ring.range_m
-    for i in range(SONARS):
+    for i in EVERY:
         echo_m = range_m[i]
         through_mm2[i] = 0
         if echo_m is not None and echo_m <= 9.0:

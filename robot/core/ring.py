@@ -5,7 +5,7 @@ from math import inf
 from robot.core.geometry import BEARINGS
 from robot.core.parameters import Params
 from robot.core.typed import Final
-from robot.core.values import SONARS, Scan
+from robot.core.values import EVERY, SONARS, Scan
 from robot.core.walkers import Walkers
 
 FRONT: Final = (2, 3, 4, 5)
@@ -59,7 +59,7 @@ def update(ring: Ring, scan: Scan | None, now_ms: int, params: Params) -> None:
     oldest_ms = now_ms - params.sonar_stale_ms
     pinged_ms, range_m = ring.pinged_ms, ring.range_m
     nearest, nearest_m, fresh = -1, inf, 0
-    for i in range(SONARS):
+    for i in EVERY:
         if pinged_ms[i] < oldest_ms:
             range_m[i] = None
             continue
@@ -83,7 +83,7 @@ def take(ring: Ring, scan: Scan, now_ms: int, params: Params) -> None:
     range_m, pinged_ms = ring.range_m, ring.pinged_ms
     ring.impossible = False
     bit = 1
-    for i in range(SONARS):
+    for i in EVERY:
         if valid & bit:
             here_mm = range_mm[i]
             if not echo & bit:
