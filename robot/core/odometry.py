@@ -14,6 +14,8 @@ from robot.core.values import Pose, Wheels
 
 COUNTER: Final = 0x100000000
 HALF_COUNTER: Final = 0x80000000
+SHORT: Final = 0x100000  # a difference that is so small goes the short way
+EVEN: Final = (1.0, 1.0)
 JUMP_SLACK_M: Final = 0.02
 BEND: Final = 0.76
 """sqrt(7/12): what the mean and the variance of 1 - cos of a heading that wanders add up to."""
@@ -68,7 +70,10 @@ class Odometry:
 
 def tick_difference(new: int, old: int) -> int:
     """From one value of a 32-bit counter to the next, the short way round."""
-    difference = (new - old) % COUNTER
+    difference = new - old
+    if -SHORT < difference < SHORT:
+        return difference
+    difference %= COUNTER
     return difference - COUNTER if difference >= HALF_COUNTER else difference
 
 
@@ -129,6 +134,8 @@ def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> N
 def wheel_shares(params: Params) -> tuple[float, float]:
     """Diameters of left and right wheel over their mean, from their ratio (c_l, c_r of UMBmark)."""
     ratio = params.wheel_ratio
+    if ratio == 1.0:
+        return EVEN
     return 2.0 / (ratio + 1.0), 2.0 / (1.0 / ratio + 1.0)
 
 
