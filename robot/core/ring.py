@@ -69,16 +69,19 @@ def update(ring: Ring, scan: Scan | None, now_ms: int, params: Params) -> None:
             nearest, nearest_m = i, here_m
     ring.nearest, ring.nearest_m, ring.fresh = nearest, nearest_m, fresh
     front_m = inf
-    for i in FRONT:
-        here_m = range_m[i]
-        if here_m is not None and here_m < front_m:
-            front_m = here_m
+    if nearest in FRONT:
+        front_m = nearest_m
+    else:
+        for i in FRONT:
+            here_m = range_m[i]
+            if here_m is not None and here_m < front_m:
+                front_m = here_m
     ring.front_m = front_m
 
 
 def take(ring: Ring, scan: Scan, now_ms: int, params: Params) -> None:
     """Store what the sonars that measured saw; a value that cannot be is no measurement."""
-    limit_mm = params.sonar_max_m * 1000.0 * BEYOND
+    limit_mm = int(params.sonar_max_m * 1000.0 * BEYOND)
     range_mm, age_ms, valid, echo = scan.range_mm, scan.age_ms, scan.valid, scan.echo
     range_m, pinged_ms = ring.range_m, ring.pinged_ms
     ring.impossible = False
@@ -89,7 +92,7 @@ def take(ring: Ring, scan: Scan, now_ms: int, params: Params) -> None:
             if not echo & bit:
                 range_m[i] = inf
                 pinged_ms[i] = now_ms - age_ms[i]
-            elif 0 < here_mm <= limit_mm:
+            elif here_mm > 0 and here_mm <= limit_mm:
                 range_m[i] = here_mm / 1000.0
                 pinged_ms[i] = now_ms - age_ms[i]
             else:
