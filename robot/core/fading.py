@@ -52,11 +52,11 @@ def listen(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
     through_mm2, range_m = echoes.through_mm2, ring.range_m
     for i in EVERY:
         echo_m = range_m[i]
-        through_mm2[i] = 0
-        if echo_m is not None and echo_m <= 9.0:
+        if echo_m is None or echo_m > 9.0:
+            through_mm2[i] = 0
+        else:
             through_mm = int(970.0 * echo_m) - THROUGH_MM + radius_mm
-            if through_mm > 0:
-                through_mm2[i] = through_mm * through_mm
+            through_mm2[i] = through_mm * through_mm if through_mm > 0 else 0
 
 
 def looks_at(bearing: int) -> int:
