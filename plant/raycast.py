@@ -87,10 +87,10 @@ class Caster:
             half = self._moving // 2
             sheet.near[:half, EARLY:] = 0.0
             sheet.near[half : self._moving, :EARLY] = 0.0
-        np.maximum.reduce(sheet.near, axis=0, out=self._nearest, initial=0.0)
+        np.maximum.reduce(sheet.near, 0, out=self._nearest, initial=0.0)
         if self._least_cosine > 0.0:
             self._lose_grazing()
-        nearness: list[float] = np.maximum.reduce(self._nearest_of, axis=1).tolist()
+        nearness: list[float] = np.maximum.reduce(self._nearest_of, 1).tolist()
         return nearness
 
     def _drifted(self, at: Pose) -> bool:
