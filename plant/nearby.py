@@ -61,6 +61,10 @@ def _from_bar_m(x_m: float, y_m: float, bar: Bar) -> float:
     ax_m, ay_m, bx_m, by_m, radius_m = bar
     back_x_m, back_y_m = ax_m - bx_m, ay_m - by_m
     dot_m2 = back_x_m * (x_m - bx_m) + back_y_m * (y_m - by_m)
-    share = max(0.0, min(dot_m2 / (back_x_m * back_x_m + back_y_m * back_y_m), 1.0))
+    share = dot_m2 / (back_x_m * back_x_m + back_y_m * back_y_m)
+    if share > 1.0:
+        share = 1.0
+    elif not share > 0.0:
+        share = 0.0
     off_x_m, off_y_m = x_m - (bx_m + back_x_m * share), y_m - (by_m + back_y_m * share)
     return sqrt(off_x_m * off_x_m + off_y_m * off_y_m) - radius_m

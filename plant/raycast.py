@@ -33,7 +33,9 @@ DRIFT: Final = Drift(way_m=0.35, turn_rad=radians(30.0))
 
 LEAST_TURN_COSINE: Final = cos(DRIFT.turn_rad)
 
-TINY: Final = 1e-12
+TINY: Final = np.array(1e-12)
+"""An array, as numpy would make one of a number at every cast."""
+TINY.setflags(write=False)
 _AIM: Final = Struct(4 * "4d16x" + 4 * "32x2d")
 """Two blocks in an 8 by 6 matrix, 4 by 4 at its upper left and 4 by 2 at its lower right."""
 
@@ -85,10 +87,10 @@ class Caster:
             half = self._moving // 2
             sheet.near[:half, EARLY:] = 0.0
             sheet.near[half : self._moving, :EARLY] = 0.0
-        np.maximum.reduce(sheet.near, axis=0, out=self._nearest, initial=0.0)
+        np.maximum.reduce(sheet.near, 0, out=self._nearest, initial=0.0)
         if self._least_cosine > 0.0:
             self._lose_grazing()
-        nearness: list[float] = np.maximum.reduce(self._nearest_of, axis=1).tolist()
+        nearness: list[float] = np.maximum.reduce(self._nearest_of, 1).tolist()
         return nearness
 
     def _drifted(self, at: Pose) -> bool:
@@ -169,21 +171,21 @@ class Sheet:
         if chosen.edges:
             self._meet_edges()
         np.maximum(inverse, TINY, out=inverse)
-        np.divide(near, inverse, out=near)
-        np.copysign(near, self._meets, out=near)
+        np.divide(near, inverse, near)
+        np.copysign(near, self._meets, near)
 
     def _meet_discs(self) -> None:
         towards, roots = self._towards, self._roots
-        np.multiply(towards, towards, out=roots)
-        np.subtract(roots, self._q, out=roots)
+        np.multiply(towards, towards, roots)
+        np.subtract(roots, self._q, roots)
         np.minimum(roots, towards, out=self._meets_discs)
-        np.abs(roots, out=roots)
-        np.sqrt(roots, out=roots)
-        np.add(towards, roots, out=self._near_discs)
+        np.abs(roots, roots)
+        np.sqrt(roots, roots)
+        np.add(towards, roots, self._near_discs)
 
     def _meet_edges(self) -> None:
         (begins, ends), meets = self._edges, self._meets_edges
-        np.add(begins, ends, out=self._d)
+        np.add(begins, ends, self._d)
         np.minimum(begins, ends, out=meets)
         np.minimum(meets, self._n, out=meets)
         if self.near is not self.across:

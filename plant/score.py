@@ -53,7 +53,10 @@ class Score:
             return
         rows = self._rows
         path_m = rows[-2] + hypot(x_m - rows[-5], y_m - rows[-4])
-        rows.extend((x_m, y_m, heading_rad, path_m, min(rows[-1], clearance_m)))
+        least_m = rows[-1]
+        if clearance_m < least_m:
+            least_m = clearance_m
+        rows.extend((x_m, y_m, heading_rad, path_m, least_m))
         begun = touching and not self._touching
         self._contacts.append(self._contacts[-1] + begun)
         self._own_contacts.append(self._own_contacts[-1] + (begun and closing))

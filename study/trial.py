@@ -79,7 +79,8 @@ def drive(
     plant: Plant, onboard: Onboard, goal: WireGoal, timeout_s: float, watch: Watch | None
 ) -> int:
     """Tick by tick until the goal has ended or the time is up; why the goal was refused, or 0."""
-    outputs = onboard.step(plant.now_ns, *plant.senses())
+    wheels, scan = plant.senses()
+    outputs = onboard.step(plant.now_ns, wheels, scan)
     refusal = onboard.go(goal)
     machine, last_ns = onboard.state.machine, round(timeout_s * 1e9)
     while True:
@@ -89,7 +90,8 @@ def drive(
         if refusal or not goal_lives(machine) or plant.now_ns >= last_ns:
             return refusal
         plant.advance()
-        outputs = onboard.step(plant.now_ns, *plant.senses())
+        wheels, scan = plant.senses()
+        outputs = onboard.step(plant.now_ns, wheels, scan)
 
 
 def params_of(trial: Trial) -> Params:

@@ -15,7 +15,7 @@ from robot.core.lap import Lap
 from robot.core.parameters import Params
 from robot.core.ring import AHEAD, Ring
 from robot.core.typed import Final
-from robot.core.values import SONARS, Decision, Goal, Pose
+from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
 
 HIT_M: Final = 0.03  # an obstacle that leaves less clearance than this is in the way
 HIT_LOOK_M: Final = 0.22
@@ -103,7 +103,7 @@ def free_m(
     A sonar that is missing leaves no way.
     """
     free_m = inf
-    for i in range(SONARS):
+    for i in EVERY:
         range_m = follower.seen_m[i]
         aside_rad = abs(wrap(BEARINGS[i] - bearing_rad))
         if range_m is None:
@@ -256,7 +256,7 @@ def speed_limit_m_s(ring: Ring, params: Params) -> float:
     """No echo is closed in on faster than in TIME_S to STOP_M; blind ahead, or beside a wall, it
     creeps."""
     limit_m_s = params.v_max_m_s
-    for i in range(SONARS):
+    for i in EVERY:
         range_m = ring.range_m[i]
         if range_m is None:
             if i in AHEAD:

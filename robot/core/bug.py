@@ -14,7 +14,7 @@ from robot.core.memory import Memory
 from robot.core.parameters import Params
 from robot.core.ring import Ring
 from robot.core.typed import Final
-from robot.core.values import SONARS, Decision, Goal, Pose
+from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
 
 HIT_MARGIN_M: Final = 0.03
 LEAVE_MARGIN_M: Final = 0.05
@@ -78,7 +78,7 @@ def in_the_way(
     """
     if ring.nearest_m >= params.d_th_m:
         return False
-    for i in range(SONARS):
+    for i in EVERY:
         range_m = ring.range_m[i]
         if range_m is None or range_m >= params.d_th_m or range_m >= distance_m:
             continue

@@ -6,16 +6,17 @@ through its last scans, and what nears by another rate walks. It is believed to 
 seen or not: most who would walk into the robot do so where it has no eyes.
 """
 
-from math import cos, sin, sqrt
+from math import cos, sqrt
 
-from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, SINES, wrap
+from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, SINES
 from robot.core.odometry import Odometry
 from robot.core.parameters import Params
 from robot.core.ring import FRONT, Ring
 from robot.core.typed import Final
-from robot.core.values import SONARS
-from robot.core.walkers import PERSON_M, TRACKS, Walkers
+from robot.core.values import EVERY, SONARS
+from robot.core.walkers import EACH, PERSON_M, TRACKS, Walkers, clear, expect, goes_on
 
+RIGHTWARDS: Final = tuple(range(SONARS - 1, -1, -1))
 FAR_M: Final = 1.1
 GATE_M: Final = 0.03  # farther from where it should be, or GATE_RAD aside, it is another echo
 GATE_SHARE: Final = 0.04
@@ -25,11 +26,6 @@ NOISE_M: Final = 0.003
 NOISE_SHARE: Final = 0.01
 SURE: Final = 8  # scans in which a track was seen, until its rate counts
 MOST: Final = 24  # scans that a straight line goes through
-MISSED: Final = 5  # scans without it until a track ends,
-HIDDEN: Final = 15  # if it walks and should be in view,
-BEHIND: Final = 60  # or walks where no sonar looks
-VIEW_RAD: Final = 1.45
-GONE_M: Final = 1.5
 LEAST_M_S: Final = 0.025  # slower than this, and than noise can be, is standing
 SIGMAS: Final = 2.5
 FASTEST_M_S: Final = 0.28  # what seems faster is another echo
@@ -62,49 +58,29 @@ DOUBT: Final = tuple(
 
 def watch(walkers: Walkers, ring: Ring, odometry: Odometry, params: Params) -> None:
     """Follow the echoes by one scan more, and tell the ring how fast each one walks."""
-    for i in range(SONARS):
-        ring.walks_m_s[i] = 0.0
+    if walkers.told:
+        walkers.told = False
+        for i in EVERY:
+            ring.walks_m_s[i] = 0.0
     speed_m_s = odometry.speed_m_s
     finite = speed_m_s + odometry.yaw_rate_rad_s + odometry.pose.heading_rad
     if finite - finite != 0.0:
         clear(walkers)
         return
-    lately_m_s = FORGET * walkers.lately_m_s
-    walkers.lately_m_s = max(min(abs(speed_m_s), params.wheel_max_m_s), lately_m_s)
-    if not walkers.any and ring.nearest_m >= FAR_M:
+    lately_m_s, now_m_s = FORGET * walkers.lately_m_s, abs(speed_m_s)
+    if now_m_s > params.wheel_max_m_s:
+        now_m_s = params.wheel_max_m_s
+    walkers.lately_m_s = now_m_s if now_m_s > lately_m_s else lately_m_s
+    if walkers.any:
+        expect(walkers, odometry, params)
+    elif ring.nearest_m >= FAR_M:
         return
     walkers.taken = 0
-    for k in range(TRACKS):
-        if walkers.seen[k]:
-            expect(walkers, k, odometry, params)
     follow(walkers, ring, odometry, params)
     walkers.any = False
-    for k in range(TRACKS):
-        if walkers.seen[k]:
-            miss(walkers, k)
-
-
-def clear(walkers: Walkers) -> None:
-    """Forget everybody."""
-    for k in range(TRACKS):
-        walkers.seen[k] = walkers.sure[k] = 0
-    walkers.any = False
-
-
-def expect(w: Walkers, k: int, odometry: Odometry, params: Params) -> None:
-    """Where a track should be by now, by the robot's motion and its own."""
-    speed_m_s, heading_rad = odometry.speed_m_s, odometry.pose.heading_rad
-    off_rad, nears_m_s, across_m_s = w.at_rad[k] - heading_rad, w.nears_m_s[k], w.across_m_s[k]
-    away_m = w.range_m[k] + params.radius_m + PERSON_M
-    if away_m < PERSON_M:
-        away_m = PERSON_M
-    w.range_m[k] -= (speed_m_s * cos(off_rad) + nears_m_s) * params.period_s
-    turn_rad = (across_m_s + speed_m_s * sin(off_rad)) * params.period_s / away_m
-    w.at_rad[k] += turn_rad
-    if w.sure[k]:
-        w.nears_m_s[k] = nears_m_s - across_m_s * turn_rad
-        w.across_m_s[k] = across_m_s + nears_m_s * turn_rad
-    w.off_rad[k] = wrap(off_rad + turn_rad)
+    for k in EACH:
+        if walkers.seen[k] and (walkers.taken >> k & 1 or goes_on(walkers, k)):
+            walkers.any = True
 
 
 def follow(w: Walkers, ring: Ring, odometry: Odometry, params: Params) -> None:
@@ -113,24 +89,32 @@ def follow(w: Walkers, ring: Ring, odometry: Odometry, params: Params) -> None:
     range_m, last = ring.range_m, SONARS - 1
     near = foremost = 0
     w.leftwards = not w.leftwards
-    for j in range(SONARS):
-        i = j if w.leftwards else last - j
+    for i in EVERY if w.leftwards else RIGHTWARDS:
         here_m = range_m[i]
         if here_m is None or here_m >= FAR_M:
             continue
         near += 1
+        if foremost == TRACKS:
+            continue
         right_m = left_m = LEAN_M
         if i > 0:
             beside_m = range_m[i - 1]
-            if beside_m is not None and beside_m - here_m < LEAN_M:
-                right_m = beside_m - here_m
-        if i < last and right_m >= 0.0:
+            if beside_m is not None:
+                beside_m -= here_m
+                if beside_m < 0.0:
+                    continue
+                if beside_m < LEAN_M:
+                    right_m = beside_m
+        if i < last:
             beside_m = range_m[i + 1]
-            if beside_m is not None and beside_m - here_m < LEAN_M:
-                left_m = beside_m - here_m
-        if right_m >= 0.0 and left_m > 0.0 and foremost < TRACKS:
-            foremost += 1
-            see(w, ring, i, sqrt(right_m), sqrt(left_m), odometry, params)
+            if beside_m is not None:
+                beside_m -= here_m
+                if beside_m <= 0.0:
+                    continue
+                if beside_m < LEAN_M:
+                    left_m = beside_m
+        foremost += 1
+        see(w, ring, i, sqrt(right_m), sqrt(left_m), odometry, params)
     w.near = near
 
 
@@ -142,42 +126,37 @@ def see(
     here_m = ring.range_m[i] or 0.0
     lean_rad = HALF_CONE * (right - left) / (right + left)
     off_rad = BEARINGS[i] + lean_rad
-    sooner_s = 0.0
+    sooner_s = drives_m_s = 0.0
     if i & 1 == 0:
         sooner_s = 0.5 * params.period_s
         off_rad -= sooner_s * odometry.yaw_rate_rad_s
-    drives_m_s = odometry.speed_m_s * (COSINES[i] - lean_rad * SINES[i])
+        drives_m_s = odometry.speed_m_s * (COSINES[i] - lean_rad * SINES[i])
     k = find(w, here_m - sooner_s * drives_m_s, off_rad)
     if k < 0:
         start(w, here_m, off_rad, odometry.pose.heading_rad)
         return
     late_m = here_m - sooner_s * (drives_m_s + w.nears_m_s[k])
-    edge = i == 0 or i == SONARS - 1
-    if edge and w.sure[k] == 0 and abs(odometry.yaw_rate_rad_s) > TURNING_RAD_S:
-        # The edge of the view sweeps over what stands beside the robot.
-        w.seen[k], w.agreed[k] = 2, 0
-        learn(w, k, late_m, off_rad, False, params)
-        return
+    if (i == 0 or i == SONARS - 1) and w.sure[k] == 0:
+        yaw_rate_rad_s = odometry.yaw_rate_rad_s
+        if not -TURNING_RAD_S <= yaw_rate_rad_s <= TURNING_RAD_S:
+            # The edge of the view sweeps over what stands beside the robot.
+            w.seen[k], w.agreed[k] = 2, 0
+            learn(w, k, late_m, off_rad, False, params)
+            return
     learn(w, k, late_m, off_rad, here_m > CLAMPED_M, params)
     if w.seen[k] >= SURE:
-        noise_m, rim_m = NOISE_M + NOISE_SHARE * here_m, here_m + params.radius_m
-        blur = min(1.0, sqrt(1.4 * noise_m) / (right + left))
-        least_m_s = LEAST_M_S + noise_m * DOUBT[w.seen[k]] + w.lately_m_s * UNSURE[i] * blur
-        bent = (right + left) * (right + left) > CURVED * rim_m * (1.0 + rim_m / ROUND_M)
-        crosses = (
-            bent and not edge and w.near <= CROWD and odometry.speed_m_s > 0.0 and crossing(w, k)
-        )
-        believe(w, k, least_m_s, edge, crosses)
+        believe(w, k, walks(w, k, i, here_m, right + left, odometry, params))
         if w.sure[k] and w.nears_m_s[k] > 0.0:
             ring.walks_m_s[i] = w.nears_m_s[k]
+            w.told = True
 
 
 def find(w: Walkers, here_m: float, off_rad: float) -> int:
     """The track that is nearest to where it should be, or -1."""
     best, least_m = -1, GATE_M + GATE_SHARE * here_m
-    range_m, seen = w.range_m, w.seen
-    for k in range(TRACKS):
-        if seen[k] and not w.taken >> k & 1:
+    range_m, seen, taken = w.range_m, w.seen, w.taken
+    for k in EACH:
+        if seen[k] and not taken >> k & 1:
             off_m = here_m - range_m[k]
             if off_m < 0.0:
                 off_m = -off_m
@@ -192,7 +171,9 @@ def learn(
     """Lay the line of best fit anew, with one scan more."""
     w.taken |= 1 << k
     w.missed[k] = 0
-    n = w.seen[k] = min(w.seen[k] + 1, MOST)
+    n = w.seen[k]
+    if n < MOST:
+        w.seen[k] = n = n + 1
     gain, rate_gain = GAIN[n], RATE_GAIN[n] / params.period_s
     off_m, turn_rad = here_m - w.range_m[k], off_rad - w.off_rad[k]
     w.range_m[k] += gain * off_m
@@ -205,8 +186,31 @@ def learn(
     elif across_m_s < -CAPPED_M_S:
         across_m_s = -CAPPED_M_S
     w.across_m_s[k] = across_m_s
-    w.at_rad[k] += gain * turn_rad
-    w.off_rad[k] += gain * turn_rad
+    turn_rad *= gain
+    w.at_rad[k] += turn_rad
+    w.off_rad[k] += turn_rad
+
+
+def walks(
+    w: Walkers, k: int, i: int, here_m: float, width: float, odometry: Odometry, params: Params
+) -> bool:
+    """Whether a track comes nearer, or goes away, faster than noise can make what stands seem to,
+    or crosses. At the edge of the view a wall that stands may seem to go away."""
+    nears_m_s, across_m_s = w.nears_m_s[k], w.across_m_s[k]
+    slow = -LEAST_M_S <= nears_m_s <= LEAST_M_S
+    if slow and -ACROSS_M_S <= across_m_s <= ACROSS_M_S:
+        return False
+    noise_m, rim_m = NOISE_M + NOISE_SHARE * here_m, here_m + params.radius_m
+    edge = i == 0 or i == SONARS - 1
+    if not slow:
+        blur = min(1.0, sqrt(1.4 * noise_m) / width)
+        least_m_s = LEAST_M_S + noise_m * DOUBT[w.seen[k]] + w.lately_m_s * UNSURE[i] * blur
+        if nears_m_s > least_m_s or (nears_m_s < -least_m_s and not edge):
+            return True
+    if edge or w.near > CROWD or not odometry.speed_m_s > 0.0:
+        return False
+    bent = width * width > CURVED * rim_m * (1.0 + rim_m / ROUND_M)
+    return bent and crossing(w, k)
 
 
 def crossing(w: Walkers, k: int) -> bool:
@@ -217,16 +221,13 @@ def crossing(w: Walkers, k: int) -> bool:
     return (across_m_s > 0.0) != (w.off_rad[k] > 0.0)
 
 
-def believe(w: Walkers, k: int, least_m_s: float, edge: bool, crosses: bool) -> None:
-    """Some scans in a row must say so; what then seems to stand is believed for a while yet. At the
-    edge of the view a wall that stands may seem to go away."""
-    nears_m_s, across_m_s = w.nears_m_s[k], w.across_m_s[k]
-    walks = crosses or nears_m_s > least_m_s or (nears_m_s < -least_m_s and not edge)
+def believe(w: Walkers, k: int, walks: bool) -> None:
+    """Some scans in a row must say so; what then seems to stand is believed for a while yet."""
     if w.sure[k]:
         w.sure[k] = BELIEF if walks else w.sure[k] - 1
         return
-    square = nears_m_s * nears_m_s + across_m_s * across_m_s
-    if not walks or square > FASTEST_M_S * FASTEST_M_S:
+    nears_m_s, across_m_s = w.nears_m_s[k], w.across_m_s[k]
+    if not walks or nears_m_s * nears_m_s + across_m_s * across_m_s > FASTEST_M_S * FASTEST_M_S:
         w.agreed[k] = 0
         return
     w.agreed[k] += 1
@@ -237,7 +238,7 @@ def believe(w: Walkers, k: int, least_m_s: float, edge: bool, crosses: bool) -> 
 def start(w: Walkers, here_m: float, off_rad: float, heading_rad: float) -> None:
     """A new track, in the place of none or of the one that matters least."""
     best, least = -1, here_m
-    for k in range(TRACKS):
+    for k in EACH:
         if w.seen[k] == 0:
             best = k
             break
@@ -250,19 +251,6 @@ def start(w: Walkers, here_m: float, off_rad: float, heading_rad: float) -> None
     w.seen[best] = 1
     w.missed[best] = w.agreed[best] = w.sure[best] = 0
     w.taken |= 1 << best
-
-
-def miss(w: Walkers, k: int) -> None:
-    """A track that this scan does not show goes on as it was, and ends in time."""
-    if not w.taken >> k & 1:
-        w.missed[k] += 1
-        most = MISSED
-        if w.sure[k]:
-            most = HIDDEN if -VIEW_RAD < w.off_rad[k] < VIEW_RAD else BEHIND
-        if w.missed[k] > most or w.range_m[k] > GONE_M:
-            w.seen[k] = w.sure[k] = 0
-            return
-    w.any = True
 
 
 def limit_m_s(ring: Ring, most_m_s: float) -> float:

@@ -21,7 +21,8 @@ def toward(distance_m: float, bearing_rad: float, params: Params) -> tuple[float
     """
     if not -HALF_TURN < bearing_rad < HALF_TURN:
         return 0.0, params.k_omega * bearing_rad
-    distance_m = max(distance_m, NEAR_M)
+    if distance_m < NEAR_M:
+        distance_m = NEAR_M
     speed_m_s = params.v_max_m_s * tanh(params.k_rho * distance_m)
     cosine = cos(bearing_rad)
     pull_rad_s = speed_m_s / distance_m * sin(bearing_rad) * cosine
@@ -37,7 +38,8 @@ def into(
     """
     if not -HALF_TURN < bearing_rad < HALF_TURN:
         return 0.0, params.pose_k_omega * bearing_rad
-    distance_m = max(distance_m, NEAR_M)
+    if distance_m < NEAR_M:
+        distance_m = NEAR_M
     speed_m_s = params.v_max_m_s * tanh(params.pose_k_rho * distance_m)
     cosine = cos(bearing_rad)
     sinc = sin(bearing_rad) / bearing_rad if bearing_rad != 0.0 else 1.0
@@ -63,13 +65,16 @@ def limited(speed_m_s: float, yaw_rate_rad_s: float, params: Params) -> tuple[fl
 
     A smaller wheel has to turn faster for the same speed, and that is what its motor limits.
     """
-    fastest_m_s = abs(speed_m_s) + 0.5 * params.track_m * abs(yaw_rate_rad_s)
-    limit_m_s = params.wheel_max_m_s * min(wheel_shares(params))
+    size_rad_s = abs(yaw_rate_rad_s)
+    fastest_m_s = abs(speed_m_s) + 0.5 * params.track_m * size_rad_s
+    left_share, right_share = wheel_shares(params)
+    least_share = right_share if right_share < left_share else left_share
+    limit_m_s = params.wheel_max_m_s * least_share
     factor = 1.0
     if fastest_m_s > limit_m_s:
         factor = limit_m_s / fastest_m_s
-    if abs(yaw_rate_rad_s) * factor > params.yaw_max_rad_s:
-        factor = params.yaw_max_rad_s / abs(yaw_rate_rad_s)
+    if size_rad_s * factor > params.yaw_max_rad_s:
+        factor = params.yaw_max_rad_s / size_rad_s
     return speed_m_s * factor, yaw_rate_rad_s * factor
 
 

@@ -13,7 +13,7 @@ from math import cos, pi, sin, sqrt
 from robot.core.geometry import HALF_CONE
 from robot.core.ring import Ring
 from robot.core.typed import Final
-from robot.core.values import SONARS, Pose
+from robot.core.values import EVERY, SONARS, Pose
 
 POINTS: Final = 64
 SURE: Final = 2
@@ -84,7 +84,7 @@ class Echoes:
 def clear(echoes: Echoes) -> None:
     """Forget every point."""
     echoes.count = 0
-    for i in range(SONARS):
+    for i in EVERY:
         echoes.last[i] = NOTHING
 
 

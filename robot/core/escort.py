@@ -5,9 +5,10 @@ straight driving. What is still there after much more drives or walks alongside,
 boundary would follow a person. Then the robot turns away and lets it go ahead.
 """
 
-from robot.core.echoes import CIRCLE, HALF_CIRCLE
+from robot.core.echoes import BRADS, CIRCLE, HALF_CIRCLE
 from robot.core.ring import Ring
 from robot.core.typed import Final
+from robot.core.values import Pose
 
 NEAR_M: Final = 0.20
 BEFORE_M: Final = 0.25  # so much farther sees the sonar before it, if it sees the thing at all
@@ -28,11 +29,16 @@ class Escort:
         self.x_mm = self.y_mm = self.began = self.heading = self.ticks = self.side = 0
 
 
-def watch(escort: Escort, ring: Ring, x_mm: int, y_mm: int, heading: int) -> bool:
+def watch(escort: Escort, ring: Ring, pose: Pose) -> bool:
     """One tick; whether somebody has been walking alongside just now."""
     side = flank(ring)
+    if side == 0:
+        escort.side = 0
+        return False
+    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
+    heading = int(BRADS * pose.heading_rad)
     turned = (heading - escort.began + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
-    if side == 0 or side != escort.side or not -STRAIGHT < turned < STRAIGHT:
+    if side != escort.side or not -STRAIGHT < turned < STRAIGHT:
         escort.side = side
         escort.x_mm, escort.y_mm, escort.began = x_mm, y_mm, heading
         return False
@@ -47,20 +53,16 @@ def watch(escort: Escort, ring: Ring, x_mm: int, y_mm: int, heading: int) -> boo
 
 def flank(ring: Ring) -> int:
     """The flank at which only the last sonar sees something near, and the one before it nothing."""
-    right_m, before_right_m = ring.range_m[0], ring.range_m[1]
-    left_m, before_left_m = ring.range_m[7], ring.range_m[6]
-    if (
-        right_m is not None
-        and before_right_m is not None
-        and right_m < NEAR_M
-        and before_right_m > right_m + BEFORE_M
-    ):
+    if ring.nearest_m >= NEAR_M:
+        return 0
+    right_m, left_m = ring.range_m[0], ring.range_m[7]
+    if right_m is not None and right_m < NEAR_M and is_last(ring.range_m[1], right_m):
         return -1
-    if (
-        left_m is not None
-        and before_left_m is not None
-        and left_m < NEAR_M
-        and before_left_m > left_m + BEFORE_M
-    ):
+    if left_m is not None and left_m < NEAR_M and is_last(ring.range_m[6], left_m):
         return 1
     return 0
+
+
+def is_last(before_m: float | None, range_m: float) -> bool:
+    """Whether the sonar before the last one sees nothing of it."""
+    return before_m is not None and before_m > range_m + BEFORE_M

@@ -5,7 +5,7 @@ from math import atan2
 from robot.core.echoes import BRADS, CIRCLE, CONE, HALF_CIRCLE, NOTHING, QUARTER, Echoes, drop
 from robot.core.ring import Ring
 from robot.core.typed import Final
-from robot.core.values import SONARS, Pose
+from robot.core.values import EVERY, Pose
 
 CORE: Final = 102  # 0.8 of half a cone
 CORE_FROM: Final = CONE // 2 - CORE
@@ -50,13 +50,13 @@ def listen(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
     if echoes.count == 0:
         return
     through_mm2, range_m = echoes.through_mm2, ring.range_m
-    for i in range(SONARS):
+    for i in EVERY:
         echo_m = range_m[i]
-        through_mm2[i] = 0
-        if echo_m is not None and echo_m <= 9.0:
+        if echo_m is None or echo_m > 9.0:
+            through_mm2[i] = 0
+        else:
             through_mm = int(970.0 * echo_m) - THROUGH_MM + radius_mm
-            if through_mm > 0:
-                through_mm2[i] = through_mm * through_mm
+            through_mm2[i] = through_mm * through_mm if through_mm > 0 else 0
 
 
 def looks_at(bearing: int) -> int:

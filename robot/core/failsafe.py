@@ -99,13 +99,15 @@ ROWS: Final = (
     Row(reasons.OPERATOR_LOST, operator_lost, "op_lost_ms in GUIDED or MANUAL", trip),
 )
 
+TRIGGERS: Final = tuple([(row.trigger, row) for row in ROWS])
+
 
 def check(state: State, inputs: Inputs, params: Params) -> None:
     """Find the first row that triggers; it is the cause that forbids arming, and stops if armed."""
     machine = state.machine
     machine.cause = reasons.OK
-    for row in ROWS:
-        if row.trigger(state, inputs, params):
+    for trigger, row in TRIGGERS:
+        if trigger(state, inputs, params):
             machine.cause = row.reason
             if machine.vehicle == states.ACTIVE:
                 row.action(machine, row.reason, inputs.now_ms)

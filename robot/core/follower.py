@@ -11,7 +11,7 @@ from robot.core.geometry import BEARINGS, HALF_CONE, TWO_PI, wrap
 from robot.core.parameters import Params
 from robot.core.ring import Ring
 from robot.core.typed import Final
-from robot.core.values import SONARS, Pose
+from robot.core.values import EVERY, SONARS, Pose
 
 POINTS: Final = 12
 SPACING_M: Final = 0.05
@@ -95,7 +95,7 @@ def sense(follower: Follower, pose: Pose, ring: Ring, params: Params) -> None:
     """Take one scan; remember what is beside on the obstacle's side before it goes out of view."""
     follower.tick += 1
     recent_m, older_m, seen_m = follower.recent_m, follower.older_m, follower.seen_m
-    for i in range(SONARS):
+    for i in EVERY:
         here_m, last_m = ring.range_m[i], recent_m[i]
         # A missing range needs no proof; one that agrees with neither of the last two waits.
         if here_m is None or last_m is None or -JUMP_M < here_m - last_m < JUMP_M:
@@ -161,7 +161,7 @@ def gather(follower: Follower, pose: Pose, params: Params) -> None:
     """List what is near enough to matter: the echoes of now, then what is remembered."""
     reach_m = LOOK_M + params.radius_m + WIDE_M
     count = 0
-    for i in range(SONARS):
+    for i in EVERY:
         range_m = follower.seen_m[i]
         if range_m is not None and range_m + params.radius_m < reach_m:
             follower.bearing_rad[count] = OUTWARD[i]

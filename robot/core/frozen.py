@@ -10,7 +10,7 @@ when something ahead came closer as fast as the robot drove and then, from one s
 from robot.core.parameters import Params
 from robot.core.ring import AHEAD
 from robot.core.typed import Final
-from robot.core.values import SONARS, Scan
+from robot.core.values import EVERY, SONARS, Scan
 
 NOISY: Final = 3  # echoes that changed before a standing robot, until they are called noisy
 RIGHT_SIDE: Final = 0x0F
@@ -94,7 +94,7 @@ def compare(frozen: Frozen, scan: Scan, both: int, moved_m: float, turned_rad: f
     if frozen.noise >= NOISY:
         return
     closing = False
-    for i in range(SONARS):
+    for i in EVERY:
         change_mm = scan.range_mm[i] - frozen.range_mm[i] if both >> i & 1 else 0
         if i in AHEAD and moved_m > 0.0 and -change_mm >= CLOSING_SHARE * 1000.0 * moved_m:
             closing = True

@@ -47,14 +47,15 @@ def forward_factor(speed_m_s: float, ring: Ring, params: Params) -> float:
     Blind ahead leaves none."""
     if all_missing(ring):
         return 0.0
-    if params.guard_stop_m <= 0.0:
+    stop_m, time_s = params.guard_stop_m, params.guard_time_s
+    if stop_m <= 0.0:
         return 1.0
     factor = 1.0
     for i in FRONT:
         range_m = ring.range_m[i]
         if range_m is not None:
             closing_m_s = speed_m_s * COSINES[i]
-            may_m_s = (range_m - params.guard_stop_m) / params.guard_time_s - ring.walks_m_s[i]
+            may_m_s = (range_m - stop_m) / time_s - ring.walks_m_s[i]
             if may_m_s < closing_m_s * factor:
                 factor = max(may_m_s, 0.0) / closing_m_s
     return factor

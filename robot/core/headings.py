@@ -20,7 +20,7 @@ from robot.core.fading import looks_at
 from robot.core.ring import Ring
 from robot.core.typed import Final
 from robot.core.values import Pose
-from robot.core.walkers import PERSON_M, TRACKS, Walkers
+from robot.core.walkers import EACH, PERSON_M, Walkers
 
 NEAR: Final = 24
 """At most this many sectors at a time."""
@@ -197,7 +197,7 @@ def shape(sectors: Sectors) -> None:
 
 def give_way(sectors: Sectors, walkers: Walkers, radius_mm: int) -> None:
     """Who walks closes the headings along which the robot would meet him."""
-    for k in range(TRACKS):
+    for k in EACH:
         if walkers.sure[k] and walkers.range_m[k] < MEET_M:
             n = sectors.count
             if n < NEAR:

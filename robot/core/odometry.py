@@ -14,6 +14,8 @@ from robot.core.values import Pose, Wheels
 
 COUNTER: Final = 0x100000000
 HALF_COUNTER: Final = 0x80000000
+SHORT: Final = 0x100000  # a difference that is so small goes the short way
+EVEN: Final = (1.0, 1.0)
 JUMP_SLACK_M: Final = 0.02
 BEND: Final = 0.76
 """sqrt(7/12): what the mean and the variance of 1 - cos of a heading that wanders add up to."""
@@ -68,7 +70,10 @@ class Odometry:
 
 def tick_difference(new: int, old: int) -> int:
     """From one value of a 32-bit counter to the next, the short way round."""
-    difference = (new - old) % COUNTER
+    difference = new - old
+    if -SHORT < difference < SHORT:
+        return difference
+    difference %= COUNTER
     return difference - COUNTER if difference >= HALF_COUNTER else difference
 
 
@@ -117,18 +122,19 @@ def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> N
     odometry.cosine, odometry.sine = cosine, sine
     dx_m, dy_m = step_m * cosine, step_m * sine
     odometry.pose = Pose(x_m + dx_m, y_m + dy_m, wrap(heading_rad + turn_rad))
-    bend(odometry, dx_m, dy_m)
     spread(odometry, dx_m, dy_m)
     half = 0.5 / track_m
     cosine, sine = 0.5 * cosine, 0.5 * sine
-    rotation = 2.0 * half
-    blur(odometry, params.k_r_m * right_way_m, cosine - dy_m * half, sine + dx_m * half, rotation)
-    blur(odometry, params.k_l_m * left_way_m, cosine + dy_m * half, sine - dx_m * half, -rotation)
+    rotation, way_x, way_y = 2.0 * half, dy_m * half, dx_m * half
+    blur(odometry, params.k_r_m * right_way_m, cosine - way_x, sine + way_y, rotation)
+    blur(odometry, params.k_l_m * left_way_m, cosine + way_x, sine - way_y, -rotation)
 
 
 def wheel_shares(params: Params) -> tuple[float, float]:
     """Diameters of left and right wheel over their mean, from their ratio (c_l, c_r of UMBmark)."""
     ratio = params.wheel_ratio
+    if ratio == 1.0:
+        return EVEN
     return 2.0 / (ratio + 1.0), 2.0 / (1.0 / ratio + 1.0)
 
 
@@ -141,30 +147,27 @@ def start_grain(odometry: Odometry, params: Params) -> None:
     odometry.phh += odometry.grain_rad2
 
 
-def bend(odometry: Odometry, dx_m: float, dy_m: float) -> None:
-    """The way is shorter by 1 - cos of the heading error, on all steps in the same sense.
+def spread(odometry: Odometry, dx_m: float, dy_m: float) -> None:
+    """P <- F_p P F_p' (eq. 12): a heading error carries the position away, sideways to the step.
 
-    Also the little that the heading error by whole ticks adds, now one way, now the other.
+    Before that the way gets shorter by 1 - cos of the heading error, on all steps in the same
+    sense, and by the little that the heading error by whole ticks adds, now one way, now the other.
     """
-    old_x_m, old_y_m = odometry.bend_x_m, odometry.bend_y_m
     grain_rad2 = odometry.grain_rad2
-    share = BEND * (odometry.phh - grain_rad2)
+    phh = odometry.phh - grain_rad2
+    old_x_m, old_y_m, share = odometry.bend_x_m, odometry.bend_y_m, BEND * phh
     odometry.bend_x_m = x_m = old_x_m + share * dx_m
     odometry.bend_y_m = y_m = old_y_m + share * dy_m
     grain_m2 = grain_rad2 * GRAIN_LENGTH_M * odometry.moved_m
-    odometry.pxx += x_m * x_m - old_x_m * old_x_m + grain_m2
-    odometry.pxy += x_m * y_m - old_x_m * old_y_m
-    odometry.pyy += y_m * y_m - old_y_m * old_y_m + grain_m2
-
-
-def spread(odometry: Odometry, dx_m: float, dy_m: float) -> None:
-    """P <- F_p P F_p' (eq. 12): a heading error carries the position away, sideways to the step."""
-    pxh, pyh, phh = odometry.pxh, odometry.pyh, odometry.phh - odometry.grain_rad2
+    pxh, pyh = odometry.pxh, odometry.pyh
     odometry.pxh = new_pxh = pxh - dy_m * phh
     odometry.pyh = new_pyh = pyh + dx_m * phh
-    odometry.pxx -= dy_m * (pxh + new_pxh)
-    odometry.pxy += dx_m * new_pxh - dy_m * pyh
-    odometry.pyy += dx_m * (pyh + new_pyh)
+    bent_m2 = x_m * x_m - old_x_m * old_x_m + grain_m2
+    odometry.pxx = odometry.pxx + bent_m2 - dy_m * (pxh + new_pxh)
+    bent_m2 = x_m * y_m - old_x_m * old_y_m
+    odometry.pxy = odometry.pxy + bent_m2 + (dx_m * new_pxh - dy_m * pyh)
+    bent_m2 = y_m * y_m - old_y_m * old_y_m + grain_m2
+    odometry.pyy = odometry.pyy + bent_m2 + dx_m * (pyh + new_pyh)
 
 
 def blur(odometry: Odometry, variance_m2: float, x: float, y: float, h: float) -> None:

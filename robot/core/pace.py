@@ -6,7 +6,7 @@ from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.parameters import Params
 from robot.core.ring import Ring
 from robot.core.typed import Final
-from robot.core.values import SONARS
+from robot.core.values import EVERY, SONARS
 
 # How fast. `_PER_S`: metres per second for each metre of room. Sonars 2 to 5 look ahead, the
 # others at the flanks; "usual" is what the parameters say by default.
@@ -59,7 +59,7 @@ def speed(ring: Ring, free_mm: int, error_rad: float, params: Params) -> float:
     most_m_s = params.v_max_m_s
     if ring.nearest_m < CLOSE_M:
         stop_m, ranges_m = params.guard_stop_m + STOP_M, ring.range_m
-        for i in range(SONARS):
+        for i in EVERY:
             range_m = ranges_m[i]
             if range_m is None or range_m >= CLOSE_M:
                 continue
@@ -92,7 +92,7 @@ def keep_off(ring: Ring) -> float:
     if ring.nearest_m >= FLANK_M:
         return 0.0
     left_m = right_m = FLANK_M
-    for i in range(SONARS):
+    for i in EVERY:
         range_m = ring.range_m[i]
         if range_m is not None:
             if 1 < i < 6 and range_m < FRONT_M:
@@ -111,7 +111,7 @@ def free_towards(ring: Ring, alpha_rad: float, distance_m: float, params: Params
     if not -BESIDE < alpha_rad < BESIDE:
         return 0.0
     free_m = params.sonar_max_m
-    for i in range(SONARS):
+    for i in EVERY:
         range_m = ring.range_m[i]
         aside_rad = abs(BEARINGS[i] - alpha_rad) - HALF_CONE
         if range_m is None:

@@ -118,12 +118,14 @@ def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: P
             speed_m_s, yaw_rate_rad_s = into(distance_m, turn_rad, approach_rad, params)
         else:
             speed_m_s, yaw_rate_rad_s = toward(distance_m, turn_rad, params)
-    narrow = ring.front_m < params.spin_room_m and decision.speed_limit_m_s == inf
+    limit_m_s = decision.speed_limit_m_s
+    narrow = ring.front_m < params.spin_room_m and limit_m_s == inf
     if narrow or state.bumper & FRONT_BUMPER:
         speed_m_s = 0.0
-    speed_m_s = min(speed_m_s, decision.speed_limit_m_s)
-    if decision.speed_limit_m_s == inf:
+    if limit_m_s == inf:
         speed_m_s = closing.limit_m_s(ring, speed_m_s)
+    elif limit_m_s < speed_m_s:
+        speed_m_s = limit_m_s
     speed_m_s, yaw_rate_rad_s = limited(speed_m_s, yaw_rate_rad_s, params)
     return Twist(speed_m_s, yaw_rate_rad_s)
 

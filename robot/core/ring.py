@@ -5,7 +5,7 @@ from math import inf
 from robot.core.geometry import BEARINGS
 from robot.core.parameters import Params
 from robot.core.typed import Final
-from robot.core.values import SONARS, Scan
+from robot.core.values import EVERY, SONARS, Scan
 from robot.core.walkers import Walkers
 
 FRONT: Final = (2, 3, 4, 5)
@@ -59,7 +59,7 @@ def update(ring: Ring, scan: Scan | None, now_ms: int, params: Params) -> None:
     oldest_ms = now_ms - params.sonar_stale_ms
     pinged_ms, range_m = ring.pinged_ms, ring.range_m
     nearest, nearest_m, fresh = -1, inf, 0
-    for i in range(SONARS):
+    for i in EVERY:
         if pinged_ms[i] < oldest_ms:
             range_m[i] = None
             continue
@@ -69,27 +69,30 @@ def update(ring: Ring, scan: Scan | None, now_ms: int, params: Params) -> None:
             nearest, nearest_m = i, here_m
     ring.nearest, ring.nearest_m, ring.fresh = nearest, nearest_m, fresh
     front_m = inf
-    for i in FRONT:
-        here_m = range_m[i]
-        if here_m is not None and here_m < front_m:
-            front_m = here_m
+    if nearest in FRONT:
+        front_m = nearest_m
+    else:
+        for i in FRONT:
+            here_m = range_m[i]
+            if here_m is not None and here_m < front_m:
+                front_m = here_m
     ring.front_m = front_m
 
 
 def take(ring: Ring, scan: Scan, now_ms: int, params: Params) -> None:
     """Store what the sonars that measured saw; a value that cannot be is no measurement."""
-    limit_mm = params.sonar_max_m * 1000.0 * BEYOND
+    limit_mm = int(params.sonar_max_m * 1000.0 * BEYOND)
     range_mm, age_ms, valid, echo = scan.range_mm, scan.age_ms, scan.valid, scan.echo
     range_m, pinged_ms = ring.range_m, ring.pinged_ms
     ring.impossible = False
     bit = 1
-    for i in range(SONARS):
+    for i in EVERY:
         if valid & bit:
             here_mm = range_mm[i]
             if not echo & bit:
                 range_m[i] = inf
                 pinged_ms[i] = now_ms - age_ms[i]
-            elif 0 < here_mm <= limit_mm:
+            elif here_mm > 0 and here_mm <= limit_mm:
                 range_m[i] = here_mm / 1000.0
                 pinged_ms[i] = now_ms - age_ms[i]
             else:

@@ -161,7 +161,8 @@ def follow(slip: Slip, ahead_m: float) -> None:
     change_m = level_m - slip.last_m
     slip.last_m = level_m
     slip.level_m += (NEW if slip.seen > SETTLE else 1.0 / slip.seen) * off_m
-    slip.scatter_m2 += max(0.1, 1.0 / slip.seen) * (0.5 * change_m * change_m - slip.scatter_m2)
+    weight = 1.0 / slip.seen if slip.seen < 10 else 0.1
+    slip.scatter_m2 += weight * (0.5 * change_m * change_m - slip.scatter_m2)
     if slip.seen <= SETTLE:
         slip.anchor_m = slip.level_m
 

@@ -37,8 +37,10 @@ def watch(stall: Stall, odometry: Odometry, now_ms: int, params: Params) -> None
     """Account the last period; a missing encoder sample is accounted with the next one."""
     left = is_stuck(stall.left, odometry.left_m, now_ms, params)
     right = is_stuck(stall.right, odometry.right_m, now_ms, params)
-    doubt(stall.left, odometry, -1.0 / params.track_m)
-    doubt(stall.right, odometry, 1.0 / params.track_m)
+    if abs(stall.left.missing_m) > SLACK_M:
+        doubt(stall.left, odometry, -1.0 / params.track_m)
+    if abs(stall.right.missing_m) > SLACK_M:
+        doubt(stall.right, odometry, 1.0 / params.track_m)
     stall.stuck = left or right
 
 
@@ -56,12 +58,11 @@ def doubt(wheel: Wheel, odometry: Odometry, rad_per_m: float) -> None:
     And half of that to every side, for a robot that turned otherwise than it believes went there.
     """
     missing_m, doubted_m = wheel.missing_m, wheel.doubted_m
-    if abs(missing_m) > SLACK_M:
-        more_m2 = missing_m * missing_m - doubted_m * doubted_m
-        blur(odometry, more_m2, 0.5 * odometry.cosine, 0.5 * odometry.sine, rad_per_m)
-        odometry.pxx += 0.25 * more_m2
-        odometry.pyy += 0.25 * more_m2
-        wheel.doubted_m = missing_m
+    more_m2 = missing_m * missing_m - doubted_m * doubted_m
+    blur(odometry, more_m2, 0.5 * odometry.cosine, 0.5 * odometry.sine, rad_per_m)
+    odometry.pxx += 0.25 * more_m2
+    odometry.pyy += 0.25 * more_m2
+    wheel.doubted_m = missing_m
 
 
 def is_stuck(wheel: Wheel, moved_m: float, now_ms: int, params: Params) -> bool:

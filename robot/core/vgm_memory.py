@@ -50,8 +50,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         following.begin(memory)
     goal_rad = atan2(dy_m, dx_m)
     to_goal = int(BRADS * goal_rad)
-    heading = int(BRADS * pose.heading_rad)
-    if escorts.watch(memory.escort, ring, int(1000.0 * pose.x_m), int(1000.0 * pose.y_m), heading):
+    if escorts.watch(memory.escort, ring, pose):
         forget(memory)
     radius_mm = int(1000.0 * params.radius_m)
     memory.turn = (memory.turn + 1) % TURNS

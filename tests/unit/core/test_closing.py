@@ -6,12 +6,11 @@ from hypothesis import strategies as st
 
 from robot.core import closing as closings
 from robot.core import ring as rings
-from robot.core.closing import BEHIND
 from robot.core.odometry import Odometry
 from robot.core.parameters import DEFAULTS
 from robot.core.ring import Ring
 from robot.core.values import Pose, Scan
-from robot.core.walkers import PERSON_M, TRACKS, Walkers
+from robot.core.walkers import BEHIND, PERSON_M, TRACKS, Walkers
 from tests.unit.core.rings import Wall, seen_from
 
 PERIOD_S = DEFAULTS.period_s

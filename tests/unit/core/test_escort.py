@@ -15,8 +15,7 @@ ALONG_TICKS = int(0.001 * ALONG_MM / STEP_M) + 2
 
 
 def watch(escort: Escort, pose: Pose, seen: Ring) -> bool:
-    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
-    return escorts.watch(escort, seen, x_mm, y_mm, int(BRADS * pose.heading_rad))
+    return escorts.watch(escort, seen, pose)
 
 
 def beside(side: int, range_m: float = 0.5 * NEAR_M) -> Ring:
