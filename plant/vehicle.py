@@ -27,7 +27,7 @@ OVERLAP_RAD: Final = 0.175
 REAR_RAD: Final = 2.0 * pi / 3.0
 
 CLOSING_M_S: Final = 0.01
-"""A robot that moves faster than this towards what it touches has run into it: had the other stood
+"""A robot that moves faster than this towards somebody it touches has run into him: had he stood
 still, they would have touched all the same. Turning on the spot never brings a disc closer."""
 
 PERIOD_S: Final = PERIOD_NS / 1e9
@@ -109,13 +109,14 @@ class Vehicle:
         self._turned_rad += turning_rad
         self.pose = (x_m, y_m, heading_rad)
 
-    def _touch(self, directions: Sequence[Point]) -> None:
-        """Press the bumper; whose doing it was is decided where the tick's touching begins."""
+    def _touch(self, contacts: Sequence[tuple[Point, bool]]) -> None:
+        """Press the bumper; whose doing it was is decided where the tick's touching begins. What
+        cannot move is always run into, and be it grazed."""
         began = self._touched == 0
-        for direction in directions:
+        for direction, still in contacts:
             self._touched |= _sectors(direction, self.pose[2])
             closing_m_s = sum(map(mul, self._velocity_m_s, direction))
-            self._closing |= began and closing_m_s > CLOSING_M_S
+            self._closing |= began and (still or closing_m_s > CLOSING_M_S)
 
     def halfway(self) -> None:
         self.early_pose = self.pose

@@ -83,13 +83,15 @@ class Arena:
             distance_m = self._nearby.distance_m(at)
         return distance_m - self._radius_m if distance_m < limit_m else CLEARANCE_LIMIT_M
 
-    def contacts(self, robot: int) -> list[Point]:
-        """The directions in which a robot touches something, as unit vectors."""
-        found: list[Point] = []
+    def contacts(self, robot: int) -> list[tuple[Point, bool]]:
+        """The directions in which a robot touches something, as unit vectors, and whether that is
+        something that cannot move."""
+        found: list[tuple[Point, bool]] = []
+        still = self._space.static_body
 
         def collect(arbiter: pymunk.Arbiter) -> None:
             normal = arbiter.normal
-            found.append((normal.x, normal.y))
+            found.append(((normal.x, normal.y), arbiter.shapes[1].body is still))
 
         self._robots[robot].each_arbiter(collect)
         return found

@@ -194,3 +194,9 @@ def test_a_robot_between_an_obstacle_that_moves_and_a_wall_stays_in_the_room() -
     for _ in range(200):
         one.advance()
         assert one.truth().x_m < 3.89
+
+
+def test_what_cannot_move_is_always_run_into_and_be_it_grazed() -> None:
+    """Half a degree off along a wall: it comes nearer by 3 mm/s."""
+    one = plant(room(start=(1.0, 0.125, -0.009)))
+    assert until_touched(one, 0.3, 0.3) == (1, 1)
