@@ -110,13 +110,13 @@ class Vehicle:
         self.pose = (x_m, y_m, heading_rad)
 
     def _touch(self, contacts: Sequence[tuple[Point, bool]]) -> None:
-        """Press the bumper; whose doing it was is decided where the tick's touching begins. What
-        cannot move is always run into, and be it grazed."""
-        began = self._touched == 0
+        """Press the bumper; whose doing it was is decided where the tick's touching begins. Who
+        drives has run into what cannot move, and be it grazed."""
+        began, drives = self._touched == 0, any(self._velocity_m_s)
         for direction, still in contacts:
             self._touched |= _sectors(direction, self.pose[2])
             closing_m_s = sum(map(mul, self._velocity_m_s, direction))
-            self._closing |= began and (still or closing_m_s > CLOSING_M_S)
+            self._closing |= began and ((still and drives) or closing_m_s > CLOSING_M_S)
 
     def halfway(self) -> None:
         self.early_pose = self.pose
