@@ -1,7 +1,7 @@
 """One robot in the world: where it truly is, what drives it and what it senses."""
 
 from collections.abc import Iterable, Sequence
-from math import atan2, cos, pi, sin
+from math import atan2, cos, hypot, pi, sin
 from operator import mul
 from typing import Final, NamedTuple, TypeAlias
 
@@ -110,13 +110,15 @@ class Vehicle:
         self.pose = (x_m, y_m, heading_rad)
 
     def _touch(self, contacts: Sequence[tuple[Point, bool]]) -> None:
-        """Press the bumper; whose doing it was is decided where the tick's touching begins. Who
-        drives has run into what cannot move, and be it grazed."""
-        began, drives = self._touched == 0, any(self._velocity_m_s)
+        """Press the bumper; whose doing it was is decided where the tick's touching begins. What
+        cannot move is run into by whoever drives and comes nearer to it at all, and be it grazed;
+        not by who turns on the spot."""
+        began, drives = self._touched == 0, hypot(*self._velocity_m_s) > CLOSING_M_S
         for direction, still in contacts:
             self._touched |= _sectors(direction, self.pose[2])
             closing_m_s = sum(map(mul, self._velocity_m_s, direction))
-            self._closing |= began and ((still and drives) or closing_m_s > CLOSING_M_S)
+            least_m_s = 0.0 if still and drives else CLOSING_M_S
+            self._closing |= began and closing_m_s > least_m_s
 
     def halfway(self) -> None:
         self.early_pose = self.pose
