@@ -32,6 +32,8 @@ NOISES: Final = ("none", "default", "lossy", "harsh")
 OPEN_NS: Final = 10 * NS_PER_S
 DIAL_S: Final = 0.5
 PLAIN_NS: Final = 5 * NS_PER_S
+RECORDS_NS: Final = 3 * NS_PER_S
+LOOK_NS: Final = NS_PER_S // 50
 LOCAL: Final = "127.0.0.1"
 
 
@@ -93,8 +95,10 @@ def run(options: argparse.Namespace, says: Says) -> int:
 
 def rehearse(scenario: Scenario, says: Says, clock: Clock) -> list[Outcome]:
     """One run with processes of its own, none of which survives it; an outcome per robot."""
+    logs: set[Path] = set()
     if scenario.record is not None:
         make_folder(scenario.record)
+        logs.update(Path(scenario.record).glob("*.tlog"))
     endpoint = free_endpoint()
     with Children(clock) as children:
         for role, words in cast(scenario, endpoint):
@@ -103,6 +107,8 @@ def rehearse(scenario: Scenario, says: Says, clock: Clock) -> list[Outcome]:
         with dialled(common, clock, children.check) as bus:
             goals = ", ".join(str(entrant.goal) for entrant in scenario.entrants)
             says.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
+            if scenario.record is not None:
+                await_records(scenario, logs, clock, children.check, says)
             errands = [
                 Errand(
                     Link(bus, replace(common, robot=entrant.robot), clock),
@@ -118,6 +124,21 @@ def rehearse(scenario: Scenario, says: Says, clock: Clock) -> list[Outcome]:
             except (Unanswered, RemoteError):
                 children.blame()  # a process that has died explains silence best
                 raise
+
+
+def await_records(
+    scenario: Scenario, before: set[Path], clock: Clock, check: Callable[[], None], says: Says
+) -> None:
+    """Until every recorder has written a frame, so that the goal is in the log as well. A disk that
+    takes nothing holds up nobody."""
+    deadline_ns = clock.now_ns() + RECORDS_NS
+    while clock.now_ns() < deadline_ns:
+        check()
+        new = set(Path(scenario.record or "").glob("*.tlog")) - before
+        if sum(log.stat().st_size > 0 for log in new) >= len(scenario.robots):
+            return
+        clock.sleep_until(clock.now_ns() + LOOK_NS)
+    says.note(f"nothing is recorded in {scenario.record} yet; the drive begins all the same")
 
 
 def make_folder(folder: str) -> None:
