@@ -103,6 +103,16 @@ def write_shard(directory: Path, rows: list[Row]) -> Path:
     return file
 
 
+def commands_of(directory: Path) -> str:
+    """The commands that made the results, one a line; empty while there are none."""
+    try:
+        metadata = pq.read_schema(directory / RESULTS).metadata or {}
+    except (OSError, pa.ArrowException):
+        return ""
+    commands: bytes = metadata.get(PROVENANCE + b".command", b"")
+    return commands.decode()
+
+
 def compact(directory: Path, table: pa.Table, provenance: Mapping[str, str]) -> Path:
     """All rows into one file with its provenance, then without the shards they came from."""
     shards = [path for path in files_of(directory) if path.name != RESULTS]

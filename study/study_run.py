@@ -26,6 +26,7 @@ from study.provenance import code, machine
 from study.rows import FAILED
 from study.settled import alone, settings_of, settle
 from study.sources import Listed, keep, listed
+from study.store import commands_of
 from study.study_options import QUICK_PAPER_SEEDS, output_of, parser, wanted_of
 from study.study_options import settings_of as settings_asked
 from study.trial import params_of
@@ -124,8 +125,9 @@ def interrupted(study: Study, progress: Progress) -> int:
 def conclude(study: Study, progress: Progress) -> dict[str, Any]:
     """All results in one file; what they come to."""
     stored = settings_of(study.worlds, study.settings, study.bench.code, machine())
+    earlier = commands_of(study.directory).splitlines()
     provenance = {
-        "command": study.command,
+        "command": "\n".join([*(one for one in earlier if one != study.command), study.command]),
         "settings": json.dumps(stored),
         "commit": study.bench.code.commit,
         "dirty": json.dumps(study.bench.code.dirty),

@@ -10,7 +10,7 @@ from math import cos, sqrt
 
 from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, SINES
 from robot.core.odometry import Odometry
-from robot.core.parameters import Params
+from robot.core.parameters import DEFAULTS, Params
 from robot.core.ring import FRONT, Ring
 from robot.core.typed import Final
 from robot.core.values import EVERY, SONARS
@@ -29,20 +29,19 @@ MOST: Final = 24  # scans that a straight line goes through
 LEAST_M_S: Final = 0.025  # slower than this, and than noise can be, is standing
 SIGMAS: Final = 2.5
 FASTEST_M_S: Final = 0.28  # what seems faster is another echo
-AGREE: Final = 3
-BELIEF: Final = 40
-ACROSS_M_S: Final = 0.13
-CURVED: Final = 0.11
-ROUND_M: Final = 0.35
+AGREE: Final = 3  # scans in a row that must say so
+BELIEF: Final = 40  # scans for which it is believed after the last that did
+ACROSS_M_S: Final = 0.13  # of who crosses; slower, the bearing of what stands may seem to go
+CURVED: Final = 0.11  # both neighbours see a person so much farther, by the share of its distance
+ROUND_M: Final = 0.35  # of what is as round as a person or rounder
 CROWD: Final = 3  # among more near echoes at a time who seems to cross may be many who stand
 CAPPED_M_S: Final = 0.3
 TURNING_RAD_S: Final = 0.15
 CLAMPED_M: Final = 0.03  # nearer than a sonar can measure everything seems to stand
-PERIOD_S: Final = 0.05
-FORGET: Final = 0.95
-FLANK_M: Final = 0.06
+FORGET: Final = 0.95  # a scan, of how fast the robot drove
+FLANK_M: Final = 0.06  # what walks comes 3 cm nearer while the wheels stop
 FLANKS: Final = (0, 1, 6, 7)
-WAIT_M: Final = 0.25
+WAIT_M: Final = 0.25  # to who walks towards the way the robot keeps that, and so long to it
 WAIT_S: Final = 2.0
 
 UNSURE: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) - cos(b) for b in BEARINGS])
@@ -51,7 +50,7 @@ GAIN: Final = tuple([1.0, 1.0] + [2.0 * (2 * n - 1) / (n * (n + 1)) for n in ran
 RATE_GAIN: Final = tuple([0.0, 0.0] + [6.0 / (n * (n + 1)) for n in range(2, MOST + 1)])
 """Share of a surprise, with n scans, that goes to end and slope of a line of best fit."""
 DOUBT: Final = tuple(
-    [SIGMAS * sqrt(12.0 / (n or 1)) / (PERIOD_S * (n or 1)) for n in range(MOST + 1)]
+    [SIGMAS * sqrt(12.0 / (n or 1)) / (DEFAULTS.period_s * (n or 1)) for n in range(MOST + 1)]
 )
 """How far that slope may be off per metre of noise, in 1/s."""
 
@@ -221,13 +220,13 @@ def crossing(w: Walkers, k: int) -> bool:
     return (across_m_s > 0.0) != (w.off_rad[k] > 0.0)
 
 
-def believe(w: Walkers, k: int, walks: bool) -> None:
+def believe(w: Walkers, k: int, walking: bool) -> None:
     """Some scans in a row must say so; what then seems to stand is believed for a while yet."""
     if w.sure[k]:
-        w.sure[k] = BELIEF if walks else w.sure[k] - 1
+        w.sure[k] = BELIEF if walking else w.sure[k] - 1
         return
     nears_m_s, across_m_s = w.nears_m_s[k], w.across_m_s[k]
-    if not walks or nears_m_s * nears_m_s + across_m_s * across_m_s > FASTEST_M_S * FASTEST_M_S:
+    if not walking or nears_m_s * nears_m_s + across_m_s * across_m_s > FASTEST_M_S * FASTEST_M_S:
         w.agreed[k] = 0
         return
     w.agreed[k] += 1

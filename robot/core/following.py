@@ -21,17 +21,17 @@ STEP_M: Final = 0.10
 SOFT: Final = 455  # brads, 40 degrees: so far aside for the sake of a wide margin
 SHARP: Final = 796  # 70 degrees: on so sharp a turn the followed point is kept
 WIDE_TURN: Final = 400  # 35 degrees: before turning by more, gaps are tried without a margin
-HELD_MM: Final = 120
-LOST_MM: Final = 600
-EASE_MM: Final = 20
-AGAIN_CM: Final = 30
-PATIENCE_CM: Final = 150
-AWAY: Final = 1.15
+HELD_MM: Final = 120  # so near to the followed point an echo must be remembered
+LOST_MM: Final = 600  # farther away than this nothing is followed in its place
+EASE_MM: Final = 20  # taken off all margins once a way has closed upon itself
+AGAIN_CM: Final = 30  # hit again so near to where it was left, the same side goes on
+PATIENCE_CM: Final = 150  # of way on a side that leads away; twice as much after each island
+AWAY: Final = 1.15  # leading away: so many times as far as at the hit, and AWAY_M
 AWAY_M: Final = 0.2
-ISLANDS: Final = 10
-SHUT: Final = 20  # choices
-ABOUT: Final = 1365  # 120 degrees
-LONG_CM: Final = 1200
+ISLANDS: Final = 10  # after more of them it gives up
+SHUT: Final = 20  # choices without an open heading, until none of the echoes is believed
+ABOUT: Final = 1365  # 120 degrees: who turns by more has turned about
+LONG_CM: Final = 1200  # of a loop that takes one proof more when doubtful
 
 
 class Memory:

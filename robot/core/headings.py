@@ -279,6 +279,3 @@ def squeeze(sectors: Sectors) -> None:
         for k in range(sectors.count):
             if sectors.point[k] == NOTHING:
                 sectors.squeezed[k] = sectors.tight[k]
-    for n in range(sectors.count):
-        if sectors.point[n] == NOTHING:
-            sectors.squeezed[n] = sectors.tight[n]

@@ -32,8 +32,11 @@ second to RIM_M; farther away, that takes nothing of the usual speed."""
 RIM_M: Final = 0.025
 CRAWL_M_S: Final = 0.04
 CRAWL_M: Final = 0.015
+NARROW_M: Final = 0.05
 """Past a flank the robot crawls also where that leaves nothing, or it would never get away from
-there. Nearer than CRAWL_M it may be touching and only turns; ours measure from 0.02 m on."""
+there. Nearer than CRAWL_M it may be touching and only turns; ours measure from 0.02 m on.
+With no more than NARROW_M left at both flanks together the robot does not go on: whether the gap
+closes in further no sonar can tell."""
 
 # How far aside.
 FLANK_M: Final = 0.06
@@ -59,6 +62,8 @@ def speed(ring: Ring, free_mm: int, error_rad: float, params: Params) -> float:
     most_m_s = params.v_max_m_s
     if ring.nearest_m < CLOSE_M:
         stop_m, ranges_m = params.guard_stop_m + STOP_M, ring.range_m
+        if ring.nearest_m < NARROW_M and is_narrow(ring):
+            return 0.0
         for i in EVERY:
             range_m = ranges_m[i]
             if range_m is None or range_m >= CLOSE_M:
@@ -85,6 +90,17 @@ def speed(ring: Ring, free_mm: int, error_rad: float, params: Params) -> float:
         cosine = max(cos(error_rad), 0.0)
         most_m_s *= cosine * cosine
     return most_m_s
+
+
+def is_narrow(ring: Ring) -> bool:
+    """Whether what is at both flanks leaves no room to tell whether the robot fits between."""
+    ranges_m = ring.range_m
+    right_m, left_m = ranges_m[0], ranges_m[7]
+    if ranges_m[1] is not None and (right_m is None or ranges_m[1] < right_m):
+        right_m = ranges_m[1]
+    if ranges_m[6] is not None and (left_m is None or ranges_m[6] < left_m):
+        left_m = ranges_m[6]
+    return right_m is not None and left_m is not None and right_m + left_m < NARROW_M
 
 
 def keep_off(ring: Ring) -> float:

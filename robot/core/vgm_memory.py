@@ -25,17 +25,17 @@ from robot.core.values import Decision, Goal, Pose
 
 __all__ = ["Memory", "step"]
 
-TURNS: Final = 3
+TURNS: Final = 3  # ticks: it hears, it looks, it chooses
 HEARS: Final = 1
 LOOKS: Final = 2
-NEAR_GOAL_M: Final = 0.6
+NEAR_GOAL_M: Final = 0.6  # so near, a free straight way is taken without a margin
 SAME_SIDE: Final = 228  # 20 degrees: so much smaller must a rotation be to change the side
-PROMISES: Final = 2
-LATCH: Final = 7  # choices
-STOOD: Final = 20  # choices, three seconds
+PROMISES: Final = 2  # broken by the sonars, until what they promise does not count
+LATCH: Final = 7  # choices for which the side of a small detour is kept
+STOOD: Final = 20  # choices, three seconds, within STOOD_MM of one place
 STOOD_MM: Final = 20
-BAR_MM: Final = 20
-BAR_WEIGHT: Final = 40
+BAR_MM: Final = 20  # beyond the rim the bar is remembered
+BAR_WEIGHT: Final = 40  # looks through it that it outlasts, six seconds
 FARTHEST: Final = 1e5  # metres or radians: beyond them, millimetres and brads are no numbers
 
 

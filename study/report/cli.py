@@ -8,9 +8,6 @@ from os import cpu_count
 from pathlib import Path
 from typing import Final
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
 from protocol.options import whole
 from study.report.build import Asked
 from study.report.files import SUMMARY, write
@@ -18,7 +15,7 @@ from study.report.gallery import PER_NAVIGATOR
 from study.report.paper_runs import SEEDS, run_paper
 from study.report.readme import update
 from study.sources import world_of
-from study.store import PROVENANCE, RESULTS, read
+from study.store import commands_of, read
 
 MOST_FAILURES: Final = 50
 MOST_JOBS: Final = 1000
@@ -55,24 +52,13 @@ def report(
     if paper_seeds:
         print("sidestep study report: driving the paper's figures", file=sys.stderr)
     asked = Asked(
-        command=command_of(study),
+        command=commands_of(study),
         runs=run_paper(jobs, paper_seeds),
         world_of=partial(world_of, directory=study),
         failures=failures,
         jobs=jobs,
     )
     return write(table, output, asked)
-
-
-def command_of(study: Path) -> str:
-    """The command that made the results; empty while they are not complete."""
-    file = study / RESULTS
-    try:
-        metadata = pq.read_schema(file).metadata or {}
-    except (OSError, pa.ArrowException):
-        return ""
-    command: bytes = metadata.get(PROVENANCE + b".command", b"")
-    return command.decode()
 
 
 def parser() -> argparse.ArgumentParser:

@@ -60,6 +60,23 @@ def test_a_wall_beside_it_is_passed_quickly_unless_it_nearly_touches(sonar: int)
     assert 0.0 < speed(only(sonar, 0.03)) < MOST_M_S
 
 
+@pytest.mark.parametrize(("right_m", "left_m"), [(0.02, 0.02), (0.02, 0.029), (0.029, 0.02)])
+@pytest.mark.parametrize("right", [0, 1])
+@pytest.mark.parametrize("left", [6, 7])
+def test_into_a_gap_that_sonars_cannot_tell_the_width_of_it_does_not_drive(
+    right_m: float, left_m: float, right: int, left: int
+) -> None:
+    ranges: Ranges = [inf] * SONARS
+    ranges[right], ranges[left] = right_m, left_m
+    assert speed(heard(ranges)) == 0.0
+    ranges[left] = None
+    assert speed(heard(ranges)) > 0.0
+
+
+def test_a_gap_that_leaves_three_centimetres_on_either_side_is_driven_through() -> None:
+    assert speed(heard([0.03, 0.032, inf, inf, inf, inf, 0.034, 0.03])) > 0.0
+
+
 def test_little_room_ahead_slows_down_and_none_stops() -> None:
     speeds_m_s = [speed(SILENT, free_mm) for free_mm in range(0, FREE_MM, 10)]
     assert speeds_m_s == sorted(speeds_m_s)

@@ -12,14 +12,14 @@ import pytest
 from plant.world_types import World
 from protocol.errors import UserError
 from study.report import Asked, write
-from study.report.cli import command_of, main
+from study.report.cli import main
 from study.report.html import html
 from study.report.markdown import markdown
 from study.report.page import Cell, Code, Figure, Items, Page, Section, Table, Text
 from study.report.paper_runs import Runs
 from study.report.svg import Drawing
 from study.rows import SCHEMA, table_of
-from study.store import compact, write_table
+from study.store import commands_of, compact, write_table
 from tests.unit.report.made import STUCK, drive, row, study, without_values
 from tests.unit.study.made import floor
 
@@ -187,12 +187,12 @@ def test_the_command_line_reports_a_study_and_renews_a_readme(
     assert "report.html" in capsys.readouterr().out
 
 
-def test_the_command_that_made_a_study_is_read_from_its_results(tmp_path: Path) -> None:
-    assert command_of(tmp_path) == ""
+def test_the_commands_that_made_a_study_are_read_from_its_results(tmp_path: Path) -> None:
+    assert commands_of(tmp_path) == ""
     compact(tmp_path, study(), {"command": "sidestep study --quick"})
-    assert command_of(tmp_path) == "sidestep study --quick"
+    assert commands_of(tmp_path) == "sidestep study --quick"
     (tmp_path / "results.parquet").write_bytes(b"no parquet")
-    assert command_of(tmp_path) == ""
+    assert commands_of(tmp_path) == ""
 
 
 @pytest.mark.parametrize("wrong", [["--failures", "99"], ["--jobs", "0"], ["--jobs", "x"], []])

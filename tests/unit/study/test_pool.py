@@ -1,7 +1,10 @@
 """Worker processes give the same rows however many they are, and may die."""
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
+from signal import SIGINT, SIGTERM
 
 import pytest
 
@@ -89,6 +92,36 @@ def test_no_more_workers_than_trials() -> None:
         next(rows)
         assert len(pool._workers) == 1
         list(rows)
+
+
+BLOCKED = """
+from pathlib import Path
+from study.pool import Pool
+from tests.unit.study.made import bench_of, floor, tasks
+
+made = tasks(floor(), noise=('default',), seeds=8)
+with Pool(2, bench_of(floor())) as pool:
+    rows = pool.run(made)
+    next(rows)
+    for worker in pool._workers:
+        status = Path(f"/proc/{worker.process.pid}/status").read_text()
+        print(status.split("SigBlk:")[1].split()[0])
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc here")
+def test_ctrl_c_is_not_for_the_workers_nor_for_the_first_of_them() -> None:
+    """In a process of its own, for Python starts a helper with the first worker that unmasks it."""
+    ran = subprocess.run(
+        [sys.executable, "-c", BLOCKED], check=True, capture_output=True, text=True, timeout=60
+    )
+    masks = [int(line, 16) for line in ran.stdout.split()]
+    assert len(masks) == 2
+    for mask in masks:
+        assert {number for number in (SIGINT, SIGTERM) if mask >> number - 1 & 1} == {
+            SIGINT,
+            SIGTERM,
+        }
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import sidestep
 from study import study_cli, study_run
 from study.report import cli as report_cli
 from study.rows import rows_of
-from study.store import RESULTS, SHARDS, read, write_shard
+from study.store import RESULTS, SHARDS, commands_of, read, write_shard
 from study.study_options import parser
 from tests.unit.study.made import ids, rows, spoil
 
@@ -79,6 +79,15 @@ def test_more_seeds_in_the_same_place_need_a_word(
     told = capsys.readouterr()
     assert "--mixed: going on although seeds was 1, is 2" in told.err
     assert json.loads(told.out)["run_now"] == 1
+
+
+def test_the_results_name_every_command_that_made_them_once(tmp_path: Path) -> None:
+    study(tmp_path)
+    for _ in range(2):
+        assert study(tmp_path, "--seeds", "2", "--mixed") == 0
+    first, second = commands_of(tmp_path).splitlines()
+    assert "--mixed" not in first
+    assert second.endswith("--seeds 2 --mixed")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,67 @@
+"""`up --record` sends the goal when every recorder writes, and does not wait for ever."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from ground.cli import parse
+from ground.leash import command
+from ground.says import Says
+from ground.scenario import Scenario, question, scenario_of, world_facts
+from ground.up import await_records
+from protocol.clock import ManualClock
+
+
+class Recorders:
+    """Write a frame into their logs at some time; counts how often the children are looked at."""
+
+    def __init__(self, clock: ManualClock, logs: list[Path], at_s: float) -> None:
+        self.clock, self.logs, self.at_s = clock, logs, at_s
+        self.checks = 0
+
+    def __call__(self) -> None:
+        self.checks += 1
+        if self.clock.now_ns() >= self.at_s * 1e9:
+            for log in self.logs:
+                log.write_bytes(b"frame")
+
+
+def recorded(folder: Path, *words: str) -> Scenario:
+    options = parse(["up", "--record", str(folder), *words])
+    return scenario_of(options, world_facts(command(question(options), os.getpid())))
+
+
+def waited(scenario: Scenario, logs: list[Path], at_s: float, before: set[Path]) -> float:
+    """For how many seconds."""
+    clock = ManualClock()
+    recorders = Recorders(clock, logs, at_s)
+    await_records(scenario, before, clock, recorders, Says(as_json=False))
+    assert recorders.checks > 0
+    return clock.now_ns() / 1e9
+
+
+def test_the_drive_begins_when_the_first_frame_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "a.tlog"
+    log.touch()
+    assert waited(recorded(tmp_path), [log], 0.4, set()) == pytest.approx(0.4, abs=0.1)
+    assert capsys.readouterr().err == ""
+
+
+def test_every_robot_must_be_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    two = recorded(tmp_path, "--robots", "2")
+    assert waited(two, [tmp_path / "a.tlog"], 0.0, set()) == pytest.approx(3.0, abs=0.1)
+    assert "nothing is recorded" in capsys.readouterr().err
+    assert waited(two, [tmp_path / "a.tlog", tmp_path / "b.tlog"], 0.0, set()) < 0.1
+
+
+@pytest.mark.parametrize("content", [b"", b"of an earlier drive"])
+def test_an_empty_log_and_an_old_one_do_not_count(
+    tmp_path: Path, content: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "a.tlog"
+    log.write_bytes(content)
+    assert waited(recorded(tmp_path), [], 0.0, {log} if content else set()) >= 3.0
+    assert f"nothing is recorded in {tmp_path} yet" in capsys.readouterr().err
