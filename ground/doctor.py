@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from ground.findings import Observed, Report, Stream, examine, lines
 from ground.link import Link, Unanswered, linked
-from ground.options import Common, add_common, common_of, seconds
+from ground.options import add_common, common_of, seconds
 from ground.presence import crew_of
 from ground.says import Says
 from ground.telemetry import Telemetry
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
     common = common_of(options)
     try:
         with linked(common) as link:
-            seen = observe(link, common, round(options.timeout * 1e9))
+            return act(options, link, says)
     except Unanswered as error:
         what, do = str(error), f"restart the process at {common.endpoint}, or use --connect"
         if not isinstance(error.__cause__, PeerHangs):
@@ -39,10 +39,14 @@ def run(options: argparse.Namespace, says: Says) -> int:
         found: dict[str, object] = {"what": what, "do": do, "bad": True}
         says.result({"ok": False, "findings": [found], "streams": {}}, f"E {what}\n  -> {do}")
         return 1
+
+
+def act(options: argparse.Namespace, link: Link, says: Says) -> int:
+    seen = observe(link, round(options.timeout * 1e9))
     return tell(says, seen, examine(seen))
 
 
-def observe(link: Link, common: Common, listen_ns: int) -> Observed:
+def observe(link: Link, listen_ns: int) -> Observed:
     """Everything there is to see, within the given time and that of the questions."""
     telemetry = Telemetry(link.bus, link.robot, TOPICS)
     link.wait(lambda: False, listen_ns)
@@ -51,7 +55,7 @@ def observe(link: Link, common: Common, listen_ns: int) -> Observed:
     status, cycle = telemetry.latest(STATUS), telemetry.latest(CYCLE)
     return Observed(
         robot=link.robot,
-        endpoint=common.endpoint,
+        endpoint=link.endpoint,
         crew=crew,
         streams=tuple(stream_of(box, now_ns) for box in telemetry.boxes().values()),
         status=None if status is None else status[0],

@@ -36,13 +36,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace, says: Says) -> int:
-    where = destination_of(options)
+    destination_of(options)  # what cannot be a goal is refused before anybody is dialled
     with linked(common_of(options)) as link:
-        drive = Drive(link, says)
-        if options.no_wait:
-            return tell(says, "goto", link.robot, drive.send(where, Mode.AUTO)[0])
-        timeout_ns = None if options.timeout is None else round(options.timeout * NS_PER_S)
-        return drive.wait_for(where, timeout_ns)
+        return act(options, link, says)
+
+
+def act(options: argparse.Namespace, link: Link, says: Says) -> int:
+    where = destination_of(options)
+    drive = Drive(link, says)
+    if options.no_wait:
+        return tell(says, "goto", link.robot, drive.send(where, Mode.AUTO)[0])
+    timeout_ns = None if options.timeout is None else round(options.timeout * NS_PER_S)
+    return drive.wait_for(where, timeout_ns)
 
 
 class Drive:

@@ -50,7 +50,7 @@ class Link:
         self.clock = clock
         self.ids = RequestIds()
         self.pulse = Pulse()
-        self._endpoint = common.endpoint
+        self.endpoint = common.endpoint
         self._heart: Publisher[Heartbeat] | None = None
 
     def command(self, command: Command, param1: float = 0.0, param2: float = 0.0) -> CommandRequest:
@@ -101,7 +101,7 @@ class Link:
         if box.rejected and not beats:
             return f"robot {self.robot} is there, but its heartbeat {box.last_rejection}"
         crew = crew_of(self.bus.present())
-        return self.bus.lost() or why_silent(crew, self.robot, self._endpoint, beats=beats)
+        return self.bus.lost() or why_silent(crew, self.robot, self.endpoint, beats=beats)
 
     def wait(self, condition: Callable[[], bool], patience_ns: int) -> bool:
         """Until the condition holds or patience ends; looks again at every arrival."""

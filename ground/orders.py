@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from ground.link import linked
+from ground.link import Link
 from ground.operator import ATTEMPTS, PATIENCE_NS, Answered
-from ground.options import add_common, common_of, seconds
+from ground.options import add_common, seconds
 from ground.says import Says
 from protocol.enums import Command, Mode, Navigator
 from protocol.reasons import Reason
@@ -75,28 +75,27 @@ def navigator_arguments(parser: argparse.ArgumentParser) -> None:
     arguments(parser)
 
 
-def run(options: argparse.Namespace, says: Says) -> int:
-    return give(options, says, ORDERS[options.verb])
+def act(options: argparse.Namespace, link: Link, says: Says) -> int:
+    return give(options, link, says, ORDERS[options.verb])
 
 
-def run_mode(options: argparse.Namespace, says: Says) -> int:
+def act_mode(options: argparse.Namespace, link: Link, says: Says) -> int:
     mode = Mode[options.mode.upper()]
-    return give(options, says, Order(Command.DO_SET_MODE, 1.0, float(mode)))
+    return give(options, link, says, Order(Command.DO_SET_MODE, 1.0, float(mode)))
 
 
-def run_navigator(options: argparse.Namespace, says: Says) -> int:
+def act_navigator(options: argparse.Namespace, link: Link, says: Says) -> int:
     side = float(SIDES.get(options.side, 0))
     number = float(NAVIGATORS[options.navigator])
-    return give(options, says, Order(Command.SIDESTEP_SET_NAVIGATOR, number, side))
+    return give(options, link, says, Order(Command.SIDESTEP_SET_NAVIGATOR, number, side))
 
 
-def give(options: argparse.Namespace, says: Says, order: Order) -> int:
+def give(options: argparse.Namespace, link: Link, says: Says, order: Order) -> int:
     """Ask and tell; 0 when the robot agrees, 1 when it refuses or nobody answers."""
-    with linked(common_of(options)) as link:
-        request = link.command(order.command, order.param1, order.param2)
-        attempts, patience_ns = pace(options.timeout, urgent=order.urgent)
-        answered = link.ask(request, attempts=attempts, patience_ns=patience_ns)
-        return tell(says, options.verb, link.robot, answered)
+    request = link.command(order.command, order.param1, order.param2)
+    attempts, patience_ns = pace(options.timeout, urgent=order.urgent)
+    answered = link.ask(request, attempts=attempts, patience_ns=patience_ns)
+    return tell(says, options.verb, link.robot, answered)
 
 
 def pace(timeout_s: float | None, *, urgent: bool) -> tuple[int, int]:

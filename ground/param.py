@@ -9,8 +9,8 @@ from math import isclose, isfinite
 from types import MappingProxyType
 from typing import Final, TypeAlias
 
-from ground.link import Link, Unanswered, linked
-from ground.options import add_common, common_of
+from ground.link import Link, Unanswered
+from ground.options import add_common
 from ground.says import Says
 from protocol.enums import PARAM_TYPE_REAL32
 from protocol.errors import RemoteError, UserError
@@ -47,14 +47,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         add_common(action)
 
 
-def run(options: argparse.Namespace, says: Says) -> int:
-    with linked(common_of(options)) as link:
-        if options.action == "set":
-            return change(link, says, options.name, options.value)
-        rows = fetch(link)
-        if options.action == "save":
-            return tell_saved(says, rows)
-        return show(says, rows, options.pattern, wide=options.action == "list")
+def act(options: argparse.Namespace, link: Link, says: Says) -> int:
+    if options.action == "set":
+        return change(link, says, options.name, options.value)
+    rows = fetch(link)
+    if options.action == "save":
+        return tell_saved(says, rows)
+    return show(says, rows, options.pattern, wide=options.action == "list")
 
 
 def fetch(link: Link) -> list[Row]:

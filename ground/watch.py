@@ -6,9 +6,9 @@ from contextlib import suppress
 from queue import SimpleQueue
 from typing import Final
 
-from ground.link import LISTEN_NS, Link, linked
+from ground.link import LISTEN_NS, Link
 from ground.operator import BEAT_NS, Pace
-from ground.options import add_common, common_of
+from ground.options import add_common
 from ground.parts import in_words
 from ground.says import Says
 from ground.status_line import watch_line
@@ -33,22 +33,20 @@ def ground_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(once=False)
 
 
-def run(options: argparse.Namespace, says: Says) -> int:
-    with linked(common_of(options)) as link:
-        if options.once or options.json:
-            telemetry = Telemetry(link.bus, link.robot, notify=link.pulse.beat)
-            return look_once(link, telemetry, says)
-        # What it shows is its result: one line after the other for whoever reads a pipe.
-        Lookout(link, Says(as_json=False, err=sys.stdout), beats=False).run()
+def act(options: argparse.Namespace, link: Link, says: Says) -> int:
+    if options.once or options.json:
+        telemetry = Telemetry(link.bus, link.robot, notify=link.pulse.beat)
+        return look_once(link, telemetry, says)
+    # What it shows is its result: one line after the other for whoever reads a pipe.
+    Lookout(link, Says(as_json=False, err=sys.stdout), beats=False).run()
     return 0
 
 
-def run_ground(options: argparse.Namespace, says: Says) -> int:
+def act_ground(options: argparse.Namespace, link: Link, says: Says) -> int:
     """Until Ctrl-C: the robot hears its operator, the operator sees the robot."""
-    with linked(common_of(options)) as link:
-        link.bus.announce()
-        says.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and GUIDED with it")
-        Lookout(link, says, beats=True).run()
+    link.bus.announce()
+    says.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and GUIDED with it")
+    Lookout(link, says, beats=True).run()
     return 0
 
 

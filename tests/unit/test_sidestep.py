@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 import sidestep
-from ground import cli
+from ground.verbs import VERBS
 
 ROOT = Path(__file__).parents[2]
 
@@ -58,7 +58,7 @@ def test_a_package_with_several_verbs_is_told_which(install: Install) -> None:
 
 def test_the_operator_s_verbs_are_those_the_ground_has() -> None:
     ours = {name for name, verb in sidestep.VERBS.items() if verb.module == "ground.cli"}
-    assert ours == set(cli.VERBS)
+    assert ours == set(VERBS)
 
 
 def test_negative_numbers_and_foreign_options_are_handed_on(install: Install) -> None:

@@ -11,8 +11,9 @@ import pytest
 
 import sidestep
 from ground import cli
-from ground.cli import VERBS, Interrupted, Verb, main
+from ground.cli import Interrupted, main
 from ground.says import Says
+from ground.verbs import VERBS, Verb
 from protocol.errors import NoAnswer, UserError
 
 Run = Callable[[argparse.Namespace, Says], int]
@@ -41,6 +42,11 @@ def raises(error: BaseException) -> Run:
 def test_every_verb_that_the_executable_sends_here_is_known() -> None:
     sent = {name for name, verb in sidestep.VERBS.items() if verb.module == "ground.cli"}
     assert sent == set(VERBS)
+
+
+def test_whatever_talks_to_a_robot_can_act_over_a_link_that_is_there() -> None:
+    alone = {"up", "router", "record", "export"}
+    assert {word for word, verb in VERBS.items() if verb.act is None} == alone
 
 
 @pytest.mark.parametrize("verb", sorted(VERBS))
