@@ -11,7 +11,7 @@ from ground.presence import Crew, why_silent
 from protocol.enums import Vehicle
 from protocol.messages import CycleReport, NavigatorStatus
 from protocol.reasons import Reason, reason_text
-from protocol.topics import CLOCK, HEARTBEAT, OPERATOR, Role, Topic
+from protocol.topics import CLOCK, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
 
 MS: Final = 1_000_000
 LATE_FACTOR: Final = 3
@@ -109,7 +109,7 @@ def rejection(stream: Stream) -> Finding:
 
 def expected(seen: Observed, topic: Topic[Any]) -> bool:
     """Must this topic be alive, given who is there?"""
-    if not topic.rate_hz or topic in (OPERATOR, CLOCK):
+    if not topic.rate_hz or topic in (OPERATOR, TELEOP, CLOCK):
         return False
     if topic.publisher is Role.PLANT:
         return any(role == Role.PLANT.value for _, role in seen.crew.there)

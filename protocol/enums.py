@@ -57,6 +57,29 @@ class RunAction(IntEnum):
     PAUSE = 2
 
 
+class LeaseAction(IntEnum):
+    TAKE = 0
+    RELEASE = 1
+    SEIZE = 2
+
+
+class MissionState(IntEnum):
+    NONE = 0
+    READY = 1
+    RUNNING = 2
+    HOLDING = 3
+    PAUSED = 4
+    DONE = 5
+    FAILED = 6
+
+
+class MissionType(IntEnum):
+    """MAV_MISSION_TYPE: what a transfer of items is about."""
+
+    MISSION = 0
+    FENCE = 1
+
+
 class Command(IntEnum):
     """The MAV_CMD numbers in use."""
 
@@ -66,10 +89,15 @@ class Command(IntEnum):
     DO_FLIGHTTERMINATION = 185
     DO_REPOSITION = 192
     DO_PAUSE_CONTINUE = 193
+    DO_SET_MISSION_CURRENT = 224
+    MISSION_START = 300
     COMPONENT_ARM_DISARM = 400
+    NAV_FENCE_POLYGON_VERTEX_INCLUSION = 5001
+    NAV_FENCE_CIRCLE_INCLUSION = 5003
     SIDESTEP_SET_NAVIGATOR = 54100
     SIDESTEP_ABORT_GOAL = 54101
     SIDESTEP_CLEAR_EMERGENCY_STOP = 54102
+    SIDESTEP_NAV_POSE = 54103
 
 
 class AckResult(IntEnum):
@@ -116,5 +144,6 @@ AUTOPILOT_GENERIC = 0
 AUTOPILOT_INVALID = 8
 MODE_FLAG_CUSTOM_MODE_ENABLED = 1
 MODE_FLAG_SAFETY_ARMED = 128
+FRAME_LOCAL_FLU = 21
 PARAM_TYPE_INT32 = 6
 PARAM_TYPE_REAL32 = 9

@@ -13,10 +13,14 @@ M = TypeVar("M", bound=Message)
 
 
 class Sample(NamedTuple):
-    """What arrived on a key: how it says it is encoded, and its bytes."""
+    """What arrived on a key: how it says it is encoded, its bytes, and which operator it is from.
+
+    `sender` is empty for whoever is no operator.
+    """
 
     encoding: str
     payload: bytes
+    sender: str = ""
 
 
 def opened(sample: Sample, allowed: tuple[type[Message], ...]) -> Message:
@@ -54,14 +58,21 @@ class Mailbox(Generic[M]):
 
     `store` is the bus's side and may be called from any thread: a look at the outside, so that
     noise neither takes the place of a message nor wakes anybody, and one reference store. What
-    cannot be read is counted and named in `last_rejection`; the last good message stays.
+    cannot be read is counted and named in `last_rejection`; the last good message stays. With
+    `accept` only what comes from a sender that it says yes to is stored.
     """
 
-    def __init__(self, topic: Topic[M], notify: Callable[[int], None] | None = None) -> None:
+    def __init__(
+        self,
+        topic: Topic[M],
+        notify: Callable[[int], None] | None = None,
+        accept: Callable[[str], bool] | None = None,
+    ) -> None:
         self.topic = topic
         self.rejected = 0
         self.last_rejection = ""
         self._notify = notify
+        self._accept = accept
         self._slot: tuple[Sample, int] | None = None
         self._judged: tuple[Sample, int] | None = None
         self._good: tuple[M, int] | None = None
@@ -71,6 +82,8 @@ class Mailbox(Generic[M]):
         why = misfit(sample)
         if why:
             self._reject(why)
+            return
+        if self._accept is not None and not self._accept(sample.sender):
             return
         self._slot = (sample, arrived_ns)
         if self._notify is not None:

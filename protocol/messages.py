@@ -26,6 +26,15 @@ from protocol.messages_common import (
     SystemTime,
     Timesync,
 )
+from protocol.messages_operator import (
+    CommandRequest,
+    GoalRequest,
+    LeaseRequest,
+    LeaseStatus,
+    MissionStatus,
+    MissionVerdict,
+    Teleop,
+)
 
 __all__ = [
     "MESSAGES",
@@ -38,6 +47,8 @@ __all__ = [
     "GoalRequest",
     "GroundTruth",
     "Heartbeat",
+    "LeaseRequest",
+    "LeaseStatus",
     "ManualControl",
     "Message",
     "MissionAck",
@@ -49,6 +60,8 @@ __all__ = [
     "MissionRequestInt",
     "MissionRequestList",
     "MissionSetCurrent",
+    "MissionStatus",
+    "MissionVerdict",
     "NavigatorStatus",
     "ParamRequestList",
     "ParamRequestRead",
@@ -60,6 +73,8 @@ __all__ = [
     "SonarScan",
     "Statustext",
     "SystemTime",
+    "Teleop",
+    "TickInputs",
     "Timesync",
     "WheelCommand",
     "WheelTicks",
@@ -175,6 +190,22 @@ class CycleReport(Message, frozen=True, kw_only=True):
             raise unfit(self)
 
 
+class TickInputs(Message, frozen=True, kw_only=True):
+    """What the core was given in one tick, so that a recorded run can be executed again."""
+
+    time_ns: int
+    now_ms: int
+    tick: int
+    wheels_seq: int
+    scan_seq: int
+    requests: int
+    scan_age_ms: int
+    operator_age_ms: int
+    flags: int
+    speed_mm_s: int
+    yaw_rate_mrad_s: int
+
+
 class GroundTruth(Message, frozen=True, kw_only=True):
     """Where the robot truly is. For evaluation only; nothing that drives may read it."""
 
@@ -187,28 +218,6 @@ class GroundTruth(Message, frozen=True, kw_only=True):
     yaw_rate_rad_s: float
     clearance_m: float
     contact: int
-
-
-class GoalRequest(Message, frozen=True, kw_only=True):
-    """Drive there. A repeated request_id is answered again and not acted on again."""
-
-    request_id: int
-    x_mm: int
-    y_mm: int
-    heading_urad: int
-    position_tolerance_mm: int
-    heading_tolerance_urad: int
-    heading_free: int
-    mode: int
-
-
-class CommandRequest(Message, frozen=True, kw_only=True):
-    """A MAV_CMD with an id that makes a retry harmless; answered by CommandAck."""
-
-    request_id: int
-    param1: float
-    param2: float
-    command: int
 
 
 class RunRequest(Message, frozen=True, kw_only=True):
@@ -271,4 +280,10 @@ MESSAGES: Final[tuple[type[Message], ...]] = (
     CommandRequest,
     RunRequest,
     RunScore,
+    LeaseRequest,
+    LeaseStatus,
+    Teleop,
+    MissionStatus,
+    MissionVerdict,
+    TickInputs,
 )

@@ -1,11 +1,7 @@
 """The one table of topics and services: key, message, rate, stale-after, publisher, priority."""
 
-import re
-from dataclasses import dataclass
-from enum import Enum
-from typing import Final, Generic, TypeVar
+from typing import Final
 
-from protocol.errors import UserError
 from protocol.message import Message
 from protocol.messages import (
     AvoidanceDecision,
@@ -15,6 +11,15 @@ from protocol.messages import (
     GoalRequest,
     GroundTruth,
     Heartbeat,
+    LeaseRequest,
+    LeaseStatus,
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionRequestList,
+    MissionStatus,
+    MissionVerdict,
     NavigatorStatus,
     ParamRequestRead,
     ParamSet,
@@ -24,70 +29,21 @@ from protocol.messages import (
     SonarScan,
     Statustext,
     SystemTime,
+    Teleop,
+    TickInputs,
     WheelCommand,
     WheelTicks,
 )
-
-MS: Final = 1_000_000
-ROBOT_NAME: Final = re.compile(r"[a-z0-9_-]{1,16}\Z")
-PREFIX: Final = "sidestep"
-ENCODING_FAMILY: Final = "application/mavlink2"
-DIALECT: Final = "sidestep@1"
-ENCODING: Final = f"{ENCODING_FAMILY};{DIALECT}"
-
-M_co = TypeVar("M_co", bound=Message, covariant=True)
-
-
-class Role(Enum):
-    PLANT = "plant"
-    ROBOT = "robot"
-    GROUND = "ground"
-
-
-class Priority(Enum):
-    REAL_TIME = 1
-    DATA_HIGH = 4
-    DATA = 5
-    DATA_LOW = 6
-
-
-def robot_name(name: str) -> str:
-    """The name itself; UserError unless it can be one element of a key."""
-    if not ROBOT_NAME.match(name):
-        raise UserError(
-            f"robot name {name!r}: use 1 to 16 of the characters a-z, 0-9, '_' and '-', as in 'r1'"
-        )
-    return name
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Topic(Generic[M_co]):
-    """A pub/sub stream. `rate_hz` 0: an event; `stale_after_ns` 0: never stale."""
-
-    path: str
-    messages: tuple[type[M_co], ...]
-    publisher: Role
-    rate_hz: float
-    stale_after_ns: int
-    priority: Priority = Priority.DATA
-    doc: str
-
-    def key(self, robot: str, prefix: str = PREFIX) -> str:
-        return f"{prefix}/{robot_name(robot)}/{self.path}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Service:
-    """A query that is always answered: one request frame (or none), one reply."""
-
-    path: str
-    requests: tuple[type[Message], ...]
-    server: Role
-    doc: str
-
-    def key(self, robot: str, prefix: str = PREFIX) -> str:
-        return f"{prefix}/{robot_name(robot)}/{self.path}"
-
+from protocol.topic import DIALECT as DIALECT
+from protocol.topic import ENCODING as ENCODING
+from protocol.topic import ENCODING_FAMILY as ENCODING_FAMILY
+from protocol.topic import MS as MS
+from protocol.topic import PREFIX as PREFIX
+from protocol.topic import Priority as Priority
+from protocol.topic import Role as Role
+from protocol.topic import Service as Service
+from protocol.topic import Topic as Topic
+from protocol.topic import robot_name as robot_name
 
 SONAR: Final = Topic(
     path="sense/sonar",
@@ -184,9 +140,42 @@ TEXT: Final = Topic(
     stale_after_ns=0,
     doc="events in words",
 )
+LEASE: Final = Topic(
+    path="tlm/lease",
+    messages=(LeaseStatus,),
+    publisher=Role.ROBOT,
+    rate_hz=2.0,
+    stale_after_ns=1500 * MS,
+    doc="which operator commands the robot; at once when that changes",
+)
+MISSION: Final = Topic(
+    path="tlm/mission",
+    messages=(MissionStatus,),
+    publisher=Role.ROBOT,
+    rate_hz=2.0,
+    stale_after_ns=1500 * MS,
+    doc="how far the mission is; at once when that changes",
+)
+INPUTS: Final = Topic(
+    path="tlm/inputs",
+    messages=(TickInputs,),
+    publisher=Role.ROBOT,
+    rate_hz=20.0,
+    stale_after_ns=250 * MS,
+    priority=Priority.DATA_LOW,
+    doc="what the control core was given, so that a recorded run can be executed again",
+)
 COMMANDED: Final[Topic[Message]] = Topic(
     path="tlm/commanded",
-    messages=(CommandRequest, GoalRequest, ParamSet),
+    messages=(
+        CommandRequest,
+        GoalRequest,
+        ParamSet,
+        LeaseRequest,
+        MissionCount,
+        MissionItemInt,
+        MissionClearAll,
+    ),
     publisher=Role.ROBOT,
     rate_hz=0.0,
     stale_after_ns=0,
@@ -194,7 +183,7 @@ COMMANDED: Final[Topic[Message]] = Topic(
 )
 ANSWERED: Final[Topic[Message]] = Topic(
     path="tlm/answered",
-    messages=(CommandAck, ParamValue),
+    messages=(CommandAck, ParamValue, MissionRequestInt, MissionVerdict),
     publisher=Role.ROBOT,
     rate_hz=0.0,
     stale_after_ns=0,
@@ -207,6 +196,15 @@ OPERATOR: Final = Topic(
     rate_hz=5.0,
     stale_after_ns=1500 * MS,
     doc="an operator is there",
+)
+TELEOP: Final = Topic(
+    path="op/teleop",
+    messages=(Teleop,),
+    publisher=Role.GROUND,
+    rate_hz=10.0,
+    stale_after_ns=500 * MS,
+    priority=Priority.DATA_HIGH,
+    doc="speeds to drive with in MANUAL, each with its own time-to-live",
 )
 
 COMMAND: Final = Service(
@@ -227,6 +225,27 @@ PARAMETERS: Final = Service(
     server=Role.ROBOT,
     doc="no payload -> JSON list: name, value, default, unit, minimum, maximum, integer, doc, "
     "saved (it survives a restart)",
+)
+LEASE_SERVICE: Final = Service(
+    path="srv/lease",
+    requests=(LeaseRequest,),
+    server=Role.ROBOT,
+    doc="take, release or seize the lease -> CommandAck, whose result_param2 is a Reason",
+)
+MISSION_SERVICE: Final = Service(
+    path="srv/mission",
+    requests=(
+        MissionCount,
+        MissionItemInt,
+        MissionRequestList,
+        MissionRequestInt,
+        MissionClearAll,
+    ),
+    server=Role.ROBOT,
+    doc="a transfer, frame by frame. Upload: MissionCount -> MissionRequestInt(0), "
+    "MissionItemInt(k) -> MissionRequestInt(k + 1), the last -> MissionVerdict. Download: "
+    "MissionRequestList -> MissionCount, MissionRequestInt(k) -> MissionItemInt. MissionClearAll "
+    "-> MissionVerdict. A refusal is a MissionVerdict with its reason, at any point",
 )
 RUN: Final = Service(
     path="sim/run",
@@ -253,8 +272,12 @@ TOPICS: Final[tuple[Topic[Message], ...]] = (
     DECISION,
     CYCLE,
     TEXT,
+    LEASE,
+    MISSION,
+    INPUTS,
     COMMANDED,
     ANSWERED,
     OPERATOR,
+    TELEOP,
 )
-SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, RUN, WORLD)
+SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE, RUN, WORLD)

@@ -6,7 +6,7 @@ from typing import Final
 
 from protocol.bus import Asked, Bus
 from protocol.clock import Clock, Tick
-from protocol.topics import COMMAND, PARAMETER, PARAMETERS
+from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
 from robot.core import reasons
 from robot.core.budget import READ
 from robot.core.values import Outputs
@@ -15,7 +15,7 @@ from robot.reports import Reports
 from robot.senses import Senses
 from robot.vehicle import Vehicle
 
-SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS)
+SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE)
 
 
 class Process:

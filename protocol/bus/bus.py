@@ -14,7 +14,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from protocol.bus.publisher import Publisher
-from protocol.bus.service import Asked, Desk, Handler
+from protocol.bus.service import Asked, Desk, Handler, sender_in
 from protocol.bus.session import bound_endpoints, listens, open_session
 from protocol.codec import Encoder, decode
 from protocol.errors import LocalError, NoAnswer
@@ -79,6 +79,11 @@ class Bus:
     def zid(self) -> str:
         return str(self._session.zid())
 
+    @property
+    def operator(self) -> str | None:
+        """Who this is to the robots, attached to all that it asks and puts; None: no operator."""
+        return self.zid if self.role is Role.GROUND else None
+
     def locator(self) -> str:
         """The endpoint others can dial, with the real port where 0 was asked for."""
         bound = bound_endpoints(self._session)
@@ -91,21 +96,28 @@ class Bus:
 
     def publisher(self, topic: Topic[M], robot: str | None = None) -> Publisher[M]:
         key = self.key(topic.path, robot)
-        return Publisher(self._session, topic, key, self._encoder(robot))
+        return Publisher(self._session, topic, key, self._encoder(robot), self.operator)
 
     def mailbox(
         self,
         topic: Topic[M],
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
+        accept: Callable[[str], bool] | None = None,
     ) -> Mailbox[M]:
-        """The newest message of a topic; `notify` gets each arrival (ns), in the bus's thread."""
-        mailbox = Mailbox(topic, notify)
+        """The newest message of a topic; `notify` gets each arrival (ns), in the bus's thread.
+
+        `accept` gets the sender of each, as `Mailbox` has it, in the bus's thread too.
+        """
+        mailbox = Mailbox(topic, notify, accept)
         now_ns = self._now_ns
+        from_whom = accept is not None
 
         def store(sample: zenoh.Sample) -> None:
             arrived_ns = now_ns()
-            mailbox.store(Sample(str(sample.encoding), sample.payload.to_bytes()), arrived_ns)
+            sender = sender_in(sample.attachment) if from_whom else ""
+            payload = sample.payload.to_bytes()
+            mailbox.store(Sample(str(sample.encoding), payload, sender), arrived_ns)
 
         self._subscribe(self.key(topic.path, robot), store)
         self._mailboxes.append(mailbox)
@@ -150,7 +162,9 @@ class Bus:
         key = self.key(service.path, robot)
         frame = None if message is None else self._encoder(robot).encode(message)
         encoding = None if frame is None else ENCODING
-        replies = self._session.get(key, payload=frame, encoding=encoding, timeout=timeout_s)
+        replies = self._session.get(
+            key, payload=frame, encoding=encoding, timeout=timeout_s, attachment=self.operator
+        )
         for reply in replies:
             if reply.ok is not None:
                 return answer_in(reply.ok)

@@ -20,12 +20,20 @@ PRIORITIES: Final = {
 
 
 class Publisher(Generic[M]):
-    """Puts messages of one topic on its key."""
+    """Puts messages of one topic on its key; an operator's carry who that is."""
 
-    def __init__(self, session: zenoh.Session, topic: Topic[M], key: str, encoder: Encoder) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        topic: Topic[M],
+        key: str,
+        encoder: Encoder,
+        operator: str | None = None,
+    ) -> None:
         self.topic = topic
         self.key = key
         self._encoder = encoder
+        self._operator = operator
         # Express loses samples under load, BLOCK can hold a loop for seconds: neither is used.
         self._publisher = session.declare_publisher(
             key,
@@ -39,7 +47,7 @@ class Publisher(Generic[M]):
     def put(self, message: M) -> bytes:
         """Send and return the frame; LocalError when it does not belong here or does not fit."""
         frame = self.frame(message)
-        self._publisher.put(frame)
+        self.put_frame(frame)
         return frame
 
     def frame(self, message: M) -> bytes:
@@ -50,7 +58,7 @@ class Publisher(Generic[M]):
 
     def put_frame(self, frame: bytes) -> None:
         """Send bytes as they are: made before, replayed, or broken on purpose."""
-        self._publisher.put(frame)
+        self._publisher.put(frame, attachment=self._operator)
 
     @property
     def matched(self) -> bool:

@@ -25,12 +25,16 @@ LOG = logging.getLogger(__name__)
 
 
 class Asked:
-    """A request: answer it once, from any thread, now or later."""
+    """A request: answer it once, from any thread, now or later.
+
+    `operator` is who asks, as the bus knows it; empty for whoever is no operator.
+    """
 
     def __init__(self, query: zenoh.Query, key: str, service: Service, encoder: Encoder) -> None:
         self.service = service
         self.key = key
         self.message: Message | None = None
+        self.operator = ""
         self._query: zenoh.Query | None = query
         self._encoder = encoder
         self._lock = threading.Lock()
@@ -38,7 +42,10 @@ class Asked:
     def read(self) -> None:
         """Decode the request; RemoteError when it is not one this service takes."""
         query = self._query
-        if query is not None and self.service.requests:
+        if query is None:
+            return
+        self.operator = sender_in(query.attachment)
+        if self.service.requests:
             payload = b"" if query.payload is None else query.payload.to_bytes()
             encoding = "" if query.encoding is None else str(query.encoding)
             self.message = opened(Sample(encoding, payload), self.service.requests)
@@ -71,6 +78,11 @@ class Asked:
 
 
 Handler = Callable[[Asked], object]
+
+
+def sender_in(attachment: zenoh.ZBytes | None) -> str:
+    """Which operator an attachment names; empty when it names none or cannot be read."""
+    return "" if attachment is None else attachment.to_bytes().decode("ascii", "replace")
 
 
 class Desk:

@@ -487,6 +487,26 @@ SIDESTEP_REASON_NOT_SAVED = 15
 enums["SIDESTEP_REASON"][15] = EnumEntry("SIDESTEP_REASON_NOT_SAVED", """the value is in force but could not be saved""")
 SIDESTEP_REASON_MALFORMED = 16
 enums["SIDESTEP_REASON"][16] = EnumEntry("SIDESTEP_REASON_MALFORMED", """the frame could not be read""")
+SIDESTEP_REASON_LEASE_HELD = 17
+enums["SIDESTEP_REASON"][17] = EnumEntry("SIDESTEP_REASON_LEASE_HELD", """another operator commands the robot""")
+SIDESTEP_REASON_OUTSIDE_FENCE = 18
+enums["SIDESTEP_REASON"][18] = EnumEntry("SIDESTEP_REASON_OUTSIDE_FENCE", """goal is outside of the fence""")
+SIDESTEP_REASON_NO_MISSION = 19
+enums["SIDESTEP_REASON"][19] = EnumEntry("SIDESTEP_REASON_NO_MISSION", """there is no mission to act on""")
+SIDESTEP_REASON_MISSION_EMPTY = 20
+enums["SIDESTEP_REASON"][20] = EnumEntry("SIDESTEP_REASON_MISSION_EMPTY", """a mission needs at least one item""")
+SIDESTEP_REASON_MISSION_ITEM_BAD = 21
+enums["SIDESTEP_REASON"][21] = EnumEntry("SIDESTEP_REASON_MISSION_ITEM_BAD", """no such item, or it is not its turn""")
+SIDESTEP_REASON_MISSION_TOO_LONG = 22
+enums["SIDESTEP_REASON"][22] = EnumEntry("SIDESTEP_REASON_MISSION_TOO_LONG", """more items than the robot takes""")
+SIDESTEP_REASON_HOLD_OUT_OF_RANGE = 23
+enums["SIDESTEP_REASON"][23] = EnumEntry("SIDESTEP_REASON_HOLD_OUT_OF_RANGE", """hold time is not a number or out of range""")
+SIDESTEP_REASON_UNKNOWN_FRAME = 24
+enums["SIDESTEP_REASON"][24] = EnumEntry("SIDESTEP_REASON_UNKNOWN_FRAME", """the robot does not know this frame""")
+SIDESTEP_REASON_FENCE_NOT_SIMPLE = 25
+enums["SIDESTEP_REASON"][25] = EnumEntry("SIDESTEP_REASON_FENCE_NOT_SIMPLE", """the sides of the fence cross, touch or enclose nothing""")
+SIDESTEP_REASON_FENCE_LEAVES_ROBOT_OUT = 26
+enums["SIDESTEP_REASON"][26] = EnumEntry("SIDESTEP_REASON_FENCE_LEAVES_ROBOT_OUT", """the robot itself stands outside of that fence""")
 SIDESTEP_REASON_TICKS_LOST = 30
 enums["SIDESTEP_REASON"][30] = EnumEntry("SIDESTEP_REASON_TICKS_LOST", """no fresh wheel ticks for 150 ms""")
 SIDESTEP_REASON_SCAN_LOST = 31
@@ -610,6 +630,45 @@ enums["MAV_CMD"][193].param[4] = """Reserved"""
 enums["MAV_CMD"][193].param[5] = """Reserved"""
 enums["MAV_CMD"][193].param[6] = """Reserved"""
 enums["MAV_CMD"][193].param[7] = """Reserved"""
+MAV_CMD_DO_SET_MISSION_CURRENT = 224
+enums["MAV_CMD"][224] = EnumEntry(
+    "MAV_CMD_DO_SET_MISSION_CURRENT",
+    """
+          Set the mission item with sequence number seq as the current item and emit MISSION_CURRENT (whether or not the mission number changed).
+          If a mission is currently being executed, the system will continue to this new mission item on the shortest path, skipping any intermediate mission items.
+      Note that mission jump repeat counters are not reset unless param2 is set (see MAV_CMD_DO_JUMP param2).
+
+          This command may trigger a mission state-machine change on some systems: for example from MISSION_STATE_NOT_STARTED or MISSION_STATE_PAUSED to MISSION_STATE_ACTIVE.
+          If the system is in mission mode, on those systems this command might therefore start, restart or resume the mission.
+          If the system is not in mission mode this command must not trigger a switch to mission mode.
+
+          The mission may be "reset" using param2.
+          Resetting sets jump counters to initial values (to reset counters without changing the current mission item set the param1 to `-1`).
+          Resetting also explicitly changes a mission state of MISSION_STATE_COMPLETE to MISSION_STATE_PAUSED or MISSION_STATE_ACTIVE, potentially allowing it to resume when it is (next) in a mission mode.
+
+      The command will ACK with MAV_RESULT_FAILED if the sequence number is out of range (including if there is no mission item).
+        """,
+)
+enums["MAV_CMD"][224].param[1] = """Mission sequence value to set. -1 for the current mission item (use to reset mission without changing current mission item)."""
+enums["MAV_CMD"][224].label[1] = """Number"""
+enums["MAV_CMD"][224].param[2] = """Reset mission (MAV_BOOL_TRUE). Values not equal to 0 or 1 are invalid. Resets jump counters to initial values and changes mission state "completed" to be "active" or "paused"."""
+enums["MAV_CMD"][224].label[2] = """Reset Mission"""
+enums["MAV_CMD"][224].param[3] = """Empty"""
+enums["MAV_CMD"][224].param[4] = """Empty"""
+enums["MAV_CMD"][224].param[5] = """Empty"""
+enums["MAV_CMD"][224].param[6] = """Empty"""
+enums["MAV_CMD"][224].param[7] = """Empty"""
+MAV_CMD_MISSION_START = 300
+enums["MAV_CMD"][300] = EnumEntry("MAV_CMD_MISSION_START", """start running a mission""")
+enums["MAV_CMD"][300].param[1] = """first_item: the first mission item to run"""
+enums["MAV_CMD"][300].label[1] = """First Item"""
+enums["MAV_CMD"][300].param[2] = """last_item:  the last mission item to run (after this item is run, the mission ends)"""
+enums["MAV_CMD"][300].label[2] = """Last Item"""
+enums["MAV_CMD"][300].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][300].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][300].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][300].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][300].param[7] = """Reserved (default:0)"""
 MAV_CMD_COMPONENT_ARM_DISARM = 400
 enums["MAV_CMD"][400] = EnumEntry("MAV_CMD_COMPONENT_ARM_DISARM", """Arms / Disarms a component""")
 enums["MAV_CMD"][400].param[1] = """Arm (MAV_BOOL_FALSE: disarm). Values not equal to 0 or 1 are invalid."""
@@ -621,6 +680,43 @@ enums["MAV_CMD"][400].param[4] = """Reserved (default:0)"""
 enums["MAV_CMD"][400].param[5] = """Reserved (default:0)"""
 enums["MAV_CMD"][400].param[6] = """Reserved (default:0)"""
 enums["MAV_CMD"][400].param[7] = """Reserved (default:0)"""
+MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION = 5001
+enums["MAV_CMD"][5001] = EnumEntry(
+    "MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION",
+    """Fence vertex for an inclusion polygon (the polygon must not be self-intersecting). The vehicle must stay within this area. Minimum of 3 vertices required.
+          The vertices for a polygon must be sent sequentially, each with param1 set to the total number of vertices in the polygon.
+        """,
+)
+enums["MAV_CMD"][5001].has_location = True
+enums["MAV_CMD"][5001].param[1] = """Polygon vertex count. This is the number of vertices in the current polygon (all vertices will have the same number)."""
+enums["MAV_CMD"][5001].label[1] = """Vertex Count"""
+enums["MAV_CMD"][5001].param[2] = """Vehicle must be inside ALL inclusion zones in a single group, vehicle must be inside at least one group, must be the same for all points in each polygon"""
+enums["MAV_CMD"][5001].label[2] = """Inclusion Group"""
+enums["MAV_CMD"][5001].param[3] = """Reserved"""
+enums["MAV_CMD"][5001].param[4] = """Reserved"""
+enums["MAV_CMD"][5001].param[5] = """Latitude"""
+enums["MAV_CMD"][5001].label[5] = """Latitude"""
+enums["MAV_CMD"][5001].param[6] = """Longitude"""
+enums["MAV_CMD"][5001].label[6] = """Longitude"""
+enums["MAV_CMD"][5001].param[7] = """Reserved"""
+MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION = 5003
+enums["MAV_CMD"][5003] = EnumEntry(
+    "MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION",
+    """Circular fence area. The vehicle must stay inside this area.
+        """,
+)
+enums["MAV_CMD"][5003].has_location = True
+enums["MAV_CMD"][5003].param[1] = """Radius."""
+enums["MAV_CMD"][5003].label[1] = """Radius"""
+enums["MAV_CMD"][5003].param[2] = """Vehicle must be inside ALL inclusion zones in a single group, vehicle must be inside at least one group"""
+enums["MAV_CMD"][5003].label[2] = """Inclusion Group"""
+enums["MAV_CMD"][5003].param[3] = """Reserved"""
+enums["MAV_CMD"][5003].param[4] = """Reserved"""
+enums["MAV_CMD"][5003].param[5] = """Latitude"""
+enums["MAV_CMD"][5003].label[5] = """Latitude"""
+enums["MAV_CMD"][5003].param[6] = """Longitude"""
+enums["MAV_CMD"][5003].label[6] = """Longitude"""
+enums["MAV_CMD"][5003].param[7] = """Reserved"""
 MAV_CMD_SIDESTEP_SET_NAVIGATOR = 54100
 enums["MAV_CMD"][54100] = EnumEntry("MAV_CMD_SIDESTEP_SET_NAVIGATOR", """Choose the navigator and the side it passes obstacles on.""")
 enums["MAV_CMD"][54100].param[1] = """SIDESTEP_NAVIGATOR"""
@@ -648,8 +744,49 @@ enums["MAV_CMD"][54102].param[4] = """Reserved (default:0)"""
 enums["MAV_CMD"][54102].param[5] = """Reserved (default:0)"""
 enums["MAV_CMD"][54102].param[6] = """Reserved (default:0)"""
 enums["MAV_CMD"][54102].param[7] = """Reserved (default:0)"""
-MAV_CMD_ENUM_END = 54103
-enums["MAV_CMD"][54103] = EnumEntry("MAV_CMD_ENUM_END", """""")
+MAV_CMD_SIDESTEP_NAV_POSE = 54103
+enums["MAV_CMD"][54103] = EnumEntry("MAV_CMD_SIDESTEP_NAV_POSE", """Mission item: drive to a pose and wait there. x and y are metres times 10000, frame MAV_FRAME_LOCAL_FLU.""")
+enums["MAV_CMD"][54103].param[1] = """hold, s"""
+enums["MAV_CMD"][54103].param[2] = """position tolerance, m"""
+enums["MAV_CMD"][54103].param[3] = """heading tolerance, degrees"""
+enums["MAV_CMD"][54103].param[4] = """final heading, degrees; NaN: any will do"""
+enums["MAV_CMD"][54103].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][54103].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][54103].param[7] = """Reserved (default:0)"""
+MAV_CMD_ENUM_END = 54104
+enums["MAV_CMD"][54104] = EnumEntry("MAV_CMD_ENUM_END", """""")
+
+# SIDESTEP_LEASE_ACTION
+enums["SIDESTEP_LEASE_ACTION"] = Enum()
+enums["SIDESTEP_LEASE_ACTION"].bitmask = False
+SIDESTEP_LEASE_ACTION_TAKE = 0
+enums["SIDESTEP_LEASE_ACTION"][0] = EnumEntry("SIDESTEP_LEASE_ACTION_TAKE", """Take it; refused while another holds it.""")
+SIDESTEP_LEASE_ACTION_RELEASE = 1
+enums["SIDESTEP_LEASE_ACTION"][1] = EnumEntry("SIDESTEP_LEASE_ACTION_RELEASE", """Give it back.""")
+SIDESTEP_LEASE_ACTION_SEIZE = 2
+enums["SIDESTEP_LEASE_ACTION"][2] = EnumEntry("SIDESTEP_LEASE_ACTION_SEIZE", """Take it from whoever holds it.""")
+SIDESTEP_LEASE_ACTION_ENUM_END = 3
+enums["SIDESTEP_LEASE_ACTION"][3] = EnumEntry("SIDESTEP_LEASE_ACTION_ENUM_END", """""")
+
+# SIDESTEP_MISSION
+enums["SIDESTEP_MISSION"] = Enum()
+enums["SIDESTEP_MISSION"].bitmask = False
+SIDESTEP_MISSION_NONE = 0
+enums["SIDESTEP_MISSION"][0] = EnumEntry("SIDESTEP_MISSION_NONE", """No mission.""")
+SIDESTEP_MISSION_READY = 1
+enums["SIDESTEP_MISSION"][1] = EnumEntry("SIDESTEP_MISSION_READY", """Accepted, not started.""")
+SIDESTEP_MISSION_RUNNING = 2
+enums["SIDESTEP_MISSION"][2] = EnumEntry("SIDESTEP_MISSION_RUNNING", """On the way to the current item.""")
+SIDESTEP_MISSION_HOLDING = 3
+enums["SIDESTEP_MISSION"][3] = EnumEntry("SIDESTEP_MISSION_HOLDING", """At the current item, waiting out its hold time.""")
+SIDESTEP_MISSION_PAUSED = 4
+enums["SIDESTEP_MISSION"][4] = EnumEntry("SIDESTEP_MISSION_PAUSED", """Stopped by an operator, can go on.""")
+SIDESTEP_MISSION_DONE = 5
+enums["SIDESTEP_MISSION"][5] = EnumEntry("SIDESTEP_MISSION_DONE", """All items reached.""")
+SIDESTEP_MISSION_FAILED = 6
+enums["SIDESTEP_MISSION"][6] = EnumEntry("SIDESTEP_MISSION_FAILED", """Ended early, see the reason; can be started again.""")
+SIDESTEP_MISSION_ENUM_END = 7
+enums["SIDESTEP_MISSION"][7] = EnumEntry("SIDESTEP_MISSION_ENUM_END", """""")
 
 # SIDESTEP_RUN_ACTION
 enums["SIDESTEP_RUN_ACTION"] = Enum()
@@ -1071,6 +1208,12 @@ MAVLINK_MSG_ID_GOAL_REQUEST = 54108
 MAVLINK_MSG_ID_COMMAND_REQUEST = 54109
 MAVLINK_MSG_ID_RUN_REQUEST = 54110
 MAVLINK_MSG_ID_RUN_SCORE = 54111
+MAVLINK_MSG_ID_LEASE_REQUEST = 54112
+MAVLINK_MSG_ID_LEASE_STATUS = 54113
+MAVLINK_MSG_ID_TELEOP = 54114
+MAVLINK_MSG_ID_MISSION_STATUS = 54115
+MAVLINK_MSG_ID_MISSION_VERDICT = 54116
+MAVLINK_MSG_ID_TICK_INPUTS = 54117
 MAVLINK_MSG_ID_SYSTEM_TIME = 2
 MAVLINK_MSG_ID_PARAM_REQUEST_READ = 20
 MAVLINK_MSG_ID_PARAM_REQUEST_LIST = 21
@@ -1641,6 +1784,271 @@ class MAVLink_run_score_message(MAVLink_message):
 # Define name on the class for backwards compatibility (it is now msgname).
 # Done with setattr to hide the class variable from mypy.
 setattr(MAVLink_run_score_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_lease_request_message(MAVLink_message):
+    """
+    Asks for the lease or gives it back. Who asks is told by the bus.
+    Answered by COMMAND_ACK, whose result_param2 is a SIDESTEP_REASON.
+    """
+
+    id = MAVLINK_MSG_ID_LEASE_REQUEST
+    msgname = "LEASE_REQUEST"
+    fieldnames = ["request_id", "action", "name"]
+    ordered_fieldnames = ["request_id", "action", "name"]
+    fieldtypes = ["uint64_t", "uint8_t", "char"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"action": "SIDESTEP_LEASE_ACTION"}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<QBc")
+    orders = [0, 1, 2]
+    lengths = [1, 1, 1]
+    array_lengths = [0, 0, 16]
+    crc_extra = 226
+    unpacker = struct.Struct("<QB16s")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, request_id: int, action: int, name: bytes):
+        MAVLink_message.__init__(self, MAVLink_lease_request_message.id, MAVLink_lease_request_message.msgname)
+        self._fieldnames = MAVLink_lease_request_message.fieldnames
+        self._instance_field = MAVLink_lease_request_message.instance_field
+        self._instance_offset = MAVLink_lease_request_message.instance_offset
+        self.request_id = request_id
+        self.action = action
+        self._name_raw = name
+        self.name = name.split(b"\x00", 1)[0].decode("ascii", errors="replace")
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.request_id, self.action, self._name_raw), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_lease_request_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_lease_status_message(MAVLink_message):
+    """
+    Who commands the robot. While nobody does, it takes commands from
+    anyone.
+    """
+
+    id = MAVLINK_MSG_ID_LEASE_STATUS
+    msgname = "LEASE_STATUS"
+    fieldnames = ["time_ns", "lapses_ms", "held", "holder", "name"]
+    ordered_fieldnames = ["time_ns", "lapses_ms", "held", "holder", "name"]
+    fieldtypes = ["uint64_t", "uint32_t", "uint8_t", "char", "char"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {"time_ns": "ns", "lapses_ms": "ms"}
+    native_format = bytearray(b"<QIBcc")
+    orders = [0, 1, 2, 3, 4]
+    lengths = [1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 32, 16]
+    crc_extra = 167
+    unpacker = struct.Struct("<QIB32s16s")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, time_ns: int, lapses_ms: int, held: int, holder: bytes, name: bytes):
+        MAVLink_message.__init__(self, MAVLink_lease_status_message.id, MAVLink_lease_status_message.msgname)
+        self._fieldnames = MAVLink_lease_status_message.fieldnames
+        self._instance_field = MAVLink_lease_status_message.instance_field
+        self._instance_offset = MAVLink_lease_status_message.instance_offset
+        self.time_ns = time_ns
+        self.lapses_ms = lapses_ms
+        self.held = held
+        self._holder_raw = holder
+        self.holder = holder.split(b"\x00", 1)[0].decode("ascii", errors="replace")
+        self._name_raw = name
+        self.name = name.split(b"\x00", 1)[0].decode("ascii", errors="replace")
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_ns, self.lapses_ms, self.held, self._holder_raw, self._name_raw), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_lease_status_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_teleop_message(MAVLink_message):
+    """
+    Drive like this in MANUAL, until the time-to-live runs out. There
+    is no other way to drive in MANUAL, so silence is a stop.
+    """
+
+    id = MAVLINK_MSG_ID_TELEOP
+    msgname = "TELEOP"
+    fieldnames = ["time_ns", "seq", "speed_mm_s", "yaw_rate_mrad_s", "ttl_ms"]
+    ordered_fieldnames = ["time_ns", "seq", "speed_mm_s", "yaw_rate_mrad_s", "ttl_ms"]
+    fieldtypes = ["uint64_t", "uint32_t", "int16_t", "int16_t", "uint16_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {"time_ns": "ns", "speed_mm_s": "mm/s", "yaw_rate_mrad_s": "mrad/s", "ttl_ms": "ms"}
+    native_format = bytearray(b"<QIhhH")
+    orders = [0, 1, 2, 3, 4]
+    lengths = [1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0]
+    crc_extra = 95
+    unpacker = struct.Struct("<QIhhH")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, time_ns: int, seq: int, speed_mm_s: int, yaw_rate_mrad_s: int, ttl_ms: int):
+        MAVLink_message.__init__(self, MAVLink_teleop_message.id, MAVLink_teleop_message.msgname)
+        self._fieldnames = MAVLink_teleop_message.fieldnames
+        self._instance_field = MAVLink_teleop_message.instance_field
+        self._instance_offset = MAVLink_teleop_message.instance_offset
+        self.time_ns = time_ns
+        self.seq = seq
+        self.speed_mm_s = speed_mm_s
+        self.yaw_rate_mrad_s = yaw_rate_mrad_s
+        self.ttl_ms = ttl_ms
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_ns, self.seq, self.speed_mm_s, self.yaw_rate_mrad_s, self.ttl_ms), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_teleop_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_mission_status_message(MAVLink_message):
+    """
+    How far the mission is.
+    """
+
+    id = MAVLINK_MSG_ID_MISSION_STATUS
+    msgname = "MISSION_STATUS"
+    fieldnames = ["time_ns", "mission_id", "hold_left_ms", "count", "current", "state", "reason"]
+    ordered_fieldnames = ["time_ns", "mission_id", "hold_left_ms", "count", "current", "state", "reason"]
+    fieldtypes = ["uint64_t", "uint32_t", "uint32_t", "uint16_t", "uint16_t", "uint8_t", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"state": "SIDESTEP_MISSION", "reason": "SIDESTEP_REASON"}
+    fieldunits_by_name: Dict[str, str] = {"time_ns": "ns", "hold_left_ms": "ms"}
+    native_format = bytearray(b"<QIIHHBB")
+    orders = [0, 1, 2, 3, 4, 5, 6]
+    lengths = [1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 240
+    unpacker = struct.Struct("<QIIHHBB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, time_ns: int, mission_id: int, hold_left_ms: int, count: int, current: int, state: int, reason: int):
+        MAVLink_message.__init__(self, MAVLink_mission_status_message.id, MAVLink_mission_status_message.msgname)
+        self._fieldnames = MAVLink_mission_status_message.fieldnames
+        self._instance_field = MAVLink_mission_status_message.instance_field
+        self._instance_offset = MAVLink_mission_status_message.instance_offset
+        self.time_ns = time_ns
+        self.mission_id = mission_id
+        self.hold_left_ms = hold_left_ms
+        self.count = count
+        self.current = current
+        self.state = state
+        self.reason = reason
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_ns, self.mission_id, self.hold_left_ms, self.count, self.current, self.state, self.reason), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_mission_status_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_mission_verdict_message(MAVLink_message):
+    """
+    Ends a transfer: accepted as a whole (reason 0), or refused, and
+    the old one stays.
+    """
+
+    id = MAVLINK_MSG_ID_MISSION_VERDICT
+    msgname = "MISSION_VERDICT"
+    fieldnames = ["mission_id", "item", "reason", "mission_type"]
+    ordered_fieldnames = ["mission_id", "item", "reason", "mission_type"]
+    fieldtypes = ["uint32_t", "uint16_t", "uint8_t", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"reason": "SIDESTEP_REASON", "mission_type": "MAV_MISSION_TYPE"}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<IHBB")
+    orders = [0, 1, 2, 3]
+    lengths = [1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0]
+    crc_extra = 40
+    unpacker = struct.Struct("<IHBB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, mission_id: int, item: int, reason: int, mission_type: int):
+        MAVLink_message.__init__(self, MAVLink_mission_verdict_message.id, MAVLink_mission_verdict_message.msgname)
+        self._fieldnames = MAVLink_mission_verdict_message.fieldnames
+        self._instance_field = MAVLink_mission_verdict_message.instance_field
+        self._instance_offset = MAVLink_mission_verdict_message.instance_offset
+        self.mission_id = mission_id
+        self.item = item
+        self.reason = reason
+        self.mission_type = mission_type
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.mission_id, self.item, self.reason, self.mission_type), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_mission_verdict_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_tick_inputs_message(MAVLink_message):
+    """
+    What the core was given in this tick, so that a recorded run can
+    be executed again.
+    """
+
+    id = MAVLINK_MSG_ID_TICK_INPUTS
+    msgname = "TICK_INPUTS"
+    fieldnames = ["time_ns", "now_ms", "tick", "wheels_seq", "scan_seq", "requests", "scan_age_ms", "operator_age_ms", "flags", "speed_mm_s", "yaw_rate_mrad_s"]
+    ordered_fieldnames = ["time_ns", "now_ms", "tick", "wheels_seq", "scan_seq", "requests", "scan_age_ms", "operator_age_ms", "speed_mm_s", "yaw_rate_mrad_s", "flags"]
+    fieldtypes = ["uint64_t", "uint64_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint8_t", "int16_t", "int16_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {"time_ns": "ns", "now_ms": "ms", "scan_age_ms": "ms", "operator_age_ms": "ms", "speed_mm_s": "mm/s", "yaw_rate_mrad_s": "mrad/s"}
+    native_format = bytearray(b"<QQIIIIIIhhB")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 10, 8, 9]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 143
+    unpacker = struct.Struct("<QQIIIIIIhhB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, time_ns: int, now_ms: int, tick: int, wheels_seq: int, scan_seq: int, requests: int, scan_age_ms: int, operator_age_ms: int, flags: int, speed_mm_s: int, yaw_rate_mrad_s: int):
+        MAVLink_message.__init__(self, MAVLink_tick_inputs_message.id, MAVLink_tick_inputs_message.msgname)
+        self._fieldnames = MAVLink_tick_inputs_message.fieldnames
+        self._instance_field = MAVLink_tick_inputs_message.instance_field
+        self._instance_offset = MAVLink_tick_inputs_message.instance_offset
+        self.time_ns = time_ns
+        self.now_ms = now_ms
+        self.tick = tick
+        self.wheels_seq = wheels_seq
+        self.scan_seq = scan_seq
+        self.requests = requests
+        self.scan_age_ms = scan_age_ms
+        self.operator_age_ms = operator_age_ms
+        self.flags = flags
+        self.speed_mm_s = speed_mm_s
+        self.yaw_rate_mrad_s = yaw_rate_mrad_s
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_ns, self.now_ms, self.tick, self.wheels_seq, self.scan_seq, self.requests, self.scan_age_ms, self.operator_age_ms, self.speed_mm_s, self.yaw_rate_mrad_s, self.flags), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_tick_inputs_message, "name", mavlink_msg_deprecated_name_property())
 
 
 class MAVLink_system_time_message(MAVLink_message):
@@ -2658,6 +3066,12 @@ mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_COMMAND_REQUEST: MAVLink_command_request_message,
     MAVLINK_MSG_ID_RUN_REQUEST: MAVLink_run_request_message,
     MAVLINK_MSG_ID_RUN_SCORE: MAVLink_run_score_message,
+    MAVLINK_MSG_ID_LEASE_REQUEST: MAVLink_lease_request_message,
+    MAVLINK_MSG_ID_LEASE_STATUS: MAVLink_lease_status_message,
+    MAVLINK_MSG_ID_TELEOP: MAVLink_teleop_message,
+    MAVLINK_MSG_ID_MISSION_STATUS: MAVLink_mission_status_message,
+    MAVLINK_MSG_ID_MISSION_VERDICT: MAVLink_mission_verdict_message,
+    MAVLINK_MSG_ID_TICK_INPUTS: MAVLink_tick_inputs_message,
     MAVLINK_MSG_ID_SYSTEM_TIME: MAVLink_system_time_message,
     MAVLINK_MSG_ID_PARAM_REQUEST_READ: MAVLink_param_request_read_message,
     MAVLINK_MSG_ID_PARAM_REQUEST_LIST: MAVLink_param_request_list_message,
@@ -3474,6 +3888,184 @@ class MAVLink(object):
 
         """
         self.send(self.run_score_encode(time_ns, ticks, contacts, own_contacts, x_m, y_m, heading_rad, path_m, min_clearance_m, digest), force_mavlink1=force_mavlink1)
+
+    def lease_request_encode(self, request_id: int, action: int, name: bytes) -> MAVLink_lease_request_message:
+        """
+        Asks for the lease or gives it back. Who asks is told by the bus.
+        Answered by COMMAND_ACK, whose result_param2 is a
+        SIDESTEP_REASON.
+
+        request_id                : Chosen by the sender, never reused. (type:uint64_t)
+        action                    : What to do. (type:uint8_t, values:SIDESTEP_LEASE_ACTION)
+        name                      : What people call the operator. (type:char)
+
+        """
+        return MAVLink_lease_request_message(request_id, action, name)
+
+    def lease_request_send(self, request_id: int, action: int, name: bytes, force_mavlink1: bool = False) -> None:
+        """
+        Asks for the lease or gives it back. Who asks is told by the bus.
+        Answered by COMMAND_ACK, whose result_param2 is a
+        SIDESTEP_REASON.
+
+        request_id                : Chosen by the sender, never reused. (type:uint64_t)
+        action                    : What to do. (type:uint8_t, values:SIDESTEP_LEASE_ACTION)
+        name                      : What people call the operator. (type:char)
+
+        """
+        self.send(self.lease_request_encode(request_id, action, name), force_mavlink1=force_mavlink1)
+
+    def lease_status_encode(self, time_ns: int, lapses_ms: int, held: int, holder: bytes, name: bytes) -> MAVLink_lease_status_message:
+        """
+        Who commands the robot. While nobody does, it takes commands from
+        anyone.
+
+        time_ns                   : Stamp, clock of the robot. [ns] (type:uint64_t)
+        lapses_ms                 : The lease ends after this time unless the holder is heard; 0 while nobody holds it. [ms] (type:uint32_t)
+        held                      : 1 while an operator holds it. (type:uint8_t)
+        holder                    : Identity of the holder on the bus. (type:char)
+        name                      : What people call the holder. (type:char)
+
+        """
+        return MAVLink_lease_status_message(time_ns, lapses_ms, held, holder, name)
+
+    def lease_status_send(self, time_ns: int, lapses_ms: int, held: int, holder: bytes, name: bytes, force_mavlink1: bool = False) -> None:
+        """
+        Who commands the robot. While nobody does, it takes commands from
+        anyone.
+
+        time_ns                   : Stamp, clock of the robot. [ns] (type:uint64_t)
+        lapses_ms                 : The lease ends after this time unless the holder is heard; 0 while nobody holds it. [ms] (type:uint32_t)
+        held                      : 1 while an operator holds it. (type:uint8_t)
+        holder                    : Identity of the holder on the bus. (type:char)
+        name                      : What people call the holder. (type:char)
+
+        """
+        self.send(self.lease_status_encode(time_ns, lapses_ms, held, holder, name), force_mavlink1=force_mavlink1)
+
+    def teleop_encode(self, time_ns: int, seq: int, speed_mm_s: int, yaw_rate_mrad_s: int, ttl_ms: int) -> MAVLink_teleop_message:
+        """
+        Drive like this in MANUAL, until the time-to-live runs out. There is
+        no other way to drive in MANUAL, so silence is a stop.
+
+        time_ns                   : Stamp, clock of the operator. [ns] (type:uint64_t)
+        seq                       : Counts the frames of this operator. (type:uint32_t)
+        speed_mm_s                : Forward speed. [mm/s] (type:int16_t)
+        yaw_rate_mrad_s           : Yaw rate. [mrad/s] (type:int16_t)
+        ttl_ms                    : Valid for this long, at most 500. [ms] (type:uint16_t)
+
+        """
+        return MAVLink_teleop_message(time_ns, seq, speed_mm_s, yaw_rate_mrad_s, ttl_ms)
+
+    def teleop_send(self, time_ns: int, seq: int, speed_mm_s: int, yaw_rate_mrad_s: int, ttl_ms: int, force_mavlink1: bool = False) -> None:
+        """
+        Drive like this in MANUAL, until the time-to-live runs out. There is
+        no other way to drive in MANUAL, so silence is a stop.
+
+        time_ns                   : Stamp, clock of the operator. [ns] (type:uint64_t)
+        seq                       : Counts the frames of this operator. (type:uint32_t)
+        speed_mm_s                : Forward speed. [mm/s] (type:int16_t)
+        yaw_rate_mrad_s           : Yaw rate. [mrad/s] (type:int16_t)
+        ttl_ms                    : Valid for this long, at most 500. [ms] (type:uint16_t)
+
+        """
+        self.send(self.teleop_encode(time_ns, seq, speed_mm_s, yaw_rate_mrad_s, ttl_ms), force_mavlink1=force_mavlink1)
+
+    def mission_status_encode(self, time_ns: int, mission_id: int, hold_left_ms: int, count: int, current: int, state: int, reason: int) -> MAVLink_mission_status_message:
+        """
+        How far the mission is.
+
+        time_ns                   : Stamp, clock of the robot. [ns] (type:uint64_t)
+        mission_id                : Counts the missions accepted since the start; 0 without one. (type:uint32_t)
+        hold_left_ms              : What is left of the hold time; 0 while not HOLDING. [ms] (type:uint32_t)
+        count                     : Items. (type:uint16_t)
+        current                   : Item it is about, from 0. (type:uint16_t)
+        state                     : State. (type:uint8_t, values:SIDESTEP_MISSION)
+        reason                    : Why it is in its state. (type:uint8_t, values:SIDESTEP_REASON)
+
+        """
+        return MAVLink_mission_status_message(time_ns, mission_id, hold_left_ms, count, current, state, reason)
+
+    def mission_status_send(self, time_ns: int, mission_id: int, hold_left_ms: int, count: int, current: int, state: int, reason: int, force_mavlink1: bool = False) -> None:
+        """
+        How far the mission is.
+
+        time_ns                   : Stamp, clock of the robot. [ns] (type:uint64_t)
+        mission_id                : Counts the missions accepted since the start; 0 without one. (type:uint32_t)
+        hold_left_ms              : What is left of the hold time; 0 while not HOLDING. [ms] (type:uint32_t)
+        count                     : Items. (type:uint16_t)
+        current                   : Item it is about, from 0. (type:uint16_t)
+        state                     : State. (type:uint8_t, values:SIDESTEP_MISSION)
+        reason                    : Why it is in its state. (type:uint8_t, values:SIDESTEP_REASON)
+
+        """
+        self.send(self.mission_status_encode(time_ns, mission_id, hold_left_ms, count, current, state, reason), force_mavlink1=force_mavlink1)
+
+    def mission_verdict_encode(self, mission_id: int, item: int, reason: int, mission_type: int) -> MAVLink_mission_verdict_message:
+        """
+        Ends a transfer: accepted as a whole (reason 0), or refused, and the
+        old one stays.
+
+        mission_id                : The mission in force from now on. (type:uint32_t)
+        item                      : The item that is refused; 65535: none in particular. (type:uint16_t)
+        reason                    : What is wrong with it. (type:uint8_t, values:SIDESTEP_REASON)
+        mission_type              : 0 mission, 1 fence. (type:uint8_t, values:MAV_MISSION_TYPE)
+
+        """
+        return MAVLink_mission_verdict_message(mission_id, item, reason, mission_type)
+
+    def mission_verdict_send(self, mission_id: int, item: int, reason: int, mission_type: int, force_mavlink1: bool = False) -> None:
+        """
+        Ends a transfer: accepted as a whole (reason 0), or refused, and the
+        old one stays.
+
+        mission_id                : The mission in force from now on. (type:uint32_t)
+        item                      : The item that is refused; 65535: none in particular. (type:uint16_t)
+        reason                    : What is wrong with it. (type:uint8_t, values:SIDESTEP_REASON)
+        mission_type              : 0 mission, 1 fence. (type:uint8_t, values:MAV_MISSION_TYPE)
+
+        """
+        self.send(self.mission_verdict_encode(mission_id, item, reason, mission_type), force_mavlink1=force_mavlink1)
+
+    def tick_inputs_encode(self, time_ns: int, now_ms: int, tick: int, wheels_seq: int, scan_seq: int, requests: int, scan_age_ms: int, operator_age_ms: int, flags: int, speed_mm_s: int, yaw_rate_mrad_s: int) -> MAVLink_tick_inputs_message:
+        """
+        What the core was given in this tick, so that a recorded run can be
+        executed again.
+
+        time_ns                   : Stamp, clock of the robot. [ns] (type:uint64_t)
+        now_ms                    : Time as the core was told it. [ms] (type:uint64_t)
+        tick                      : Index of the tick. (type:uint32_t)
+        wheels_seq                : seq of the wheel ticks it was given. (type:uint32_t)
+        scan_seq                  : seq of the scan it was given. (type:uint32_t)
+        requests                  : Requests acted on before this tick, since the start; they are on tlm/commanded. (type:uint32_t)
+        scan_age_ms               : Age of the scan. [ms] (type:uint32_t)
+        operator_age_ms           : Since an operator was heard; all ones: never. [ms] (type:uint32_t)
+        flags                     : 1 wheel ticks were there, 2 a scan, 4 the budget was violated, 8 a fresh TELEOP. (type:uint8_t)
+        speed_mm_s                : Of that TELEOP. [mm/s] (type:int16_t)
+        yaw_rate_mrad_s           : Of that TELEOP. [mrad/s] (type:int16_t)
+
+        """
+        return MAVLink_tick_inputs_message(time_ns, now_ms, tick, wheels_seq, scan_seq, requests, scan_age_ms, operator_age_ms, flags, speed_mm_s, yaw_rate_mrad_s)
+
+    def tick_inputs_send(self, time_ns: int, now_ms: int, tick: int, wheels_seq: int, scan_seq: int, requests: int, scan_age_ms: int, operator_age_ms: int, flags: int, speed_mm_s: int, yaw_rate_mrad_s: int, force_mavlink1: bool = False) -> None:
+        """
+        What the core was given in this tick, so that a recorded run can be
+        executed again.
+
+        time_ns                   : Stamp, clock of the robot. [ns] (type:uint64_t)
+        now_ms                    : Time as the core was told it. [ms] (type:uint64_t)
+        tick                      : Index of the tick. (type:uint32_t)
+        wheels_seq                : seq of the wheel ticks it was given. (type:uint32_t)
+        scan_seq                  : seq of the scan it was given. (type:uint32_t)
+        requests                  : Requests acted on before this tick, since the start; they are on tlm/commanded. (type:uint32_t)
+        scan_age_ms               : Age of the scan. [ms] (type:uint32_t)
+        operator_age_ms           : Since an operator was heard; all ones: never. [ms] (type:uint32_t)
+        flags                     : 1 wheel ticks were there, 2 a scan, 4 the budget was violated, 8 a fresh TELEOP. (type:uint8_t)
+        speed_mm_s                : Of that TELEOP. [mm/s] (type:int16_t)
+        yaw_rate_mrad_s           : Of that TELEOP. [mrad/s] (type:int16_t)
+
+        """
+        self.send(self.tick_inputs_encode(time_ns, now_ms, tick, wheels_seq, scan_seq, requests, scan_age_ms, operator_age_ms, flags, speed_mm_s, yaw_rate_mrad_s), force_mavlink1=force_mavlink1)
 
     def system_time_encode(self, time_unix_usec: int, time_boot_ms: int) -> MAVLink_system_time_message:
         """

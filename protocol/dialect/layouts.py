@@ -51,6 +51,14 @@ COMMAND_REQUEST 54109 126 request_id:Q param1:f param2:f command:H
 RUN_REQUEST 54110 38 until_ns:Q action:B
 RUN_SCORE 54111 83 time_ns:Q x_m:d y_m:d heading_rad:d path_m:d min_clearance_m:d ticks:I
   contacts:I own_contacts:I digest:32B
+LEASE_REQUEST 54112 226 request_id:Q action:B name:16s
+LEASE_STATUS 54113 167 time_ns:Q lapses_ms:I held:B holder:32s name:16s
+TELEOP 54114 95 time_ns:Q seq:I speed_mm_s:h yaw_rate_mrad_s:h ttl_ms:H
+MISSION_STATUS 54115 240 time_ns:Q mission_id:I hold_left_ms:I count:H current:H state:B
+  reason:B
+MISSION_VERDICT 54116 40 mission_id:I item:H reason:B mission_type:B
+TICK_INPUTS 54117 143 time_ns:Q now_ms:Q tick:I wheels_seq:I scan_seq:I requests:I scan_age_ms:I
+  operator_age_ms:I speed_mm_s:h yaw_rate_mrad_s:h flags:B
 """
 
 REASON_TEXTS: Final[dict[int, str]] = {
@@ -71,6 +79,16 @@ REASON_TEXTS: Final[dict[int, str]] = {
     14: "not while driving",
     15: "the value is in force but could not be saved",
     16: "the frame could not be read",
+    17: "another operator commands the robot",
+    18: "goal is outside of the fence",
+    19: "there is no mission to act on",
+    20: "a mission needs at least one item",
+    21: "no such item, or it is not its turn",
+    22: "more items than the robot takes",
+    23: "hold time is not a number or out of range",
+    24: "the robot does not know this frame",
+    25: "the sides of the fence cross, touch or enclose nothing",
+    26: "the robot itself stands outside of that fence",
     30: "no fresh wheel ticks for 150 ms",
     31: "no fresh sonar scan for 250 ms",
     32: "sonar values are frozen",

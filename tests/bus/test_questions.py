@@ -11,7 +11,7 @@ from protocol.enums import AckResult, Command
 from protocol.errors import NoAnswer, UserError
 from protocol.messages import CommandAck, CommandRequest, Message, WheelTicks
 from protocol.reasons import Reason
-from protocol.topics import COMMAND, PARAMETERS, RUN, Service
+from protocol.topics import COMMAND, PARAMETERS, RUN, Role, Service
 from tests.bus.nets import TOPOLOGIES, Topology, net, until
 
 ARM = CommandRequest(request_id=1, command=Command.COMPONENT_ARM_DISARM, param1=1.0, param2=0.0)
@@ -50,6 +50,24 @@ def test_a_command_is_answered_from_the_loops_thread(topology: Topology) -> None
         assert asked.reply(DONE) is True
         asking.join()
         assert got == [DONE]
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_who_asks_is_known_if_it_is_an_operator(topology: Topology) -> None:
+    with net(topology) as bus:
+        operators: list[str] = []
+
+        def handler(asked: Asked) -> None:
+            operators.append(asked.operator)
+            asked.reply(DONE)
+
+        bus.robot.serve(COMMAND, handler)
+        for asker in (bus.ground, bus.plant, bus.join(Role.GROUND)):
+            answer(asker, COMMAND, ARM)
+        first, nobody, second = operators
+        assert first == bus.ground.zid
+        assert nobody == ""
+        assert second not in ("", first)
 
 
 def test_a_question_is_answered_once() -> None:

@@ -5,13 +5,14 @@ import pytest
 from protocol.codec import decode
 from protocol.errors import LocalError
 from protocol.mailbox import Mailbox
-from protocol.messages import SonarScan, WheelCommand, WheelTicks
-from protocol.topics import DRIVE, SONAR, WHEELS
+from protocol.messages import Heartbeat, SonarScan, WheelCommand, WheelTicks
+from protocol.topics import DRIVE, OPERATOR, SONAR, WHEELS, Role
 from tests.bus.nets import TOPOLOGIES, Topology, net, until
 
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
 STOP = WheelCommand(time_ns=0, seq=0, sense_seq=0, left_mrad_s=0, right_mrad_s=0, ttl_ms=150)
+BEAT = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
 
 both = pytest.mark.parametrize("topology", TOPOLOGIES)
 
@@ -61,6 +62,28 @@ def test_a_reader_is_notified_of_the_arrival() -> None:
         wheels.put(TICKS)
         until(lambda: heard)
         assert ticks.latest() == (TICKS, heard[0])
+
+
+@both
+def test_a_box_may_take_only_what_one_operator_puts_there(topology: Topology) -> None:
+    with net(topology) as bus:
+        second = bus.join(Role.GROUND)
+        senders: list[str] = []
+
+        def accept(sender: str) -> bool:
+            senders.append(sender)
+            return sender == second.zid
+
+        box = bus.robot.mailbox(OPERATOR, accept=accept)
+        publishers = [who.publisher(OPERATOR) for who in (bus.plant, bus.ground, second)]
+        for who, publisher in zip((bus.plant, bus.ground, second), publishers, strict=True):
+            assert box.latest() is None
+            assert who.await_matched([publisher], 5.0) == []
+            publisher.put(BEAT)
+            until(lambda: senders)
+            assert senders.pop() == (who.operator or "")
+        assert box.latest() is not None
+        assert box.rejected == 0
 
 
 def test_robots_do_not_hear_each_others_senses() -> None:

@@ -12,6 +12,9 @@ from protocol.enums import (
     Branch,
     Command,
     GoalState,
+    LeaseAction,
+    MissionState,
+    MissionType,
     Mode,
     Navigator,
     RunAction,
@@ -30,10 +33,12 @@ WHOLE = {
     "SIDESTEP_BRANCH": Branch,
     "SIDESTEP_REASON": Reason,
     "SIDESTEP_RUN_ACTION": RunAction,
+    "SIDESTEP_LEASE_ACTION": LeaseAction,
+    "SIDESTEP_MISSION": MissionState,
     "MAV_SEVERITY": Severity,
     "MAV_STATE": SystemState,
 }
-IN_PART = {"MAV_CMD": Command, "MAV_RESULT": AckResult}
+IN_PART = {"MAV_CMD": Command, "MAV_RESULT": AckResult, "MAV_MISSION_TYPE": MissionType}
 CORE_STATES = (Vehicle, Mode, GoalState, Navigator)
 
 
@@ -62,6 +67,7 @@ def test_members_in_use_have_the_numbers_of_the_dialect(name: str) -> None:
         ("MAV_AUTOPILOT_INVALID", enums.AUTOPILOT_INVALID),
         ("MAV_MODE_FLAG_CUSTOM_MODE_ENABLED", enums.MODE_FLAG_CUSTOM_MODE_ENABLED),
         ("MAV_MODE_FLAG_SAFETY_ARMED", enums.MODE_FLAG_SAFETY_ARMED),
+        ("MAV_FRAME_LOCAL_FLU", enums.FRAME_LOCAL_FLU),
         ("MAV_PARAM_TYPE_INT32", enums.PARAM_TYPE_INT32),
         ("MAV_PARAM_TYPE_REAL32", enums.PARAM_TYPE_REAL32),
     ],

@@ -99,6 +99,17 @@ def test_whoever_waits_is_notified_of_each_arrival() -> None:
     assert heard == [10, 20]
 
 
+def test_a_box_may_take_only_what_one_sender_puts_there() -> None:
+    heard: list[int] = []
+    box = Mailbox(WHEELS, heard.append, accept=lambda sender: sender == "ada")
+    box.store(sample()._replace(sender="bob"), 10)
+    box.store(sample(), 20)
+    assert (box.latest(), heard, box.rejected) == (None, [], 0)
+    box.store(sample()._replace(sender="ada"), 30)
+    assert box.latest() == (TICKS, 30)
+    assert heard == [30]
+
+
 def test_noise_takes_no_messages_place_and_wakes_nobody() -> None:
     heard: list[int] = []
     box = Mailbox(WHEELS, heard.append)

@@ -12,6 +12,8 @@ from protocol.message import Message, check
 from protocol.messages import (
     MESSAGES,
     CycleReport,
+    LeaseRequest,
+    LeaseStatus,
     ParamRequestRead,
     ParamSet,
     ParamValue,
@@ -81,6 +83,15 @@ def test_a_parameters_name_has_sixteen_bytes() -> None:
     ):
         with pytest.raises(LocalError, match=r"param_id = .*: must be at most 16 bytes"):
             make(sixteen + "q")
+
+
+def test_names_in_a_lease_have_their_sizes() -> None:
+    LeaseRequest(request_id=1, action=0, name="n" * 16)
+    with pytest.raises(LocalError, match=r"name = .*: must be at most 16 bytes"):
+        LeaseRequest(request_id=1, action=0, name="n" * 17)
+    for holder, name in (("h" * 33, ""), ("", "n" * 17)):
+        with pytest.raises(LocalError, match=r"must be at most"):
+            LeaseStatus(time_ns=1, lapses_ms=0, held=1, holder=holder, name=name)
 
 
 @pytest.mark.parametrize(

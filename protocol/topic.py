@@ -1,0 +1,71 @@
+"""What a topic and a service are: how a key is made, who publishes, how long a sample counts."""
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final, Generic, TypeVar
+
+from protocol.errors import UserError
+from protocol.message import Message
+
+MS: Final = 1_000_000
+ROBOT_NAME: Final = re.compile(r"[a-z0-9_-]{1,16}\Z")
+PREFIX: Final = "sidestep"
+ENCODING_FAMILY: Final = "application/mavlink2"
+DIALECT: Final = "sidestep@1"
+"""The number counts up when a message that exists changes; a new one changes nothing for others."""
+
+ENCODING: Final = f"{ENCODING_FAMILY};{DIALECT}"
+
+M_co = TypeVar("M_co", bound=Message, covariant=True)
+
+
+class Role(Enum):
+    PLANT = "plant"
+    ROBOT = "robot"
+    GROUND = "ground"
+
+
+class Priority(Enum):
+    REAL_TIME = 1
+    DATA_HIGH = 4
+    DATA = 5
+    DATA_LOW = 6
+
+
+def robot_name(name: str) -> str:
+    """The name itself; UserError unless it can be one element of a key."""
+    if not ROBOT_NAME.match(name):
+        raise UserError(
+            f"robot name {name!r}: use 1 to 16 of the characters a-z, 0-9, '_' and '-', as in 'r1'"
+        )
+    return name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic(Generic[M_co]):
+    """A pub/sub stream. `rate_hz` 0: an event; `stale_after_ns` 0: never stale."""
+
+    path: str
+    messages: tuple[type[M_co], ...]
+    publisher: Role
+    rate_hz: float
+    stale_after_ns: int
+    priority: Priority = Priority.DATA
+    doc: str
+
+    def key(self, robot: str, prefix: str = PREFIX) -> str:
+        return f"{prefix}/{robot_name(robot)}/{self.path}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Service:
+    """A query that is always answered: one request frame (or none), one reply."""
+
+    path: str
+    requests: tuple[type[Message], ...]
+    server: Role
+    doc: str
+
+    def key(self, robot: str, prefix: str = PREFIX) -> str:
+        return f"{prefix}/{robot_name(robot)}/{self.path}"
