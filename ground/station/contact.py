@@ -1,0 +1,78 @@
+"""Whether the robot is in our hands: a loss, its end, and what must be read again after it."""
+
+from enum import Enum
+from typing import Final, NamedTuple
+
+from ground.station.loss import LossKind
+
+MS: Final = 1_000_000
+SETTLED_NS: Final = 300 * MS
+"""A loss is over when nothing has been lost for so long: one good frame is no return."""
+
+
+class Need(Enum):
+    """What is read again after each loss, and once at the start."""
+
+    STATE = "state"
+    PARAMETERS = "parameters"
+    LEASE = "lease"
+
+
+class Change(NamedTuple):
+    """What has just begun (`now`), or what has ended (`before`) and after how long."""
+
+    now: LossKind | None
+    before: LossKind | None
+    gap_ns: int
+
+
+class Contact:
+    """Fed with a judgement at each poll."""
+
+    def __init__(self, now_ns: int) -> None:
+        self.kind: LossKind | None = None
+        self.since_ns = now_ns
+        self.back_ns = now_ns
+        self._well_ns: int | None = None
+        self._missing = set(Need)
+
+    @property
+    def ready(self) -> bool:
+        """Nothing is lost, and everything has been read since the last loss."""
+        return self.kind is None and not self._missing
+
+    @property
+    def missing(self) -> tuple[Need, ...]:
+        return tuple(need for need in Need if need in self._missing)
+
+    def read(self, need: Need, arrived_ns: int) -> None:
+        """Something was read; it counts only when it came after the loss."""
+        if self.kind is None and arrived_ns >= self.back_ns:
+            self._missing.discard(need)
+
+    def judged(self, kind: LossKind | None, now_ns: int) -> Change | None:
+        """What has changed by this judgement."""
+        if kind is None:
+            return self._well(now_ns)
+        self._well_ns = None
+        if kind is self.kind:
+            return None
+        before = self.kind
+        if before is None:
+            self.since_ns = now_ns
+        self.kind = kind
+        self._missing = set(Need)
+        return Change(kind, before, now_ns - self.since_ns)
+
+    def _well(self, now_ns: int) -> Change | None:
+        if self.kind is None:
+            return None
+        if self._well_ns is None:
+            self._well_ns = now_ns
+        if now_ns - self._well_ns < SETTLED_NS:
+            return None
+        before, self.kind = self.kind, None
+        self.back_ns = self._well_ns
+        gap_ns = self._well_ns - self.since_ns
+        self._well_ns = None
+        return Change(None, before, gap_ns)

@@ -1,0 +1,66 @@
+"""What a station needs of a bus: to look it must hear, to command it must also speak."""
+
+from collections.abc import Callable, Iterable
+from typing import Any, Protocol, TypeVar, runtime_checkable
+
+from protocol.mailbox import Mailbox
+from protocol.message import Message
+from protocol.topics import Service, Topic
+
+M = TypeVar("M", bound=Message)
+M_contra = TypeVar("M_contra", bound=Message, contravariant=True)
+
+
+class Token(Protocol):
+    """Somebody's liveliness token."""
+
+    @property
+    def robot(self) -> str: ...
+    @property
+    def role(self) -> str: ...
+    @property
+    def zid(self) -> str: ...
+
+
+class Hears(Protocol):
+    """A bus that can be listened to: a live one, or one that plays a log."""
+
+    def mailbox(
+        self,
+        topic: Topic[M],
+        robot: str | None = None,
+        notify: Callable[[int], None] | None = None,
+    ) -> Mailbox[M]: ...
+    def stream(
+        self,
+        source: Topic[Any] | str,
+        handler: Callable[[str, bytes, int], None],
+        robot: str | None = None,
+    ) -> None: ...
+    def present(self) -> Iterable[Token]: ...
+    def ask(
+        self,
+        service: Service,
+        message: Message | None = None,
+        timeout_s: float = 0.5,
+        robot: str | None = None,
+    ) -> Message | bytes: ...
+
+
+class Puts(Protocol[M_contra]):
+    """The publisher of one topic."""
+
+    def put(self, message: M_contra) -> object: ...
+
+
+@runtime_checkable
+class Speaks(Hears, Protocol):
+    """A live bus: who has it can be an operator."""
+
+    @property
+    def zid(self) -> str: ...
+    def publisher(self, topic: Topic[M], robot: str | None = None) -> Puts[M]: ...
+    def announce(self, robot: str | None = None) -> None: ...
+    def watch(self, handler: Callable[[Any, bool], None]) -> None: ...
+    def linked(self) -> str: ...
+    def lost(self) -> str: ...

@@ -1,0 +1,124 @@
+"""A bus that a test plays: no sockets, no threads; the clock is the test's."""
+
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
+
+from protocol.bus import Presence
+from protocol.clock import ManualClock
+from protocol.codec import Encoder
+from protocol.errors import NoAnswer
+from protocol.mailbox import Mailbox, Sample
+from protocol.message import Message
+from protocol.topics import ENCODING, Role, Service, Topic
+
+M = TypeVar("M", bound=Message)
+Handler = Callable[[str, bytes, int], None]
+
+
+class PlayedPublisher:
+    """Keeps what was put."""
+
+    def __init__(self) -> None:
+        self.said: list[Message] = []
+
+    def put(self, message: Message) -> None:
+        self.said.append(message)
+
+
+class PlayedBus:
+    """`say` is what others publish; `answers` is how a service answers, by its path."""
+
+    zid = "ours"
+
+    def __init__(self, clock: ManualClock) -> None:
+        self._clock = clock
+        self._boxes: list[tuple[str, Mailbox[Any]]] = []
+        self._handlers: list[tuple[str, str, Handler]] = []
+        self._encoders: dict[tuple[str, str], Encoder] = {}
+        self._watchers: list[Callable[[Presence, bool], None]] = []
+        self.there: set[Presence] = set()
+        self.publishers: dict[tuple[str, str], PlayedPublisher] = {}
+        self.answers: dict[str, Callable[[Message | None], Message | bytes]] = {}
+        self.asked: list[tuple[str, str, Message | None]] = []
+        self.link = "peer"
+        self.why_lost = ""
+
+    # The others.
+
+    def say(self, topic: Topic[Any], message: Message, robot: str = "r1") -> None:
+        encoder = self._encoders.setdefault((robot, topic.path), Encoder(1, 1))
+        self.say_frame(topic, encoder.encode(message), robot)
+
+    def say_frame(self, topic: Topic[Any], frame: bytes, robot: str = "r1") -> None:
+        now_ns = self._clock.now_ns()
+        for name, path, handler in self._handlers:
+            if (name, path) == (robot, topic.path):
+                handler(topic.key(robot), frame, now_ns)
+        for name, box in self._boxes:
+            if (name, box.topic.path) == (robot, topic.path):
+                box.store(Sample(ENCODING, frame), now_ns)
+
+    def lose(self, topic: Topic[Any], message: Message, robot: str = "r1") -> None:
+        """A frame that is sent and never arrives."""
+        self._encoders.setdefault((robot, topic.path), Encoder(1, 1)).encode(message)
+
+    def come(self, role: Role, robot: str = "r1", zid: str = "") -> None:
+        who = Presence(robot, role.value, zid or f"{role.value}-of-{robot}")
+        self.there.add(who)
+        for tell in self._watchers:
+            tell(who, True)
+
+    def go(self, role: Role, robot: str = "r1") -> None:
+        for who in [one for one in self.there if (one.robot, one.role) == (robot, role.value)]:
+            self.there.remove(who)
+            for tell in self._watchers:
+                tell(who, False)
+
+    # What a station asks of a bus.
+
+    def mailbox(
+        self,
+        topic: Topic[M],
+        robot: str | None = None,
+        notify: Callable[[int], None] | None = None,
+    ) -> Mailbox[M]:
+        box = Mailbox(topic, notify)
+        self._boxes.append((robot or "r1", box))
+        return box
+
+    def stream(self, source: Topic[Any] | str, handler: Handler, robot: str | None = None) -> None:
+        path = source if isinstance(source, str) else source.path
+        self._handlers.append((robot or "r1", path, handler))
+
+    def present(self) -> Iterable[Presence]:
+        return sorted(self.there)
+
+    def ask(
+        self,
+        service: Service,
+        message: Message | None = None,
+        timeout_s: float = 0.5,
+        robot: str | None = None,
+    ) -> Message | bytes:
+        self.asked.append((robot or "r1", service.path, message))
+        answer = self.answers.get(service.path)
+        if answer is None:
+            raise NoAnswer(f"{service.path}: nobody serves it")
+        return answer(message)
+
+    def publisher(self, topic: Topic[M], robot: str | None = None) -> PlayedPublisher:
+        return self.publishers.setdefault((robot or "r1", topic.path), PlayedPublisher())
+
+    def announce(self, robot: str | None = None) -> None:
+        self.come(Role.GROUND, robot or "r1", self.zid)
+
+    def watch(self, handler: Callable[[Presence, bool], None]) -> None:
+        self._watchers.append(handler)
+        for who in sorted(self.there):
+            handler(who, True)
+
+    def linked(self) -> str:
+        return self.link
+
+    def lost(self) -> str:
+        return self.why_lost

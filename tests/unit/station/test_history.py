@@ -1,0 +1,61 @@
+"""Figures over time are bounded, and thinning loses no peak."""
+
+from math import isnan
+
+from ground.station import SERIES, History, Series
+
+
+def test_the_last_minute_is_there_in_full() -> None:
+    series = Series()
+    for tick in range(1200):
+        series.add(tick / 20, float(tick))
+    assert len(series.points()) == 1200
+    assert series.last == (1199 / 20, 1199.0)
+    assert series.recent(3) == [1197.0, 1198.0, 1199.0]
+
+
+def test_what_is_older_keeps_the_lowest_and_highest_of_each_half_second() -> None:
+    series = Series(full=20)
+    for tick in range(2000):
+        series.add(tick / 20, 100.0 if tick == 777 else -5.0 if tick == 778 else 1.0)
+    values = [value for _, value in series.points()]
+    assert 100.0 in values
+    assert -5.0 in values
+    assert len(values) < 20 + 2 * 200 + 2
+
+
+def test_times_never_go_back() -> None:
+    series = Series(full=20)
+    for tick in range(999):
+        series.add(tick / 20, float(tick % 7))
+    times = [time_s for time_s, _ in series.points()]
+    assert times == sorted(times)
+
+
+def test_ten_minutes_at_50_hz_are_bounded() -> None:
+    series = Series()
+    for tick in range(2 * 600 * 50):
+        series.add(tick / 50, float(tick % 11))
+    assert len(series.points()) <= 1200 + 2400 + 2
+    assert series.points(since_s=1190.0)[0][0] >= 1190.0
+
+
+def test_a_gap_is_marked_once_and_survives_thinning() -> None:
+    series = Series(full=4)
+    series.gap()
+    assert series.points() == []
+    for time_s in (0.0, 0.1):
+        series.add(time_s, 1.0)
+    series.gap()
+    series.gap()
+    for tick in range(10):
+        series.add(5.0 + tick, 2.0)
+    assert sum(isnan(value) for _, value in series.points()) == 1
+
+
+def test_all_series_are_there_by_name() -> None:
+    history = History()
+    assert tuple(history) == SERIES
+    history["speed"].add(1.0, 0.3)
+    history.gap()
+    assert isnan(history["speed"].points()[-1][1])
