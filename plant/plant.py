@@ -27,18 +27,25 @@ class Plant:
     """Tick 0 exists before anything moves; `advance` leads to the next one."""
 
     def __init__(
-        self, world: World, seed: int, noise: Noise, faults: Iterable[Fault] = (), robots: int = 1
+        self,
+        world: World,
+        seed: int,
+        noise: Noise,
+        faults: Iterable[Fault] = (),
+        robots: int = 1,
+        at_ns: int = 0,
     ) -> None:
-        """The faults come on top of the world's own.
+        """The faults come on top of the world's own. At `at_ns`, whole periods, it begins.
 
         Raises ValueError when a fault names a robot that is not there or a start is not free.
         """
         self.world = world
         self.body = body_of(world)
-        self.now_ns = 0
+        self.now_ns = at_ns
         self._movers = [Mover(circle) for circle in movers(world)]
         self._mover_speed_m_s = max((mover.speed_m_s for mover in self._movers), default=0.0)
-        self._arena = Arena(world, self.body.radius_m)
+        self._early_discs = self._discs = self._discs_at(at_ns)
+        self._arena = Arena(world, self.body.radius_m, [disc[:2] for disc in self._discs])
         common = Common(self.body, noise, seed, still(world), self._arena)
         every = (*faults_of(world), *faults)
         for fault in every:
@@ -48,7 +55,6 @@ class Plant:
             for number, start in enumerate(starts(world, self.body, robots))
         ]
         self._alone = robots == 1 and not self._movers
-        self._early_discs = self._discs = self._discs_at(0)
         self._close_m = _close_m(self.body, noise, self._mover_speed_m_s, robots)
         self.restart_score()
         self._sense()

@@ -28,7 +28,8 @@ SLOP_M: Final = 1e-4
 class Arena:
     """A world with its robots and moving obstacles in it, by their index."""
 
-    def __init__(self, world: World, radius_m: float) -> None:
+    def __init__(self, world: World, radius_m: float, at: Sequence[Point] | None = None) -> None:
+        """`at`: where what moves is by now, if not where its path begins."""
         self._space = pymunk.Space()
         self._space.collision_slop = SLOP_M
         self._space.collision_bias = 0.0
@@ -37,7 +38,11 @@ class Arena:
         self._robots: list[pymunk.Body] = []
         self._filters: list[pymunk.ShapeFilter] = []
         self._space.add(*_still_shapes(world, self._space.static_body))
-        self._movers = [self._add_mover(circle) for circle in movers(world)]
+        discs = movers(world)
+        places = [circle.path_m[0] for circle in discs] if at is None else at
+        self._movers = [
+            self._add_mover(circle, place) for circle, place in zip(discs, places, strict=True)
+        ]
 
     def add_robot(self, x_m: float, y_m: float) -> int:
         body = pymunk.Body(1.0, 1.0)
@@ -114,9 +119,9 @@ class Arena:
                     bars.append((*shape.a, *shape.b, shape.radius))
         self._nearby.remember(at, rounds, bars)
 
-    def _add_mover(self, circle: Circle) -> pymunk.Body:
+    def _add_mover(self, circle: Circle, place: Point) -> pymunk.Body:
         body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-        body.position = circle.path_m[0]
+        body.position = place
         self._space.add(body, pymunk.Circle(body, circle.radius_m))
         return body
 

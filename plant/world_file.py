@@ -1,6 +1,10 @@
-"""A world file is read here: TOML in metres and degrees in, a checked `World` out."""
+"""A world file is read here: TOML in metres and degrees in, a checked `World` out.
+
+What `worlds show --json` prints is taken as well, from a file or, as "-", from standard input.
+"""
 
 import re
+import sys
 import tomllib
 from difflib import get_close_matches
 from os.path import isfile
@@ -8,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from plant.toml_lines import key_lines
+from plant.world_facts import from_json, is_json
 from plant.world_overrides import body_of, faults_of, noise_of
 from plant.world_problems import Problem, Report, WorldError
 from plant.world_read import read_world
@@ -43,6 +48,7 @@ __all__ = [
     "shipped",
 ]
 
+STANDARD_INPUT: Final = "-"
 SHIPPED_DIR: Final = Path(__file__).parent / "worlds"
 LARGEST_BYTES: Final = 1_000_000
 PARSER_PLACE: Final = re.compile(
@@ -64,9 +70,11 @@ def _by_number(name: str) -> list[str]:
 def load(path_or_name: str | Path) -> World:
     """The world of a file, or the shipped one of that name; raises WorldError and nothing else."""
     text = str(path_or_name)
+    if text == STANDARD_INPUT:
+        return loads(_decoded(sys.stdin.buffer.read(LARGEST_BYTES + 1), text), text)
     if text in shipped():
         path = SHIPPED_DIR / f"{text}.toml"
-    elif text.endswith(".toml") or "/" in text or isfile(text):
+    elif text.endswith((".toml", ".json")) or "/" in text or isfile(text):
         path = Path(text)
     else:
         raise WorldError([_unknown_name(text)])
@@ -75,6 +83,8 @@ def load(path_or_name: str | Path) -> World:
 
 def loads(text: str, file: str = "world") -> World:
     """The world a text describes; `file` is what its errors call it. Raises WorldError."""
+    if is_json(text):
+        return from_json(text, file)
     try:
         raw = tomllib.loads(text)
         lines = key_lines(text)
@@ -111,6 +121,10 @@ def _read_text(path: Path) -> str:
         reason = getattr(error, "strerror", None) or str(error)
         fix = "give a readable .toml file, or one of the names `sidestep worlds list` prints"
         raise WorldError([_refusal(file, "file", f"cannot be read: {reason}", fix)]) from None
+    return _decoded(data, file)
+
+
+def _decoded(data: bytes, file: str) -> str:
     if len(data) > LARGEST_BYTES:
         reason = f"larger than {LARGEST_BYTES} bytes"
         raise WorldError([_refusal(file, "file", reason, "is it a world file? make it smaller")])

@@ -3,31 +3,39 @@
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from math import radians
+from typing import Final, TextIO
 
+from plant.elsewhere import elsewhere
 from plant.noise import LEVELS
 from plant.world_file import load
+from plant.world_types import GoalPose, Start
 from protocol.errors import UserError
-from protocol.options import add_param_option, whole
+from protocol.options import add_param_option, finite, numbers_kept, whole
 from protocol.outcome import Outcome
 from robot.parameters import OutOfRange, Unknown
 from study.trace import Trace
 from study.trial import NAVIGATORS, SIDES, USUAL_NAVIGATOR, Trial, params_of, run_trial
 
-LONGEST_S = 24 * 3600.0
+LONGEST_S: Final = 24 * 3600.0
+FULL_TURN_DEG: Final = 360.0
+STANDARD_OUTPUT: Final = "-"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """0 reached, 1 not, 2 wrong usage (argparse) or configuration (raised)."""
     verb, *rest = sys.argv[1:] if argv is None else argv
     assert verb == "trial"
-    return trial(parser().parse_args(rest))
+    return trial(parser().parse_args(numbers_kept(rest)))
 
 
 def trial(options: argparse.Namespace) -> int:
     """Raises WorldError or UserError, which say what to mend."""
+    start, goal = start_of(options.start), goal_of(options.goal)
     job = Trial(
-        world=load(options.world),
+        world=elsewhere(load(options.world), start, goal, options.at),
         navigator=options.navigator,
         side=options.side,
         seed=options.seed,
@@ -35,6 +43,8 @@ def trial(options: argparse.Namespace) -> int:
         timeout_s=options.timeout,
         parameters=dict(options.param),
         calibrated=not options.uncalibrated,
+        at_s=options.at,
+        moved=start is not None or goal is not None,
     )
     outcome = run(job, options.trace)
     print(json.dumps(outcome.as_json()) if options.json else outcome.text())
@@ -46,12 +56,47 @@ def run(job: Trial, trace: str | None) -> Outcome:
         params_of(job)  # refused before a file is touched
         if trace is None:
             return run_trial(job)
-        with open(trace, "w", encoding="utf-8", newline="") as file:
+        with written(trace) as file:
             return run_trial(job, Trace(file))
     except (Unknown, OutOfRange) as error:
         raise UserError(f"--param or the world's [robot]: {error}") from None
     except OSError as error:
         raise UserError(f"--trace {trace}: cannot be written: {error.strerror}") from None
+
+
+@contextmanager
+def written(trace: str) -> Iterator[TextIO]:
+    """The file of that name; `-` is standard output, on which the outcome follows."""
+    if trace == STANDARD_OUTPUT:
+        yield sys.stdout
+        return
+    with open(trace, "w", encoding="utf-8", newline="") as file:
+        yield file
+
+
+def start_of(numbers: list[float] | None) -> Start | None:
+    """X Y DEG."""
+    if numbers is None:
+        return None
+    x_m, y_m, heading_deg = numbers
+    return Start(x_m=x_m, y_m=y_m, heading_rad=turn("--start", heading_deg))
+
+
+def goal_of(numbers: list[float] | None) -> GoalPose | None:
+    """X Y [DEG]; without a heading any will do, as it is with `up --goal`."""
+    if numbers is None:
+        return None
+    if len(numbers) not in (2, 3):
+        raise UserError(f"--goal is X Y or X Y DEG, not {len(numbers)} numbers")
+    x_m, y_m, *heading = numbers
+    heading_rad = turn("--goal", heading[0]) if heading else None
+    return GoalPose(x_m=x_m, y_m=y_m, heading_rad=heading_rad)
+
+
+def turn(option: str, heading_deg: float) -> float:
+    if abs(heading_deg) > FULL_TURN_DEG:
+        raise UserError(f"{option}: heading {heading_deg:g} deg is out of range: -360 to 360 deg")
+    return radians(heading_deg)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -63,10 +108,19 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--side", choices=SIDES, default="left", help="on which obstacles are passed")
     made.add_argument("--seed", type=whole(0), default=0, help="of everything random (0)")
     made.add_argument("--noise", choices=LEVELS, help="instead of what the world says")
+    made.add_argument(
+        "--start", type=finite, nargs=3, metavar=("X", "Y", "DEG"), help="instead of the world's"
+    )
+    made.add_argument(
+        "--goal", type=finite, nargs="+", metavar="N", help="X Y [DEG] instead of the world's"
+    )
+    made.add_argument(
+        "--at", type=moment, default=0.0, metavar="S", help="time of the world at the start (0)"
+    )
     made.add_argument("--timeout", type=seconds, default=300.0, metavar="S", help="simulated (300)")
     add_param_option(made)
     made.add_argument("--uncalibrated", action="store_true", help="not calibrated for the noise")
-    made.add_argument("--trace", metavar="FILE", help="CSV, one line per tick")
+    made.add_argument("--trace", metavar="FILE", help="CSV, one line per tick; - is stdout")
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
     return made
 
@@ -75,4 +129,11 @@ def seconds(text: str) -> float:
     value = float(text)
     if not 0.0 < value <= LONGEST_S:
         raise argparse.ArgumentTypeError(f"{text} is not above 0 and at most {LONGEST_S:g}")
+    return value
+
+
+def moment(text: str) -> float:
+    value = finite(text)
+    if not 0.0 <= value <= LONGEST_S:
+        raise argparse.ArgumentTypeError(f"{text.strip()} is not within 0 to {LONGEST_S:g}")
     return value

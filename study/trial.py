@@ -12,7 +12,7 @@ from plant.world_overrides import noise_of
 from plant.world_types import World
 from protocol.calibration import settings_of
 from protocol.outcome import Asked, Ended, Outcome, judged
-from protocol.timing import TTL_MS
+from protocol.timing import CONTROL_HZ, PERIOD_NS, TTL_MS
 from protocol.wire_goal import WireGoal, told_heading_rad, wire_goal
 from robot.core import reasons, states
 from robot.core.machine import goal_lives
@@ -42,7 +42,9 @@ Watch: TypeAlias = Callable[[Plant, Onboard, Outputs], None]
 class Trial:
     """What to run. `noise` None: what the world says; `parameters` override the robot's own.
 
-    `calibrated`: the robot has been calibrated for that noise, as one would a real one.
+    `calibrated`: the robot has been calibrated for that noise, as one would a real one. `at_s`: the
+    world's time at the start, so that what moves is where it was then. `moved`: start or goal are
+    not the world's own, so nobody knows the shortest way between them.
     """
 
     world: World
@@ -53,6 +55,8 @@ class Trial:
     timeout_s: float = 300.0
     parameters: Mapping[str, float] = field(default_factory=dict)
     calibrated: bool = True
+    at_s: float = 0.0
+    moved: bool = False
 
     @property
     def level(self) -> str:
@@ -65,13 +69,14 @@ def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
 
     Raises Unknown or OutOfRange for a parameter, ValueError for a seed or a start that cannot be.
     """
-    plant = Plant(trial.world, trial.seed, noise_of(trial.world, trial.noise))
+    noise, at_ns = noise_of(trial.world, trial.noise), round(trial.at_s * CONTROL_HZ) * PERIOD_NS
+    plant = Plant(trial.world, trial.seed, noise, at_ns=at_ns)
     onboard = Onboard(params_of(trial), start_of(trial.world))
     goal = wire_goal_of(trial.world)
     begun_s = perf_counter()
     refusal = drive(plant, onboard, goal, trial.timeout_s, watch)
     wall_s = perf_counter() - begun_s
-    ended = ended_of(plant, onboard, refusal, wall_s)
+    ended = ended_of(plant, onboard, refusal, wall_s, at_ns)
     return judged(asked_of(trial, goal), ended, plant.score(plant.now_ns))
 
 
@@ -82,7 +87,7 @@ def drive(
     wheels, scan = plant.senses()
     outputs = onboard.step(plant.now_ns, wheels, scan)
     refusal = onboard.go(goal)
-    machine, last_ns = onboard.state.machine, round(timeout_s * 1e9)
+    machine, last_ns = onboard.state.machine, plant.now_ns + round(timeout_s * 1e9)
     while True:
         plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, TTL_MS)
         if watch is not None:
@@ -129,18 +134,20 @@ def asked_of(trial: Trial, wire_goal: WireGoal) -> Asked:
         goal_y_m=world.goal.y_m,
         goal_heading_rad=world.goal.heading_rad,
         wire_goal=wire_goal,
-        shortest_path_m=shortest_once(world),
+        shortest_path_m=None if trial.moved else shortest_once(world),
         timeout_s=trial.timeout_s,
     )
 
 
-def ended_of(plant: Plant, onboard: Onboard, refusal: int, wall_s: float) -> Ended:
+def ended_of(
+    plant: Plant, onboard: Onboard, refusal: int, wall_s: float, begun_ns: int = 0
+) -> Ended:
     machine, pose = onboard.state.machine, onboard.state.odometry.pose
     refused = refusal != reasons.OK
     return Ended(
         goal_state=states.REFUSED if refused else machine.goal_state,
         goal_reason=refusal if refused else machine.goal_reason,
-        time_s=plant.now_ns / 1e9,
+        time_s=(plant.now_ns - begun_ns) / 1e9,
         estimate_x_m=pose.x_m,
         estimate_y_m=pose.y_m,
         wall_s=wall_s,

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from math import pi
 from pathlib import Path
 
 import pytest
@@ -88,6 +89,12 @@ def test_a_parameter_that_cannot_be_is_a_users_error(near: str, word: str) -> No
         ["--timeout", "0"],
         ["--timeout", "nan"],
         ["--timeout", "inf"],
+        ["--start", "1", "1"],
+        ["--start", "nan", "1", "0"],
+        ["--goal", "inf", "1"],
+        ["--at", "-1"],
+        ["--at", "nan"],
+        ["--at", "1e9"],
         ["--param", "v_max_m_s"],
         ["--param", "v_max_m_s=inf"],
         ["--param", "v_max_m_s=fast"],
@@ -134,3 +141,71 @@ def test_a_trace_has_a_line_for_every_tick_and_ends_at_the_goal(
     assert abs(float(rows[-1]["x_m"]) - 1.4) < 0.06
     assert float(rows[-1]["cov_hh_rad2"]) > 0.0
     assert all(None not in row.values() for row in rows)
+
+
+def rows_of(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(text.splitlines()))
+
+
+def test_a_trace_on_standard_output_is_followed_by_the_outcome(
+    near: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["trial", "--world", near, "--json", "--trace", "-"]) == 0
+    *lines, last = capsys.readouterr().out.splitlines()
+    assert len(lines) == json.loads(last)["ticks"] + 2
+    assert rows_of("\n".join(lines))[0]["time_s"] == "0.0"
+
+
+def test_start_goal_and_time_may_be_others_than_the_world_s(
+    near: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--start", "2.4", "1.4", "180", "--goal", "0.5", "0.5", "--at", "7.5"]
+    assert (
+        main(["trial", "--world", near, "--json", "--trace", "-", "--noise", "none", *words]) == 0
+    )
+    *lines, last = capsys.readouterr().out.splitlines()
+    first, outcome = rows_of("\n".join(lines))[0], json.loads(last)
+    assert (first["true_x_m"], first["true_y_m"]) == ("2.4", "1.4")
+    assert first["time_s"] == "7.5"
+    assert float(first["true_heading_rad"]) == pytest.approx(pi)
+    assert outcome["ticks"] == pytest.approx(outcome["time_s"] * 20)
+    assert outcome["heading_error_rad"] is None
+    assert outcome["shortest_path_m"] is None
+    assert outcome["position_error_m"] < 0.06
+
+
+def test_said_at_length_the_world_s_own_start_goal_and_time_change_nothing(
+    near: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["trial", "--world", near, "--json"])
+    usual = json.loads(capsys.readouterr().out)
+    words = ["--start", "0.6", "1", "0", "--goal", "1.4", "1", "0", "--at", "0"]
+    main(["trial", "--world", near, "--json", *words])
+    assert json.loads(capsys.readouterr().out)["digest"] == usual["digest"]
+
+
+def test_the_time_limit_counts_from_the_start(
+    near: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["trial", "--world", near, "--json", "--at", "60", "--timeout", "0.5"]) == 1
+    outcome = json.loads(capsys.readouterr().out)
+    assert (outcome["outcome"], outcome["time_s"], outcome["ticks"]) == ("timeout", 0.5, 10)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--start", "9", "1", "0"], "outside"),
+        (["--start", "0.05", "1", "0"], "the outer wall"),
+        (["--start", "1", "1", "361"], "--start: heading"),
+        (["--goal", "1"], "not 1 numbers"),
+        (["--goal", "1", "1", "0", "0"], "not 4 numbers"),
+        (["--goal", "1", "1", "-400"], "--goal: heading"),
+        (["--goal", "-1e3", "1"], "outside"),
+    ],
+)
+def test_a_start_or_a_goal_that_cannot_be_is_refused_with_the_reason(
+    near: str, words: list[str], said: str
+) -> None:
+    with pytest.raises(UserError, match=said):
+        main(["trial", "--world", near, *words])

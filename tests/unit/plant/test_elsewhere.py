@@ -1,0 +1,111 @@
+"""A run may begin anywhere and at any time, but not inside of something."""
+
+from math import inf, nan
+
+import pytest
+
+from plant.elsewhere import elsewhere
+from plant.noise import LEVELS
+from plant.plant import Plant
+from plant.world_types import Circle, GoalPose, Polygon, Polyline, Start, World
+from protocol.errors import UserError
+from tests.unit.plant.rooms import room
+
+ROLLER = Circle(x_m=2.0, y_m=1.0, radius_m=0.2, path_m=((2.0, 1.0), (2.0, 3.0)), speed_m_s=0.5)
+BOX = Polygon(((1.0, 1.0), (1.5, 1.0), (1.5, 1.5), (1.0, 1.5)))
+FENCE = Polyline(((3.0, 1.0), (3.0, 3.0)))
+
+
+def at(x_m: float, y_m: float) -> Start:
+    return Start(x_m=x_m, y_m=y_m)
+
+
+def test_nothing_asked_for_is_the_world_itself() -> None:
+    world = room(ROLLER)
+    assert elsewhere(world, None, None, 0.0) == world
+
+
+def test_start_and_goal_are_replaced_and_the_rest_stays() -> None:
+    world = room(BOX)
+    moved = elsewhere(world, at(3.0, 3.0), GoalPose(x_m=0.5, y_m=0.5), 4.0)
+    assert (moved.start, moved.goal) == (at(3.0, 3.0), GoalPose(x_m=0.5, y_m=0.5))
+    assert moved.obstacles == world.obstacles
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "place", "reason"),
+    [
+        (BOX, (1.2, 1.2), "obstacle#1 is 0.000 m"),
+        (BOX, (0.95, 1.2), "obstacle#1 is 0.050 m"),
+        (FENCE, (3.05, 2.0), "obstacle#1 is 0.040 m"),
+        (ROLLER, (2.0, 1.1), "obstacle#1 is 0.000 m"),
+        (BOX, (0.05, 2.0), "the outer wall is 0.050 m"),
+        (BOX, (-1.0, 2.0), "outside the world"),
+        (BOX, (1.0, 99.0), "outside the world"),
+        (BOX, (nan, 2.0), "finite"),
+        (BOX, (1.0, inf), "finite"),
+    ],
+)
+def test_a_start_that_is_not_free_is_refused_with_the_reason(
+    obstacle: Circle | Polygon | Polyline, place: tuple[float, float], reason: str
+) -> None:
+    with pytest.raises(UserError, match="start") as refused:
+        elsewhere(room(obstacle), at(*place), None, 0.0)
+    assert reason in str(refused.value)
+
+
+def test_a_robot_that_stands_against_something_may_start_there() -> None:
+    radius_m = 0.12
+    against = at(BOX.points_m[0][0] - radius_m + 0.004, 1.2)
+    assert elsewhere(room(BOX), against, None, 0.0).start == against
+
+
+def test_what_moves_is_in_the_way_only_while_it_is_there() -> None:
+    """After four seconds it has rolled two metres up and stands at the end of its path."""
+    world = room(ROLLER)
+    assert elsewhere(world, at(2.0, 1.0), None, 4.0).start == at(2.0, 1.0)
+    with pytest.raises(UserError, match=r"taken.*at 4 s"):
+        elsewhere(world, at(2.0, 3.0), None, 4.0)
+
+
+def test_the_world_s_own_start_may_be_taken_later() -> None:
+    world = room(ROLLER, start=(2.0, 3.0, 0.0))
+    assert elsewhere(world, None, None, 0.0) == world
+    with pytest.raises(UserError, match="taken"):
+        elsewhere(world, None, None, 4.0)
+
+
+def test_a_goal_may_lie_in_an_obstacle_but_not_outside_or_nowhere() -> None:
+    world = room(BOX)
+    assert elsewhere(world, None, GoalPose(x_m=1.2, y_m=1.2), 0.0).goal.x_m == 1.2
+    for goal in (GoalPose(x_m=99.0, y_m=1.0), GoalPose(x_m=nan, y_m=1.0)):
+        with pytest.raises(UserError, match="goal"):
+            elsewhere(world, None, goal, 0.0)
+    with pytest.raises(UserError, match="finite"):
+        elsewhere(world, None, GoalPose(x_m=1.0, y_m=1.0, heading_rad=inf), 0.0)
+
+
+def plant_at(world: World, at_ns: int) -> Plant:
+    return Plant(world, 1, LEVELS["none"], at_ns=at_ns)
+
+
+def test_a_plant_that_begins_later_is_where_the_other_one_has_come_to() -> None:
+    """The robot stands still in both, and what passes it is seen and touched alike."""
+    world = room(ROLLER, start=(1.4, 2.0, 0.0))
+    begun, later = plant_at(world, 0), plant_at(world, 2_000_000_000)
+    while begun.now_ns < later.now_ns:
+        begun.advance()
+    for _ in range(60):
+        begun.advance()
+        later.advance()
+        assert begun.now_ns == later.now_ns
+        assert begun.truth().clearance_m == pytest.approx(later.truth().clearance_m, abs=1e-9)
+        assert begun.senses()[1] == later.senses()[1]
+
+
+def test_its_score_counts_from_where_it_began() -> None:
+    plant = plant_at(room(), 2_000_000_000)
+    for _ in range(10):
+        plant.advance()
+    score = plant.score(plant.now_ns)
+    assert (score.ticks, score.time_ns) == (10, 2_500_000_000)

@@ -1,0 +1,99 @@
+"""What the plant tells of its world is enough to run another one like it."""
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from plant.world_facts import from_json
+from plant.world_file import World, WorldError, load, loads, shipped
+from plant.world_json import as_json
+from plant.world_toml import dumps
+
+GIVEN = ("name", "size_m", "start", "goal", "walls", "obstacles", "robot", "noise", "faults")
+
+
+def facts(name: str = "moving") -> dict[str, Any]:
+    return dict(as_json(load(name), 4.2))
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_every_shipped_world_comes_back_as_it_was(name: str) -> None:
+    world = load(name)
+    again = loads(json.dumps(as_json(world, 4.2)))
+    assert [getattr(again, key) for key in GIVEN] == [getattr(world, key) for key in GIVEN]
+
+
+def test_overrides_and_faults_come_back_in_their_units() -> None:
+    text = dumps(load("box")) + (
+        '[robot]\nradius_m = 0.1\n[noise]\nlevel = "none"\nincidence_limit_deg = 40.0\n'
+        '[[fault]]\nkind = "sonar_dead"\ntarget = "3"\nstart_s = 2.0\n'
+    )
+    world = loads(text)
+    again = loads(json.dumps(as_json(world, None)))
+    assert (again.robot, again.faults) == (world.robot, world.faults)
+    assert again.noise["incidence_limit_rad"] == world.noise["incidence_limit_rad"]
+
+
+def test_what_several_robots_add_is_left_out() -> None:
+    more = facts() | {"starts": [], "goals": []}
+    assert from_json(json.dumps(more), "-").name == "moving"
+
+
+def test_a_file_that_ends_in_json_is_a_world_too(tmp_path: Path) -> None:
+    path = tmp_path / "told.json"
+    path.write_text(json.dumps(facts("box")), encoding="utf-8")
+    assert load(path).obstacles == load("box").obstacles
+
+
+class Given:
+    """Standard input with something in it."""
+
+    def __init__(self, data: bytes) -> None:
+        self.buffer = io.BytesIO(data)
+
+
+@pytest.mark.parametrize("text", [json.dumps(facts("box")), dumps(load("box"))])
+def test_a_dash_is_standard_input(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", Given(text.encode()))
+    world: World = load("-")
+    assert world.obstacles == load("box").obstacles
+
+
+def broken(**changes: object) -> str:
+    return json.dumps(facts() | changes)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{", "-:1: json"),
+        ('{\n"name": "x",\n}', "-:3: json"),
+        ("{" + '"a":{' * 100_000, "nested too deeply"),
+        ("{}", "size_m: missing"),
+        (broken(obstacles=3), "obstacle: expected"),
+        (broken(goal=None), "goal"),
+        (broken(goal=[1, 2]), "goal: expected a table"),
+        (broken(start={"x_m": 99.0, "y_m": 1.0}), "outside the floor"),
+        (broken(start={"x_m": float("nan"), "y_m": 1.0}), "start.x_m"),
+        (broken(sise_m=[1, 2]), "sise_m"),
+        (broken(obstacles=[{"circle_m": None}]), "circle_m"),
+        (broken(robot=None), "robot"),
+        (broken(faults=[{"kind": "gremlin"}]), "gremlin"),
+    ],
+)
+def test_what_is_no_world_is_refused_by_name(text: str, said: str) -> None:
+    with pytest.raises(WorldError) as refused:
+        loads(text, "-")
+    assert said in str(refused.value)
+
+
+def test_standard_input_that_is_too_much_or_no_text_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for data, said in ((b"{" + b" " * 1_000_001, "larger than"), (b"\xff\xfe", "UTF-8")):
+        monkeypatch.setattr("sys.stdin", Given(data))
+        with pytest.raises(WorldError, match=said):
+            load("-")
