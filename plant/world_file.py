@@ -11,7 +11,6 @@ from os.path import isfile
 from pathlib import Path
 from typing import Final
 
-from plant.toml_lines import key_lines
 from plant.world_facts import from_json, is_json
 from plant.world_overrides import body_of, faults_of, noise_of
 from plant.world_problems import Problem, Report, WorldError
@@ -27,6 +26,7 @@ from plant.world_types import (
     Start,
     World,
 )
+from protocol.toml_lines import key_lines
 
 __all__ = [
     "SHIPPED_DIR",

@@ -8,10 +8,10 @@ from typing import Any, Final
 from plant.body import Body
 from plant.faults import Fault
 from plant.noise import LEVELS, Noise
-from plant.toml_lines import Key
 from plant.world_problems import Report
 from plant.world_table import HUGE, Limits, Table
 from plant.world_types import Setting, Settings, World
+from protocol.toml_lines import Key
 
 ANY_NUMBER: Final = Limits(-HUGE, HUGE)
 USUAL_LEVEL: Final = "default"

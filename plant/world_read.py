@@ -5,13 +5,13 @@ from typing import Final
 
 from plant.body import Body
 from plant.placement import Floor, check_places
-from plant.toml_lines import Key
 from plant.world_corpus import check_length, read_corpus
 from plant.world_overrides import read_fault, read_noise, read_robot
 from plant.world_problems import Report
 from plant.world_shapes import read_obstacle
 from plant.world_table import COORDINATE, Limits, Table, type_name
 from plant.world_types import GoalPose, Settings, Start, World
+from protocol.toml_lines import Key
 
 EXAMPLES: Final = {
     "name": '"my_world"',

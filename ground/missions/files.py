@@ -1,0 +1,80 @@
+"""Mission files by their ending: `.toml` is ours, `.plan` and `.waypoints` are QGroundControl's."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from ground.missions import plan_file, toml_file, waypoints_file
+from ground.missions.items import lost
+from ground.missions.mission import Home, Mission
+from ground.missions.problems import MissionError, Problem
+from ground.missions.sift import Foreign
+from protocol.errors import UserError
+
+ENDINGS: Final = (".toml", ".plan", ".waypoints")
+LARGEST_BYTES: Final = 4_000_000
+
+
+def read(path: Path, *, home: Home | None = None, drop: bool = False) -> Foreign:
+    """The mission of a file; MissionError names all that is wrong with it."""
+    ending = ending_of(path)
+    text = _text(path)
+    if ending == ".plan":
+        return plan_file.read_text(text, str(path), home=home, drop=drop)
+    if ending == ".waypoints":
+        return waypoints_file.read_text(text, str(path), home=home, drop=drop)
+    mission = toml_file.read_text(text, str(path))
+    return Foreign(replace(mission, home=home or mission.home))
+
+
+def write(path: Path, mission: Mission) -> tuple[str, ...]:
+    """Write the file whole or not at all; what it has no room for, in words."""
+    ending = ending_of(path)
+    if ending == ".toml":
+        text, without = toml_file.text_of(mission), []
+    else:
+        if mission.home is None:
+            fix = "add [home] to the TOML, or use --home LATITUDE LONGITUDE"
+            raise MissionError(str(path), [Problem("", f"a {ending} needs a home", fix)])
+        without = lost(mission.waypoints)
+        if ending == ".plan":
+            text = plan_file.text_of(mission, mission.home)
+        else:
+            text = waypoints_file.text_of(mission, mission.home)
+            without += ["the fence"] if mission.fence else []
+    _replace(path, text)
+    return tuple(without)
+
+
+def ending_of(path: Path) -> str:
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        raise UserError(f"{path}: a mission file ends in {_listed(ENDINGS)}")
+    return ending
+
+
+def _listed(words: Sequence[str]) -> str:
+    return f"{', '.join(words[:-1])} or {words[-1]}"
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > LARGEST_BYTES:
+            raise UserError(f"{path}: is larger than any mission ({LARGEST_BYTES} bytes)")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: is not UTF-8 text; save it as UTF-8") from error
+
+
+def _replace(path: Path, text: str) -> None:
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        os.replace(beside, path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise UserError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error

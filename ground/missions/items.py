@@ -1,0 +1,148 @@
+"""Single mission items, as `.plan` and `.waypoints` files have them, to waypoints and back.
+
+A yaw of 0 is what every program writes when none is wanted: it is read as "any heading", and north
+is written as 360.
+"""
+
+from collections.abc import Mapping, Sequence
+from math import isfinite, isnan, nan
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+import msgspec
+
+from ground.missions.geography import heading_of, on_the_wire, to_global, to_local, yaw_of
+from ground.missions.mission import Home, Waypoint
+from protocol.config import parse
+from protocol.errors import ConfigError, UserError
+
+NAV_WAYPOINT: Final = 16
+NAV_POSE: Final = 54103
+FRAME_GLOBAL: Final = 0
+FRAME_GLOBAL_RELATIVE: Final = 3
+FRAME_LOCAL_ENU: Final = 4
+FRAME_LOCAL_FLU: Final = 21
+GLOBAL_FRAMES: Final = (0, 3, 5, 6, 10, 11)
+LOCAL_FRAMES: Final = (FRAME_LOCAL_ENU, FRAME_LOCAL_FLU)
+DIGITS: Final = 6
+NAMES: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        17: "loiter for ever",
+        18: "loiter in circles",
+        19: "loiter for a time",
+        20: "return to launch",
+        21: "land",
+        22: "take off",
+        82: "spline waypoint",
+        92: "enable guided mode",
+        93: "delay",
+        112: "wait a time",
+        114: "wait for a distance",
+        115: "turn to a yaw",
+        177: "jump",
+        178: "change speed",
+        179: "set home",
+        183: "set servo",
+        189: "start of landing",
+        195: "region of interest",
+        201: "region of interest",
+        203: "trigger the camera",
+        205: "turn the gimbal",
+        206: "trigger the camera by distance",
+        211: "gripper",
+        2000: "take pictures",
+        2500: "take video",
+    }
+)
+
+
+class Item(NamedTuple):
+    """One item; `number` as its file counts, `params` are MAVLink's seven."""
+
+    number: int
+    command: int
+    frame: int
+    params: tuple[float, ...]
+
+
+class Refused(UserError):
+    """The robot cannot do this item: why."""
+
+
+def waypoint_of(item: Item, home: Home | None) -> Waypoint:
+    """The waypoint; Refused says why there is none."""
+    if item.command not in (NAV_WAYPOINT, NAV_POSE):
+        name = NAMES.get(item.command, "unknown to us")
+        raise Refused(f"command {item.command} ({name}): the robot only drives to waypoints")
+    if len(item.params) != 7:
+        raise Refused(f"has {len(item.params)} parameters, an item has 7")
+    x_m, y_m = _place(item, home)
+    hold_s, second, third, angle_deg = item.params[:4]
+    posed = item.command == NAV_POSE
+    if not posed and third and isfinite(third):
+        raise Refused(f"param3 {third:g} (pass beside the waypoint): the robot drives to it")
+    table: dict[str, float] = {"x_m": x_m, "y_m": y_m, "hold_s": _number(hold_s)}
+    if second and isfinite(second):
+        table["position_tolerance_m"] = _number(second)
+    if posed and third and isfinite(third):
+        table["heading_tolerance_deg"] = _number(third)
+    if posed and not isnan(angle_deg):
+        table["heading_deg"] = _number(angle_deg)
+    elif not posed and angle_deg and not isnan(angle_deg):
+        table["heading_deg"] = _number(heading_of(angle_deg))
+    return _checked(table)
+
+
+def _checked(table: dict[str, float]) -> Waypoint:
+    try:
+        return parse(table, Waypoint, file="")
+    except ConfigError as error:
+        value = table.get(error.key)
+        told = "" if value is None else f" {value:g}"
+        raise Refused(f"{error.key}{told}: {error.reason}") from error
+
+
+def _place(item: Item, home: Home | None) -> tuple[float, float]:
+    first, second = item.params[4:6]
+    if not (isfinite(first) and isfinite(second)):
+        raise Refused("has no place")
+    if item.frame in LOCAL_FRAMES:
+        return on_the_wire(first), on_the_wire(second)
+    if item.frame not in GLOBAL_FRAMES:
+        raise Refused(f"frame {item.frame}: use a global one, or local east-north-up (4)")
+    if not first and not second:
+        raise Refused("latitude and longitude are 0: it has no place of its own")
+    if home is None:
+        raise Refused("latitude and longitude need a home: --home LATITUDE LONGITUDE")
+    if abs(first) > 90.0 or abs(second) > 180.0:
+        raise Refused(f"({first:g}, {second:g}) is no latitude and longitude")
+    return to_local(home, first, second)
+
+
+def _number(value: float) -> float:
+    """Without what single precision or an angle's turn has left behind."""
+    return round(value, DIGITS)
+
+
+def item_of(number: int, waypoint: Waypoint, home: Home) -> Item:
+    """A NAV_WAYPOINT that any program understands."""
+    yaw_deg = nan if waypoint.heading_deg is None else round(yaw_of(waypoint.heading_deg), DIGITS)
+    place = to_global(home, waypoint.x_m, waypoint.y_m)
+    first = (waypoint.hold_s, waypoint.position_tolerance_m, 0.0, yaw_deg)
+    return Item(number, NAV_WAYPOINT, FRAME_GLOBAL_RELATIVE, (*first, *place, 0.0))
+
+
+def home_at(latitude_deg: float, longitude_deg: float) -> Home:
+    """UserError when nothing can be measured from there."""
+    try:
+        return msgspec.convert({"latitude_deg": latitude_deg, "longitude_deg": longitude_deg}, Home)
+    except msgspec.ValidationError as error:
+        why = "latitude -85 to 85 and longitude -180 to 180"
+        raise UserError(f"no home at ({latitude_deg:g}, {longitude_deg:g}): {why}") from error
+
+
+def lost(waypoints: Sequence[Waypoint]) -> list[str]:
+    """What a NAV_WAYPOINT has no room for, in words."""
+    usual = Waypoint(x_m=0.0, y_m=0.0).heading_tolerance_deg
+    numbers = [at for at, one in enumerate(waypoints) if one.heading_tolerance_deg != usual]
+    return [f"the heading tolerance of waypoint {at}" for at in numbers]

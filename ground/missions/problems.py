@@ -1,0 +1,38 @@
+"""What is wrong with a mission file: file, line, key or item, reason and fix, all in one go."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from protocol.errors import UserError
+from protocol.toml_lines import Key
+
+
+class Problem(NamedTuple):
+    """`where`: the key, or the number of the item."""
+
+    where: str
+    reason: str
+    fix: str
+    line: int | None = None
+
+
+class MissionError(UserError):
+    """A mission cannot be used; the text has one line per problem."""
+
+    def __init__(self, file: str, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))
+        super().__init__("\n".join(told(file, problem) for problem in self.problems))
+
+
+def told(file: str, problem: Problem) -> str:
+    place = file if problem.line is None else f"{file}:{problem.line}"
+    where = f"{problem.where}: " if problem.where else ""
+    fix = f"; {problem.fix}" if problem.fix else ""
+    return f"{place}: {where}{problem.reason}{fix}"
+
+
+def line_of(lines: Mapping[Key, int], key: Key) -> int | None:
+    """Where the key stands, or what it is missing from."""
+    while key and key not in lines:
+        key = key[:-1]
+    return lines.get(key)

@@ -1,0 +1,123 @@
+"""Our own mission files: TOML with `[[waypoint]]` tables, and `[fence]` and `[home]` if wanted."""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, Final, TypeVar
+
+from ground.missions.mission import Circle, Fence, Home, Mission, Polygon, Waypoint
+from ground.missions.outline import fault_of
+from ground.missions.problems import MissionError, Problem, line_of
+from protocol.config import parse, unknown_key
+from protocol.errors import ConfigError
+from protocol.toml_lines import Key, key_lines
+
+T = TypeVar("T")
+PART: Final = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
+TOP: Final = ("waypoint", "fence", "home")
+FENCE_FIX: Final = (
+    "write circle = { x_m = 0, y_m = 0, radius_m = 5 } or corners = [[0, 0], [4, 0], [4, 3]]"
+)
+
+
+def read_text(text: str, file: str) -> Mission:
+    """The mission of a file's text; MissionError names every key that is wrong, with its line."""
+    try:
+        table = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        fix = "correct the TOML syntax there"
+        raise MissionError(file, [Problem("", str(error) or "nested too deeply", fix)]) from error
+    return _Reader(file, key_lines(text)).mission(table)
+
+
+class _Reader:
+    """Reads the tables of one file and collects what is wrong with them."""
+
+    def __init__(self, file: str, lines: Mapping[Key, int]) -> None:
+        self._file = file
+        self._lines = lines
+        self._problems: list[Problem] = []
+
+    def mission(self, table: Mapping[str, Any]) -> Mission:
+        for key in table:
+            if key not in TOP:
+                error = unknown_key(key, key, list(TOP), file=self._file)
+                self._blame((key,), error.reason, error.fix)
+        waypoints = self._waypoints(table.get("waypoint"))
+        fence = self._fence(table["fence"]) if "fence" in table else None
+        home = self._table(table["home"], Home, ("home",)) if "home" in table else None
+        if self._problems:
+            raise MissionError(self._file, self._problems)
+        return Mission(waypoints=waypoints, fence=fence, home=home)
+
+    def _waypoints(self, tables: object) -> tuple[Waypoint, ...]:
+        if not isinstance(tables, list) or not tables:
+            what = "there is none" if tables in (None, []) else "is not a list of tables"
+            self._blame(("waypoint",), what, "add [[waypoint]] with x_m and y_m")
+            return ()
+        read = [self._table(one, Waypoint, ("waypoint", at)) for at, one in enumerate(tables)]
+        return tuple(waypoint for waypoint in read if waypoint is not None)
+
+    def _fence(self, table: object) -> Fence | None:
+        if not isinstance(table, dict) or set(table) not in ({"circle"}, {"corners"}):
+            self._blame(("fence",), "is neither a circle nor corners", FENCE_FIX)
+            return None
+        if "circle" in table:
+            return self._table(table["circle"], Circle, ("fence", "circle"))
+        polygon = self._table(table, Polygon, ("fence",))
+        fault = "" if polygon is None else fault_of(polygon.corners)
+        if fault:
+            self._blame(("fence", "corners"), fault, "put the corners in order, round the place")
+        return polygon
+
+    def _table(self, table: object, schema: type[T], key: Key) -> T | None:
+        if not isinstance(table, dict):
+            names = ", ".join(field.name for field in fields(schema))  # type: ignore[arg-type]
+            self._blame(key, "is not a table", f"it has {names}")
+            return None
+        try:
+            return parse(table, schema, file=self._file)
+        except ConfigError as error:
+            self._blame((*key, *_parts(error.key)), error.reason, error.fix)
+        return None
+
+    def _blame(self, key: Key, reason: str, fix: str) -> None:
+        self._problems.append(Problem(_words(key), reason, fix, line_of(self._lines, key)))
+
+
+def _parts(words: str) -> Key:
+    """The key of `corners[0][1]`."""
+    parts = PART.findall(words)
+    return tuple(int(index) if index else name for name, index in parts)
+
+
+def _words(key: Key) -> str:
+    """A key as in `waypoint[2].x_m`."""
+    words = ""
+    for part in key:
+        words += f"[{part}]" if isinstance(part, int) else f"{'.' if words else ''}{part}"
+    return words
+
+
+def text_of(mission: Mission) -> str:
+    """The file's text, which reads back as the same mission."""
+    blocks = [_block("[[waypoint]]", waypoint, Waypoint) for waypoint in mission.waypoints]
+    if isinstance(mission.fence, Circle):
+        blocks.append(_block("[fence.circle]", mission.fence, Circle))
+    elif mission.fence is not None:
+        corners = "".join(f"  [{x!r}, {y!r}],\n" for x, y in mission.fence.corners)
+        blocks.append(f"[fence]\ncorners = [\n{corners}]\n")
+    if mission.home is not None:
+        blocks.append(_block("[home]", mission.home, Home))
+    return "\n".join(blocks)
+
+
+def _block(header: str, value: object, schema: type[Any]) -> str:
+    """A table, without what is as it is anyway."""
+    lines = [header]
+    for field in fields(schema):
+        number = getattr(value, field.name)
+        if number is not None and number != field.default:
+            lines.append(f"{field.name} = {float(number)!r}")
+    return "\n".join(lines) + "\n"
