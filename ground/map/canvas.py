@@ -1,0 +1,178 @@
+"""A drawing in a grid of character cells: 2 x 4 dots and one role in each, marks and text above.
+
+Dots count from the top left corner, x to the right and y downwards. Whatever lies outside is
+not drawn; nothing raises.
+"""
+
+from collections.abc import Iterable
+from typing import Final
+
+from ground.map.glyphs import BLANK, DOTS, HEADINGS, MARKS, ascii_art, braille, printable
+from ground.map.lines import reach
+from ground.map.roles import RANK, ROLES
+
+DOTS_WIDE: Final = 2
+DOTS_HIGH: Final = 4
+
+Dot = tuple[int, int]
+Run = tuple[str, str]
+"""A role, "" for blank paper, and the text drawn in it."""
+
+
+class Canvas:
+    """`columns` x `rows` cells, `width` x `height` dots."""
+
+    __slots__ = ("_bits", "_glyphs", "_ranks", "ascii_only", "columns", "height", "rows", "width")
+
+    def __init__(self, columns: int, rows: int, ascii_only: bool = False) -> None:
+        self.columns, self.rows = max(0, columns), max(0, rows)
+        self.width, self.height = DOTS_WIDE * self.columns, DOTS_HIGH * self.rows
+        self.ascii_only = ascii_only
+        self._bits = bytearray(self.columns * self.rows)
+        self._ranks = bytearray(self.columns * self.rows)
+        self._glyphs: list[dict[int, tuple[int, str]]] = [{} for _ in range(self.rows)]
+
+    def clear(self) -> None:
+        self._bits = bytearray(len(self._bits))
+        self._ranks = bytearray(len(self._ranks))
+        self._glyphs = [{} for _ in range(self.rows)]
+
+    def copy(self) -> "Canvas":
+        """A canvas of its own with the same drawing."""
+        twin = Canvas(self.columns, self.rows, self.ascii_only)
+        twin._bits[:] = self._bits
+        twin._ranks[:] = self._ranks
+        twin._glyphs = [dict(row) for row in self._glyphs]
+        return twin
+
+    def dots(self, dots: Iterable[Dot], role: str) -> None:
+        """Single dots."""
+        bits, ranks, rank = self._bits, self._ranks, RANK[role]
+        columns, width, height = self.columns, self.width, self.height
+        for x, y in dots:
+            if 0 <= x < width and 0 <= y < height:
+                cell = (y >> 2) * columns + (x >> 1)
+                bits[cell] |= DOTS[(y & 3) << 1 | x & 1]
+                ranks[cell] = rank
+
+    def line(self, x0: int, y0: int, x1: int, y1: int, role: str) -> None:
+        """Bresenham's, the same dots in both directions; outside dots are skipped, not stepped."""
+        if abs(x1 - x0) >= abs(y1 - y0):
+            self._shallow((x0, y0, x1, y1) if x0 <= x1 else (x1, y1, x0, y0), RANK[role])
+        else:
+            self._steep((y0, x0, y1, x1) if y0 <= y1 else (y1, x1, y0, x0), RANK[role])
+
+    def polyline(self, dots: Iterable[Dot], role: str) -> None:
+        """From dot to dot; of a run of neighbours, which is what a trail is, only their ends."""
+        apart: list[Dot] = []
+        last: Dot | None = None
+        for dot in dots:
+            if dot == last:
+                continue
+            if last is not None and not (-2 < dot[0] - last[0] < 2 and -2 < dot[1] - last[1] < 2):
+                self.line(*last, *dot, role)
+            else:
+                apart.append(dot)
+            last = dot
+        self.dots(apart, role)
+
+    def mark(self, column: int, row: int, meaning: str, role: str) -> None:
+        """One character by its meaning (see `glyphs.MARKS`)."""
+        self._put(column, row, MARKS[meaning][self.ascii_only], RANK[role])
+
+    def arrow(self, column: int, row: int, eighth: int, role: str) -> None:
+        """A pointer, `eighth` times 45 degrees counter-clockwise from the right."""
+        self._put(column, row, HEADINGS[self.ascii_only][eighth % 8], RANK[role])
+
+    def text(self, column: int, row: int, words: str, role: str) -> None:
+        """One line, moved to the left as far as it must to end on the canvas."""
+        words = printable(words, self.ascii_only)
+        column = max(0, min(column, self.columns - len(words)))
+        for offset, character in enumerate(words):
+            self._put(column + offset, row, character, RANK[role])
+
+    def taken(self, column: int, row: int, cells: int) -> bool:
+        """Whether a mark or text is in the way of so many cells."""
+        if not 0 <= row < self.rows:
+            return True
+        return any(column <= at < column + cells for at in self._glyphs[row])
+
+    def changed(self, other: "Canvas") -> list[int]:
+        """The rows that look different from those of a canvas of the same size."""
+        wide = self.columns
+        return [
+            row
+            for row in range(self.rows)
+            if self._bits[row * wide : (row + 1) * wide]
+            != other._bits[row * wide : (row + 1) * wide]
+            or self._ranks[row * wide : (row + 1) * wide]
+            != other._ranks[row * wide : (row + 1) * wide]
+            or self._glyphs[row] != other._glyphs[row]
+        ]
+
+    def strip(self, row: int) -> list[Run]:
+        """A row from left to right, as many characters as there are columns.
+
+        Blank cells belong to the run before them: a change of colour costs more than a blank.
+        """
+        characters, ranks = self._cells(row)
+        runs: list[Run] = []
+        begun, current = 0, 0
+        for column, rank in enumerate(ranks):
+            if rank and rank != current:
+                if column and current:
+                    runs.append((ROLES[current - 1], "".join(characters[begun:column])))
+                    begun = column
+                current = rank
+        if self.columns:
+            runs.append((ROLES[current - 1] if current else "", "".join(characters[begun:])))
+        return runs
+
+    def to_rows(self) -> list[str]:
+        """The drawing as plain text."""
+        return ["".join(self._cells(row)[0]) for row in range(self.rows)]
+
+    def _cells(self, row: int) -> tuple[list[str], bytearray]:
+        if not 0 <= row < self.rows:
+            return [BLANK] * self.columns, bytearray(self.columns)
+        cells = slice(row * self.columns, (row + 1) * self.columns)
+        table = ascii_art() if self.ascii_only else braille()
+        characters = [table[bits] for bits in self._bits[cells]]
+        ranks = self._ranks[cells]
+        for column, (rank, character) in self._glyphs[row].items():
+            characters[column], ranks[column] = character, rank
+        return characters, ranks
+
+    def _put(self, column: int, row: int, character: str, rank: int) -> None:
+        if 0 <= row < self.rows and 0 <= column < self.columns:
+            glyphs = self._glyphs[row]
+            if column not in glyphs or glyphs[column][0] <= rank:
+                glyphs[column] = rank, character
+
+    def _shallow(self, ends: tuple[int, int, int, int], rank: int) -> None:
+        bits, ranks, columns = self._bits, self._ranks, self.columns
+        first, y, error, count, rise, full = reach(*ends, self.width, self.height)
+        row, low = (y >> 2) * columns, (y & 3) << 1
+        for x in range(first, first + count):
+            cell = row + (x >> 1)
+            bits[cell] |= DOTS[low | x & 1]
+            ranks[cell] = rank
+            error += rise
+            if not 0 <= error < full:
+                step = 1 if error > 0 else -1
+                y += step
+                error -= step * full
+                row, low = (y >> 2) * columns, (y & 3) << 1
+
+    def _steep(self, ends: tuple[int, int, int, int], rank: int) -> None:
+        bits, ranks, columns = self._bits, self._ranks, self.columns
+        first, x, error, count, rise, full = reach(*ends, self.height, self.width)
+        for y in range(first, first + count):
+            cell = (y >> 2) * columns + (x >> 1)
+            bits[cell] |= DOTS[(y & 3) << 1 | x & 1]
+            ranks[cell] = rank
+            error += rise
+            if not 0 <= error < full:
+                step = 1 if error > 0 else -1
+                x += step
+                error -= step * full

@@ -1,0 +1,78 @@
+"""The characters of the map: of every pattern of dots in a cell, and of every mark."""
+
+from functools import cache
+from typing import Final
+from unicodedata import combining, east_asian_width
+
+DOTS: Final = (0x01, 0x08, 0x02, 0x10, 0x04, 0x20, 0x40, 0x80)
+"""Of Unicode's braille patterns: the bit of the dot at [2 * (y % 4) + x % 2]."""
+
+BLANK: Final = " "
+UNKNOWN: Final = "?"
+
+MARKS: Final = {
+    "goal": ("◎", "O"),
+    "virtual": ("◇", "o"),
+    "cursor": ("✛", "+"),
+    "hit": ("H", "H"),
+    "leave": ("L", "L"),
+    "waypoint": ("•", "*"),
+    "other": ("◆", "r"),
+    "mover": ("●", "@"),
+    "lost": ("?", "?"),
+    "reached": ("●", "*"),
+    "collided": ("✕", "x"),
+    "stuck": ("■", "#"),
+    "ended": ("▲", "^"),
+    "bar left": ("├", "|"),
+    "bar": ("─", "-"),
+    "bar right": ("┤", "|"),
+}
+"""By meaning: with all of Unicode, and in ASCII."""
+
+HEADINGS: Final = ("▶◥▲◤◀◣▼◢", ">/^\\</v\\")
+"""From along x counter-clockwise by 45 degrees."""
+
+
+@cache
+def braille() -> tuple[str, ...]:
+    """The character of each pattern of dots; none is a plain blank, which is one byte."""
+    return (BLANK, *(chr(0x2800 + bits) for bits in range(1, 256)))
+
+
+@cache
+def ascii_art() -> tuple[str, ...]:
+    """The same for fonts without braille."""
+    return tuple(stroke(bits) for bits in range(256))
+
+
+def stroke(bits: int) -> str:
+    """The ASCII character that looks most like a pattern of dots."""
+    left = [row for row in range(4) if bits & DOTS[2 * row]]
+    right = [row for row in range(4) if bits & DOTS[2 * row + 1]]
+    rows = {*left, *right}
+    if not rows:
+        return BLANK
+    if not left or not right:
+        return "|" if len(rows) > 1 else "'" if rows <= {0, 1} else "."
+    if len(rows) == 1:
+        return "_" if rows == {3} else "-"
+    if len(left) + len(right) >= 5:
+        return "#" if len(left) + len(right) >= 7 else "+"
+    lean = sum(left) / len(left) - sum(right) / len(right)
+    if abs(lean) < 0.5:
+        return "+" if len(rows) > 2 else "-"
+    return "/" if lean > 0.0 else "\\"
+
+
+def printable(text: str, ascii_only: bool) -> str:
+    """One cell per character, whatever a name from the wire holds."""
+    return "".join(
+        character if _fits(character) and (character.isascii() or not ascii_only) else UNKNOWN
+        for character in text
+    )
+
+
+def _fits(character: str) -> bool:
+    wide = east_asian_width(character) in "WF"
+    return character.isprintable() and not wide and not combining(character)

@@ -1,0 +1,118 @@
+"""What moves with every frame: the robot, what it sees, where it goes, and who else is there."""
+
+from math import cos, inf, isfinite, pi, sin
+from typing import Final
+
+from ground.map.ellipse import ellipse
+from ground.map.pen import Pen
+from ground.map.scene import BEAM_RAD, Robot, Scene
+from ground.map.standing import apart_m, draw_heading, metres
+from ground.map.view import Point
+
+CONE_EVERY: Final = 3
+WAY_EVERY: Final = 4
+NOSE_DOTS: Final = 7.0
+
+
+def draw_trail(pen: Pen, scene: Scene) -> None:
+    pen.path(scene.trail, "trail")
+
+
+def draw_ellipse(pen: Pen, scene: Scene) -> None:
+    robot, covariance = scene.robot, scene.covariance
+    axes = ellipse(covariance) if covariance is not None else None
+    if robot is not None and axes is not None:
+        pen.path(pen.curve((robot.x_m, robot.y_m), *axes), "ellipse")
+
+
+def draw_zone(pen: Pen, scene: Scene) -> None:
+    """The ring within which it avoids."""
+    robot, zone_m = scene.robot, scene.zone_m
+    if robot is not None and zone_m is not None and zone_m > 0.0:
+        pen.circle((robot.x_m, robot.y_m), robot.radius_m + zone_m, "zone")
+
+
+def draw_sonars(pen: Pen, scene: Scene) -> None:
+    """Of each echo the arc on which it must lie, and the cone that it came through."""
+    robot = scene.robot
+    if robot is None or not isfinite(robot.heading_rad):
+        return
+    at = robot.x_m, robot.y_m
+    middle = (len(scene.ranges_m) - 1) / 2.0
+    echoes = []
+    for sonar, range_m in enumerate(scene.ranges_m):
+        if range_m is None or not 0.0 <= range_m < inf:
+            continue
+        bearing_rad = robot.heading_rad + (sonar - middle) * BEAM_RAD
+        ends_rad = bearing_rad - BEAM_RAD / 2.0, bearing_rad + BEAM_RAD / 2.0
+        reach_m = robot.radius_m + range_m
+        for end_rad in ends_rad:
+            rim = towards(at, end_rad, robot.radius_m)
+            pen.dotted(rim, towards(at, end_rad, reach_m), "cone", CONE_EVERY)
+        echoes.append((reach_m, ends_rad))
+    for reach_m, ends_rad in echoes:
+        pen.arc(at, reach_m, ends_rad, "echo")
+
+
+def draw_virtual(pen: Pen, scene: Scene) -> None:
+    """Where it steers now, if that is not the goal itself, and the way there."""
+    at, robot = scene.virtual_goal, scene.robot
+    if at is None or (scene.goal and apart_m(at, (scene.goal.x_m, scene.goal.y_m)) < 1e-6):
+        return
+    if robot is not None:
+        pen.dotted((robot.x_m, robot.y_m), at, "virtual", WAY_EVERY)
+    pen.mark(at, "virtual", "virtual", "virtual")
+    pen.off_map(at, "virtual", "")
+
+
+def draw_goal(pen: Pen, scene: Scene) -> None:
+    goal = scene.goal
+    if goal is None:
+        return
+    at = goal.x_m, goal.y_m
+    draw_heading(pen, goal, "goal")
+    pen.mark(at, "goal", "goal", "goal")
+    away = metres(round(apart_m(pen.view.middle(), at), 1))
+    pen.off_map(at, "goal", f"goal {away}")
+
+
+def draw_others(pen: Pen, scene: Scene) -> None:
+    """Whoever else moves: walkers as the simulation knows them, other robots by name."""
+    for mover in scene.movers:
+        pen.shape(mover, "truth")
+        pen.mark((mover.x_m, mover.y_m), "mover", "truth")
+    for other in scene.others:
+        _body(pen, other, "other")
+        pen.mark((other.x_m, other.y_m), "other", "other", other.name)
+
+
+def draw_robot(pen: Pen, scene: Scene) -> None:
+    """True to scale, with a pointer that is seen however small that is."""
+    robot = scene.robot
+    if robot is None:
+        return
+    at, label = (robot.x_m, robot.y_m), robot.name if scene.others else ""
+    _body(pen, robot, "robot")
+    if scene.live:
+        pen.arrow(at, robot.heading_rad, "robot", label)
+    else:
+        pen.mark(at, "lost", "robot", label)
+    pen.off_map(at, "robot", robot.name or "robot")
+
+
+def draw_cursor(pen: Pen, scene: Scene) -> None:
+    if scene.cursor is not None:
+        x_m, y_m = scene.cursor
+        pen.mark(scene.cursor, "cursor", "cursor", f"{x_m:.2f} {y_m:.2f}")
+
+
+def towards(at: Point, bearing_rad: float, length_m: float) -> Point:
+    return at[0] + length_m * cos(bearing_rad), at[1] + length_m * sin(bearing_rad)
+
+
+def _body(pen: Pen, robot: Robot, role: str) -> None:
+    at = robot.x_m, robot.y_m
+    pen.circle(at, robot.radius_m, role)
+    if isfinite(robot.heading_rad):
+        nose_m = max(robot.radius_m, NOSE_DOTS * pen.view.m_per_dot)
+        pen.path((at, towards(at, robot.heading_rad % (2.0 * pi), nose_m)), role)

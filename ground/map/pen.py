@@ -1,0 +1,157 @@
+"""Draws in metres: what cannot be placed, a NaN or an infinity, is left out and breaks a line."""
+
+from collections.abc import Iterable, Sequence
+from math import atan2, ceil, cos, floor, hypot, isfinite, pi, sin
+from typing import Final
+
+from ground.map.canvas import Canvas, Dot
+from ground.map.scene import Disc, Shape
+from ground.map.view import Point, View
+
+WHOLE_TURN_RAD: Final = 2.0 * pi
+DOTS_PER_CHORD: Final = 4.0
+LEAST_CHORDS: Final = 6
+MOST_CHORDS: Final = 240
+MOST_POINTS: Final = 500
+
+
+class Pen:
+    """A canvas seen through a view."""
+
+    def __init__(self, canvas: Canvas, view: View) -> None:
+        self.canvas, self.view = canvas, view
+        self._per_m = 1.0 / view.m_per_dot
+        self._right = view.columns - view.centre_x_m * self._per_m
+        self._down = 2.0 * view.rows + view.centre_y_m * self._per_m
+
+    def path(self, points: Iterable[Point], role: str) -> None:
+        """From point to point; a gap where a point cannot be placed."""
+        for dots in self._placed(points):
+            self.canvas.polyline(dots, role)
+
+    def dots(self, points: Iterable[Point], role: str) -> None:
+        """A dot at each point."""
+        for dots in self._placed(points):
+            self.canvas.dots(dots, role)
+
+    def dotted(self, a: Point, b: Point, role: str, every: int) -> None:
+        """A line of which only so many dots in one are set."""
+        length = hypot(b[0] - a[0], b[1] - a[1]) * self._per_m
+        if not isfinite(length):
+            return
+        count = min(MOST_POINTS, max(1, round(length / every)))
+        step_x_m, step_y_m = (b[0] - a[0]) / count, (b[1] - a[1]) / count
+        self.dots(
+            ((a[0] + i * step_x_m, a[1] + i * step_y_m) for i in range(count + 1)),
+            role,
+        )
+
+    def shape(self, shape: Shape, role: str) -> None:
+        """The edge of a shape."""
+        if isinstance(shape, Disc):
+            self.circle((shape.x_m, shape.y_m), shape.radius_m, role)
+        else:
+            ends = shape.points_m[:1] if shape.closed else ()
+            self.path((*shape.points_m, *ends), role)
+
+    def circle(self, centre: Point, radius_m: float, role: str) -> None:
+        self.path(self.curve(centre, radius_m, radius_m), role)
+
+    def arc(self, centre: Point, radius_m: float, ends_rad: Point, role: str) -> None:
+        """Counter-clockwise from the first bearing to the second."""
+        self.path(self.curve(centre, radius_m, radius_m, ends_rad=ends_rad), role)
+
+    def curve(
+        self,
+        centre: Point,
+        long_m: float,
+        short_m: float,
+        turn_rad: float = 0.0,
+        ends_rad: Point = (0.0, WHOLE_TURN_RAD),
+    ) -> Sequence[Point]:
+        """Points of an ellipse or a piece of it, close enough together to look round."""
+        begun_rad, length_rad = ends_rad[0], ends_rad[1] - ends_rad[0]
+        around = long_m * self._per_m * abs(length_rad)
+        if not (isfinite(around) and isfinite(turn_rad) and around >= 0.0):
+            return ()
+        least = ceil(LEAST_CHORDS * abs(length_rad) / WHOLE_TURN_RAD)
+        chords = max(least, min(MOST_CHORDS, ceil(around / DOTS_PER_CHORD)))
+        cosine, sine, step_rad = cos(turn_rad), sin(turn_rad), length_rad / max(1, chords)
+        points = []
+        for chord in range(chords + 1):
+            angle_rad = begun_rad + chord * step_rad
+            x_m, y_m = long_m * cos(angle_rad), short_m * sin(angle_rad)
+            points.append(
+                (centre[0] + x_m * cosine - y_m * sine, centre[1] + x_m * sine + y_m * cosine)
+            )
+        return points
+
+    def mark(self, at: Point, meaning: str, role: str, label: str = "") -> None:
+        """A character at a place, and a label beside it."""
+        cell = self.view.cell_of(*at)
+        if cell is None:
+            return
+        self.canvas.mark(*cell, meaning, role)
+        self._label(cell, label, role)
+
+    def arrow(self, at: Point, heading_rad: float, role: str, label: str = "") -> None:
+        """A pointer in the nearest of eight directions; nothing without a heading."""
+        cell = self.view.cell_of(*at)
+        if cell is None or not isfinite(heading_rad):
+            return
+        self.canvas.arrow(*cell, round(heading_rad / (pi / 4.0)), role)
+        self._label(cell, label, role)
+
+    def inside(self, at: Point) -> bool:
+        """Whether a place is on the map."""
+        cell = self.view.cell_of(*at)
+        if cell is None:
+            return False
+        return 0 <= cell[0] < self.canvas.columns and 0 <= cell[1] < self.canvas.rows
+
+    def off_map(self, at: Point, role: str, label: str) -> None:
+        """For a place outside: a pointer on the edge where the way to it leaves the map."""
+        x_m, y_m = self.view.centre_x_m, self.view.centre_y_m
+        away_x, away_y = (at[0] - x_m) * self._per_m, (at[1] - y_m) * self._per_m
+        if not (isfinite(away_x) and isfinite(away_y)) or self.inside(at):
+            return
+        share = min(
+            (self.canvas.width / 2.0 - 1.0) / max(1e-9, abs(away_x)),
+            (self.canvas.height / 2.0 - 2.0) / max(1e-9, abs(away_y)),
+        )
+        to_edge_m = max(0.0, share) * self.view.m_per_dot
+        edge = x_m + away_x * to_edge_m, y_m + away_y * to_edge_m
+        self.arrow(edge, atan2(away_y, away_x), role, label)
+
+    def _label(self, cell: tuple[int, int], label: str, role: str) -> None:
+        """Where nothing is in the way: right, left, below, above; else to the right."""
+        column, row = cell
+        wide = len(label)
+        if not (wide and 0 <= column < self.canvas.columns and 0 <= row < self.canvas.rows):
+            return
+        places = ((column + 2, row), (column - 1 - wide, row), (column, row + 1), (column, row - 1))
+        for at_column, at_row in places:
+            fits = 0 <= at_column <= self.canvas.columns - wide
+            if fits and not self.canvas.taken(at_column, at_row, wide):
+                self.canvas.text(at_column, at_row, label, role)
+                return
+        self.canvas.text(column + 2, row, label, role)
+
+    def _placed(self, points: Iterable[Point]) -> list[list[Dot]]:
+        """The dots of the points, in one piece when all can be placed."""
+        per_m, right, down = self._per_m, self._right, self._down
+        points = list(points)
+        try:
+            return [[(floor(x * per_m + right), floor(down - y * per_m)) for x, y in points]]
+        except (ValueError, OverflowError):
+            return self._pieces(points)
+
+    def _pieces(self, points: Iterable[Point]) -> list[list[Dot]]:
+        pieces: list[list[Dot]] = [[]]
+        for x_m, y_m in points:
+            x, y = x_m * self._per_m + self._right, self._down - y_m * self._per_m
+            if isfinite(x) and isfinite(y):
+                pieces[-1].append((floor(x), floor(y)))
+            elif pieces[-1]:
+                pieces.append([])
+        return pieces

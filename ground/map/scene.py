@@ -1,0 +1,145 @@
+"""Everything a map can show, as plain values: metres, radians, and None for what is not known."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Final, TypeAlias
+
+from ground.map.view import Box, Point
+
+LAYERS: Final = (
+    "walls",
+    "seen",
+    "fence",
+    "ghosts",
+    "trail",
+    "ellipse",
+    "zone",
+    "sonars",
+    "marks",
+    "mission",
+    "virtual",
+    "goal",
+    "others",
+    "robot",
+    "cursor",
+    "legend",
+)
+"""What can be switched off by name; `marks` are hit and leave points, `others` all that moves."""
+
+RADIUS_M: Final = 0.12
+BEAM_RAD: Final = 0.39269908169872414  # 22.5 degrees
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """The edge of something solid, or a wall seen from above when it is not closed."""
+
+    points_m: tuple[Point, ...]
+    closed: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """Something round: a pillar, a walker, a fence."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+
+
+Shape: TypeAlias = Outline | Disc
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """Where one is and where it looks; the name is shown when it is not the only one."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    radius_m: float = RADIUS_M
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A goal or an item of a mission; a heading of None means any."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float | None = None
+    tolerance_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ghost:
+    """The way another run took, and how it ended: an outcome of `protocol.outcome`, or ""."""
+
+    label: str
+    path_m: Sequence[Point]
+    outcome: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """What is to be drawn now.
+
+    `truth`: the walls are what the simulation knows, not what the robot saw. `live` is False when
+    the robot has not been heard lately: then its mark is a question mark. `ranges_m` are by sonar
+    from right to left, measured from the robot's rim: inf for no echo, None for a sonar that is
+    missing. `zone_m` is measured from the rim too. `covariance` is xx, xy, yy in m2. `current`
+    is the mission item under way, `note` a word for the legend.
+    """
+
+    size_m: Point | None = None
+    obstacles: tuple[Shape, ...] = ()
+    truth: bool = True
+    seen: Sequence[Point] = ()
+    trail: Sequence[Point] = ()
+    robot: Robot | None = None
+    live: bool = True
+    covariance: tuple[float, float, float] | None = None
+    ranges_m: Sequence[float | None] = ()
+    zone_m: float | None = None
+    goal: Target | None = None
+    virtual_goal: Point | None = None
+    hits: Sequence[Point] = ()
+    leaves: Sequence[Point] = ()
+    fence: Shape | None = None
+    mission: Sequence[Target] = ()
+    current: int | None = None
+    movers: Sequence[Disc] = ()
+    others: Sequence[Robot] = ()
+    ghosts: Sequence[Ghost] = ()
+    cursor: Point | None = None
+    note: str = ""
+
+    def box(self) -> Box | None:
+        """What has to be on a map that shows all of it; None when there is nothing."""
+        least_x, least_y, most_x, most_y = inf, inf, -inf, -inf
+        for x_m, y_m in self._corners():
+            if isfinite(x_m) and isfinite(y_m):
+                least_x, most_x = min(least_x, x_m), max(most_x, x_m)
+                least_y, most_y = min(least_y, y_m), max(most_y, y_m)
+        return (least_x, least_y, most_x, most_y) if least_x <= most_x else None
+
+    def _corners(self) -> Iterator[Point]:
+        if self.size_m is not None:
+            yield from ((0.0, 0.0), self.size_m)
+        else:
+            shapes = (*self.obstacles, *((self.fence,) if self.fence else ()))
+            for shape in shapes:
+                yield from _corners(shape)
+            yield from (*self.seen, *self.trail)
+        places = [place for place in (self.robot, self.goal, *self.mission) if place is not None]
+        for place in places:
+            yield from _corners(Disc(place.x_m, place.y_m, RADIUS_M))
+
+
+def _corners(shape: Shape) -> Sequence[Point]:
+    if isinstance(shape, Outline):
+        return shape.points_m
+    reach_m = shape.radius_m
+    low = shape.x_m - reach_m, shape.y_m - reach_m
+    return low, (shape.x_m + reach_m, shape.y_m + reach_m)

@@ -1,0 +1,115 @@
+"""What does not move with the robot: walls, fence, mission, other runs, and the legend."""
+
+from itertools import pairwise
+from math import cos, hypot, isfinite, sin
+from typing import Final
+
+from ground.map.canvas import DOTS_WIDE
+from ground.map.pen import Pen
+from ground.map.scene import Disc, Outline, Scene, Target
+from ground.map.view import Point
+
+FENCE_EVERY: Final = 3
+HEADING_DOTS: Final = 9.0
+LEGEND_SHARE: Final = 6
+TRUTH_WORDS: Final = "walls: simulation truth"
+LOST_WORDS: Final = "NOT LIVE"
+ENDS: Final = {"reached": "reached", "collided": "collided", "stuck": "stuck"}
+
+
+def draw_walls(pen: Pen, scene: Scene) -> None:
+    role = "truth" if scene.truth else "wall"
+    if scene.size_m is not None:
+        width_m, height_m = scene.size_m
+        corners = ((0.0, 0.0), (width_m, 0.0), (width_m, height_m), (0.0, height_m))
+        pen.shape(Outline(corners), role)
+    for obstacle in scene.obstacles:
+        pen.shape(obstacle, role)
+
+
+def draw_seen(pen: Pen, scene: Scene) -> None:
+    pen.dots(scene.seen, "seen")
+
+
+def draw_fence(pen: Pen, scene: Scene) -> None:
+    """Dotted, so that it is no wall without colour either."""
+    fence = scene.fence
+    if fence is None:
+        return
+    if isinstance(fence, Disc):
+        points = pen.curve((fence.x_m, fence.y_m), fence.radius_m, fence.radius_m)
+    else:
+        points = (*fence.points_m, *fence.points_m[:1])
+    for a, b in pairwise(points):
+        pen.dotted(a, b, "fence", FENCE_EVERY)
+
+
+def draw_ghosts(pen: Pen, scene: Scene) -> None:
+    """Another run's way, and at its end how it ended."""
+    for ghost in scene.ghosts:
+        pen.path(ghost.path_m, "ghost")
+        if ghost.path_m:
+            label = " ".join(word for word in (ghost.label, ghost.outcome) if word)
+            pen.mark(ghost.path_m[-1], ENDS.get(ghost.outcome, "ended"), "ghost", label)
+
+
+def draw_marks(pen: Pen, scene: Scene) -> None:
+    """Where the boundary of an obstacle was met and left."""
+    for at in scene.hits:
+        pen.mark(at, "hit", "hit")
+    for at in scene.leaves:
+        pen.mark(at, "leave", "leave")
+
+
+def draw_mission(pen: Pen, scene: Scene) -> None:
+    """Items from 1 on; the one under way is marked as such."""
+    places = [(item.x_m, item.y_m) for item in scene.mission]
+    for a, b in pairwise(places):
+        pen.dotted(a, b, "mission", 2 * FENCE_EVERY)
+    for index, item in enumerate(scene.mission):
+        draw_heading(pen, item, "mission")
+        number = f"{index + 1}<" if index == scene.current else f"{index + 1}"
+        pen.mark((item.x_m, item.y_m), "waypoint", "mission", number)
+
+
+def draw_heading(pen: Pen, target: Target, role: str) -> None:
+    """The tolerance, where it is large enough to see, and the heading to arrive with."""
+    at: Point = (target.x_m, target.y_m)
+    if target.tolerance_m > DOTS_WIDE * pen.view.m_per_dot:
+        pen.circle(at, target.tolerance_m, role)
+    if target.heading_rad is not None and isfinite(target.heading_rad):
+        length_m = HEADING_DOTS * pen.view.m_per_dot
+        tip = at[0] + length_m * cos(target.heading_rad), at[1] + length_m * sin(target.heading_rad)
+        pen.path((at, tip), role)
+
+
+def draw_legend(pen: Pen, scene: Scene) -> None:
+    """Scale, and in words what is drawn: on the last row, under what is on the map there."""
+    canvas = pen.canvas
+    row = canvas.rows - 1
+    length_m, cells = pen.view.scale_bar(canvas.columns // LEGEND_SHARE)
+    canvas.mark(0, row, "bar left", "text")
+    for column in range(1, cells - 1):
+        canvas.mark(column, row, "bar", "text")
+    canvas.mark(cells - 1, row, "bar right", "text")
+    length = metres(length_m)
+    canvas.text(cells + 1, row, length, "text")
+    walls = scene.obstacles or scene.size_m
+    words = (TRUTH_WORDS if scene.truth and walls else "", "" if scene.live else LOST_WORDS)
+    legend = " · ".join(word for word in (*words, scene.note) if word)
+    room = canvas.columns - cells - len(length) - 3
+    if legend and room > 0:
+        legend = legend[-room:] if len(legend) > room else legend
+        canvas.text(canvas.columns - len(legend), row, legend, "text")
+
+
+def metres(length_m: float) -> str:
+    """A length as one says it: 0.5 mm, 2 cm, 5 m, 2 km."""
+    for unit, size_m in (("km", 1000.0), ("m", 1.0), ("cm", 0.01)):
+        if length_m >= size_m * 0.999:
+            return f"{length_m / size_m:g} {unit}"
+    return f"{length_m * 1000.0:g} mm"
+
+
+def apart_m(a: Point, b: Point) -> float:
+    return hypot(b[0] - a[0], b[1] - a[1])

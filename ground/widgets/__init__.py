@@ -1,0 +1,1 @@
+"""What the app puts on the screen, one widget per file."""

@@ -1,0 +1,195 @@
+"""The map on the screen. Drawn when a scene is shown; only rows that changed are repainted."""
+
+from collections.abc import Collection, Mapping
+
+from rich.segment import Segment
+from rich.style import Style
+from textual import events
+from textual.geometry import Region
+from textual.message import Message
+from textual.strip import Strip
+from textual.widget import Widget
+
+from ground.map import LAYERS, Canvas, Scene, View, draw_moving, draw_standing, standing
+from ground.map.view import Point
+
+WHEEL_FACTOR = 1.25
+DIM = Style(dim=True)
+
+
+class MapWidget(Widget):
+    """Draws the scene last shown. `styles_by_role` colours ink; paper is the widget's own.
+
+    While it is `fitted` all of the scene is on the map; zooming, panning and centring end that.
+    While it is `following` the robot is kept well inside. The keys are the app's.
+    """
+
+    class Pointed(Message):
+        """A click: here is where the cursor is wanted."""
+
+        def __init__(self, x_m: float, y_m: float) -> None:
+            super().__init__()
+            self.x_m, self.y_m = x_m, y_m
+
+    class Zoomed(Message):
+        """A turn of the wheel above a place; the map has not acted on it."""
+
+        def __init__(self, factor: float, x_m: float, y_m: float) -> None:
+            super().__init__()
+            self.factor, self.x_m, self.y_m = factor, x_m, y_m
+
+    def __init__(
+        self,
+        styles_by_role: Mapping[str, Style] | None = None,
+        ascii_only: bool = False,
+        name: str | None = None,
+        id: str | None = None,
+        classes: str | None = None,
+    ) -> None:
+        super().__init__(name=name, id=id, classes=classes)
+        self.scene = Scene()
+        self._canvas = Canvas(0, 0, ascii_only)
+        self._ground = self._canvas
+        self._drawn: tuple[object, ...] = ()
+        self._strips: dict[int, Strip] = {}
+        self._view = View(0, 0)
+        self._shown: Collection[str] = LAYERS
+        self._ascii_only, self._fitted, self._following = ascii_only, True, False
+        self._role_styles: Mapping[str, Style] = dict(styles_by_role or {})
+
+    @property
+    def view(self) -> View:
+        return self._view
+
+    @view.setter
+    def view(self, view: View) -> None:
+        self._view, self._fitted = view.resized(*self.size), False
+        self._draw()
+
+    @property
+    def fitted(self) -> bool:
+        return self._fitted
+
+    @property
+    def following(self) -> bool:
+        return self._following
+
+    @following.setter
+    def following(self, following: bool) -> None:
+        self._following = following
+        self._fitted = self._fitted and not following
+        self._draw()
+
+    @property
+    def shown_layers(self) -> Collection[str]:
+        """The names of what is drawn (see `ground.map.LAYERS`)."""
+        return self._shown
+
+    @shown_layers.setter
+    def shown_layers(self, layers: Collection[str]) -> None:
+        self._shown = frozenset(layers)
+        self._draw()
+
+    @property
+    def ascii_only(self) -> bool:
+        return self._ascii_only
+
+    @ascii_only.setter
+    def ascii_only(self, ascii_only: bool) -> None:
+        self._ascii_only = ascii_only
+        self._draw()
+
+    def colour(self, styles_by_role: Mapping[str, Style]) -> None:
+        """Another theme."""
+        self._role_styles = dict(styles_by_role)
+        self._strips.clear()
+        self.refresh()
+
+    def show(self, scene: Scene) -> None:
+        """Draw this from now on. What looks as before costs the terminal nothing."""
+        went_stale = scene.live != self.scene.live
+        self.scene = scene
+        self._draw()
+        if went_stale:
+            self._strips.clear()
+            self.refresh()
+
+    def fit(self) -> None:
+        """All of the scene on the map, and so it stays."""
+        self._fitted, self._following = True, False
+        self._draw()
+
+    def zoom(self, factor: float, about: Point | None = None) -> None:
+        """Larger by a factor about a place, or about the middle."""
+        self.view = self._view.zoomed(factor, about)
+
+    def pan(self, columns: float, rows: float) -> None:
+        """Over the world by so many cells, to the right and down."""
+        self._following = False
+        self.view = self._view.panned(columns, rows)
+
+    def centre(self, x_m: float, y_m: float) -> None:
+        self.view = self._view.centred(x_m, y_m)
+
+    def render_line(self, y: int) -> Strip:
+        strip = self._strips.get(y)
+        if strip is None:
+            self._strips[y] = strip = self._strip(y)
+        return strip
+
+    def on_resize(self, event: events.Resize) -> None:
+        self._view = self._view.resized(*self.size)
+        self._draw()
+
+    def on_click(self, event: events.Click) -> None:
+        self.post_message(self.Pointed(*self._view.middle_of(event.x, event.y)))
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        self._wheel(event, WHEEL_FACTOR)
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        self._wheel(event, 1.0 / WHEEL_FACTOR)
+
+    def _wheel(self, event: events.MouseEvent, factor: float) -> None:
+        event.stop()
+        self.post_message(self.Zoomed(factor, *self._view.middle_of(event.x, event.y)))
+
+    def _strip(self, row: int) -> Strip:
+        styles, null = self._role_styles, Style.null()
+        extra = null if self.scene.live else DIM
+        runs = self._canvas.strip(row)
+        segments = [Segment(text, styles.get(role, null) + extra) for role, text in runs]
+        return Strip(segments, self._canvas.columns)
+
+    def _look(self) -> None:
+        """Where the view has to be for this scene."""
+        robot = self.scene.robot
+        if self._fitted:
+            self._view = View.fit(self.scene.box(), *self.size)
+        elif self._following and robot is not None:
+            self._view = self._view.following(robot.x_m, robot.y_m)
+
+    def _draw(self) -> None:
+        self._look()
+        before, scene, view = self._canvas, self.scene, self._view
+        drawn = (view, self._shown, self._ascii_only, *standing(scene))
+        if drawn != self._drawn:
+            self._drawn = drawn
+            self._ground = Canvas(view.columns, view.rows, self._ascii_only)
+            draw_standing(scene, view, self._ground, self._shown)
+        self._canvas = self._ground.copy()
+        draw_moving(scene, view, self._canvas, self._shown)
+        self._repaint(before)
+
+    def _repaint(self, before: Canvas) -> None:
+        canvas = self._canvas
+        same = before.columns == canvas.columns and before.rows == canvas.rows
+        if not same or before.ascii_only != canvas.ascii_only:
+            self._strips.clear()
+            self.refresh()
+            return
+        rows = canvas.changed(before)
+        for row in rows:
+            self._strips.pop(row, None)
+        if rows:
+            self.refresh(*(Region(0, row, canvas.columns, 1) for row in rows))

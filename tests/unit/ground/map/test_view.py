@@ -1,0 +1,103 @@
+"""Where the map looks, with every number that can be thought of."""
+
+from math import inf, isfinite, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.map.view import FURTHEST_M, NEAREST_M, Box, View
+
+SIZES = st.integers(0, 400)
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+PLACES = st.floats(-1e4, 1e4)
+VIEWS = st.builds(View, SIZES, SIZES, PLACES, PLACES, st.floats(1e-3, 1e3))
+
+
+def usable(view: View) -> bool:
+    numbers = (view.centre_x_m, view.centre_y_m, view.m_per_dot)
+    return all(map(isfinite, numbers)) and NEAREST_M <= view.m_per_dot <= FURTHEST_M
+
+
+@given(VIEWS, PLACES, PLACES)
+def test_there_and_back_is_the_same_place(view: View, x_m: float, y_m: float) -> None:
+    back = view.to_metres(*view.to_dots(x_m, y_m))
+    assert back == pytest.approx((x_m, y_m), abs=1e-6 * max(1.0, view.m_per_dot))
+
+
+@given(VIEWS, ANY, ANY, ANY)
+def test_any_numbers_give_a_usable_view(view: View, a: float, b: float, c: float) -> None:
+    assert usable(view.zoomed(a, (b, c)))
+    assert usable(view.panned(a, b))
+    assert usable(view.centred(a, b))
+    assert usable(view.following(a, b))
+    assert usable(View.fit((a, b, c, a), view.columns, view.rows))
+
+
+@given(st.tuples(PLACES, PLACES), st.floats(0.1, 1e3), st.floats(0.1, 1e3))
+def test_what_is_fitted_is_on_the_map(low: tuple[float, float], wide: float, high: float) -> None:
+    box: Box = (*low, low[0] + wide, low[1] + high)
+    shown = View.fit(box, 80, 24).box()
+    assert shown[0] <= box[0]
+    assert shown[1] <= box[1]
+    assert shown[2] >= box[2]
+    assert shown[3] >= box[3]
+
+
+def test_a_point_or_nothing_is_fitted_too() -> None:
+    assert usable(View.fit(None, 80, 24))
+    assert usable(View.fit((3.0, 3.0, 3.0, 3.0), 1, 1))
+    assert View.fit((3.0, 4.0, 3.0, 4.0), 80, 5).middle() == (3.0, 4.0)
+
+
+@given(VIEWS, PLACES, PLACES, st.floats(0.5, 2.0))
+def test_the_place_zoomed_about_stays_where_it_is(
+    view: View, x_m: float, y_m: float, factor: float
+) -> None:
+    zoomed = view.zoomed(factor, (x_m, y_m))
+    before, after = view.to_dots(x_m, y_m), zoomed.to_dots(x_m, y_m)
+    assert after == pytest.approx(before, rel=1e-6, abs=1e-3)
+
+
+def test_zooming_stops_at_the_ends() -> None:
+    view = View(80, 24)
+    for _ in range(300):
+        view = view.zoomed(2.0)
+    assert view.m_per_dot == NEAREST_M
+    for _ in range(300):
+        view = view.zoomed(0.5)
+    assert view.m_per_dot == FURTHEST_M
+
+
+def test_panning_to_the_right_and_down_shows_what_is_there() -> None:
+    view = View(80, 24, 0.0, 0.0, 0.05).panned(10, 5)
+    assert view.middle() == pytest.approx((1.0, -1.0))
+
+
+def test_following_leaves_the_map_in_peace_until_the_robot_nears_the_rim() -> None:
+    view = View(80, 24, 0.0, 0.0, 0.05)
+    assert view.following(1.5, 0.0) == view
+    assert view.following(2.5, 0.0).middle() == (2.5, 0.0)
+    assert view.following(0.0, -1.5).middle() == (0.0, -1.5)
+
+
+def test_a_cell_is_found_and_has_a_middle() -> None:
+    view = View(80, 24, 2.0, 1.0, 0.05)
+    assert view.cell_of(2.0, 1.0) == (40, 12)
+    assert view.cell_of(*view.middle_of(7, 3)) == (7, 3)
+    assert view.cell_of(-50.0, 1.0) == (-480, 12)
+    assert view.cell_of(nan, 1.0) is None
+    assert view.cell_of(inf, 1.0) is None
+
+
+@given(VIEWS, st.integers(1, 60))
+def test_the_scale_bar_is_round_and_fits(view: View, cells: int) -> None:
+    length_m, taken = view.scale_bar(cells)
+    assert f"{length_m:.0e}"[0] in "125"
+    assert 1 <= taken <= cells
+    assert length_m <= cells * 2 * view.m_per_dot * (1 + 1e-6)
+
+
+def test_a_resized_view_keeps_its_middle_and_scale() -> None:
+    view = View(80, 24, 2.0, 1.0, 0.05).resized(1, 1)
+    assert (view.columns, view.rows, view.middle()) == (1, 1, (2.0, 1.0))

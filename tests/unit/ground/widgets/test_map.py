@@ -1,0 +1,188 @@
+"""The map on a screen that a test owns: what is painted again, and what the mouse says."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Self
+
+from rich.style import Style
+from textual import events
+from textual.app import App, ComposeResult
+from textual.geometry import Region
+from textual.pilot import Pilot
+
+from ground.map import Robot, Scene, Target
+from ground.widgets.map import MapWidget
+
+STYLES = {"robot": Style(color="yellow", bold=True), "truth": Style(color="white")}
+ROOM = Scene(size_m=(6.0, 4.0), robot=Robot(2.02, 2.02, 0.0), goal=Target(5.0, 3.0))
+
+
+class Watched(MapWidget):
+    """Counts what it was asked to paint again."""
+
+    def __init__(self) -> None:
+        super().__init__(STYLES)
+        self.regions: list[Region] = []
+        self.whole = 0
+
+    def refresh(
+        self,
+        *regions: Region,
+        repaint: bool = True,
+        layout: bool = False,
+        recompose: bool = False,
+    ) -> Self:
+        if self.is_attached and not layout:
+            self.regions += regions
+            self.whole += not regions
+        return super().refresh(*regions, repaint=repaint, layout=layout, recompose=recompose)
+
+
+class MapApp(App[None]):
+    def __init__(self) -> None:
+        super().__init__()
+        self.map = Watched()
+        self.pointed: list[tuple[float, float]] = []
+        self.zoomed: list[float] = []
+
+    def compose(self) -> ComposeResult:
+        yield self.map
+
+    def on_map_widget_pointed(self, message: MapWidget.Pointed) -> None:
+        self.pointed.append((message.x_m, message.y_m))
+
+    def on_map_widget_zoomed(self, message: MapWidget.Zoomed) -> None:
+        self.zoomed.append(message.factor)
+
+
+def on_screen(
+    story: Callable[[MapApp, Pilot[None]], Awaitable[None]], size: tuple[int, int] = (50, 16)
+) -> None:
+    async def told() -> None:
+        app = MapApp()
+        async with app.run_test(size=size) as pilot:
+            app.map.show(ROOM)
+            await pilot.pause()
+            app.map.regions.clear()
+            app.map.whole = 0
+            await story(app, pilot)
+
+    asyncio.run(told())
+
+
+def screen(app: MapApp) -> list[str]:
+    return [strip.text for strip in app.screen._compositor.render_strips()]
+
+
+def test_a_scene_that_looks_the_same_paints_nothing() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(2.02, 2.02, 1e-9), goal=Target(5.0, 3.0)))
+        assert (app.map.regions, app.map.whole) == ([], 0)
+
+    on_screen(story)
+
+
+def test_only_rows_that_changed_are_painted_again() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(2.5, 2.0, 0.0), goal=Target(5.0, 3.0)))
+        assert app.map.whole == 0
+        assert 0 < len(app.map.regions) <= 4
+        assert all(region.width == 50 and region.height == 1 for region in app.map.regions)
+
+    on_screen(story)
+
+
+def test_what_is_on_the_screen_is_what_was_drawn_anew() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        for x_m in (2.5, 3.0, 3.5):
+            app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(x_m, 2.0, 0.0)))
+            await pilot.pause()
+        painted = screen(app)
+        app.map.colour(STYLES)
+        await pilot.pause()
+        assert screen(app) == painted
+        assert sum("▶" in row for row in painted) == 1
+
+    on_screen(story)
+
+
+def test_colours_come_from_outside_and_go_dim_when_the_robot_is_not_heard() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        def styles() -> list[Style]:
+            rows = [app.map.render_line(row) for row in range(16)]
+            return [s.style for row in rows for s in row if s.style is not None]
+
+        assert STYLES["robot"] in styles()
+        app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(2.0, 2.0, 0.0), live=False))
+        assert all(style.dim for style in styles())
+        assert any("?" in app.map.render_line(row).text for row in range(16))
+
+    on_screen(story)
+
+
+def test_a_click_says_where_in_metres_and_the_wheel_how_much() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        view = app.map.view
+        await pilot.click(Watched, offset=(10, 5))
+        await pilot._post_mouse_events([events.MouseScrollUp], Watched)
+        assert app.pointed == [view.middle_of(10, 5)]
+        assert app.zoomed == [1.25]
+
+    on_screen(story)
+
+
+def test_zooming_ends_the_fit_and_fitting_ends_the_zoom() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        fitted = app.map.view
+        app.map.zoom(2.0, (2.0, 2.0))
+        assert not app.map.fitted
+        assert app.map.view.m_per_dot == fitted.m_per_dot / 2.0
+        app.map.pan(3, 0)
+        app.map.fit()
+        assert app.map.view == fitted
+
+    on_screen(story)
+
+
+def test_following_keeps_the_robot_on_the_map() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        app.map.zoom(8.0)
+        app.map.following = True
+        for step in range(20):
+            app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(0.3 * step, 2.0, 0.0)))
+            column, row = app.map.view.cell_of(0.3 * step, 2.0) or (-1, -1)
+            assert 0 <= column < 50
+            assert 0 <= row < 16
+
+    on_screen(story)
+
+
+def test_any_size_will_do() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        for size in ((1, 1), (20, 5), (300, 90), (3, 40), (50, 16)):
+            await pilot.resize_terminal(*size)
+            await pilot.pause()
+            assert [len(row) for row in screen(app)] == [size[0]] * size[1]
+
+    on_screen(story)
+
+
+def test_layers_are_switched_by_name() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        app.map.shown_layers = {"robot"}
+        await pilot.pause()
+        assert "goal" not in "".join(screen(app))
+        assert "▶" in "".join(screen(app))
+
+    on_screen(story)
+
+
+def test_without_colour_and_without_braille_it_is_still_painted() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        app.map.colour({})
+        app.map.ascii_only = True
+        await pilot.pause()
+        assert "".join(screen(app)).isascii()
+        assert ">" in "".join(screen(app))
+
+    on_screen(story)
