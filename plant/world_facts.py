@@ -4,10 +4,10 @@ import json
 from collections.abc import Iterator
 from typing import Any, Final
 
-from plant.toml_lines import Key
 from plant.world_problems import Problem, Report, WorldError
 from plant.world_read import read_world
 from plant.world_types import World
+from protocol.toml_lines import Key
 
 IN_THE_FILE: Final = {"obstacles": "obstacle", "faults": "fault"}
 """The file names one of them, the JSON has the list."""
