@@ -1,10 +1,12 @@
 """Missions of any kind, for property tests: places on the wire's grid of 0.1 mm."""
 
+from collections.abc import Callable
 from math import cos, pi, sin
 
 from hypothesis import strategies as st
 
 from ground.missions.mission import Circle, Fence, Home, Mission, Polygon, Waypoint
+from protocol.errors import UserError
 
 FAR_TENTHS = 2_000_000_000
 metres = st.integers(-FAR_TENTHS, FAR_TENTHS).map(lambda tenths: tenths / 1e4)
@@ -50,6 +52,13 @@ def missions(
     home: st.SearchStrategy[Home | None], tolerances: st.SearchStrategy[float]
 ) -> st.SearchStrategy[Mission]:
     listed = st.lists(waypoints(tolerances), min_size=1, max_size=8)
-    return st.builds(
-        Mission, waypoints=listed.map(tuple), fence=st.none() | fences, home=home
-    )
+    return st.builds(Mission, waypoints=listed.map(tuple), fence=st.none() | fences, home=home)
+
+
+def refusal_of(read: Callable[[], object]) -> str:
+    """Why it was refused; empty when it was not."""
+    try:
+        read()
+    except UserError as error:
+        return str(error)
+    return ""

@@ -12,7 +12,10 @@ from tests.unit.ground.missions.made_up import polygons
     ("corners", "why"),
     [
         ([], "has 0 corners"),
-        ([(0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0)], "corner 1 and the next one are the same"),
+        (
+            [(0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0)],
+            "corner 1 and the next one are",
+        ),
         ([(0.0, 0.0), (1.0, 0.0), (0.0, 0.0002), (0.0, 0.0)], "corner 2 and the next one"),
         ([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], "encloses nothing"),
         ([(0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 2.0)], "side 0 and side 2 cross"),

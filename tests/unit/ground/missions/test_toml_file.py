@@ -1,7 +1,5 @@
 """Our own mission files: every mistake is named with its line, and what is written reads back."""
 
-import re
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,8 +7,7 @@ from hypothesis import strategies as st
 from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.problems import MissionError
 from ground.missions.toml_file import read_text, text_of
-from protocol.errors import UserError
-from tests.unit.ground.missions.made_up import homes, missions, thousandths
+from tests.unit.ground.missions.made_up import homes, missions, refusal_of, thousandths
 
 WHOLE = """
 [home]
@@ -86,7 +83,10 @@ def test_corners_make_a_fence_too() -> None:
             "[fence]\ncorners = [[0, 0], [1, 1], [1, 0], [0, 1]]",
             "m.toml:2: fence.corners: side 0 and side 2 cross",
         ),
-        ("[fence]\ncorners = [[0, nan], [1, 1], [1, 0]]", "m.toml:2: fence.corners[0][1]: expected"),
+        (
+            "[fence]\ncorners = [[0, nan], [1, 1], [1, 0]]",
+            "m.toml:2: fence.corners[0][1]: expected",
+        ),
         ("[fence.circle]\nx_m = 0\ny_m = 0\nradius_m = 0", "m.toml:4: fence.circle.radius_m:"),
         ("[home]\nlatitude_deg = 91\nlongitude_deg = 0", "m.toml:2: home.latitude_deg:"),
     ],
@@ -98,7 +98,11 @@ def test_what_is_wrong_is_told_with_file_line_key_and_fix(text: str, said: str) 
 def test_every_table_tells_its_mistake_in_one_go() -> None:
     text = "[[waypoint]]\nx_m = 'a'\ny_m = 0\n[[waypoint]]\ny_m = 0\n[fence]\nround = true"
     lines = problem(text).splitlines()
-    assert [re.split(r": ", line)[1] for line in lines] == ["waypoint[0].x_m", "waypoint[1].x_m", "fence"]
+    assert [line.split(": ")[1] for line in lines] == [
+        "waypoint[0].x_m",
+        "waypoint[1].x_m",
+        "fence",
+    ]
 
 
 @given(missions(st.none() | homes, thousandths(200, 180_000)))
@@ -108,7 +112,5 @@ def test_what_is_written_reads_back_as_the_same_mission(mission: Mission) -> Non
 
 @given(st.text(alphabet="[]{}=.,\"'\n #waypointfencex_m0-9einaf") | st.text())
 def test_any_text_is_a_mission_or_refused_with_a_reason(text: str) -> None:
-    try:
-        read_text(text, "m.toml")
-    except UserError as error:
-        assert str(error).startswith("m.toml")
+    said = refusal_of(lambda: read_text(text, "m.toml"))
+    assert not said or said.startswith("m.toml:")
