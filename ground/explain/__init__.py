@@ -1,0 +1,7 @@
+"""Why did it turn? The decision of one tick in plain words, and the instants that decided a run."""
+
+from ground.explain.explanation import Explanation, explain
+from ground.explain.turning import TurningPoint, turning_points
+from ground.explain.why import Why
+
+__all__ = ["Explanation", "TurningPoint", "Why", "explain", "turning_points"]

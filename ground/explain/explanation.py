@@ -1,0 +1,135 @@
+"""The decision of one tick as a headline and its numbers, one line each."""
+
+from collections.abc import Iterator
+from math import isfinite
+from typing import Final, NamedTuple
+
+from ground.bearings import NONE, echo, heading_deg, left_or_right, metres, place, short, side
+from ground.explain.headline import headline
+from ground.explain.names import (
+    ZONES,
+    because,
+    branch_words,
+    goal_words,
+    mode_words,
+    navigator_words,
+    vehicle_words,
+)
+from ground.explain.turning import changes
+from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from protocol.reasons import reason_text
+
+NAMES: Final = 9
+NS_PER_S: Final = 1_000_000_000
+
+
+class Explanation(NamedTuple):
+    """`lines` open with the name of what they tell, padded to one width."""
+
+    headline: str
+    lines: tuple[str, ...]
+
+    def text(self) -> str:
+        return "\n".join((self.headline, *(f"  {line}" for line in self.lines)))
+
+
+def explain(
+    decision: AvoidanceDecision | None,
+    status: NavigatorStatus | None,
+    cycle: CycleReport | None = None,
+    previous: AvoidanceDecision | None = None,
+) -> Explanation:
+    """Why the robot did what it did in one tick; `previous`: the decision before that.
+
+    None and whatever is not a number are told as missing; unknown states as their numbers.
+    """
+    found: list[tuple[str, str]] = []
+    if decision is not None:
+        found += seen(decision, status)
+        found += chosen(decision)
+    if status is not None:
+        found.append(("state", state(status)))
+    if cycle is not None:
+        found.append(("cycle", cost(cycle)))
+    if decision is not None and previous is not None:
+        found.append(("changed", changed(previous, decision)))
+    lines = tuple(f"{name:<{NAMES}}{text}" for name, text in found)
+    return Explanation(headline(decision, status), lines)
+
+
+def seen(decision: AvoidanceDecision, status: NavigatorStatus | None) -> Iterator[tuple[str, str]]:
+    """Where it saw what."""
+    yield "nearest", echo(decision.nearest_range_m, decision.nearest_bearing_rad)
+    yield "zone", zone(decision, status)
+    away = NONE if status is None else metres(status.goal_distance_m)
+    yield "goal", f"{side(decision.goal_bearing_rad)}, {away} to go"
+
+
+def zone(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
+    """The avoidance zone, and whether the nearest echo is in it."""
+    if not isfinite(decision.zone_m):
+        return "none" if status is None else f"none: {navigator_words(status.navigator)} has none"
+    name = "" if status is None else ZONES.get(status.navigator, "")
+    words = f"{name} {metres(decision.zone_m)}".strip()
+    if decision.nearest_range_m < decision.zone_m:
+        return f"{words}, the nearest echo is inside"
+    if decision.nearest_range_m >= decision.zone_m:
+        return f"{words}, nothing is inside"
+    return f"{words}, what is inside is not told"
+
+
+def chosen(decision: AvoidanceDecision) -> Iterator[tuple[str, str]]:
+    """What it made of that."""
+    yield "branch", branch_words(decision.branch)
+    yield "rotation", rotation(decision.rotation_rad)
+    yield "virtual", virtual(decision)
+    yield "guard", guard(decision)
+
+
+def rotation(rotation_rad: float) -> str:
+    """The paper's gamma: by how much, and to which side, the goal was turned about the robot."""
+    angle_deg = heading_deg(rotation_rad)
+    if angle_deg is None:
+        return NONE
+    if round(abs(angle_deg), 1) == 0.0:
+        return "gamma 0: the way to the goal is taken as it is"
+    turned = f"turned {abs(angle_deg):.0f} deg to the {left_or_right(angle_deg)}"
+    return f"gamma {angle_deg:+.0f} deg: the way to the goal is {turned}"
+
+
+def virtual(decision: AvoidanceDecision) -> str:
+    """The virtual goal, and where it is seen from the robot."""
+    if decision.rotation_rad == 0.0:
+        return "the goal itself"
+    where = side(decision.goal_bearing_rad + decision.rotation_rad)
+    return f"{place(decision.virtual_x_m, decision.virtual_y_m)}, {where}"
+
+
+def guard(decision: AvoidanceDecision) -> str:
+    """What it took away, and why. Of the speed only what it left is known."""
+    if not decision.guard:
+        return "took nothing away"
+    left_m_s = decision.speed_m_s
+    all_of_it = left_m_s == 0.0 and decision.yaw_rate_rad_s == 0.0
+    kept = f"left {short(left_m_s)} m/s" if isfinite(left_m_s) else "left what is not told"
+    took = "took all speed away" if all_of_it else f"took speed away, {kept}"
+    return f"{took}: {reason_text(decision.guard)}"
+
+
+def state(status: NavigatorStatus) -> str:
+    names = (vehicle_words(status.vehicle), mode_words(status.mode), goal_words(status.goal))
+    words = f"{' '.join(names)}, {navigator_words(status.navigator)}"
+    return because(words, status.vehicle_reason, status.goal_reason)
+
+
+def cost(cycle: CycleReport) -> str:
+    """Whether the tick was late or dear: a decision made too late may look like a wrong one."""
+    words = f"{sum(cycle.stage_us)} of {cycle.budget_us} us, {cycle.late_us / 1000:.3g} ms late"
+    words += f", senses {cycle.sense_age_us / 1000:.3g} ms old"
+    return f"{words}, {cycle.missed} ticks missed" if cycle.missed else words
+
+
+def changed(previous: AvoidanceDecision, decision: AvoidanceDecision) -> str:
+    found = changes(previous, decision)
+    since_s = (decision.time_ns - previous.time_ns) / NS_PER_S
+    return f"{'; '.join(found) if found else 'nothing'} (within {since_s:.3g} s)"

@@ -1,0 +1,137 @@
+"""One line: what the robot does with its wheels, and why."""
+
+from math import copysign, degrees, isfinite
+from typing import Final
+
+from ground.bearings import NONE, echo, heading_deg, left_or_right, metres, short, side
+from ground.explain.names import ENDS, VEHICLES, because, branch_words
+from protocol.enums import Branch, GoalState, Mode, Vehicle
+from protocol.messages import AvoidanceDecision, NavigatorStatus
+from protocol.reasons import reason_text
+
+TURNS_DEG_S: Final = 2.0
+"""A yaw rate below this is no turn."""
+
+MOVES_M_S: Final = 0.005
+ASIDE_DEG: Final = 3.0
+BENT_DEG: Final = 1.0
+PASSES: Final = (Branch.PASS_LEFT, Branch.PASS_RIGHT)
+
+
+def headline(decision: AvoidanceDecision | None, status: NavigatorStatus | None) -> str:
+    """Begins with what the wheels do, so it can be checked by looking at them."""
+    if decision is None:
+        return "nothing is known of what it decided"
+    return f"{motion(decision)}: {cause(decision, status)}"
+
+
+def motion(decision: AvoidanceDecision) -> str:
+    """What the wheels were told in this tick."""
+    speed_m_s, yaw_deg_s = decision.speed_m_s, degrees(decision.yaw_rate_rad_s)
+    if not (isfinite(speed_m_s) and isfinite(yaw_deg_s)):
+        return "moves in a way that is not told"
+    creeps = abs(speed_m_s) < MOVES_M_S
+    if abs(yaw_deg_s) >= TURNS_DEG_S:
+        spot = " on the spot" if creeps else ""
+        return f"turns {left_or_right(yaw_deg_s)}{spot} at {short(abs(yaw_deg_s))} deg/s"
+    if creeps:
+        return "stands"
+    return f"drives straight {'on' if speed_m_s > 0.0 else 'back'} at {short(abs(speed_m_s))} m/s"
+
+
+def cause(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
+    """The outermost reason: state before mode, mode before goal, goal before avoidance."""
+    outer = "" if status is None else of_the_state(status)
+    return outer or of_the_guard(decision) or of_the_branch(decision, status)
+
+
+def of_the_state(status: NavigatorStatus) -> str:
+    """Empty while it drives to a goal by itself."""
+    if status.vehicle != Vehicle.ACTIVE:
+        what = VEHICLES.get(status.vehicle, f"vehicle {status.vehicle}")
+        return because(what, status.vehicle_reason)
+    if status.mode == Mode.MANUAL:
+        return "it is driven by hand"
+    if status.mode == Mode.HOLD:
+        return because("it was told to hold", status.vehicle_reason)
+    if status.goal in ENDS:
+        return because(ENDS[status.goal], status.goal_reason)
+    return ""
+
+
+def of_the_guard(decision: AvoidanceDecision) -> str:
+    """Empty unless the guard took everything away."""
+    stands = decision.speed_m_s == 0.0 and decision.yaw_rate_rad_s == 0.0
+    if not (decision.guard and stands):
+        return ""
+    near = echo(decision.nearest_range_m, decision.nearest_bearing_rad)
+    return f"{reason_text(decision.guard)}, {near}"
+
+
+def of_the_branch(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
+    if decision.branch == Branch.NONE:
+        return "nothing is decided" if status is None else settling(status)
+    if decision.branch == Branch.ALIGN:
+        return f"it is at the goal, whose heading is {side(decision.goal_bearing_rad)}"
+    if decision.branch == Branch.GIVE_UP:
+        return "it finds no way to the goal"
+    if decision.branch in PASSES:
+        return passing(decision) + swinging(decision)
+    if decision.branch == Branch.TO_GOAL:
+        return going(decision, status) + bending(decision, status)
+    return f"it {branch_words(decision.branch)}"
+
+
+def settling(status: NavigatorStatus) -> str:
+    """With a goal and nothing to decide it has not set off yet, or has arrived."""
+    if status.goal == GoalState.ACCEPTED:
+        return "it has a new goal and sets off"
+    away = far(status.goal_distance_m)
+    return f"it has arrived and comes to a stand{away}"
+
+
+def passing(decision: AvoidanceDecision) -> str:
+    """It steers to the virtual goal, past what is nearest."""
+    near = echo(decision.nearest_range_m, decision.nearest_bearing_rad)
+    wanted = side(decision.goal_bearing_rad + decision.rotation_rad)
+    return f"{near}, so it {branch_words(decision.branch)}, towards {wanted}"
+
+
+def going(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
+    """Straight for the goal, or a little aside of it to keep off a flank."""
+    home = status is not None and status.mode == Mode.SMART_RTL
+    what = "the next place on its trail" if home else "the goal"
+    away = "" if status is None or home else far(status.goal_distance_m)
+    words = f"{what} is {side(decision.goal_bearing_rad)}{away}"
+    bent_deg = heading_deg(decision.rotation_rad)
+    if bent_deg is None or abs(bent_deg) < BENT_DEG:
+        return words
+    return f"{words}, and it keeps off what is near by {side(decision.rotation_rad)}"
+
+
+def far(distance_m: float) -> str:
+    away = metres(distance_m)
+    return "" if away == NONE else f", {away} to go"
+
+
+def swinging(decision: AvoidanceDecision) -> str:
+    """Wheels cannot turn round at once: for some ticks it still turns the other way."""
+    return ", still swinging from before" if contrary(decision) else ""
+
+
+def bending(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
+    """Near its end a way is bent, so that it leads into the final heading."""
+    if not contrary(decision):
+        return ""
+    if status is not None and isfinite(status.goal_heading_rad):
+        return ", on a bend into its final heading"
+    return swinging(decision)
+
+
+def contrary(decision: AvoidanceDecision) -> bool:
+    """Whether it turns away from where it wants to go."""
+    wanted_deg = heading_deg(decision.goal_bearing_rad + decision.rotation_rad)
+    yaw_deg_s = degrees(decision.yaw_rate_rad_s)
+    if wanted_deg is None or not abs(yaw_deg_s) >= TURNS_DEG_S or abs(wanted_deg) < ASIDE_DEG:
+        return False
+    return copysign(1.0, wanted_deg) != copysign(1.0, yaw_deg_s)

@@ -1,0 +1,71 @@
+"""The numbers of the dialect in words; one that this version does not know stays a number."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from protocol.enums import Branch, GoalState, Mode, Navigator, Vehicle
+from protocol.reasons import Reason, reason_text
+
+BRANCHES: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        Branch.NONE: "decides nothing",
+        Branch.TO_GOAL: "goes for the goal",
+        Branch.PASS_LEFT: "passes on the left",
+        Branch.PASS_RIGHT: "passes on the right",
+        Branch.ALIGN: "turns to the final heading",
+        Branch.GIVE_UP: "gives up",
+    }
+)
+VEHICLES: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        Vehicle.BOOT: "it is still starting",
+        Vehicle.STANDBY: "it is not armed",
+        Vehicle.FAILSAFE: "failsafe",
+        Vehicle.EMERGENCY_STOP: "emergency stop",
+    }
+)
+ENDS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        GoalState.NONE: "it has no goal",
+        GoalState.REACHED: "the goal is reached",
+        GoalState.STUCK: "it gave the goal up",
+        GoalState.ABORTED: "the goal was dropped",
+        GoalState.REFUSED: "the goal was refused",
+    }
+)
+ZONES: Final[Mapping[int, str]] = MappingProxyType({Navigator.VGM: "d_obs", Navigator.BUG: "d_th"})
+"""What the avoidance zone is called, where a navigator has one."""
+
+
+def branch_words(number: int) -> str:
+    return BRANCHES.get(number, f"branch {number}")
+
+
+def navigator_words(number: int) -> str:
+    return word(Navigator, number, "navigator").lower()
+
+
+def mode_words(number: int) -> str:
+    return word(Mode, number, "mode")
+
+
+def vehicle_words(number: int) -> str:
+    return word(Vehicle, number, "vehicle")
+
+
+def goal_words(number: int) -> str:
+    return word(GoalState, number, "goal")
+
+
+def word(kind: type[Navigator | Mode | Vehicle | GoalState], number: int, what: str) -> str:
+    try:
+        return kind(number).name
+    except ValueError:
+        return f"{what} {number}"
+
+
+def because(what: str, *reasons: int) -> str:
+    """With the first reason that there is."""
+    reason = next((one for one in reasons if one != Reason.NONE), Reason.NONE)
+    return what if reason == Reason.NONE else f"{what}: {reason_text(reason)}"

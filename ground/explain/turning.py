@@ -1,0 +1,46 @@
+"""The turning points of a run: where the branch, the side or the guard became another one."""
+
+from collections.abc import Iterable
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+from ground.explain.names import branch_words
+from protocol.enums import Branch
+from protocol.messages import AvoidanceDecision
+from protocol.reasons import reason_text
+
+SIDES: Final = (Branch.PASS_LEFT, Branch.PASS_RIGHT)
+
+
+class TurningPoint(NamedTuple):
+    """`previous` was decided right before it. `time_ns` is the robot's stamp."""
+
+    time_ns: int
+    words: str
+    previous: AvoidanceDecision
+    decision: AvoidanceDecision
+
+
+def turning_points(decisions: Iterable[AvoidanceDecision]) -> list[TurningPoint]:
+    """In the order of the run; none for the first decision, which nothing came before."""
+    return [
+        TurningPoint(after.time_ns, "; ".join(found), before, after)
+        for before, after in pairwise(decisions)
+        if (found := changes(before, after))
+    ]
+
+
+def changes(before: AvoidanceDecision, after: AvoidanceDecision) -> list[str]:
+    """What became another one between two decisions, in words."""
+    found = []
+    if before.branch != after.branch:
+        sides = before.branch in SIDES and after.branch in SIDES
+        words = f"{branch_words(before.branch)} -> {branch_words(after.branch)}"
+        found.append(f"changes the side: {words}" if sides else words)
+    if before.guard != after.guard:
+        found.append(f"guard: {guard_words(before.guard)} -> {guard_words(after.guard)}")
+    return found
+
+
+def guard_words(number: int) -> str:
+    return reason_text(number).removeprefix("guard: ") if number else "nothing"

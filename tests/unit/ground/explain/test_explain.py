@@ -1,0 +1,254 @@
+"""Why did it turn? The answers, case by case, and that there always is one."""
+
+from math import inf, nan, radians
+
+import pytest
+
+from ground.explain import explain
+from protocol.enums import Branch, GoalState, Mode, Navigator, Vehicle
+from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from protocol.reasons import Reason, reason_text
+from tests.unit.ground.explain.told import cycle, decided, standing
+
+TO_GOAL: dict[str, float] = {"branch": Branch.TO_GOAL, "rotation_rad": 0.0}
+STILL: dict[str, float] = {"speed_m_s": 0.0, "yaw_rate_rad_s": 0.0}
+STRAIGHT: dict[str, float] = {"speed_m_s": 0.3, "yaw_rate_rad_s": 0.0}
+AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
+
+
+@pytest.mark.parametrize(
+    ("decision", "status", "words"),
+    [
+        (
+            decided(),
+            standing(),
+            "turns right at 80 deg/s: echo at 0.21 m, 34 deg left (L34), so it passes on the right,"
+            " towards 56 deg right",
+        ),
+        (
+            decided(branch=Branch.PASS_LEFT, rotation_rad=radians(30), yaw_rate_rad_s=1.0),
+            standing(),
+            "turns left at 57 deg/s: echo at 0.21 m, 34 deg left (L34), so it passes on the left,"
+            " towards 40 deg left",
+        ),
+        (
+            decided(yaw_rate_rad_s=0.5),
+            standing(),
+            "turns left at 29 deg/s: echo at 0.21 m, 34 deg left (L34), so it passes on the right,"
+            " towards 56 deg right, still swinging from before",
+        ),
+        (
+            decided(**TO_GOAL, goal_bearing_rad=0.0, yaw_rate_rad_s=0.0),
+            standing(),
+            "drives straight on at 0.12 m/s: the goal is straight ahead, 3.20 m to go",
+        ),
+        (
+            decided(**TO_GOAL, goal_bearing_rad=radians(-100), speed_m_s=0, yaw_rate_rad_s=-2.5),
+            standing(),
+            "turns right on the spot at 143 deg/s: the goal is 100 deg right, behind, 3.20 m to go",
+        ),
+        (
+            decided(branch=Branch.TO_GOAL, rotation_rad=radians(5), **STRAIGHT),
+            standing(),
+            "drives straight on at 0.3 m/s: the goal is 10 deg left, 3.20 m to go, and it keeps off"
+            " what is near by 5 deg left",
+        ),
+        (
+            decided(**TO_GOAL, yaw_rate_rad_s=-0.5),
+            standing(goal_heading_rad=1.0),
+            "turns right at 29 deg/s: the goal is 10 deg left, 3.20 m to go, on a bend into its"
+            " final heading",
+        ),
+        (
+            decided(**TO_GOAL, yaw_rate_rad_s=0.1),
+            standing(mode=Mode.SMART_RTL),
+            "turns left at 5.7 deg/s: the next place on its trail is 10 deg left",
+        ),
+        (
+            decided(branch=Branch.ALIGN, goal_bearing_rad=0.5, speed_m_s=0, yaw_rate_rad_s=1.0),
+            standing(goal=GoalState.ALIGNING),
+            "turns left on the spot at 57 deg/s: it is at the goal, whose heading is 29 deg left",
+        ),
+        (
+            decided(**AT_GOAL, **STILL),
+            standing(goal=GoalState.DRIVING, goal_distance_m=0.02),
+            "stands: it has arrived and comes to a stand, 0.02 m to go",
+        ),
+        (
+            decided(**AT_GOAL, **STILL),
+            standing(goal=GoalState.ACCEPTED, goal_distance_m=inf),
+            "stands: it has a new goal and sets off",
+        ),
+        (
+            decided(**STILL, guard=Reason.OBSTACLE_AHEAD),
+            standing(),
+            "stands: guard: obstacle ahead, echo at 0.21 m, 34 deg left (L34)",
+        ),
+        (
+            decided(**AT_GOAL, **STILL),
+            standing(vehicle=Vehicle.STANDBY, goal=GoalState.NONE),
+            "stands: it is not armed",
+        ),
+        (
+            decided(**AT_GOAL, **STILL),
+            standing(vehicle=Vehicle.EMERGENCY_STOP, vehicle_reason=Reason.BUMPER),
+            "stands: emergency stop: bumper contact",
+        ),
+        (
+            decided(**AT_GOAL, **STILL),
+            standing(vehicle=Vehicle.FAILSAFE, vehicle_reason=Reason.SCAN_LOST),
+            "stands: failsafe: no fresh sonar scan for 250 ms",
+        ),
+        (
+            decided(**AT_GOAL, **STILL),
+            standing(mode=Mode.HOLD),
+            "stands: it was told to hold",
+        ),
+        (
+            decided(**AT_GOAL, speed_m_s=0.1, yaw_rate_rad_s=0.5),
+            standing(mode=Mode.MANUAL, goal=GoalState.NONE),
+            "turns left at 29 deg/s: it is driven by hand",
+        ),
+        (
+            decided(**AT_GOAL, **STILL),
+            standing(goal=GoalState.STUCK, goal_reason=Reason.UNREACHABLE),
+            "stands: it gave the goal up: went all the way round: unreachable",
+        ),
+        (
+            decided(**AT_GOAL, **STILL),
+            standing(goal=GoalState.REACHED),
+            "stands: the goal is reached",
+        ),
+        (decided(**AT_GOAL, **STILL), standing(goal=GoalState.NONE), "stands: it has no goal"),
+        (decided(branch=Branch.GIVE_UP, **STILL), None, "stands: it finds no way to the goal"),
+        (decided(**AT_GOAL, **STILL), None, "stands: nothing is decided"),
+        (decided(branch=77, **STRAIGHT), None, "drives straight on at 0.3 m/s: it branch 77"),
+        (
+            decided(**TO_GOAL, speed_m_s=-0.1, yaw_rate_rad_s=0.0),
+            None,
+            "drives straight back at 0.1 m/s: the goal is 10 deg left",
+        ),
+        (
+            decided(yaw_rate_rad_s=nan, nearest_range_m=inf, nearest_bearing_rad=nan),
+            None,
+            "moves in a way that is not told: no echo, so it passes on the right,"
+            " towards 56 deg right",
+        ),
+        (None, standing(), "nothing is known of what it decided"),
+    ],
+)
+def test_the_headline_says_what_the_wheels_do_and_why(
+    decision: AvoidanceDecision | None, status: NavigatorStatus | None, words: str
+) -> None:
+    assert explain(decision, status).headline == words
+
+
+def line(
+    name: str,
+    decision: AvoidanceDecision | None,
+    status: NavigatorStatus | None = None,
+    report: CycleReport | None = None,
+    previous: AvoidanceDecision | None = None,
+) -> str:
+    """What the line of that name says."""
+    found = explain(decision, status, report, previous).lines
+    (text,) = (text for text in found if text.split()[0] == name)
+    return text[len(name) :].strip()
+
+
+@pytest.mark.parametrize(
+    ("name", "decision", "status", "words"),
+    [
+        ("nearest", decided(), None, "echo at 0.21 m, 34 deg left (L34)"),
+        ("nearest", decided(nearest_range_m=inf, nearest_bearing_rad=nan), None, "no echo"),
+        ("zone", decided(), standing(), "d_obs 0.30 m, the nearest echo is inside"),
+        (
+            "zone",
+            decided(),
+            standing(navigator=Navigator.BUG),
+            "d_th 0.30 m, the nearest echo is inside",
+        ),
+        ("zone", decided(nearest_range_m=0.31), standing(), "d_obs 0.30 m, nothing is inside"),
+        (
+            "zone",
+            decided(nearest_range_m=nan),
+            standing(),
+            "d_obs 0.30 m, what is inside is not told",
+        ),
+        ("zone", decided(zone_m=nan), standing(navigator=6), "none: vgm_memory has none"),
+        ("zone", decided(zone_m=nan), standing(navigator=99), "none: navigator 99 has none"),
+        ("zone", decided(zone_m=nan), None, "none"),
+        ("goal", decided(), standing(), "10 deg left, 3.20 m to go"),
+        ("goal", decided(goal_bearing_rad=nan), None, "--, -- to go"),
+        ("branch", decided(branch=200), None, "branch 200"),
+        (
+            "rotation",
+            decided(),
+            None,
+            "gamma -66 deg: the way to the goal is turned 66 deg to the right",
+        ),
+        (
+            "rotation",
+            decided(rotation_rad=0.0),
+            None,
+            "gamma 0: the way to the goal is taken as it is",
+        ),
+        ("rotation", decided(rotation_rad=nan), None, "--"),
+        ("virtual", decided(), None, "(4.25, 1.50), 56 deg right"),
+        ("virtual", decided(rotation_rad=0.0), None, "the goal itself"),
+        ("virtual", decided(virtual_x_m=nan), None, "--, 56 deg right"),
+        ("guard", decided(), None, "took nothing away"),
+        (
+            "guard",
+            decided(guard=Reason.SLOWED),
+            None,
+            "took speed away, left 0.12 m/s: guard: slowed for an obstacle",
+        ),
+        (
+            "guard",
+            decided(guard=Reason.OBSTACLE_AHEAD, **STILL),
+            None,
+            "took all speed away: guard: obstacle ahead",
+        ),
+        ("guard", decided(guard=250), None, "took speed away, left 0.12 m/s: reason 250"),
+        ("state", None, standing(), "ACTIVE AUTO AVOIDING, vgm"),
+        (
+            "state",
+            None,
+            standing(vehicle=9, mode=9, goal=99, goal_reason=60),
+            "vehicle 9 mode 9 goal 99, vgm: has not moved although it tries to",
+        ),
+    ],
+)
+def test_each_line_tells_one_thing_with_its_numbers(
+    name: str, decision: AvoidanceDecision | None, status: NavigatorStatus | None, words: str
+) -> None:
+    assert line(name, decision, status) == words
+
+
+def test_what_a_tick_cost_is_told_when_it_is_known() -> None:
+    words = "400 of 10000 us, 0.4 ms late, senses 1.5 ms old"
+    assert line("cycle", None, report=cycle()) == words
+    assert line("cycle", None, report=cycle(missed=3)) == f"{words}, 3 ticks missed"
+
+
+def test_what_changed_since_the_tick_before_is_told() -> None:
+    before = decided(time_ns=9_950_000_000, branch=Branch.TO_GOAL, guard=Reason.SLOWED)
+    words = "goes for the goal -> passes on the right; guard: slowed for an obstacle -> nothing"
+    assert line("changed", decided(), previous=before) == f"{words} (within 0.05 s)"
+    assert line("changed", decided(), previous=decided()) == "nothing (within 0 s)"
+
+
+def test_the_names_of_the_lines_stand_in_one_column() -> None:
+    lines = explain(decided(), standing(), cycle(), decided()).lines
+    names = [text.split()[0] for text in lines]
+    assert names == [
+        *("nearest", "zone", "goal", "branch", "rotation", "virtual", "guard"),
+        *("state", "cycle", "changed"),
+    ]
+    assert all(text[8] == " " and text[9] != " " for text in lines)
+
+
+def test_every_reason_of_the_guard_is_told_in_its_words() -> None:
+    for reason in (Reason.OBSTACLE_AHEAD, Reason.SLOWED, Reason.WHEEL_LIMIT, Reason.BUMPER):
+        assert reason_text(reason) in line("guard", decided(guard=reason))

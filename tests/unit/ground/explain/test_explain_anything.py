@@ -1,0 +1,101 @@
+"""Whatever a robot tells is explained, and what is told of real drives is what the wheels did."""
+
+from math import copysign, degrees, isfinite
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.explain import explain
+from ground.explain.headline import TURNS_DEG_S, headline
+from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from study.trial import NAVIGATORS
+from tests.unit.ground.explain.drives import WORLDS, drive
+
+LAG_TICKS = 2
+WHOLE = st.integers(0, 255)
+STAMP = st.integers(0, 2**64 - 1)
+DECISIONS = st.builds(
+    AvoidanceDecision,
+    time_ns=STAMP,
+    branch=WHOLE,
+    guard=WHOLE,
+    **{
+        name: st.floats()
+        for name in AvoidanceDecision.__struct_fields__
+        if name not in ("time_ns", "branch", "guard")
+    },
+)
+STATUSES = st.builds(
+    NavigatorStatus,
+    **{
+        name: STAMP if name.endswith(("_ns", "_id")) else WHOLE
+        for name in NavigatorStatus.__struct_fields__
+        if not name.endswith(("_m", "_rad"))
+    },
+    **{
+        name: st.floats()
+        for name in NavigatorStatus.__struct_fields__
+        if name.endswith(("_m", "_rad"))
+    },
+)
+CYCLES = st.builds(
+    CycleReport,
+    **{name: STAMP for name in CycleReport.__struct_fields__ if name != "stage_us"},
+    stage_us=st.tuples(*[st.integers(0, 2**32 - 1)] * 5),
+)
+
+
+@given(st.none() | DECISIONS, st.none() | STATUSES, st.none() | CYCLES, st.none() | DECISIONS)
+def test_any_message_is_explained_in_one_line_each(
+    decision: AvoidanceDecision | None,
+    status: NavigatorStatus | None,
+    report: CycleReport | None,
+    previous: AvoidanceDecision | None,
+) -> None:
+    found = explain(decision, status, report, previous)
+    for text in (found.headline, *found.lines):
+        assert text.isprintable()
+        assert 0 < len(text) < 300
+        assert "nan" not in text
+    assert found.text().count("\n") == len(found.lines)
+
+
+@given(DECISIONS, st.none() | STATUSES)
+def test_the_headline_never_names_the_wrong_side(
+    decision: AvoidanceDecision, status: NavigatorStatus | None
+) -> None:
+    yaw_deg_s = degrees(decision.yaw_rate_rad_s)
+    turns = isfinite(decision.speed_m_s) and isfinite(yaw_deg_s) and abs(yaw_deg_s) >= TURNS_DEG_S
+    words = headline(decision, status)
+    assert words.startswith("turns left") == (turns and yaw_deg_s > 0.0)
+    assert words.startswith("turns right") == (turns and yaw_deg_s < 0.0)
+
+
+@pytest.mark.parametrize("navigator", NAVIGATORS)
+@pytest.mark.parametrize("world", WORLDS)
+def test_in_real_drives_the_wheels_turn_as_the_headline_says(world: str, navigator: str) -> None:
+    """The motors lag: where a turn begins they may be two ticks behind."""
+    agreeing, turning, said_for, before = 0, 0, 0, 0.0
+    for moment in drive(world, navigator):
+        words = headline(moment.decision, moment.status)
+        said = {"turns left": 1.0, "turns right": -1.0}.get(" ".join(words.split()[:2]), 0.0)
+        said_for, before = (said_for + 1 if said == before else 1), said
+        if said and said_for > LAG_TICKS:
+            turning += 1
+            agreeing += said == copysign(1.0, moment.yaw_rate_rad_s)
+    assert turning > 50
+    assert agreeing == turning
+
+
+@pytest.mark.parametrize("navigator", NAVIGATORS)
+def test_in_real_drives_the_reason_fits_the_turn(navigator: str) -> None:
+    """A turn against the wanted side is admitted, and is rare."""
+    excused = turning = 0
+    for moment in drive("u_trap", navigator):
+        words = headline(moment.decision, moment.status)
+        assert "--" not in words
+        assert "branch " not in words
+        turning += words.startswith("turns")
+        excused += "still swinging" in words or "on a bend" in words
+    assert excused < 0.2 * turning

@@ -1,0 +1,61 @@
+"""Messages as a robot tells them, made up for a test."""
+
+from math import radians
+
+from protocol.enums import Branch, GoalState, Mode, Navigator, Vehicle
+from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+
+
+def decided(**changes: float) -> AvoidanceDecision:
+    """Passing on the right of what is at the left, unless told otherwise."""
+    fields: dict[str, float] = {
+        "time_ns": 10_000_000_000,
+        "nearest_bearing_rad": radians(33.75),
+        "nearest_range_m": 0.21,
+        "zone_m": 0.30,
+        "goal_bearing_rad": radians(10.0),
+        "rotation_rad": radians(-66.0),
+        "virtual_x_m": 4.25,
+        "virtual_y_m": 1.5,
+        "speed_m_s": 0.12,
+        "yaw_rate_rad_s": radians(-80.0),
+        "branch": Branch.PASS_RIGHT,
+        "guard": 0,
+    }
+    return AvoidanceDecision(**(fields | changes))  # type: ignore[arg-type]
+
+
+def standing(**changes: float) -> NavigatorStatus:
+    """Driving to a goal in AUTO with vgm, unless told otherwise."""
+    fields: dict[str, float] = {
+        "time_ns": 10_000_000_000,
+        "goal_started_ns": 0,
+        "goal_ended_ns": 0,
+        "goal_id": 1,
+        "goal_x_m": 5.0,
+        "goal_y_m": 2.0,
+        "goal_heading_rad": float("nan"),
+        "goal_distance_m": 3.2,
+        "vehicle": Vehicle.ACTIVE,
+        "mode": Mode.AUTO,
+        "goal": GoalState.AVOIDING,
+        "vehicle_reason": 0,
+        "goal_reason": 0,
+        "navigator": Navigator.VGM,
+        "side": 1,
+    }
+    return NavigatorStatus(**(fields | changes))  # type: ignore[arg-type]
+
+
+def cycle(**changes: int) -> CycleReport:
+    fields: dict[str, int] = {
+        "time_ns": 10_000_000_000,
+        "tick": 200,
+        "missed": 0,
+        "overruns": 0,
+        "rejected": 0,
+        "late_us": 400,
+        "sense_age_us": 1500,
+        "budget_us": 10_000,
+    }
+    return CycleReport(**(fields | changes), stage_us=(50, 100, 200, 40, 10))

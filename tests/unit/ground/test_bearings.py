@@ -1,0 +1,66 @@
+"""Left is left, whatever number stands for it, and what is no number has no side."""
+
+from math import inf, isfinite, nan, pi, radians
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.bearings import NONE, SONARS, echo, heading_deg, metres, place, side, sonar
+from robot.core.geometry import BEARINGS
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "words"),
+    [
+        (0.0, "straight ahead"),
+        (0.4, "straight ahead"),
+        (34.2, "34 deg left"),
+        (-34.2, "34 deg right"),
+        (120.0, "120 deg left, behind"),
+        (-120.0, "120 deg right, behind"),
+        (180.0, "straight behind"),
+        (-179.8, "straight behind"),
+        (350.0, "10 deg right"),
+        (-725.0, "5 deg right"),
+        (nan, NONE),
+        (inf, NONE),
+    ],
+)
+def test_a_direction_has_a_side_and_whole_degrees(angle_deg: float, words: str) -> None:
+    assert side(radians(angle_deg)) == words
+
+
+@given(st.floats())
+def test_any_number_is_a_direction_or_none(angle_rad: float) -> None:
+    angle_deg = heading_deg(angle_rad)
+    assert (angle_deg is None) == (not isfinite(angle_rad))
+    assert angle_deg is None or -180.0 <= angle_deg <= 180.0
+    assert side(angle_rad)
+
+
+def test_each_sonar_is_called_by_where_it_looks() -> None:
+    assert [sonar(bearing_rad) for bearing_rad in BEARINGS] == list(SONARS)
+    for name, bearing_rad in zip(SONARS, BEARINGS, strict=True):
+        assert side(bearing_rad).startswith(f"{name[1:]} deg")
+        assert (name[0] == "L") == (bearing_rad > 0.0)
+
+
+@pytest.mark.parametrize("bearing_rad", [0.0, 0.1, pi / 2, -pi, 1e300, nan, inf])
+def test_where_no_sonar_looks_there_is_no_name(bearing_rad: float) -> None:
+    assert sonar(bearing_rad) == ""
+
+
+@given(st.floats(), st.floats())
+def test_places_and_distances_are_short_whatever_they_are(x_m: float, y_m: float) -> None:
+    assert len(metres(x_m)) < 20
+    assert len(place(x_m, y_m)) < 40
+    assert echo(x_m, y_m)
+
+
+def test_an_echo_is_told_with_what_is_known_of_it() -> None:
+    assert echo(0.213, BEARINGS[5]) == "echo at 0.21 m, 34 deg left (L34)"
+    assert echo(0.213, 0.5) == "echo at 0.21 m, 29 deg left"
+    assert echo(0.213, nan) == "echo at 0.21 m"
+    assert echo(inf, nan) == "no echo"
+    assert echo(nan, 0.5) == "echo at --, 29 deg left"
