@@ -46,6 +46,7 @@ class Reason(IntEnum):
     OPERATOR_LOST = 38
     BUDGET = 39
     CORE_EXCEPTION = 40
+    FENCE_BREACHED = 41
     BLOCKED = 60
     NO_PROGRESS = 61
     UNREACHABLE = 62

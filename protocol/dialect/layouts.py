@@ -100,6 +100,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     38: "no operator heartbeat for 1.5 s",
     39: "control cycle over its budget or more than one period late",
     40: "the control core failed",
+    41: "the robot is outside of its fence: lift the fence to drive it back",
     60: "has not moved although it tries to",
     61: "has come no closer for too long",
     62: "went all the way round: unreachable",

@@ -8,7 +8,7 @@ from robot.core import slip as slips
 from robot.core import stall as stalls
 from robot.core import trail as trails
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY
-from robot.core.controller import HALT, ramp
+from robot.core.controller import HALT, limited, ramp
 from robot.core.geometry import wrap
 from robot.core.parameters import Params
 from robot.core.state import State
@@ -68,7 +68,8 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
 
 
 def decide(state: State, inputs: Inputs, params: Params) -> Twist:
-    """The twist that is wanted: towards the goal, braking to a stand, or halt at once."""
+    """The twist that is wanted: towards the goal, as the operator steers, braking to a stand, or
+    halt at once."""
     machine, goal = state.machine, state.machine.goal
     state.decision = None
     if machine.vehicle != states.ACTIVE:
@@ -76,9 +77,23 @@ def decide(state: State, inputs: Inputs, params: Params) -> Twist:
         return HALT
     if goal is None or not machines.drives(machine):
         state.driving = False
+        if machine.mode == states.MANUAL:
+            return steered(state, params)
         return ramp(HALT, state.twist, params)
     wanted = pursuit.pursue(state, goal, inputs.now_ms, params)
     return ramp(wanted, state.twist, params)
+
+
+def steered(state: State, params: Params) -> Twist:
+    """What the operator wants in MANUAL, within the limits of the robot; nobody there is a halt."""
+    manual = state.manual
+    if manual is None:
+        return HALT
+    speed_m_s, fastest_m_s = manual.speed_m_s, params.v_max_m_s
+    if abs(speed_m_s) > fastest_m_s:  # what is not a number stays so, for the guard to find
+        speed_m_s = fastest_m_s if speed_m_s > 0.0 else -fastest_m_s
+    speed_m_s, yaw_rate_rad_s = limited(speed_m_s, manual.yaw_rate_rad_s, params)
+    return ramp(Twist(speed_m_s, yaw_rate_rad_s), state.twist, params)
 
 
 def act(state: State, wanted: Twist, inputs: Inputs, params: Params) -> Outputs:

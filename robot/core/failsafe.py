@@ -1,5 +1,6 @@
 """The failsafe table: what stops the robot by itself, one row each."""
 
+from robot.core import fence as fences
 from robot.core import machine as machines
 from robot.core import reasons, states
 from robot.core.machine import Machine
@@ -56,6 +57,12 @@ def operator_lost(state: State, inputs: Inputs, params: Params) -> bool:
     )
 
 
+def fence_breached(state: State, inputs: Inputs, params: Params) -> bool:
+    """Forbids arming for as long as the robot is outside: it gets back only without the fence."""
+    fence, pose = state.machine.fence, state.odometry.pose
+    return fence is not None and not fences.inside(fence, pose.x_m, pose.y_m)
+
+
 def budget_violated(state: State, inputs: Inputs, params: Params) -> bool:
     return state.reported == reasons.BUDGET
 
@@ -97,6 +104,7 @@ ROWS: Final = (
     Row(reasons.SONAR_FROZEN, sonar_frozen, "freeze_m, freeze_rad, freeze_front_m", trip),
     Row(reasons.WHEEL_STUCK, wheel_stuck, "wheel_min_m_s, wheel_time_ms, wheel_share", trip),
     Row(reasons.OPERATOR_LOST, operator_lost, "op_lost_ms in GUIDED or MANUAL", trip),
+    Row(reasons.FENCE_BREACHED, fence_breached, "the fence, for the middle of the robot", trip),
 )
 
 TRIGGERS: Final = tuple([(row.trigger, row) for row in ROWS])

@@ -1,6 +1,7 @@
 """What the vehicle, its mode and its one goal are, and the few ways in which they change."""
 
 from robot.core import reasons, states
+from robot.core.fence import Fence
 from robot.core.parameters import Params
 from robot.core.values import Goal
 
@@ -10,11 +11,13 @@ class Machine:
 
     `cause` is the failsafe that would trip right now, armed or not; `senses` and `operator` say
     whether fresh senses and a fresh operator's heartbeat were there in the last step.
-    `replaced_serial` is the last goal that a newer one pushed out (ABORTED, REPLACED).
+    `replaced_serial` is the last goal that a newer one pushed out (ABORTED, REPLACED). `fence` is
+    what the robot must not leave, None where there is none.
     """
 
     __slots__ = (
         "cause",
+        "fence",
         "goal",
         "goal_ended_ms",
         "goal_max_m",
@@ -48,6 +51,7 @@ class Machine:
         self.navigator: int = params.navigator
         self.side: int = params.side
         self.goal_max_m: float = params.goal_max_m
+        self.fence: Fence | None = None
         self.senses = False
         self.operator = False
         self.cause: int = reasons.OK

@@ -2,13 +2,15 @@
 
 from math import pi
 
+from robot.core import fence as fences
 from robot.core import machine as machines
 from robot.core import reasons, states
+from robot.core.fence import Fence
 from robot.core.machine import Machine
 from robot.core.navigators import NAVIGATORS
 from robot.core.trail import Trail
 from robot.core.typed import Final
-from robot.core.values import Goal
+from robot.core.values import Goal, Pose
 
 MIN_POSITION_TOLERANCE_M: Final = 0.005
 MAX_POSITION_TOLERANCE_M: Final = 1.0
@@ -103,6 +105,10 @@ def rtl(machine: Machine, trail: Trail, now_ms: int) -> int:
         return refusal
     if not trail.xs_m:
         return reasons.NO_TRAIL
+    if machine.fence is not None:
+        for i in range(len(trail.xs_m)):
+            if not fences.inside(machine.fence, trail.xs_m[i], trail.ys_m[i]):
+                return reasons.OUTSIDE_FENCE
     start = Goal(trail.xs_m[0], trail.ys_m[0], None, 0.05, pi)
     machines.start_goal(machine, start, states.SMART_RTL, now_ms)
     return reasons.OK
@@ -121,6 +127,22 @@ def set_mode(machine: Machine, trail: Trail, mode: int, now_ms: int) -> int:
     if mode == states.MANUAL or machine.mode == states.SMART_RTL:
         machines.end_goal(machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
     machine.mode = mode
+    return reasons.OK
+
+
+def set_fence(machine: Machine, fence: "Fence | None", pose: Pose) -> int:
+    """Put up a fence, or with None take it down. It must hold the robot and the goal it has."""
+    if fence is not None:
+        refusal = fences.refusal_of(fence)
+        if refusal != reasons.OK:
+            return refusal
+        if not fences.inside(fence, pose.x_m, pose.y_m):
+            return reasons.FENCE_LEAVES_ROBOT_OUT
+        goal = machine.goal
+        kept = goal is None or fences.inside(fence, goal.x_m, goal.y_m)
+        if machines.goal_lives(machine) and not kept:
+            return reasons.OUTSIDE_FENCE
+    machine.fence = fence
     return reasons.OK
 
 
@@ -151,12 +173,16 @@ def may_drive(machine: Machine, mode: int) -> int:
 
 
 def refusal_of(machine: Machine, goal: Goal, mode: int) -> int:
-    """Why this goal is refused in this mode, or 0. Written so that NaN fails every comparison."""
+    """Why this goal is refused in this mode, or 0."""
     if mode not in (states.AUTO, states.GUIDED):
         return reasons.UNKNOWN_MODE
     refusal = may_drive(machine, mode)
-    if refusal != reasons.OK:
-        return refusal
+    return misfit_of(machine, goal) if refusal == reasons.OK else refusal
+
+
+def misfit_of(machine: Machine, goal: Goal) -> int:
+    """Why no robot of these settings would take this goal, or 0. Written so that NaN fails every
+    comparison."""
     far_m = machine.goal_max_m
     if not (-far_m <= goal.x_m <= far_m and -far_m <= goal.y_m <= far_m):
         return reasons.GOAL_OUT_OF_RANGE
@@ -168,4 +194,6 @@ def refusal_of(machine: Machine, goal: Goal, mode: int) -> int:
     low_rad, high_rad = MIN_HEADING_TOLERANCE_RAD - EPSILON, MAX_HEADING_TOLERANCE_RAD + EPSILON
     if not low_rad <= heading_rad <= high_rad:
         return reasons.TOLERANCE_OUT_OF_RANGE
+    if machine.fence is not None and not fences.inside(machine.fence, goal.x_m, goal.y_m):
+        return reasons.OUTSIDE_FENCE
     return reasons.OK

@@ -42,6 +42,7 @@ BUMPER: Final = 37
 OPERATOR_LOST: Final = 38
 BUDGET: Final = 39
 CORE_EXCEPTION: Final = 40
+FENCE_BREACHED: Final = 41
 
 BLOCKED: Final = 60
 NO_PROGRESS: Final = 61

@@ -5,7 +5,7 @@ anything with the fields of the dialect: the core knows no wire.
 """
 
 from robot.core.typed import Protocol
-from robot.core.values import Goal, Scan, Wheels
+from robot.core.values import Goal, Scan, Twist, Wheels
 
 NS_PER_MS = 1_000_000
 
@@ -43,6 +43,11 @@ def scan_of(message: ScanMessage, since_ms: int) -> Scan:
     """The scan as it is `since_ms` after it was taken: each ping is older by that."""
     age_ms = tuple([since_ms + age_us // 1000 for age_us in message.ping_age_us])
     return Scan(message.range_mm, age_ms, message.valid, message.echo)
+
+
+def twist_of(speed_mm_s: int, yaw_rate_mrad_s: int) -> Twist:
+    """How an operator steers, from the integers of the wire."""
+    return Twist(speed_mm_s / 1000.0, yaw_rate_mrad_s / 1000.0)
 
 
 def goal_of(

@@ -20,7 +20,8 @@ class State:
 
     `reported` is a failsafe reason that only the host can see (BUDGET); `serial` the goal being
     driven to, `arrived` whether its place is reached, `twist` what the wheels were last told,
-    `crowded` for how many ticks something was near at the goal.
+    `crowded` for how many ticks something was near at the goal. `manual` is how an operator steers
+    in MANUAL, given by the host for each tick; None: nobody does.
     """
 
     __slots__ = (
@@ -33,6 +34,7 @@ class State:
         "frozen",
         "goal_distance_m",
         "machine",
+        "manual",
         "memory",
         "odometry",
         "progress",
@@ -56,6 +58,7 @@ class State:
         self.slip = Slip()
         self.stall = Stall()
         self.twist = Twist(0.0, 0.0)
+        self.manual: Twist | None = None
         self.decision: Decision | None = None
         self.goal_distance_m = inf
         self.serial = 0

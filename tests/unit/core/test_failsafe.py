@@ -3,6 +3,7 @@ from math import nan
 import pytest
 
 from robot.core import failsafe, modes, reasons, states
+from robot.core.fence import Fence
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose, Scan, Twist
 from tests.unit.core.driving import OPEN_SPACE, Driven, armed, driving
@@ -177,3 +178,19 @@ def test_a_standing_disarmed_robot_has_no_failsafe() -> None:
     driven.scan = None
     driven.forward(1.0)
     assert driven.machine.vehicle == states.STANDBY
+
+
+def test_a_robot_that_leaves_its_fence_stops_and_cannot_be_armed_until_it_is_lifted() -> None:
+    driven = driving()
+    driven.machine.fence = Fence((0.0,), (0.0,), 0.5)
+    for _ in range(60):
+        driven.tick()
+        if driven.machine.vehicle != states.ACTIVE:
+            break
+        assert driven.state.odometry.pose.x_m <= 0.5
+    stopped_by(driven, reasons.FENCE_BREACHED, within_ticks=0)
+    driven.tick()
+    assert modes.arm(driven.machine) == reasons.FENCE_BREACHED
+    assert modes.set_fence(driven.machine, None, driven.state.odometry.pose) == reasons.OK
+    driven.tick()
+    assert modes.arm(driven.machine) == reasons.OK

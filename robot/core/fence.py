@@ -1,0 +1,100 @@
+"""The fence: a circle or a simple polygon that the robot does not leave by itself."""
+
+from robot.core import reasons
+from robot.core.typed import Final, NamedTuple
+
+LEAST_CORNERS: Final = 3
+MOST_CORNERS: Final = 16
+LEAST_RADIUS_M: Final = 0.1
+FARTHEST_M: Final = 100_000.0
+
+Fence = NamedTuple(
+    "Fence", [("xs_m", "tuple[float, ...]"), ("ys_m", "tuple[float, ...]"), ("radius_m", float)]
+)
+"""The corners of a polygon in order, or with a radius above 0 the one middle of a circle."""
+
+
+def inside(fence: Fence, x_m: float, y_m: float) -> bool:
+    """Within it or right on it; what is not a number is nowhere.
+
+    A ray to the right of the place crosses the sides of a polygon an odd number of times.
+    """
+    if x_m - x_m != 0.0 or y_m - y_m != 0.0:
+        return False
+    xs_m, ys_m, radius_m = fence
+    to_x_m, to_y_m = xs_m[-1], ys_m[-1]
+    if radius_m > 0.0:
+        dx_m, dy_m = x_m - to_x_m, y_m - to_y_m
+        return dx_m * dx_m + dy_m * dy_m <= radius_m * radius_m
+    within = False
+    for i in range(len(xs_m)):
+        from_x_m, from_y_m = to_x_m, to_y_m
+        to_x_m, to_y_m = xs_m[i], ys_m[i]
+        left = (to_x_m - from_x_m) * (y_m - from_y_m) - (x_m - from_x_m) * (to_y_m - from_y_m)
+        if left == 0.0 and between(from_x_m, x_m, to_x_m) and between(from_y_m, y_m, to_y_m):
+            return True
+        if (from_y_m > y_m) != (to_y_m > y_m) and (left > 0.0) == (to_y_m > from_y_m):
+            within = not within
+    return within
+
+
+def refusal_of(fence: Fence) -> int:
+    """Why this is no fence, or 0. Written so that NaN fails every comparison."""
+    corners = len(fence.xs_m)
+    for k in range(corners):
+        x_m, y_m = fence.xs_m[k], fence.ys_m[k]
+        if not (-FARTHEST_M <= x_m <= FARTHEST_M and -FARTHEST_M <= y_m <= FARTHEST_M):
+            return reasons.FENCE_NOT_SIMPLE
+    if fence.radius_m != 0.0:
+        circle = corners == 1 and LEAST_RADIUS_M <= fence.radius_m <= FARTHEST_M
+        return reasons.OK if circle else reasons.FENCE_NOT_SIMPLE
+    if not LEAST_CORNERS <= corners <= MOST_CORNERS:
+        return reasons.FENCE_NOT_SIMPLE
+    for i in range(corners):
+        if folds(fence, i):
+            return reasons.FENCE_NOT_SIMPLE
+        for j in range(i + 2, corners):
+            if (i > 0 or j < corners - 1) and touch(fence, i, j):
+                return reasons.FENCE_NOT_SIMPLE
+    return reasons.OK
+
+
+def folds(fence: Fence, i: int) -> bool:
+    """Does the side from corner i go back over the one before it, or has either no length?"""
+    xs_m, ys_m = fence.xs_m, fence.ys_m
+    after = (i + 1) % len(xs_m)
+    in_x_m, in_y_m = xs_m[i] - xs_m[i - 1], ys_m[i] - ys_m[i - 1]
+    out_x_m, out_y_m = xs_m[after] - xs_m[i], ys_m[after] - ys_m[i]
+    straight = in_x_m * out_y_m == in_y_m * out_x_m
+    return straight and in_x_m * out_x_m + in_y_m * out_y_m <= 0.0
+
+
+def touch(fence: Fence, i: int, j: int) -> bool:
+    """Do the sides from the corners i and j cross or touch? They must have no corner in common."""
+    after_i, after_j = (i + 1) % len(fence.xs_m), (j + 1) % len(fence.xs_m)
+    starts, ends = side(fence, j, after_j, i), side(fence, j, after_j, after_i)
+    meets, parts = side(fence, i, after_i, j), side(fence, i, after_i, after_j)
+    if (
+        (starts == 0.0 and spans(fence, j, after_j, i))
+        or (ends == 0.0 and spans(fence, j, after_j, after_i))
+        or (meets == 0.0 and spans(fence, i, after_i, j))
+        or (parts == 0.0 and spans(fence, i, after_i, after_j))
+    ):
+        return True
+    return (starts > 0.0) != (ends > 0.0) and (meets > 0.0) != (parts > 0.0)
+
+
+def side(fence: Fence, a: int, b: int, c: int) -> float:
+    """Above 0: corner c is left of the way from a to b; 0: on its line."""
+    xs_m, ys_m = fence.xs_m, fence.ys_m
+    return (xs_m[b] - xs_m[a]) * (ys_m[c] - ys_m[a]) - (xs_m[c] - xs_m[a]) * (ys_m[b] - ys_m[a])
+
+
+def spans(fence: Fence, a: int, b: int, c: int) -> bool:
+    """Is corner c, on the line through a and b, between them?"""
+    xs_m, ys_m = fence.xs_m, fence.ys_m
+    return between(xs_m[a], xs_m[c], xs_m[b]) and between(ys_m[a], ys_m[c], ys_m[b])
+
+
+def between(one: float, value: float, other: float) -> bool:
+    return one <= value <= other or other <= value <= one
