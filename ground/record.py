@@ -2,17 +2,18 @@
 
 import argparse
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
 from time import time_ns
 from typing import Final, TextIO
 
+from ground.blackbox.facts import Facts
+from ground.blackbox.tape import Tape, Track
 from ground.export import Tally, export
 from ground.link import Link, linked
 from ground.options import add_common, add_json, common_of
-from ground.recorder import LogFile, Recorder, new_log
+from ground.recorder import Recorder
 from ground.says import Says
 from ground.tlog import Reader
 from protocol.errors import UserError
@@ -23,64 +24,74 @@ COMPLAIN_NS: Final = 5_000_000_000
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", metavar="DIR", help="where DIR/<time>-<robot>.tlog is made")
+    says = "where DIR/<time>-<robot>.tlog and .mcap are made"
+    parser.add_argument("folder", metavar="DIR", help=says)
     add_common(parser)
 
 
 def run(options: argparse.Namespace, says: Says) -> int:
     """Until a signal ends it; 1 when something could not be written."""
     common = common_of(options)
-    with linked(common) as link, log_in(Path(options.folder), link.robot) as log:
-        recorder = Recorder(log, utc_offset_ns=time_ns() - link.clock.now_ns())
-        link.bus.stream(f"{common.network.prefix}/{link.robot}/**", recorder.take)
-        says.note(f"recording {link.robot} to {log.path}")
+    with linked(common) as link:
+        tape = tape_in(Path(options.folder), link)
+        link.bus.stream(f"{common.network.prefix}/{link.robot}/**", tape.take)
+        says.note(f"recording {link.robot} to {tape.path} and .mcap")
         try:
-            keep_writing(link, recorder, says)
+            keep_writing(link, tape, Facts(link.bus, link.robot), says)
         except KeyboardInterrupt:
-            complete = recorder.close()
-        return tell(says, log.path, recorder, complete=complete)
+            complete = tape.close()
+        return tell(says, tape, complete=complete)
 
 
-@contextmanager
-def log_in(folder: Path, robot: str) -> Iterator[LogFile]:
+def tape_in(folder: Path, link: Link) -> Tape:
+    offset_ns = time_ns() - link.clock.now_ns()
     try:
-        log = new_log(folder, robot, datetime.now(UTC))
+        return Tape.new(folder, link.robot, datetime.now(UTC), offset_ns)
     except OSError as error:
         raise UserError(f"cannot record in {folder}: {error.strerror or error}") from error
-    yield log
 
 
-def keep_writing(link: Link, recorder: Recorder, says: Says) -> None:
-    """Four batches a second, one of them down to the disk; trouble is told at once and again."""
+def keep_writing(link: Link, tape: Tape, facts: Facts, says: Says) -> None:
+    """Four rounds a second, one of them down to the disk; trouble is told at once and again."""
     told_ns: int | None = None
     round_number = 0
     while True:
         due_ns = link.clock.now_ns() + FLUSH_NS
         round_number += 1
-        if recorder.flush() and round_number % SYNC_EVERY == 0:
-            recorder.sync()
-        if not recorder.trouble and told_ns is not None:
+        for name, text in facts.learned(link.clock.now_ns()).items():
+            tape.know(name, text)
+        tape.flush(round_number, SYNC_EVERY)
+        if not tape.trouble and told_ns is not None:
             says.note("RECORDING goes on: the log can be written again")
             told_ns = None
-        elif recorder.trouble and (told_ns is None or due_ns - told_ns >= COMPLAIN_NS):
-            says.note(f"RECORDING IN TROUBLE: {recorder.trouble}; the robot drives on")
+        elif tape.trouble and (told_ns is None or due_ns - told_ns >= COMPLAIN_NS):
+            says.note(f"RECORDING IN TROUBLE: {tape.trouble}; the robot drives on")
             told_ns = due_ns
         link.clock.sleep_until(due_ns)
 
 
-def tell(says: Says, path: Path, recorder: Recorder, *, complete: bool) -> int:
-    found: dict[str, object] = {
-        "file": str(path),
-        "ok": complete,
+def tell(says: Says, tape: Tape, *, complete: bool) -> int:
+    tlog, mcap = tape.tracks
+    found: dict[str, object] = {"file": str(tlog.path), "mcap": str(mcap.path), "ok": complete}
+    found |= account(tlog.recorder) | {"mcap_dropped": mcap.recorder.dropped}
+    says.result(found, "\n".join(in_words(track) for track in tape.tracks))
+    return 0 if complete else 1
+
+
+def account(recorder: Recorder) -> dict[str, object]:
+    return {
         "frames": recorder.written,
         "dropped": recorder.dropped,
         "rejected": recorder.rejected,
         "reason": recorder.trouble,
     }
+
+
+def in_words(track: Track) -> str:
+    recorder = track.recorder
     lost = f", {recorder.dropped} LOST ({recorder.trouble})" if recorder.dropped else ""
     odd = f", {recorder.rejected} no frames and left out" if recorder.rejected else ""
-    says.result(found, f"{path}: {recorder.written} frames{odd}{lost}")
-    return 0 if complete else 1
+    return f"{track.path}: {recorder.written} frames{odd}{lost}"
 
 
 def export_arguments(parser: argparse.ArgumentParser) -> None:

@@ -6,7 +6,7 @@ full the frames wait in bounded memory and the newest are let go, counted, until
 
 import os
 from collections import deque
-from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final, Protocol
@@ -15,6 +15,36 @@ from ground.tlog import record_bytes, whole
 
 HELD_BYTES: Final = 8 << 20
 NS_PER_US: Final = 1000
+
+
+class Form(Protocol):
+    """How frames are laid out in a file; what `batch` and `end` give is appended as it is."""
+
+    def add(self, key: str, frame: bytes, time_us: int) -> None: ...
+    def know(self, name: str, text: str) -> None: ...
+    def batch(self) -> bytes: ...
+    def end(self) -> bytes: ...
+
+
+class TlogForm:
+    """A `.tlog`: one record after the other, and no place for facts."""
+
+    def __init__(self) -> None:
+        self._records: list[bytes] = []
+
+    def add(self, key: str, frame: bytes, time_us: int) -> None:
+        self._records.append(record_bytes(time_us, frame))
+
+    def know(self, name: str, text: str) -> None:
+        """Only frames have a place in it."""
+
+    def batch(self) -> bytes:
+        batch = b"".join(self._records)
+        self._records.clear()
+        return batch
+
+    def end(self) -> bytes:
+        return self.batch()
 
 
 class Sink(Protocol):
@@ -55,14 +85,21 @@ class LogFile:
 class Recorder:
     """Takes frames from any thread, writes them from one. Frames are stamped in UTC."""
 
-    def __init__(self, sink: Sink, utc_offset_ns: int, held_bytes: int = HELD_BYTES) -> None:
+    def __init__(
+        self,
+        sink: Sink,
+        utc_offset_ns: int,
+        held_bytes: int = HELD_BYTES,
+        form: Form | None = None,
+    ) -> None:
         """`utc_offset_ns` is what must be added to a frame's time of arrival to get UTC."""
         self._sink = sink
         self._utc_offset_ns = utc_offset_ns
         self._held_bytes = held_bytes
-        self._waiting: deque[bytes] = deque()
-        self._arrived: deque[tuple[bytes, int]] = deque()
-        self._waiting_bytes = 0
+        self._form: Form = TlogForm() if form is None else form
+        self._arrived: deque[tuple[str, bytes, int]] = deque()
+        self._waiting = bytearray()
+        self._waiting_frames = 0
         self.written = 0
         self.dropped = 0
         self.rejected = 0
@@ -70,23 +107,17 @@ class Recorder:
 
     def take(self, key: str, frame: bytes, arrived_ns: int) -> None:
         """Called by the bus: keeps a reference, no more."""
-        self._arrived.append((frame, arrived_ns))
+        self._arrived.append((key, frame, arrived_ns))
+
+    def know(self, name: str, text: str) -> None:
+        """A fact beside the frames, where the form has a place for it."""
+        self._form.know(name, text)
 
     def flush(self) -> bool:
         """Write what has arrived; False, and `trouble`, when the file would not take it."""
         self._collect()
-        if not self._waiting:
-            return True
-        try:
-            self._sink.append(b"".join(self._waiting))
-        except OSError as error:
-            self.trouble = error.strerror or str(error)
-            return False
-        self.written += len(self._waiting)
-        self._waiting.clear()
-        self._waiting_bytes = 0
-        self.trouble = ""
-        return True
+        self._waiting += self._form.batch()
+        return self._append()
 
     def sync(self) -> None:
         """Ask the disk to have it too; a disk that cannot is named in `trouble`."""
@@ -97,36 +128,50 @@ class Recorder:
 
     def close(self) -> bool:
         """Write the rest and close; did everything get in?"""
-        complete = self.flush()
+        self._collect()
+        self._waiting += self._form.end()
+        complete = self._append()
         if not complete:
-            self.dropped += len(self._waiting)
+            self.dropped += self._waiting_frames
         self._sink.close()
         return complete and not self.dropped
 
+    def _append(self) -> bool:
+        if not self._waiting:
+            return True
+        try:
+            self._sink.append(bytes(self._waiting))
+        except OSError as error:
+            self.trouble = error.strerror or str(error)
+            return False
+        self.written += self._waiting_frames
+        self._waiting.clear()
+        self._waiting_frames = 0
+        self.trouble = ""
+        return True
+
     def _collect(self) -> None:
         for _ in range(len(self._arrived)):
-            frame, arrived_ns = self._arrived.popleft()
+            key, frame, arrived_ns = self._arrived.popleft()
             if not whole(frame):
                 self.rejected += 1  # written, it would put a reader out of step
-            elif self._waiting_bytes > self._held_bytes:
+            elif len(self._waiting) > self._held_bytes:
                 self.dropped += 1
             else:
-                record = record_bytes((arrived_ns + self._utc_offset_ns) // NS_PER_US, frame)
-                self._waiting.append(record)
-                self._waiting_bytes += len(record)
+                self._form.add(key, frame, (arrived_ns + self._utc_offset_ns) // NS_PER_US)
+                self._waiting_frames += 1
 
 
 def new_log(folder: Path, robot: str, started: datetime) -> LogFile:
     """A fresh file in the folder, which is made if need be; OSError when it cannot be."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = f"{started.astimezone(UTC):%Y%m%dT%H%M%SZ}-{robot}"
-    return _first_free(lambda n: LogFile(folder / f"{stem}{f'-{n}' if n else ''}.tlog"))
-
-
-def _first_free(make: Callable[[int], LogFile]) -> LogFile:
     for number in range(1000):
-        try:
-            return make(number)
-        except FileExistsError:
-            continue
+        with suppress(FileExistsError):
+            return LogFile(folder / f"{stem}{f'-{number}' if number else ''}.tlog")
     raise FileExistsError("a thousand logs of this second exist already")
+
+
+def beside(log: LogFile, suffix: str) -> LogFile:
+    """Another file of the same run, of the same name but for its suffix."""
+    return LogFile(log.path.with_suffix(suffix))

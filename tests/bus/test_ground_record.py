@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from ground.blackbox.frames import opened
 from ground.cli import main
 from ground.recorder import LogFile
 from ground.tlog import read
@@ -56,9 +57,14 @@ def test_every_frame_is_kept_and_what_is_no_frame_is_not(
     ends_when(enough)
     assert main(["record", str(tmp_path), "--connect", endpoint, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    frames = [decode(record.frame).message for record in read(Path(told["file"]))]
+    kept = [record.frame for record in read(Path(told["file"]))]
+    frames = [decode(frame).message for frame in kept]
     assert told["frames"] == len(frames)
     assert told["rejected"] > 0
+    log = opened(Path(told["mcap"]))
+    assert [one.frame for one in log] == kept
+    assert log.damage() == ""
+    assert "d_obs_m" in log.facts["parameters"]
     assert {type(frame) for frame in frames} == {Heartbeat, NavigatorStatus}
 
 

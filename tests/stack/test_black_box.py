@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.tlog import Reader
+from ground.blackbox.frames import opened
 from protocol.codec import decode
 from protocol.enums import GoalState
 from tests.stack.processes import Crew, Running, Witness, until
@@ -20,7 +20,8 @@ pytestmark = pytest.mark.stack
 
 NS_PER_S = 1_000_000_000
 FLUSHED_NS = NS_PER_S
-LITTLE_ROOM_BYTES = 12_000
+LITTLE_ROOM_BYTES = 60_000
+TORN_CHUNK = 100_000
 MOMENTS = random.Random(3)
 
 
@@ -39,13 +40,12 @@ def recorded(folder: Path) -> Iterator[tuple[Crew, Witness, Running]]:
 
 def stamps_in(log: Path) -> tuple[list[int], int]:
     """Plant's time of each status in the log, and how many bytes of it are of no use."""
-    with log.open("rb") as source:
-        reader = Reader(source)
-        messages = [decode(record.frame).message for record in reader]
+    recording = opened(log)
+    messages = [decode(one.frame).message for one in recording]
     kinds = Counter(type(message).__name__ for message in messages)
     assert kinds["SonarScan"] > 5
     stamps = [m.time_ns for m in messages if type(m).__name__ == "NavigatorStatus"]  # type: ignore[attr-defined]
-    return stamps, reader.lost_bytes
+    return stamps, recording.lost_bytes
 
 
 def test_killed_at_any_moment_it_has_all_but_the_last_second(tmp_path: Path) -> None:
@@ -55,13 +55,14 @@ def test_killed_at_any_moment_it_has_all_but_the_last_second(tmp_path: Path) -> 
             until(lambda after_ns=after_ns: witness.status.time_ns > after_ns)  # type: ignore[misc]
             last_ns = witness.status.time_ns
             recorder.send(signal.SIGKILL)
-            (log,) = (tmp_path / str(number - 1)).glob("*.tlog")
             recorder.ends()
-            stamps, lost_bytes = stamps_in(log)
-            assert lost_bytes < 300, "no more than the record that was being written"
-            assert last_ns - stamps[-1] <= FLUSHED_NS
-            steps = [later - earlier for earlier, later in pairwise(stamps)]
-            assert max(steps) <= 100_000_000, "nothing is missing in between"
+            tlog, mcap = sorted((tmp_path / str(number - 1)).iterdir(), reverse=True)
+            for log, torn in ((tlog, 300), (mcap, TORN_CHUNK)):
+                stamps, lost_bytes = stamps_in(log)
+                assert lost_bytes < torn, "no more than what was being written"
+                assert last_ns - stamps[-1] <= FLUSHED_NS
+                steps = [later - earlier for earlier, later in pairwise(stamps)]
+                assert max(steps) <= 100_000_000, "nothing is missing in between"
             recorder = crew.dialling("record", str(tmp_path / str(number)))
             recorder.says("recording")
 
@@ -78,7 +79,8 @@ def test_without_room_it_says_so_loudly_and_the_robot_drives_on(tmp_path: Path) 
         recorder.send(signal.SIGINT)
         assert recorder.ends(2.0) == 1
         assert "LOST" in recorder.said
-    (log,) = tmp_path.glob("*.tlog")
-    stamps, lost_bytes = stamps_in(log)
-    assert lost_bytes == 0, "what is there is whole"
-    assert len(stamps) > 10
+    tlog, mcap = sorted(tmp_path.iterdir(), reverse=True)
+    for log in (tlog, mcap):
+        stamps, lost_bytes = stamps_in(log)
+        assert lost_bytes == 0, "what is there is whole"
+        assert len(stamps) > 10

@@ -1,0 +1,56 @@
+"""What a recording should say beside its frames: the world and the parameters, once each."""
+
+from typing import Final, Protocol
+
+from protocol.errors import RemoteError
+from protocol.message import Message
+from protocol.topics import PARAMETERS, WORLD, Service
+
+WANTED: Final[dict[str, Service]] = {"parameters": PARAMETERS, "world": WORLD}
+PATIENCE_S: Final = 0.2
+FIRST_PAUSE_NS: Final = 200_000_000
+LONGEST_PAUSE_NS: Final = 5_000_000_000
+
+
+class Asks(Protocol):
+    """What is needed of the bus."""
+
+    def ask(
+        self,
+        service: Service,
+        message: Message | None = None,
+        timeout_s: float = 0.5,
+        robot: str | None = None,
+    ) -> Message | bytes: ...
+
+
+class Facts:
+    """Asks for what is still missing, ever more seldom: who knows it may come later."""
+
+    def __init__(self, bus: Asks, robot: str) -> None:
+        self._bus = bus
+        self._robot = robot
+        self._missing = dict(WANTED)
+        self._due_ns = 0
+        self._pause_ns = FIRST_PAUSE_NS
+
+    def learned(self, now_ns: int) -> dict[str, str]:
+        """What has been answered now: JSON texts by name."""
+        if not self._missing or now_ns < self._due_ns:
+            return {}
+        self._due_ns = now_ns + self._pause_ns
+        self._pause_ns = min(2 * self._pause_ns, LONGEST_PAUSE_NS)
+        found = {}
+        for name, service in tuple(self._missing.items()):
+            text = self._answer(service)
+            if text is not None:
+                found[name] = text
+                del self._missing[name]
+        return found
+
+    def _answer(self, service: Service) -> str | None:
+        try:
+            answer = self._bus.ask(service, timeout_s=PATIENCE_S, robot=self._robot)
+            return answer.decode() if isinstance(answer, bytes) else None
+        except (RemoteError, UnicodeDecodeError):
+            return None

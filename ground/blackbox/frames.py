@@ -1,0 +1,142 @@
+"""Every frame of a recording, whatever its kind: when it arrived, on which key, and its bytes.
+
+A file that was cut off anywhere gives the frames before the cut, and `damage` says what is lost.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final, NamedTuple, Protocol
+
+from ground.blackbox.mcap_file import McapFile
+from ground.tlog import HEADER_SIZE, Reader
+from protocol.codec import WIRE_OF_ID, WIRE_OF_TYPE
+from protocol.errors import UserError
+from protocol.sender import COMPONENT
+from protocol.topics import PREFIX, ROBOT_NAME, TOPICS
+
+NS_PER_US: Final = 1000
+MCAP_BEGINS: Final = b"\x89MCAP"
+NAMED: Final = re.compile(r"\d{8}T\d{6}Z-(?P<robot>[a-z0-9_-]{1,16}?)(-\d{1,3})?\Z")
+USUAL_ROBOT: Final = "r1"
+UNKNOWN_PATH: Final = "unknown"
+PATH_OF: Final[Mapping[tuple[int, int], str]] = MappingProxyType(
+    {
+        (WIRE_OF_TYPE[message].number, COMPONENT[topic.publisher]): topic.path
+        for topic in reversed(TOPICS)
+        for message in topic.messages
+    }
+)
+"""Message id and component that sends it, to the path of its topic; the first topic wins."""
+
+
+class Frame(NamedTuple):
+    """One frame; `time_ns` is when it reached the recorder, in UTC since 1970."""
+
+    time_ns: int
+    key: str
+    frame: bytes
+
+
+class Log(Protocol):
+    """A recording, read once from front to back. What it lost is known when it has been read."""
+
+    @property
+    def robot(self) -> str: ...
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """What was recorded beside the frames, as JSON texts: `world` and `parameters`."""
+        ...
+
+    @property
+    def records(self) -> int: ...
+    @property
+    def lost_bytes(self) -> int: ...
+    def __iter__(self) -> Iterator[Frame]: ...
+    def damage(self) -> str:
+        """What was lost, in words; empty when nothing was."""
+        ...
+
+
+class TlogLog:
+    """A `.tlog`. It has no keys: they follow from what a frame carries and who sent it."""
+
+    def __init__(self, path: Path, robot: str) -> None:
+        self.robot = robot
+        self.facts: dict[str, str] = {}
+        self._path = path
+        self._reader: Reader | None = None
+
+    def __iter__(self) -> Iterator[Frame]:
+        with self._path.open("rb") as source:
+            self._reader = Reader(source)
+            for time_us, frame in self._reader:
+                yield Frame(time_us * NS_PER_US, key_of(frame, self.robot), frame)
+
+    @property
+    def records(self) -> int:
+        return 0 if self._reader is None else self._reader.records
+
+    @property
+    def lost_bytes(self) -> int:
+        return 0 if self._reader is None else self._reader.lost_bytes
+
+    def damage(self) -> str:
+        return "" if self._reader is None else self._reader.damage()
+
+
+class McapLog:
+    """An `.mcap` of ours; `facts` are the texts that were recorded beside the frames."""
+
+    def __init__(self, path: Path, robot: str) -> None:
+        self.robot = robot
+        self.records = 0
+        self._file = McapFile(path)
+        self.facts = self._file.facts
+
+    def __iter__(self) -> Iterator[Frame]:
+        for time_ns, raw in self._file:
+            self.records += 1
+            yield Frame(time_ns, raw.key, raw.frame)
+
+    @property
+    def lost_bytes(self) -> int:
+        return self._file.lost_bytes
+
+    def damage(self) -> str:
+        return self._file.damage()
+
+
+def opened(path: Path, robot: str | None = None) -> Log:
+    """The recording in a file, by what it begins with; UserError when it cannot be opened."""
+    try:
+        with path.open("rb") as source:
+            begin = source.read(len(MCAP_BEGINS))
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}") from error
+    name = robot or robot_in(path)
+    if begin == MCAP_BEGINS or (path.suffix == ".mcap" and MCAP_BEGINS.startswith(begin)):
+        return McapLog(path, name)
+    return TlogLog(path, name)
+
+
+def frames(path: Path) -> Iterator[Frame]:
+    """All frames of a recording, in the order in which they arrived."""
+    return iter(opened(path))
+
+
+def robot_in(path: Path) -> str:
+    """The robot that a recording is named after; the usual one when the name does not tell."""
+    named = NAMED.match(path.stem)
+    return named["robot"] if named and ROBOT_NAME.match(named["robot"]) else USUAL_ROBOT
+
+
+def key_of(frame: bytes, robot: str) -> str:
+    """The key that a frame was published on, as far as message and sender tell."""
+    number = int.from_bytes(frame[HEADER_SIZE - 3 : HEADER_SIZE], "little")
+    path = PATH_OF.get((number, frame[HEADER_SIZE - 4]))
+    if path is None:
+        wire = WIRE_OF_ID.get(number)
+        path = f"{UNKNOWN_PATH}/{number if wire is None else wire.name.lower()}"
+    return f"{PREFIX}/{robot}/{path}"

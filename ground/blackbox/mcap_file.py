@@ -1,0 +1,128 @@
+"""The frames in an MCAP file that may have been cut off, or damaged, anywhere.
+
+Whole records are found by their own lengths, so that it is known how much could not be used.
+"""
+
+import struct
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import msgspec
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Metadata
+from mcap.stream_reader import get_chunk_data_stream
+
+RAW_TOPIC: Final = "/mavlink"
+MAGIC: Final = b"\x89MCAP0\r\n"
+FACT: Final = "json"
+RECORD: Final = struct.Struct("<BQ")
+MESSAGE: Final = struct.Struct("<HIQQ")
+LARGEST_RECORD: Final = 1 << 30
+UNREADABLE: Final = (
+    *(McapError, zstandard.ZstdError, struct.error),
+    *(ValueError, RuntimeError, MemoryError),
+)
+
+
+class Raw(msgspec.Struct, frozen=True, gc=False):
+    """A frame as it was on the bus; in JSON its bytes are base64."""
+
+    key: str
+    frame: bytes
+
+
+RAW_IN: Final = msgspec.json.Decoder(Raw)
+
+
+class McapFile:
+    """Reads a file once, front to back; `facts` grow as they are met."""
+
+    def __init__(self, path: Path) -> None:
+        self.facts: dict[str, str] = {}
+        self.lost_bytes = 0
+        self._path = path
+        self._channel: int | None = None
+        self._places = 0
+        self._closed = False
+
+    def __iter__(self) -> Iterator[tuple[int, Raw]]:
+        with self._path.open("rb") as source:
+            size = self._path.stat().st_size
+            if source.read(len(MAGIC)) != MAGIC:
+                self._lose(size)
+                return
+            for opcode, content in self._records(source, size):
+                if opcode == Opcode.CHUNK:
+                    yield from self._chunk(content)
+                elif opcode == Opcode.METADATA:
+                    self._fact(content)
+                elif opcode == Opcode.DATA_END:
+                    self._closed = True
+                    return
+
+    def _records(self, source: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
+        """Opcode and content of each whole record."""
+        while head := source.read(RECORD.size):
+            left = size - source.tell()
+            if len(head) < RECORD.size:
+                self._lose(len(head))
+                return
+            opcode, length = RECORD.unpack(head)
+            if length > min(left, LARGEST_RECORD):
+                self._lose(len(head) + left)
+                return
+            yield opcode, source.read(length)
+
+    def _chunk(self, content: bytes) -> Iterator[tuple[int, Raw]]:
+        """All or nothing: a chunk whose checksum does not match is left out."""
+        try:
+            chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+            stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+            found = list(self._messages(stream.read(size)))
+        except UNREADABLE:
+            self._lose(RECORD.size + len(content))
+            return
+        yield from found
+
+    def _messages(self, data: bytes) -> Iterator[tuple[int, Raw]]:
+        at = 0
+        while at < len(data):
+            opcode, length = RECORD.unpack_from(data, at)
+            at += RECORD.size
+            if opcode == Opcode.MESSAGE:
+                channel, _, time_ns, _ = MESSAGE.unpack_from(data, at)
+                if channel == self._channel:
+                    body = data[at + MESSAGE.size : at + length]
+                    yield time_ns, RAW_IN.decode(body)
+            elif opcode == Opcode.CHANNEL:
+                made = Channel.read(ReadDataStream(BytesIO(data[at : at + length])))
+                if made.topic == RAW_TOPIC:
+                    self._channel = made.id
+            at += length
+
+    def _fact(self, content: bytes) -> None:
+        try:
+            fact = Metadata.read(ReadDataStream(BytesIO(content)))
+        except UNREADABLE:
+            self._lose(RECORD.size + len(content))
+            return
+        if FACT in fact.metadata:
+            self.facts[fact.name] = fact.metadata[FACT]
+
+    def _lose(self, size: int) -> None:
+        self.lost_bytes += size
+        self._places += 1
+
+    def damage(self) -> str:
+        """What was lost, in words; a file that was never closed may have lost its very end."""
+        if self.lost_bytes:
+            places = "one place" if self._places == 1 else f"{self._places} places"
+            return f"{self.lost_bytes} bytes in {places} belong to no whole chunk and were left out"
+        if not self._closed:
+            return "it was not closed: the last half second may be missing"
+        return ""

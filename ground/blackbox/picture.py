@@ -1,0 +1,217 @@
+"""What a run looks like: each message turned into what a viewer draws of it.
+
+Places are those of the frame `world`: a robot is told where it starts. Only what is finite is
+drawn: what is missing has no place.
+"""
+
+from collections.abc import Callable
+from math import cos, isfinite, radians, sin
+from typing import Any, Final, NamedTuple, TypeVar
+
+from ground.blackbox import shape_schemas as schemas
+from ground.blackbox.place import facts_of, solids, start_of
+from ground.blackbox.schemas import Json
+from ground.blackbox.shapes import (
+    LINE_LIST,
+    LINE_LOOP,
+    Point,
+    arrow,
+    ball,
+    cloud,
+    disc,
+    entity,
+    line,
+    pose,
+    scene,
+    stamp,
+    turn,
+    vector,
+)
+from protocol.enums import Severity
+from protocol.message import Message
+from protocol.messages import (
+    AvoidanceDecision,
+    GroundTruth,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    Statustext,
+)
+
+M = TypeVar("M", bound=Message)
+WORLD: Final = "world"
+ROBOT: Final = "robot"
+USUAL_RADIUS_M: Final = 0.12
+BEARINGS_RAD: Final = tuple(radians((sonar - 3.5) * 22.5) for sonar in range(8))
+TRAIL_STEP_M: Final = 0.05
+TRAIL_EVERY_NS: Final = 1_000_000_000
+MOST_POSES: Final = 400
+RING: Final = tuple((cos(radians(a)), sin(radians(a))) for a in range(0, 360, 15))
+BLUE = (0.2, 0.5, 1.0, 1.0)
+GREEN = (0.1, 0.7, 0.3, 1.0)
+YELLOW = (0.9, 0.7, 0.1, 0.8)
+GREY = (0.55, 0.58, 0.62, 1.0)
+LEVELS: Final = {
+    Severity.DEBUG: 1,
+    Severity.INFO: 2,
+    Severity.NOTICE: 2,
+    Severity.WARNING: 3,
+    Severity.ERROR: 4,
+}
+FATAL: Final = 5
+
+
+class Drawn(NamedTuple):
+    """A message for a viewer: its topic, the name of its kind, its content."""
+
+    topic: str
+    shape: str
+    content: Json
+
+
+class Picture:
+    """Remembers what it needs to draw the next message: the trail, the goal, the robot's size."""
+
+    def __init__(self) -> None:
+        self._radius_m = USUAL_RADIUS_M
+        self._trail: list[tuple[float, float, float]] = []
+        self._step_m = TRAIL_STEP_M
+        self._trail_due_ns = 0
+        self._goal: tuple[float, float, float] | None = None
+        self._virtual: Point | None = None
+        self._draws: dict[type[Message], Callable[[Any, int], list[Drawn]]] = {
+            PlanarOdometry: self._belief,
+            GroundTruth: self._truth,
+            SonarScan: self._sonar,
+            NavigatorStatus: self._status,
+            AvoidanceDecision: self._decision,
+            Statustext: self._text,
+        }
+
+    def see(self, key: str, message: Message, time_ns: int) -> list[Drawn]:
+        draw = self._draws.get(type(message))
+        return [] if draw is None else draw(message, time_ns)
+
+    def know(self, name: str, text: str, time_ns: int) -> list[Drawn]:
+        """Draw a fact: the world with the robot in it. One that cannot be read draws nothing."""
+        if name != WORLD:
+            return []
+        try:
+            return self._world(facts_of(text), time_ns)
+        except (KeyError, TypeError, ValueError, AttributeError):
+            return []
+
+    def _world(self, facts: dict[str, Any], time_ns: int) -> list[Drawn]:
+        self._radius_m = float(facts.get("robot", {}).get("radius_m", USUAL_RADIUS_M))
+        cubes, cylinders = solids(facts, GREY)
+        walls = entity("walls", WORLD, time_ns, cubes=cubes, cylinders=cylinders)
+        starts = [arrow(*start, 0.3, GREY) for start in start_of(facts)]
+        begin = entity("start", WORLD, time_ns, arrows=starts)
+        body = [disc((0.0, 0.0), self._radius_m, 0.1, BLUE)]
+        ahead = [arrow((0.0, 0.0), 0.0, 2.0 * self._radius_m, BLUE)]
+        robot = entity("robot", ROBOT, time_ns, cylinders=body, arrows=ahead)
+        return [
+            Drawn("/world", schemas.SCENE_UPDATE, scene(walls, begin)),
+            Drawn("/robot/body", schemas.SCENE_UPDATE, scene(robot)),
+        ]
+
+    def _belief(self, odometry: PlanarOdometry, time_ns: int) -> list[Drawn]:
+        place = (odometry.x_m, odometry.y_m, odometry.heading_rad)
+        if not all(map(isfinite, place)):
+            return []
+        found = [_transform(place, time_ns), _pose("/robot/pose", place, time_ns)]
+        self._walk(*place)
+        if time_ns >= self._trail_due_ns:
+            self._trail_due_ns = time_ns + TRAIL_EVERY_NS
+            poses = [pose(*known) for known in self._trail]
+            content: Json = {"timestamp": stamp(time_ns), "frame_id": WORLD, "poses": poses}
+            found.append(Drawn("/robot/trail", schemas.POSES_IN_FRAME, content))
+        return found
+
+    def _walk(self, x_m: float, y_m: float, heading_rad: float) -> None:
+        """Keep a bounded trail: when it is full, every other pose is let go."""
+        if self._trail:
+            last_x_m, last_y_m, _ = self._trail[-1]
+            if (x_m - last_x_m) ** 2 + (y_m - last_y_m) ** 2 < self._step_m**2:
+                return
+        self._trail.append((x_m, y_m, heading_rad))
+        if len(self._trail) > MOST_POSES:
+            self._trail = self._trail[::2]
+            self._step_m *= 2.0
+
+    def _truth(self, truth: GroundTruth, time_ns: int) -> list[Drawn]:
+        place = (truth.x_m, truth.y_m, truth.heading_rad)
+        return [_pose("/truth/pose", place, time_ns)] if all(map(isfinite, place)) else []
+
+    def _sonar(self, scan: SonarScan, time_ns: int) -> list[Drawn]:
+        """The echoes as points, and a ray to each; where no echo came there is nothing."""
+        points: list[Point] = []
+        rays: list[Point] = []
+        for sonar, bearing_rad in enumerate(BEARINGS_RAD):
+            if not scan.echo & scan.valid & 1 << sonar:
+                continue
+            ahead, aside = cos(bearing_rad), sin(bearing_rad)
+            far_m = self._radius_m + scan.range_mm[sonar] / 1000.0
+            points.append((far_m * ahead, far_m * aside))
+            rays += [(self._radius_m * ahead, self._radius_m * aside), points[-1]]
+        seen = entity("rays", ROBOT, time_ns, lines=[line(LINE_LIST, rays, 0.01, YELLOW)])
+        return [
+            Drawn("/sonar/echoes", schemas.POINT_CLOUD, cloud(ROBOT, time_ns, points)),
+            Drawn("/sonar/rays", schemas.SCENE_UPDATE, scene(seen)),
+        ]
+
+    def _status(self, status: NavigatorStatus, time_ns: int) -> list[Drawn]:
+        """The goal, whenever it is another one."""
+        goal = (status.goal_x_m, status.goal_y_m, status.goal_heading_rad)
+        if not (isfinite(goal[0]) and isfinite(goal[1])) or str(goal) == str(self._goal):
+            return []
+        self._goal = goal
+        centre, heading_rad = goal[:2], goal[2]
+        spot = [disc(centre, 0.1, 0.02, GREEN)]
+        ways = [arrow(centre, heading_rad, 0.4, GREEN)] if isfinite(heading_rad) else []
+        mark = entity("goal", WORLD, time_ns, cylinders=spot, arrows=ways)
+        return [Drawn("/goal", schemas.SCENE_UPDATE, scene(mark))]
+
+    def _decision(self, decision: AvoidanceDecision, time_ns: int) -> list[Drawn]:
+        """The virtual goal and the avoidance zone; an empty entity where there is none."""
+        spot = (decision.virtual_x_m, decision.virtual_y_m)
+        virtual = spot if isfinite(spot[0]) and isfinite(spot[1]) else None
+        if virtual == self._virtual:
+            return []
+        self._virtual = virtual
+        balls = [] if virtual is None else [ball(virtual, 0.06, BLUE)]
+        reach_m = self._radius_m + decision.zone_m
+        rings = []
+        if isfinite(reach_m) and virtual is not None:
+            points = [(reach_m * x, reach_m * y) for x, y in RING]
+            rings.append(line(LINE_LOOP, points, 0.01, BLUE))
+        spheres = entity("virtual", WORLD, time_ns, spheres=balls)
+        zone = entity("zone", ROBOT, time_ns, lines=rings)
+        return [Drawn("/goal/virtual", schemas.SCENE_UPDATE, scene(spheres, zone))]
+
+    def _text(self, text: Statustext, time_ns: int) -> list[Drawn]:
+        content: Json = {
+            "timestamp": stamp(time_ns),
+            "level": LEVELS.get(Severity(min(text.severity, Severity.DEBUG)), FATAL),
+            "message": text.text,
+            "name": ROBOT,
+            "file": "",
+            "line": 0,
+        }
+        return [Drawn("/log", schemas.LOG, content)]
+
+
+def _pose(topic: str, place: tuple[float, float, float], time_ns: int) -> Drawn:
+    content: Json = {"timestamp": stamp(time_ns), "frame_id": WORLD, "pose": pose(*place)}
+    return Drawn(topic, schemas.POSE_IN_FRAME, content)
+
+
+def _transform(place: tuple[float, float, float], time_ns: int) -> Drawn:
+    content: Json = {
+        "timestamp": stamp(time_ns),
+        "parent_frame_id": WORLD,
+        "child_frame_id": ROBOT,
+        "translation": vector(place[0], place[1]),
+        "rotation": turn(place[2]),
+    }
+    return Drawn("/tf", schemas.FRAME_TRANSFORM, content)

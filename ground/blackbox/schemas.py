@@ -1,0 +1,68 @@
+"""JSON schemas of what a recording holds: ours follow from the layout of each message."""
+
+import json
+from functools import cache
+from typing import Final, NamedTuple, TypeAlias
+
+from protocol.layout import LAYOUT, Field
+from protocol.message import Message
+
+Json: TypeAlias = dict[str, object]
+
+
+class Schema(NamedTuple):
+    """A name and a JSON schema as text."""
+
+    name: str
+    text: bytes
+
+
+def record(title: str, **properties: Json) -> Json:
+    """An object that has all of these."""
+    return {
+        "title": title,
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+    }
+
+
+def many(items: Json) -> Json:
+    return {"type": "array", "items": items}
+
+
+def named(content: Json) -> Schema:
+    return Schema(str(content["title"]), json.dumps(content).encode())
+
+
+@cache
+def schema_of(message: type[Message]) -> Schema:
+    """Of one of our messages; a number that may be infinite, or none, may also be null."""
+    layout = LAYOUT[message.__name__]
+    fields = {field.name: _field(field) for field in layout.fields}
+    return named(record(f"sidestep.{message.__name__}", **fields))
+
+
+def _field(field: Field) -> Json:
+    if field.is_text:
+        return {"type": "string", "maxLength": field.length}
+    number = _number(field)
+    if not field.length:
+        return number
+    return many(number) | {"minItems": field.length, "maxItems": field.length}
+
+
+def _number(field: Field) -> Json:
+    if field.limits is None:
+        return {"type": ["number", "null"]}
+    low, high = field.limits
+    return {"type": "integer", "minimum": low, "maximum": high}
+
+
+RAW_SCHEMA: Final = named(
+    record(
+        "sidestep.MavlinkFrame",
+        key={"type": "string"},
+        frame={"type": "string", "contentEncoding": "base64"},
+    )
+)

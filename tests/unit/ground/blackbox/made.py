@@ -1,0 +1,233 @@
+"""A short run as the bus would carry it, and files made of it."""
+
+import json
+from collections.abc import Iterator
+from math import nan
+from pathlib import Path
+from typing import NamedTuple
+
+from ground.blackbox.mcap_form import McapForm
+from ground.tlog import record_bytes
+from protocol.codec import Encoder
+from protocol.enums import GoalState, Mode, Navigator, Severity, Vehicle
+from protocol.message import Message
+from protocol.messages import (
+    AvoidanceDecision,
+    CommandAck,
+    GoalRequest,
+    GroundTruth,
+    Heartbeat,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    Statustext,
+    WheelTicks,
+)
+from protocol.sender import sender_of
+from protocol.topics import (
+    ANSWERED,
+    COMMANDED,
+    DECISION,
+    HEARTBEAT,
+    ODOMETRY,
+    OPERATOR,
+    SONAR,
+    STATUS,
+    TEXT,
+    TRUTH,
+    WHEELS,
+    Topic,
+)
+
+START_US = 1_790_000_000_000_000
+PERIOD_US = 50_000
+BEAT = Heartbeat(
+    type=10, autopilot=3, base_mode=1, custom_mode=15, system_status=4, mavlink_version=3
+)
+WORLD = {
+    "name": "made",
+    "size_m": [6.0, 4.0],
+    "walls": True,
+    "start": {"x_m": 0.6, "y_m": 2.0, "heading_deg": 0.0},
+    "goal": {"x_m": 5.4, "y_m": 2.0, "heading_deg": 0.0},
+    "obstacles": [
+        {"polygon_m": [[2.0, 1.0], [3.0, 1.0], [3.0, 1.5]]},
+        {"wall_m": [[0.0, 3.0], [2.0, 3.0], [2.5, 2.5]], "thickness_m": 0.02},
+        {"circle_m": {"x": 4.0, "y": 3.0, "radius": 0.25}},
+        {
+            "circle_m": {"x": 5.0, "y": 1.0, "radius": 0.2},
+            "path_m": [[5.0, 1.0], [5.0, 3.0]],
+            "speed_m_s": 0.1,
+        },
+    ],
+    "robot": {"radius_m": 0.15},
+}
+WORLD_TEXT = json.dumps(WORLD)
+
+
+class Said(NamedTuple):
+    """One frame on its key, at its time."""
+
+    key: str
+    frame: bytes
+    time_us: int
+    message: Message
+
+
+class Speaker:
+    """Encodes each topic's messages as its publisher does."""
+
+    def __init__(self, robot: str = "r1") -> None:
+        self.robot = robot
+        self._encoders: dict[str, Encoder] = {}
+
+    def say(self, topic: Topic[Message], message: Message, time_us: int) -> Said:
+        encoder = self._encoders.setdefault(
+            topic.path, Encoder(*sender_of(topic.publisher, self.robot))
+        )
+        return Said(topic.key(self.robot), encoder.encode(message), time_us, message)
+
+
+def odometry(
+    time_ns: int, x_m: float, y_m: float = 2.0, heading_rad: float = 0.0
+) -> PlanarOdometry:
+    return PlanarOdometry(
+        time_ns=time_ns,
+        x_m=x_m,
+        y_m=y_m,
+        heading_rad=heading_rad,
+        speed_m_s=0.25,
+        yaw_rate_rad_s=0.0,
+        cov_xx_m2=0.0001,
+        cov_xy_m2=0.0,
+        cov_xh_m_rad=0.0,
+        cov_yy_m2=0.0004,
+        cov_yh_m_rad=0.0,
+        cov_hh_rad2=0.0001,
+    )
+
+
+def scan(time_ns: int, seq: int, echo: int = 0b11000) -> SonarScan:
+    ranges = tuple(800 + sonar for sonar in range(8))
+    return SonarScan(
+        time_ns=time_ns, seq=seq, range_mm=ranges, ping_age_us=(0,) * 8, valid=255, echo=echo
+    )
+
+
+def status(
+    time_ns: int,
+    goal: GoalState = GoalState.DRIVING,
+    vehicle: Vehicle = Vehicle.ACTIVE,
+    vehicle_reason: int = 0,
+) -> NavigatorStatus:
+    there = goal != GoalState.NONE
+    return NavigatorStatus(
+        time_ns=time_ns,
+        goal_started_ns=1 if there else 0,
+        goal_ended_ns=0,
+        goal_id=7 if there else 0,
+        goal_x_m=5.4 if there else nan,
+        goal_y_m=2.0 if there else nan,
+        goal_heading_rad=0.0 if there else nan,
+        goal_distance_m=1.0,
+        vehicle=vehicle,
+        mode=Mode.GUIDED,
+        goal=goal,
+        vehicle_reason=vehicle_reason,
+        goal_reason=0,
+        navigator=Navigator.VGM,
+        side=1,
+    )
+
+
+def decision(time_ns: int, virtual: tuple[float, float] = (1.0, 2.5)) -> AvoidanceDecision:
+    return AvoidanceDecision(
+        time_ns=time_ns,
+        nearest_bearing_rad=0.1,
+        nearest_range_m=0.8,
+        zone_m=0.3,
+        goal_bearing_rad=0.0,
+        rotation_rad=0.5,
+        virtual_x_m=virtual[0],
+        virtual_y_m=virtual[1],
+        speed_m_s=0.25,
+        yaw_rate_rad_s=0.1,
+        branch=1,
+        guard=0,
+    )
+
+
+def truth(time_ns: int, x_m: float) -> GroundTruth:
+    return GroundTruth(
+        time_ns=time_ns,
+        seq=0,
+        x_m=x_m,
+        y_m=2.01,
+        heading_rad=0.0,
+        speed_m_s=0.25,
+        yaw_rate_rad_s=0.0,
+        clearance_m=0.5,
+        contact=0,
+    )
+
+
+GOAL = GoalRequest(
+    request_id=7,
+    x_mm=5400,
+    y_mm=2000,
+    heading_urad=0,
+    position_tolerance_mm=50,
+    heading_tolerance_urad=52_360,
+    heading_free=0,
+    mode=15,
+)
+
+
+def run(ticks: int = 40, robot: str = "r1") -> Iterator[Said]:
+    """A goal is given in tick 10 and reached in the last but five."""
+    speaker = Speaker(robot)
+    for tick in range(ticks):
+        at_us, at_ns = START_US + tick * PERIOD_US, tick * PERIOD_US * 1000
+        x_m = 0.6 + 0.0125 * max(0, tick - 10)
+        yield speaker.say(WHEELS, wheels(at_ns, tick), at_us)
+        yield speaker.say(SONAR, scan(at_ns, tick), at_us + 100)
+        yield speaker.say(TRUTH, truth(at_ns, x_m), at_us + 200)
+        if tick == 10:
+            yield speaker.say(COMMANDED, GOAL, at_us + 250)
+            ack = CommandAck(command=192, result=0, result_param2=0)
+            yield speaker.say(ANSWERED, ack, at_us + 260)
+        goal = GoalState.NONE if tick < 10 else GoalState.DRIVING
+        if tick >= ticks - 5:
+            goal = GoalState.REACHED
+        yield speaker.say(ODOMETRY, odometry(at_ns, x_m), at_us + 300)
+        yield speaker.say(STATUS, status(at_ns, goal), at_us + 400)
+        yield speaker.say(DECISION, decision(at_ns, (1.0 + x_m, 2.5)), at_us + 500)
+        if tick % 4 == 0:
+            yield speaker.say(HEARTBEAT, BEAT, at_us + 600)
+            yield speaker.say(OPERATOR, BEAT, at_us + 700)
+    text = Statustext(severity=Severity.INFO, text="goal reached")
+    yield speaker.say(TEXT, text, START_US + ticks * PERIOD_US)
+
+
+def wheels(time_ns: int, tick: int) -> WheelTicks:
+    return WheelTicks(time_ns=time_ns, seq=tick, left=tick, right=tick, bumper=0, expired=0)
+
+
+def tlog(path: Path, said: list[Said]) -> Path:
+    path.write_bytes(b"".join(record_bytes(one.time_us, one.frame) for one in said))
+    return path
+
+
+def mcap(path: Path, said: list[Said], every: int = 30, *, closed: bool = True) -> Path:
+    """Chunks of `every` frames; the world is known after the first."""
+    form = McapForm("r1", {"version": "0", "commit": "c0ffee", "dialect": "sidestep@1"})
+    data = b""
+    for number, one in enumerate(said, 1):
+        form.add(one.key, one.frame, one.time_us)
+        if number % every == 0:
+            data += form.batch()
+        if number == every:
+            form.know("world", WORLD_TEXT)
+    data += form.end() if closed else form.batch()
+    path.write_bytes(data)
+    return path

@@ -1,0 +1,123 @@
+"""An MCAP of ours is what its own library reads, and what Foxglove and Lichtblick know."""
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+
+from ground.blackbox.mcap_form import McapForm
+from protocol.codec import Encoder
+from protocol.messages import AvoidanceDecision
+from tests.unit.ground.blackbox.json_schema import problem
+from tests.unit.ground.blackbox.made import Said, decision, mcap, run
+
+FOXGLOVE: dict[str, set[str]] = {
+    "foxglove.PoseInFrame": {"timestamp", "frame_id", "pose"},
+    "foxglove.PosesInFrame": {"timestamp", "frame_id", "poses"},
+    "foxglove.SceneUpdate": {"deletions", "entities"},
+    "foxglove.FrameTransform": {
+        *("timestamp", "parent_frame_id", "child_frame_id"),
+        *("translation", "rotation"),
+    },
+    "foxglove.Log": {"timestamp", "level", "message", "name", "file", "line"},
+    "foxglove.PointCloud": {
+        *("timestamp", "frame_id", "pose"),
+        *("point_stride", "fields", "data"),
+    },
+}
+"""Names that the viewers ask for: https://docs.foxglove.dev/docs/sdk/schemas."""
+ENTITY = {
+    *("timestamp", "frame_id", "id", "lifetime", "frame_locked", "metadata"),
+    *("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models"),
+}
+
+
+class Found:
+    """A file as the MCAP library sees it, checksums included."""
+
+    def __init__(self, path: Path) -> None:
+        reader = make_reader(io.BytesIO(path.read_bytes()), validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        self.summary = summary
+        self.by_topic: dict[str, list[Any]] = {}
+        self.schemas: dict[str, dict[str, Any]] = {}
+        self.names: dict[str, str] = {}
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+            self.by_topic.setdefault(channel.topic, []).append(json.loads(message.data))
+            self.schemas[channel.topic] = json.loads(schema.data)
+            self.names[channel.topic] = schema.name
+        self.metadata = {one.name: one.metadata for one in reader.iter_metadata()}
+
+
+@pytest.fixture
+def said() -> list[Said]:
+    return list(run())
+
+
+@pytest.fixture
+def found(tmp_path: Path, said: list[Said]) -> Found:
+    return Found(mcap(tmp_path / "a.mcap", said))
+
+
+def test_every_message_fits_the_schema_of_its_channel(found: Found) -> None:
+    for topic, messages in found.by_topic.items():
+        schema = found.schemas[topic]
+        assert schema["title"] == found.names[topic]
+        problems = [problem(schema, message, topic) for message in messages]
+        assert problems == [""] * len(messages)
+
+
+def test_the_viewers_find_the_names_that_they_know(found: Found) -> None:
+    drawn = {topic: name for topic, name in found.names.items() if name.startswith("foxglove.")}
+    assert set(drawn.values()) == set(FOXGLOVE)
+    for topic, name in drawn.items():
+        assert all(set(message) == FOXGLOVE[name] for message in found.by_topic[topic])
+    for update in (*found.by_topic["/world"], *found.by_topic["/sonar/rays"]):
+        assert all(set(entity) == ENTITY for entity in update["entities"])
+
+
+def test_every_message_of_ours_is_there_decoded(found: Found, said: list[Said]) -> None:
+    decoded = found.by_topic["/tlm/odometry/PlanarOdometry"]
+    assert [one["x_m"] for one in decoded][:2] == [0.6000000238418579, 0.6000000238418579]
+    assert len(found.by_topic["/mavlink"]) == len(said)
+    (goal,) = found.by_topic["/tlm/commanded/GoalRequest"]
+    assert goal["x_mm"] == 5400
+
+
+def test_the_head_names_robot_and_build_and_facts_follow(found: Found) -> None:
+    assert found.metadata["sidestep"]["robot"] == "r1"
+    assert found.metadata["sidestep"]["commit"] == "c0ffee"
+    assert json.loads(found.metadata["world"]["json"])["name"] == "made"
+
+
+def test_each_batch_is_a_chunk_of_its_own(found: Found, said: list[Said]) -> None:
+    assert len(found.summary.chunk_indexes) == len(said) // 30 + 1
+
+
+def test_what_is_not_finite_is_null_in_the_json() -> None:
+    form = McapForm("r1", {})
+    nowhere = decision(0, (float("nan"), float("inf")))
+    form.add("sidestep/r1/tlm/decision", Encoder(1, 1).encode(nowhere), 1)
+    reader = make_reader(io.BytesIO(form.end()))
+    (shown,) = [
+        json.loads(message.data)
+        for _, channel, message in reader.iter_messages()
+        if AvoidanceDecision.__name__ in channel.topic
+    ]
+    assert shown["virtual_x_m"] is None
+    assert shown["virtual_y_m"] is None
+    assert shown["nearest_range_m"] == pytest.approx(0.8)
+
+
+def test_a_frame_of_a_newer_dialect_is_kept_though_it_cannot_be_shown() -> None:
+    foreign = bytes([0xFD, 1, 0, 0, 0, 1, 1, 0x11, 0x22, 0x33, 7, 0, 0])
+    form = McapForm("r1", {})
+    form.add("sidestep/r1/tlm/new", foreign, 1)
+    reader = make_reader(io.BytesIO(form.end()))
+    assert [channel.topic for _, channel, _ in reader.iter_messages()] == ["/mavlink"]

@@ -1,0 +1,117 @@
+"""What a viewer is given to draw: places in metres, nothing where nothing is known."""
+
+from base64 import b64decode
+from math import cos, inf, nan, radians
+from struct import iter_unpack
+from typing import Any
+
+import pytest
+
+from ground.blackbox.picture import MOST_POSES, Drawn, Picture
+from protocol.enums import GoalState, Severity
+from protocol.message import Message
+from protocol.messages import Statustext
+from tests.unit.ground.blackbox.made import (
+    WORLD_TEXT,
+    decision,
+    odometry,
+    scan,
+    status,
+    truth,
+)
+
+S = 1_000_000_000
+
+
+def seen(picture: Picture, message: Message, time_ns: int = S) -> dict[str, Any]:
+    return {drawn.topic: drawn.content for drawn in picture.see("k", message, time_ns)}
+
+
+def known(picture: Picture) -> dict[str, Any]:
+    return {drawn.topic: drawn.content for drawn in picture.know("world", WORLD_TEXT, S)}
+
+
+def test_the_pose_is_drawn_and_moves_the_robots_frame() -> None:
+    drawn = seen(Picture(), odometry(0, 1.25, 2.5, radians(90.0)), 3 * S + 7)
+    pose = drawn["/robot/pose"]
+    assert pose["timestamp"] == {"sec": 3, "nsec": 7}
+    assert pose["pose"]["position"] == {"x": 1.25, "y": 2.5, "z": 0.0}
+    assert pose["pose"]["orientation"]["z"] == pytest.approx(cos(radians(45.0)), abs=1e-4)
+    transform = drawn["/tf"]
+    assert (transform["parent_frame_id"], transform["child_frame_id"]) == ("world", "robot")
+    assert transform["translation"]["x"] == 1.25
+
+
+def test_the_trail_grows_once_a_second_and_stays_bounded() -> None:
+    picture, told = Picture(), []
+    for tick in range(20_000):
+        drawn = seen(picture, odometry(0, tick * 0.0125), tick * S // 20)
+        if "/robot/trail" in drawn:
+            told.append(len(drawn["/robot/trail"]["poses"]))
+    assert len(told) == 1000
+    assert told[1] > told[0]
+    assert max(told) <= MOST_POSES
+    assert told[-1] > MOST_POSES // 2
+
+
+def test_a_pose_that_is_no_number_is_not_drawn() -> None:
+    assert seen(Picture(), odometry(0, nan)) == {}
+    assert seen(Picture(), truth(0, inf)) == {}
+
+
+def test_only_echoes_are_points_and_they_begin_at_the_rim() -> None:
+    picture = Picture()
+    known(picture)
+    cloud = seen(picture, scan(0, 0, echo=0b1000_0001))["/sonar/echoes"]
+    points = list(iter_unpack("<fff", b64decode(cloud["data"])))
+    assert len(points) == 2
+    far_m = [(x * x + y * y) ** 0.5 for x, y, _ in points]
+    assert far_m == pytest.approx([0.15 + 0.800, 0.15 + 0.807], abs=1e-6)
+    assert points[0][1] < 0 < points[1][1], "sonar 0 looks right, 7 left"
+    assert seen(picture, scan(0, 0, echo=0))["/sonar/echoes"]["data"] == ""
+
+
+def test_the_goal_is_drawn_when_it_is_another_one() -> None:
+    picture = Picture()
+    assert seen(picture, status(0, GoalState.NONE)) == {}
+    (goal,) = seen(picture, status(0))["/goal"]["entities"]
+    assert goal["cylinders"][0]["pose"]["position"]["x"] == 5.4
+    assert len(goal["arrows"]) == 1
+    assert seen(picture, status(1)) == {}
+
+
+def test_the_virtual_goal_comes_and_goes() -> None:
+    picture = Picture()
+    virtual, zone = seen(picture, decision(0))["/goal/virtual"]["entities"]
+    assert len(virtual["spheres"]) == len(zone["lines"]) == 1
+    assert seen(picture, decision(1)) == {}, "it has not moved"
+    virtual, zone = seen(picture, decision(2, (nan, nan)))["/goal/virtual"]["entities"]
+    assert virtual["spheres"] == zone["lines"] == []
+
+
+def test_the_world_is_walls_and_discs_in_their_places() -> None:
+    drawn = known(Picture())
+    walls, start = drawn["/world"]["entities"]
+    assert len(walls["cubes"]) == 4 + 3 + 2, "outer walls, triangle, a bent wall"
+    assert {cube["size"]["x"] for cube in walls["cubes"]} >= {6.0, 4.0, 2.0}
+    assert [disc["color"]["a"] for disc in walls["cylinders"]] == [1.0, 0.4], "what moves is faint"
+    assert len(start["arrows"]) == 1
+    (robot,) = drawn["/robot/body"]["entities"]
+    assert robot["cylinders"][0]["size"]["x"] == 0.3
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"obstacles": [{"wall_m": 3}]}', '{"size_m": 1}'])
+def test_a_world_that_cannot_be_read_is_not_drawn(text: str) -> None:
+    drawn: list[Drawn] = Picture().know("world", text, 0)
+    assert len(drawn) in (0, 2)
+    assert Picture().know("parameters", WORLD_TEXT, 0) == []
+
+
+@pytest.mark.parametrize(
+    ("severity", "level"),
+    [(Severity.INFO, 2), (Severity.WARNING, 3), (Severity.ERROR, 4), (Severity.EMERGENCY, 5)],
+)
+def test_texts_have_the_viewers_level(severity: Severity, level: int) -> None:
+    drawn = seen(Picture(), Statustext(severity=severity, text="hello"))
+    assert (drawn["/log"]["level"], drawn["/log"]["message"]) == (level, "hello")
+    assert seen(Picture(), Statustext(severity=99, text="odd"))["/log"]["level"] == 1
