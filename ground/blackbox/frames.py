@@ -14,7 +14,7 @@ from ground.tlog import HEADER_SIZE, Reader
 from protocol.codec import WIRE_OF_ID, WIRE_OF_TYPE
 from protocol.errors import UserError
 from protocol.sender import COMPONENT
-from protocol.topics import PREFIX, ROBOT_NAME, TOPICS
+from protocol.topics import PREFIX, TOPICS
 
 NS_PER_US: Final = 1000
 MCAP_BEGINS: Final = b"\x89MCAP"
@@ -129,7 +129,7 @@ def frames(path: Path) -> Iterator[Frame]:
 def robot_in(path: Path) -> str:
     """The robot that a recording is named after; the usual one when the name does not tell."""
     named = NAMED.match(path.stem)
-    return named["robot"] if named and ROBOT_NAME.match(named["robot"]) else USUAL_ROBOT
+    return named["robot"] if named else USUAL_ROBOT
 
 
 def key_of(frame: bytes, robot: str) -> str:
