@@ -22,6 +22,7 @@ BENCHMARKS = {
     "jitter": "wall-clock driving: missed ticks and lateness, with and without SCHED_FIFO",
     "nees": "whether the odometry's covariance fits its errors, per noise level",
     "arrival": "pose and last turn at the goal in the open, go-then-align beside it",
+    "map": "a frame of the map on 100 x 40 cells, textual-plotext beside it",
     "digest": "the same trajectory in every way of running, another one for another seed",
 }
 

@@ -9,7 +9,7 @@ from ground.map.scene import Disc, Shape
 from ground.map.view import Point, View
 
 WHOLE_TURN_RAD: Final = 2.0 * pi
-DOTS_PER_CHORD: Final = 4.0
+DOTS_PER_CHORD: Final = 3.0
 LEAST_CHORDS: Final = 6
 MOST_CHORDS: Final = 240
 MOST_POINTS: Final = 500

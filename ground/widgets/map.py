@@ -10,11 +10,11 @@ from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
-from ground.map import LAYERS, Canvas, Scene, View, draw_moving, draw_standing, standing
+from ground.map import LAYERS, ROLES, Canvas, Scene, View, draw_moving, draw_standing, standing
 from ground.map.view import Point
 
 WHEEL_FACTOR = 1.25
-DIM = Style(dim=True)
+PAPER = ""
 
 
 class MapWidget(Widget):
@@ -55,7 +55,7 @@ class MapWidget(Widget):
         self._view = View(0, 0)
         self._shown: Collection[str] = LAYERS
         self._ascii_only, self._fitted, self._following = ascii_only, True, False
-        self._role_styles: Mapping[str, Style] = dict(styles_by_role or {})
+        self._ink, self._dim_ink = inks(styles_by_role or {})
 
     @property
     def view(self) -> View:
@@ -101,7 +101,7 @@ class MapWidget(Widget):
 
     def colour(self, styles_by_role: Mapping[str, Style]) -> None:
         """Another theme."""
-        self._role_styles = dict(styles_by_role)
+        self._ink, self._dim_ink = inks(styles_by_role)
         self._strips.clear()
         self.refresh()
 
@@ -155,11 +155,9 @@ class MapWidget(Widget):
         self.post_message(self.Zoomed(factor, *self._view.middle_of(event.x, event.y)))
 
     def _strip(self, row: int) -> Strip:
-        styles, null = self._role_styles, Style.null()
-        extra = null if self.scene.live else DIM
+        ink = self._ink if self.scene.live else self._dim_ink
         runs = self._canvas.strip(row)
-        segments = [Segment(text, styles.get(role, null) + extra) for role, text in runs]
-        return Strip(segments, self._canvas.columns)
+        return Strip([Segment(text, ink[role]) for role, text in runs], self._canvas.columns)
 
     def _look(self) -> None:
         """Where the view has to be for this scene."""
@@ -193,3 +191,9 @@ class MapWidget(Widget):
             self._strips.pop(row, None)
         if rows:
             self.refresh(*(Region(0, row, canvas.columns, 1) for row in rows))
+
+
+def inks(styles_by_role: Mapping[str, Style]) -> tuple[dict[str, Style], dict[str, Style]]:
+    """A style for every role, as it is and dim. Never none: Textual cannot filter what is not."""
+    plain = {role: styles_by_role.get(role, Style.null()) for role in (PAPER, *ROLES)}
+    return plain, {role: style + Style(dim=True) for role, style in plain.items()}

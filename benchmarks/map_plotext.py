@@ -1,0 +1,28 @@
+"""The same lines by textual-plotext, used as its documentation says."""
+
+from collections.abc import Sequence
+
+from textual_plotext import PlotextPlot
+
+from ground.map.canvas import Dot
+
+Lines = Sequence[tuple[tuple[int, int, int], Sequence[Dot]]]
+"""Of each polyline the colour, and its points in dots from the top left corner."""
+
+
+class PlotextMap(PlotextPlot):
+    """Braille, no axes; the whole widget is the map."""
+
+    def show(self, lines: Lines) -> None:
+        plot, (wide, high) = self.plt, (2 * self.size.width, 4 * self.size.height)
+        plot.clear_data()
+        plot.xaxes(False, False)
+        plot.yaxes(False, False)
+        plot.frame(False)
+        plot.xlim(0, wide - 1)
+        plot.ylim(0, high - 1)
+        for colour, dots in lines:
+            xs = [x for x, _ in dots]
+            ys = [high - 1 - y for _, y in dots]
+            plot.plot(xs, ys, marker="braille", color=colour)
+        self.refresh()

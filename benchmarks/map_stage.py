@@ -1,0 +1,86 @@
+"""A terminal that only counts, and an app on it that paints frame after frame of one widget."""
+
+import asyncio
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from statistics import median
+from time import thread_time
+from typing import Any, Final
+
+from rich.console import Console
+from textual.app import App, ComposeResult
+from textual.drivers.headless_driver import HeadlessDriver
+from textual.pilot import Pilot
+from textual.widget import Widget
+
+PATIENCE_S: Final = 10.0
+WARM_UP: Final = 5
+
+
+@dataclass(slots=True)
+class Cost:
+    """Of each frame, what it took and what it wrote."""
+
+    cpu_ms: list[float] = field(default_factory=list)
+    written_kb: list[float] = field(default_factory=list)
+
+    @property
+    def median_ms(self) -> float:
+        return median(self.cpu_ms)
+
+    @property
+    def median_kb(self) -> float:
+        return median(self.written_kb)
+
+
+class Terminal(HeadlessDriver):
+    """Takes what is written, as fast as can be, and says that something was."""
+
+    def __init__(self, app: "Stage", **options: Any) -> None:
+        super().__init__(app, **options)
+        app.terminal = self
+        self.written = 0
+        self.painted = asyncio.Event()
+
+    @property
+    def is_headless(self) -> bool:
+        """Without this nothing would be written to it."""
+        return False
+
+    def write(self, data: str) -> None:
+        self.written += len(data.encode())
+        self.painted.set()
+
+
+class Stage(App[None]):
+    """One widget on all of the screen."""
+
+    terminal: Terminal
+
+    def __init__(self, widget: Widget) -> None:
+        super().__init__(driver_class=Terminal)
+        file = self.console.file
+        self.console = Console(color_system="truecolor", file=file, force_terminal=True)
+        self.widget = widget
+
+    def compose(self) -> ComposeResult:
+        yield self.widget
+
+
+def perform(widget: Widget, frames: Iterable[Callable[[], None]], size: tuple[int, int]) -> Cost:
+    """CPU time of the thread from paint to paint, Textual's share of it included."""
+    stage, cost = Stage(widget), Cost()
+
+    async def play(_: Pilot[object]) -> None:
+        for number, frame in enumerate(frames):
+            stage.terminal.painted.clear()
+            begun_s, stage.terminal.written = thread_time(), 0
+            frame()
+            await asyncio.wait_for(stage.terminal.painted.wait(), PATIENCE_S)
+            if number >= WARM_UP:
+                cost.cpu_ms.append((thread_time() - begun_s) * 1e3)
+                cost.written_kb.append(stage.terminal.written / 1e3)
+        stage.exit()
+
+    stage.run(size=size, auto_pilot=play)
+    return cost

@@ -1,0 +1,55 @@
+"""The benchmark of the map draws what it says it draws; how fast is not judged here."""
+
+from argparse import ArgumentParser
+from functools import partial
+
+from rich.text import Text
+
+from benchmarks import map as benchmark
+from benchmarks.map_plotext import PlotextMap
+from benchmarks.map_scene import drive, noted, segments, whirl
+from benchmarks.map_stage import perform
+from ground.widgets.map import MapWidget
+
+
+def test_every_frame_has_500_segments_and_14_obstacles() -> None:
+    for scene in (*whirl(3), *drive(3)):
+        assert segments(noted(scene, *benchmark.SIZE)) >= 500
+        assert len(scene.obstacles) == 14
+
+
+def test_in_the_hard_scene_nearly_every_row_changes_and_in_a_drive_few_do() -> None:
+    for scenes, least, most in ((whirl(2), 30, 40), (drive(2), 1, 15)):
+        one, other = (noted(scene, *benchmark.SIZE) for scene in scenes)
+        assert least <= len(one.changed(other)) <= most
+
+
+def test_a_frame_is_what_was_written_for_it() -> None:
+    widget = MapWidget()
+    scenes = whirl(7)
+    cost = perform(widget, [partial(widget.show, scene) for scene in scenes], (40, 12))
+    assert len(cost.cpu_ms) == len(cost.written_kb) == 2
+    assert all(0.3 < kb < 5.0 for kb in cost.written_kb)
+    assert all(ms > 0.0 for ms in cost.cpu_ms)
+
+
+def test_plotext_draws_the_same_lines() -> None:
+    canvas = noted(whirl(1)[0], 40, 12)
+    widget = PlotextMap()
+    lines = benchmark.lines_of(canvas)
+    perform(widget, [partial(widget.show, lines)], (40, 12))
+    text = Text.from_ansi(widget.plt.build()).plain
+    theirs = sum(character not in " \n" for character in text)
+    ours = sum(character != " " for character in "".join(canvas.to_rows()))
+    assert 0.7 * ours < theirs < 1.3 * ours
+
+
+def test_it_reports_both_and_their_ratio() -> None:
+    parser = ArgumentParser()
+    benchmark.add_options(parser)
+    options = parser.parse_args(["--repetitions", "1", "--frames", "12"])
+    report = benchmark.measure(options)
+    named = {figure.name: figure for figure in report.figures}
+    assert named["frame, all moves"].at_most == 4.0
+    assert named["ours / textual-plotext"].at_most == 0.2
+    assert named["written, driving"].median < named["written, all moves"].median
