@@ -14,7 +14,7 @@ from ground.says import Says
 from ground.status_line import goal_line
 from ground.telemetry import Telemetry
 from protocol.enums import Command, Mode, Vehicle
-from protocol.errors import RemoteError
+from protocol.errors import RemoteError, UserError
 from protocol.messages import GoalRequest
 from protocol.reasons import Reason
 from protocol.topics import DECISION, ODOMETRY, STATUS
@@ -42,10 +42,14 @@ def run(options: argparse.Namespace, says: Says) -> int:
 
 
 def act(options: argparse.Namespace, link: Link, says: Says) -> int:
+    """Waits for the end, unless the robot needs nobody or somebody else attends it."""
     where = destination_of(options)
+    if options.timeout is not None and (options.no_wait or options.attended):
+        raise UserError("--timeout is for whoever waits for the end; nobody does")
     drive = Drive(link, says)
-    if options.no_wait:
-        return tell(says, "goto", link.robot, drive.send(where, Mode.AUTO)[0])
+    if options.no_wait or options.attended:
+        mode = Mode.AUTO if options.no_wait else Mode.GUIDED
+        return tell(says, "goto", link.robot, drive.send(where, mode)[0])
     timeout_ns = None if options.timeout is None else round(options.timeout * NS_PER_S)
     return drive.wait_for(where, timeout_ns)
 

@@ -36,7 +36,11 @@ class Common:
 
 
 def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> None:
-    """`--connect` (or `--listen`), `--id`, `--config` and `--json`."""
+    """`--connect` (or `--listen`), `--id`, `--config` and `--json`.
+
+    `attended`: somebody else beats the operator's heart, holds the lease and watches the goal.
+    """
+    parser.set_defaults(attended=False)
     if listens:
         parser.add_argument("--listen", metavar="ENDPOINT", help=f"({DEFAULT_ENDPOINT})")
     else:

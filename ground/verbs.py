@@ -74,7 +74,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
 
 
 def parser_of(verb: Verb, word: str) -> argparse.ArgumentParser:
-    """What reads the arguments of a verb that goes by this word."""
+    """What reads the arguments of a verb that goes by this word, on a command line."""
     parser = argparse.ArgumentParser(
         prog=f"sidestep {word}", description=verb.says, allow_abbrev=False
     )

@@ -34,7 +34,7 @@ def ground_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def act(options: argparse.Namespace, link: Link, says: Says) -> int:
-    if options.once or options.json:
+    if options.once or options.json or options.attended:
         telemetry = Telemetry(link.bus, link.robot, notify=link.pulse.beat)
         return look_once(link, telemetry, says)
     # What it shows is its result: one line after the other for whoever reads a pipe.

@@ -1,0 +1,49 @@
+"""Does what was typed over the link that is there: the code of the command line, no other."""
+
+import argparse
+from collections.abc import Callable, Mapping
+
+from ground.console.helping import help_text
+from ground.link import Link
+from ground.says import Says
+from ground.verbs import VERBS
+from protocol.errors import RemoteError, UserError
+
+EXIT_NOT = 1
+EXIT_USAGE = 2
+
+
+def act(
+    options: argparse.Namespace,
+    link: Link,
+    says: Says,
+    local: Mapping[str, Callable[[argparse.Namespace, Says], int]] | None = None,
+) -> int:
+    """The exit code the command line would have ended with; errors are said, not raised.
+
+    `local` does the words that only the app knows; one that it has not is said to be missing.
+    """
+    try:
+        if options.local:
+            return _locally(options, says, local or {})
+        verb = VERBS[options.verb]
+        return verb.run(options, says) if verb.act is None else verb.act(options, link, says)
+    except UserError as error:
+        says.note(f"{options.verb}: {error}")
+        return EXIT_USAGE
+    except RemoteError as error:
+        says.note(f"{options.verb}: {error}")
+        return int(getattr(error, "exit_code", EXIT_NOT))
+
+
+def _locally(
+    options: argparse.Namespace,
+    says: Says,
+    local: Mapping[str, Callable[[argparse.Namespace, Says], int]],
+) -> int:
+    if options.verb in local:
+        return local[options.verb](options, says)
+    if options.verb == "help":
+        says.result({"help": options.word}, help_text(options.word))
+        return 0
+    raise UserError("is not there yet on this screen")

@@ -1,0 +1,33 @@
+"""Short words of the console, and the verbs that they stand for."""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Final
+
+ALIASES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "goal": ("goto",),
+        "algo": ("navigator",),
+        "set": ("param", "set"),
+        "get": ("param", "get"),
+        "stop": ("estop",),
+        "q": ("quit",),
+        "exit": ("quit",),
+        "?": ("help",),
+    }
+)
+WHOLE: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
+    {
+        ("mode", "rtl"): ("rtl",),
+        ("mission", "restart"): ("mission", "start", "0"),
+    }
+)
+
+
+def unfolded(words: Sequence[str]) -> list[str]:
+    """The same command in the words of the command line."""
+    whole = WHOLE.get(tuple(word.lower() for word in words))
+    if whole is not None:
+        return list(whole)
+    first, *rest = words
+    return [*ALIASES.get(first, (first,)), *rest]

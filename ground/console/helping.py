@@ -1,0 +1,25 @@
+"""`help`: all commands in a line each, or one of them with its arguments."""
+
+from ground.console.aliases import ALIASES, unfolded
+from ground.console.local import LOCAL
+from ground.console.reading import ELSEWHERE, parser_for, usage_of
+from ground.verbs import VERBS
+
+
+def help_text(word: str = "") -> str:
+    """UserError when there is no such command."""
+    if word:
+        return f"{_with_usage(word)}"
+    rows = {name: verb.says for name, verb in VERBS.items() if name not in ELSEWHERE}
+    rows |= {name: local.says for name, local in LOCAL.items()}
+    short = {name: " ".join(words) for name, words in ALIASES.items() if name.isalpha()}
+    lines = [f"{name:<12} {says}" for name, says in rows.items()]
+    lines.append("short: " + ", ".join(f"{name} = {long}" for name, long in short.items()))
+    return "\n".join(lines)
+
+
+def _with_usage(word: str) -> str:
+    words = unfolded([word])
+    parser = parser_for(words)
+    rest = parser.format_help().split("\n\n", 1)[-1].strip()
+    return f"{usage_of(parser)}\n{rest}"

@@ -1,0 +1,78 @@
+"""What was typed before: bounded, without repetitions in a row, kept in a file if there is one."""
+
+import os
+from pathlib import Path
+from typing import Final
+
+MOST: Final = 500
+
+
+class History:
+    """`previous` and `next` walk through the lines that begin with what was typed.
+
+    A file that cannot be read or written is no reason to fail: `trouble` says what happened.
+    """
+
+    def __init__(self, path: Path | None = None, most: int = MOST) -> None:
+        self._path = path
+        self._most = most
+        self.trouble = ""
+        self.lines = self._read()
+        self._at = len(self.lines)
+        self._begun = ""
+
+    def add(self, line: str) -> None:
+        """Remember a line, and begin again at the end."""
+        line = line.strip()
+        if line and line.isprintable() and line != (self.lines[-1] if self.lines else ""):
+            self.lines = [*self.lines, line][-self._most :]
+            self._write()
+        self._at, self._begun = len(self.lines), ""
+
+    def previous(self, typed: str) -> str:
+        """The line before; at the oldest one it stays."""
+        if self._at == len(self.lines):
+            self._begun = typed
+        for at in range(self._at - 1, -1, -1):
+            if self.lines[at].startswith(self._begun):
+                self._at = at
+                return self.lines[at]
+        return typed
+
+    def next(self, typed: str) -> str:
+        """The line after; after the newest one it is what had been typed."""
+        if self._at == len(self.lines):
+            return typed
+        for at in range(self._at + 1, len(self.lines)):
+            if self.lines[at].startswith(self._begun):
+                self._at = at
+                return self.lines[at]
+        self._at = len(self.lines)
+        return self._begun
+
+    def _read(self) -> list[str]:
+        if self._path is None:
+            return []
+        try:
+            lines = self._path.read_text(encoding="utf-8", errors="replace").splitlines()
+        except FileNotFoundError:
+            return []
+        except OSError as error:
+            self.trouble = f"{self._path}: {error.strerror}"
+            return []
+        return [line for line in lines if line and line.isprintable()][-self._most :]
+
+    def _write(self) -> None:
+        """Whole or not at all, and readable by nobody else."""
+        if self._path is None:
+            return
+        beside = self._path.with_name(f"{self._path.name}.{os.getpid()}")
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            beside.touch(0o600)
+            beside.write_text("\n".join([*self.lines, ""]), encoding="utf-8")
+            os.replace(beside, self._path)
+        except OSError as error:
+            self.trouble = f"{self._path}: {error.strerror}"
+            return
+        self.trouble = ""

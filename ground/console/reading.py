@@ -1,0 +1,124 @@
+"""A typed command to the namespace that the command line would have made of the same verb.
+
+Nothing here prints or exits: what cannot be done is a UserError with the reason and the fix.
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from itertools import chain
+from types import MappingProxyType
+from typing import Final, NoReturn
+
+from ground.console.aliases import ALIASES, unfolded
+from ground.console.local import LOCAL
+from ground.console.typed import words_of
+from ground.verbs import VERBS, Arguments
+from protocol.errors import UserError
+from protocol.options import numbers_kept
+
+ELSEWHERE: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "up": "it starts a robot of its own: run it in another terminal",
+        "router": "it runs until it is stopped: run it in another terminal",
+        "ground": "this is it",
+    }
+)
+"""Verbs of the command line that make no sense inside of the app, and why."""
+ANSWERED: Final = ("connect", "id", "config", "json")
+"""Options that were answered when the app was started."""
+LONGEST_GUESSED: Final = 24
+
+
+class ConsoleParser(argparse.ArgumentParser):
+    """Reads as argparse does, and raises where that would print and exit."""
+
+    def __init__(self, prog: str = "", **how: object) -> None:
+        how |= {"add_help": False, "allow_abbrev": False, "exit_on_error": True}
+        super().__init__(prog, **how)  # type: ignore[arg-type]
+
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message}; it takes: {usage_of(self)}")
+
+
+def usage_of(parser: argparse.ArgumentParser) -> str:
+    """In one line, without what the app has answered already."""
+    return " ".join(parser.format_usage().removeprefix("usage:").split())
+
+
+def verbs() -> list[str]:
+    """Every word a command can begin with."""
+    there = (word for word in VERBS if word not in ELSEWHERE)
+    return sorted({*there, *LOCAL, *(word for word in ALIASES if word.isalpha() and word != "q")})
+
+
+def is_local(words: Sequence[str]) -> bool:
+    """Whether the app does it itself. `teleop` alone is its mode, with speeds it is the verb."""
+    first = words[0]
+    return first in LOCAL and not (first == "teleop" and len(words) > 1 and first in VERBS)
+
+
+def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
+    """What reads the rest of these words; UserError when there is no such verb."""
+    word = words[0]
+    arguments: Arguments
+    if is_local(words):
+        arguments, says = LOCAL[word].arguments, LOCAL[word].says
+    elif word in VERBS and word not in ELSEWHERE:
+        arguments, says = VERBS[word].arguments, VERBS[word].says
+    else:
+        raise UserError(_unknown(word))
+    parser = ConsoleParser(word, description=says)
+    arguments(parser)
+    for inner in everything_in(parser):
+        hide_answered(inner)
+    return parser
+
+
+def _unknown(word: str) -> str:
+    if word in ELSEWHERE:
+        return f"{word!r} cannot be done here: {ELSEWHERE[word]}"
+    shown = word if len(word) <= LONGEST_GUESSED else f"{word[:LONGEST_GUESSED]}..."
+    near = get_close_matches(word[:LONGEST_GUESSED], verbs(), n=1)
+    return f"no such command: {shown!r}; {f'did you mean {near[0]!r}?' if near else 'try help'}"
+
+
+def everything_in(parser: argparse.ArgumentParser) -> list[argparse.ArgumentParser]:
+    """The parser and those of its subcommands."""
+    inner = subcommands_of(parser).values()
+    return [parser, *chain.from_iterable(map(everything_in, inner))]
+
+
+def subcommands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    # argparse has no public way to look into a parser.
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return dict(action.choices)
+    return {}
+
+
+def hide_answered(parser: argparse.ArgumentParser) -> None:
+    for action in parser._actions:
+        if action.dest in ANSWERED and action.option_strings:
+            action.help = argparse.SUPPRESS
+
+
+def parse(text: str) -> argparse.Namespace:
+    """The namespace of what was typed; `local` when the app does it itself.
+
+    `attended`: the app beats the operator's heart and watches the goal, so nothing waits for it.
+    """
+    words = words_of(text)
+    if not words:
+        raise UserError("nothing to do: type a command, or help")
+    words = unfolded(words)
+    local = is_local(words)
+    options = argparse.Namespace(verb=words[0])
+    parser_for(words).parse_args(numbers_kept(words[1:]), options)
+    for name in ANSWERED:
+        if getattr(options, name, None):
+            raise UserError(f"--{name} cannot be used here: it was settled when the app started")
+    if getattr(options, "out", "") is None:
+        raise UserError("there is no standard output here: add --out FILE")
+    options.local, options.attended = local, True
+    return options

@@ -1,0 +1,27 @@
+"""Every command that a robot can be given, as typed in the console and as typed in a shell."""
+
+SPOKEN: list[tuple[str, list[str]]] = [
+    ("goal 9 7", ["goto", "9", "7"]),
+    ("goal 9 -7 -90 --tolerance 0.1", ["goto", "9", "-7", "-90", "--tolerance", "0.1"]),
+    ("goto 1 2 --no-wait", ["goto", "1", "2", "--no-wait"]),
+    ("hold", ["hold"]),
+    ("resume", ["resume"]),
+    ("abort", ["abort"]),
+    ("estop", ["estop"]),
+    ("stop", ["estop"]),
+    ("clear-estop", ["clear-estop"]),
+    ("arm", ["arm"]),
+    ("disarm", ["disarm"]),
+    ("rtl", ["rtl"]),
+    ("mode RTL", ["rtl"]),
+    ("mode guided", ["mode", "guided"]),
+    ("mode AUTO --timeout 2", ["mode", "AUTO", "--timeout", "2"]),
+    ("algo vgm", ["navigator", "vgm"]),
+    ("navigator bug left", ["navigator", "bug", "left"]),
+    ("set d_obs_m 0.5", ["param", "set", "d_obs_m", "0.5"]),
+    ("get d_*", ["param", "get", "d_*"]),
+    ("param list", ["param", "list"]),
+    ("param save", ["param", "save"]),
+    ("watch", ["watch"]),
+    ("doctor --timeout 0.5", ["doctor", "--timeout", "0.5"]),
+]

@@ -1,0 +1,61 @@
+"""TAB: verbs, their choices, the robot's parameters and files, as whole lines."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.console import complete
+
+PARAMETERS = ("d_obs_m", "d_min_m", "side")
+
+
+@pytest.mark.parametrize(
+    ("typed", "lines"),
+    [
+        ("est", ["estop"]),
+        ("mode g", ["mode guided"]),
+        (":mode g", ["mode guided"]),
+        ("algo vgm", ["algo vgm_memory"]),
+        ("algo bug ", ["algo bug left", "algo bug right"]),
+        ("set d_o", ["set d_obs_m"]),
+        ("param set d_o", ["param set d_obs_m"]),
+        ("get d_", ["get d_obs_m", "get d_min_m"]),
+        ("param s", ["param set", "param save"]),
+        ("goto 1 2 --no", ["goto 1 2 --no-wait"]),
+        ("hold --time", ["hold --timeout"]),
+        ("hold --co", []),
+        ("help estop", []),
+        ("help est", ["help estop"]),
+        ("screen pl", ["screen plots"]),
+        ("record s", ["record start", "record stop"]),
+        ("goal 1 ", []),
+        ("nothing at all", []),
+        ("hold\x1b", []),
+    ],
+)
+def test_what_was_begun_is_carried_on(typed: str, lines: list[str]) -> None:
+    assert complete(typed, PARAMETERS) == lines
+
+
+def test_an_empty_line_offers_all_there_is() -> None:
+    assert {"goal", "estop", "quit", "help", "wp"} <= set(complete(""))
+
+
+def test_files_are_found_folders_end_in_a_slash_and_blanks_are_quoted(tmp_path: Path) -> None:
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "a run.tlog").touch()
+    (tmp_path / ".hidden").touch()
+    assert complete("replay ", folder=tmp_path) == ["replay runs/"]
+    assert complete("replay runs/", folder=tmp_path) == ["replay 'runs/a run.tlog'"]
+    assert complete("replay 'runs/a r", folder=tmp_path) == ["replay 'runs/a run.tlog'"]
+    assert complete("replay .h", folder=tmp_path) == ["replay .hidden"]
+    assert complete("replay nowhere/", folder=tmp_path) == []
+
+
+@given(
+    st.text() | st.lists(st.sampled_from(["set", "goal", "'", "-", "--", "wp", "x"])).map(" ".join)
+)
+def test_any_text_completes_to_lines_that_are_new(text: str) -> None:
+    assert text not in complete(text, PARAMETERS, Path("/nowhere"))

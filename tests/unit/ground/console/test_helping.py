@@ -1,0 +1,29 @@
+"""`help`: everything that can be typed, and what one command takes."""
+
+import pytest
+
+from ground.console import help_text, verbs
+from protocol.errors import UserError
+
+
+def test_every_command_is_in_the_list() -> None:
+    words = set(help_text().replace(",", "").split())
+    assert set(verbs()) <= words
+    assert "router" not in words
+
+
+def test_one_command_is_explained_by_its_short_name_too() -> None:
+    said = help_text("goal")
+    assert said.startswith("goto [--tolerance M]")
+    assert "final heading" in said
+    assert "--connect" not in said
+
+
+@pytest.mark.parametrize("word", verbs())
+def test_each_command_can_be_explained(word: str) -> None:
+    assert help_text(word)
+
+
+def test_help_for_what_is_not_there_offers_what_is() -> None:
+    with pytest.raises(UserError, match="did you mean 'goto'"):
+        help_text("gotto")
