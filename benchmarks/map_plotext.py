@@ -16,9 +16,9 @@ class PlotextMap(PlotextPlot):
     def show(self, lines: Lines) -> None:
         plot, (wide, high) = self.plt, (2 * self.size.width, 4 * self.size.height)
         plot.clear_data()
-        plot.xaxes(False, False)
-        plot.yaxes(False, False)
         plot.frame(False)
+        plot.xticks([])
+        plot.yticks([])
         plot.xlim(0, wide - 1)
         plot.ylim(0, high - 1)
         for colour, dots in lines:

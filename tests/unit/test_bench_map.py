@@ -37,7 +37,7 @@ def test_plotext_draws_the_same_lines() -> None:
     canvas = noted(whirl(1)[0], 40, 12)
     widget = PlotextMap()
     lines = benchmark.lines_of(canvas)
-    perform(widget, [partial(widget.show, lines)], (40, 12))
+    perform(widget, [partial(widget.show, lines)] * 3, (40, 12))
     text = Text.from_ansi(widget.plt.build()).plain
     theirs = sum(character not in " \n" for character in text)
     ours = sum(character != " " for character in "".join(canvas.to_rows()))
