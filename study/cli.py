@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import radians
 from typing import Final, TextIO
@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def trial(options: argparse.Namespace) -> int:
     """Raises WorldError or UserError, which say what to mend."""
-    start, goal = start_of(options.start), goal_of(options.goal)
+    start, goal = start_of(options.start), goal_of(options)
     job = Trial(
         world=elsewhere(load(options.world), start, goal, options.at),
         navigator=options.navigator,
@@ -82,15 +82,22 @@ def start_of(numbers: list[float] | None) -> Start | None:
     return Start(x_m=x_m, y_m=y_m, heading_rad=turn("--start", heading_deg))
 
 
-def goal_of(numbers: list[float] | None) -> GoalPose | None:
+def goal_of(options: argparse.Namespace) -> GoalPose | None:
     """X Y [DEG]; without a heading any will do, as it is with `up --goal`."""
+    numbers: list[float] | None = options.goal
     if numbers is None:
         return None
     if len(numbers) not in (2, 3):
         raise UserError(f"--goal is X Y or X Y DEG, not {len(numbers)} numbers")
     x_m, y_m, *heading = numbers
     heading_rad = turn("--goal", heading[0]) if heading else None
-    return GoalPose(x_m=x_m, y_m=y_m, heading_rad=heading_rad)
+    return GoalPose(
+        x_m=x_m,
+        y_m=y_m,
+        heading_rad=heading_rad,
+        position_tolerance_m=options.tolerance,
+        heading_tolerance_rad=radians(options.heading_tolerance),
+    )
 
 
 def turn(option: str, heading_deg: float) -> float:
@@ -115,6 +122,12 @@ def parser() -> argparse.ArgumentParser:
         "--goal", type=finite, nargs="+", metavar="N", help="X Y [DEG] instead of the world's"
     )
     made.add_argument(
+        "--tolerance", type=tolerance(1.0), default=0.05, metavar="M", help="of --goal (0.05)"
+    )
+    made.add_argument(
+        "--heading-tolerance", type=tolerance(180.0), default=3.0, metavar="DEG", help="(3)"
+    )
+    made.add_argument(
         "--at", type=moment, default=0.0, metavar="S", help="time of the world at the start (0)"
     )
     made.add_argument("--timeout", type=seconds, default=300.0, metavar="S", help="simulated (300)")
@@ -130,6 +143,18 @@ def seconds(text: str) -> float:
     if not 0.0 < value <= LONGEST_S:
         raise argparse.ArgumentTypeError(f"{text} is not above 0 and at most {LONGEST_S:g}")
     return value
+
+
+def tolerance(most: float) -> Callable[[str], float]:
+    """What reads one that is above 0 and at most so much."""
+
+    def read(text: str) -> float:
+        value = finite(text)
+        if not 0.0 < value <= most:
+            raise argparse.ArgumentTypeError(f"{text.strip()} is not above 0 and at most {most:g}")
+        return value
+
+    return read
 
 
 def moment(text: str) -> float:

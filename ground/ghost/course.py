@@ -1,0 +1,98 @@
+"""What a ghost's process writes: its path tick by tick, and at the end how it came out."""
+
+import json
+from collections.abc import Iterable
+from math import dist, isfinite
+from typing import Any, Final, NamedTuple, TypeAlias
+
+Point: TypeAlias = tuple[float, float]
+
+STEP_M: Final = 0.02
+"""Nearer points are left out: nobody sees them, and a map draws them all."""
+
+PLACE: Final = ("true_x_m", "true_y_m")
+FAILED: Final = "failed"
+
+
+class Course(NamedTuple):
+    """Where it went and how that ended: `outcome` as `protocol.outcome` has it, or `failed`.
+
+    `length_m` and `time_s` are None when it did not get as far as driving.
+    """
+
+    path_m: list[Point]
+    outcome: str
+    reason: str
+    time_s: float | None = None
+    length_m: float | None = None
+    contacts: int = 0
+
+
+class Reading:
+    """Takes the output as it comes, in pieces of any size; lines that are none are left out."""
+
+    def __init__(self) -> None:
+        self.path_m: list[Point] = []
+        self.outcome: dict[str, Any] | None = None
+        self._rest = b""
+        self._columns: tuple[int, ...] | None = None
+        self._last: Point | None = None
+
+    def take(self, data: bytes) -> None:
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        self._take_lines(lines)
+
+    def _take_lines(self, lines: Iterable[bytes]) -> None:
+        for line in lines:
+            if line.startswith(b"{"):
+                self._take_outcome(line)
+            elif self._columns is None:
+                self._take_header(line)
+            else:
+                self._take_place(line.split(b","))
+
+    def _take_header(self, line: bytes) -> None:
+        names = line.decode(errors="replace").strip().split(",")
+        if all(name in names for name in PLACE):
+            self._columns = tuple(names.index(name) for name in PLACE)
+
+    def _take_place(self, values: list[bytes]) -> None:
+        try:
+            x_m, y_m = (float(values[column]) for column in self._columns or ())
+        except (ValueError, IndexError):
+            return
+        if not (isfinite(x_m) and isfinite(y_m)):
+            return
+        self._last = (x_m, y_m)
+        if not self.path_m or dist(self.path_m[-1], self._last) >= STEP_M:
+            self.path_m.append(self._last)
+
+    def _take_outcome(self, line: bytes) -> None:
+        """The path ends where it ended, however near that is to the point before."""
+        try:
+            found = json.loads(line)
+        except (ValueError, RecursionError):
+            return
+        if isinstance(found, dict) and isinstance(found.get("outcome"), str):
+            self.outcome = found
+            if self._last is not None and self.path_m[-1] != self._last:
+                self.path_m.append(self._last)
+
+    def course(self, otherwise: str) -> Course:
+        """How it came out; `otherwise` is the reason when it never said."""
+        told = self.outcome
+        if told is None:
+            return Course(list(self.path_m), FAILED, otherwise)
+        return Course(
+            list(self.path_m),
+            told["outcome"],
+            str(told.get("reason", "")),
+            number(told.get("time_s")),
+            number(told.get("path_m")),
+            int(number(told.get("contacts")) or 0),
+        )
+
+
+def number(value: object) -> float | None:
+    """A finite number, or None."""
+    return float(value) if isinstance(value, int | float) and isfinite(value) else None

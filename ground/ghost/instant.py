@@ -1,0 +1,62 @@
+"""An instant of a run, from which another navigator may go on: where, when, whereto."""
+
+import json
+from collections.abc import Mapping
+from math import degrees
+from typing import Any, Final, NamedTuple, TypeAlias
+
+from ground.destination import Destination
+from protocol.wire_goal import start_words
+
+Facts: TypeAlias = Mapping[str, Any]
+
+STANDARD_INPUT: Final = "-"
+OF_THE_BODY: Final = frozenset(
+    {
+        *("radius_m", "track_m", "wheel_radius_m", "wheel_ratio", "m_per_tick"),
+        *("wheel_max_m_s", "accel_m_s2", "k_r_m", "k_l_m", "sonar_max_m", "period_s"),
+    }
+)
+"""Parameters that a world and its noise settle, and that another noise would settle otherwise."""
+
+OF_THE_RUN: Final = frozenset({"navigator", "side"})
+
+
+class Instant(NamedTuple):
+    """`world` is the name of a file, or what the plant tells of it; `start` is x_m, y_m and
+    heading_rad; `at_s` the world's own time."""
+
+    world: str | Facts
+    start: tuple[float, float, float]
+    at_s: float
+    goal: Destination
+
+
+def trial_words(instant: Instant, navigator: str, more: Mapping[str, object]) -> list[str]:
+    """What to run; `more` are options by name, None for those to leave out."""
+    goal = instant.goal
+    place = [repr(goal.x_m), repr(goal.y_m)]
+    if goal.heading_rad is not None:
+        place.append(repr(degrees(goal.heading_rad)))
+    words = ["trial", "--json", "--trace", "-", "--navigator", navigator]
+    words += ["--world", instant.world if isinstance(instant.world, str) else STANDARD_INPUT]
+    words += ["--start", *start_words(*instant.start), "--at", repr(instant.at_s)]
+    words += ["--goal", *place, "--tolerance", repr(goal.position_tolerance_m)]
+    words += ["--heading-tolerance", repr(degrees(goal.heading_tolerance_rad))]
+    for name, value in more.items():
+        words += [] if value is None else [f"--{name}", str(value)]
+    return words
+
+
+def world_bytes(instant: Instant) -> bytes:
+    """What the process has to be given to read."""
+    return b"" if isinstance(instant.world, str) else json.dumps(instant.world).encode()
+
+
+def driving(parameters: Mapping[str, float]) -> dict[str, float]:
+    """Of a robot's parameters those that say how it drives, not what it is built like."""
+    return {
+        name: value
+        for name, value in parameters.items()
+        if name not in OF_THE_BODY and name not in OF_THE_RUN
+    }
