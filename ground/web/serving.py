@@ -1,0 +1,68 @@
+"""`sidestep ground --web`: serves the ground station until it is told to stop."""
+
+import argparse
+import os
+import shlex
+import socket
+from collections.abc import Sequence
+from contextlib import closing
+
+from ground.leash import command
+from ground.says import Says
+from ground.web.address import USUAL_HOST, USUAL_PORT, Address, address_of, token_of
+from protocol.errors import UserError
+
+LACKING = "--web needs the extra `web`: pip install 'sidestep[web]'"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--web",
+        nargs="?",
+        const="",
+        metavar="HOST:PORT",
+        help=f"in a browser instead of this terminal ({USUAL_HOST}:{USUAL_PORT})",
+    )
+    parser.add_argument(
+        "--token-file", metavar="FILE", help="the token that a browser must bring; else a new one"
+    )
+
+
+def serve(options: argparse.Namespace, words: Sequence[str], says: Says) -> int:
+    """Until SIGINT or SIGTERM; `words` are the verb with its options that each browser gets.
+
+    Raises UserError when the address is taken or the library is not there.
+    """
+    address, token = address_of(options.web), token_of(options.token_file)
+    try:
+        from ground.web.server import WebServer
+    except ImportError as error:
+        raise UserError(LACKING) from error
+    refuse_taken(address)
+
+    def ready() -> None:
+        says.note(f"open {address.url(token)}")
+        if not address.local:
+            says.note(
+                "anybody who can reach this address and has the token drives the robot, and plain"
+                " HTTP shows the token to the network: put TLS in front"
+            )
+
+    # exec: the shell that textual-serve starts must not stand between us and the app.
+    line = "exec " + shlex.join(command(words, os.getpid()))
+    WebServer(line, address, token, ready).serve()
+    return 0
+
+
+def refuse_taken(address: Address) -> None:
+    """UserError when nobody can listen there."""
+    try:
+        found = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
+        family, kind, protocol, _, place = found[0]
+        with closing(socket.socket(family, kind, protocol)) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(place)
+    except OSError as error:
+        raise UserError(
+            f"--web {address.host}:{address.port}: {error.strerror}; choose another port"
+        ) from error

@@ -1,0 +1,122 @@
+"""Nobody comes in without the token, and no page of another site with it."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+from aiohttp import CookieJar, web
+from aiohttp.test_utils import TestClient, TestServer
+
+from ground.web.address import Address
+from ground.web.door import REFUSAL, Door, from_here
+from ground.web.server import MOST_SESSIONS, WebServer
+
+TOKEN = "0123456789abcdefgh"
+
+Client = TestClient[web.Request, web.Application]
+
+
+def with_client(
+    story: Callable[[Client, WebServer], Awaitable[None]], command: str = "true"
+) -> None:
+    """Tell the story to a server of our own in this process."""
+
+    async def tell() -> None:
+        server = WebServer(command, Address("127.0.0.1", 8765), TOKEN, lambda: None)
+        server.initialize_logging()
+        app = await server._make_app()
+        jar = CookieJar(unsafe=True)  # cookies of addresses that are numbers
+        async with TestClient(TestServer(app), cookie_jar=jar) as client:
+            await story(client, server)
+
+    asyncio.run(tell())
+
+
+@pytest.mark.parametrize("path", ["/", "/ws", "/static/js/textual.js", "/download/x", "/nowhere"])
+@pytest.mark.parametrize("query", ["", "?token=", "?token=wrong", "?token=0123456789abcdefgh1"])
+def test_without_the_token_nothing_is_shown(path: str, query: str) -> None:
+    async def story(client: Client, server: WebServer) -> None:
+        answer = await client.get(path + query)
+        assert answer.status == 403
+        assert await answer.text() == REFUSAL
+
+    with_client(story)
+
+
+def test_with_the_token_the_page_comes_and_the_address_forgets_it() -> None:
+    async def story(client: Client, server: WebServer) -> None:
+        first = await client.get(f"/?token={TOKEN}", allow_redirects=False)
+        assert (first.status, first.headers["Location"]) == (303, "/")
+        cookie = first.cookies[server.door.cookie]
+        assert (cookie["httponly"], cookie["samesite"]) == (True, "Lax")
+        page = await client.get("/")
+        assert page.status == 200
+        text = await page.text()
+        assert TOKEN not in text
+        assert f"ws://{client.host}:{client.port}/ws" in text
+        assert "default-src 'self'" in page.headers["Content-Security-Policy"]
+        assert page.headers["Cache-Control"] == "no-store"
+        script = await client.get("/static/js/textual.js")
+        assert script.status == 200
+
+    with_client(story)
+
+
+def test_a_page_of_another_site_cannot_open_the_web_socket() -> None:
+    async def story(client: Client, server: WebServer) -> None:
+        await client.get(f"/?token={TOKEN}")
+        answer = await client.get("/ws", headers={"Origin": "http://evil.example"})
+        assert answer.status == 403
+        assert "another site" in await answer.text()
+        assert server.sessions == 0
+
+    with_client(story)
+
+
+def test_only_so_many_browsers_are_served() -> None:
+    async def story(client: Client, server: WebServer) -> None:
+        await client.get(f"/?token={TOKEN}")
+        server.sessions = MOST_SESSIONS
+        answer = await client.get("/ws")
+        assert answer.status == 503
+
+    with_client(story)
+
+
+def test_a_browser_that_leaves_is_counted_out() -> None:
+    async def story(client: Client, server: WebServer) -> None:
+        await client.get(f"/?token={TOKEN}")
+        async with client.ws_connect("/ws?width=80&height=24") as socket:
+            assert server.sessions == 1
+            await socket.close()
+        for _ in range(200):
+            if not server.sessions:
+                break
+            await asyncio.sleep(0.01)
+        assert server.sessions == 0
+
+    with_client(story, command="cat")
+
+
+def test_tokens_are_compared_as_a_whole() -> None:
+    door: Any = Door(TOKEN, 1)
+    assert door.knows(TOKEN)
+    assert not door.knows(None)
+    assert not door.knows("")
+    assert not door.knows(TOKEN[:-1])
+    assert not door.knows("\u00e4" * 20)
+
+
+@pytest.mark.parametrize(
+    ("origin", "host", "fits"),
+    [
+        (None, "127.0.0.1:80", True),
+        ("http://127.0.0.1:80", "127.0.0.1:80", True),
+        ("http://127.0.0.1:81", "127.0.0.1:80", False),
+        ("null", "127.0.0.1:80", False),
+        ("", "127.0.0.1:80", False),
+    ],
+)
+def test_where_a_request_comes_from(origin: str | None, host: str, fits: bool) -> None:
+    assert from_here(origin, host) is fits
