@@ -1,12 +1,27 @@
 """Who dials whom: how a process finds the others, as configuration."""
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import Literal
 
 from protocol.errors import BadEndpoint
 
 Mode = Literal["client", "peer", "router"]
 EXAMPLE = "tcp/127.0.0.1:7447"
+
+
+class Hub(Enum):
+    """What has become of those a process dialled: who is there, or what comes of calling them."""
+
+    ROUTER = "a router"
+    PEER = "a peer"
+    HANGS = "takes the call and says nothing"
+    ENDED = "refuses the call"
+    UNREACHABLE = "nothing comes back"
+
+    @property
+    def linked(self) -> bool:
+        return self in (Hub.ROUTER, Hub.PEER)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,12 +15,12 @@ from zenoh.handlers import Callback
 
 from protocol.bus.publisher import Publisher
 from protocol.bus.service import Asked, Desk, Handler, sender_in
-from protocol.bus.session import bound_endpoints, listens, open_session
+from protocol.bus.session import bound_endpoints, called, open_session
 from protocol.codec import Encoder, decode
 from protocol.errors import LocalError, NoAnswer
 from protocol.mailbox import Mailbox, Sample, foreign
 from protocol.message import Message
-from protocol.network import Network
+from protocol.network import Hub, Network
 from protocol.sender import sender_of
 from protocol.topics import ENCODING, ENCODING_FAMILY, Role, Service, Topic, robot_name
 
@@ -190,15 +190,24 @@ class Bus:
         replies = self._session.liveliness().get(key, timeout=timeout_s)
         return sorted({presence_in(str(r.ok.key_expr)) for r in replies if r.ok is not None})
 
+    def hub(self) -> Hub:
+        """Who links this session to the others; calls those it dialled when nobody does."""
+        info = self._session.info
+        if list(info.routers_zid()):
+            return Hub.ROUTER
+        if list(info.peers_zid()) or not self.network.connect:
+            return Hub.PEER
+        calls = {called(endpoint) for endpoint in self.network.connect}
+        return next(hub for hub in (Hub.HANGS, Hub.ENDED, Hub.UNREACHABLE) if hub in calls)
+
     def lost(self) -> str:
         """Why nobody can be heard: the hub is gone or hangs. Empty while there is a link."""
-        info = self._session.info
-        if not self.network.connect or list(info.routers_zid()) or list(info.peers_zid()):
-            return ""
-        there = ", ".join(self.network.connect)
-        if any(listens(endpoint) for endpoint in self.network.connect):
+        hub, there = self.hub(), ", ".join(self.network.connect)
+        if hub is Hub.HANGS:
             return f"the process at {there} does not answer any more, but it is there: it hangs"
-        return f"the process at {there} has ended"
+        if hub is Hub.UNREACHABLE:
+            return f"nothing comes back from {there}: the network in between is cut"
+        return "" if hub.linked else f"the process at {there} has ended"
 
     def watch(self, handler: Callable[[Presence, bool], None]) -> None:
         """Who comes (True) and goes (False), those already there included; only enqueue."""

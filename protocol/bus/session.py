@@ -12,7 +12,7 @@ from time import monotonic
 import zenoh
 
 from protocol.errors import BadEndpoint, EndpointInUse, NoPeer, PeerHangs, UserError
-from protocol.network import Network
+from protocol.network import Hub, Network
 
 RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 LEASE_MS = 1000
@@ -101,15 +101,22 @@ def unconnected(there: str, network: Network) -> NoPeer:
 
 def listens(endpoint: str) -> bool:
     """Does the system take a call there? It does so for a process that hangs, too."""
+    return called(endpoint) is Hub.HANGS
+
+
+def called(endpoint: str) -> Hub:
+    """What comes of a call there; only TCP can be called, elsewhere the process counts as ended."""
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.partition("#")[0].partition("?")[0].rpartition(":")
     if protocol != "tcp":
-        return False
+        return Hub.ENDED
     try:
         with socket.create_connection((host.strip("[]"), int(port)), timeout=PROBE_S):
-            return True
+            return Hub.HANGS
+    except ConnectionError:
+        return Hub.ENDED
     except OSError:
-        return False
+        return Hub.UNREACHABLE
 
 
 def bound_endpoints(session: zenoh.Session) -> tuple[str, ...]:
