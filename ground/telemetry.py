@@ -17,7 +17,7 @@ from protocol.topics import (
 
 M = TypeVar("M", bound=Message)
 NS_PER_S: Final = 1_000_000_000
-DIM_PERIODS: Final = 2.5
+DIM_PERIODS: Final = 2.0
 GONE_PERIODS: Final = 5.0
 LOOKED_AT: Final[tuple[Topic[Any], ...]] = (HEARTBEAT, STATUS, ODOMETRY, DECISION, CYCLE)
 
