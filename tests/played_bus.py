@@ -9,6 +9,7 @@ from protocol.codec import Encoder
 from protocol.errors import NoAnswer
 from protocol.mailbox import Mailbox, Sample
 from protocol.message import Message
+from protocol.network import Hub
 from protocol.topics import ENCODING, Role, Service, Topic
 
 M = TypeVar("M", bound=Message)
@@ -40,8 +41,7 @@ class PlayedBus:
         self.publishers: dict[tuple[str, str], PlayedPublisher] = {}
         self.answers: dict[str, Callable[[Message | None], Message | bytes]] = {}
         self.asked: list[tuple[str, str, Message | None]] = []
-        self.link = "peer"
-        self.why_lost = ""
+        self.linked_by = Hub.PEER
 
     # The others.
 
@@ -117,8 +117,5 @@ class PlayedBus:
         for who in sorted(self.there):
             handler(who, True)
 
-    def linked(self) -> str:
-        return self.link
-
-    def lost(self) -> str:
-        return self.why_lost
+    def hub(self) -> Hub:
+        return self.linked_by

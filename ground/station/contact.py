@@ -50,8 +50,13 @@ class Contact:
         if self.kind is None and arrived_ns >= self.back_ns:
             self._missing.discard(need)
 
-    def judged(self, kind: LossKind | None, now_ns: int) -> Change | None:
-        """What has changed by this judgement."""
+    def again(self, now_ns: int) -> None:
+        """Everything is to be read once more, as after a loss."""
+        self.back_ns = now_ns
+        self._missing = set(Need)
+
+    def judged(self, kind: LossKind | None, now_ns: int, since_ns: int) -> Change | None:
+        """What has changed by this judgement; `since_ns` is when what is lost was last heard."""
         if kind is None:
             return self._well(now_ns)
         self._well_ns = None
@@ -59,7 +64,7 @@ class Contact:
             return None
         before = self.kind
         if before is None:
-            self.since_ns = now_ns
+            self.since_ns = since_ns
         self.kind = kind
         self._missing = set(Need)
         return Change(kind, before, now_ns - self.since_ns)
@@ -72,7 +77,7 @@ class Contact:
         if now_ns - self._well_ns < SETTLED_NS:
             return None
         before, self.kind = self.kind, None
-        self.back_ns = self._well_ns
         gap_ns = self._well_ns - self.since_ns
+        self.again(self._well_ns)
         self._well_ns = None
         return Change(None, before, gap_ns)

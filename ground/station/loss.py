@@ -3,11 +3,17 @@
 from enum import Enum
 from typing import Final, NamedTuple
 
+from protocol.network import Hub
 from protocol.topics import HEARTBEAT
 
 MS: Final = 1_000_000
+DEAD_NS: Final = 400 * MS
+"""Two beats missed."""
+CUT_NS: Final = 1_200 * MS
+"""So long after a cable is cut the transport has noticed: its lease is 1 s."""
 SILENT_NS: Final = 1_500 * MS
-"""Nothing from anybody for so long: by then the transport has noticed if it was cut (lease 1 s)."""
+"""Nothing from anybody for so long, and the link stands: the robot hangs."""
+SENSES_NS: Final = 250 * MS
 
 
 class LossKind(Enum):
@@ -40,66 +46,65 @@ class Loss(NamedTuple):
         return f"{self.kind.value} {self.robot} {seconds:.1f} s: {self.words}"
 
 
-class Hub(Enum):
-    """What the bus says of its own connection."""
-
-    LINKED = "linked"
-    HANGS = "hangs"  # takes the call and says nothing
-    ENDED = "ended"  # refuses the call
-    UNREACHABLE = "unreachable"  # the call comes to nothing
-    UNKNOWN = "unknown"
-
-
 class Signs(NamedTuple):
-    """All that a loss is judged by; ages in ns, None: never heard."""
+    """All that a loss is judged by; ages in ns, None: never."""
 
-    hub: Hub
-    by_router: bool
-    robot_there: bool
-    plant_there: bool
-    beat_ns: int | None
-    heard_ns: int | None  # the newest frame of anybody
-    watched_ns: int  # how long it has been listened for
-    senses_ns: int | None  # the older of scan and wheels
-    senses_missing: bool  # the robot says so itself
-    other_operator: bool
+    watched_ns: int
+    """How long it has been listened for: the age of what was never heard."""
+    hub: Hub | None = None
+    hub_ns: int | None = None
+    """How long ago the hub was looked at."""
+    by_router: bool = False
+    """A router was what linked us last."""
+    gone_ns: int | None = None
+    """How long ago the robot's token went; None: it is there."""
+    beat_ns: int | None = None
+    others_ns: int | None = None
+    """The newest frame of anybody but the robot."""
+    senses_ns: int | None = None
+    """The older one of scan and wheels."""
+    senses_missing: bool = False
+    """The robot says itself that it has none."""
+    other_operator: bool = False
+
+    def age_ns(self, age_ns: int | None) -> int:
+        return self.watched_ns if age_ns is None else age_ns
+
+    def linked_since(self, ago_ns: int) -> bool:
+        """Was the link found to stand, later than so long ago?"""
+        return self.hub_ns is not None and self.hub_ns < ago_ns
 
 
 def judge(signs: Signs) -> LossKind | None:
-    """The first that applies; None: everything is there."""
-    if signs.hub not in (Hub.LINKED, Hub.UNKNOWN):
-        return _unlinked(signs)
-    if not _beats(signs):
-        return _silent(signs)
-    if signs.senses_missing or _stale(signs.senses_ns):
+    """The first that applies; None: everything is there, or it cannot be told yet what is not."""
+    if signs.hub is not None and not signs.hub.linked and not _heard_since(signs):
+        return _unlinked(signs, signs.hub)
+    beat_ns = signs.age_ns(signs.beat_ns)
+    if signs.gone_ns is not None and beat_ns > DEAD_NS:
+        known = _others(signs) or signs.linked_since(signs.gone_ns)
+        return LossKind.PROCESS_DEAD if known else None
+    if beat_ns > HEARTBEAT.stale_after_ns:
+        known = _others(signs) or (beat_ns > SILENT_NS and signs.linked_since(beat_ns - CUT_NS))
+        return LossKind.HUNG if known else None
+    if signs.senses_missing or signs.age_ns(signs.senses_ns) > SENSES_NS:
         return LossKind.SENSES_STALE
     return LossKind.OTHER_OPERATOR if signs.other_operator else None
 
 
-def _unlinked(signs: Signs) -> LossKind:
-    if signs.hub is Hub.UNREACHABLE:
+def _heard_since(signs: Signs) -> bool:
+    """A frame has come since the hub was looked at: whatever it was then, it links us now."""
+    heard_ns = min(signs.age_ns(signs.beat_ns), signs.age_ns(signs.others_ns))
+    return signs.hub_ns is not None and heard_ns < signs.hub_ns
+
+
+def _others(signs: Signs) -> bool:
+    """Somebody else is heard, so it is the robot that is silent, not the link."""
+    return signs.others_ns is not None and signs.others_ns < HEARTBEAT.stale_after_ns
+
+
+def _unlinked(signs: Signs, hub: Hub) -> LossKind:
+    if hub is Hub.UNREACHABLE:
         return LossKind.TRANSPORT
     if signs.by_router:
         return LossKind.ROUTER_GONE
-    return LossKind.HUNG if signs.hub is Hub.HANGS else LossKind.PROCESS_DEAD
-
-
-def _beats(signs: Signs) -> bool:
-    age_ns = signs.watched_ns if signs.beat_ns is None else signs.beat_ns
-    return age_ns <= HEARTBEAT.stale_after_ns
-
-
-def _silent(signs: Signs) -> LossKind | None:
-    if not signs.robot_there:
-        return LossKind.PROCESS_DEAD
-    others_ns = signs.watched_ns if signs.heard_ns is None else signs.heard_ns
-    beat_ns = signs.watched_ns if signs.beat_ns is None else signs.beat_ns
-    hangs = others_ns < HEARTBEAT.stale_after_ns or beat_ns > SILENT_NS
-    return LossKind.HUNG if hangs else None
-
-
-def _stale(senses_ns: int | None) -> bool:
-    return senses_ns is not None and senses_ns > SENSES_NS
-
-
-SENSES_NS: Final = 250 * MS
+    return LossKind.HUNG if hub is Hub.HANGS else LossKind.PROCESS_DEAD

@@ -4,13 +4,21 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import Final, NamedTuple
+from itertools import islice
+from typing import Final, NamedTuple, TypeVar
 
+from ground.station.inbox import Arrival
 from protocol.codec import decode
 from protocol.errors import RemoteError
+from protocol.message import Message
 from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus, PlanarOdometry
+from protocol.topics import CYCLE, DECISION, ODOMETRY, STATUS
 
 KEPT: Final = 12_000
+"""Ten minutes at 20 Hz."""
+NEAR_NS: Final = 1_000_000_000
+
+M = TypeVar("M", bound=Message)
 
 
 class Moment(NamedTuple):
@@ -25,23 +33,60 @@ class Moment(NamedTuple):
 
 
 class Frames:
-    """Frames of one topic with their arrival, undecoded: the bus appends, a reader looks back."""
+    """Frames of one topic with their arrival, decoded only when somebody looks back."""
 
     def __init__(self, size: int = KEPT) -> None:
         self._kept: deque[tuple[int, bytes]] = deque(maxlen=size)
 
-    def put(self, frame: bytes, arrived_ns: int) -> None:
+    def add(self, frame: bytes, arrived_ns: int) -> None:
         self._kept.append((arrived_ns, frame))
 
     def __len__(self) -> int:
         return len(self._kept)
 
-    def clear(self) -> None:
-        self._kept.clear()
-
-    def until(self, time_ns: int) -> Iterator[tuple[int, object]]:
-        """What had arrived by then, the newest first, decoded; unreadable frames are left out."""
-        kept = self._kept.copy()
-        for at in range(bisect_right(kept, time_ns, key=lambda pair: pair[0]) - 1, -1, -1):
+    def until(self, time_ns: int) -> Iterator[tuple[int, Message]]:
+        """What had arrived by then, the newest first; what cannot be read is left out."""
+        end = bisect_right(self._kept, time_ns, key=lambda pair: pair[0])
+        for arrived_ns, frame in islice(reversed(self._kept), len(self._kept) - end, None):
             with suppress(RemoteError):
-                yield kept[at][0], decode(kept[at][1]).message
+                yield arrived_ns, decode(frame).message
+
+    def at(self, time_ns: int, kind: type[M]) -> M | None:
+        """The newest one of then; None when the one there is had already been old."""
+        for arrived_ns, message in self.until(time_ns):
+            fits = isinstance(message, kind) and time_ns - arrived_ns <= NEAR_NS
+            return message if fits and isinstance(message, kind) else None
+        return None
+
+
+class Moments:
+    """The frames that together tell what was decided."""
+
+    def __init__(self, size: int = KEPT) -> None:
+        topics = (DECISION, STATUS, CYCLE, ODOMETRY)
+        self._frames = {topic.path: Frames(size) for topic in topics}
+
+    def take(self, arrival: Arrival) -> None:
+        frames = self._frames.get(arrival.path)
+        if frames is not None:
+            frames.add(arrival.frame, arrival.arrived_ns)
+
+    def at(self, time_ns: int) -> Moment | None:
+        """The decision in force at that instant; None when none is kept from then."""
+        found = islice(self._frames[DECISION.path].until(time_ns), 2)
+        decisions = [
+            (arrived_ns, message)
+            for arrived_ns, message in found
+            if isinstance(message, AvoidanceDecision) and time_ns - arrived_ns <= NEAR_NS
+        ]
+        if not decisions:
+            return None
+        arrived_ns, decision = decisions[0]
+        return Moment(
+            arrived_ns,
+            decision,
+            decisions[1][1] if len(decisions) > 1 else None,
+            self._frames[STATUS.path].at(time_ns, NavigatorStatus),
+            self._frames[CYCLE.path].at(time_ns, CycleReport),
+            self._frames[ODOMETRY.path].at(time_ns, PlanarOdometry),
+        )

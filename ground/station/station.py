@@ -1,29 +1,30 @@
 """The ground station without its screen: it is polled, and then everything can be looked at."""
 
-from typing import Any, Final
+from collections.abc import Callable
+from time import monotonic
+from typing import Final
 
-from ground.presence import Crew
-from ground.station.hears import Hears
-from ground.station.history import History
-from ground.station.lease import Lease
-from ground.station.log import Log
-from ground.station.loss import Loss
-from ground.station.moments import Moment
-from ground.station.requests import Job
-from ground.station.streams import StreamRow
+from ground.presence import crew_of
+from ground.station.commanding import Commanding
+from ground.station.hears import Hears, Speaks
+from ground.station.log import Line, Log
+from ground.station.operated import Operated
+from ground.station.requests import Job, Lane, Works
+from ground.station.sight import Sight
+from ground.station.watched import Watched
 from ground.station.world import WorldFacts
-from ground.telemetry import Seen, Telemetry
 from protocol.clock import Clock
-from protocol.enums import Severity
-from protocol.message import Message
-from protocol.topics import Role, Topic
+from protocol.enums import LeaseAction, Severity
+from protocol.topics import robot_name
+
+NS_PER_S: Final = 1_000_000_000
+CLOSING_S: Final = 2.0
+REPLAYED: Final = "this is a replay: nothing can be commanded"
 
 Point = tuple[float, float]
-Row = dict[str, object]
-CLOSING_S: Final = 2.0
 
 
-class Station:
+class Station(Sight):
     """All that one operator sees of one or several robots, and the way to command them.
 
     Nothing here waits: questions go out in threads of their own, and what comes of them is in the
@@ -39,9 +40,20 @@ class Station:
         world: WorldFacts | None = None,
         *,
         name: str = "operator",
+        lanes: Callable[[str], Works] = Lane,
     ) -> None:
         """`name` is what others are shown while this station holds a lease."""
-        raise NotImplementedError
+        super().__init__(robot, clock.now_ns(), world)
+        self.log = Log()
+        self._bus = bus
+        self._speaks = bus if isinstance(bus, Speaks) else None
+        self._clock = clock
+        self._lanes = lanes
+        self._lane = lanes("requests")
+        self._commanding = Commanding(bus, clock, self._lane, self.note, name)
+        if self._speaks is not None:
+            self._speaks.watch(lambda _who, _came: None)
+        self.select(robot)
 
     # The round.
 
@@ -50,154 +62,76 @@ class Station:
 
         The operator's heart beats here and nowhere else: an app that hangs is no operator.
         """
-        raise NotImplementedError
+        now_ns = self._clock.now_ns()
+        if now_ns < self._now_ns:
+            self._turned_back(now_ns)
+        self._now_ns = now_ns
+        present = tuple(self._bus.present())
+        self._crew = crew_of(present)
+        for robot, watched in self._watched.items():
+            again = watched.poll(now_ns, present)
+            if robot in self._operated:
+                self._operated[robot].poll(now_ns, again)
+        self._commanding.poll(now_ns)
+        for operated in self._operated.values():
+            operated.beat(now_ns)
+
+    def _turned_back(self, now_ns: int) -> None:
+        """A played log has been turned back: what was seen after that is not known yet."""
+        for watched in self._watched.values():
+            watched.begin(min(now_ns, watched.began_ns))
+        self.log.cut((now_ns - self._began_ns) / NS_PER_S)
 
     def close(self) -> None:
         """Release the lease and end the threads, within 2 s; call it in a thread."""
-        raise NotImplementedError
+        deadline_s = monotonic() + CLOSING_S
+        self._lane.close(deadline_s - CLOSING_S / 2)
+        for robot, operated in self._operated.items():
+            if operated.tenure.ours:
+                self._commanding.last_release(robot, operated.tenure)
+            operated.close(deadline_s)
 
     # Which robot.
 
     @property
     def robot(self) -> str:
         """The robot that is shown and commanded."""
-        raise NotImplementedError
+        return self._robot
 
     def robots(self) -> list[str]:
         """All that are there or were chosen, by name."""
-        raise NotImplementedError
+        return sorted({*self._watched, *self._crew.robots()})
 
     def select(self, robot: str) -> None:
-        """Show and command another; UserError when it cannot be a name. A lease that is held is
-        kept, and its heart beaten, until it is released."""
-        raise NotImplementedError
+        """Show and command another; UserError when it cannot be a name.
 
-    # What is seen. Ages are taken at the last poll.
-
-    @property
-    def live(self) -> bool:
-        """False over a played log: nothing can be commanded."""
-        raise NotImplementedError
-
-    @property
-    def now_ns(self) -> int:
-        """When the last poll was, by the station's clock."""
-        raise NotImplementedError
-
-    @property
-    def time_s(self) -> float:
-        """The same, since the station began."""
-        raise NotImplementedError
-
-    @property
-    def telemetry(self) -> Telemetry:
-        raise NotImplementedError
-
-    def seen(self, topic: Topic[Any]) -> Seen:
-        """The newest message with its age: show it, dim it, or show `--` and the age."""
-        raise NotImplementedError
-
-    @property
-    def crew(self) -> Crew:
-        raise NotImplementedError
-
-    def streams(self) -> list[StreamRow]:
-        raise NotImplementedError
-
-    def restarts(self, role: Role) -> int:
-        """How often the robot or its plant has been restarted under our eyes."""
-        raise NotImplementedError
-
-    @property
-    def round_trip_ms(self) -> float | None:
-        """Of a small question to the robot's loop, asked each second; None: not answered."""
-        raise NotImplementedError
-
-    @property
-    def link_percent(self) -> float | None:
-        """Frames of the robot that arrived in the last seconds, of those it sent."""
-        raise NotImplementedError
-
-    def loss(self) -> Loss | None:
-        raise NotImplementedError
-
-    @property
-    def ready(self) -> bool:
-        """False after a loss until state, parameters and lease were read again."""
-        raise NotImplementedError
-
-    @property
-    def waiting_for(self) -> str:
-        """What is still to be read before `ready`, in words; empty when nothing is."""
-        raise NotImplementedError
-
-    @property
-    def lease(self) -> Lease:
-        raise NotImplementedError
-
-    @property
-    def mission(self) -> Message | None:
-        """The robot's MissionStatus; None when it is too old to be shown."""
-        raise NotImplementedError
-
-    @property
-    def parameters(self) -> tuple[Row, ...] | None:
-        """All of them, or None: never a part. Keys as in the robot's own list."""
-        raise NotImplementedError
-
-    @property
-    def parameters_words(self) -> str:
-        """How it stands with them: `41`, or `41 missing: asked 2 times, no answer`."""
-        raise NotImplementedError
-
-    @property
-    def world(self) -> WorldFacts | None:
-        raise NotImplementedError
-
-    @property
-    def history(self) -> History:
-        raise NotImplementedError
-
-    @property
-    def trail(self) -> tuple[Point, ...]:
-        raise NotImplementedError
-
-    @property
-    def seen_points(self) -> tuple[Point, ...]:
-        """Where sonars had echoes, thinned on a grid."""
-        raise NotImplementedError
-
-    @property
-    def hit(self) -> tuple[Point, ...]:
-        """Where it began to go round an obstacle on the way to this goal."""
-        raise NotImplementedError
-
-    @property
-    def leave(self) -> tuple[Point, ...]:
-        """Where it took up its way to the goal again."""
-        raise NotImplementedError
-
-    @property
-    def log(self) -> Log:
-        raise NotImplementedError
-
-    def note(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """A line of the ground's own in the log."""
-        raise NotImplementedError
-
-    def moment(self, time_ns: int | None = None) -> Moment | None:
-        """What was decided at an instant of the station's clock (now, unless given) and around."""
-        raise NotImplementedError
-
-    def scene(self) -> Any:
-        """Everything the map shows, as a `ground.map.Scene`."""
-        raise NotImplementedError
+        A lease that is held is kept, and its heart beaten, until it is released.
+        """
+        self._robot = robot_name(robot)
+        if robot in self._watched:
+            return
+        watched = Watched(self._bus, robot, self._clock.now_ns(), self._tell)
+        self._watched[robot] = watched
+        if self._speaks is not None:
+            self._operated[robot] = Operated(
+                self._speaks, watched, self._clock, self._lanes, self._tell
+            )
 
     # What can be done.
 
+    def note(self, text: str, severity: int = Severity.INFO) -> None:
+        """A line of the ground's own in the log."""
+        self._tell("ground", text, severity)
+
+    def _tell(self, source: str, text: str, severity: int) -> None:
+        time_s = (self._clock.now_ns() - self._began_ns) / NS_PER_S
+        self.log.add(Line(time_s, severity, source, text))
+
     def refusal(self, *, moves: bool = True) -> str:
         """Why a request may not be made now; empty when it may. `moves`: it can move something."""
-        raise NotImplementedError
+        if self._own is None:
+            return REPLAYED
+        return self._own.refusal() if moves else ""
 
     def submit(self, words: str, job: Job, *, moves: bool = True) -> bool:
         """Have a request done off this thread; False, with the reason in the log, when it may not.
@@ -205,37 +139,51 @@ class Station:
         Only one is under way at a time. One that `moves` takes the lease first. What comes of it is
         a line in the log.
         """
-        raise NotImplementedError
+        why = self.refusal(moves=moves)
+        if why or self._own is None:
+            self.note(f"refused: {words}: {why}", Severity.WARNING)
+            return False
+        return self._commanding.submit(words, self._robot, self._own.tenure, job, moves=moves)
 
     @property
     def busy(self) -> str:
         """The words of the request under way."""
-        raise NotImplementedError
+        return self._commanding.busy
 
     @property
     def last_command(self) -> str:
         """What was last asked and what came of it."""
-        raise NotImplementedError
+        return self._commanding.last
 
     def estop(self) -> None:
         """Stop the robot: asked again and again until it says yes, or given up loudly after 30 s.
 
         It has a thread to itself, needs no lease and is refused by nothing.
         """
-        raise NotImplementedError
+        if self._own is None:
+            self.note(REPLAYED, Severity.WARNING)
+        else:
+            self._own.estop(self._commanding.next_id())
 
     @property
     def stopping(self) -> str:
         """How it stands with an e-stop that is not acknowledged yet; empty when there is none."""
-        raise NotImplementedError
+        return "" if self._own is None else self._own.stopping
 
     def take_lease(self, *, seize: bool = False) -> None:
         """Become the robot's operator; `seize` takes it from another, loudly."""
-        raise NotImplementedError
+        self._lease_action(LeaseAction.SEIZE if seize else LeaseAction.TAKE)
 
     def release_lease(self) -> None:
-        raise NotImplementedError
+        self._lease_action(LeaseAction.RELEASE)
+
+    def _lease_action(self, action: LeaseAction) -> None:
+        if self._own is None:
+            self.note(REPLAYED, Severity.WARNING)
+        else:
+            self._commanding.lease(self._robot, self._own.tenure, action)
 
     def reread(self) -> None:
         """Read state, parameters and lease again, as after a loss."""
-        raise NotImplementedError
+        if self._own is not None:
+            self._own.vigil.reread(self._clock.now_ns())

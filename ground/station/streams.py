@@ -1,13 +1,26 @@
-"""What arrives on each topic: rate and loss, by counting; called from the bus, it only stores."""
+"""What arrives on each topic: rate and loss, by counting arrivals and the gaps between them."""
 
-from typing import Any, NamedTuple
+from collections import deque
+from collections.abc import Iterable
+from typing import Any, Final, NamedTuple
 
-from ground.telemetry import Age
-from protocol.topics import Topic
+from ground.station.inbox import Arrival
+from ground.telemetry import Age, Telemetry, age_of
+from protocol.codec import framed
+from protocol.topics import Role, Topic
+
+NS_PER_S: Final = 1_000_000_000
+WINDOW_NS: Final = 5 * NS_PER_S
+KEPT: Final = 512
+SEQUENCE_AT: Final = 4
+SLACK: Final = 2
 
 
 class StreamRow(NamedTuple):
-    """One line of the Links screen. Rates in Hz over the last seconds; None: nothing arrived."""
+    """One line of the Links screen; rate and loss are of the last seconds, counts of all time.
+
+    `rate_hz` is None for what never came and for events.
+    """
 
     topic: Topic[Any]
     rate_hz: float | None
@@ -18,3 +31,100 @@ class StreamRow(NamedTuple):
     lost_percent: float
     rejected: int
     last_rejection: str
+
+
+class Counter:
+    """One topic. A gap in the sequence is a loss, unless its sender has begun anew."""
+
+    def __init__(self, topic: Topic[Any]) -> None:
+        self.topic = topic
+        self.received = self.lost = 0
+        self._arrivals: deque[int] = deque(maxlen=KEPT)
+        self._gaps: deque[tuple[int, int]] = deque(maxlen=KEPT)
+        self._last: tuple[int, int] | None = None
+
+    def take(self, frame: bytes, arrived_ns: int) -> None:
+        if not framed(frame):
+            return
+        sequence = frame[SEQUENCE_AT]
+        missing = self._missing(sequence, arrived_ns)
+        if missing:
+            self.lost += missing
+            self._gaps.append((arrived_ns, missing))
+        self._last = sequence, arrived_ns
+        self.received += 1
+        self._arrivals.append(arrived_ns)
+
+    def skip(self) -> None:
+        """Frames were thrown away on our side: the next gap says nothing."""
+        self._last = None
+
+    def _missing(self, sequence: int, arrived_ns: int) -> int:
+        """Several operators share a key, each with a count of its own: nothing is known of them."""
+        if self._last is None or self.topic.publisher is Role.GROUND:
+            return 0
+        last, before_ns = self._last
+        missing = (sequence - last - 1) & 0xFF
+        most = SLACK + 2 * self.topic.rate_hz * (arrived_ns - before_ns) / NS_PER_S
+        return 0 if sequence == 0 or missing > most else missing
+
+    def recent(self, now_ns: int) -> tuple[int, int]:
+        """Received and lost in the last seconds."""
+        while self._arrivals and now_ns - self._arrivals[0] > WINDOW_NS:
+            self._arrivals.popleft()
+        while self._gaps and now_ns - self._gaps[0][0] > WINDOW_NS:
+            self._gaps.popleft()
+        return len(self._arrivals), sum(lost for _, lost in self._gaps)
+
+    def rate_hz(self, now_ns: int) -> float | None:
+        received, _ = self.recent(now_ns)
+        if not self.topic.rate_hz or not self.received:
+            return None
+        if received < 2:
+            return 0.0
+        period_ns = NS_PER_S / self.topic.rate_hz
+        return received * NS_PER_S / (now_ns - self._arrivals[0] + period_ns)
+
+
+class Streams:
+    """All topics of one robot."""
+
+    def __init__(self, topics: Iterable[Topic[Any]]) -> None:
+        self._counters = {topic.path: Counter(topic) for topic in topics}
+
+    def take(self, arrival: Arrival) -> None:
+        self._counters[arrival.path].take(arrival.frame, arrival.arrived_ns)
+
+    def skip(self) -> None:
+        for counter in self._counters.values():
+            counter.skip()
+
+    def percent(self, now_ns: int) -> float | None:
+        """Of the robot's frames of the last seconds, how many arrived; None when none ever did."""
+        own = [one for one in self._counters.values() if one.topic.publisher is Role.ROBOT]
+        if not any(one.received for one in own):
+            return None
+        counts = [one.recent(now_ns) for one in own]
+        received, lost = (sum(column) for column in zip(*counts, strict=True))
+        return 100.0 * received / (received + lost) if received else 0.0
+
+    def rows(self, telemetry: Telemetry, now_ns: int) -> list[StreamRow]:
+        return [self._row(counter, telemetry, now_ns) for counter in self._counters.values()]
+
+    def _row(self, counter: Counter, telemetry: Telemetry, now_ns: int) -> StreamRow:
+        topic = counter.topic
+        box = telemetry.boxes()[topic.path]
+        newest = box.latest()
+        age_ns = None if newest is None else now_ns - newest[1]
+        received, lost = counter.recent(now_ns)
+        return StreamRow(
+            topic=topic,
+            rate_hz=counter.rate_hz(now_ns),
+            age_ns=age_ns,
+            age=Age.GONE if age_ns is None else age_of(topic, age_ns),
+            received=counter.received,
+            lost=counter.lost,
+            lost_percent=100.0 * lost / (received + lost) if received + lost else 0.0,
+            rejected=box.rejected,
+            last_rejection=box.last_rejection,
+        )

@@ -1,15 +1,108 @@
 """The world as the plant describes it: simulation truth, for the map only."""
 
-from typing import NamedTuple
+import json
+from collections.abc import Sequence
+from itertools import pairwise
+from math import dist, radians
+from typing import Any, NamedTuple
+
+from ground.map import Disc, Outline, Shape, Target
+from protocol.errors import RemoteError
+
+Point = tuple[float, float]
+RADIUS_M = 0.12
+
+
+class Mover(NamedTuple):
+    """A disc that goes to and fro along its waypoints."""
+
+    radius_m: float
+    speed_m_s: float
+    path_m: tuple[Point, ...]
+
+    def at(self, time_s: float) -> Disc:
+        """Where it is at this time of the simulation."""
+        lengths_m = [dist(a, b) for a, b in pairwise(self.path_m)]
+        whole_m = sum(lengths_m)
+        if whole_m <= 0.0:
+            return Disc(*self.path_m[0], self.radius_m)
+        gone_m = (time_s * self.speed_m_s) % (2.0 * whole_m)
+        along_m = min(gone_m, 2.0 * whole_m - gone_m)
+        for (a, b), length_m in zip(pairwise(self.path_m), lengths_m, strict=True):
+            if along_m <= length_m and length_m > 0.0:
+                share = along_m / length_m
+                return Disc(
+                    a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), self.radius_m
+                )
+            along_m -= length_m
+        return Disc(*self.path_m[-1], self.radius_m)
 
 
 class WorldFacts(NamedTuple):
-    """Metres and radians; outlines are closed when they are polygons or walls with a thickness."""
+    """Metres and radians. `text` is the plant's own JSON, for who runs a trial in this world."""
 
     name: str
-    size_m: tuple[float, float]
-    outlines: tuple[tuple[tuple[float, float], ...], ...]
-    circles: tuple[tuple[float, float, float], ...]
-    start: tuple[float, float, float] | None
-    goal: tuple[float, float, float | None] | None
-    robot_radius_m: float
+    size_m: Point
+    obstacles: tuple[Shape, ...]
+    movers: tuple[Mover, ...]
+    start: tuple[float, float, float]
+    goal: Target
+    radius_m: float
+    text: str
+
+
+def world_in(answer: bytes | str) -> WorldFacts:
+    """Reads the answer of the WORLD service; RemoteError when it cannot be read."""
+    text = answer.decode(errors="replace") if isinstance(answer, bytes) else answer
+    try:
+        found = json.loads(text)
+        return _facts(found, text)
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+        raise RemoteError(f"the plant's world cannot be read: {error!r}") from error
+
+
+def _facts(found: dict[str, Any], text: str) -> WorldFacts:
+    width_m, height_m = map(float, found["size_m"])
+    moving = [one for one in found["obstacles"] if "path_m" in one]
+    shapes = [_shape(one) for one in found["obstacles"] if "path_m" not in one]
+    if found.get("walls", True):
+        corners = (0.0, 0.0), (width_m, 0.0), (width_m, height_m), (0.0, height_m)
+        shapes.insert(0, Outline(corners))
+    start = found["start"]
+    return WorldFacts(
+        name=str(found["name"]),
+        size_m=(width_m, height_m),
+        obstacles=tuple(shapes),
+        movers=tuple(_mover(one) for one in moving),
+        start=(float(start["x_m"]), float(start["y_m"]), radians(float(start["heading_deg"]))),
+        goal=_goal(found["goal"]),
+        radius_m=float(found.get("robot", {}).get("radius_m", RADIUS_M)),
+        text=text,
+    )
+
+
+def _goal(goal: dict[str, Any]) -> Target:
+    heading_deg = goal.get("heading_deg")
+    return Target(
+        float(goal["x_m"]),
+        float(goal["y_m"]),
+        None if heading_deg is None else radians(float(heading_deg)),
+        float(goal.get("position_tolerance_m", 0.0)),
+    )
+
+
+def _points(points: Sequence[Sequence[float]]) -> tuple[Point, ...]:
+    return tuple((float(x_m), float(y_m)) for x_m, y_m in points)
+
+
+def _shape(one: dict[str, Any]) -> Shape:
+    if "polygon_m" in one:
+        return Outline(_points(one["polygon_m"]))
+    if "wall_m" in one:
+        return Outline(_points(one["wall_m"]), closed=False)
+    disc = one["circle_m"]
+    return Disc(float(disc["x"]), float(disc["y"]), float(disc["radius"]))
+
+
+def _mover(one: dict[str, Any]) -> Mover:
+    return Mover(float(one["circle_m"]["radius"]), float(one["speed_m_s"]), _points(one["path_m"]))

@@ -1,0 +1,143 @@
+"""One request after the other; the lease and a beat of the heart come before what moves."""
+
+from collections.abc import Callable
+from enum import Enum
+from typing import Final, NamedTuple
+
+from ground.operator import RequestIds
+from ground.station.asking import ask_lease
+from ground.station.hears import Hears
+from ground.station.requests import Job, Outcome, Works, outcome_of
+from ground.station.tenure import Tenure
+from protocol.clock import Clock
+from protocol.enums import LeaseAction, Severity
+from protocol.messages import LeaseRequest
+
+NAME_BYTES: Final = 16
+
+Tell = Callable[[str, Severity], None]
+
+
+class Stage(Enum):
+    TAKING = "taking the lease"
+    SETTLING = "letting the robot hear its operator"
+    RUNNING = "running"
+    LEASE = "asking for or giving back the lease"
+
+
+class Pending(NamedTuple):
+    """What is under way, for which robot."""
+
+    words: str
+    robot: str
+    tenure: Tenure
+    job: Job | None
+    stage: Stage
+    action: LeaseAction | None = None
+
+
+class Commanding:
+    """`last` is what was last asked and what came of it."""
+
+    def __init__(self, bus: Hears, clock: Clock, lane: Works, tell: Tell, name: str) -> None:
+        self.last = ""
+        self._bus = bus
+        self._clock = clock
+        self._lane = lane
+        self._tell = tell
+        self._name = name.encode()[:NAME_BYTES].decode(errors="ignore")
+        self._ids = RequestIds()
+        self._pending: Pending | None = None
+
+    @property
+    def busy(self) -> str:
+        return "" if self._pending is None else self._pending.words
+
+    def next_id(self) -> int:
+        return self._ids.next()
+
+    def submit(self, words: str, robot: str, tenure: Tenure, job: Job, *, moves: bool) -> bool:
+        """Begin; False, told, when another one is under way."""
+        if self._engaged(words):
+            return False
+        if moves and not tenure.ours:
+            self._ask_lease(Pending(words, robot, tenure, job, Stage.TAKING), LeaseAction.TAKE)
+        elif moves and not tenure.settled(self._clock.now_ns()):
+            self._pending = Pending(words, robot, tenure, job, Stage.SETTLING)
+        else:
+            self._run(Pending(words, robot, tenure, job, Stage.RUNNING), job)
+        return True
+
+    def lease(self, robot: str, tenure: Tenure, action: LeaseAction) -> bool:
+        """Ask for the lease, or give it back: then the heart stops at once."""
+        words = f"lease {action.name.lower()}"
+        if self._engaged(words):
+            return False
+        if action is LeaseAction.RELEASE:
+            tenure.given_up()
+        self._ask_lease(Pending(words, robot, tenure, None, Stage.LEASE, action), action)
+        return True
+
+    def request(self, action: LeaseAction) -> LeaseRequest:
+        return LeaseRequest(request_id=self._ids.next(), action=action, name=self._name)
+
+    def last_release(self, robot: str, tenure: Tenure) -> Outcome:
+        """Give the lease back at the end, once, here and now; call it in a thread."""
+        tenure.given_up()
+        request = self.request(LeaseAction.RELEASE)
+        return outcome_of(lambda: ask_lease(self._bus, self._clock, robot, request, attempts=1))
+
+    def poll(self, now_ns: int) -> None:
+        """Go on with what is under way; its end is told."""
+        pending = self._pending
+        if pending is None:
+            return
+        if pending.stage is Stage.SETTLING:
+            self._settle(pending, now_ns)
+            return
+        outcome = self._lane.done()
+        if outcome is None:
+            return
+        self._pending = None
+        self._ended(pending, outcome, now_ns)
+
+    def _engaged(self, words: str) -> bool:
+        if self._pending is None:
+            return False
+        self._tell(f"not sent: {words}: `{self._pending.words}` is under way", Severity.WARNING)
+        return True
+
+    def _ask_lease(self, pending: Pending, action: LeaseAction) -> None:
+        request = self.request(action)
+        self._run(pending, lambda: ask_lease(self._bus, self._clock, pending.robot, request))
+
+    def _run(self, pending: Pending, job: Job) -> None:
+        self._pending = pending
+        self._lane.start(job)
+
+    def _settle(self, pending: Pending, now_ns: int) -> None:
+        if not pending.tenure.ours:
+            self._pending = None
+            self._tell(f"not sent: {pending.words}: the lease is ours no more", Severity.WARNING)
+        elif pending.tenure.settled(now_ns) and pending.job is not None:
+            self._run(pending._replace(stage=Stage.RUNNING), pending.job)
+
+    def _ended(self, pending: Pending, outcome: Outcome, now_ns: int) -> None:
+        if pending.stage is Stage.RUNNING:
+            self.last = f"{pending.words}: {outcome.text}"
+            self._told(outcome)
+            return
+        if outcome.ok and pending.action is not LeaseAction.RELEASE:
+            pending.tenure.granted(now_ns)
+        if pending.stage is Stage.LEASE:
+            self._told(outcome, loud=pending.action is LeaseAction.SEIZE)
+        elif outcome.ok:
+            self._told(outcome)
+            self._pending = pending._replace(stage=Stage.SETTLING)
+        else:
+            self._told(Outcome(False, f"not sent: {pending.words}: {outcome.text}"))
+
+    def _told(self, outcome: Outcome, *, loud: bool = False) -> None:
+        usual = Severity.WARNING if loud else Severity.INFO
+        for line in outcome.text.splitlines():
+            self._tell(line, usual if outcome.ok else Severity.WARNING)

@@ -1,0 +1,100 @@
+"""What a robot's telemetry is worth keeping of: figures over time, trail, echoes and marks."""
+
+from collections.abc import Callable
+from math import sqrt
+from typing import Any, Final
+
+from ground.station.history import History
+from ground.station.tracks import RADIUS_M, Echoes, Marks, Trail
+from ground.telemetry import Age, Telemetry, age_of
+from protocol.messages import (
+    AvoidanceDecision,
+    CycleReport,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+)
+from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
+
+NS_PER_S: Final = 1_000_000_000
+APART_S: Final = 0.25
+"""A scan and a pose further apart say nothing of where an echo was."""
+CARRIED: Final = {
+    ODOMETRY.path: ("speed", "uncertainty_m"),
+    STATUS.path: ("goal_distance",),
+    DECISION.path: ("nearest_range",),
+    CYCLE.path: ("cycle_us", "late_us"),
+}
+"""Which figures each topic carries."""
+
+
+class Figures:
+    """Sampled at each poll; a message is taken once, and a stream that stops leaves a gap."""
+
+    def __init__(self, telemetry: Telemetry, began_ns: int) -> None:
+        self.history = History()
+        self.radius_m = RADIUS_M
+        self.restart()
+        self._telemetry = telemetry
+        self._began_ns = began_ns
+        self._taken_ns: dict[str, int] = {}
+
+    def restart(self) -> None:
+        """The robot begins anew, and so does where it believes to be."""
+        self.trail = Trail()
+        self.echoes = Echoes()
+        self.marks = Marks()
+
+    def poll(self, now_ns: int) -> None:
+        takes: tuple[tuple[Topic[Any], Callable[[Any, float], None]], ...] = (
+            (ODOMETRY, self._odometry),
+            (STATUS, self._status),
+            (DECISION, self._decision),
+            (CYCLE, self._cycle),
+            (SONAR, self._sonar),
+        )
+        for topic, take in takes:
+            newest = self._telemetry.latest(topic)
+            if newest is None:
+                continue
+            message, arrived_ns = newest
+            if self._taken_ns.get(topic.path) != arrived_ns:
+                self._taken_ns[topic.path] = arrived_ns
+                take(message, (arrived_ns - self._began_ns) / NS_PER_S)
+            elif age_of(topic, now_ns - arrived_ns) is Age.GONE:
+                for name in CARRIED.get(topic.path, ()):
+                    self.history[name].gap()
+
+    def _odometry(self, odometry: PlanarOdometry, time_s: float) -> None:
+        self.trail.add(odometry.x_m, odometry.y_m)
+        self.history["speed"].add(time_s, odometry.speed_m_s)
+        self.history["uncertainty_m"].add(time_s, uncertainty_m(odometry))
+
+    def _status(self, status: NavigatorStatus, time_s: float) -> None:
+        self.history["goal_distance"].add(time_s, status.goal_distance_m)
+        pose = self._telemetry.latest(ODOMETRY)
+        if pose is not None:
+            self.marks.see(status, pose[0])
+
+    def _decision(self, decision: AvoidanceDecision, time_s: float) -> None:
+        self.history["nearest_range"].add(time_s, decision.nearest_range_m)
+
+    def _cycle(self, cycle: CycleReport, time_s: float) -> None:
+        self.history["cycle_us"].add(time_s, float(sum(cycle.stage_us)))
+        self.history["late_us"].add(time_s, float(cycle.late_us))
+
+    def _sonar(self, scan: SonarScan, time_s: float) -> None:
+        pose = self._telemetry.latest(ODOMETRY)
+        if pose is None:
+            return
+        apart_s = abs((pose[1] - self._began_ns) / NS_PER_S - time_s)
+        if apart_s <= APART_S:
+            self.echoes.scan(scan, pose[0], self.radius_m)
+
+
+def uncertainty_m(odometry: PlanarOdometry) -> float:
+    """The longer half axis of the ellipse of one standard deviation."""
+    mean_m2 = (odometry.cov_xx_m2 + odometry.cov_yy_m2) / 2.0
+    half_m2 = (odometry.cov_xx_m2 - odometry.cov_yy_m2) / 2.0
+    most_m2 = mean_m2 + sqrt(half_m2 * half_m2 + odometry.cov_xy_m2 * odometry.cov_xy_m2)
+    return sqrt(max(0.0, most_m2)) if most_m2 == most_m2 else most_m2

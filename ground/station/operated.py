@@ -1,0 +1,111 @@
+"""One robot as its operator has it: the lease and the heart, the way to it, and the e-stop."""
+
+from collections.abc import Callable
+from typing import Final
+
+from ground.station.estop import EmergencyStop
+from ground.station.hears import Puts, Speaks
+from ground.station.loss import Loss, LossKind
+from ground.station.reader import Reader
+from ground.station.requests import Works
+from ground.station.tenure import Tenure
+from ground.station.vigil import Vigil
+from ground.station.watched import Tell, Watched
+from protocol.clock import Clock
+from protocol.enums import Severity
+from protocol.messages import Heartbeat
+from protocol.topics import LEASE, OPERATOR, STATUS, Role
+
+NS_PER_S: Final = 1_000_000_000
+
+
+class Operated:
+    """Beats at `poll` and nowhere else, so that an app that hangs is no operator any more."""
+
+    def __init__(
+        self,
+        bus: Speaks,
+        watched: Watched,
+        clock: Clock,
+        lanes: Callable[[str], Works],
+        tell: Tell,
+    ) -> None:
+        robot, now_ns = watched.robot, clock.now_ns()
+        self.tenure = Tenure(bus.zid)
+        self._lanes = [lanes(f"{robot} reads"), lanes(f"{robot} e-stop")]
+        reader = Reader(bus, clock, robot, self._lanes[0])
+        self.vigil = Vigil(watched, reader, now_ns, tell)
+        self._bus = bus
+        self._watched = watched
+        self._clock = clock
+        self._tell = tell
+        self._reader = reader
+        self._heart: Puts[Heartbeat] = bus.publisher(OPERATOR, robot)
+        self._stop: EmergencyStop | None = None
+        self._over = False
+        bus.announce(robot)
+
+    def poll(self, now_ns: int, again: set[Role]) -> None:
+        self._hear_lease(now_ns)
+        self.vigil.poll(now_ns, again, self.tenure.lease)
+        self.beat(now_ns)
+        self._see_stop(now_ns)
+
+    def beat(self, now_ns: int) -> None:
+        newest = self._watched.telemetry.latest(STATUS)
+        self.tenure.beat(self._heart, now_ns, 0 if newest is None else newest[0].time_ns)
+
+    def refusal(self) -> str:
+        """Why nothing that moves may be asked now; empty when it may."""
+        loss: Loss | None = self.vigil.loss()
+        if loss is not None:
+            todo = "; `lease seize` takes it" if loss.kind is LossKind.OTHER_OPERATOR else ""
+            return f"{loss.kind.value.lower()}: {loss.what}{todo}"
+        if not self.vigil.contact.ready:
+            return f"not yet: waiting for {self.vigil.waiting_for} of {self._watched.robot}"
+        return ""
+
+    @property
+    def parameters_words(self) -> str:
+        return self._watched.parameters.words(self._reader.asked)
+
+    # The e-stop.
+
+    def estop(self, request_id: int) -> None:
+        """Press it; what is pressed already goes on."""
+        if self._stop is not None:
+            self._tell("ground", self._stop.words(self._clock.now_ns()), Severity.CRITICAL)
+            return
+        stop = EmergencyStop(request_id, self._watched.robot, self._clock.now_ns())
+        self._stop = stop
+        self._lanes[1].start(lambda: stop.run(self._bus, self._clock, lambda: self._over))
+
+    @property
+    def stopping(self) -> str:
+        return "" if self._stop is None else self._stop.words(self._clock.now_ns())
+
+    def _see_stop(self, now_ns: int) -> None:
+        if self._stop is None:
+            return
+        outcome = self._lanes[1].done()
+        if outcome is not None:
+            self._stop = None
+            loss = self.vigil.loss()
+            text = outcome.text if outcome.ok or loss is None else f"{outcome.text}; {loss.does}"
+            self._tell("ground", text, Severity.WARNING if outcome.ok else Severity.EMERGENCY)
+        elif words := self._stop.due(now_ns):
+            self._tell("ground", words, Severity.CRITICAL)
+
+    def _hear_lease(self, now_ns: int) -> None:
+        newest = self._watched.telemetry.latest(LEASE)
+        if newest is None:
+            return
+        lost = self.tenure.heard(newest[0], newest[1], now_ns)
+        if lost:
+            self._tell("ground", f"{self._watched.robot}: {lost}", Severity.WARNING)
+
+    def close(self, deadline_s: float) -> None:
+        """Ends its threads by then."""
+        self._over = True
+        for lane in self._lanes:
+            lane.close(deadline_s)

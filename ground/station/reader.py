@@ -1,0 +1,141 @@
+"""What is read from time to time: the round trip, the parameters, the world. In its own thread."""
+
+from collections.abc import Callable
+from functools import partial
+from queue import SimpleQueue
+from typing import Final, NamedTuple
+
+from ground.param import Row, rows_in
+from ground.station.hears import Speaks
+from ground.station.requests import Outcome, Works
+from ground.station.world import WorldFacts, world_in
+from protocol.clock import Clock
+from protocol.errors import RemoteError
+from protocol.messages import ParamRequestRead
+from protocol.network import Hub
+from protocol.topics import PARAMETER, PARAMETERS, WORLD
+
+NS_PER_S: Final = 1_000_000_000
+PROBE_NS: Final = NS_PER_S
+HURRIED_NS: Final = NS_PER_S // 4
+RETRY_NS: Final = NS_PER_S
+PATIENCE_S: Final = 0.5
+SMALL: Final = ParamRequestRead(param_id="radius_m", param_index=-1)
+"""Changes nothing, is not recorded, and is answered by the control loop itself."""
+
+
+class Probe(NamedTuple):
+    """`hub` is who links us; the round trip is None when the robot's loop did not answer."""
+
+    hub: Hub
+    round_trip_ns: int | None
+
+
+class Parameters(NamedTuple):
+    """The robot's whole list, asked at this instant."""
+
+    rows: tuple[Row, ...]
+    asked_ns: int
+
+
+class Failed(NamedTuple):
+    """What could not be read, and why."""
+
+    what: str
+    why: str
+
+
+Found = Probe | Parameters | WorldFacts | Failed
+
+
+class Reader:
+    """One question at a time, each again after a while; what is found waits for `poll`."""
+
+    def __init__(self, bus: Speaks, clock: Clock, robot: str, lane: Works) -> None:
+        self.asked = 0
+        """How often the parameters were asked for since they were last wanted."""
+        self._bus = bus
+        self._clock = clock
+        self._robot = robot
+        self._lane = lane
+        self._found: SimpleQueue[Found] = SimpleQueue()
+        self._next_ns = {"probe": 0, "parameters": 0, "world": 0}
+        self._wanted = {"probe", "parameters"}
+        self._probe_ns = PROBE_NS
+        self._probed_ns = 0
+
+    def want(self, what: str) -> None:
+        """Read it, now and until it is there."""
+        self._wanted.add(what)
+        self._next_ns[what] = 0
+        if what == "parameters":
+            self.asked = 0
+
+    def want_once(self, what: str) -> None:
+        """The same, unless it is wanted already."""
+        if what not in self._wanted:
+            self.want(what)
+
+    def hurry(self, silent: bool) -> None:
+        """While nothing is heard the link is looked at more often."""
+        self._probe_ns = HURRIED_NS if silent else PROBE_NS
+        self._next_ns["probe"] = min(self._next_ns["probe"], self._probed_ns + self._probe_ns)
+
+    def drop(self, what: str) -> None:
+        self._wanted.discard(what)
+
+    def poll(self, now_ns: int) -> list[Found]:
+        """What was found, and the next question on its way."""
+        self._lane.done()
+        found: list[Found] = []
+        while not self._found.empty():
+            found.append(self._found.get_nowait())
+        if not self._lane.busy:
+            self._ask(now_ns)
+        return found
+
+    def _ask(self, now_ns: int) -> None:
+        jobs: dict[str, Callable[[], Found]] = {
+            "probe": self._probe,
+            "parameters": self._parameters,
+            "world": self._world,
+        }
+        for what, job in jobs.items():
+            if what in self._wanted and now_ns >= self._next_ns[what]:
+                if what == "probe":
+                    self._probed_ns = now_ns
+                self._next_ns[what] = now_ns + (self._probe_ns if what == "probe" else RETRY_NS)
+                self.asked += what == "parameters"
+                self._lane.start(partial(self._done, what, job))
+                return
+
+    def _done(self, what: str, job: Callable[[], Found]) -> Outcome:
+        try:
+            self._found.put(job())
+        except RemoteError as error:
+            self._found.put(Failed(what, str(error)))
+        return Outcome(True, "")
+
+    def _probe(self) -> Probe:
+        hub = self._bus.hub()
+        if not hub.linked:
+            return Probe(hub, None)
+        asked_ns = self._clock.now_ns()
+        try:
+            self._bus.ask(PARAMETER, SMALL, PATIENCE_S, robot=self._robot)
+        except RemoteError:
+            return Probe(self._bus.hub(), None)
+        return Probe(hub, self._clock.now_ns() - asked_ns)
+
+    def _parameters(self) -> Parameters:
+        asked_ns = self._clock.now_ns()
+        answer = self._bus.ask(PARAMETERS, None, PATIENCE_S, robot=self._robot)
+        if not isinstance(answer, bytes):
+            raise RemoteError("the robot answers, but not with a list of parameters")
+        return Parameters(tuple(rows_in(answer)), asked_ns)
+
+    def _world(self) -> WorldFacts:
+        answer = self._bus.ask(WORLD, None, PATIENCE_S, robot=self._robot)
+        if not isinstance(answer, bytes):
+            raise RemoteError("the plant answers, but not with its world")
+        return world_in(answer)

@@ -1,0 +1,35 @@
+"""Counts restarts of a process: a new token, or a count of its own that begins again."""
+
+from typing import Literal
+
+Sign = Literal["token", "count"]
+
+
+class Restarts:
+    """Both signs of one restart count once, in whichever order they come."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._token = ""
+        self._number = -1
+        self._owed: Sign | None = None
+
+    def token(self, zid: str) -> bool:
+        """Its token is there; True when that shows a restart."""
+        if not zid or zid == self._token:
+            return False
+        first, self._token = not self._token, zid
+        return False if first else self._counted("token")
+
+    def number(self, number: int) -> bool:
+        """Its tick or its time; True when that shows a restart."""
+        back, self._number = number < self._number, number
+        return self._counted("count") if back else False
+
+    def _counted(self, sign: Sign) -> bool:
+        if self._owed is not None and self._owed != sign:
+            self._owed = None
+            return False
+        self._owed = sign
+        self.count += 1
+        return True

@@ -1,0 +1,90 @@
+"""What the station knows of one robot and its surroundings, as the map shows it."""
+
+from collections.abc import Iterable, Sequence
+from math import isfinite
+from typing import Final
+
+from ground.map import Robot, Scene, Shape, Target
+from ground.station.tracks import ranges_m
+from ground.station.watched import Watched
+from ground.station.world import WorldFacts
+from ground.telemetry import Age
+from protocol.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
+from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
+
+NS_PER_S: Final = 1_000_000_000
+"""The station keeps what was last known on the map; `live` says whether it is true now."""
+
+
+def scene_of(
+    watched: Watched,
+    world: WorldFacts | None,
+    now_ns: int,
+    *,
+    lost: bool,
+    others: Iterable[Watched] = (),
+    mission: Sequence[Target] = (),
+    fence: Shape | None = None,
+) -> Scene:
+    """What is stale is left out, save the pose: the map marks that it is not live."""
+    telemetry, figures = watched.telemetry, watched.figures
+    odometry = telemetry.latest(ODOMETRY)
+    status = telemetry.live(STATUS, now_ns)
+    decision = telemetry.live(DECISION, now_ns)
+    scan = telemetry.live(SONAR, now_ns)
+    running = telemetry.live(MISSION, now_ns)
+    pose = None if odometry is None else odometry[0]
+    live = telemetry.seen(ODOMETRY, now_ns).age is not Age.GONE and not lost
+    return Scene(
+        size_m=None if world is None else world.size_m,
+        obstacles=() if world is None else world.obstacles,
+        movers=() if world is None else tuple(m.at(_time_s(watched)) for m in world.movers),
+        truth=True,
+        seen=figures.echoes.points(),
+        trail=figures.trail.points(),
+        robot=None if pose is None else robot_of(pose, figures.radius_m),
+        live=live,
+        covariance=None if pose is None else (pose.cov_xx_m2, pose.cov_xy_m2, pose.cov_yy_m2),
+        ranges_m=() if scan is None else tuple(ranges_m(scan)),
+        zone_m=None if decision is None or not isfinite(decision.zone_m) else decision.zone_m,
+        goal=None if status is None else goal_of(status),
+        virtual_goal=None if decision is None else virtual_of(decision),
+        hits=tuple(figures.marks.hit),
+        leaves=tuple(figures.marks.leave),
+        fence=fence,
+        mission=mission,
+        current=running.current if running is not None and running.count else None,
+        others=tuple(found for other in others if (found := other_of(other, now_ns)) is not None),
+    )
+
+
+def robot_of(pose: PlanarOdometry, radius_m: float, name: str = "") -> Robot:
+    return Robot(pose.x_m, pose.y_m, pose.heading_rad, radius_m, name)
+
+
+def other_of(watched: Watched, now_ns: int) -> Robot | None:
+    pose = watched.telemetry.live(ODOMETRY, now_ns)
+    return None if pose is None else robot_of(pose, watched.figures.radius_m, watched.robot)
+
+
+def goal_of(status: NavigatorStatus) -> Target | None:
+    """The goal under way or last come to; None when there is none."""
+    if not status.goal_id or not (isfinite(status.goal_x_m) and isfinite(status.goal_y_m)):
+        return None
+    heading_rad = status.goal_heading_rad
+    return Target(status.goal_x_m, status.goal_y_m, heading_rad if isfinite(heading_rad) else None)
+
+
+def virtual_of(decision: AvoidanceDecision) -> tuple[float, float] | None:
+    point = decision.virtual_x_m, decision.virtual_y_m
+    return point if all(map(isfinite, point)) else None
+
+
+def _time_s(watched: Watched) -> float:
+    """The simulation's time, as far as it was heard."""
+    stamps_ns = [
+        newest[0].time_ns
+        for newest in (watched.telemetry.latest(TRUTH), watched.telemetry.latest(SONAR))
+        if newest is not None
+    ]
+    return max(stamps_ns, default=0) / NS_PER_S

@@ -1,0 +1,170 @@
+"""Everything of the shown robot that can be looked at, as it was at the last poll."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from ground.map import Scene, Shape, Target
+from ground.param import Row
+from ground.presence import Crew
+from ground.station.history import History
+from ground.station.lease import Lease
+from ground.station.loss import Loss
+from ground.station.moments import Moment
+from ground.station.operated import Operated
+from ground.station.scene import scene_of
+from ground.station.streams import StreamRow
+from ground.station.watched import Watched
+from ground.station.world import WorldFacts
+from ground.telemetry import Seen, Telemetry
+from protocol.messages import MissionStatus
+from protocol.topics import MISSION, Role, Topic
+
+NS_PER_S: Final = 1_000_000_000
+
+Point = tuple[float, float]
+
+
+class Sight:
+    """`mission_items` and `fence` are what is drawn of them, set by whoever has read them."""
+
+    def __init__(self, robot: str, now_ns: int, world: WorldFacts | None) -> None:
+        self.mission_items: Sequence[Target] = ()
+        self.fence: Shape | None = None
+        self._robot = robot
+        self._given_world = world
+        self._began_ns = self._now_ns = now_ns
+        self._crew = Crew(frozenset())
+        self._watched: dict[str, Watched] = {}
+        self._operated: dict[str, Operated] = {}
+
+    @property
+    def _shown(self) -> Watched:
+        return self._watched[self._robot]
+
+    @property
+    def _own(self) -> Operated | None:
+        return self._operated.get(self._robot)
+
+    # What is seen. Ages are taken at the last poll.
+
+    @property
+    def live(self) -> bool:
+        """False over a played log: nothing can be commanded."""
+        return bool(self._operated)
+
+    @property
+    def now_ns(self) -> int:
+        """When the last poll was, by the station's clock."""
+        return self._now_ns
+
+    @property
+    def time_s(self) -> float:
+        """The same, since the station began."""
+        return (self._now_ns - self._began_ns) / NS_PER_S
+
+    @property
+    def telemetry(self) -> Telemetry:
+        return self._shown.telemetry
+
+    def seen(self, topic: Topic[Any]) -> Seen:
+        """The newest message with its age: show it, dim it, or show `--` and the age."""
+        return self.telemetry.seen(topic, self._now_ns)
+
+    @property
+    def crew(self) -> Crew:
+        return self._crew
+
+    def streams(self) -> list[StreamRow]:
+        return self._shown.streams.rows(self.telemetry, self._now_ns)
+
+    def restarts(self, role: Role) -> int:
+        """How often the robot or its plant has been restarted under our eyes."""
+        return self._shown.restarts[role].count if role in self._shown.restarts else 0
+
+    @property
+    def round_trip_ms(self) -> float | None:
+        """Of a small question to the robot's loop, asked each second; None: not answered."""
+        took_ns = None if self._own is None else self._own.vigil.round_trip_ns
+        return None if took_ns is None else took_ns / 1e6
+
+    @property
+    def link_percent(self) -> float | None:
+        """Frames of the robot that arrived in the last seconds, of those it sent."""
+        return self._shown.streams.percent(self._now_ns)
+
+    def loss(self) -> Loss | None:
+        return None if self._own is None else self._own.vigil.loss()
+
+    @property
+    def ready(self) -> bool:
+        """False after a loss until state, parameters and lease were read again."""
+        return self._own is not None and self._own.vigil.contact.ready
+
+    @property
+    def waiting_for(self) -> str:
+        """What is still to be read before `ready`, in words; empty when nothing is."""
+        return "" if self._own is None else self._own.vigil.waiting_for
+
+    @property
+    def lease(self) -> Lease:
+        return Lease() if self._own is None else self._own.tenure.lease
+
+    @property
+    def mission(self) -> MissionStatus | None:
+        """How far the mission is; None when that is too old to be shown."""
+        return self.telemetry.live(MISSION, self._now_ns)
+
+    @property
+    def parameters(self) -> tuple[Row, ...] | None:
+        """All of them, or None: never a part. Keys as in the robot's own list."""
+        return self._shown.parameters.rows
+
+    @property
+    def parameters_words(self) -> str:
+        """How many there are; or that they are missing, how often they were asked for, and why."""
+        return "a log holds no list" if self._own is None else self._own.parameters_words
+
+    @property
+    def world(self) -> WorldFacts | None:
+        """What the plant says; before that, what the station was given."""
+        told = None if self._own is None else self._own.vigil.world
+        return told or self._given_world
+
+    @property
+    def history(self) -> History:
+        return self._shown.figures.history
+
+    @property
+    def trail(self) -> tuple[Point, ...]:
+        return self._shown.figures.trail.points()
+
+    @property
+    def seen_points(self) -> tuple[Point, ...]:
+        """Where sonars had echoes, thinned on a grid."""
+        return self._shown.figures.echoes.points()
+
+    @property
+    def hit(self) -> tuple[Point, ...]:
+        """Where it began to go round an obstacle on the way to this goal."""
+        return tuple(self._shown.figures.marks.hit)
+
+    @property
+    def leave(self) -> tuple[Point, ...]:
+        """Where it took up its way to the goal again."""
+        return tuple(self._shown.figures.marks.leave)
+
+    def moment(self, time_ns: int | None = None) -> Moment | None:
+        """What was decided at an instant of the station's clock (now, unless given) and around."""
+        return self._shown.moments.at(self._now_ns if time_ns is None else time_ns)
+
+    def scene(self) -> Scene:
+        """Everything the map shows; without ghosts and cursor, which are not the robot's."""
+        return scene_of(
+            self._shown,
+            self.world,
+            self._now_ns,
+            lost=self.loss() is not None and not self.lease.others,
+            others=[one for name, one in self._watched.items() if name != self._robot],
+            mission=self.mission_items,
+            fence=self.fence,
+        )

@@ -1,0 +1,58 @@
+"""Being the operator of one robot: the lease that is held, and the heart that beats for it."""
+
+from typing import Final
+
+from ground.link import ALIVE
+from ground.operator import Pace
+from ground.station.hears import Puts
+from ground.station.lease import Lease
+from protocol.messages import Heartbeat, LeaseStatus
+
+MS: Final = 1_000_000
+SETTLED_NS: Final = 110 * MS
+"""So long after the first beat the robot has heard it in one of its ticks."""
+CROSSING_NS: Final = 300 * MS
+"""What the robot said of its lease just before it gave it may arrive after that."""
+
+
+class Tenure:
+    """`ours` from the robot's yes to our release, its loss, or somebody else's name on it."""
+
+    def __init__(self, zid: str) -> None:
+        self.lease = Lease()
+        self.ours = False
+        self._zid = zid
+        self._pace = Pace()
+        self._granted_ns = 0
+        self._beaten_ns: int | None = None
+
+    def granted(self, now_ns: int) -> None:
+        self.ours = True
+        self._granted_ns = now_ns
+        self._beaten_ns = None
+
+    def given_up(self) -> None:
+        self.ours = False
+        self._beaten_ns = None
+
+    def heard(self, status: LeaseStatus, arrived_ns: int, now_ns: int) -> str:
+        """What the robot says of its lease; a sentence when it is ours no more, else nothing."""
+        left_s = max(0.0, status.lapses_ms / 1000 - (now_ns - arrived_ns) / 1e9)
+        ours = bool(status.held) and status.holder == self._zid
+        self.lease = Lease(bool(status.held), ours, status.holder, status.name, left_s)
+        if ours or not self.ours or arrived_ns < self._granted_ns + CROSSING_NS:
+            return ""
+        self.given_up()
+        return f"{self.lease.words} has taken the lease" if status.held else "the lease has lapsed"
+
+    def settled(self, now_ns: int) -> bool:
+        """Has the robot had time to hear that its operator is there?"""
+        return self._beaten_ns is not None and now_ns - self._beaten_ns >= SETTLED_NS
+
+    def beat(self, heart: Puts[Heartbeat], now_ns: int, stamp_ns: int) -> None:
+        """Beat if it is time to; only an operator has a heart."""
+        if not self.ours or not self._pace.due(now_ns, stamp_ns):
+            return
+        heart.put(ALIVE)
+        if self._beaten_ns is None:
+            self._beaten_ns = now_ns

@@ -1,0 +1,115 @@
+"""Where the robot has been and what it saw there: trail, echoes, hit and leave points."""
+
+from collections import deque
+from collections.abc import Iterator
+from math import cos, hypot, isfinite, pi, sin
+from typing import Final
+
+from protocol.enums import GoalState
+from protocol.messages import NavigatorStatus, PlanarOdometry, SonarScan
+
+STEP_M: Final = 0.03
+TRAIL: Final = 1000
+GRID_M: Final = 0.05
+ECHOES: Final = 1500
+MARKS: Final = 200
+BEARINGS: Final = tuple((sonar - 3.5) * pi / 8.0 for sonar in range(8))
+RADIUS_M: Final = 0.12
+
+Point = tuple[float, float]
+
+
+class Trail:
+    """The whole way from its start, the coarser the longer; standing adds nothing."""
+
+    def __init__(self, size: int = TRAIL, step_m: float = STEP_M) -> None:
+        self._points: list[Point] = []
+        self._shown: tuple[Point, ...] | None = None
+        self._size = size
+        self._step_m = step_m
+
+    def add(self, x_m: float, y_m: float) -> None:
+        if not (isfinite(x_m) and isfinite(y_m)):
+            return
+        if self._points:
+            last_x_m, last_y_m = self._points[-1]
+            if hypot(x_m - last_x_m, y_m - last_y_m) < self._step_m:
+                return
+        self._points.append((x_m, y_m))
+        self._shown = None
+        if len(self._points) > self._size:
+            del self._points[1::2]
+            self._step_m *= 2.0
+
+    def points(self) -> tuple[Point, ...]:
+        """The same object until a point comes."""
+        if self._shown is None:
+            self._shown = tuple(self._points)
+        return self._shown
+
+
+class Echoes:
+    """Where there were echoes: one point for each square of a grid, the longest unseen given up."""
+
+    def __init__(self, size: int = ECHOES, grid_m: float = GRID_M) -> None:
+        self._size = size
+        self._grid_m = grid_m
+        self._cells: dict[tuple[int, int], Point] = {}
+        self._shown: tuple[Point, ...] | None = None
+
+    def add(self, x_m: float, y_m: float) -> None:
+        cell = round(x_m / self._grid_m), round(y_m / self._grid_m)
+        known = self._cells.pop(cell, None)
+        self._cells[cell] = known or (x_m, y_m)
+        if known is None:
+            self._shown = None
+        if len(self._cells) > self._size:
+            del self._cells[next(iter(self._cells))]
+
+    def scan(self, scan: SonarScan, pose: PlanarOdometry, radius_m: float) -> None:
+        """All echoes of one scan, seen from this pose."""
+        if not all(map(isfinite, (pose.x_m, pose.y_m, pose.heading_rad))):
+            return
+        for bearing_rad, range_m in zip(BEARINGS, ranges_m(scan), strict=True):
+            if range_m is not None and isfinite(range_m):
+                turn_rad = pose.heading_rad + bearing_rad
+                reach_m = radius_m + range_m
+                self.add(pose.x_m + reach_m * cos(turn_rad), pose.y_m + reach_m * sin(turn_rad))
+
+    def points(self) -> tuple[Point, ...]:
+        """The same object until another square is seen."""
+        if self._shown is None:
+            self._shown = tuple(self._cells.values())
+        return self._shown
+
+
+def ranges_m(scan: SonarScan) -> Iterator[float | None]:
+    """By sonar, from right to left: inf for no echo, None for one that did not measure."""
+    for sonar, range_mm in enumerate(scan.range_mm):
+        if not scan.valid >> sonar & 1:
+            yield None
+        else:
+            yield range_mm / 1000.0 if scan.echo >> sonar & 1 else float("inf")
+
+
+class Marks:
+    """Where this goal's way was left for an obstacle, and where it was taken up again."""
+
+    def __init__(self) -> None:
+        self.hit: deque[Point] = deque(maxlen=MARKS)
+        self.leave: deque[Point] = deque(maxlen=MARKS)
+        self._goal_id = 0
+        self._goal = int(GoalState.NONE)
+
+    def see(self, status: NavigatorStatus, pose: PlanarOdometry) -> None:
+        if status.goal_id != self._goal_id:
+            self.hit.clear()
+            self.leave.clear()
+            self._goal_id, self._goal = status.goal_id, int(GoalState.NONE)
+        here = pose.x_m, pose.y_m
+        if all(map(isfinite, here)) and status.goal != self._goal:
+            if status.goal == GoalState.AVOIDING:
+                self.hit.append(here)
+            elif self._goal == GoalState.AVOIDING and status.goal == GoalState.DRIVING:
+                self.leave.append(here)
+        self._goal = status.goal

@@ -1,0 +1,104 @@
+"""One robot as the station sees it: what it says, and what of it is lost."""
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+
+from ground.station.figures import Figures
+from ground.station.hears import Hears, Token
+from ground.station.inbox import Arrival, Inbox
+from ground.station.moments import Moments
+from ground.station.parameters import ParameterList
+from ground.station.restarts import Restarts
+from ground.station.streams import Streams
+from ground.telemetry import Telemetry
+from ground.texts import Texts
+from protocol.codec import decode
+from protocol.enums import Severity
+from protocol.errors import RemoteError
+from protocol.messages import ParamValue, Statustext
+from protocol.topics import ANSWERED, CYCLE, SONAR, TEXT, TOPICS, Role
+
+Tell = Callable[[str, str, int], None]
+"""Source, words, severity."""
+
+
+class Watched:
+    """Everything of one robot that can be looked at without saying a word to it."""
+
+    def __init__(self, bus: Hears, robot: str, now_ns: int, tell: Tell) -> None:
+        self.robot = robot
+        self.telemetry = Telemetry(bus, robot, TOPICS)
+        self.parameters = ParameterList()
+        self._inbox = Inbox()
+        self._tell = tell
+        for topic in TOPICS:
+            bus.stream(topic, self._inbox.taker(topic.path), robot)
+        self.begin(now_ns)
+
+    def begin(self, now_ns: int) -> None:
+        """Forget all that was seen: the time of a played log has been turned back."""
+        self.began_ns = now_ns
+        self.streams = Streams(TOPICS)
+        self.moments = Moments()
+        self.figures = Figures(self.telemetry, now_ns)
+        self.restarts = {Role.ROBOT: Restarts(), Role.PLANT: Restarts()}
+        self.tokens: dict[Role, str] = {}
+        self.gone_ns = now_ns
+        self._texts = Texts()
+        self._inbox.drain()
+
+    def poll(self, now_ns: int, present: Iterable[Token]) -> set[Role]:
+        """Look once; who has been restarted since the last time."""
+        again = self._see_tokens(present, now_ns) | self._see_counts()
+        for role in again:
+            self._restarted(role)
+        arrivals, overflowed = self._inbox.drain()
+        if overflowed:
+            self.streams.skip()
+        for arrival in arrivals:
+            self._take(arrival)
+        self.figures.poll(now_ns)
+        return again
+
+    def _take(self, arrival: Arrival) -> None:
+        self.streams.take(arrival)
+        self.moments.take(arrival)
+        if arrival.path in (TEXT.path, ANSWERED.path):
+            with suppress(RemoteError):  # the mailbox has counted it
+                self._event(decode(arrival.frame).message)
+
+    def _event(self, message: object) -> None:
+        if isinstance(message, Statustext):
+            text = self._texts.receive(message)
+            if text:
+                self._tell(self.robot, text, message.severity)
+        elif isinstance(message, ParamValue):
+            self.parameters.changed(message)
+
+    def _see_tokens(self, present: Iterable[Token], now_ns: int) -> set[Role]:
+        found = {token.role: token.zid for token in present if token.robot == self.robot}
+        again = set()
+        for role in (Role.ROBOT, Role.PLANT):
+            zid = found.get(role.value, "")
+            if role is Role.ROBOT and not zid and self.tokens.get(role):
+                self.gone_ns = now_ns
+            self.tokens[role] = zid
+            if self.restarts[role].token(zid):
+                again.add(role)
+        return again
+
+    def _see_counts(self) -> set[Role]:
+        again = set()
+        cycle, scan = self.telemetry.latest(CYCLE), self.telemetry.latest(SONAR)
+        if cycle is not None and self.restarts[Role.ROBOT].number(cycle[0].tick):
+            again.add(Role.ROBOT)
+        if scan is not None and self.restarts[Role.PLANT].number(scan[0].time_ns):
+            again.add(Role.PLANT)
+        return again
+
+    def _restarted(self, role: Role) -> None:
+        times = self.restarts[role].count
+        whose = self.robot if role is Role.ROBOT else f"the plant of {self.robot}"
+        self._tell("ground", f"{whose} has been restarted ({times})", Severity.WARNING)
+        if role is Role.ROBOT:
+            self.figures.restart()

@@ -1,0 +1,192 @@
+"""A robot, a plant and a station on a played bus; the test owns time."""
+
+from collections.abc import Callable
+from typing import Self
+
+from ground.station import Outcome, Station, WorldFacts
+from ground.station.requests import Job, outcome_of
+from protocol.clock import ManualClock
+from protocol.enums import AckResult, LeaseAction
+from protocol.errors import NoAnswer
+from protocol.message import Message
+from protocol.messages import (
+    CommandAck,
+    CommandRequest,
+    LeaseRequest,
+    ParamValue,
+    Statustext,
+)
+from protocol.network import Hub
+from protocol.reasons import Reason
+from protocol.timing import PERIOD_NS
+from protocol.topics import (
+    COMMAND,
+    LEASE_SERVICE,
+    OPERATOR,
+    PARAMETER,
+    PARAMETERS,
+    TEXT,
+    WORLD,
+    Role,
+)
+from tests.played_bus import PlayedBus
+from tests.unit.station.said import Robot
+
+S = 1_000_000_000
+LIST = b"""[{"name": "d_obs_m", "value": 0.3, "default": 0.3, "unit": "m"},
+ {"name": "side", "value": 1, "default": 1, "unit": ""}]"""
+WORLD_TEXT = b"""{"name": "box", "size_m": [6.0, 4.0], "walls": true,
+ "start": {"x_m": 0.6, "y_m": 2.0, "heading_deg": 90.0},
+ "goal": {"x_m": 5.4, "y_m": 2.0, "heading_deg": null, "position_tolerance_m": 0.05},
+ "obstacles": [{"polygon_m": [[2, 1], [3, 1], [3, 2]]},
+  {"wall_m": [[0, 3], [2, 3]], "thickness_m": 0.02},
+  {"circle_m": {"x": 4, "y": 3, "radius": 0.25}},
+  {"circle_m": {"x": 1, "y": 1, "radius": 0.1}, "path_m": [[1, 1], [1, 3]], "speed_m_s": 0.5}],
+ "robot": {"radius_m": 0.15}}"""
+
+
+class Inline:
+    """A lane without a thread: the job is done at once, or when the test says `work`."""
+
+    def __init__(self, *, waits: bool = False) -> None:
+        self.busy = False
+        self.waits = waits
+        self._job: Job | None = None
+        self._outcome: Outcome | None = None
+
+    def start(self, job: Job) -> bool:
+        if self.busy:
+            return False
+        self.busy, self._job = True, job
+        if not self.waits:
+            self.work()
+        return True
+
+    def work(self) -> None:
+        if self._job is not None:
+            self._outcome, self._job = outcome_of(self._job), None
+
+    def done(self) -> Outcome | None:
+        outcome, self._outcome = self._outcome, None
+        if outcome is not None:
+            self.busy = False
+        return outcome
+
+    def close(self, deadline_s: float) -> None:
+        self.busy = False
+
+
+class Play:
+    """`forward` lets time go by in periods of 50 ms; the station is polled in each."""
+
+    def __init__(
+        self, world: WorldFacts | None = None, lanes: Callable[[str], Inline] | None = None
+    ) -> None:
+        self.clock = ManualClock(1000 * S)
+        self.bus = PlayedBus(self.clock)
+        self.robots = [Robot()]
+        self.delivered = True
+        self.lanes: dict[str, Inline] = {}
+        self.commands: list[CommandRequest] = []
+        self.refuses = Reason.NONE
+        self.bus.come(Role.ROBOT)
+        self.bus.come(Role.PLANT)
+        self._lane = lanes or (lambda _name: Inline())
+        self._serve()
+        self.station = Station(
+            self.bus, "r1", self.clock, world, name="anna", lanes=self._make_lane
+        )
+
+    @property
+    def robot(self) -> Robot:
+        return self.robots[0]
+
+    @property
+    def beats(self) -> int:
+        """How often the station's heart has beaten for r1."""
+        return len(self.bus.publisher(OPERATOR, "r1").said)
+
+    def forward(self, seconds: float, *, poll: bool = True) -> Self:
+        for _ in range(round(seconds * 20)):
+            for robot in self.robots:
+                for topic, message in robot.said():
+                    (self.bus.say if self.delivered else self.bus.lose)(topic, message, robot.name)
+            if poll:
+                self.station.poll()
+            self.clock.advance(PERIOD_NS)
+        return self
+
+    def texts(self, words: str = "") -> list[str]:
+        return [line.text for line in self.station.log.find(words)]
+
+    # What happens to others.
+
+    def die(self) -> None:
+        self.robot.loop = False
+        self.bus.go(Role.ROBOT)
+        self.bus.answers.clear()
+
+    def hang(self) -> None:
+        self.robot.loop = False
+        self.bus.answers.clear()
+
+    def revive(self) -> None:
+        self.robot.loop = self.robot.senses = self.delivered = True
+        self.bus.linked_by = Hub.PEER
+        self.bus.come(Role.ROBOT)
+        self.bus.come(Role.PLANT)
+        self._serve()
+
+    def cut(self, hub: Hub) -> None:
+        """Nobody is heard, and this comes of calling."""
+        self.delivered = False
+        self.bus.linked_by = hub
+        self.bus.answers.clear()
+        self.bus.go(Role.ROBOT)
+        self.bus.go(Role.PLANT)
+
+    def say(self, text: str, severity: int = 6) -> None:
+        self.bus.say(TEXT, Statustext(severity=severity, text=text, id=0, chunk_seq=0))
+
+    # The robot's services.
+
+    def _make_lane(self, name: str) -> Inline:
+        return self.lanes.setdefault(name, self._lane(name))
+
+    def _serve(self) -> None:
+        self.bus.answers |= {
+            PARAMETERS.path: lambda _: LIST,
+            PARAMETER.path: lambda _: ParamValue(
+                param_id="radius_m", param_value=0.12, param_type=9, param_count=2, param_index=0
+            ),
+            WORLD.path: lambda _: WORLD_TEXT,
+            LEASE_SERVICE.path: self._lease,
+            COMMAND.path: self._command,
+        }
+
+    def _lease(self, request: Message | None) -> Message:
+        assert isinstance(request, LeaseRequest)
+        lease = self.robot.lease
+        if request.action == LeaseAction.RELEASE:
+            lease.holder = lease.name = ""
+        elif request.action == LeaseAction.TAKE and lease.holder not in ("", self.bus.zid):
+            return refused(Reason.LEASE_HELD)
+        else:
+            lease.holder, lease.name = self.bus.zid, request.name
+        return CommandAck(command=0, result=AckResult.ACCEPTED, result_param2=0)
+
+    def _command(self, request: Message | None) -> Message:
+        assert isinstance(request, CommandRequest)
+        self.commands.append(request)
+        if self.refuses:
+            return refused(self.refuses)
+        return CommandAck(command=0, result=AckResult.ACCEPTED, result_param2=0)
+
+
+def refused(reason: Reason) -> CommandAck:
+    return CommandAck(command=0, result=AckResult.DENIED, result_param2=reason)
+
+
+def silent(_: Message | None) -> Message:
+    """A service that is there and does not answer."""
+    raise NoAnswer("no answer within 0.25 s")
