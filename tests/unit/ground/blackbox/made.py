@@ -21,6 +21,7 @@ from protocol.messages import (
     PlanarOdometry,
     SonarScan,
     Statustext,
+    SystemTime,
     WheelTicks,
 )
 from protocol.sender import sender_of
@@ -231,3 +232,7 @@ def mcap(path: Path, said: list[Said], every: int = 30, *, closed: bool = True) 
     data += form.end() if closed else form.batch()
     path.write_bytes(data)
     return path
+
+
+def system_time(time_us: int) -> SystemTime:
+    return SystemTime(time_unix_usec=time_us, time_boot_ms=time_us // 1000)

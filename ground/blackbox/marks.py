@@ -1,0 +1,59 @@
+"""The instants of a run that somebody will want to go to: goals, outcomes, failsafes, remarks."""
+
+from typing import Final, NamedTuple
+
+from ground.blackbox.reel import Reel
+from protocol.enums import GoalState, Vehicle
+from protocol.messages import NavigatorStatus, Statustext
+from protocol.reasons import reason_text
+from protocol.topics import STATUS
+
+NS_PER_S: Final = 1_000_000_000
+MARK_PATH: Final = "op/mark"
+STOPPED: Final = (Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP)
+
+
+class Mark(NamedTuple):
+    """`kind` is goal, outcome, failsafe or mark."""
+
+    time_s: float
+    kind: str
+    text: str
+
+
+def marks_of(reel: Reel) -> tuple[Mark, ...]:
+    """All of them, in the order of time."""
+    said = [
+        Mark(time_ns / NS_PER_S, "mark", message.text)
+        for time_ns, message in reel.on(MARK_PATH)
+        if isinstance(message, Statustext)
+    ]
+    return tuple(sorted([*_changes(reel), *said]))
+
+
+def _changes(reel: Reel) -> list[Mark]:
+    found: list[Mark] = []
+    goal_id, goal, vehicle = 0, int(GoalState.NONE), int(Vehicle.BOOT)
+    for time_ns, status in reel.on(STATUS.path):
+        if not isinstance(status, NavigatorStatus):
+            continue
+        at_s = time_ns / NS_PER_S
+        if status.goal_id != goal_id and GoalState.ACCEPTED <= status.goal <= GoalState.ALIGNING:
+            place = f"goal {status.goal_x_m:.2f} {status.goal_y_m:.2f}"
+            found.append(Mark(at_s, "goal", place))
+            goal_id = status.goal_id
+        if status.goal != goal and status.goal >= GoalState.REACHED:
+            found.append(Mark(at_s, "outcome", outcome(status)))
+        if status.vehicle != vehicle and status.vehicle in STOPPED:
+            why = reason_text(status.vehicle_reason)
+            found.append(Mark(at_s, "failsafe", f"{Vehicle(status.vehicle).name}: {why}"))
+        goal, vehicle = status.goal, status.vehicle
+    return found
+
+
+def outcome(status: NavigatorStatus) -> str:
+    try:
+        name = GoalState(status.goal).name
+    except ValueError:
+        name = f"goal state {status.goal}"
+    return f"{name}: {reason_text(status.goal_reason)}" if status.goal_reason else name

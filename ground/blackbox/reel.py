@@ -1,0 +1,116 @@
+"""A whole recording in memory, closely packed, so that any instant of it is found at once.
+
+Its time begins at 0 with the first frame. In wall time it goes by arrival; in lockstep, where the
+machine ran as fast as it could, by the stamps of the plant's clock.
+"""
+
+from array import array
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator
+from typing import Final, NamedTuple
+
+from ground.blackbox.frames import Frame, Log
+from protocol.codec import decode
+from protocol.errors import RemoteError
+from protocol.message import Message
+from protocol.messages import SystemTime
+from protocol.topics import CLOCK
+
+NS_PER_US: Final = 1000
+
+
+class Played(NamedTuple):
+    """One frame at its place on the timeline."""
+
+    time_ns: int
+    key: str
+    frame: bytes
+
+
+class Reel:
+    """Frames in order, with an index by key."""
+
+    def __init__(self, log: Log) -> None:
+        self._keys: list[str] = []
+        self._key_of = array("H")
+        self._times_ns = array("q")
+        self._ends = array("Q")
+        self._blob = bytearray()
+        self._places: dict[str, array[int]] = {}
+        self.start_ns = 0
+        """When the first frame arrived, in UTC."""
+        self._fill(log)
+        self.robot = log.robot
+        self.facts = dict(log.facts)
+        self.damage = log.damage()
+
+    def _fill(self, log: Iterable[Frame]) -> None:
+        numbers: dict[str, int] = {}
+        found = list(log)
+        by_stamp = any(one.key.endswith(CLOCK.path) for one in found)
+        self.start_ns = found[0].time_ns if found else 0
+        times = stamps(found) if by_stamp else (one.time_ns - self.start_ns for one in found)
+        newest_ns = 0
+        for place, (one, time_ns) in enumerate(zip(found, times, strict=True)):
+            newest_ns = max(newest_ns, time_ns)
+            number = numbers.setdefault(one.key, len(numbers))
+            self._key_of.append(number)
+            self._times_ns.append(newest_ns)
+            self._blob += one.frame
+            self._ends.append(len(self._blob))
+            self._places.setdefault(one.key, array("Q")).append(place)
+        self._keys = list(numbers)
+
+    def __len__(self) -> int:
+        return len(self._times_ns)
+
+    def __getitem__(self, place: int) -> Played:
+        begin = self._ends[place - 1] if place else 0
+        frame = bytes(self._blob[begin : self._ends[place]])
+        return Played(self._times_ns[place], self._keys[self._key_of[place]], frame)
+
+    @property
+    def duration_ns(self) -> int:
+        return self._times_ns[-1] if self._times_ns else 0
+
+    def after(self, time_ns: int) -> int:
+        """The place of the first frame later than this."""
+        return bisect_right(self._times_ns, time_ns)
+
+    def at(self, time_ns: int) -> int:
+        """The place of the first frame not earlier than this."""
+        return bisect_left(self._times_ns, time_ns)
+
+    def newest(self, key: str, before: int) -> Played | None:
+        """The last frame of a key in front of a place."""
+        places = self._places.get(key)
+        found = 0 if places is None else bisect_left(places, before)
+        return None if places is None or not found else self[places[found - 1]]
+
+    def on(self, path: str) -> Iterator[tuple[int, Message]]:
+        """Time and message of everything readable on a topic's path."""
+        for key, places in self._places.items():
+            if key.endswith(f"/{path}"):
+                for place in places:
+                    played = self[place]
+                    try:
+                        yield played.time_ns, decode(played.frame).message
+                    except RemoteError:
+                        continue
+
+
+def stamps(found: Iterable[Frame]) -> Iterator[int]:
+    """The newest stamp of the plant's clock when each frame came; 0 is that of the first."""
+    first_ns: int | None = None
+    now_ns = 0
+    for one in found:
+        if one.key.endswith(CLOCK.path):
+            try:
+                message = decode(one.frame).message
+            except RemoteError:
+                message = None
+            if isinstance(message, SystemTime):
+                stamp_ns = message.time_unix_usec * NS_PER_US
+                first_ns = stamp_ns if first_ns is None else first_ns
+                now_ns = stamp_ns - first_ns
+        yield now_ns

@@ -1,0 +1,64 @@
+"""Where in a recording somebody is: it stands, or it runs at a speed. Also their clock."""
+
+from typing import Final
+
+from protocol.clock import Clock
+
+SLOWEST: Final = 0.0625
+FASTEST: Final = 64.0
+
+
+class Timeline:
+    """`position_ns` counts from the first frame; `now_ns` is the same instant in UTC."""
+
+    def __init__(self, clock: Clock, start_ns: int, duration_ns: int) -> None:
+        self._clock = clock
+        self._start_ns = start_ns
+        self.duration_ns = duration_ns
+        self.speed = 1.0
+        self.playing = False
+        self._anchor_ns = 0
+        self._since_ns = 0
+
+    @property
+    def position_ns(self) -> int:
+        """It stops at the end by itself."""
+        if not self.playing:
+            return self._anchor_ns
+        passed_ns = self._clock.now_ns() - self._since_ns
+        position_ns = self.held(self._anchor_ns + round(passed_ns * self.speed))
+        if position_ns >= self.duration_ns:
+            self._anchor_ns, self.playing = self.duration_ns, False
+        return position_ns
+
+    @property
+    def position_s(self) -> float:
+        return self.position_ns / 1e9
+
+    def play(self, speed: float | None = None) -> None:
+        """Run from here on; a speed beyond what can be followed is held back."""
+        self.move_to(self.position_ns)
+        if speed is not None:
+            self.speed = min(max(speed, SLOWEST), FASTEST)
+        self.playing = True
+
+    def pause(self) -> None:
+        self.move_to(self.position_ns)
+        self.playing = False
+
+    def move_to(self, position_ns: int) -> None:
+        self._anchor_ns = self.held(position_ns)
+        self._since_ns = self._clock.now_ns()
+
+    def held(self, position_ns: int) -> int:
+        """The nearest place that is on it."""
+        return min(max(position_ns, 0), self.duration_ns)
+
+    def now_ns(self) -> int:
+        return self._start_ns + self.position_ns
+
+    def cpu_ns(self) -> int:
+        return self._clock.cpu_ns()
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        """Nobody waits for a recording: it is polled."""
