@@ -43,8 +43,9 @@ GROUPS: dict[str, dict[str, Verb]] = {
     "look": {
         "watch": Verb("ground.cli", "show what the robot says, line by line"),
         "doctor": Verb("ground.cli", "say what is missing and what to do"),
-        "record": Verb("ground.cli", "write every frame to a .tlog file"),
-        "export": Verb("ground.cli", "a .tlog file as a CSV table"),
+        "record": Verb("ground.cli", "write every frame to a .tlog and an .mcap file"),
+        "mark": Verb("ground.cli", "a remark in what is being recorded"),
+        "export": Verb("ground.cli", "a recording as a table: CSV or Parquet"),
     },
     "study": {
         "trial": Verb("study.cli", "one run in this process, as fast as possible"),

@@ -1,26 +1,25 @@
-"""`record` and `export`: the black box, and the way out of it."""
+"""`record` and `mark`: the black box while it is written."""
 
 import argparse
-import sys
-from contextlib import nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
 from time import time_ns
-from typing import Final, TextIO
+from typing import Final
 
 from ground.blackbox.facts import Facts
 from ground.blackbox.tape import Tape, Track
-from ground.export import Tally, export
 from ground.link import Link, linked
-from ground.options import add_common, add_json, common_of
+from ground.options import add_common, common_of
 from ground.recorder import Recorder
 from ground.says import Says
-from ground.tlog import Reader
+from ground.texts import pieces_of
 from protocol.errors import UserError
+from protocol.topics import MARK
 
 FLUSH_NS: Final = 250_000_000
 SYNC_EVERY: Final = 4
 COMPLAIN_NS: Final = 5_000_000_000
+MARK_PATIENCE_S: Final = 0.5
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,40 +93,19 @@ def in_words(track: Track) -> str:
     return f"{track.path}: {recorder.written} frames{odd}{lost}"
 
 
-def export_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE", help="a .tlog")
-    parser.add_argument("--out", metavar="CSV", help="write here, not to standard output")
-    add_json(parser)
+def mark_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("text", nargs="+", metavar="TEXT", help="what is to be remembered")
+    add_common(parser)
 
 
-def run_export(options: argparse.Namespace, says: Says) -> int:
-    """0 when all of the file could be read, 1 when part of it is damaged."""
-    if options.json and options.out is None:
-        raise UserError("--json and the table cannot both be standard output: add --out FILE.csv")
-    try:
-        with open(options.file, "rb") as source, target_of(options.out) as target:
-            tally = export(Reader(source), target)
-    except BrokenPipeError:
-        raise  # nobody reads the table any more, which is nobody's mistake
-    except OSError as error:
-        raise UserError(f"{error.filename or options.file}: {error.strerror}") from error
-    return tell_export(says, options, tally)
-
-
-def target_of(out: str | None) -> "nullcontext[TextIO] | TextIO":
-    if out is None:
-        return nullcontext(sys.stdout)
-    return open(out, "w", encoding="utf-8", newline="")
-
-
-def tell_export(says: Says, options: argparse.Namespace, tally: Tally) -> int:
-    text = f"{options.file}: {tally.frames} frames, {tally.rows} rows"
-    if tally.unreadable:
-        text += f"; {tally.unreadable} frames are not of this dialect"
-    if tally.damage:
-        text += f"; DAMAGED: {tally.damage}"
-    if options.out is None:
-        says.note(text)
-    else:
-        says.result({"file": options.file, "out": options.out, **tally._asdict()}, text)
-    return 1 if tally.damage else 0
+def act_mark(options: argparse.Namespace, link: Link, says: Says) -> int:
+    """Say it on the bus: whoever records has it, and a replay stops there. 1: nobody records."""
+    text = " ".join(options.text)
+    publisher = link.bus.publisher(MARK, link.robot)
+    heard = not link.bus.await_matched([publisher], timeout_s=MARK_PATIENCE_S)
+    if heard:
+        for piece in pieces_of(text, link.ids.next() & 0xFFFF or 1):
+            publisher.put(piece)
+    reason = "" if heard else "nobody records: sidestep record DIR"
+    says.result({"ok": heard, "mark": text, "reason": reason}, reason or f"marked: {text}")
+    return 0 if heard else 1

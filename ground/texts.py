@@ -1,5 +1,6 @@
-"""Puts the pieces of a long STATUSTEXT together again."""
+"""A long STATUSTEXT in pieces, and together again."""
 
+from protocol.enums import Severity
 from protocol.message import Message
 from protocol.messages import Statustext
 
@@ -27,3 +28,23 @@ class Texts:
             return ""
         text, self._pieces, self._id = "".join(self._pieces), [], 0
         return text
+
+
+def pieces_of(text: str, number: int) -> list[Statustext]:
+    """One message, or several under this number; beyond 50 bytes only ASCII survives.
+
+    The last piece is always shorter than the others, if need be empty: that is its mark.
+    """
+    encoded = text.encode(errors="replace").replace(b"\0", b" ")
+    if len(encoded) <= PIECE_BYTES:
+        return [Statustext(severity=Severity.NOTICE, text=encoded.decode(), id=0, chunk_seq=0)]
+    encoded = text.encode("ascii", "replace")[: PIECE_BYTES * MOST_PIECES - 1]
+    return [
+        Statustext(
+            severity=Severity.NOTICE,
+            text=encoded[at : at + PIECE_BYTES].decode("ascii"),
+            id=number,
+            chunk_seq=at // PIECE_BYTES,
+        )
+        for at in range(0, len(encoded) + 1, PIECE_BYTES)
+    ]

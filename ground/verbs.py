@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
-from ground import doctor, goto, orders, param, record, router, up, watch
+from ground import doctor, exporting, goto, orders, param, record, router, up, watch
 from ground.link import Link, linked
 from ground.options import common_of
 from ground.says import Says
@@ -67,8 +67,9 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             doctor.arguments, doctor.run, "say what is missing and what to do", doctor.act
         ),
         "router": Verb(router.arguments, router.run, "a Zenoh router, until told to stop"),
-        "record": Verb(record.arguments, record.run, "write every frame to a .tlog file"),
-        "export": Verb(record.export_arguments, record.run_export, "a .tlog file as CSV"),
+        "record": Verb(record.arguments, record.run, "write every frame to .tlog and .mcap"),
+        "mark": talking(record.mark_arguments, record.act_mark, "a remark in what is recorded"),
+        "export": Verb(exporting.arguments, exporting.run, "a recording as CSV or Parquet"),
     }
 )
 

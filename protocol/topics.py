@@ -206,6 +206,14 @@ TELEOP: Final = Topic(
     priority=Priority.DATA_HIGH,
     doc="speeds to drive with in MANUAL, each with its own time-to-live",
 )
+MARK: Final = Topic(
+    path="op/mark",
+    messages=(Statustext,),
+    publisher=Role.GROUND,
+    rate_hz=0.0,
+    stale_after_ns=0,
+    doc="an operator's remark, for the record",
+)
 
 COMMAND: Final = Service(
     path="srv/command",
@@ -279,5 +287,6 @@ TOPICS: Final[tuple[Topic[Message], ...]] = (
     ANSWERED,
     OPERATOR,
     TELEOP,
+    MARK,
 )
 SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE, RUN, WORLD)

@@ -3,13 +3,13 @@
 from typing import Final, NamedTuple
 
 from ground.blackbox.reel import Reel
+from ground.texts import Texts
 from protocol.enums import GoalState, Vehicle
-from protocol.messages import NavigatorStatus, Statustext
+from protocol.messages import NavigatorStatus
 from protocol.reasons import reason_text
-from protocol.topics import STATUS
+from protocol.topics import MARK, STATUS
 
 NS_PER_S: Final = 1_000_000_000
-MARK_PATH: Final = "op/mark"
 STOPPED: Final = (Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP)
 
 
@@ -23,11 +23,9 @@ class Mark(NamedTuple):
 
 def marks_of(reel: Reel) -> tuple[Mark, ...]:
     """All of them, in the order of time."""
-    said = [
-        Mark(time_ns / NS_PER_S, "mark", message.text)
-        for time_ns, message in reel.on(MARK_PATH)
-        if isinstance(message, Statustext)
-    ]
+    texts = Texts()
+    remarks = ((time_ns, texts.receive(message)) for time_ns, message in reel.on(MARK.path))
+    said = [Mark(time_ns / NS_PER_S, "mark", words) for time_ns, words in remarks if words]
     return tuple(sorted([*_changes(reel), *said]))
 
 

@@ -27,6 +27,7 @@ from ground.blackbox.shapes import (
     turn,
     vector,
 )
+from ground.texts import Texts
 from protocol.enums import Severity
 from protocol.message import Message
 from protocol.messages import (
@@ -79,6 +80,7 @@ class Picture:
         self._trail_due_ns = 0
         self._goal: tuple[float, float, float] | None = None
         self._virtual: Point | None = None
+        self._texts = Texts()
         self._draws: dict[type[Message], Callable[[Any, int], list[Drawn]]] = {
             PlanarOdometry: self._belief,
             GroundTruth: self._truth,
@@ -190,10 +192,13 @@ class Picture:
         return [Drawn("/goal/virtual", schemas.SCENE_UPDATE, scene(spheres, zone))]
 
     def _text(self, text: Statustext, time_ns: int) -> list[Drawn]:
+        words = self._texts.receive(text)
+        if not words:
+            return []
         content: Json = {
             "timestamp": stamp(time_ns),
             "level": LEVELS.get(Severity(min(text.severity, Severity.DEBUG)), FATAL),
-            "message": text.text,
+            "message": words,
             "name": ROBOT,
             "file": "",
             "line": 0,

@@ -12,11 +12,12 @@ import pytest
 from ground.blackbox.frames import opened
 from ground.cli import main
 from ground.recorder import LogFile
+from ground.texts import Texts
 from ground.tlog import read
 from protocol.bus import Network, open_bus
 from protocol.codec import decode
-from protocol.messages import Heartbeat, NavigatorStatus
-from protocol.topics import SONAR, Role
+from protocol.messages import Heartbeat, NavigatorStatus, Statustext
+from protocol.topics import MARK, SONAR, Role
 from tests.bus.robots import PlayedRobot, played
 
 
@@ -101,10 +102,34 @@ def test_a_table_is_made_and_damage_is_told(
     (log,) = tmp_path.glob("*.tlog")
     capsys.readouterr()
     assert main(["export", str(log)]) == 0
-    assert capsys.readouterr().out.startswith("time_s,message,field,value\n")
+    assert capsys.readouterr().out.startswith("time_s,utc_s,topic,message,field,value\n")
     log.write_bytes(log.read_bytes()[:-3])
     assert main(["export", str(log), "--out", str(tmp_path / "t.csv"), "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["lost_bytes"] > 0
+
+
+def test_a_remark_reaches_whoever_records(
+    stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    heard: list[Statustext] = []
+
+    def take(_key: str, frame: bytes, _at_ns: int) -> None:
+        message = decode(frame).message
+        assert isinstance(message, Statustext)
+        heard.append(message)
+
+    words = "a cart stands in the way, and it was not there before lunch"
+    assert main(["mark", words, "--connect", stage[1]]) == 1
+    assert "nobody records" in capsys.readouterr().out
+    stage[0].bus.stream(MARK, take)
+    assert main(["mark", *words.split(), "--connect", stage[1]]) == 0
+    pause = threading.Event()
+    for _ in range(200):
+        if len(heard) == 2:
+            break
+        pause.wait(0.01)
+    texts = Texts()
+    assert [texts.receive(piece) for piece in heard] == ["", words]
 
 
 def test_ground_is_an_operator_until_it_is_ended(

@@ -1,6 +1,8 @@
 """Long texts come in pieces and are shown whole."""
 
-from ground.texts import Texts
+import pytest
+
+from ground.texts import Texts, pieces_of
 from protocol.messages import Statustext
 from tests.unit.ground.test_findings import CYCLE
 
@@ -35,3 +37,11 @@ def test_pieces_without_end_are_shown_before_memory_runs_out() -> None:
 
 def test_anything_else_is_no_text() -> None:
     assert Texts().receive(CYCLE) == ""
+
+
+@pytest.mark.parametrize("text", ["x", "Größe", "a" * 50, "b" * 51, "c" * 150, "d" * 999])
+def test_what_is_taken_to_pieces_comes_together_again(text: str) -> None:
+    texts = Texts()
+    *before, last = [texts.receive(piece) for piece in pieces_of(text, 7)]
+    assert not any(before)
+    assert last == text

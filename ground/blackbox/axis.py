@@ -1,0 +1,63 @@
+"""One time for everything that was recorded: seconds of the robot's stamps.
+
+What carries no stamp of its own happened at the newest stamp before it.
+"""
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from ground.blackbox.frames import Frame, Log
+from protocol.codec import decode
+from protocol.errors import RemoteError
+from protocol.message import Message
+
+NS_PER_S: Final = 1_000_000_000
+
+
+class Timed(NamedTuple):
+    """A message, its topic's path, its time on the axis, and when it arrived in UTC."""
+
+    time_s: float
+    utc_s: float
+    path: str
+    message: Message
+
+
+class Axis:
+    """Reads a recording once; what cannot be decoded is counted in `unreadable`."""
+
+    def __init__(self, log: Log, begin_s: float | None = None, end_s: float | None = None) -> None:
+        self.log = log
+        self.unreadable = 0
+        self._begin_s = float("-inf") if begin_s is None else begin_s
+        self._end_s = float("inf") if end_s is None else end_s
+
+    def __iter__(self) -> Iterator[Timed]:
+        for timed in self._all():
+            if self._begin_s <= timed.time_s <= self._end_s:
+                yield timed
+
+    def _all(self) -> Iterator[Timed]:
+        unstamped: list[tuple[Frame, Message]] = []
+        newest_ns: int | None = None
+        for frame in self.log:
+            try:
+                message = decode(frame.frame).message
+            except RemoteError:
+                self.unreadable += 1
+                continue
+            stamp_ns = getattr(message, "time_ns", newest_ns)
+            if stamp_ns is None:
+                unstamped.append((frame, message))
+                continue
+            for before in unstamped:
+                yield self._timed(*before, stamp_ns)
+            unstamped.clear()
+            newest_ns = stamp_ns
+            yield self._timed(frame, message, stamp_ns)
+        for before in unstamped:
+            yield self._timed(*before, 0)
+
+    def _timed(self, frame: Frame, message: Message, stamp_ns: int) -> Timed:
+        path = frame.key.partition(f"/{self.log.robot}/")[2] or frame.key
+        return Timed(stamp_ns / NS_PER_S, frame.time_ns / NS_PER_S, path, message)

@@ -1,0 +1,112 @@
+"""A recording as a table: long, a row for each value that came, or wide, a row for each instant.
+
+Wide is sampled: at each instant of a fixed grid a column has the last value that had come, unless
+it is older than its topic's stale-after; then it is empty. What is an event, and so never stale,
+is in the one row after it came.
+"""
+
+from collections.abc import Iterable, Iterator
+from math import ceil, floor
+from typing import Final, NamedTuple
+
+from ground.blackbox.axis import Timed
+from ground.blackbox.fields import Cell, cells_of
+from protocol.message import Message
+from protocol.topics import MS, TOPICS
+
+STALE_S: Final = {topic.path: topic.stale_after_ns / MS / 1000.0 for topic in TOPICS}
+SEVERAL: Final = frozenset(topic.path for topic in TOPICS if len(topic.messages) > 1)
+USUAL_RATE_HZ: Final = 20.0
+EPSILON: Final = 1e-9
+
+
+class Column(NamedTuple):
+    """`kind` as that of a cell."""
+
+    name: str
+    kind: str
+
+
+Row = list[str | None]
+"""Values as text; None is an empty cell."""
+
+LONG: Final = (
+    Column("time_s", "float"),
+    Column("utc_s", "float"),
+    Column("topic", "text"),
+    Column("message", "text"),
+    Column("field", "text"),
+    Column("value", "text"),
+)
+TIME: Final = LONG[0]
+
+
+def long_rows(timed: Iterable[Timed]) -> Iterator[Row]:
+    for one in timed:
+        times = f"{one.time_s:.6f}", f"{one.utc_s:.6f}"
+        for cell in cells_of(one.message):
+            yield [*times, one.path, type(one.message).__name__, cell.name, cell.text]
+
+
+def wide_columns(timed: Iterable[Timed]) -> list[Column]:
+    """Time, then a column for each field of whatever occurs, in the order of the topics."""
+    order = {topic.path: place for place, topic in enumerate(TOPICS)}
+    found: dict[tuple[str, type[Message]], list[Column]] = {}
+    for one in timed:
+        kind = one.path, type(one.message)
+        if kind not in found:
+            found[kind] = [
+                Column(name_of(one.path, one.message, cell), cell.kind)
+                for cell in cells_of(one.message)
+            ]
+    ranked = sorted(found, key=lambda kind: (order.get(kind[0], len(order)), kind[1].__name__))
+    return [TIME, *(column for kind in ranked for column in found[kind])]
+
+
+def name_of(path: str, message: Message, cell: Cell) -> str:
+    """Such as `tlm/odometry.x_m`; the message is named where a topic carries several."""
+    which = f".{type(message).__name__}" if path in SEVERAL else ""
+    return f"{path}{which}.{cell.name}"
+
+
+class _Newest(NamedTuple):
+    """When a value came, until when it may be shown, and its cells by column."""
+
+    came_s: float
+    until_s: float
+    cells: dict[int, str]
+
+
+def wide_rows(
+    timed: Iterable[Timed], columns: list[Column], rate_hz: float = USUAL_RATE_HZ
+) -> Iterator[Row]:
+    """A row for each instant of the grid from the first to the last that something came in."""
+    place_of = {column.name: place for place, column in enumerate(columns)}
+    newest: dict[tuple[str, type[Message]], _Newest] = {}
+    step: int | None = None
+    for one in timed:
+        if step is None:
+            step = floor(one.time_s * rate_hz + EPSILON)
+        while step / rate_hz < one.time_s - EPSILON:
+            yield _row(step / rate_hz, newest, len(columns))
+            step += 1
+        cells = {
+            place_of[name_of(one.path, one.message, cell)]: cell.text
+            for cell in cells_of(one.message)
+        }
+        until_s = one.time_s + STALE_S.get(one.path, 0.0)
+        if not STALE_S.get(one.path):  # an event: shown in the next row, and in no other
+            until_s = ceil(one.time_s * rate_hz - EPSILON) / rate_hz
+        newest[one.path, type(one.message)] = _Newest(one.time_s, until_s, cells)
+    if step is not None:
+        yield _row(step / rate_hz, newest, len(columns))
+
+
+def _row(time_s: float, newest: dict[tuple[str, type[Message]], _Newest], width: int) -> Row:
+    row: Row = [None] * width
+    row[0] = f"{time_s:.6f}"
+    for value in newest.values():
+        if value.came_s <= time_s + EPSILON and time_s <= value.until_s + EPSILON:
+            for place, text in value.cells.items():
+                row[place] = text
+    return row

@@ -1,0 +1,188 @@
+"""A recording becomes a table, long or wide, on one axis of time."""
+
+import io
+import tempfile
+from collections.abc import Sequence
+from math import inf, isnan, nan
+from pathlib import Path
+from struct import pack
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.blackbox.axis import Axis
+from ground.blackbox.fields import cells_of, shortest_single
+from ground.blackbox.frames import opened
+from ground.blackbox.table_files import write_csv
+from ground.blackbox.tables import LONG, long_rows, wide_columns, wide_rows
+from protocol.enums import Severity
+from protocol.messages import CycleReport, GoalRequest, Statustext
+from protocol.topics import COMMANDED, CYCLE, HEARTBEAT, ODOMETRY, TEXT, WHEELS
+from tests.unit.ground.blackbox.made import (
+    BEAT,
+    GOAL,
+    PERIOD_US,
+    START_US,
+    Said,
+    Speaker,
+    decision,
+    odometry,
+    run,
+    tlog,
+    wheels,
+)
+
+CYCLE_REPORT = CycleReport(
+    time_ns=5_000_000_000,
+    tick=1,
+    missed=0,
+    overruns=0,
+    rejected=0,
+    late_us=9,
+    sense_age_us=1,
+    budget_us=2,
+    stage_us=(1, 2, 3, 4, 5),
+)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "a.tlog"
+
+
+def long_table(path: Path, said: Sequence[Said], **ends: float) -> list[list[str | None]]:
+    return list(long_rows(Axis(opened(tlog(path, list(said))), **ends)))
+
+
+def wide_table(path: Path, said: Sequence[Said], rate_hz: float) -> list[dict[str, str | None]]:
+    tlog(path, list(said))
+    columns = wide_columns(Axis(opened(path)))
+    names = [column.name for column in columns]
+    rows = wide_rows(Axis(opened(path)), columns, rate_hz)
+    return [dict(zip(names, row, strict=True)) for row in rows]
+
+
+def test_every_field_is_a_row_and_arrays_are_numbered(path: Path) -> None:
+    rows = long_table(path, [Speaker().say(CYCLE, CYCLE_REPORT, START_US)])
+    begin = ["5.000000", "1790000000.000000", "tlm/cycle", "CycleReport"]
+    assert [*begin, "late_us", "9"] in rows
+    assert [*begin, "stage_us[4]", "5"] in rows
+    assert {len(row) for row in rows} == {len(LONG)}
+
+
+def test_what_has_no_stamp_happened_at_the_newest_one_before_it(path: Path) -> None:
+    speaker = Speaker()
+    rows = long_table(
+        path,
+        [
+            speaker.say(HEARTBEAT, BEAT, START_US),
+            speaker.say(WHEELS, wheels(3_000_000_000, 1), START_US + 1),
+            speaker.say(COMMANDED, GOAL, START_US + 2),
+            speaker.say(WHEELS, wheels(4_000_000_000, 2), START_US + 3),
+        ],
+    )
+    times = {row[2]: row[0] for row in reversed(rows)}
+    assert times["tlm/heartbeat"] == "3.000000", "the first stamp there is"
+    assert times["tlm/commanded"] == "3.000000"
+
+
+def test_a_part_of_the_time_can_be_taken(path: Path) -> None:
+    rows = long_table(path, list(run(40)), begin_s=0.5, end_s=1.0)
+    assert {row[0] for row in rows} == {f"{tick * 0.05:.6f}" for tick in range(10, 21)}
+
+
+def test_text_with_commas_quotes_and_line_ends_survives(path: Path) -> None:
+    nasty = 'a,"b"\nc'
+    rows = long_table(
+        path, [Speaker().say(TEXT, Statustext(severity=Severity.INFO, text=nasty), START_US)]
+    )
+    target = io.StringIO()
+    assert write_csv(target, LONG, rows) == len(rows)
+    assert '"a,""b""\nc"' in target.getvalue()
+
+
+def test_missing_is_nan_and_no_echo_is_inf() -> None:
+    cells = {cell.name: cell.text for cell in cells_of(decision(0, (nan, inf)))}
+    assert isnan(float(cells["virtual_x_m"]))
+    assert float(cells["virtual_y_m"]) == inf
+    assert cells["zone_m"] == "0.3"
+
+
+def test_wide_has_a_row_for_each_instant_of_the_grid(path: Path) -> None:
+    rows = wide_table(path, list(run(40)), rate_hz=10.0)
+    assert [row["time_s"] for row in rows] == [f"{n / 10:.6f}" for n in range(21)]
+    assert rows[10]["tlm/odometry.x_m"] == "0.725", "the value of 1.0 s itself"
+    assert rows[10]["sense/sonar.range_mm[3]"] == "803"
+
+
+def test_between_two_values_the_last_one_holds(path: Path) -> None:
+    rows = wide_table(path, list(run(4)), rate_hz=100.0)
+    ticks = [row["sense/wheels.left"] for row in rows]
+    assert ticks == ["0"] + ["0"] * 4 + ["1"] * 5 + ["2"] * 5 + ["3"]
+
+
+def test_a_value_that_is_stale_is_not_shown(path: Path) -> None:
+    speaker = Speaker()
+    said = [speaker.say(ODOMETRY, odometry(0, 1.0), START_US)]
+    said += [speaker.say(WHEELS, wheels(n * 50_000_000, n), START_US + n) for n in range(1, 21)]
+    rows = wide_table(path, said, rate_hz=20.0)
+    shown = [row["time_s"] for row in rows if row["tlm/odometry.x_m"] is not None]
+    assert shown == [f"{n * 0.05:.6f}" for n in range(6)], "250 ms, and not a row longer"
+
+
+def test_an_event_is_in_one_row_only(path: Path) -> None:
+    rows = wide_table(path, list(run(40)), rate_hz=50.0)
+    name = f"tlm/commanded.{GoalRequest.__name__}.x_mm"
+    assert [row["time_s"] for row in rows if row[name] is not None] == ["0.500000"]
+
+
+def test_a_slow_grid_shows_an_event_in_the_row_after_it(path: Path) -> None:
+    speaker = Speaker()
+    said = [
+        speaker.say(WHEELS, wheels(0, 0), START_US),
+        speaker.say(WHEELS, wheels(300_000_000, 1), START_US + 1),
+        speaker.say(COMMANDED, GOAL, START_US + 2),
+        speaker.say(WHEELS, wheels(2_000_000_000, 2), START_US + 3),
+    ]
+    rows = wide_table(path, said, rate_hz=1.0)
+    name = "tlm/commanded.GoalRequest.mode"
+    assert [row[name] for row in rows] == [None, "15", None]
+
+
+def test_columns_come_in_the_order_of_the_topics_whatever_came_first(path: Path) -> None:
+    forwards = wide_columns(Axis(opened(tlog(path, list(run(12))))))
+    backwards = wide_columns(Axis(opened(tlog(path, list(reversed(list(run(12))))))))
+    assert forwards == backwards
+    assert forwards[0].name == "time_s"
+
+
+def test_an_empty_recording_is_a_table_without_rows(path: Path) -> None:
+    assert wide_table(path, [], 10.0) == []
+    assert long_table(path, []) == []
+
+
+@given(st.floats(width=32, allow_nan=False, allow_infinity=False))
+def test_the_shortest_text_is_the_same_number_on_the_wire(value: float) -> None:
+    assert pack("<f", float(shortest_single(value))) == pack("<f", value)
+
+
+@given(
+    st.lists(st.integers(0, 60), min_size=1, max_size=20),
+    st.sampled_from([1.0, 7.0, 20.0, 33.0]),
+)
+def test_no_value_is_ever_shown_before_it_came_or_after_it_is_stale(
+    ticks: list[int], rate_hz: float
+) -> None:
+    speaker = Speaker()
+    said = [
+        speaker.say(WHEELS, wheels(tick * PERIOD_US * 1000, tick), START_US)
+        for tick in sorted(ticks)
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        rows = wide_table(Path(folder) / "a.tlog", said, rate_hz)
+    for row in rows:
+        shown = row["sense/wheels.seq"]
+        if shown is not None:
+            age_s = float(str(row["time_s"])) - int(shown) * 0.05
+            assert -1e-6 <= age_s <= 0.15 + 1e-6
