@@ -4,24 +4,29 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from math import isfinite
 from types import MappingProxyType
-from typing import Final, TypeAlias
+from typing import Final
 
 from protocol.enums import AckResult, Command
 from protocol.messages import CommandAck, CommandRequest, GoalRequest
 from robot.core import modes, reasons
 from robot.core.senses import goal_of
 from robot.core.state import State
+from robot.mission.mission import Mission
 
 REMEMBERED: Final = 64
 
-Handler: TypeAlias = Callable[[State, float, float, int], int]
-
 
 class Commands:
-    """Acts on the mode machine of `state`; the id of the goal it accepted last is `goal_id`."""
+    """Acts on the mode machine of `state` and on the mission.
 
-    def __init__(self, state: State) -> None:
+    `goal_id` is the request that led to the goal there is: a mission's goals have that of its
+    start.
+    """
+
+    def __init__(self, state: State, mission: Mission) -> None:
         self._state = state
+        self._machine = state.machine
+        self._mission = mission
         self._answered: OrderedDict[int, CommandAck] = OrderedDict()
         self.goal_id = 0
 
@@ -30,13 +35,20 @@ class Commands:
         known = self._answered.get(request.request_id)
         if known is not None:
             return known
-        ack = acknowledge(request, self._act(request, now_ms))
-        self._answered[request.request_id] = ack
+        answer = acknowledge(request, self._act(request, now_ms))
+        self._answered[request.request_id] = answer
         if len(self._answered) > REMEMBERED:
             self._answered.popitem(last=False)
-        return ack
+        return answer
 
     def _act(self, request: CommandRequest | GoalRequest, now_ms: int) -> int:
+        serial = self._machine.serial
+        reason = self._handle(request, now_ms)
+        if self._machine.serial != serial:
+            self.goal_id = request.request_id
+        return reason
+
+    def _handle(self, request: CommandRequest | GoalRequest, now_ms: int) -> int:
         if isinstance(request, GoalRequest):
             return self._goto(request, now_ms)
         handler = HANDLERS.get(request.command)
@@ -44,7 +56,7 @@ class Commands:
             return reasons.UNKNOWN_COMMAND
         if not (isfinite(request.param1) and isfinite(request.param2)):
             return reasons.PARAMETER_OUT_OF_RANGE
-        return handler(self._state, request.param1, request.param2, now_ms)
+        return handler(self, request.param1, request.param2, now_ms)
 
     def _goto(self, request: GoalRequest, now_ms: int) -> int:
         goal = goal_of(
@@ -55,15 +67,50 @@ class Commands:
             request.position_tolerance_mm,
             request.heading_tolerance_urad,
         )
-        reason = modes.goto(self._state.machine, goal, request.mode, now_ms)
-        if reason == reasons.OK:
-            self.goal_id = request.request_id
-        return reason
+        return modes.goto(self._machine, goal, request.mode, now_ms)
+
+    def _arm_disarm(self, arm: float, _: float, now_ms: int) -> int:
+        return modes.arm(self._machine) if arm else modes.disarm(self._machine, now_ms)
+
+    def _set_mode(self, _: float, mode: float, now_ms: int) -> int:
+        return modes.set_mode(self._machine, self._state.trail, int(mode), now_ms)
+
+    def _pause_continue(self, go_on: float, _: float, now_ms: int) -> int:
+        if not go_on:
+            return modes.hold(self._machine)
+        return self._mission.resume() if self._mission.active else modes.resume(self._machine)
+
+    def _estop(self, _: float, __: float, now_ms: int) -> int:
+        return modes.estop(self._machine, now_ms)
+
+    def _clear_estop(self, _: float, __: float, now_ms: int) -> int:
+        return modes.clear_estop(self._machine)
+
+    def _abort(self, _: float, __: float, now_ms: int) -> int:
+        if self._mission.active:
+            return self._mission.abort(now_ms)
+        return modes.abort(self._machine, now_ms)
+
+    def _rtl(self, _: float, __: float, now_ms: int) -> int:
+        return modes.rtl(self._machine, self._state.trail, now_ms)
+
+    def _set_navigator(self, navigator: float, side: float, now_ms: int) -> int:
+        return modes.set_navigator(self._machine, int(navigator), int(side) or self._machine.side)
+
+    def _start_mission(self, first: float, _: float, now_ms: int) -> int:
+        return self._mission.start(int(first), now_ms)
+
+    def _jump(self, item: float, _: float, now_ms: int) -> int:
+        return self._mission.jump(int(item), now_ms)
 
 
 def acknowledge(request: CommandRequest | GoalRequest, reason: int) -> CommandAck:
     """The answer that carries a reason; a goal is acknowledged as DO_REPOSITION."""
     command = Command.DO_REPOSITION if isinstance(request, GoalRequest) else request.command
+    return ack(command, reason)
+
+
+def ack(command: int, reason: int) -> CommandAck:
     return CommandAck(
         command=command,
         result=result_of(reason),
@@ -80,47 +127,19 @@ def result_of(reason: int) -> int:
     return AckResult.UNSUPPORTED if reason == reasons.UNKNOWN_COMMAND else AckResult.DENIED
 
 
-def _arm_disarm(state: State, arm: float, _: float, now_ms: int) -> int:
-    return modes.arm(state.machine) if arm else modes.disarm(state.machine, now_ms)
-
-
-def _set_mode(state: State, _: float, mode: float, now_ms: int) -> int:
-    return modes.set_mode(state.machine, state.trail, int(mode), now_ms)
-
-
-def _pause_continue(state: State, go_on: float, _: float, now_ms: int) -> int:
-    return modes.resume(state.machine) if go_on else modes.hold(state.machine)
-
-
-def _estop(state: State, _: float, __: float, now_ms: int) -> int:
-    return modes.estop(state.machine, now_ms)
-
-
-def _clear_estop(state: State, _: float, __: float, now_ms: int) -> int:
-    return modes.clear_estop(state.machine)
-
-
-def _abort(state: State, _: float, __: float, now_ms: int) -> int:
-    return modes.abort(state.machine, now_ms)
-
-
-def _rtl(state: State, _: float, __: float, now_ms: int) -> int:
-    return modes.rtl(state.machine, state.trail, now_ms)
-
-
-def _set_navigator(state: State, navigator: float, side: float, now_ms: int) -> int:
-    return modes.set_navigator(state.machine, int(navigator), int(side) or state.machine.side)
-
+Handler = Callable[[Commands, float, float, int], int]
 
 HANDLERS: Final[Mapping[int, Handler]] = MappingProxyType(
     {
-        Command.COMPONENT_ARM_DISARM: _arm_disarm,
-        Command.DO_SET_MODE: _set_mode,
-        Command.DO_PAUSE_CONTINUE: _pause_continue,
-        Command.DO_FLIGHTTERMINATION: _estop,
-        Command.NAV_RETURN_TO_LAUNCH: _rtl,
-        Command.SIDESTEP_SET_NAVIGATOR: _set_navigator,
-        Command.SIDESTEP_ABORT_GOAL: _abort,
-        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: _clear_estop,
+        Command.COMPONENT_ARM_DISARM: Commands._arm_disarm,
+        Command.DO_SET_MODE: Commands._set_mode,
+        Command.DO_PAUSE_CONTINUE: Commands._pause_continue,
+        Command.DO_FLIGHTTERMINATION: Commands._estop,
+        Command.NAV_RETURN_TO_LAUNCH: Commands._rtl,
+        Command.MISSION_START: Commands._start_mission,
+        Command.DO_SET_MISSION_CURRENT: Commands._jump,
+        Command.SIDESTEP_SET_NAVIGATOR: Commands._set_navigator,
+        Command.SIDESTEP_ABORT_GOAL: Commands._abort,
+        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: Commands._clear_estop,
     }
 )

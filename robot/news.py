@@ -1,12 +1,13 @@
-"""What changed since it was last told: one line of text per change of vehicle, mode and goal."""
+"""What changed since it was last told: a line of text each for vehicle, mode, goal and mission."""
 
 from typing import Final
 
-from protocol.enums import GoalState, Mode, Severity, Vehicle
+from protocol.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.messages import Statustext
 from protocol.reasons import reason_text
 from robot.core import reasons
 from robot.core.machine import Machine
+from robot.mission.mission import Mission
 
 TEXT_BYTES: Final = 50
 
@@ -18,10 +19,12 @@ TOLD_GOALS: Final = frozenset(
 
 
 class News:
-    """Compares the machine with what it was at the last call; it acts on nothing."""
+    """Compares machine and mission with what they were at the last call; it acts on nothing."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Machine, mission: Mission) -> None:
         self._machine = machine
+        self._mission = mission
+        self._leg = (mission.number, mission.state, mission.current)
         self._vehicle = (machine.vehicle, machine.vehicle_reason)
         self._mode = machine.mode
         self._goal = (machine.serial, machine.goal_state, machine.goal_reason)
@@ -43,7 +46,19 @@ class News:
         if machine.mode != self._mode:
             texts += self.text(Severity.INFO, f"mode {Mode(machine.mode).name}")
         self._goal, self._vehicle, self._mode = goal, vehicle, machine.mode
-        return texts
+        return texts + self._of_mission()
+
+    def _of_mission(self) -> list[Statustext]:
+        mission = self._mission
+        leg = (mission.number, mission.state, mission.current)
+        if leg == self._leg:
+            return []
+        self._leg = leg
+        failed = mission.state == MissionState.FAILED
+        words = line("mission", mission.state.name, mission.reason)
+        if mission.items:
+            words += f" (item {mission.current + 1} of {len(mission.items)})"
+        return self.text(Severity.ERROR if failed else Severity.INFO, words)
 
     def text(self, severity: int, words: str) -> list[Statustext]:
         """A text of any length in numbered pieces of 50 bytes, as MAVLink has it."""

@@ -6,13 +6,17 @@ from typing import Final
 
 from protocol.bus import Asked, Bus
 from protocol.clock import Clock, Tick
+from protocol.messages import Teleop
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
+from robot import telemetry
 from robot.core import reasons
 from robot.core.budget import READ
-from robot.core.values import Outputs
+from robot.core.values import Inputs, Outputs
 from robot.meter import Meter
 from robot.reports import Reports
 from robot.senses import Senses
+from robot.telemetry import Given
+from robot.teleop import wanted
 from robot.vehicle import Vehicle
 
 SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE)
@@ -66,7 +70,7 @@ class Process:
         self.vehicle.stop(reason, now_ns)
         reports.command(senses.stamp_ns, senses.sequence, 0, 0)
         reports.state(self.vehicle, senses.stamp_ns, now_ns)
-        reports.events(self.vehicle, now_ns)
+        reports.events(self.vehicle, senses.stamp_ns, now_ns)
 
     def cycle(self, tick: Tick) -> None:
         """One control period: read, think, write, account."""
@@ -75,16 +79,19 @@ class Process:
         now_ns = self._clock.now_ns()
         inputs = self._senses.read(tick, now_ns, self.vehicle)
         self._meter.mark(READ)
-        if self._meter.violated:
+        violated = self._meter.violated
+        if violated:
             self.vehicle.report(reasons.BUDGET)
-        outputs = self.vehicle.step(inputs, self._meter.mark)
+        teleop = self.vehicle.handle.newest(now_ns)
+        outputs = self.vehicle.step(inputs, self._meter.mark, wanted(teleop))
         self._write(outputs, tick, now_ns)
+        self._tell_inputs(inputs, teleop, tick.index, violated)
         self._meter.end()
 
     def idle(self) -> None:
         """Between two ticks: answer what was asked, and show that the loop lives."""
         self._answer()
-        self.reports.events(self.vehicle, self._clock.now_ns())
+        self.reports.events(self.vehicle, self._senses.stamp_ns, self._clock.now_ns())
 
     def _write(self, outputs: Outputs, tick: Tick, now_ns: int) -> None:
         """The wheels come first; who watches may wait."""
@@ -100,7 +107,17 @@ class Process:
                 rejected=sum(self._bus.rejected.values()),
             )
         )
-        reports.events(self.vehicle, now_ns)
+        reports.events(self.vehicle, stamp_ns, now_ns)
+
+    def _tell_inputs(
+        self, inputs: Inputs, teleop: Teleop | None, tick: int, violated: bool
+    ) -> None:
+        """All that this tick's outcome came of, so that it can be had again."""
+        senses = self._senses
+        given = Given(
+            senses.wheels_seq, senses.scan_seq, senses.scan_age_ms, self.reports.recorded, violated
+        )
+        self.reports.inputs.put(telemetry.tick_inputs(inputs, given, teleop, tick, senses.stamp_ns))
 
     def _answer(self) -> None:
         while True:
@@ -109,8 +126,8 @@ class Process:
             except Empty:
                 return
             if asked.message is None:
-                asked.reply(self.vehicle.described())
+                asked.reply(self.vehicle.tuning.described())
                 continue
-            answer = self.vehicle.receive(asked.message, self._clock.now_ns())
+            answer = self.vehicle.receive(asked.message, self._clock.now_ns(), asked.operator)
             asked.reply(answer)
             self.reports.record(asked.message, answer)

@@ -11,6 +11,9 @@ from protocol.topics import (
     DECISION,
     DRIVE,
     HEARTBEAT,
+    INPUTS,
+    LEASE,
+    MISSION,
     ODOMETRY,
     STATUS,
     TEXT,
@@ -31,10 +34,14 @@ class Reports:
         self.status = bus.publisher(STATUS)
         self.decision = bus.publisher(DECISION)
         self.cycle = bus.publisher(CYCLE)
+        self.inputs = bus.publisher(INPUTS)
+        self.lease = bus.publisher(LEASE)
+        self.mission = bus.publisher(MISSION)
         self.text = bus.publisher(TEXT)
         self.commanded = bus.publisher(COMMANDED)
         self.answered = bus.publisher(ANSWERED)
         self._commands = 0
+        self.recorded = 0
 
     def command(self, stamp_ns: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int) -> None:
         """Tell the wheels what to do for the next 150 ms."""
@@ -61,17 +68,24 @@ class Reports:
         goal_id, now_ms = vehicle.commands.goal_id, now_ms_of(now_ns)
         self.status.put(telemetry.status(vehicle.state, goal_id, stamp_ns, now_ms))
 
-    def events(self, vehicle: Vehicle, now_ns: int) -> None:
+    def events(self, vehicle: Vehicle, stamp_ns: int, now_ns: int) -> None:
         """What does not wait for a tick: that the loop lives, and what has just changed."""
         beat = vehicle.heartbeat(now_ns)
         if beat is not None:
             self.heartbeat.put(beat)
+        lease = vehicle.lease_status(stamp_ns, now_ns)
+        if lease is not None:
+            self.lease.put(lease)
+        mission = vehicle.mission_status(stamp_ns, now_ns)
+        if mission is not None:
+            self.mission.put(mission)
         if self.text.matched:  # what nobody hears would be lost: it waits
             for text in vehicle.texts():
                 self.text.put(text)
 
     def record(self, request: Message, answer: Message) -> None:
-        """Put a request and its answer on the bus, for the black box."""
+        """Put a request and its answer on the bus, for the black box, and count it."""
         if type(request) in COMMANDED.messages:
+            self.recorded = (self.recorded + 1) & 0xFFFFFFFF
             self.commanded.put(request)
             self.answered.put(answer)

@@ -50,7 +50,7 @@ def run(vehicle: Vehicle, network: Network, robot: str, options: Options) -> int
 def in_wall_time(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:
     """The grid is phase-locked to the scans as they arrive."""
     clock, pulse = WallClock(), Pulse()
-    senses = Senses(bus, lockstep=False, beat=pulse.beat)
+    senses = Senses(bus, lockstep=False, beat=pulse.beat, accept=vehicle.lease.allows)
     meter = Meter(clock, period_ns=PERIOD_NS, enforced=True)
     process = Process(vehicle, bus, clock, senses, meter)
     process.serve()
@@ -62,7 +62,7 @@ def in_wall_time(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:
 def in_lockstep(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:
     """Time is the plant's; while it stands still, requests are answered."""
     clock = LockstepClock(patience_s=IDLE_S, idle=lambda: process.idle())
-    senses = Senses(bus, lockstep=True)
+    senses = Senses(bus, lockstep=True, accept=vehicle.lease.allows)
     meter = Meter(clock, period_ns=PERIOD_NS, enforced=False)
     process = Process(vehicle, bus, clock, senses, meter)
     process.serve(nudge=clock.nudge)

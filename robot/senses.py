@@ -1,34 +1,44 @@
-"""What the robot senses in this tick, and when on the plant's clock this tick is."""
+"""What the robot senses and hears in this tick, and when on the plant's clock this tick is."""
 
 from collections.abc import Callable
 
 from protocol.bus import Bus
 from protocol.clock import Tick
-from protocol.messages import SonarScan, WheelTicks
+from protocol.messages import SonarScan, Teleop, WheelTicks
 from protocol.timing import PERIOD_NS
-from protocol.topics import OPERATOR, SONAR, WHEELS
+from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from robot.core.senses import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Scan, Wheels
 from robot.vehicle import Vehicle
 
 
 class Senses:
-    """Mailboxes of one robot; `beat` gets the arrival of each scan.
+    """Mailboxes of one robot; `beat` gets the arrival of each scan, `accept` says which operators
+    it listens to.
 
     The age of a sense is told by when it arrived here, in lockstep by its stamp: there, time goes
     on only with the clock's own frames. `stamp_ns` and `sequence` are those of the last tick read,
-    `ping_age_us` is how old its oldest ping was when the scan was sent.
+    `ping_age_us` is how old its oldest ping was when the scan was sent. `wheels_seq`, `scan_seq`
+    and `scan_age_ms` are of the senses read last, even if that is a while ago.
     """
 
     def __init__(
-        self, bus: Bus, *, lockstep: bool, beat: Callable[[int], None] | None = None
+        self,
+        bus: Bus,
+        *,
+        lockstep: bool,
+        beat: Callable[[int], None] | None = None,
+        accept: Callable[[str], bool] | None = None,
     ) -> None:
         self.lockstep = lockstep
         self._wheels = bus.mailbox(WHEELS)
         self._sonar = bus.mailbox(SONAR, notify=beat)
-        self._operator = bus.mailbox(OPERATOR)
+        self._operator = bus.mailbox(OPERATOR, accept=accept)
+        self._teleop = bus.mailbox(TELEOP, accept=accept)
         self._heard_ns: int | None = None
+        self._steered: tuple[Teleop, int] | None = None
         self.stamp_ns = self.sequence = self.ping_age_us = 0
+        self.wheels_seq = self.scan_seq = self.scan_age_ms = 0
 
     def read(self, tick: Tick, now_ns: int, vehicle: Vehicle) -> Inputs:
         """The senses of this tick; None where one is missing or stale."""
@@ -45,6 +55,7 @@ class Senses:
     def _wheels_of(self, newest: tuple[WheelTicks, int] | None, now_ns: int) -> Wheels | None:
         if newest is None or self._age_ns(newest, now_ns) > WHEELS.stale_after_ns:
             return None
+        self.wheels_seq = newest[0].seq
         return wheels_of(newest[0])
 
     def _scan_of(self, newest: tuple[SonarScan, int] | None, now_ns: int) -> Scan | None:
@@ -54,7 +65,8 @@ class Senses:
         if age_ns > SONAR.stale_after_ns:
             return None
         self.ping_age_us = max(newest[0].ping_age_us)
-        return scan_of(newest[0], now_ms_of(age_ns))
+        self.scan_seq, self.scan_age_ms = newest[0].seq, now_ms_of(age_ns)
+        return scan_of(newest[0], self.scan_age_ms)
 
     def _age_ns(self, newest: tuple[WheelTicks | SonarScan, int], now_ns: int) -> int:
         return now_ns - (newest[0].time_ns if self.lockstep else newest[1])
@@ -73,3 +85,7 @@ class Senses:
         if newest is not None and newest[1] != self._heard_ns:
             self._heard_ns = newest[1]
             vehicle.hear_operator(now_ns)
+        steered = self._teleop.latest()
+        if steered is not None and steered is not self._steered:
+            self._steered = steered
+            vehicle.hear_teleop(steered[0], now_ns if self.lockstep else steered[1])

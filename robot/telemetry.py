@@ -1,7 +1,7 @@
 """What the robot tells of itself: the state of the core, put into messages."""
 
 from math import nan
-from typing import Final
+from typing import Final, NamedTuple
 
 from protocol.enums import (
     MODE_FLAG_CUSTOM_MODE_ENABLED,
@@ -9,13 +9,26 @@ from protocol.enums import (
     TYPE_GROUND_ROVER,
     SystemState,
 )
-from protocol.messages import AvoidanceDecision, Heartbeat, NavigatorStatus, PlanarOdometry
+from protocol.messages import (
+    AvoidanceDecision,
+    Heartbeat,
+    NavigatorStatus,
+    PlanarOdometry,
+    Teleop,
+    TickInputs,
+)
 from robot.core import states
 from robot.core.state import State
-from robot.core.values import Outputs
+from robot.core.values import Inputs, Outputs
 
 ARDUPILOT: Final = 3
 NS_PER_MS: Final = 1_000_000
+
+WHEELS_THERE: Final = 1
+SCAN_THERE: Final = 2
+BUDGET_VIOLATED: Final = 4
+STEERED: Final = 8
+NEVER: Final = 0xFFFFFFFF
 
 SYSTEM_STATUS: Final = {
     states.BOOT: SystemState.BOOT,
@@ -105,4 +118,38 @@ def decision(outputs: Outputs, zone_m: float, time_ns: int) -> AvoidanceDecision
         yaw_rate_rad_s=outputs.twist.yaw_rate_rad_s,
         branch=states.NO_BRANCH if chosen is None else chosen.branch,
         guard=outputs.guard,
+    )
+
+
+class Given(NamedTuple):
+    """Of what the core was given, that which it does not see: where it came from."""
+
+    wheels_seq: int
+    scan_seq: int
+    scan_age_ms: int
+    requests: int
+    budget_violated: bool
+
+
+def tick_inputs(
+    inputs: Inputs, given: Given, teleop: Teleop | None, tick: int, time_ns: int
+) -> TickInputs:
+    """With the senses on their own topics, all that the core's step depended on."""
+    flags = WHEELS_THERE if inputs.wheels is not None else 0
+    flags |= SCAN_THERE if inputs.scan is not None else 0
+    flags |= BUDGET_VIOLATED if given.budget_violated else 0
+    flags |= STEERED if teleop is not None else 0
+    age_ms = inputs.operator_age_ms
+    return TickInputs(
+        time_ns=time_ns,
+        now_ms=inputs.now_ms,
+        tick=tick,
+        wheels_seq=given.wheels_seq,
+        scan_seq=given.scan_seq,
+        requests=given.requests,
+        scan_age_ms=given.scan_age_ms,
+        operator_age_ms=NEVER if age_ms is None else min(age_ms, NEVER - 1),
+        flags=flags,
+        speed_mm_s=0 if teleop is None else teleop.speed_mm_s,
+        yaw_rate_mrad_s=0 if teleop is None else teleop.yaw_rate_mrad_s,
     )

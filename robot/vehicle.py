@@ -1,36 +1,58 @@
-"""All that is onboard but the clock and the sockets: core, commands, parameters, what to tell."""
+"""All that is onboard but the clock and the sockets: core, operators, missions, what to tell."""
 
-import json
 from math import nan
 from typing import Final, TypeAlias
 
-from protocol.enums import PARAM_TYPE_INT32, PARAM_TYPE_REAL32, Severity
+from protocol.enums import Severity
 from protocol.message import Message
 from protocol.messages import (
     CommandAck,
     CommandRequest,
     GoalRequest,
     Heartbeat,
+    LeaseRequest,
+    LeaseStatus,
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionRequestList,
+    MissionStatus,
     ParamRequestRead,
     ParamSet,
     ParamValue,
     Statustext,
+    Teleop,
 )
 from robot import telemetry
-from robot.commands import Commands, result_of
-from robot.core import brain, failsafe, modes, reasons, states
+from robot.commands import Commands, ack, acknowledge
+from robot.core import brain, failsafe, reasons, states
 from robot.core.brain import Mark
 from robot.core.parameters import Params
 from robot.core.state import State
-from robot.core.values import Inputs, Outputs, Pose
+from robot.core.values import Inputs, Outputs, Pose, Twist
+from robot.lease import Lease, open_to_all
+from robot.mission.fence_items import FenceItems
+from robot.mission.mission import Mission
+from robot.mission.transfer import Reply, Transfers
 from robot.news import News
-from robot.parameters import SPECS, TABLE, OutOfRange, Unknown, described, with_value
+from robot.occasion import Occasion
 from robot.store import Store
+from robot.teleop import Handle
+from robot.tuning import NO_COMMAND, Tuning
 
-Answer: TypeAlias = CommandAck | ParamValue
+Answer: TypeAlias = CommandAck | ParamValue | Reply
+Transfer: Final = (
+    MissionCount,
+    MissionItemInt,
+    MissionRequestList,
+    MissionRequestInt,
+    MissionClearAll,
+)
 
 MOST_TEXTS: Final = 100  # kept while nobody listens
 HEARTBEAT_NS: Final = 200_000_000
+SLOW_NS: Final = 500_000_000
 NS_PER_MS: Final = 1_000_000
 ORIGIN: Final = Pose(0.0, 0.0, 0.0)
 
@@ -39,17 +61,25 @@ class Vehicle:
     """Sans-I/O: requests and senses in, answers, wheel speeds and texts out; time is passed in."""
 
     def __init__(self, params: Params, store: Store, start: Pose = ORIGIN) -> None:
-        self.params = params
         self.state = State(params)
         self.state.odometry.pose = start
-        self.commands = Commands(self.state)
-        self._store = store
-        self._news = News(self.state.machine)
+        self.lease = Lease()
+        self.handle = Handle()
+        self.mission = Mission(self.state.machine)
+        self.commands = Commands(self.state, self.mission)
+        self.tuning = Tuning(params, store, self.state.machine, self.say)
+        self._transfers = Transfers(self.mission, FenceItems(self.state))
+        self._news = News(self.state.machine, self.mission)
         self._texts = self._news.text(Severity.INFO, "started: disarmed, standing still")
         self._operator_ns: int | None = None
-        self._beat: tuple[int, int, int] | None = None
-        self._beat_due_ns = 0
+        self._beats = Occasion(HEARTBEAT_NS)
+        self._leases = Occasion(SLOW_NS)
+        self._missions = Occasion(SLOW_NS)
         self._slipping = False
+
+    @property
+    def params(self) -> Params:
+        return self.tuning.params
 
     @property
     def zone_m(self) -> float:
@@ -57,33 +87,46 @@ class Vehicle:
         zones_m = {states.BUG: self.params.d_th_m, states.VGM: self.params.d_obs_m}
         return zones_m.get(self.state.machine.navigator, nan)
 
-    def described(self) -> bytes:
-        """All parameters as JSON; `saved`: this value is still there after a restart."""
-        rows = [
-            row | {"saved": self._store.holds(str(row["name"]), float(row["value"]))}
-            for row in described(self.params)
-        ]
-        return json.dumps(rows).encode()
-
     def hear_operator(self, now_ns: int) -> None:
-        """An operator's heartbeat has arrived."""
+        """A heartbeat of an operator who may command has arrived."""
         self._operator_ns = now_ns
+        self.lease.hear(now_ns)
 
     def operator_age_ms(self, now_ns: int) -> int | None:
         return None if self._operator_ns is None else (now_ns - self._operator_ns) // NS_PER_MS
 
-    def receive(self, request: Message, now_ns: int) -> Answer:
-        """Act on a request and answer it; a refusal is a COMMAND_ACK with its reason."""
+    def hear_teleop(self, teleop: Teleop, arrived_ns: int) -> None:
+        """A frame of an operator who may command has arrived."""
+        ignored = self.handle.hear(teleop, arrived_ns)
+        if ignored:
+            self.say(Severity.WARNING, ignored)
+
+    def receive(self, request: Message, now_ns: int, operator: str = "") -> Answer:
+        """Act on a request and answer it; a refusal comes with its reason.
+
+        `operator` is who asks, as the bus knows it.
+        """
+        if isinstance(request, LeaseRequest):
+            return self._lease(request, now_ns, operator)
+        if not open_to_all(request) and not self.lease.allows(operator):
+            return self._refused(request, reasons.LEASE_HELD)
         if isinstance(request, ParamSet):
-            return self._set(request)
+            return self.tuning.set(request)
         if isinstance(request, ParamRequestRead):
-            return self._read(request)
+            return self.tuning.read(request)
         if isinstance(request, CommandRequest | GoalRequest):
             return self.commands.receive(request, now_ns // NS_PER_MS)
-        return refusal(reasons.UNKNOWN_COMMAND)
+        if isinstance(request, Transfer):
+            return self._transfers.receive(request, operator)
+        return self._refused(request, reasons.UNKNOWN_COMMAND)
 
-    def step(self, inputs: Inputs, mark: Mark) -> Outputs:
-        """One tick of the core. An exception leaves the vehicle in FAILSAFE and goes on upwards."""
+    def step(self, inputs: Inputs, mark: Mark, manual: Twist | None = None) -> Outputs:
+        """One tick of mission and core; `manual`: how an operator steers.
+
+        An exception leaves the vehicle in FAILSAFE and goes on upwards.
+        """
+        self.mission.step(inputs.now_ms)
+        self.state.manual = manual
         try:
             _, outputs = brain.step(self.state, inputs, self.params, mark)
         except Exception:
@@ -117,65 +160,33 @@ class Vehicle:
         """Due five times a second, and at once when vehicle or mode has changed."""
         machine = self.state.machine
         beat = (machine.vehicle, machine.mode, machine.vehicle_reason)
-        if beat == self._beat and now_ns < self._beat_due_ns:
-            return None
-        self._beat = beat
-        self._beat_due_ns = now_ns + HEARTBEAT_NS
-        return telemetry.heartbeat(self.state)
+        return telemetry.heartbeat(self.state) if self._beats.due(beat, now_ns) else None
 
-    def _set(self, request: ParamSet) -> Answer:
-        value = float(f"{request.param_value:.7g}")  # float32 carries seven digits: 0.1 is 0.1
-        try:
-            params = with_value(self.params, request.param_id, value)
-        except Unknown:
-            return refusal(reasons.UNKNOWN_PARAMETER)
-        except OutOfRange:
-            return refusal(reasons.PARAMETER_OUT_OF_RANGE)
-        reason = self._adopt(params)
-        if reason != reasons.OK:
-            return refusal(reason)
-        try:
-            self._store.save(request.param_id, float(getattr(params, request.param_id)))
-        except OSError as error:
-            self.say(Severity.ERROR, f"{request.param_id} not saved: {error.strerror}")
-            return refusal(reasons.NOT_SAVED)
-        return self._value(request.param_id)
+    def lease_status(self, stamp_ns: int, now_ns: int) -> LeaseStatus | None:
+        """Due twice a second, and at once when the holder has changed."""
+        for severity, words in self.lease.due(now_ns):
+            self.say(severity, words)
+        due = self._leases.due(self.lease.holder, now_ns)
+        return self.lease.status(stamp_ns, now_ns) if due else None
 
-    def _adopt(self, params: Params) -> int:
-        """Put parameters into force; navigator and side are the mode machine's to refuse."""
-        machine = self.state.machine
-        if (params.navigator, params.side) != (self.params.navigator, self.params.side):
-            reason = modes.set_navigator(machine, params.navigator, params.side)
-            if reason != reasons.OK:
-                return reason
-        machine.goal_max_m = params.goal_max_m
-        self.params = params
-        return reasons.OK
+    def mission_status(self, stamp_ns: int, now_ns: int) -> MissionStatus | None:
+        """Due twice a second, and at once when the mission has changed or gone on."""
+        mission = self.mission
+        progress = (mission.number, len(mission.items), mission.current, mission.state)
+        due = self._missions.due((progress, mission.reason), now_ns)
+        return mission.status(stamp_ns) if due else None
 
-    def _read(self, request: ParamRequestRead) -> Answer:
-        name = request.param_id
-        if 0 <= request.param_index < len(TABLE):
-            name = TABLE[request.param_index].name
-        return self._value(name) if name in SPECS else refusal(reasons.UNKNOWN_PARAMETER)
+    def _lease(self, request: LeaseRequest, now_ns: int, operator: str) -> CommandAck:
+        holder = self.lease.holder
+        reason = self.lease.receive(request, operator, now_ns)
+        if self.lease.holder != holder:
+            self.handle.let_go()
+        return ack(NO_COMMAND, reason)
 
-    def _value(self, name: str) -> ParamValue:
-        spec = SPECS[name]
-        return ParamValue(
-            param_id=name,
-            param_value=float(getattr(self.params, name)),
-            param_type=PARAM_TYPE_INT32 if spec.integer else PARAM_TYPE_REAL32,
-            param_count=len(TABLE),
-            param_index=TABLE.index(spec),
-        )
-
-
-def refusal(reason: int) -> CommandAck:
-    """What answers a parameter request that was not granted."""
-    return CommandAck(
-        command=0,
-        result=result_of(reason),
-        progress=0,
-        result_param2=reason,
-        target_system=0,
-        target_component=0,
-    )
+    def _refused(self, request: Message, reason: int) -> Answer:
+        """The kind of answer that says no to this kind of request."""
+        if isinstance(request, Transfer):
+            return self._transfers.verdict(request.mission_type, reason)
+        if isinstance(request, CommandRequest | GoalRequest):
+            return acknowledge(request, reason)
+        return ack(NO_COMMAND, reason)

@@ -107,7 +107,7 @@ class Peers:
         self.vehicle = Vehicle(
             self._params, Store(None), Pose(start.x_m, start.y_m, start.heading_rad)
         )
-        senses = Senses(bus, lockstep=True)
+        senses = Senses(bus, lockstep=True, accept=self.vehicle.lease.allows)
         meter = Meter(self.clock, period_ns=PERIOD_NS, enforced=False)
         self.robot = RobotProcess(self.vehicle, bus, self.clock, senses, meter)
         self.robot.serve()

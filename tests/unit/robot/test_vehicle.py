@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from protocol.enums import AckResult, Command, GoalState, Mode, Severity
 from protocol.enums import Vehicle as VehicleState
+from protocol.message import Message
 from protocol.messages import CommandAck, CommandRequest, ParamRequestRead, ParamSet, ParamValue
 from protocol.reasons import Reason
 from robot.core import brain, states
@@ -182,7 +183,7 @@ def test_heartbeats_come_five_times_a_second_and_at_once_on_a_change() -> None:
     assert beat.base_mode & 128
 
 
-def set_parameter(desk: Desk, name: str, value: float) -> CommandAck | ParamValue:
+def set_parameter(desk: Desk, name: str, value: float) -> Message:
     return desk.vehicle.receive(ParamSet(param_id=name, param_value=value, param_type=9), 0)
 
 
@@ -257,7 +258,7 @@ def test_a_value_that_cannot_be_saved_is_in_force_and_says_so(
 def test_the_list_says_which_values_survive_a_restart(tmp_path: Path, keeps: bool) -> None:
     desk = Desk(Store(tmp_path if keeps else None))
     set_parameter(desk, "d_obs_m", 0.45)
-    rows = json.loads(desk.vehicle.described())
+    rows = json.loads(desk.vehicle.tuning.described())
     assert [row["name"] for row in rows if row["saved"]] == (["d_obs_m"] if keeps else [])
 
 

@@ -1,0 +1,115 @@
+"""Who commands the robot: one operator at a time, or anyone while nobody has taken the lease.
+
+Sans-I/O. `allows` may be asked from any thread: it reads one reference.
+"""
+
+from typing import Final, NamedTuple
+
+from protocol.enums import Command, LeaseAction, Severity
+from protocol.message import Message
+from protocol.messages import (
+    CommandRequest,
+    LeaseRequest,
+    LeaseStatus,
+    MissionRequestInt,
+    MissionRequestList,
+    ParamRequestRead,
+)
+from robot.core import reasons
+
+LAPSE_NS: Final = 3_000_000_000
+NS_PER_MS: Final = 1_000_000
+ONLY_LOOKS: Final = (ParamRequestRead, MissionRequestList, MissionRequestInt)
+
+
+class Holder(NamedTuple):
+    """An operator by identity on the bus, and what people call it."""
+
+    operator: str
+    name: str
+
+    @property
+    def called(self) -> str:
+        return self.name or self.operator[:8]
+
+
+class Lease:
+    """Taken, given back, seized, or lapsed when its holder has not been heard for 3 s."""
+
+    def __init__(self) -> None:
+        self._holder: Holder | None = None
+        self._heard_ns = 0
+        self._news: list[tuple[Severity, str]] = []
+
+    def allows(self, operator: str) -> bool:
+        """May this operator command the robot?"""
+        holder = self._holder
+        return holder is None or holder.operator == operator
+
+    def receive(self, request: LeaseRequest, operator: str, now_ns: int) -> int:
+        """Act on a request; a reason, 0 when granted. A repeated one changes nothing."""
+        if not operator:
+            return reasons.NO_OPERATOR
+        if request.action == LeaseAction.RELEASE:
+            return self._release(operator)
+        if request.action == LeaseAction.TAKE and not self.allows(operator):
+            return reasons.LEASE_HELD
+        if request.action not in (LeaseAction.TAKE, LeaseAction.SEIZE):
+            return reasons.UNKNOWN_COMMAND
+        self._give(Holder(operator, request.name), now_ns)
+        return reasons.OK
+
+    def hear(self, now_ns: int) -> None:
+        """The holder's heartbeat has arrived."""
+        self._heard_ns = now_ns
+
+    def due(self, now_ns: int) -> list[tuple[Severity, str]]:
+        """Let it lapse if that is due; what there is to tell, and how loud."""
+        holder = self._holder
+        if holder is not None and now_ns - self._heard_ns > LAPSE_NS:
+            self._holder = None
+            self._tell(Severity.WARNING, f"lease of {holder.called} lapsed: not heard for 3 s")
+        news, self._news = self._news, []
+        return news
+
+    @property
+    def holder(self) -> Holder | None:
+        return self._holder
+
+    def status(self, time_ns: int, now_ns: int) -> LeaseStatus:
+        holder = self._holder
+        left_ns = 0 if holder is None else max(0, self._heard_ns + LAPSE_NS - now_ns)
+        return LeaseStatus(
+            time_ns=time_ns,
+            lapses_ms=left_ns // NS_PER_MS,
+            held=int(holder is not None),
+            holder="" if holder is None else holder.operator[:32],
+            name="" if holder is None else holder.name,
+        )
+
+    def _give(self, new: Holder, now_ns: int) -> None:
+        old = self._holder
+        if old is None:
+            self._tell(Severity.INFO, f"{new.called} has taken the lease")
+        elif old.operator != new.operator:
+            self._tell(Severity.CRITICAL, f"LEASE SEIZED by {new.called} from {old.called}")
+        self._holder = new
+        self._heard_ns = now_ns
+
+    def _release(self, operator: str) -> int:
+        if not self.allows(operator):
+            return reasons.LEASE_HELD
+        if self._holder is not None:
+            self._tell(Severity.INFO, f"{self._holder.called} has given back the lease")
+            self._holder = None
+        return reasons.OK
+
+    def _tell(self, severity: Severity, words: str) -> None:
+        self._news.append((severity, words))
+
+
+def open_to_all(request: Message) -> bool:
+    """The emergency stop, and questions that change nothing."""
+    if isinstance(request, CommandRequest):
+        return request.command == Command.DO_FLIGHTTERMINATION
+    return isinstance(request, ONLY_LOOKS)

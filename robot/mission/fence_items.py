@@ -1,0 +1,62 @@
+"""The fence as it is transferred: the corners of one polygon, or one circle."""
+
+from typing import Final
+
+from protocol.enums import FRAME_LOCAL_FLU, Command
+from protocol.messages import MissionItemInt
+from robot.core import modes, reasons
+from robot.core.fence import MOST_CORNERS, Fence
+from robot.core.state import State
+from robot.mission.stops import PER_M, tidy
+
+CORNER: Final = Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION
+CIRCLE: Final = Command.NAV_FENCE_CIRCLE_INCLUSION
+
+
+class FenceItems:
+    """`items` as they were uploaded; the fence itself is the core's."""
+
+    most = MOST_CORNERS
+
+    def __init__(self, state: State) -> None:
+        self.items: tuple[MissionItemInt, ...] = ()
+        self._state = state
+
+    def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]:
+        """Put up this fence instead of the one there is; else which item is bad, and why."""
+        kind = items[0].command
+        for index, item in enumerate(items):
+            reason = problem_of(item, kind, len(items))
+            if reason != reasons.OK:
+                return index, reason
+        refusal = self._set(fence_of(items))
+        if refusal == reasons.OK:
+            self.items = items
+        return None, refusal
+
+    def clear(self) -> int:
+        self.items = ()
+        return self._set(None)
+
+    def _set(self, fence: Fence | None) -> int:
+        return modes.set_fence(self._state.machine, fence, self._state.odometry.pose)
+
+
+def problem_of(item: MissionItemInt, kind: int, count: int) -> int:
+    """Why an item is no part of a fence of this kind, or 0."""
+    if item.command not in (CORNER, CIRCLE):
+        return reasons.UNKNOWN_COMMAND
+    if item.frame != FRAME_LOCAL_FLU:
+        return reasons.UNKNOWN_FRAME
+    whole = count == 1 if kind == CIRCLE else item.param1 == count
+    return reasons.OK if whole and item.command == kind else reasons.FENCE_NOT_SIMPLE
+
+
+def fence_of(items: tuple[MissionItemInt, ...]) -> Fence:
+    radius_m = tidy(items[0].param1) if items[0].command == CIRCLE else 0.0
+    xs_m, ys_m = (tuple(place / PER_M for place in places) for places in places_of(items))
+    return Fence(xs_m, ys_m, radius_m)
+
+
+def places_of(items: tuple[MissionItemInt, ...]) -> tuple[list[int], list[int]]:
+    return [item.x for item in items], [item.y for item in items]

@@ -1,0 +1,186 @@
+"""The mission: one stop after another, with a wait at each; it needs no operator once started.
+
+Sans-I/O. It drives by giving the mode machine one goal at a time, and looks each tick at what has
+become of it: whatever ends the goal short of its place ends the mission, with the same reason.
+"""
+
+from typing import Final
+
+from protocol.enums import MissionState
+from protocol.messages import MissionItemInt, MissionStatus
+from robot.core import machine as machines
+from robot.core import modes, reasons, states
+from robot.core.machine import Machine
+from robot.mission.stops import Stop, problem_of, stop_of
+
+MOST_ITEMS: Final = 200
+CURRENT: Final = -1
+"""Instead of the number of an item: the one it is about."""
+ACTIVE: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
+
+
+class Mission:
+    """`items` as they were uploaded; `number` counts missions, `current` is an index from 0."""
+
+    most = MOST_ITEMS
+
+    def __init__(self, machine: Machine) -> None:
+        self.items: tuple[MissionItemInt, ...] = ()
+        self.number = 0
+        self.current = 0
+        self.state = MissionState.NONE
+        self.reason: int = reasons.OK
+        self._machine = machine
+        self._stops: tuple[Stop, ...] = ()
+        self._serial = 0  # of the goal that it gave
+        self._under_way = False  # that goal is the current item's
+        self._left_ms: int | None = None  # of the hold time; None: not there yet
+        self._last_ms = 0
+
+    @property
+    def active(self) -> bool:
+        return self.state in ACTIVE
+
+    # What is uploaded: all of it is checked before any of it counts.
+
+    def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]:
+        """Take these items instead of those there are; else which one is bad, and why."""
+        if self.active:
+            return None, reasons.BUSY_DRIVING
+        for index, item in enumerate(items):
+            reason = problem_of(item, self._machine)
+            if reason != reasons.OK:
+                return index, reason
+        self.items = items
+        self._stops = tuple(stop_of(item) for item in items)
+        self.number += 1
+        self._rest(MissionState.READY)
+        return None, reasons.OK
+
+    def clear(self) -> int:
+        if self.active:
+            return reasons.BUSY_DRIVING
+        self.items = self._stops = ()
+        self._rest(MissionState.NONE)
+        return reasons.OK
+
+    # What an operator asks.
+
+    def start(self, first: int, now_ms: int) -> int:
+        """Set off for an item, now; CURRENT for the one it was about."""
+        index = self.current if first == CURRENT else first
+        refusal = self._missing(index)
+        return self._set_off(index, now_ms) if refusal == reasons.OK else refusal
+
+    def jump(self, index: int, now_ms: int) -> int:
+        """Make an item the current one: at once when under way, else with the next start."""
+        refusal = self._missing(index)
+        if refusal != reasons.OK:
+            return refusal
+        if not self.active:
+            self._rest(MissionState.READY, index)
+            return reasons.OK
+        if self._machine.mode != states.HOLD:
+            return self._set_off(index, now_ms)
+        if self._machine.serial == self._serial:
+            machines.end_goal(self._machine, states.ABORTED, reasons.REPLACED, now_ms)
+        self.current = index
+        self._under_way, self._left_ms = False, None
+        return reasons.OK
+
+    def resume(self) -> int:
+        """Go on after a hold, which pauses it."""
+        refusal = modes.may_drive(self._machine, states.AUTO)
+        if refusal == reasons.OK:
+            self._machine.mode = states.AUTO
+        return refusal
+
+    def abort(self, now_ms: int) -> int:
+        """Stand still; it can be started again."""
+        machines.end_goal(self._machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
+        self._fail(reasons.BY_OPERATOR)
+        return reasons.OK
+
+    # What becomes of it.
+
+    def step(self, now_ms: int) -> None:
+        """Once a tick, before the core's step."""
+        elapsed_ms, self._last_ms = now_ms - self._last_ms, now_ms
+        if not self.active:
+            return
+        end = self._end()
+        if end != reasons.OK:
+            self._fail(end)
+        elif self._machine.mode == states.HOLD:
+            self.state, self.reason = MissionState.PAUSED, reasons.BY_OPERATOR
+        elif not self._under_way:
+            self._go(self.current, now_ms)
+        else:
+            self._wait(elapsed_ms, now_ms)
+
+    def status(self, time_ns: int) -> MissionStatus:
+        return MissionStatus(
+            time_ns=time_ns,
+            mission_id=self.number if self.items else 0,
+            hold_left_ms=(self._left_ms or 0) if self.state == MissionState.HOLDING else 0,
+            count=len(self.items),
+            current=self.current,
+            state=self.state,
+            reason=self.reason,
+        )
+
+    def _wait(self, elapsed_ms: int, now_ms: int) -> None:
+        """On the way, or at the place until the hold time is over."""
+        self.state, self.reason = MissionState.RUNNING, reasons.OK
+        if self._left_ms is None:
+            if self._machine.goal_state != states.REACHED:
+                return
+            self._left_ms, elapsed_ms = self._stops[self.current].hold_ms, 0
+        self.state = MissionState.HOLDING
+        self._left_ms -= elapsed_ms
+        if self._left_ms > 0:
+            return
+        if self.current + 1 == len(self._stops):
+            self.state = MissionState.DONE
+        else:
+            self._go(self.current + 1, now_ms)
+
+    def _go(self, index: int, now_ms: int) -> None:
+        self.current = index
+        refusal = self._set_off(index, now_ms)
+        if refusal != reasons.OK:
+            self._fail(refusal)
+
+    def _set_off(self, index: int, now_ms: int) -> int:
+        """Give the machine the goal of an item; a refusal changes nothing."""
+        refusal = modes.goto(self._machine, self._stops[index].goal, states.AUTO, now_ms)
+        if refusal == reasons.OK:
+            self.current = index
+            self.state, self.reason = MissionState.RUNNING, reasons.OK
+            self._serial = self._machine.serial
+            self._under_way, self._left_ms = True, None
+        return refusal
+
+    def _end(self) -> int:
+        """What has ended it, or 0."""
+        machine = self._machine
+        if machine.serial != self._serial:
+            return reasons.REPLACED
+        if machine.vehicle == states.EMERGENCY_STOP:
+            return reasons.EMERGENCY_STOPPED
+        if machine.vehicle != states.ACTIVE:
+            return machine.vehicle_reason or reasons.DISARMED
+        if self._under_way and machine.goal_state in (states.STUCK, states.ABORTED):
+            return machine.goal_reason
+        return reasons.BY_OPERATOR if machine.mode == states.MANUAL else reasons.OK
+
+    def _fail(self, reason: int) -> None:
+        self.state, self.reason = MissionState.FAILED, reason
+
+    def _rest(self, state: MissionState, current: int = 0) -> None:
+        self.state, self.reason, self.current = state, reasons.OK, current
+
+    def _missing(self, index: int) -> int:
+        if not self._stops:
+            return reasons.NO_MISSION
+        return reasons.OK if 0 <= index < len(self._stops) else reasons.MISSION_ITEM_BAD

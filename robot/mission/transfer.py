@@ -1,0 +1,111 @@
+"""MAVLink's mission protocol, one frame per question: items go up one by one and count as a whole.
+
+Sans-I/O. Every frame may be repeated, as whoever hears no answer will do: it is answered again and
+acted on once.
+"""
+
+from typing import Final, Protocol, TypeAlias
+
+from protocol.enums import MissionType
+from protocol.messages import (
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionRequestList,
+    MissionVerdict,
+)
+from robot.core import reasons
+from robot.mission.mission import Mission
+
+NO_ITEM: Final = 65_535
+
+Request: TypeAlias = (
+    MissionCount | MissionItemInt | MissionRequestList | MissionRequestInt | MissionClearAll
+)
+Reply: TypeAlias = MissionCount | MissionRequestInt | MissionItemInt | MissionVerdict
+
+
+class Held(Protocol):
+    """What a transfer is about: it takes items as a whole or not at all."""
+
+    most: int
+    items: tuple[MissionItemInt, ...]
+
+    def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]: ...
+
+    def clear(self) -> int: ...
+
+
+class Upload:
+    """Items on their way up, of one operator; `verdict` once all were there."""
+
+    def __init__(self, count: int, operator: str) -> None:
+        self.count = count
+        self.operator = operator
+        self.items: list[MissionItemInt] = []
+        self.verdict: MissionVerdict | None = None
+
+
+class Transfers:
+    """Answers the frames of all transfers of one robot."""
+
+    def __init__(self, mission: Mission, fence: Held) -> None:
+        self._mission = mission
+        self._held: dict[int, Held] = {MissionType.MISSION: mission, MissionType.FENCE: fence}
+        self._uploads: dict[int, Upload] = {}
+
+    def receive(self, request: Request, operator: str = "") -> Reply:
+        """The next frame of the transfer, or how it ends."""
+        kind = request.mission_type
+        held = self._held.get(kind)
+        if held is None:
+            return self.verdict(kind, reasons.UNKNOWN_COMMAND)
+        if isinstance(request, MissionItemInt):
+            return self._collect(request, held, operator)
+        if isinstance(request, MissionCount):
+            return self._begin(request, held, operator)
+        if isinstance(request, MissionRequestInt):
+            if request.seq < len(held.items):
+                return held.items[request.seq]
+            return self.verdict(kind, reasons.MISSION_ITEM_BAD, request.seq)
+        if isinstance(request, MissionRequestList):
+            return MissionCount(count=len(held.items), mission_type=kind)
+        self._uploads.pop(kind, None)
+        return self.verdict(kind, held.clear())
+
+    def verdict(self, kind: int, reason: int, item: int | None = None) -> MissionVerdict:
+        return MissionVerdict(
+            mission_id=self._mission.number if self._mission.items else 0,
+            item=NO_ITEM if item is None else item,
+            reason=reason,
+            mission_type=kind,
+        )
+
+    def _begin(self, request: MissionCount, held: Held, operator: str) -> Reply:
+        kind = request.mission_type
+        if request.count == 0:
+            return self.verdict(kind, reasons.MISSION_EMPTY)
+        if request.count > held.most:
+            return self.verdict(kind, reasons.MISSION_TOO_LONG, held.most)
+        self._uploads[kind] = Upload(request.count, operator)
+        return MissionRequestInt(seq=0, mission_type=kind)
+
+    def _collect(self, item: MissionItemInt, held: Held, operator: str) -> Reply:
+        kind = item.mission_type
+        upload = self._uploads.get(kind)
+        if upload is None or upload.operator != operator:
+            return self.verdict(kind, reasons.MISSION_ITEM_BAD, item.seq)
+        if not repeated(item, upload.items):
+            if item.seq != len(upload.items) or upload.verdict is not None:
+                return self.verdict(kind, reasons.MISSION_ITEM_BAD, item.seq)
+            upload.items.append(item)
+            if len(upload.items) == upload.count:
+                bad, reason = held.put(tuple(upload.items))
+                upload.verdict = self.verdict(kind, reason, bad)
+        return upload.verdict or MissionRequestInt(seq=len(upload.items), mission_type=kind)
+
+
+def repeated(item: MissionItemInt, items: list[MissionItemInt]) -> bool:
+    """Is it the last one once more? Compared as text, in which NaN is NaN."""
+    return bool(items) and repr(items[-1]) == repr(item)

@@ -1,0 +1,83 @@
+"""The parameters in force: asked for, set, refused with a reason, and kept over a restart."""
+
+import json
+from collections.abc import Callable
+from typing import Final, TypeAlias
+
+from protocol.enums import PARAM_TYPE_INT32, PARAM_TYPE_REAL32, Severity
+from protocol.messages import CommandAck, ParamRequestRead, ParamSet, ParamValue
+from robot.commands import ack
+from robot.core import modes, reasons
+from robot.core.machine import Machine
+from robot.core.parameters import Params
+from robot.parameters import SPECS, TABLE, OutOfRange, Unknown, described, with_value
+from robot.store import Store
+
+Answer: TypeAlias = CommandAck | ParamValue
+Say: TypeAlias = Callable[[int, str], None]
+
+NO_COMMAND: Final = 0
+"""What an acknowledgement is about that is no command's."""
+
+
+class Tuning:
+    """`params` are replaced as a whole; `say` is told what the operator has to know besides."""
+
+    def __init__(self, params: Params, store: Store, machine: Machine, say: Say) -> None:
+        self.params = params
+        self._store = store
+        self._machine = machine
+        self._say = say
+
+    def described(self) -> bytes:
+        """All parameters as JSON; `saved`: this value is still there after a restart."""
+        rows = [
+            row | {"saved": self._store.holds(str(row["name"]), float(row["value"]))}
+            for row in described(self.params)
+        ]
+        return json.dumps(rows).encode()
+
+    def set(self, request: ParamSet) -> Answer:
+        value = float(f"{request.param_value:.7g}")  # float32 carries seven digits: 0.1 is 0.1
+        try:
+            params = with_value(self.params, request.param_id, value)
+        except Unknown:
+            return ack(NO_COMMAND, reasons.UNKNOWN_PARAMETER)
+        except OutOfRange:
+            return ack(NO_COMMAND, reasons.PARAMETER_OUT_OF_RANGE)
+        reason = self._adopt(params)
+        if reason != reasons.OK:
+            return ack(NO_COMMAND, reason)
+        try:
+            self._store.save(request.param_id, float(getattr(params, request.param_id)))
+        except OSError as error:
+            self._say(Severity.ERROR, f"{request.param_id} not saved: {error.strerror}")
+            return ack(NO_COMMAND, reasons.NOT_SAVED)
+        return self._value(request.param_id)
+
+    def read(self, request: ParamRequestRead) -> Answer:
+        name = request.param_id
+        if 0 <= request.param_index < len(TABLE):
+            name = TABLE[request.param_index].name
+        return self._value(name) if name in SPECS else ack(NO_COMMAND, reasons.UNKNOWN_PARAMETER)
+
+    def _adopt(self, params: Params) -> int:
+        """Put parameters into force; navigator and side are the mode machine's to refuse."""
+        machine = self._machine
+        if (params.navigator, params.side) != (self.params.navigator, self.params.side):
+            reason = modes.set_navigator(machine, params.navigator, params.side)
+            if reason != reasons.OK:
+                return reason
+        machine.goal_max_m = params.goal_max_m
+        self.params = params
+        return reasons.OK
+
+    def _value(self, name: str) -> ParamValue:
+        spec = SPECS[name]
+        return ParamValue(
+            param_id=name,
+            param_value=float(getattr(self.params, name)),
+            param_type=PARAM_TYPE_INT32 if spec.integer else PARAM_TYPE_REAL32,
+            param_count=len(TABLE),
+            param_index=TABLE.index(spec),
+        )

@@ -1,0 +1,85 @@
+"""Items of missions and fences as tests write them, and a vehicle that is given them."""
+
+from math import nan
+
+from protocol.enums import FRAME_LOCAL_FLU, Command, MissionType
+from protocol.message import Message
+from protocol.messages import (
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionVerdict,
+)
+from protocol.reasons import Reason
+from tests.unit.robot.vehicles import Desk
+
+
+def item(
+    seq: int, x_m: float = 1.0, y_m: float = 0.0, hold_s: float = 0.0, **changes: float
+) -> MissionItemInt:
+    """A stop with 5 cm and 5 degrees of tolerance and any heading, but for the changes."""
+    fields = {
+        "seq": seq,
+        "frame": FRAME_LOCAL_FLU,
+        "command": Command.SIDESTEP_NAV_POSE,
+        "param1": hold_s,
+        "param2": 0.05,
+        "param3": 5.0,
+        "param4": nan,
+        "x": round(x_m * 10_000),
+        "y": round(y_m * 10_000),
+        "z": 0.0,
+    }
+    return MissionItemInt(**{**fields, **changes})  # type: ignore[arg-type]
+
+
+def corners(*places_m: tuple[float, float]) -> list[MissionItemInt]:
+    return [
+        item(
+            seq,
+            x_m,
+            y_m,
+            command=Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+            param1=len(places_m),
+            mission_type=MissionType.FENCE,
+        )
+        for seq, (x_m, y_m) in enumerate(places_m)
+    ]
+
+
+def circle(x_m: float, y_m: float, radius_m: float) -> list[MissionItemInt]:
+    command = Command.NAV_FENCE_CIRCLE_INCLUSION
+    return [item(0, x_m, y_m, radius_m, command=command, mission_type=MissionType.FENCE)]
+
+
+def line(count: int, hold_s: float = 0.0) -> list[MissionItemInt]:
+    """Stops straight ahead, 0.3 m apart."""
+    return [item(seq, 0.3 * (seq + 1), 0.0, hold_s) for seq in range(count)]
+
+
+def count_of(items: list[MissionItemInt]) -> MissionCount:
+    return MissionCount(count=len(items), mission_type=items[0].mission_type)
+
+
+def upload(desk: Desk, items: list[MissionItemInt], operator: str = "") -> MissionVerdict:
+    """The whole conversation; its end."""
+    answer: Message = desk.vehicle.receive(count_of(items), desk.now_ns, operator)
+    for one in items:
+        if isinstance(answer, MissionVerdict):
+            return answer
+        assert answer == MissionRequestInt(seq=one.seq, mission_type=one.mission_type)
+        answer = desk.vehicle.receive(one, desk.now_ns, operator)
+    assert isinstance(answer, MissionVerdict)
+    return answer
+
+
+def start(desk: Desk, first: int = 0) -> int:
+    return desk.command(Command.MISSION_START, first)
+
+
+def ready(count: int = 3, hold_s: float = 0.0) -> Desk:
+    """Armed, with a mission straight ahead."""
+    desk = Desk()
+    desk.arm()
+    assert upload(desk, line(count, hold_s)).reason == Reason.NONE
+    return desk

@@ -1,0 +1,365 @@
+"""The mission: from stop to stop, paused, aborted, jumped, and whatever else comes in between."""
+
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from protocol.enums import Command, GoalState, MissionState, Mode, Severity, Vehicle
+from protocol.messages import MissionClearAll
+from protocol.reasons import Reason
+from robot.core import states
+from tests.unit.robot.mission.items import circle, item, line, ready, start, upload
+from tests.unit.robot.vehicles import Desk
+
+
+def state(desk: Desk) -> tuple[MissionState, int]:
+    return desk.vehicle.mission.state, desk.vehicle.mission.current
+
+
+def until(desk: Desk, wanted: MissionState, within_s: float = 20.0) -> float:
+    """Step until the mission is in a state; how long that took."""
+    for ticks in range(round(within_s * 20)):
+        if desk.vehicle.mission.state == wanted:
+            return ticks * 0.05
+        desk.step()
+    raise AssertionError(f"{state(desk)}: not {wanted.name} within {within_s} s")
+
+
+def x_m(desk: Desk) -> float:
+    return desk.vehicle.state.odometry.pose.x_m
+
+
+def pause(desk: Desk, seconds: float = 0.0) -> None:
+    assert desk.command(Command.DO_PAUSE_CONTINUE, 0) == Reason.NONE
+    for _ in range(1 + round(20 * seconds)):
+        desk.step()
+
+
+def resume(desk: Desk) -> int:
+    return desk.command(Command.DO_PAUSE_CONTINUE, 1)
+
+
+def test_a_mission_goes_from_stop_to_stop_without_an_operator() -> None:
+    desk = ready(3)
+    assert state(desk) == (MissionState.READY, 0)
+    assert start(desk) == Reason.NONE
+    seen = set()
+    while desk.vehicle.mission.state != MissionState.DONE:
+        desk.step()
+        seen.add(desk.vehicle.mission.current)
+        assert len(seen) <= 3
+    assert seen == {0, 1, 2}
+    assert x_m(desk) == pytest.approx(0.9, abs=0.06)
+    assert desk.vehicle.state.machine.mode == Mode.AUTO
+
+
+def test_it_waits_at_each_stop_as_long_as_it_is_told() -> None:
+    desk = ready(2, hold_s=1.5)
+    start(desk)
+    until(desk, MissionState.HOLDING)
+    status = desk.vehicle.mission.status(9)
+    assert (status.current, status.count, status.hold_left_ms) == (0, 2, 1500)
+    at_m = x_m(desk)
+    assert until(desk, MissionState.RUNNING) == pytest.approx(1.5)
+    assert x_m(desk) == pytest.approx(at_m, abs=0.005)
+    assert desk.vehicle.mission.status(9).hold_left_ms == 0
+    until(desk, MissionState.HOLDING)
+    assert until(desk, MissionState.DONE) == pytest.approx(1.5)
+
+
+def test_a_mission_can_begin_at_any_of_its_items() -> None:
+    desk = ready(3)
+    assert start(desk, 2) == Reason.NONE
+    assert state(desk) == (MissionState.RUNNING, 2)
+    until(desk, MissionState.DONE)
+
+
+@pytest.mark.parametrize("first", [3, 99, -2])
+def test_an_item_that_is_not_there_is_none_to_start_or_jump_to(first: int) -> None:
+    desk = ready(3)
+    assert start(desk, first) == Reason.MISSION_ITEM_BAD
+    assert desk.command(Command.DO_SET_MISSION_CURRENT, first) == Reason.MISSION_ITEM_BAD
+
+
+def test_without_a_mission_there_is_nothing_to_start_or_jump_to() -> None:
+    desk = Desk()
+    desk.arm()
+    assert start(desk) == Reason.NO_MISSION
+    assert desk.command(Command.DO_SET_MISSION_CURRENT, 0) == Reason.NO_MISSION
+
+
+def test_a_start_that_is_refused_changes_nothing() -> None:
+    desk = Desk()
+    desk.step()
+    upload(desk, line(2))
+    assert start(desk) == Reason.NOT_ARMED
+    assert state(desk) == (MissionState.READY, 0)
+
+
+def test_a_pause_keeps_the_place_in_the_mission() -> None:
+    desk = ready(3)
+    start(desk)
+    desk.step()
+    pause(desk, 2.0)
+    assert state(desk) == (MissionState.PAUSED, 0)
+    assert desk.vehicle.mission.status(0).reason == Reason.BY_OPERATOR
+    at_m = x_m(desk)
+    for _ in range(40):
+        desk.step()
+    assert x_m(desk) == at_m
+    assert resume(desk) == Reason.NONE
+    desk.step()
+    assert state(desk) == (MissionState.RUNNING, 0)
+    until(desk, MissionState.DONE)
+
+
+def test_a_pause_stops_the_clock_of_a_hold() -> None:
+    desk = ready(1, hold_s=2.0)
+    start(desk)
+    until(desk, MissionState.HOLDING)
+    for _ in range(20):
+        desk.step()
+    pause(desk, 5.0)
+    assert desk.vehicle.mission.state == MissionState.PAUSED
+    assert resume(desk) == Reason.NONE
+    assert until(desk, MissionState.DONE) == pytest.approx(1.0, abs=0.051)
+
+
+def test_an_abort_ends_it_and_it_can_be_started_where_it_was() -> None:
+    desk = ready(3)
+    start(desk, 1)
+    desk.step()
+    assert desk.command(Command.SIDESTEP_ABORT_GOAL) == Reason.NONE
+    assert state(desk) == (MissionState.FAILED, 1)
+    assert desk.vehicle.mission.reason == Reason.BY_OPERATOR
+    assert desk.vehicle.state.machine.goal_state == GoalState.ABORTED
+    for _ in range(20):
+        desk.step()
+    assert start(desk, -1) == Reason.NONE
+    assert state(desk) == (MissionState.RUNNING, 1)
+
+
+def test_a_hold_can_be_aborted_too() -> None:
+    desk = ready(2, hold_s=5.0)
+    start(desk)
+    until(desk, MissionState.HOLDING)
+    assert desk.command(Command.SIDESTEP_ABORT_GOAL) == Reason.NONE
+    assert state(desk) == (MissionState.FAILED, 0)
+    assert desk.command(Command.SIDESTEP_ABORT_GOAL) == Reason.NO_GOAL
+
+
+def test_a_jump_under_way_goes_there_at_once() -> None:
+    desk = ready(3)
+    start(desk)
+    desk.step()
+    assert desk.command(Command.DO_SET_MISSION_CURRENT, 2) == Reason.NONE
+    desk.step()
+    assert state(desk) == (MissionState.RUNNING, 2)
+    until(desk, MissionState.DONE)
+
+
+def test_a_jump_in_a_pause_counts_when_it_goes_on() -> None:
+    desk = ready(3)
+    start(desk)
+    desk.step()
+    pause(desk)
+    assert desk.command(Command.DO_SET_MISSION_CURRENT, 2) == Reason.NONE
+    desk.step()
+    assert state(desk) == (MissionState.PAUSED, 2)
+    assert resume(desk) == Reason.NONE
+    desk.step()
+    assert state(desk) == (MissionState.RUNNING, 2)
+    until(desk, MissionState.DONE)
+
+
+def test_a_jump_while_it_rests_chooses_where_it_starts() -> None:
+    desk = ready(3)
+    assert desk.command(Command.DO_SET_MISSION_CURRENT, 1) == Reason.NONE
+    assert state(desk) == (MissionState.READY, 1)
+    start(desk, -1)
+    assert state(desk) == (MissionState.RUNNING, 1)
+
+
+def estop(desk: Desk) -> None:
+    desk.command(Command.DO_FLIGHTTERMINATION)
+
+
+def disarm(desk: Desk) -> None:
+    desk.command(Command.COMPONENT_ARM_DISARM, 0)
+
+
+def another_goal(desk: Desk) -> None:
+    desk.goto(5.0, 0.0)
+
+
+def home(desk: Desk) -> None:
+    assert desk.command(Command.NAV_RETURN_TO_LAUNCH) == Reason.NONE
+
+
+def by_hand(desk: Desk) -> None:
+    desk.operator = True
+    desk.step()
+    assert desk.command(Command.DO_SET_MODE, 1, Mode.MANUAL) == Reason.NONE
+
+
+def blind(desk: Desk) -> None:
+    desk.step(scan=None)
+
+
+ENDS = [
+    (estop, Reason.EMERGENCY_STOPPED),
+    (disarm, Reason.DISARMED),
+    (another_goal, Reason.REPLACED),
+    (home, Reason.REPLACED),
+    (by_hand, Reason.BY_OPERATOR),
+    (blind, Reason.SCAN_LOST),
+]
+
+
+@pytest.mark.parametrize(("end", "reason"), ENDS)
+@pytest.mark.parametrize("when", [MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED])
+def test_whatever_ends_it_is_the_reason_of_its_failure(
+    end: Any, reason: Reason, when: MissionState
+) -> None:
+    desk = ready(2, hold_s=5.0)
+    start(desk)
+    if when == MissionState.PAUSED:
+        desk.step()
+        pause(desk)
+    until(desk, when)
+    end(desk)
+    desk.step()
+    assert desk.vehicle.mission.state == MissionState.FAILED
+    assert desk.vehicle.mission.reason == reason
+
+
+def test_a_stop_that_cannot_be_reached_fails_the_mission_with_that_reason() -> None:
+    desk = ready(2)
+    start(desk)
+    desk.step()
+    machine = desk.vehicle.state.machine
+    machine.goal_state, machine.goal_reason = states.STUCK, Reason.UNREACHABLE
+    desk.step()
+    assert state(desk) == (MissionState.FAILED, 0)
+    assert desk.vehicle.mission.reason == Reason.UNREACHABLE
+
+
+def test_a_stop_that_a_new_fence_shuts_out_fails_the_mission_when_its_turn_comes() -> None:
+    desk = ready(4)
+    start(desk)
+    desk.step()
+    assert upload(desk, circle(0.0, 0.0, 0.7)).reason == Reason.NONE
+    until(desk, MissionState.FAILED)
+    assert state(desk) == (MissionState.FAILED, 2)
+    assert desk.vehicle.mission.reason == Reason.OUTSIDE_FENCE
+
+
+def test_its_goals_carry_the_request_that_started_it() -> None:
+    desk = ready(2)
+    desk.goto(0.1, 0.0)
+    start(desk)
+    started = desk.request_id
+    assert desk.vehicle.commands.goal_id == started
+    until(desk, MissionState.DONE)
+    assert desk.vehicle.commands.goal_id == started
+    desk.command(Command.NAV_RETURN_TO_LAUNCH)
+    assert desk.vehicle.commands.goal_id == desk.request_id
+
+
+def test_it_tells_how_far_it_is() -> None:
+    desk = ready(2)
+    start(desk)
+    until(desk, MissionState.DONE)
+    told = [(text.severity, text.text) for text in desk.vehicle.texts()]
+    assert (Severity.INFO, "mission DONE (item 2 of 2)") in told
+    start(desk)
+    desk.step()
+    estop(desk)
+    desk.step()
+    told = [(text.severity, text.text) for text in desk.vehicle.texts() if "FAILED" in text.text]
+    assert told[0][0] == Severity.ERROR
+
+
+def test_the_status_is_told_twice_a_second_and_at_once_on_a_change() -> None:
+    desk = ready(2)
+    told = []
+    for _ in range(41):
+        desk.step()
+        told.append(desk.vehicle.mission_status(desk.now_ns, desk.now_ns) is not None)
+    assert sum(told) == 5
+    start(desk)
+    status = desk.vehicle.mission_status(desk.now_ns, desk.now_ns)
+    assert status is not None
+    assert (status.mission_id, status.state, status.count) == (1, MissionState.RUNNING, 2)
+
+
+orders = st.one_of(
+    st.builds(lambda first: (Command.MISSION_START, first), st.integers(-1, 4)),
+    st.builds(lambda at: (Command.DO_SET_MISSION_CURRENT, at), st.integers(0, 4)),
+    st.builds(lambda on: (Command.DO_PAUSE_CONTINUE, on), st.integers(0, 1)),
+    st.builds(lambda on: (Command.COMPONENT_ARM_DISARM, on), st.integers(0, 1)),
+    st.sampled_from(
+        [
+            (Command.SIDESTEP_ABORT_GOAL, 0),
+            (Command.DO_FLIGHTTERMINATION, 0),
+            (Command.SIDESTEP_CLEAR_EMERGENCY_STOP, 0),
+            (Command.NAV_RETURN_TO_LAUNCH, 0),
+        ]
+    ),
+    st.builds(lambda mode: (Command.DO_SET_MODE, mode), st.sampled_from([*Mode])),
+    st.sampled_from(["upload", "fence", "clear", "goto", "blind"]),
+)
+
+
+def obey(desk: Desk, order: Any) -> None:
+    if order == "upload":
+        upload(desk, [item(0, 0.2, 0.0, 0.1), item(1, 0.3, 0.1), item(2, 0.5, 0.0)])
+    elif order == "fence":
+        upload(desk, circle(0.0, 0.0, 0.4))
+    elif order == "clear":
+        desk.vehicle.receive(MissionClearAll(), desk.now_ns)
+    elif order == "goto":
+        desk.goto(0.3, -0.1)
+    elif order == "blind":
+        desk.step(scan=None)
+    else:
+        command, value = order
+        desk.command(command, value, value)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(orders, st.integers(0, 30)), min_size=3, max_size=25))
+def test_in_whatever_order_it_is_told_things_it_never_says_what_is_not_so(
+    told: list[tuple[Any, int]],
+) -> None:
+    desk = ready(3, hold_s=0.2)
+    desk.operator = True
+    machine, mission = desk.vehicle.state.machine, desk.vehicle.mission
+    for order, ticks in told:
+        obey(desk, order)
+        for _ in range(ticks):
+            desk.vehicle.mission.step(desk.now_ns // 1_000_000)
+            check(desk)
+            desk.step()
+        assert mission.state == MissionState.NONE or 0 <= mission.current < len(mission.items)
+    assert machine.vehicle in [*Vehicle]
+
+
+def check(desk: Desk) -> None:
+    """What must hold once the mission has had its look at the machine."""
+    machine, mission = desk.vehicle.state.machine, desk.vehicle.mission
+    status = mission.status(0)
+    if mission.active:
+        assert machine.vehicle == Vehicle.ACTIVE
+        assert (status.state == MissionState.PAUSED) == (machine.mode == Mode.HOLD)
+    if status.state in (MissionState.RUNNING, MissionState.HOLDING):
+        assert machine.goal is not None
+        wanted = mission.items[mission.current]
+        assert machine.goal.x_m == pytest.approx(wanted.x / 10_000)
+    if status.state == MissionState.HOLDING:
+        assert machine.goal_state == GoalState.REACHED
+        assert status.hold_left_ms > 0
+    if status.state == MissionState.FAILED:
+        assert status.reason != Reason.NONE

@@ -1,0 +1,255 @@
+"""Transfers: a mission is taken as a whole or not at all, in whatever order its frames come."""
+
+from math import inf, nan
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.enums import Command, MissionType
+from protocol.messages import (
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionRequestList,
+    MissionVerdict,
+)
+from protocol.reasons import Reason
+from robot.core import reasons
+from robot.mission.mission import MOST_ITEMS
+from robot.mission.transfer import NO_ITEM, Request, Transfers
+from tests.unit.robot.mission.items import circle, corners, item, line, ready, start, upload
+from tests.unit.robot.vehicles import Desk
+
+
+def held(desk: Desk, kind: int = MissionType.MISSION) -> list[str]:
+    """What a download gives, as text, in which NaN is NaN."""
+    count = desk.vehicle.receive(MissionRequestList(mission_type=kind), 0)
+    assert isinstance(count, MissionCount)
+    wanted = [MissionRequestInt(seq=seq, mission_type=kind) for seq in range(count.count)]
+    return [repr(desk.vehicle.receive(one, 0)) for one in wanted]
+
+
+def test_what_was_uploaded_can_be_downloaded() -> None:
+    desk = Desk()
+    verdict = upload(desk, line(5))
+    assert verdict == MissionVerdict(mission_id=1, item=NO_ITEM, reason=0, mission_type=0)
+    assert held(desk) == [repr(one) for one in line(5)]
+    assert upload(desk, line(2)).mission_id == 2
+    assert held(desk) == [repr(one) for one in line(2)]
+
+
+def test_before_there_is_a_mission_there_is_nothing_to_download() -> None:
+    desk = Desk()
+    assert held(desk) == []
+    answer = desk.vehicle.receive(MissionRequestInt(seq=0), 0)
+    assert isinstance(answer, MissionVerdict)
+    assert (answer.item, answer.reason) == (0, Reason.MISSION_ITEM_BAD)
+
+
+BAD = [
+    ({"command": Command.NAV_WAYPOINT}, Reason.UNKNOWN_COMMAND),
+    ({"frame": 0}, Reason.UNKNOWN_FRAME),
+    ({"param1": nan}, Reason.HOLD_OUT_OF_RANGE),
+    ({"param1": -0.1}, Reason.HOLD_OUT_OF_RANGE),
+    ({"param1": 3601.0}, Reason.HOLD_OUT_OF_RANGE),
+    ({"param1": inf}, Reason.HOLD_OUT_OF_RANGE),
+    ({"param2": 0.004}, Reason.TOLERANCE_OUT_OF_RANGE),
+    ({"param2": nan}, Reason.TOLERANCE_OUT_OF_RANGE),
+    ({"param3": 0.0}, Reason.TOLERANCE_OUT_OF_RANGE),
+    ({"param3": inf}, Reason.TOLERANCE_OUT_OF_RANGE),
+    ({"param4": inf}, Reason.GOAL_OUT_OF_RANGE),
+    ({"x": 1_010_000}, Reason.GOAL_OUT_OF_RANGE),
+    ({"y": -(2**31)}, Reason.GOAL_OUT_OF_RANGE),
+]
+
+
+@pytest.mark.parametrize(("change", "reason"), BAD)
+@pytest.mark.parametrize("at", [0, 1, 3])
+def test_a_bad_item_is_named_with_its_reason_and_the_old_mission_stays(
+    change: dict[str, Any], reason: Reason, at: int
+) -> None:
+    desk = Desk()
+    upload(desk, line(2))
+    items = line(4)
+    items[at] = item(at, **change)
+    verdict = upload(desk, items)
+    assert (verdict.item, verdict.reason, verdict.mission_id) == (at, reason, 1)
+    assert held(desk) == [repr(one) for one in line(2)]
+
+
+def test_an_item_outside_of_the_fence_is_named() -> None:
+    desk = Desk()
+    assert upload(desk, circle(0.0, 0.0, 1.0)).reason == Reason.NONE
+    verdict = upload(desk, line(4))
+    assert (verdict.item, verdict.reason) == (3, Reason.OUTSIDE_FENCE)
+
+
+def test_a_mission_has_at_least_one_item_and_not_too_many() -> None:
+    desk = Desk()
+    for count, reason, which in (
+        (0, Reason.MISSION_EMPTY, NO_ITEM),
+        (MOST_ITEMS + 1, Reason.MISSION_TOO_LONG, MOST_ITEMS),
+    ):
+        verdict = desk.vehicle.receive(MissionCount(count=count), 0)
+        assert isinstance(verdict, MissionVerdict)
+        assert (verdict.reason, verdict.item) == (reason, which)
+
+
+def test_an_item_that_is_not_its_turn_is_refused_and_the_transfer_goes_on() -> None:
+    desk = Desk()
+    items = line(3)
+    assert bad(desk.vehicle.receive(items[0], 0)) == 0, "nobody has announced it"
+    desk.vehicle.receive(MissionCount(count=3), 0)
+    desk.vehicle.receive(items[0], 0)
+    assert bad(desk.vehicle.receive(items[2], 0)) == 2
+    assert desk.vehicle.receive(items[1], 0) == MissionRequestInt(seq=2)
+
+
+def bad(answer: object) -> int:
+    assert isinstance(answer, MissionVerdict)
+    assert answer.reason == Reason.MISSION_ITEM_BAD
+    return answer.item
+
+
+def test_every_frame_may_be_repeated() -> None:
+    desk = Desk()
+    for request in (MissionCount(count=2), *line(2)):
+        first = desk.vehicle.receive(request, 0)
+        assert desk.vehicle.receive(request, 0) == first
+    assert desk.vehicle.mission.number == 1
+
+
+def test_two_operators_who_upload_at_once_do_not_mix_their_items() -> None:
+    desk = Desk()
+    ours, theirs = line(3), [item(seq, -1.0, 2.0) for seq in range(3)]
+    desk.vehicle.receive(MissionCount(count=3), 0, "ada")
+    desk.vehicle.receive(ours[0], 0, "ada")
+    desk.vehicle.receive(MissionCount(count=3), 0, "bob")
+    desk.vehicle.receive(theirs[0], 0, "bob")
+    assert bad(desk.vehicle.receive(ours[1], 0, "ada")) == 1
+    for one in theirs[1:]:
+        desk.vehicle.receive(one, 0, "bob")
+    assert held(desk) == [repr(one) for one in theirs]
+
+
+def test_what_is_cleared_is_gone() -> None:
+    desk = Desk()
+    upload(desk, line(3))
+    upload(desk, circle(0.0, 0.0, 9.0))
+    for kind in (MissionType.MISSION, MissionType.FENCE):
+        verdict = desk.vehicle.receive(MissionClearAll(mission_type=kind), 0)
+        expected = MissionVerdict(mission_id=0, item=NO_ITEM, reason=0, mission_type=kind)
+        assert verdict == expected
+        assert held(desk, kind) == []
+    assert start(desk) == Reason.NO_MISSION
+    assert desk.vehicle.state.machine.fence is None
+
+
+def test_a_mission_under_way_is_neither_replaced_nor_cleared() -> None:
+    desk = ready(3)
+    start(desk)
+    desk.step()
+    assert upload(desk, line(2)).reason == Reason.DRIVING
+    cleared = desk.vehicle.receive(MissionClearAll(), 0)
+    assert isinstance(cleared, MissionVerdict)
+    assert cleared.reason == Reason.DRIVING
+    assert len(held(desk)) == 3
+
+
+def test_other_kinds_of_missions_are_unknown() -> None:
+    verdict = Desk().vehicle.receive(MissionCount(count=1, mission_type=2), 0)
+    assert isinstance(verdict, MissionVerdict)
+    assert (verdict.reason, verdict.mission_type) == (Reason.UNKNOWN_COMMAND, 2)
+
+
+# Fences come the same way.
+
+
+@pytest.mark.parametrize(
+    "items",
+    [
+        circle(0.0, 0.0, 2.0),
+        corners((-1.0, -1.0), (3.0, -1.0), (3.0, 1.0), (-1.0, 1.0)),
+        corners((-1.0, -1.0), (3.0, 0.0), (-1.0, 1.0)),
+    ],
+)
+def test_a_fence_is_put_up_and_refuses_goals(items: list[MissionItemInt]) -> None:
+    desk = Desk()
+    desk.arm()
+    assert upload(desk, items).reason == Reason.NONE
+    assert held(desk, MissionType.FENCE) == [repr(one) for one in items]
+    assert desk.goto(1.5, 4.0) == Reason.OUTSIDE_FENCE
+    assert desk.goto(1.5, 0.0) == Reason.NONE
+
+
+@pytest.mark.parametrize(
+    ("items", "which", "reason"),
+    [
+        (corners((1.0, 1.0), (3.0, 1.0), (3.0, 3.0)), NO_ITEM, Reason.FENCE_LEAVES_ROBOT_OUT),
+        (corners((-1.0, -1.0), (3.0, 1.0)), NO_ITEM, Reason.FENCE_NOT_SIMPLE),
+        (
+            corners((-1.0, -1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, 1.0)),
+            NO_ITEM,
+            Reason.FENCE_NOT_SIMPLE,
+        ),
+        (circle(0.0, 0.0, -1.0), NO_ITEM, Reason.FENCE_NOT_SIMPLE),
+        (circle(0.0, 0.0, nan), NO_ITEM, Reason.FENCE_NOT_SIMPLE),
+        ([item(0, mission_type=1)], 0, Reason.UNKNOWN_COMMAND),
+        ([*corners((-1.0, -1.0), (3.0, 1.0)), item(2, mission_type=1)], 0, Reason.FENCE_NOT_SIMPLE),
+    ],
+)
+def test_a_bad_fence_is_refused_and_the_old_one_stays(
+    items: list[MissionItemInt], which: int, reason: Reason
+) -> None:
+    desk = Desk()
+    desk.step()
+    upload(desk, circle(0.0, 0.0, 5.0))
+    verdict = upload(desk, items)
+    assert (verdict.item, verdict.reason) == (which, reason)
+    assert len(held(desk, MissionType.FENCE)) == 1
+    assert desk.vehicle.state.machine.fence is not None
+
+
+class Shelf:
+    """Keeps what it is given, and every whole that it ever was given."""
+
+    most = 9
+
+    def __init__(self) -> None:
+        self.items: tuple[MissionItemInt, ...] = ()
+        self.ever: list[tuple[MissionItemInt, ...]] = [()]
+
+    def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]:
+        self.items = items
+        self.ever.append(items)
+        return None, reasons.OK
+
+    def clear(self) -> int:
+        self.items = ()
+        return reasons.OK
+
+
+frames: st.SearchStrategy[Request] = st.one_of(
+    st.builds(MissionCount, count=st.integers(0, 4), mission_type=st.just(1)),
+    st.builds(item, st.integers(0, 4), st.sampled_from([0.0, 1.0]), mission_type=st.just(1)),
+    st.builds(MissionRequestInt, seq=st.integers(0, 5), mission_type=st.just(1)),
+    st.builds(MissionRequestList, mission_type=st.integers(1, 3)),
+    st.builds(MissionClearAll, mission_type=st.integers(1, 3)),
+)
+
+
+@given(st.lists(st.tuples(frames, st.sampled_from(["ada", "bob"])), max_size=60))
+def test_in_whatever_order_frames_come_what_is_held_came_as_a_whole(
+    asked: list[tuple[Request, str]],
+) -> None:
+    shelf = Shelf()
+    transfers = Transfers(Desk().vehicle.mission, shelf)
+    for request, operator in asked:
+        answer = transfers.receive(request, operator)
+        assert getattr(answer, "mission_type", 0) == request.mission_type
+        assert shelf.items in shelf.ever
+        for whole in shelf.ever:
+            assert [one.seq for one in whole] == list(range(len(whole)))

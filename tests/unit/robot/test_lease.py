@@ -1,0 +1,263 @@
+"""The lease: one commander at a time, known to all, and never held by somebody who is gone."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.enums import AckResult, Command, LeaseAction, Mode, Severity
+from protocol.message import Message
+from protocol.messages import (
+    CommandAck,
+    CommandRequest,
+    LeaseRequest,
+    MissionCount,
+    MissionRequestList,
+    MissionVerdict,
+    ParamRequestRead,
+    ParamSet,
+    ParamValue,
+    Teleop,
+)
+from protocol.reasons import Reason
+from robot.lease import LAPSE_NS, Lease
+from tests.unit.robot.vehicles import MS, Desk, goal
+
+ADA, BOB = "ada0", "bob0"
+S = 1_000 * MS
+
+
+def ask(action: int, name: str = "") -> LeaseRequest:
+    return LeaseRequest(request_id=1, action=action, name=name)
+
+
+def taken() -> Lease:
+    lease = Lease()
+    assert lease.receive(ask(LeaseAction.TAKE, "Ada"), ADA, 0) == Reason.NONE
+    return lease
+
+
+def test_while_nobody_holds_it_anyone_may_command() -> None:
+    lease = Lease()
+    assert lease.allows(ADA)
+    assert lease.allows("")
+    assert lease.status(7, 0).held == 0
+    assert lease.status(7, 0).holder == ""
+
+
+def test_who_takes_it_commands_alone_and_is_named() -> None:
+    lease = taken()
+    assert lease.allows(ADA)
+    assert not lease.allows(BOB)
+    assert not lease.allows("")
+    status = lease.status(7, 1 * S)
+    assert (status.held, status.holder, status.name, status.lapses_ms) == (1, ADA, "Ada", 2000)
+    assert lease.due(0) == [(Severity.INFO, "Ada has taken the lease")]
+
+
+def test_another_is_refused_until_it_is_given_back() -> None:
+    lease = taken()
+    assert lease.receive(ask(LeaseAction.TAKE), BOB, 0) == Reason.LEASE_HELD
+    assert lease.receive(ask(LeaseAction.RELEASE), BOB, 0) == Reason.LEASE_HELD
+    assert lease.receive(ask(LeaseAction.RELEASE), ADA, 0) == Reason.NONE
+    assert lease.receive(ask(LeaseAction.TAKE), BOB, 0) == Reason.NONE
+    assert lease.allows(BOB)
+
+
+def test_to_give_back_what_nobody_holds_is_no_error() -> None:
+    assert Lease().receive(ask(LeaseAction.RELEASE), BOB, 0) == Reason.NONE
+
+
+def test_a_seizure_is_granted_and_loud() -> None:
+    lease = taken()
+    lease.due(0)
+    assert lease.receive(ask(LeaseAction.SEIZE, "Bob"), BOB, 0) == Reason.NONE
+    assert lease.due(0) == [(Severity.CRITICAL, "LEASE SEIZED by Bob from Ada")]
+    assert not lease.allows(ADA)
+
+
+def test_to_take_it_twice_only_changes_the_name() -> None:
+    lease = taken()
+    lease.due(0)
+    assert lease.receive(ask(LeaseAction.TAKE, "Ada L."), ADA, 0) == Reason.NONE
+    assert lease.due(0) == []
+    assert lease.status(0, 0).name == "Ada L."
+
+
+def test_it_lapses_when_its_holder_has_not_been_heard_for_three_seconds() -> None:
+    lease = taken()
+    lease.hear(1 * S)
+    lease.due(1 * S)
+    assert lease.due(1 * S + LAPSE_NS) == []
+    assert not lease.allows(BOB)
+    ((severity, words),) = lease.due(1 * S + LAPSE_NS + 1)
+    assert severity == Severity.WARNING
+    assert "lapsed" in words
+    assert lease.allows(BOB)
+
+
+def test_who_is_no_operator_cannot_hold_it() -> None:
+    for action in LeaseAction:
+        assert Lease().receive(ask(action), "", 0) == Reason.NO_OPERATOR
+
+
+def test_an_unknown_action_is_refused() -> None:
+    assert Lease().receive(ask(9), ADA, 0) == Reason.UNKNOWN_COMMAND
+
+
+def test_an_operator_without_a_name_is_called_by_the_beginning_of_its_identity() -> None:
+    lease = Lease()
+    lease.receive(ask(LeaseAction.TAKE), "0123456789abcdef", 0)
+    assert lease.due(0)[0][1] == "01234567 has taken the lease"
+
+
+steps = st.lists(
+    st.tuples(
+        st.sampled_from([*LeaseAction, None, 9]),
+        st.sampled_from([ADA, BOB, ""]),
+        st.integers(0, 4 * S),
+    ),
+    max_size=40,
+)
+
+
+@given(steps)
+def test_whatever_is_asked_in_whatever_order_at_most_one_commands(
+    asked: list[tuple[int | None, str, int]],
+) -> None:
+    """None is a heartbeat of the holder. Compared with the rules written out once more."""
+    lease, holder, heard_ns, now_ns = Lease(), "", 0, 0
+    for action, operator, later_ns in asked:
+        now_ns += later_ns
+        lease.due(now_ns)
+        if holder and now_ns - heard_ns > LAPSE_NS:
+            holder = ""
+        if action is None:
+            if lease.allows(operator):
+                lease.hear(now_ns)
+            heard_ns = now_ns if operator == holder else heard_ns
+            continue
+        granted = lease.receive(ask(action), operator, now_ns) == Reason.NONE
+        if action == LeaseAction.RELEASE:
+            assert granted == (bool(operator) and holder in ("", operator))
+            holder = "" if granted else holder
+        else:
+            wants = action in (LeaseAction.TAKE, LeaseAction.SEIZE) and operator
+            free = holder in ("", operator) or action == LeaseAction.SEIZE
+            assert granted == bool(wants and free)
+            holder, heard_ns = (operator, now_ns) if granted else (holder, heard_ns)
+        assert [who for who in (ADA, BOB) if lease.allows(who)] == (
+            [holder] if holder else [ADA, BOB]
+        )
+        assert lease.status(0, now_ns).held == bool(holder)
+
+
+# What the vehicle makes of it.
+
+
+def leased() -> Desk:
+    """Armed, and Ada commands."""
+    desk = Desk()
+    desk.arm()
+    assert reason(desk, ask(LeaseAction.TAKE, "Ada"), ADA) == Reason.NONE
+    return desk
+
+
+def reason(desk: Desk, request: Message, operator: str) -> int:
+    answer = desk.vehicle.receive(request, desk.now_ns, operator)
+    if isinstance(answer, MissionVerdict):
+        return answer.reason
+    assert isinstance(answer, CommandAck)
+    assert (answer.result == AckResult.ACCEPTED) == (answer.result_param2 == Reason.NONE)
+    return answer.result_param2
+
+
+def command(number: int, param1: float = 0.0) -> CommandRequest:
+    number_of_request = number * 10 + int(param1)
+    return CommandRequest(request_id=number_of_request, command=number, param1=param1, param2=0.0)
+
+
+@pytest.mark.parametrize(
+    "request_of_other",
+    [
+        command(Command.COMPONENT_ARM_DISARM),
+        command(Command.DO_PAUSE_CONTINUE),
+        command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP),
+        goal(4, 1.0, 0.0),
+        ParamSet(param_id="d_obs_m", param_value=0.4, param_type=9),
+        MissionCount(count=1),
+    ],
+    ids=lambda request: type(request).__name__,
+)
+def test_whatever_another_asks_is_refused_and_the_holder_is_heard(
+    request_of_other: Message,
+) -> None:
+    desk = leased()
+    assert reason(desk, request_of_other, BOB) == Reason.LEASE_HELD
+    assert reason(desk, request_of_other, "") == Reason.LEASE_HELD
+    answer = desk.vehicle.receive(request_of_other, desk.now_ns, ADA)
+    assert not isinstance(answer, CommandAck) or answer.result == AckResult.ACCEPTED
+
+
+def test_the_emergency_stop_is_open_to_all() -> None:
+    for operator in (BOB, ""):
+        desk = leased()
+        assert reason(desk, command(Command.DO_FLIGHTTERMINATION), operator) == Reason.NONE
+        assert reason(desk, command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP), BOB) == (
+            Reason.LEASE_HELD
+        )
+
+
+def test_to_look_is_open_to_all() -> None:
+    desk = leased()
+    read = desk.vehicle.receive(ParamRequestRead(param_id="d_obs_m", param_index=-1), 0, BOB)
+    assert isinstance(read, ParamValue)
+    assert desk.vehicle.receive(MissionRequestList(), 0, BOB) == MissionCount(count=0)
+
+
+def test_a_refused_request_is_judged_anew_when_it_is_repeated() -> None:
+    desk = leased()
+    hold = command(Command.DO_PAUSE_CONTINUE)
+    assert reason(desk, hold, BOB) == Reason.LEASE_HELD
+    reason(desk, ask(LeaseAction.RELEASE), ADA)
+    assert reason(desk, hold, BOB) == Reason.NONE
+
+
+def test_who_loses_the_lease_steers_no_more() -> None:
+    desk = leased()
+    desk.operator = True
+    desk.step()
+    assert reason(desk, manual(), ADA) == Reason.NONE
+    frame = Teleop(time_ns=0, seq=0, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=500)
+    desk.vehicle.hear_teleop(frame, desk.now_ns)
+    assert desk.vehicle.handle.newest(desk.now_ns) == frame
+    reason(desk, ask(LeaseAction.SEIZE, "Bob"), BOB)
+    assert desk.vehicle.handle.newest(desk.now_ns) is None
+
+
+def manual() -> CommandRequest:
+    mode = float(Mode.MANUAL)
+    return CommandRequest(request_id=99, command=Command.DO_SET_MODE, param1=1.0, param2=mode)
+
+
+def test_the_status_is_told_twice_a_second_and_at_once_on_a_change() -> None:
+    desk = Desk()
+    told = []
+    for _ in range(41):
+        desk.step()
+        told.append(desk.vehicle.lease_status(desk.now_ns, desk.now_ns) is not None)
+    assert sum(told) == 5
+    desk.vehicle.receive(ask(LeaseAction.TAKE, "Ada"), desk.now_ns, ADA)
+    status = desk.vehicle.lease_status(desk.now_ns, desk.now_ns)
+    assert status is not None
+    assert status.name == "Ada"
+    assert "Ada has taken the lease" in [text.text for text in desk.vehicle.texts()]
+
+
+def test_a_lease_that_lapses_is_told() -> None:
+    desk = leased()
+    for _ in range(70):
+        desk.step()
+        desk.vehicle.lease_status(desk.now_ns, desk.now_ns)
+    told = "".join(text.text for text in desk.vehicle.texts())
+    assert "lease of Ada lapsed: not heard for 3 s" in told
+    assert desk.vehicle.lease.allows(BOB)

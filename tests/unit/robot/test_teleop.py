@@ -1,0 +1,56 @@
+"""The dead man's handle: a frame counts for its own time and not a moment longer."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.messages import Teleop
+from robot.core.values import Twist
+from robot.teleop import MOST_MS, Handle, wanted
+from tests.unit.robot.vehicles import MS, Desk
+
+
+def frame(ttl_ms: int, speed_mm_s: int = 200, yaw_rate_mrad_s: int = -500) -> Teleop:
+    return Teleop(
+        time_ns=0, seq=1, speed_mm_s=speed_mm_s, yaw_rate_mrad_s=yaw_rate_mrad_s, ttl_ms=ttl_ms
+    )
+
+
+def test_nobody_steers_before_the_first_frame() -> None:
+    assert Handle().newest(0) is None
+    assert wanted(None) is None
+
+
+@given(st.integers(0, MOST_MS), st.integers(0, 10**15), st.integers(0, 2 * MOST_MS * MS))
+def test_a_frame_counts_until_its_time_is_over(ttl_ms: int, arrived_ns: int, age_ns: int) -> None:
+    handle = Handle()
+    assert handle.hear(frame(ttl_ms), arrived_ns) == ""
+    steered = handle.newest(arrived_ns + age_ns) is not None
+    assert steered == (age_ns < ttl_ms * MS)
+
+
+def test_a_newer_frame_takes_the_place_of_the_older_even_if_that_would_count_longer() -> None:
+    handle = Handle()
+    handle.hear(frame(500, speed_mm_s=200), 0)
+    handle.hear(frame(100, speed_mm_s=50), 10 * MS)
+    assert wanted(handle.newest(100 * MS)) == Twist(0.05, -0.5)
+    assert handle.newest(110 * MS) is None
+
+
+@pytest.mark.parametrize("ttl_ms", [501, 65_535])
+def test_a_frame_that_would_count_too_long_is_ignored_and_that_is_said_once(ttl_ms: int) -> None:
+    handle = Handle()
+    assert "at most 500" in handle.hear(frame(ttl_ms), 0)
+    assert handle.hear(frame(ttl_ms), 1) == ""
+    assert handle.newest(2) is None
+    assert handle.hear(frame(100), 3) == ""
+    assert "at most 500" in handle.hear(frame(ttl_ms), 4)
+
+
+def test_the_vehicle_says_what_it_ignores() -> None:
+    desk = Desk()
+    desk.vehicle.texts()
+    for _ in range(3):
+        desk.vehicle.hear_teleop(frame(900), 0)
+    told = "".join(text.text for text in desk.vehicle.texts())
+    assert told == "teleop ignored: valid for 900 ms, at most 500 are allowed"
