@@ -6,9 +6,12 @@ from contextlib import suppress
 from queue import SimpleQueue
 from typing import Final
 
+from ground.app.looks import add_looks
+from ground.app.start import has_screen
+from ground.app.start import run as run_app
 from ground.link import LISTEN_NS, Link
 from ground.operator import BEAT_NS, Pace
-from ground.options import add_common
+from ground.options import add_common, common_of
 from ground.parts import in_words
 from ground.says import Says
 from ground.status_line import watch_line
@@ -30,7 +33,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def ground_arguments(parser: argparse.ArgumentParser) -> None:
     add_common(parser)
-    parser.set_defaults(once=False)
+    parser.add_argument(
+        "--plain", action="store_true", help="one line a second, as without a terminal"
+    )
+    add_looks(parser)
 
 
 def act(options: argparse.Namespace, link: Link, says: Says) -> int:
@@ -43,7 +49,9 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
 
 
 def act_ground(options: argparse.Namespace, link: Link, says: Says) -> int:
-    """Until Ctrl-C: the robot hears its operator, the operator sees the robot."""
+    """Until the operator leaves: the robot hears its operator, the operator sees the robot."""
+    if has_screen() and not (options.plain or options.json):
+        return run_app(options, link, common_of(options))
     link.bus.announce()
     says.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and GUIDED with it")
     Lookout(link, says, beats=True).run()

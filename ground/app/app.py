@@ -1,0 +1,173 @@
+"""The ground station on a terminal: it samples a station, draws what has changed, and asks."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Final
+
+from textual import events
+from textual.app import App
+
+from ground.app.bindings import bindings_of
+from ground.app.faces.status import Setting
+from ground.app.gives import Gives
+from ground.app.helm import Helm
+from ground.app.keymap import Keymap
+from ground.app.keys import Key, Layer
+from ground.app.looks import Looks
+from ground.app.pace import Pace
+from ground.app.screens import SCREENS, screen_of
+from ground.app.screens.drive import DriveScreen
+from ground.app.screens.log import LogScreen
+from ground.app.screens.sheet import Action, Sheet
+from ground.app.themes import THEMES
+from ground.station.station import Station
+
+POLL_HZ: Final = 20.0
+
+
+class GroundApp(App[int]):
+    """Screens, keys and a timer around a station; nothing here knows how a robot is reached."""
+
+    CSS_PATH = "ground.tcss"
+    TITLE = "sidestep"
+    DEFAULT_MODE = "drive"
+    AUTO_FOCUS = ""
+
+    def __init__(
+        self,
+        station: Station,
+        orders: Gives,
+        keymap: Keymap | None = None,
+        looks: Looks | None = None,
+    ) -> None:
+        super().__init__()
+        self.looks = looks or Looks()
+        self._station, self._orders = station, orders
+        self._keymap_in_force = keymap or Keymap()
+        self._bindings = bindings_of(self._keymap_in_force)
+        self._pace = Pace(self.looks.hz)
+        self._helm = Helm(self)
+        for theme in THEMES:
+            self.register_theme(theme)
+        self.theme = self.looks.theme
+        for name in SCREENS:
+            self.add_mode(name, partial(screen_of, name, self))
+        self.set_class(self.looks.ascii_only, "-ascii")
+
+    def on_mount(self) -> None:
+        if self.looks.hz:
+            self.set_interval(1.0 / POLL_HZ, self.sample)
+
+    # As screens see it (Deck).
+
+    @property
+    def station(self) -> Station:
+        return self._station
+
+    @property
+    def keymap(self) -> Keymap:
+        return self._keymap_in_force
+
+    @property
+    def ascii_only(self) -> bool:
+        return self.looks.ascii_only
+
+    @property
+    def setting(self) -> Setting:
+        kind = self.looks.kind or ("SIM" if self._station.world is not None else "REAL")
+        return Setting(kind=kind, factor=self._pace.factor)
+
+    def give(self, line: str) -> None:
+        self._orders.give(line)
+
+    def complete(self, text: str) -> list[str]:
+        return self._orders.complete(text)
+
+    def recall(self, text: str, step: int) -> str:
+        return self._orders.recall(text, step)
+
+    def say(self, text: str) -> None:
+        self._station.note(text)
+
+    def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
+        from ground.app.screens.choose import Choose  # seldom needed, so not at the start
+
+        def take(choice: str | None) -> None:
+            if choice:
+                done(choice)
+            self.look()
+
+        self.push_screen(Choose(title, choices), take)
+
+    @property
+    def last_line(self) -> str:
+        """The last command, as one for a shell."""
+        return self._orders.last
+
+    def switch_layer(self, name: str) -> None:
+        """Show something on the map of this screen, or hide it."""
+        if isinstance(self.sheet, DriveScreen):
+            self.sheet.switch_layer(name)
+
+    def find(self, words: str) -> None:
+        """In the log, on its screen."""
+        self.switch_mode("log")
+        self.call_later(self._find, words)
+
+    def _find(self, words: str) -> None:
+        if isinstance(self.sheet, LogScreen):
+            self.sheet.find(words)
+
+    # The round.
+
+    def sample(self) -> None:
+        """Poll, and draw when it is time to."""
+        self._station.poll()
+        self._pace.heard(self._station)
+        if self._pace.due(self._station.now_ns):
+            self.look()
+
+    def look(self) -> None:
+        sheet = self.sheet
+        if sheet is not None:
+            sheet.look()
+
+    @property
+    def sheet(self) -> Sheet | None:
+        """The screen below whatever is open above it."""
+        sheets = (screen for screen in reversed(self.screen_stack) if isinstance(screen, Sheet))
+        return next(sheets, None)
+
+    def on_app_blur(self, event: events.AppBlur) -> None:
+        self._pace.watched = False
+
+    def on_app_focus(self, event: events.AppFocus) -> None:
+        self._pace.watched = True
+
+    # Keys.
+
+    def key_layers(self) -> tuple[Layer, ...]:
+        sheet = self.screen
+        own = sheet.key_layers() if isinstance(sheet, Sheet) else ()
+        return (Layer.ALWAYS, *own)
+
+    def keys_now(self) -> list[Key]:
+        """What keys do at this moment, for the help and the palette."""
+        doable = self.doable()
+        return [key for key in self._keymap_in_force.of(*self.key_layers()) if key.id in doable]
+
+    def doable(self) -> Mapping[str, Action]:
+        """What can be done here, by id."""
+        sheet = self.sheet
+        return {**self._helm.actions(), **(sheet.actions() if sheet is not None else {})}
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        if action != "do":
+            return super().check_action(action, parameters)
+        (id,) = parameters
+        known = self._keymap_in_force[str(id)]
+        return known.layer in self.key_layers() and known.id in self.doable()
+
+    def action_do(self, id: str) -> None:
+        self.doable()[id]()
+        self.look()

@@ -1,0 +1,34 @@
+"""What screens ask of the app around them, so that they can be shown by another one in tests."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from ground.app.faces.status import Setting
+from ground.app.keymap import Keymap
+from ground.station.station import Station
+
+
+class Deck(Protocol):
+    """The app, as its screens see it."""
+
+    @property
+    def station(self) -> Station: ...
+    @property
+    def keymap(self) -> Keymap: ...
+    @property
+    def setting(self) -> Setting: ...
+    @property
+    def ascii_only(self) -> bool: ...
+
+    def give(self, line: str) -> None:
+        """Do what a command line says; what comes of it is in the log."""
+
+    def complete(self, text: str) -> list[str]: ...
+    def recall(self, text: str, step: int) -> str:
+        """An earlier command line (step -1) or a later one (1)."""
+
+    def say(self, text: str) -> None:
+        """A line in the log."""
+
+    def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
+        """Let the operator pick one."""

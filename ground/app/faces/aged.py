@@ -1,0 +1,34 @@
+"""A value with its age: live as it is, fading when it is late, and then only how old it is."""
+
+from collections.abc import Callable
+from math import isfinite
+from typing import Any, Final
+
+from ground.telemetry import Age, Seen
+from ground.widgets.rows import Span
+
+MISSING: Final = "--"
+NS_PER_S: Final = 1e9
+
+
+def aged(seen: Seen, words: Callable[[Any], str], role: str = "text") -> Span:
+    """The words of the newest message, in the role while it is live."""
+    if seen.message is None or seen.age_ns is None:
+        return Span(MISSING, "faint")
+    if seen.age is Age.GONE:
+        return Span(f"{MISSING} {seen.age_ns / NS_PER_S:.1f} s", "faint")
+    return Span(words(seen.message), role if seen.age is Age.LIVE else "faint")
+
+
+def live(seen: Seen) -> Any:
+    """The message unless it is too old to be shown; None then."""
+    return None if seen.age is Age.GONE else seen.message
+
+
+def role_of(seen: Seen, role: str = "text") -> str:
+    return role if seen.age is Age.LIVE else "faint"
+
+
+def number(value: float | None, form: str = ".2f", none: str = MISSING) -> str:
+    """A value that is not finite is missing."""
+    return none if value is None or not isfinite(value) else format(value, form)

@@ -1,0 +1,187 @@
+"""The side panel: where it is, where it goes, what it does, what the sonars hear, what it costs."""
+
+from math import degrees, inf, isfinite
+from typing import Final
+
+from ground.app.faces.aged import MISSING, aged, live, number, role_of
+from ground.app.faces.bars import EIGHTHS, bar
+from ground.station.station import Station
+from ground.status_line import doing
+from ground.telemetry import Seen
+from ground.widgets.rows import Row, Span, cut, faint, head, row
+from protocol.enums import GoalState
+from protocol.messages import (
+    AvoidanceDecision,
+    CycleReport,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+)
+from protocol.reasons import reason_text
+from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS
+
+WIDTH: Final = 30
+SONARS: Final = ("R79", "R56", "R34", "R11", "L11", "L34", "L56", "L79")
+"""Where each looks, in degrees from ahead, as they are numbered."""
+BAR: Final = 13
+BARS: Final = f"{EIGHTHS.strip()}·"
+STAGES: Final = "rongw"
+"""Read, odometry, navigate, guard, write."""
+
+
+def side_rows(station: Station, height: int, width: int = WIDTH) -> list[Row]:
+    """Blank rows only where there is room for them; where there is little, sonars side by side."""
+    cycle = cycle_rows(station.seen(CYCLE))
+    parts = [place_rows(station), sonar_rows(station), cycle]
+    if height < sum(map(len, parts)):
+        parts = [place_rows(station)[:4], dense_sonar_rows(station), cycle[:1]]
+    spare = height - sum(map(len, parts))
+    rows: list[Row] = []
+    for part in parts:
+        if rows and spare > 0:
+            rows.append(())
+            spare -= 1
+        rows += part
+    return [cut(row, width) for row in rows]
+
+
+def place_rows(station: Station) -> list[Row]:
+    odometry, status = station.seen(ODOMETRY), station.seen(STATUS)
+    pose = aged(odometry, pose_words)
+    why = why_words(live(status))
+    return [
+        row(head("pose  "), pose),
+        row(head("goal  "), aged(status, goal_words, "goal")),
+        row(
+            head("dist  "), aged(status, distance_words), head("  v "), aged(odometry, speed_words)
+        ),
+        row(head("state "), *state_spans(status, station.seen(DECISION))),
+        *([row(head("why   "), Span(why, role_of(status, "caution")))] if why else []),
+    ]
+
+
+def pose_words(odometry: PlanarOdometry) -> str:
+    deg = degrees(odometry.heading_rad)
+    return f"{number(odometry.x_m, '6.2f')} {number(odometry.y_m, '6.2f')}  {number(deg, '4.0f')}°"
+
+
+def goal_words(status: NavigatorStatus) -> str:
+    if status.goal == GoalState.NONE:
+        return "none"
+    heading = number(degrees(status.goal_heading_rad), "4.0f", " any")
+    degree = "°" if isfinite(status.goal_heading_rad) else ""
+    return f"{number(status.goal_x_m, '6.2f')} {number(status.goal_y_m, '6.2f')}  {heading}{degree}"
+
+
+def distance_words(status: NavigatorStatus) -> str:
+    return f"{number(status.goal_distance_m, '6.2f')} m"
+
+
+def speed_words(odometry: PlanarOdometry) -> str:
+    return f"{number(odometry.speed_m_s, '.2f')} m/s"
+
+
+def why_words(status: NavigatorStatus | None) -> str:
+    reason = 0 if status is None else status.vehicle_reason or status.goal_reason
+    return reason_text(reason) if reason else ""
+
+
+def state_spans(status: Seen, decision: Seen) -> list[Span]:
+    """The state as a word, and by how much the way is turned from that to the goal."""
+    turned: AvoidanceDecision | None = live(decision)
+    spans = [aged(status, lambda status: f"{doing(status).upper():<10}", state_role(status))]
+    if turned is not None and isfinite(turned.rotation_rad):
+        angle = f"γ {degrees(turned.rotation_rad):+.0f}°"
+        spans += [Span(" "), Span(angle, role_of(decision, "virtual"))]
+    return spans
+
+
+def state_role(seen: Seen) -> str:
+    status: NavigatorStatus | None = live(seen)
+    if status is None:
+        return "faint"
+    if status.goal in (GoalState.STUCK, GoalState.ABORTED, GoalState.REFUSED):
+        return "danger"
+    return "caution" if status.goal == GoalState.AVOIDING else "ok"
+
+
+def sonar_rows(station: Station) -> list[Row]:
+    """From left to right as the robot looks, `!` within its zone, `!!` where the guard stops it."""
+    seen = station.seen(SONAR)
+    scan: SonarScan | None = live(seen)
+    decision: AvoidanceDecision | None = live(station.seen(DECISION))
+    zone_m = decision.zone_m if decision is not None else -inf
+    stop_m = parameter(station, "guard_stop_m", -inf)
+    longest_m = parameter(station, "sonar_max_m", 3.0)
+    rows: list[Row] = []
+    for index in reversed(range(len(SONARS))):
+        name = head(f"{SONARS[index]} ")
+        if scan is None:
+            rows.append(row(name, faint("·" * BAR), faint(f" {aged(seen, lambda _: '').text}")))
+            continue
+        rows.append(row(name, *echo_spans(range_of(scan, index), zone_m, stop_m, longest_m, seen)))
+    return rows
+
+
+def dense_sonar_rows(station: Station) -> list[Row]:
+    """Numbers only, the left four above the right four, both from the outside in."""
+    every = [
+        row(*(Span(span.text.strip(BARS), span.role) for span in one))
+        for one in sonar_rows(station)
+    ]
+    left, right = every[:4], every[:3:-1]
+    return [
+        row(head("left  "), *(span for one in left for span in one[1:])),
+        row(head("right "), *(span for one in right for span in one[1:])),
+    ]
+
+
+def range_of(scan: SonarScan, index: int) -> float | None:
+    """In metres; infinite without an echo, None when the sonar is missing."""
+    bit = 1 << index
+    if not scan.valid & bit:
+        return None
+    return scan.range_mm[index] / 1000 if scan.echo & bit else inf
+
+
+def echo_spans(
+    range_m: float | None, zone_m: float, stop_m: float, longest_m: float, seen: Seen
+) -> list[Span]:
+    if range_m is None:
+        return [faint("·" * BAR), faint(f"   {MISSING}")]
+    if range_m == inf:
+        return [Span(bar(1.0, BAR), role_of(seen, "ok")), faint("  none")]
+    near, marks = "ok", ""
+    if range_m < stop_m:
+        near, marks = "danger", " !!"
+    elif range_m < zone_m:
+        near, marks = "caution", " !"
+    painted = Span(bar(range_m / longest_m, BAR), role_of(seen, near))
+    return [painted, Span(f" {range_m:5.2f}", role_of(seen)), Span(marks, near)]
+
+
+def parameter(station: Station, name: str, otherwise: float) -> float:
+    for line in station.parameters or ():
+        if line.get("name") == name:
+            value = line.get("value")
+            return float(value) if isinstance(value, int | float) else otherwise
+    return otherwise
+
+
+def cycle_rows(seen: Seen) -> list[Row]:
+    """What a control cycle cost against its budget, and each stage's share in microseconds."""
+    report: CycleReport | None = live(seen)
+    if report is None:
+        return [row(head("cycle "), aged(seen, lambda _: "")), ()]
+    spent, budget = sum(report.stage_us), report.budget_us
+    over = "danger" if spent > budget else "cost"
+    gauge = Span(bar(spent / budget if budget else 1.0, 9), role_of(seen, over))
+    marks = Span(" !", "danger") if spent > budget else Span("")
+    stages = zip(STAGES, report.stage_us, strict=True)
+    shares = (
+        piece for name, us in stages for piece in (head(f"{name}"), Span(f"{us} ", role_of(seen)))
+    )
+    return [
+        row(head("cycle "), gauge, Span(f" {spent}/{budget} us", role_of(seen)), marks),
+        row(*shares),
+    ]

@@ -1,0 +1,120 @@
+"""The status line: the most important first, for what does not fit is cut from the right."""
+
+from typing import Final, NamedTuple
+
+from ground.app.faces.aged import MISSING, aged, live, number, role_of
+from ground.orders import NAVIGATORS, SIDES
+from ground.station.station import Station
+from ground.status_line import name_of
+from ground.telemetry import Age
+from ground.widgets.rows import Row, Span, cut, faint, head, row, width_of
+from protocol.enums import Mode, Vehicle
+from protocol.messages import NavigatorStatus
+from protocol.topics import HEARTBEAT, STATUS
+
+GAP: Final = Span("  ", "text")
+TIGHT: Final = Span(" ", "text")
+NAMES: Final[dict[int, str]] = {number: name for name, number in NAVIGATORS.items()}
+SIDE_NAMES: Final[dict[int, str]] = {number: name for name, number in SIDES.items()}
+
+
+class Setting(NamedTuple):
+    """What the status line says beside the robot's own words."""
+
+    kind: str = "REAL"
+    factor: float | None = None
+    recording: str = ""
+    note: str = ""
+
+
+def status_row(station: Station, setting: Setting, width: int) -> Row:
+    """With less between the parts, and then without the last ones, until it fits."""
+    parts = [part for part in parts_of(station, setting) if width_of(part)]
+    gap = GAP
+    if _wide(parts, gap) > width:
+        gap = TIGHT
+    while len(parts) > 1 and _wide(parts, gap) > width:
+        parts.pop()
+    spans: list[Span] = []
+    for part in parts:
+        spans += [gap, *part] if spans else part
+    return cut(row(*spans), width)
+
+
+def _wide(parts: list[Row], gap: Span) -> int:
+    return sum(map(width_of, parts)) + len(gap.text) * (len(parts) - 1)
+
+
+def parts_of(station: Station, setting: Setting) -> list[Row]:
+    status = station.seen(STATUS)
+    return [
+        row(presence(station), Span(f" {station.robot}", "accent")),
+        row(aged(status, mode_words)),
+        row(aged(status, vehicle_words, vehicle_role(live(status)))),
+        row(aged(status, navigator_words)),
+        link_part(station),
+        row(head("t+ "), aged(status, driven_words)),
+        kind_part(setting),
+        row(Span(setting.recording, "danger" if setting.recording.endswith("!") else "ok")),
+        row(
+            head("lease "), Span(station.lease.words, "caution" if station.lease.others else "text")
+        ),
+        row(Span(setting.note, "caution")),
+    ]
+
+
+def presence(station: Station) -> Span:
+    """Full while its heart beats; the words of a loss are in the banner."""
+    seen = station.seen(HEARTBEAT)
+    if seen.age is Age.GONE:
+        return Span("○", "danger")
+    return Span("●", role_of(seen, "ok"))
+
+
+def mode_words(status: NavigatorStatus) -> str:
+    return name_of(Mode, status.mode)
+
+
+def vehicle_words(status: NavigatorStatus) -> str:
+    words = {Vehicle.ACTIVE: "ARMED", Vehicle.STANDBY: "DISARMED", Vehicle.EMERGENCY_STOP: "E-STOP"}
+    known = status.vehicle in list(words)
+    return words[Vehicle(status.vehicle)] if known else name_of(Vehicle, status.vehicle)
+
+
+def vehicle_role(status: NavigatorStatus | None) -> str:
+    if status is None or status.vehicle == Vehicle.STANDBY:
+        return "text"
+    return "ok" if status.vehicle == Vehicle.ACTIVE else "danger"
+
+
+def navigator_words(status: NavigatorStatus) -> str:
+    name = NAMES.get(status.navigator, f"navigator {status.navigator}")
+    return f"{name}/{SIDE_NAMES.get(status.side, 'auto')}"
+
+
+def link_part(station: Station) -> Row:
+    percent, trip_ms = station.link_percent, station.round_trip_ms
+    if not station.live:
+        return ()
+    role = "text" if percent is not None and percent >= 99.0 else "caution"
+    beat = station.seen(HEARTBEAT)
+    rate = next((line.rate_hz for line in station.streams() if line.topic is STATUS), None)
+    spans = [Span(f" {number(percent, '.0f')}%", role), Span(f" {number(trip_ms, '.0f')}ms")]
+    if beat.age is Age.GONE:
+        return row(head("link"), faint(f" {MISSING}"))
+    return row(head("link"), *spans, Span(f" {number(rate, '.0f')}Hz"))
+
+
+def driven_words(status: NavigatorStatus) -> str:
+    if not status.goal_id:
+        return MISSING
+    until_ns = status.goal_ended_ns or status.time_ns
+    return f"{(until_ns - status.goal_started_ns) / 1e9:.1f} s"
+
+
+def kind_part(setting: Setting) -> Row:
+    """Whether all this is real is a word, not a colour."""
+    if setting.kind == "SIM":
+        factor = "" if setting.factor is None else f" {setting.factor:.1f}x"
+        return row(Span(f"SIM{factor}", "accent"))
+    return row(Span(setting.kind, "caution"))

@@ -1,0 +1,56 @@
+"""What arrives, how often, how old and how much of it is lost."""
+
+from typing import Final
+
+from ground.app.faces.aged import MISSING, number
+from ground.station.station import Station
+from ground.station.streams import StreamRow
+from ground.telemetry import Age
+from ground.widgets.rows import Row, Span, faint, head, row
+
+ROLES: Final = {Age.LIVE: "text", Age.DIM: "faint", Age.GONE: "faint"}
+
+
+def stream_rows(station: Station) -> list[Row]:
+    """One line each, for the third column; topics of which nothing ever came are left out."""
+    lines = [line for line in station.streams() if line.received]
+    return [row(head("stream      Hz    age  lost")), *map(short, lines)]
+
+
+def short(line: StreamRow) -> Row:
+    name = line.topic.path.rpartition("/")[2][:11]
+    lost = f"{line.lost_percent:4.0f}%"
+    return row(
+        head(f"{name:<11}"),
+        Span(f"{rate(line):>5}", ROLES[line.age]),
+        Span(f"{age(line):>7}", ROLES[line.age]),
+        Span(lost, "caution" if line.lost_percent >= 1.0 else "faint"),
+    )
+
+
+def rate(line: StreamRow) -> str:
+    """An event has no rate."""
+    if not line.topic.rate_hz:
+        return "event"
+    return MISSING if line.age is Age.GONE else number(line.rate_hz, ".0f")
+
+
+def age(line: StreamRow) -> str:
+    """To a tenth of a second: a figure that changes with every look cannot be read."""
+    return MISSING if line.age_ns is None else f"{line.age_ns / 1e9:.1f} s"
+
+
+def long(line: StreamRow) -> Row:
+    """For the Links screen: with what was expected, counted and refused."""
+    expected = f"{line.topic.rate_hz:g}" if line.topic.rate_hz else MISSING
+    rejected = f"{line.rejected} {line.last_rejection}" if line.rejected else "0"
+    return row(
+        head(f"{line.topic.path:<16}"),
+        faint(f"{expected:>6}"),
+        Span(f"{rate(line):>7}", ROLES[line.age]),
+        Span(f"{age(line):>9}", ROLES[line.age]),
+        Span(f"{line.received:>9}"),
+        Span(f"{line.lost:>7}", "caution" if line.lost else "faint"),
+        Span(f"{line.lost_percent:>6.1f}%", "caution" if line.lost_percent >= 1.0 else "faint"),
+        Span(f"  {rejected}", "caution" if line.rejected else "faint"),
+    )

@@ -1,0 +1,17 @@
+"""What the app needs of whoever understands its command lines."""
+
+from typing import Protocol
+
+
+class Gives(Protocol):
+    """Takes command lines, and knows those that were taken before."""
+
+    @property
+    def last(self) -> str:
+        """The last line as a command for a shell; empty when there was none."""
+
+    def give(self, line: str) -> None:
+        """Do it off this thread; refusals and outcomes are lines in the log."""
+
+    def complete(self, text: str) -> list[str]: ...
+    def recall(self, text: str, step: int) -> str: ...

@@ -1,0 +1,137 @@
+"""What keys do on every screen: commands to the robot, and going from screen to screen."""
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from ground.app.faces.status import NAMES as NAVIGATOR_NAMES
+from ground.app.looks import NAMES
+from ground.app.screens import SCREENS
+from ground.app.screens.sheet import Action
+from ground.orders import NAVIGATORS, SIDES, USUAL_NAVIGATOR
+from protocol.enums import Mode
+from protocol.topics import STATUS
+
+if TYPE_CHECKING:
+    from ground.app.app import GroundApp
+
+AGAIN_S: Final = 2.0
+LINES: Final = ("hold", "resume", "abort", "arm", "disarm", "rtl")
+"""Ids that are their own command lines."""
+
+
+class Helm:
+    """Acts on the app; what it asks of the robot are command lines, as if they had been typed."""
+
+    def __init__(self, app: "GroundApp") -> None:
+        self._app = app
+        self._clear_asked_s = -AGAIN_S
+
+    def actions(self) -> Mapping[str, Action]:
+        app = self._app
+        screens = {f"screen-{number}": partial(self.go, name) for name, number in SCREENS.items()}
+        return {
+            **{line: partial(app.give, line) for line in LINES},
+            **dict.fromkeys(("estop", "estop-here", "estop-teleop"), app.station.estop),
+            **screens,
+            "clear-estop": self.clear_estop,
+            "mode": self.choose_mode,
+            "navigator": self.choose_navigator,
+            "side": self.choose_side,
+            "missions": partial(app.give, "mission list"),
+            "lease": self.take_or_release,
+            "robot-before": partial(self.turn_to, -1),
+            "robot-next": partial(self.turn_to, 1),
+            "jump": self.choose_screen,
+            "palette": app.action_command_palette,
+            "help": self.help,
+            "copy": self.copy,
+            "shot": self.shoot,
+            "theme": self.next_theme,
+            "quit": partial(app.exit, 0),
+        }
+
+    def clear_estop(self) -> None:
+        """One press asks for the second."""
+        now_s = self._app.station.time_s
+        if now_s - self._clear_asked_s <= AGAIN_S:
+            self._clear_asked_s = -AGAIN_S
+            self._app.give("clear-estop")
+            return
+        self._clear_asked_s = now_s
+        self._app.say("press again to release the emergency stop")
+
+    def choose_mode(self) -> None:
+        names = [mode.name.lower() for mode in Mode]
+        self._app.choose("mode", names, lambda name: self._app.give(f"mode {name}"))
+
+    def choose_navigator(self) -> None:
+        names = list(NAVIGATORS)
+        self._app.choose("navigator", names, lambda name: self._app.give(f"navigator {name}"))
+
+    def choose_side(self) -> None:
+        newest = self._app.station.telemetry.latest(STATUS)
+        number = -1 if newest is None else newest[0].navigator
+        navigator = NAVIGATOR_NAMES.get(number, USUAL_NAVIGATOR)
+
+        def pass_on(side: str) -> None:
+            self._app.give(f"navigator {navigator} {side}")
+
+        self._app.choose("pass obstacles on the", list(SIDES), pass_on)
+
+    def take_or_release(self) -> None:
+        station = self._app.station
+        if station.lease.ours:
+            station.release_lease()
+        else:
+            station.take_lease()
+
+    def turn_to(self, step: int) -> None:
+        """Another robot."""
+        station = self._app.station
+        robots = station.robots()
+        if len(robots) < 2:
+            self._app.say("there is no other robot")
+            return
+        at = robots.index(station.robot) if station.robot in robots else 0
+        station.select(robots[(at + step) % len(robots)])
+
+    # The ground station itself.
+
+    def go(self, screen: str) -> None:
+        self._app.switch_mode(screen)
+
+    def choose_screen(self) -> None:
+        names = [f"{number} {name}" for name, number in SCREENS.items()]
+        self._app.choose("screen", names, lambda choice: self.go(choice.split()[1]))
+
+    def help(self) -> None:
+        from ground.app.screens.help import Help  # seldom needed, so not at the start
+
+        self._app.push_screen(Help(self._app.keys_now()))
+
+    def copy(self) -> None:
+        line = self._app.last_line
+        if line:
+            self._app.copy_to_clipboard(line)
+        self._app.say(f"copied: {line}" if line else "nothing has been asked yet")
+
+    def shoot(self) -> None:
+        """An SVG in the working directory."""
+        path = next(path for path in shots() if not path.exists())
+        try:
+            path.write_text(self._app.export_screenshot(), encoding="utf-8")
+        except OSError as error:
+            self._app.say(f"{path}: {error.strerror}")
+            return
+        self._app.say(f"saved {path}")
+
+    def next_theme(self) -> None:
+        at = NAMES.index(self._app.theme) if self._app.theme in NAMES else -1
+        self._app.theme = NAMES[(at + 1) % len(NAMES)]
+
+
+def shots() -> Iterator[Path]:
+    return (Path(f"sidestep-{number}.svg") for number in count(1))

@@ -1,0 +1,125 @@
+"""Which key does what, after the user's own file has been read: ids are stable, keys are not."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+from ground.app.keys import KEYS, Key, Layer
+from protocol.config import read_toml, unknown_key
+from protocol.errors import ConfigError
+
+TABLE: Final = "keys"
+SHOWN: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "escape": "esc",
+        "pageup": "pgup",
+        "pagedown": "pgdn",
+        "backspace": "bksp",
+        "up": "↑",
+        "down": "↓",
+        "left": "←",
+        "right": "→",
+    }
+)
+TOGETHER: Final = (
+    (Layer.TELEOP,),
+    (Layer.TYPING,),
+    (Layer.CURSOR,),
+    (Layer.DRIVE, Layer.REPLAY, Layer.ROBOT, Layer.STATION),
+    *(
+        (Layer.LIST, layer, Layer.ROBOT, Layer.STATION)
+        for layer in (Layer.PARAMS, Layer.LOG, Layer.WORLDS)
+    ),
+)
+"""Layers that count at the same time. The cursor and teleop hide what is below them: they are
+entered on purpose, and left with one key."""
+
+
+class Keymap:
+    """All keys in force, in the order of the table."""
+
+    def __init__(self, keys: Iterable[Key] = KEYS) -> None:
+        self.keys = tuple(keys)
+        self._by_id = {key.id: key for key in self.keys}
+
+    def __getitem__(self, id: str) -> Key:
+        return self._by_id[id]
+
+    def of(self, *layers: Layer) -> list[Key]:
+        """The keys that count when these layers do, the first layer first, each key once."""
+        taken: set[str] = set()
+        found: list[Key] = []
+        for layer in layers:
+            for key in self.keys:
+                free = tuple(word for word in key.keys if word not in taken)
+                if key.layer is layer and (free or not key.keys):
+                    found.append(key._replace(keys=free))
+            taken.update(word for key in found for word in key.keys)
+        return found
+
+
+def load(path: Path | None) -> Keymap:
+    """The user's file over the defaults; ConfigError names what is wrong in it, and why."""
+    return Keymap() if path is None else keymap_of(read_toml(path), file=str(path))
+
+
+def keymap_of(table: Mapping[str, Any], *, file: str) -> Keymap:
+    """`[keys]` with `id = "key"` or `id = ["key", "other"]`; an empty list takes a key away."""
+    for name in table:
+        if name != TABLE:
+            raise unknown_key(name, name, [TABLE], file=file)
+    chosen = table.get(TABLE, {})
+    if not isinstance(chosen, Mapping):
+        raise ConfigError(file=file, key=TABLE, reason="is no table", fix="write [keys]")
+    known = [key.id for key in KEYS]
+    for id in chosen:
+        if id not in known:
+            raise unknown_key(f"{TABLE}.{id}", id, known, file=file)
+    keys = [
+        key._replace(keys=_words(chosen[key.id], key.id, file)) if key.id in chosen else key
+        for key in KEYS
+    ]
+    keymap = Keymap(keys)
+    _judge(keymap, chosen, file)
+    return keymap
+
+
+def _words(value: object, id: str, file: str) -> tuple[str, ...]:
+    words = [value] if isinstance(value, str) else value
+    if not isinstance(words, list) or not all(isinstance(word, str) and word for word in words):
+        fix = 'write "x" or ["x", "f2"]'
+        raise ConfigError(file=file, key=f"{TABLE}.{id}", reason="is no key", fix=fix)
+    return tuple("space" if word == " " else word for word in words)
+
+
+def _judge(keymap: Keymap, chosen: Iterable[str], file: str) -> None:
+    """No key twice where both count, and always a way to stop while something is typed."""
+    if not any(len(word) > 1 for word in keymap["estop"].keys):
+        fix = "keep one that types no character, such as f12"
+        raise ConfigError(file=file, key=f"{TABLE}.estop", reason="could not be pressed", fix=fix)
+    chosen = set(chosen)
+    for first, second, word in clashes(keymap):
+        if {first.id, second.id} & chosen:
+            mine, other = (first, second) if first.id in chosen else (second, first)
+            reason = f"{word!r} is {other.id} already"
+            fix = f"give {other.id} another key"
+            raise ConfigError(file=file, key=f"{TABLE}.{mine.id}", reason=reason, fix=fix)
+
+
+def clashes(keymap: Keymap) -> list[tuple[Key, Key, str]]:
+    """Pairs of ids that share a key while both count."""
+    found: dict[tuple[Key, Key, str], None] = {}
+    for layers in TOGETHER:
+        owners: dict[str, Key] = {}
+        for key in keymap.keys:
+            for word in key.keys if key.layer in (Layer.ALWAYS, *layers) else ():
+                first = owners.setdefault(word, key)
+                if first is not key:
+                    found[first, key, word] = None
+    return list(found)
+
+
+def shown(words: Sequence[str]) -> str:
+    """Keys as a person reads them."""
+    return " ".join(SHOWN.get(word, word) for word in words)

@@ -1,0 +1,113 @@
+"""Words of the command line that concern the screen: done by the app, at once."""
+
+import argparse
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ground.app.looks import NAMES
+from ground.app.screens import SCREENS
+from ground.map import LAYERS
+from ground.says import Says
+from protocol.errors import UserError
+
+if TYPE_CHECKING:
+    from ground.app.app import GroundApp
+
+Word = Callable[[argparse.Namespace, Says], int]
+
+
+def words_of_the_app(app: "GroundApp") -> Mapping[str, Word]:
+    """For the console: every word it lists as the app's own."""
+    words = Words(app)
+    return {
+        "quit": words.quit,
+        "keys": words.keys,
+        "theme": words.theme,
+        "snap": words.snap,
+        "screen": words.screen,
+        "layers": words.layers,
+        "zoom": words.zoom,
+        "follow": words.follow,
+        "find": words.find,
+        "select": words.select,
+        "teleop": words.teleop,
+        "why": words.why,
+    }
+
+
+class Words:
+    """Each says what it did."""
+
+    def __init__(self, app: "GroundApp") -> None:
+        self._app = app
+
+    def quit(self, options: argparse.Namespace, says: Says) -> int:
+        self._app.exit(0)
+        return 0
+
+    def keys(self, options: argparse.Namespace, says: Says) -> int:
+        return self.do("help")
+
+    def theme(self, options: argparse.Namespace, says: Says) -> int:
+        if options.name is None:
+            says.result({}, f"themes: {', '.join(NAMES)}; now {self._app.theme}")
+            return 0
+        if options.name not in NAMES:
+            raise UserError(f"no such theme: {options.name!r}; known: {', '.join(NAMES)}")
+        self._app.theme = options.name
+        return 0
+
+    def snap(self, options: argparse.Namespace, says: Says) -> int:
+        path: Path | None = options.file
+        if path is None:
+            return self.do("shot")
+        try:
+            path.write_text(self._app.export_screenshot(), encoding="utf-8")
+        except OSError as error:
+            raise UserError(f"{path}: {error.strerror}") from error
+        says.result({}, f"saved {path}")
+        return 0
+
+    def screen(self, options: argparse.Namespace, says: Says) -> int:
+        if options.name not in SCREENS:
+            raise UserError(f"no such screen: {options.name!r}; known: {', '.join(SCREENS)}")
+        self._app.switch_mode(options.name)
+        return 0
+
+    def layers(self, options: argparse.Namespace, says: Says) -> int:
+        if not options.names:
+            return self.do("layers")
+        for name in options.names:
+            if name not in LAYERS:
+                raise UserError(f"no such layer: {name!r}; known: {', '.join(LAYERS)}")
+            self._app.switch_layer(name)
+        return 0
+
+    def zoom(self, options: argparse.Namespace, says: Says) -> int:
+        return self.do({"in": "zoom-in", "out": "zoom-out", "fit": "fit"}[options.how])
+
+    def follow(self, options: argparse.Namespace, says: Says) -> int:
+        return self.do("follow")
+
+    def find(self, options: argparse.Namespace, says: Says) -> int:
+        self._app.find(" ".join(options.text))
+        return 0
+
+    def select(self, options: argparse.Namespace, says: Says) -> int:
+        self._app.station.select(options.robot)
+        return 0
+
+    def teleop(self, options: argparse.Namespace, says: Says) -> int:
+        return self.do("teleop")
+
+    def why(self, options: argparse.Namespace, says: Says) -> int:
+        return self.do("explain")
+
+    def do(self, id: str) -> int:
+        """What a key does, when it does anything here."""
+        action = self._app.doable().get(id)
+        if action is None:
+            raise UserError("that is for the map: go to the Drive screen with 1")
+        action()
+        return 0

@@ -1,0 +1,58 @@
+"""How the app is to look: what is asked for, else what the terminal seems to be able to show."""
+
+import argparse
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+NAMES: Final = ("dark", "light", "contrast", "ansi", "mono")
+FEW_COLOURS: Final = ("linux", "vt100", "vt220", "ansi", "dumb")
+LOCALES: Final = ("LC_ALL", "LC_CTYPE", "LANG")
+RATES_HZ: Final = (2.0, 5.0, 10.0, 20.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Looks:
+    """`hz` 0: no timer; whoever tests calls `sample`. `kind`: REPLAY; empty, to be found out."""
+
+    theme: str = "dark"
+    ascii_only: bool = False
+    hz: float = 10.0
+    kind: str = ""
+
+
+def add_looks(parser: argparse.ArgumentParser) -> None:
+    """Options of whatever opens the app."""
+    group = parser.add_argument_group("on a terminal")
+    group.add_argument("--theme", choices=NAMES, help="(dark; mono with NO_COLOR)")
+    group.add_argument("--ascii", action="store_true", help="for fonts without braille")
+    group.add_argument(
+        "--hz", type=float, choices=RATES_HZ, default=10.0, help="drawn so often a second (10)"
+    )
+    group.add_argument("--keys", type=Path, metavar="FILE", help="a TOML file with other keys")
+
+
+def looks_of(
+    options: argparse.Namespace, environment: Mapping[str, str] = os.environ, *, kind: str = ""
+) -> Looks:
+    return Looks(
+        theme=options.theme or usual_theme(environment),
+        ascii_only=options.ascii or speaks_ascii_only(environment),
+        hz=options.hz,
+        kind=kind,
+    )
+
+
+def usual_theme(environment: Mapping[str, str]) -> str:
+    """What the terminal asks for: no colour at all (no-color.org), sixteen, or dark."""
+    if environment.get("NO_COLOR"):
+        return "mono"
+    return "ansi" if environment.get("TERM", "") in FEW_COLOURS else "dark"
+
+
+def speaks_ascii_only(environment: Mapping[str, str]) -> bool:
+    """A console without braille, or a locale that promises nothing but ASCII."""
+    locale = next((environment[name] for name in LOCALES if environment.get(name)), "")
+    return environment.get("TERM", "") == "linux" or locale in ("C", "POSIX")

@@ -1,0 +1,105 @@
+"""Command lines of the app: the same words and the same code as the shell's, off the UI thread."""
+
+import argparse
+import shlex
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from io import StringIO
+from typing import Final
+
+from ground.console import History, act, complete, parse
+from ground.console.aliases import unfolded
+from ground.console.typed import words_of
+from ground.link import Link
+from ground.options import Common
+from ground.says import Says
+from ground.station import Outcome, Station
+from protocol.bus import Bus
+from protocol.clock import Clock
+from protocol.enums import Severity
+from protocol.errors import UserError
+from protocol.options import DEFAULT_ENDPOINT
+
+STILL: Final = frozenset(
+    ("hold", "abort", "disarm", "doctor", "watch", "export", "explain", "plot", "trial")
+)
+"""Verbs that move nothing, and need neither the lease nor a robot that is ready."""
+LOOKS: Final = frozenset(("list", "get", "show", "save", "status", "download"))
+"""Actions of other verbs of which the same is true."""
+
+Local = Callable[[argparse.Namespace, Says], int]
+
+
+class Orders:
+    """`local`: the words that the app does itself; they are done at once."""
+
+    def __init__(
+        self, station: Station, bus: Bus, common: Common, clock: Clock, history: History
+    ) -> None:
+        self._station = station
+        self._bus, self._common, self._clock = bus, common, clock
+        self._history = history
+        self.local: Mapping[str, Local] = {}
+        self.last = ""
+
+    def give(self, line: str) -> None:
+        self._history.add(line)
+        try:
+            options = parse(line)
+        except UserError as error:
+            self._station.note(f"{line[:40]}: {error}", Severity.WARNING)
+            return
+        self.last = self._for_a_shell(line)
+        if options.verb == "estop":
+            self._station.estop()
+        elif options.local:
+            self._locally(options)
+        else:
+            self._station.submit(line, lambda: self._done(options), moves=moves(options))
+
+    def complete(self, text: str) -> list[str]:
+        names = [str(line["name"]) for line in self._station.parameters or ()]
+        return complete(text, names)
+
+    def recall(self, text: str, step: int) -> str:
+        return self._history.previous(text) if step < 0 else self._history.next(text)
+
+    def _done(self, options: argparse.Namespace) -> Outcome:
+        """In a thread of its own, over a link of its own: request ids are never shared."""
+        common = replace(self._common, robot=self._station.robot)
+        says, out, err = heard()
+        code = act(options, Link(self._bus, common, self._clock), says)
+        return Outcome(code == 0, told(out, err))
+
+    def _locally(self, options: argparse.Namespace) -> None:
+        says, out, err = heard()
+        code = 0 if act(options, self._no_link(), says, self.local) == 0 else 1
+        for text in told(out, err).splitlines():
+            self._station.note(text, Severity.WARNING if code else Severity.INFO)
+
+    def _no_link(self) -> Link:
+        return Link(self._bus, self._common, self._clock)
+
+    def _for_a_shell(self, line: str) -> str:
+        words = ["sidestep", *unfolded(words_of(line))]
+        if self._station.robot != "r1":
+            words += ["--id", self._station.robot]
+        if self._common.endpoint != DEFAULT_ENDPOINT:
+            words += ["--connect", self._common.endpoint]
+        return shlex.join(words)
+
+
+def moves(options: argparse.Namespace) -> bool:
+    """Whether a command can move the robot, or change how it moves."""
+    return options.verb not in STILL and getattr(options, "action", "") not in LOOKS
+
+
+def heard() -> tuple[Says, StringIO, StringIO]:
+    """Something to speak into that is no terminal."""
+    out, err = StringIO(), StringIO()
+    return Says(as_json=False, out=out, err=err), out, err
+
+
+def told(out: StringIO, err: StringIO) -> str:
+    """The result, or what was said instead of one."""
+    return (out.getvalue() or err.getvalue()).strip()

@@ -1,0 +1,52 @@
+"""While the app is open nothing but the app writes to the terminal: the rest goes to a file."""
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+OUTPUTS: Final = (1, 2)
+MOST_BYTES: Final = 1_000_000
+
+
+@contextmanager
+def quiet(log: Path) -> Iterator[None]:
+    """Libraries that are not Python's write to the file descriptors: these are exchanged.
+
+    Textual draws through `sys.__stderr__` and asks `sys.__stdout__` for the terminal's size (and a
+    browser's driver writes there): they keep the terminal.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = {number: os.dup(number) for number in OUTPUTS}
+    before = sys.__stdout__, sys.__stderr__
+    sink = opened(log)
+    screens = [os.fdopen(os.dup(kept[number]), "w", encoding="utf-8") for number in OUTPUTS]
+    for number in OUTPUTS:
+        os.dup2(sink, number)
+    vars(sys).update(__stdout__=screens[0], __stderr__=screens[1])
+    try:
+        yield
+    finally:
+        vars(sys).update(__stdout__=before[0], __stderr__=before[1])
+        sys.stdout.flush()
+        sys.stderr.flush()
+        for screen in screens:
+            screen.close()
+        for number, saved in kept.items():
+            os.dup2(saved, number)
+            os.close(saved)
+        os.close(sink)
+
+
+def opened(log: Path) -> int:
+    """The file, begun anew when it has grown too long; nowhere, when it cannot be written."""
+    try:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        if log.exists() and log.stat().st_size > MOST_BYTES:
+            log.unlink()
+        return os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    except OSError:
+        return os.open(os.devnull, os.O_WRONLY)

@@ -1,0 +1,20 @@
+"""The screens of the ground station, one per file; each is imported when it is first shown."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from ground.app.deck import Deck
+    from ground.app.screens.sheet import Sheet
+
+SCREENS: Final[Mapping[str, int]] = MappingProxyType({"drive": 1, "log": 4})
+"""By name, with the number of its key."""
+
+
+def screen_of(name: str, deck: "Deck") -> "Sheet":
+    """The screen of that name: `params` is ParamsScreen in its own module."""
+    module = import_module(f"ground.app.screens.{name}")
+    sheet: Sheet = getattr(module, f"{name.capitalize()}Screen")(deck)
+    return sheet

@@ -1,0 +1,64 @@
+"""Picking one of a few: arrows and Enter, or its number."""
+
+from typing import ClassVar
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.screen import ModalScreen
+
+from ground.widgets.lines import Lines
+from ground.widgets.rows import Row, Span, faint, row
+
+
+class Choose(ModalScreen[str]):
+    """Ends with the choice, or with nothing after Escape. Space is the e-stop here, too."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up,k", "move(-1)"),
+        Binding("down,j", "move(1)"),
+        Binding("enter", "take"),
+        Binding("escape,q", "dismiss('')"),
+        Binding("space", "app.do('estop')"),
+    ]
+    AUTO_FOCUS = ""
+
+    def __init__(self, title: str, choices: list[str]) -> None:
+        super().__init__()
+        self._title, self._choices = title, choices
+        self._at = 0
+
+    def compose(self) -> ComposeResult:
+        yield Lines(id="choices", classes="box")
+
+    def on_mount(self) -> None:
+        box = self.query_one(Lines)
+        box.styles.width = max(24, *(len(choice) + 8 for choice in [*self._choices, self._title]))
+        box.styles.height = len(self._choices) + 4
+        self.show()
+
+    def show(self) -> None:
+        self.query_one(Lines).show([row(Span(f" {self._title}", "accent")), *self.rows()])
+
+    def rows(self) -> list[Row]:
+        return [
+            row(faint(f" {number} " if number < 10 else "   "), Span(f" {choice} ", role))
+            for number, choice in enumerate(self._choices, start=1)
+            for role in ("reverse" if number - 1 == self._at else "text",)
+        ]
+
+    def action_move(self, step: int) -> None:
+        self._at = (self._at + step) % len(self._choices)
+        self.show()
+
+    def action_take(self) -> None:
+        self.dismiss(self._choices[self._at])
+
+    def key_by_number(self, number: int) -> None:
+        if 1 <= number <= len(self._choices):
+            self.dismiss(self._choices[number - 1])
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key.isdigit():
+            event.stop()
+            self.key_by_number(int(event.key))

@@ -1,0 +1,233 @@
+"""Drive: the map, the numbers beside it, what happened, and a goal by cursor, line or hand."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import ClassVar, Final
+
+from textual.app import ComposeResult
+from textual.containers import Horizontal, Vertical
+
+from ground.app.cursor import FAR, Cursor, step_of
+from ground.app.deck import Deck
+from ground.app.faces.log import log_row
+from ground.app.faces.mission import mission_rows
+from ground.app.faces.side import side_rows
+from ground.app.faces.sparks import spark_rows
+from ground.app.faces.streams import stream_rows
+from ground.app.faces.why import now_rows, turn_rows
+from ground.app.keys import Layer
+from ground.app.screens.sheet import Action, Sheet
+from ground.explain import Why
+from ground.map import LAYERS
+from ground.map.canvas import DOTS_WIDE
+from ground.widgets.lines import Lines
+from ground.widgets.map import PAPER, MapWidget
+from ground.widgets.paint import styles_of
+from ground.widgets.rows import faint, row
+
+ZOOM: Final = 1.25
+HINT: Final = "60 columns and 18 rows show the map"
+WAYS: Final = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
+
+
+class DriveScreen(Sheet):
+    key_layer = Layer.DRIVE
+    focus_first: ClassVar[str] = "#map"
+
+    cursor: Cursor | None = None
+    painted = ""
+    back = 0
+
+    def __init__(self, deck: Deck) -> None:
+        super().__init__(deck)
+        self.why = Why()
+
+    def middle(self) -> ComposeResult:
+        with Horizontal(id="upper"):
+            yield MapWidget(ascii_only=self.deck.ascii_only, id="map")
+            with Vertical(id="second"):
+                yield Lines(id="side")
+                yield Lines(id="why")
+            with Vertical(id="third"):
+                yield Lines(id="sparks")
+                yield Lines(id="mission")
+                yield Lines(id="streams")
+                yield MapWidget(ascii_only=self.deck.ascii_only, id="inset")
+        yield Lines(id="hint")
+        with Vertical(id="lower"):
+            yield Lines(id="log")
+            yield Lines(id="why-below")
+
+    def on_mount(self) -> None:
+        self.map.can_focus = True
+        self.lines("hint").show([row(faint(HINT))])
+        super().on_mount()
+
+    @property
+    def map(self) -> MapWidget:
+        return self.query_one("#map", MapWidget)
+
+    def draw(self) -> None:
+        self.paint()
+        station = self.deck.station
+        side, log = self.lines("side"), self.lines("log")
+        side.show(side_rows(station, side.size.height, side.size.width))
+        log.show(map(log_row, station.log.last(log.size.height)))
+        self.draw_why()
+        if self.map.size:
+            self.draw_maps()
+        if self.query_one("#third").display:
+            self.draw_third()
+
+    def draw_maps(self) -> None:
+        scene = self.deck.station.scene()
+        cursor = self.cursor
+        place = None if cursor is None else (cursor.x_m, cursor.y_m)
+        self.map.show(replace(scene, cursor=place))
+        inset = self.query_one("#inset", MapWidget)
+        if inset.size:
+            inset.show(scene)
+
+    def draw_why(self) -> None:
+        """Where there is room the decision of now, and on demand the last one that changed it."""
+        moment = self.deck.station.moment()
+        if moment is not None:
+            self.why.take(moment.decision, moment.status, moment.cycle)
+        now, below = self.lines("why"), self.lines("why-below")
+        if now.size:
+            now.show(now_rows(moment, now.size.width))
+        if below.size:
+            newest_ns = None if moment is None else moment.decision.time_ns
+            below.show(turn_rows(self.why, self.back, newest_ns, below.size.width))
+
+    def draw_third(self) -> None:
+        station = self.deck.station
+        sparks = self.lines("sparks")
+        sparks.show(spark_rows(station, max(24, sparks.size.width - 1)))
+        mission = mission_rows(station)
+        self.lines("mission").show(mission)
+        self.lines("mission").display = bool(mission)
+        self.lines("streams").show(stream_rows(station))
+
+    def paint(self) -> None:
+        """In the colours of the theme, when it has changed."""
+        if self.painted != self.app.theme:
+            self.painted = self.app.theme
+            for one in self.query(MapWidget):
+                paper = one.rich_style
+                inks = styles_of(self.painted).items()
+                one.colour({PAPER: paper, **{role: paper + style for role, style in inks}})
+
+    def key_layers(self) -> tuple[Layer, ...]:
+        above = super().key_layers()
+        return above if self.cursor is None or self.typing else (Layer.CURSOR, *above)
+
+    def actions(self) -> Mapping[str, Action]:
+        moves = {
+            f"cursor-{way}{far}": partial(self.move_cursor, *by, times)
+            for way, by in WAYS.items()
+            for far, times in (("", 1.0), ("-far", FAR))
+        }
+        return {
+            **super().actions(),
+            **moves,
+            "cursor": self.show_cursor,
+            "cursor-turn-left": partial(self.turn_cursor, 1),
+            "cursor-turn-right": partial(self.turn_cursor, -1),
+            "cursor-heading-free": self.free_heading,
+            "goal-at-cursor": self.goal_at_cursor,
+            "waypoint": self.waypoint,
+            "leave-cursor": self.hide_cursor,
+            "zoom-in": partial(self.map.zoom, ZOOM),
+            "zoom-out": partial(self.map.zoom, 1 / ZOOM),
+            "fit": self.map.fit,
+            "centre": self.centre,
+            "follow": self.follow,
+            "layers": self.choose_layer,
+            "explain": self.explain,
+            "explain-before": partial(self.look_back, 1),
+        }
+
+    def explain(self) -> None:
+        """Why did it turn? The last time it did."""
+        self.back = 0
+        self.toggle_class("-explaining")
+
+    def look_back(self, step: int) -> None:
+        self.back = min(self.back + step, max(0, len(self.why.points) - 1))
+        self.add_class("-explaining")
+
+    # The map.
+
+    def centre(self) -> None:
+        robot = self.map.scene.robot
+        if robot is not None:
+            self.map.centre(robot.x_m, robot.y_m)
+
+    def follow(self) -> None:
+        self.map.following = not self.map.following
+        self.deck.say("the map follows the robot" if self.map.following else "the map stays")
+
+    def choose_layer(self) -> None:
+        shown = self.map.shown_layers
+        choices = [f"{'hide' if name in shown else 'show'} {name}" for name in LAYERS]
+        self.deck.choose("the map", choices, self.switch_layer)
+
+    def switch_layer(self, choice: str) -> None:
+        name = choice.split()[-1]
+        self.map.shown_layers = set(self.map.shown_layers) ^ {name}
+
+    def on_map_widget_pointed(self, event: MapWidget.Pointed) -> None:
+        self.home()
+        self.cursor = Cursor(event.x_m, event.y_m).moved(0, 0, self.step_m)
+        self.look()
+
+    def on_map_widget_zoomed(self, event: MapWidget.Zoomed) -> None:
+        self.map.zoom(event.factor, (event.x_m, event.y_m))
+
+    # The goal cursor.
+
+    @property
+    def step_m(self) -> float:
+        return step_of(self.map.view.m_per_dot * DOTS_WIDE)
+
+    def show_cursor(self) -> None:
+        """Where the robot is, or in the middle of the map."""
+        robot, view = self.map.scene.robot, self.map.view
+        x_m, y_m = (view.centre_x_m, view.centre_y_m) if robot is None else (robot.x_m, robot.y_m)
+        self.cursor = Cursor(x_m, y_m).moved(0, 0, self.step_m)
+        self.tell_cursor()
+
+    def hide_cursor(self) -> None:
+        self.cursor = None
+        self.prompt("", self.deck.give)
+
+    def move_cursor(self, right: int, up: int, times: float) -> None:
+        if self.cursor is not None:
+            self.cursor = self.cursor.moved(right * times, up * times, self.step_m)
+            self.tell_cursor()
+
+    def turn_cursor(self, times: int) -> None:
+        if self.cursor is not None:
+            self.cursor = self.cursor.turned(times)
+            self.tell_cursor()
+
+    def free_heading(self) -> None:
+        if self.cursor is not None:
+            self.cursor = replace(self.cursor, heading_deg=None)
+            self.tell_cursor()
+
+    def tell_cursor(self) -> None:
+        """In words, where the prompt is: Enter sends exactly this."""
+        if self.cursor is not None:
+            self.prompt(f"goal {self.cursor.words()}", self.deck.give)
+
+    def goal_at_cursor(self) -> None:
+        if self.cursor is not None:
+            self.deck.give(f"goal {self.cursor.words()}")
+            self.hide_cursor()
+
+    def waypoint(self) -> None:
+        if self.cursor is not None:
+            self.deck.give(f"wp add {self.cursor.words()}")

@@ -1,0 +1,68 @@
+"""The keys that count at this moment, and nothing else."""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.screen import ModalScreen
+
+from ground.app.keymap import shown
+from ground.app.keys import Key
+from ground.widgets.lines import Lines
+from ground.widgets.rows import Row, Span, faint, row
+
+
+class Help(ModalScreen[None]):
+    """Any of its own keys, arrows aside, closes it. Space is the e-stop here, too."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up,k", "move(-1)"),
+        Binding("down,j", "move(1)"),
+        Binding("pageup", "move(-10)"),
+        Binding("pagedown", "move(10)"),
+        Binding("escape,q,question_mark,f1,enter", "dismiss"),
+        Binding("space", "app.do('estop')"),
+    ]
+    AUTO_FOCUS = ""
+
+    def __init__(self, keys: Sequence[Key]) -> None:
+        super().__init__()
+        self._rows = help_rows(keys)
+        self._top = 0
+
+    def compose(self) -> ComposeResult:
+        yield Lines(id="help", classes="box")
+
+    def on_mount(self) -> None:
+        self.show()
+
+    def on_resize(self) -> None:
+        self.show()
+
+    def show(self) -> None:
+        box = self.query_one(Lines)
+        box.styles.height = min(len(self._rows) + 2, max(3, self.size.height - 2))
+        box.styles.width = min(66, max(10, self.size.width - 2))
+        self.query_one(Lines).show(self._rows[self._top :])
+
+    def action_move(self, step: int) -> None:
+        last = max(0, len(self._rows) - self.query_one(Lines).size.height)
+        self._top = max(0, min(last, self._top + step))
+        self.show()
+
+
+def help_rows(keys: Sequence[Key]) -> list[Row]:
+    """Grouped by where they count; the arrows scroll."""
+    rows: list[Row] = []
+    layer = None
+    for key in keys:
+        if key.layer is not layer:
+            layer = key.layer
+            rows += (
+                [(), row(Span(f" {layer.value}", "accent"))]
+                if rows
+                else [row(Span(f" {layer.value}", "accent"), faint("   arrows scroll, esc closes"))]
+            )
+        rows.append(row(Span(f" {shown(key.keys):>18}", "key"), Span(f"  {key.says}")))
+    return rows

@@ -1,0 +1,137 @@
+"""What every screen has: status and alarm above, the command line and the keys below."""
+
+from collections.abc import Callable, Mapping
+from typing import ClassVar, Final
+
+from textual.app import ComposeResult
+from textual.containers import Container, Horizontal
+from textual.screen import Screen
+from textual.widgets import Input
+
+from ground.app.deck import Deck
+from ground.app.faces.alarm import alarm_rows
+from ground.app.faces.keybar import keybar_row
+from ground.app.faces.status import status_row
+from ground.app.keys import Layer
+from ground.widgets.command_line import CommandLine
+from ground.widgets.lines import Lines
+from ground.widgets.rows import Span, row
+
+Action = Callable[[], object]
+WIDTHS: Final = ((0, "-tiny"), (60, "-narrow"), (110, "-wide"), (160, "-huge"))
+HEIGHTS: Final = ((0, "-low"), (18, "-medium"), (32, "-tall"))
+"""Classes of a screen, by the least columns and rows for each."""
+
+
+class Sheet(Screen[None]):
+    """`key_layers` and `actions` say what keys do here now; `look` draws what has changed."""
+
+    AUTO_FOCUS: ClassVar[str | None] = ""
+    focus_first: ClassVar[str] = "#middle"
+    key_layer: ClassVar[Layer | None] = None
+
+    def __init__(self, deck: Deck) -> None:
+        super().__init__()
+        self.HORIZONTAL_BREAKPOINTS = list(WIDTHS)
+        self.VERTICAL_BREAKPOINTS = list(HEIGHTS)
+        self.deck = deck
+        self._then: Callable[[str], None] = deck.give
+
+    def compose(self) -> ComposeResult:
+        yield Lines(id="status")
+        yield Lines(id="alarm")
+        with Container(id="middle"):
+            yield from self.middle()
+        with Horizontal(id="typing"):
+            yield Lines(id="prompt")
+            yield CommandLine(self.deck.complete)
+        yield Lines(id="keybar")
+
+    def middle(self) -> ComposeResult:
+        """What is between the alarm and the command line."""
+        yield from ()
+
+    def draw(self) -> None:
+        """Show the middle as it is now."""
+
+    def on_mount(self) -> None:
+        self.prompt("", self.deck.give)
+        self.home()
+
+    def home(self) -> None:
+        """Nothing is typed: keys are keys."""
+        self.set_focus(next(iter(self.query(self.focus_first)), None))
+
+    def on_screen_resume(self) -> None:
+        self.look()
+
+    def look(self) -> None:
+        """Draw what has changed since the last look."""
+        if not self.is_mounted or not self.size:
+            return
+        station, width = self.deck.station, self.size.width
+        self.lines("status").show([status_row(station, self.deck.setting, width)])
+        alarm = self.lines("alarm")
+        rows = alarm_rows(station)
+        alarm.show(rows)
+        alarm.display = bool(rows)
+        self.draw()
+        keys = self.deck.keymap.of(*self.key_layers())
+        self.lines("keybar").show([keybar_row(keys, width)])
+
+    def lines(self, id: str) -> Lines:
+        return self.query_one(f"#{id}", Lines)
+
+    @property
+    def command_line(self) -> CommandLine:
+        return self.query_one(CommandLine)
+
+    @property
+    def typing(self) -> bool:
+        return self.focused is self.command_line
+
+    def key_layers(self) -> tuple[Layer, ...]:
+        """Which keys count now."""
+        if self.typing:
+            return (Layer.TYPING, Layer.STATION)
+        own = () if self.key_layer is None else (self.key_layer,)
+        return (*own, Layer.ROBOT, Layer.STATION)
+
+    def actions(self) -> Mapping[str, Action]:
+        line = self.command_line
+        return {
+            "complete": line.complete,
+            "history-back": lambda: line.begin(self.deck.recall(line.value, -1)),
+            "history-on": lambda: line.begin(self.deck.recall(line.value, 1)),
+            "leave-line": self.leave_line,
+            "command": lambda: self.ask("", "", self.deck.give),
+            "goal": lambda: self.ask("", "goal ", self.deck.give),
+            "next-panel": self.focus_next,
+            "panel-before": self.focus_previous,
+        }
+
+    # Typing.
+
+    def ask(self, prompt: str, text: str, then: Callable[[str], None]) -> None:
+        """Let the operator type a line that begins with `text`."""
+        self.prompt(prompt, then)
+        self.command_line.begin(text)
+
+    def prompt(self, words: str, then: Callable[[str], None]) -> None:
+        self._then = then
+        shown = words or self.deck.station.robot
+        self.lines("prompt").show([row(Span(f"{shown}:", "accent"))])
+        self.lines("prompt").styles.width = len(shown) + 2
+
+    def leave_line(self) -> None:
+        self.command_line.value = ""
+        self.prompt("", self.deck.give)
+        self.home()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        event.stop()
+        then, text = self._then, event.value.strip()
+        self.leave_line()
+        if text:
+            then(text)
+        self.look()

@@ -1,0 +1,82 @@
+"""Opens the app over a link that is there, and leaves without a trace."""
+
+import argparse
+import getpass
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from threading import Thread
+from typing import Final
+
+from ground.app.keymap import Keymap, load
+from ground.app.looks import looks_of
+from ground.link import Link
+from ground.options import Common
+from protocol.clock import WallClock
+
+CLOSING_S: Final = 3.0
+FOLDER: Final = "sidestep"
+DRIVER: Final = "TEXTUAL_DRIVER"
+"""Set by what shows the app in a browser: then there is a screen without a terminal."""
+
+
+def run(options: argparse.Namespace, link: Link, common: Common) -> int:
+    """Until the operator leaves; 0. Raises ConfigError for a keymap that cannot be used."""
+    keymap, looks = keymap_of(options), looks_of(options)
+    # Textual is for whoever has a screen.
+    from ground.app.app import GroundApp
+    from ground.app.local import words_of_the_app
+    from ground.app.orders import Orders
+    from ground.app.quiet import quiet
+    from ground.console import History
+    from ground.station import Station
+
+    clock = WallClock()
+    station = Station(link.bus, link.robot, clock, name=operator_name())
+    common = replace(common, robot=link.robot)
+    orders = Orders(station, link.bus, common, clock, History(folder() / "history"))
+    app = GroundApp(station, orders, keymap, looks)
+    orders.local = words_of_the_app(app)
+    try:
+        with quiet(folder() / "ground.log"):
+            return app.run() or 0
+    finally:
+        in_time(station.close)
+
+
+def keymap_of(options: argparse.Namespace) -> Keymap:
+    """The file that was named, or that of the user, if there is one."""
+    usual_place = folder() / "keys.toml"
+    named: Path | None = options.keys
+    return load(named or (usual_place if usual_place.exists() else None))
+
+
+def folder() -> Path:
+    """Where history, keys and the app's own log are kept."""
+    state = os.environ.get("XDG_STATE_HOME")
+    return (Path(state) if state else Path.home() / ".local" / "state") / FOLDER
+
+
+def operator_name() -> str:
+    """What others are shown while we hold the lease: at most 16 plain characters."""
+    try:
+        name = getpass.getuser()
+    except (KeyError, OSError):
+        name = "operator"
+    return name.encode("ascii", "replace").decode()[:16]
+
+
+def has_screen() -> bool:
+    """Textual reads standard input and draws on standard error."""
+    streams = (sys.__stdin__, sys.__stdout__, sys.__stderr__)
+    on_terminal = all(stream is not None and stream.isatty() for stream in streams)
+    return on_terminal or bool(os.environ.get(DRIVER))
+
+
+def in_time(close: Callable[[], None]) -> None:
+    """Done within a few seconds, or left to the end of the process: leaving never hangs."""
+    thread = Thread(target=close, daemon=True)
+    thread.start()
+    thread.join(CLOSING_S)

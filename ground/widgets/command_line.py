@@ -1,0 +1,63 @@
+"""One line to type into: it keeps its prefix, completes, and takes any garbage as plain text."""
+
+from collections.abc import Callable
+
+from textual import events
+from textual.message import Message
+from textual.suggester import Suggester
+from textual.widgets import Input
+
+
+class Completion(Suggester):
+    """What the first completion would make of the text, shown faintly behind the cursor."""
+
+    def __init__(self, complete: Callable[[str], list[str]]) -> None:
+        super().__init__(use_cache=False, case_sensitive=True)
+        self._complete = complete
+
+    async def get_suggestion(self, value: str) -> str | None:
+        found = self._complete(value)
+        return found[0] if found and found[0] != value else None
+
+
+class CommandLine(Input):
+    """Tells with `Left` that the operator is done with it, and with `Submitted` what was typed."""
+
+    class Left(Message):
+        """Escape, or an empty line."""
+
+    def __init__(self, complete: Callable[[str], list[str]]) -> None:
+        super().__init__(
+            id="command", select_on_focus=False, compact=True, suggester=Completion(complete)
+        )
+        self._complete = complete
+        self._found: list[str] = []
+
+    def begin(self, text: str) -> None:
+        """With this text, the cursor behind it."""
+        self.value = text
+        self.cursor_position = len(text)
+        self.screen.set_focus(self)
+
+    def complete(self) -> None:
+        """The next completion; the first press takes the first, further ones go round."""
+        if self.value in self._found:
+            after = self._found.index(self.value) + 1
+            self.value = self._found[after % len(self._found)]
+        else:
+            self._found = self._complete(self.value)
+            self.value = self._found[0] if self._found else self.value
+        self.cursor_position = len(self.value)
+
+    def _on_paste(self, event: events.Paste) -> None:
+        """One line of it, without what could steer a terminal."""
+        event.prevent_default()
+        event.stop()
+        self.insert_text_at_cursor(printable(event.text))
+
+
+def printable(text: str) -> str:
+    """The first line that says anything, at most 400 characters, without control characters."""
+    lines = (line.strip() for line in text.splitlines())
+    line = next((line for line in lines if line), "")
+    return "".join(mark for mark in line if mark.isprintable())[:400]

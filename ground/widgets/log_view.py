@@ -1,0 +1,51 @@
+"""A window on a long list of lines that grows: it follows the newest, or stays where it is."""
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from textual import events
+
+from ground.widgets.lines import Lines
+from ground.widgets.rows import Row
+
+T = TypeVar("T")
+
+
+class LogView(Lines, can_focus=True):
+    """Shows a part of what `window` is given; only that part is ever turned into rows."""
+
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self.following = True
+        self._top = 0
+        self._count = 0
+
+    @property
+    def top(self) -> int:
+        return self._top
+
+    def window(self, lines: Sequence[T], paint: Callable[[T], Row]) -> None:
+        """Draw the lines that are in sight now."""
+        self._count = len(lines)
+        last_top = max(0, self._count - self.size.height)
+        self._top = last_top if self.following else max(0, min(self._top, last_top))
+        self.show(map(paint, lines[self._top : self._top + self.size.height]))
+
+    def scroll(self, rows: int) -> None:
+        """Up or down; at the end it follows again."""
+        last_top = max(0, self._count - self.size.height)
+        self._top = max(0, min(last_top, self._top + rows))
+        self.following = self._top >= last_top
+
+    def go(self, line: int) -> None:
+        """So that this line is in the middle."""
+        self._top = max(0, line - self.size.height // 2)
+        self.following = False
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        event.stop()
+        self.scroll(-3)
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        event.stop()
+        self.scroll(3)

@@ -1,0 +1,76 @@
+"""An app over a fake station, driven by keys; no timer runs but the test."""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from typing import TypeVar
+
+from textual.pilot import Pilot
+
+from ground.app.app import GroundApp
+from ground.app.keymap import Keymap
+from ground.app.looks import Looks
+from ground.widgets.lines import Lines
+from ground.widgets.rows import words_of
+from tests.tui.fakes import FakeOrders, FakeStation, driving
+
+T = TypeVar("T")
+
+
+class Stage:
+    """The app with what it stands on."""
+
+    def __init__(self, app: GroundApp, pilot: Pilot[int], station: FakeStation, orders: FakeOrders):
+        self.app, self.pilot, self.station, self.orders = app, pilot, station, orders
+
+    async def press(self, *keys: str) -> None:
+        await self.pilot.press(*keys)
+        await self.look()
+
+    async def look(self) -> None:
+        """Draw, and let Textual do what that brings about."""
+        await self.pilot.pause()
+        self.app.look()
+        await self.pilot.pause()
+
+    async def type(self, text: str) -> None:
+        await self.pilot.press(*(NAMES.get(letter, letter) for letter in text))
+
+    def words(self, id: str) -> str:
+        """What a panel says."""
+        rows = self.app.screen.query_one(f"#{id}", Lines).rows
+        return "\n".join(words_of(row) for row in rows)
+
+    def log(self) -> str:
+        return "\n".join(line.text for line in self.station.log)
+
+
+NAMES = {" ": "space", ".": "full_stop", "-": "minus", ":": "colon"}
+
+
+@asynccontextmanager
+async def staged(
+    size: tuple[int, int] = (80, 24),
+    *,
+    station: FakeStation | None = None,
+    theme: str = "dark",
+    ascii_only: bool = False,
+    keymap: Keymap | None = None,
+) -> AsyncIterator[Stage]:
+    """With a robot on its way, unless a station is given."""
+    station = station or driving(FakeStation())
+    orders = FakeOrders()
+    app = GroundApp(station, orders, keymap, Looks(theme=theme, ascii_only=ascii_only, hz=0.0))
+    async with app.run_test(size=size) as pilot:
+        stage = Stage(app, pilot, station, orders)
+        await stage.look()
+        yield stage
+
+
+def play(story: Callable[[], Awaitable[T]]) -> T:
+    """Run an asynchronous test."""
+
+    async def told() -> T:
+        return await story()
+
+    return asyncio.run(told())

@@ -1,0 +1,125 @@
+"""The Drive screen, by keys alone."""
+
+from textual import events
+
+from ground.app.screens.drive import DriveScreen
+from ground.station import Loss, LossKind
+from ground.widgets.command_line import CommandLine
+from ground.widgets.lines import Lines
+from tests.tui.fakes import MS, FakeStation, S, driving
+from tests.tui.pilot import NAMES, Stage, play, staged
+
+
+def drive_of(stage: Stage) -> DriveScreen:
+    assert isinstance(stage.app.screen, DriveScreen)
+    return stage.app.screen
+
+
+def test_the_first_screen_shows_where_the_robot_is_and_what_it_does() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            side = stage.words("side")
+            assert "4.12   2.84    30°" in side
+            assert "AVOIDING" in side
+            assert "0.08 !!" in side
+            assert "0.23 !" in side
+            assert "412/2500 us" in side
+            assert stage.words("status").startswith("● r1  GUIDED  ARMED  vgm/left")
+            assert "SIM" in stage.words("status")
+
+    play(story)
+
+
+def test_typing_a_goal_triggers_nothing_and_keeps_its_beginning() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("g")
+            assert stage.app.screen.query_one(CommandLine).value == "goal "
+            await stage.type("9 7")
+            await stage.press("enter")
+            assert stage.orders.given == ["goal 9 7"]
+            assert stage.station.stops == 0
+
+    play(story)
+
+
+def test_keys_of_one_burst_go_where_the_key_before_has_led() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            for letter in "g9 7":
+                stage.app.post_message(events.Key(NAMES.get(letter, letter), letter))
+            stage.app.post_message(events.Key("enter", None))
+            await stage.look()
+            assert stage.orders.given == ["goal 9 7"]
+            assert stage.station.stops == 0
+
+    play(story)
+
+
+def test_the_cursor_is_moved_turned_and_becomes_a_goal() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("G")
+            start = drive_of(stage).cursor
+            assert start is not None
+            await stage.press("right", "l", "up", ">", ">")
+            assert "goal" in stage.words("prompt")
+            await stage.press("enter")
+            step_m = drive_of(stage).step_m
+            x_m, y_m = start.x_m + 2 * step_m, start.y_m + step_m
+            assert stage.orders.given == [f"goal {x_m:g} {y_m:g} -15"]
+            assert drive_of(stage).cursor is None
+
+    play(story)
+
+
+def test_with_the_cursor_h_is_left_and_without_it_h_holds() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("G", "h")
+            assert stage.orders.given == []
+            await stage.press("escape", "h")
+            assert stage.orders.given == ["hold"]
+
+    play(story)
+
+
+def test_space_stops_the_robot_also_beside_the_cursor() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("space")
+            await stage.press("G", "space")
+            assert stage.station.stops == 2
+
+    play(story)
+
+
+def test_a_loss_is_named_in_a_line_and_old_values_become_ages() -> None:
+    async def story() -> None:
+        station = driving(FakeStation())
+        async with staged(station=station) as stage:
+            station.clock.advance(3 * S)
+            station.loss_now = Loss(
+                LossKind.HUNG, "r1", "no beat", "stops by itself", station.now_ns - 2_900 * MS
+            )
+            await stage.look()
+            assert "ROBOT HUNG r1 2.9 s: no beat; stops by itself" in stage.words("alarm")
+            side = stage.words("side")
+            assert "4.12" not in side
+            assert "-- 3.0 s" in side
+            assert stage.words("status").startswith("○ r1  -- 3.0 s")
+
+    play(story)
+
+
+def test_nothing_is_drawn_again_when_nothing_has_changed() -> None:
+    async def story() -> None:
+        async with staged((160, 50)) as stage:
+            await stage.look()
+            before = [line.drawn for line in stage.app.screen.query(Lines)]
+            for _ in range(5):
+                await stage.look()
+            after = [line.drawn for line in stage.app.screen.query(Lines)]
+            assert after == before
+
+    play(story)

@@ -1,0 +1,102 @@
+"""Panels as rows: what they say of a robot that is heard, heard late, or not any more."""
+
+from math import inf, nan
+
+import pytest
+
+from ground.app.faces.bars import bar, binned, spark
+from ground.app.faces.keybar import keybar_row
+from ground.app.faces.side import side_rows
+from ground.app.faces.status import Setting, status_row
+from ground.app.keymap import Keymap
+from ground.app.keys import Layer
+from ground.widgets.rows import cut, in_ascii, row, width_of, words_of
+from tests.tui.fakes import MS, FakeStation, driving
+
+
+def side(station: FakeStation, height: int = 16) -> str:
+    return "\n".join(map(words_of, side_rows(station, height, 30)))
+
+
+def test_a_value_fades_when_it_is_late_and_then_is_only_an_age() -> None:
+    station = driving(FakeStation())
+    roles = []
+    for _ in range(3):
+        pose = side_rows(station, 16, 30)[0][1]
+        roles.append((pose.role, pose.text.startswith("--")))
+        station.clock.advance(130 * MS)
+    assert roles == [("text", False), ("faint", False), ("faint", True)]
+
+
+def test_nothing_that_was_never_heard_is_zero() -> None:
+    text = side(FakeStation())
+    assert "0.0" not in text
+    assert text.count("--") >= 5
+
+
+def test_a_missing_sonar_is_no_echo_of_nothing() -> None:
+    text = side(driving(FakeStation()))
+    assert "R56 ·············   --" in text
+    assert "R79 █████████████  none" in text
+
+
+def test_in_little_room_the_sonars_stand_side_by_side() -> None:
+    rows = side_rows(driving(FakeStation()), 7, 38)
+    assert len(rows) <= 7
+    assert "0.08 !!" in words_of(rows[4])
+    assert all(width_of(one) <= 38 for one in rows)
+
+
+@pytest.mark.parametrize("width", [0, 1, 2, 10, 40, 60, 80, 200])
+def test_the_status_line_fits_and_loses_what_matters_least(width: int) -> None:
+    shown = status_row(driving(FakeStation()), Setting(kind="SIM", factor=1.0), width)
+    assert width_of(shown) <= width
+    if width >= 80:
+        assert "SIM 1.0x" in words_of(shown)
+
+
+@pytest.mark.parametrize("width", [0, 1, 20, 40, 80, 160])
+def test_the_key_bar_fits_and_begins_with_the_stop(width: int) -> None:
+    keys = Keymap().of(Layer.DRIVE, Layer.ROBOT, Layer.STATION)
+    shown = keybar_row(keys, width)
+    assert width_of(shown) <= width
+    if width >= 40:
+        assert words_of(shown).startswith(" space E-STOP")
+        assert words_of(shown).endswith("? Help ")
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(0.0, "····"), (0.5, "██··"), (1.0, "████"), (9.0, "████"), (-1.0, "····"), (0.125, "▌···")],
+)
+def test_a_bar_is_exact_to_an_eighth_and_never_too_long(share: float, text: str) -> None:
+    assert bar(share, 4) == text
+
+
+@pytest.mark.parametrize("share", [nan, inf, -inf])
+def test_a_bar_of_what_is_no_number_is_empty(share: float) -> None:
+    assert bar(share, 4) == "····"
+
+
+def test_a_sparkline_keeps_gaps_and_is_right_aligned() -> None:
+    assert spark([0.0, nan, 7.0], 5) == "  ▁ █"
+    assert spark([], 3) == "   "
+    assert spark([2.0, 2.0], 2) == "▁▁"
+
+
+def test_values_stay_in_their_bin_while_the_window_moves_on() -> None:
+    points = [(1.0, 1.0), (2.0, 2.0)]
+    assert binned(points, 4, 3.9, 4.0)[1:3] == [1.0, 2.0]
+    assert binned(points, 4, 4.0, 4.0)[0:2] == [1.0, 2.0]
+
+
+def test_a_row_is_cut_with_a_mark() -> None:
+    assert words_of(cut(row("abcdef"), 4)) == "abc…"
+    assert words_of(cut(row("abc"), 3)) == "abc"
+    assert cut(row("abc"), 0) == ()
+
+
+def test_everything_has_a_likeness_in_ascii() -> None:
+    text = in_ascii(side(driving(FakeStation())))
+    assert text.isascii()
+    assert "?" not in text
