@@ -43,6 +43,8 @@ GROUPS: dict[str, dict[str, Verb]] = {
     "look": {
         "watch": Verb("ground.cli", "show what the robot says, line by line"),
         "doctor": Verb("ground.cli", "say what is missing and what to do"),
+        "explain": Verb("ground.cli", "why did it turn? now, or in a recording"),
+        "ghost": Verb("ground.cli", "what another navigator would do from here on"),
         "record": Verb("ground.cli", "write every frame to a .tlog and an .mcap file"),
         "mark": Verb("ground.cli", "a remark in what is being recorded"),
         "export": Verb("ground.cli", "a recording as a table: CSV or Parquet"),

@@ -71,6 +71,6 @@ def echo(range_m: float, bearing_rad: float) -> str:
         return "no echo"
     away = f"echo at {metres(range_m)}"
     if not isfinite(bearing_rad):
-        return away
+        return away if isfinite(range_m) else NONE
     name = sonar(bearing_rad)
     return f"{away}, {side(bearing_rad)}" + (f" ({name})" if name else "")

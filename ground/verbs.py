@@ -6,6 +6,8 @@ from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
 from ground import doctor, exporting, goto, orders, param, record, router, up, watch
+from ground.explain import verb as explain
+from ground.ghost import verb as ghost
 from ground.link import Link, linked
 from ground.options import common_of
 from ground.says import Says
@@ -67,6 +69,8 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             doctor.arguments, doctor.run, "say what is missing and what to do", doctor.act
         ),
         "router": Verb(router.arguments, router.run, "a Zenoh router, until told to stop"),
+        "explain": Verb(explain.arguments, explain.run, "why did it turn?", explain.act),
+        "ghost": Verb(ghost.arguments, ghost.run, "another navigator from here on", ghost.act),
         "record": Verb(record.arguments, record.run, "write every frame to .tlog and .mcap"),
         "mark": talking(record.mark_arguments, record.act_mark, "a remark in what is recorded"),
         "export": Verb(exporting.arguments, exporting.run, "a recording as CSV or Parquet"),

@@ -65,7 +65,7 @@ def of_the_guard(decision: AvoidanceDecision) -> str:
     if not (decision.guard and stands):
         return ""
     near = echo(decision.nearest_range_m, decision.nearest_bearing_rad)
-    return f"{reason_text(decision.guard)}, {near}"
+    return reason_text(decision.guard) + ("" if near == NONE else f", {near}")
 
 
 def of_the_branch(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
@@ -93,6 +93,7 @@ def settling(status: NavigatorStatus) -> str:
 def passing(decision: AvoidanceDecision) -> str:
     """It steers to the virtual goal, past what is nearest."""
     near = echo(decision.nearest_range_m, decision.nearest_bearing_rad)
+    near = "what is near is not told" if near == NONE else near
     wanted = side(decision.goal_bearing_rad + decision.rotation_rad)
     return f"{near}, so it {branch_words(decision.branch)}, towards {wanted}"
 

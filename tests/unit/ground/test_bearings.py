@@ -63,4 +63,5 @@ def test_an_echo_is_told_with_what_is_known_of_it() -> None:
     assert echo(0.213, 0.5) == "echo at 0.21 m, 29 deg left"
     assert echo(0.213, nan) == "echo at 0.21 m"
     assert echo(inf, nan) == "no echo"
+    assert echo(nan, nan) == NONE
     assert echo(nan, 0.5) == "echo at --, 29 deg left"

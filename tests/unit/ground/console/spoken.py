@@ -23,5 +23,7 @@ SPOKEN: list[tuple[str, list[str]]] = [
     ("param list", ["param", "list"]),
     ("param save", ["param", "save"]),
     ("watch", ["watch"]),
+    ("explain", ["explain"]),
+    ("explain run.mcap --at 6", ["explain", "run.mcap", "--at", "6"]),
     ("doctor --timeout 0.5", ["doctor", "--timeout", "0.5"]),
 ]

@@ -1,0 +1,55 @@
+"""Why a recorded robot turned, at any instant of its recording."""
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+from ground.blackbox.reel import Reel
+from ground.explain.explanation import Explanation, explain
+from ground.explain.turning import changes
+from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from protocol.topics import CYCLE, DECISION, STATUS
+
+
+class Turn(NamedTuple):
+    """When, from the beginning of the recording, and what changed."""
+
+    at_ns: int
+    words: str
+
+
+class Recorded:
+    """The decisions of a recording; status and cost go with the decision of the same tick."""
+
+    def __init__(self, reel: Reel) -> None:
+        found = [
+            (at_ns, one) for at_ns, one in reel.on(DECISION.path) if type(one) is AvoidanceDecision
+        ]
+        self._times_ns = [at_ns for at_ns, _ in found]
+        self._decisions = [decision for _, decision in found]
+        self._statuses = {
+            one.time_ns: one for _, one in reel.on(STATUS.path) if type(one) is NavigatorStatus
+        }
+        self._cycles = {
+            one.time_ns: one for _, one in reel.on(CYCLE.path) if type(one) is CycleReport
+        }
+
+    def at(self, at_ns: int) -> tuple[int, Explanation] | None:
+        """Of the last decision up to then, and when that was; None before the first."""
+        place = bisect_right(self._times_ns, at_ns) - 1
+        if place < 0:
+            return None
+        decision = self._decisions[place]
+        before = self._decisions[place - 1] if place else None
+        stamp_ns = decision.time_ns
+        status, cycle = self._statuses.get(stamp_ns), self._cycles.get(stamp_ns)
+        return self._times_ns[place], explain(decision, status, cycle, before)
+
+    def turns(self) -> Iterator[Turn]:
+        """The turning points, in the order of the run."""
+        pairs = pairwise(self._decisions)
+        for at_ns, (before, after) in zip(self._times_ns[1:], pairs, strict=True):
+            found = changes(before, after)
+            if found:
+                yield Turn(at_ns, "; ".join(found))

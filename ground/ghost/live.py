@@ -1,0 +1,57 @@
+"""The present instant of a robot in a simulation, asked of it and of its plant."""
+
+import json
+from typing import Any, Final
+
+from ground.destination import Destination
+from ground.ghost.course import Course
+from ground.ghost.instant import Facts, Instant, driving
+from ground.ghost.recorded import DRIVING, NS_PER_S, changed, goal_of
+from ground.link import LISTEN_NS, Link, Unanswered
+from ground.param import fetch
+from ground.telemetry import Telemetry
+from protocol.errors import RemoteError, UserError
+from protocol.messages import NavigatorStatus
+from protocol.topics import STATUS, TRUTH, WORLD
+
+ASK_S: Final = 1.0
+
+
+class Present:
+    """Heard once, then asked for what a ghost needs."""
+
+    def __init__(self, link: Link) -> None:
+        """Raises Unanswered, who is missing, when the robot is not heard."""
+        self._link = link
+        telemetry = Telemetry(link.bus, link.robot, (STATUS, TRUTH), link.pulse.beat)
+        link.wait(lambda: all(telemetry.latest(topic) for topic in (STATUS, TRUTH)), LISTEN_NS)
+        now_ns = link.clock.now_ns()
+        status, self._truth = telemetry.live(STATUS, now_ns), telemetry.live(TRUTH, now_ns)
+        if status is None:
+            raise Unanswered(link.diagnosis())
+        self.status: NavigatorStatus = status
+
+    def instant(self, world: str | None, goal: Destination | None) -> Instant:
+        """`world` and `goal` instead of those in force; only a simulation knows the truth."""
+        truth = self._truth
+        if truth is None:
+            raise UserError("no simulation tells where the robot truly is: a ghost needs one")
+        pose, whereto = (truth.x_m, truth.y_m, truth.heading_rad), goal or goal_of(self.status)
+        return Instant(world or self.world(), pose, truth.time_ns / NS_PER_S, whereto)
+
+    def world(self) -> Facts:
+        answer = self._link.bus.ask(WORLD, timeout_s=ASK_S, robot=self._link.robot)
+        try:
+            facts: Any = json.loads(answer) if isinstance(answer, bytes) else None
+        except ValueError:
+            facts = None
+        if not isinstance(facts, dict):
+            raise RemoteError("the plant answers, but not with its world")
+        return facts
+
+    def parameters(self) -> dict[str, float]:
+        return driving(changed(fetch(self._link)))
+
+    def rest(self) -> Course:
+        """It drives on; how that ends is not known yet."""
+        return Course([], DRIVING, "", None, None)

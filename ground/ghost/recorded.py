@@ -1,0 +1,161 @@
+"""An instant of a recording, and what the robot itself made of the rest of that drive."""
+
+import json
+from collections.abc import Iterable
+from itertools import pairwise
+from math import dist, isfinite
+from typing import Any, Final, NamedTuple
+
+from ground.blackbox.reel import Reel
+from ground.destination import Destination
+from ground.ghost.course import Course, Point
+from ground.ghost.instant import Facts, Instant
+from protocol.enums import GoalState
+from protocol.errors import UserError
+from protocol.messages import GoalRequest, GroundTruth, NavigatorStatus, PlanarOdometry
+from protocol.outcome import ENDS
+from protocol.reasons import reason_text
+from protocol.topics import COMMANDED, ODOMETRY, STATUS, TRUTH
+
+NS_PER_S: Final = 1_000_000_000
+LIVING: Final = (GoalState.ACCEPTED, GoalState.DRIVING, GoalState.AVOIDING, GoalState.ALIGNING)
+SAME_M: Final = 0.002
+DRIVING: Final = "driving"
+
+
+class Place(NamedTuple):
+    """Where the robot was, on the timeline of the recording and in the world's own time."""
+
+    at_ns: int
+    pose: tuple[float, float, float]
+    world_s: float
+
+
+class Footage:
+    """The parts of a recording that a ghost needs; places are true ones where they are known."""
+
+    def __init__(self, reel: Reel) -> None:
+        self.statuses = [
+            (at_ns, one) for at_ns, one in reel.on(STATUS.path) if type(one) is NavigatorStatus
+        ]
+        self.places = [
+            Place(at_ns, (one.x_m, one.y_m, one.heading_rad), one.time_ns / NS_PER_S)
+            for at_ns, one in reel.on(TRUTH.path)
+            if type(one) is GroundTruth
+        ] or [
+            Place(at_ns, (one.x_m, one.y_m, one.heading_rad), 0.0)
+            for at_ns, one in reel.on(ODOMETRY.path)
+            if type(one) is PlanarOdometry
+        ]
+        self.goals = [
+            (at_ns, one) for at_ns, one in reel.on(COMMANDED.path) if type(one) is GoalRequest
+        ]
+        self.facts = reel.facts
+
+    def beginning_ns(self) -> int:
+        """When the first goal was there. Raises UserError when none ever was."""
+        begun = next((at_ns for at_ns, one in self.statuses if one.goal in LIVING), None)
+        if begun is None:
+            raise UserError("the recording has no drive to a goal: say which with --at and --goal")
+        return begun
+
+    def status_at(self, at_ns: int) -> NavigatorStatus:
+        found = [one for time_ns, one in self.statuses if time_ns <= at_ns]
+        if not found:
+            raise UserError(f"the robot tells nothing of itself up to {at_ns / NS_PER_S:g} s")
+        return found[-1]
+
+    def place_at(self, at_ns: int) -> Place:
+        found = [place for place in self.places if place.at_ns <= at_ns]
+        if not found:
+            raise UserError(f"nobody knows where the robot is at {at_ns / NS_PER_S:g} s")
+        return found[-1]
+
+    def goal_at(self, at_ns: int) -> Destination:
+        """The goal in force, as it was asked for where that was recorded: with its tolerances."""
+        goal = goal_of(self.status_at(at_ns))
+        for time_ns, asked in reversed(self.goals):
+            wanted = wanted_of(asked)
+            place, wish = (goal.x_m, goal.y_m), (wanted.x_m, wanted.y_m)
+            if time_ns <= at_ns and dist(place, wish) < SAME_M:
+                return wanted
+        return goal
+
+    def instant(self, at_ns: int, world: str | None, goal: Destination | None) -> Instant:
+        """Where a ghost may go on; `world` and `goal` instead of those of the recording."""
+        place = self.place_at(at_ns)
+        whereto = goal or self.goal_at(at_ns)
+        return Instant(world or self.world(), place.pose, place.world_s, whereto)
+
+    def rest(self, at_ns: int) -> Course:
+        """What the robot itself did from there to the end of that goal, or of the recording."""
+        goal_id = self.status_at(at_ns).goal_id
+        after = [(time_ns, one) for time_ns, one in self.statuses if time_ns > at_ns]
+        ends_ns, last = at_ns, self.status_at(at_ns)
+        for time_ns, status in after:
+            if status.goal_id != goal_id:
+                break
+            ends_ns, last = time_ns, status
+            if status.goal in ENDS:
+                break
+        path_m: list[Point] = [self.place_at(at_ns).pose[:2]]
+        path_m += [place.pose[:2] for place in self.places if at_ns < place.at_ns <= ends_ns]
+        outcome = ENDS[GoalState(last.goal)] if last.goal in ENDS else DRIVING
+        return Course(
+            path_m,
+            outcome,
+            reason_text(last.goal_reason),
+            (ends_ns - at_ns) / NS_PER_S,
+            sum(dist(a, b) for a, b in pairwise(path_m)),
+        )
+
+    def world(self) -> Facts:
+        """What the plant told; UserError when the recording does not hold it."""
+        try:
+            facts: Any = json.loads(self.facts.get("world", ""))
+        except ValueError:
+            facts = None
+        if not isinstance(facts, dict):
+            raise UserError("the recording does not hold its world: say which with --world")
+        return facts
+
+
+def goal_of(status: NavigatorStatus) -> Destination:
+    """Where the robot says that it goes; UserError when it has no goal."""
+    x_m, y_m, heading_rad = status.goal_x_m, status.goal_y_m, status.goal_heading_rad
+    if status.goal == GoalState.NONE or not (isfinite(x_m) and isfinite(y_m)):
+        raise UserError("the robot has no goal at that instant: say which with --goal")
+    return Destination(x_m=x_m, y_m=y_m, heading_rad=heading_rad if isfinite(heading_rad) else None)
+
+
+def wanted_of(asked: GoalRequest) -> Destination:
+    """The goal of a request, as the robot takes it."""
+    return Destination(
+        x_m=asked.x_mm / 1000,
+        y_m=asked.y_mm / 1000,
+        heading_rad=None if asked.heading_free else asked.heading_urad / 1e6,
+        position_tolerance_m=asked.position_tolerance_mm / 1000,
+        heading_tolerance_rad=asked.heading_tolerance_urad / 1e6,
+    )
+
+
+def parameters_in(text: str) -> dict[str, float]:
+    """What differs from the robot's defaults, of its list of parameters as JSON."""
+    try:
+        rows = json.loads(text)
+    except ValueError:
+        return {}
+    return changed(rows if isinstance(rows, list) else ())
+
+
+def changed(rows: Iterable[object]) -> dict[str, float]:
+    return {
+        str(row["name"]): float(row["value"])
+        for row in rows
+        if isinstance(row, dict) and is_changed(row)
+    }
+
+
+def is_changed(row: dict[str, object]) -> bool:
+    value = row.get("value")
+    return "name" in row and isinstance(value, int | float) and value != row.get("default")

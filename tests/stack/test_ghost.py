@@ -1,0 +1,86 @@
+"""Explained and haunted: a robot that drives, and the recording of its run, through real processes.
+
+The same navigator from the beginning of a run without noise must drive that run again.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocol.topics import Role
+from tests.stack.processes import Crew, Witness, until
+
+pytestmark = pytest.mark.stack
+
+
+def told(crew: Crew, *words: str, code: int = 0) -> dict[str, Any]:
+    """The one object of a verb that does not dial."""
+    running = crew.start(*words, "--json")
+    assert running.ends(60.0) == code, running.said
+    found: dict[str, Any] = json.loads(running.said.splitlines()[-1])
+    return found
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run to its end, of a world in which things move."""
+    folder = tmp_path_factory.mktemp("logs")
+    words = ["--world", "moving", "--navigator", "vgm", "--noise", "none", "--speed", "max"]
+    with Crew() as crew:
+        assert crew.start("up", *words, "--record", str(folder)).ends(60.0) in (0, 1)
+    (log,) = folder.glob("*.mcap")
+    return log
+
+
+def test_the_ghost_of_the_same_navigator_drives_the_recorded_run_again(recording: Path) -> None:
+    with Crew() as crew:
+        words = ["--navigator", "vgm", "bug"]
+        found = told(crew, "ghost", "--from", str(recording), *words)
+    real, again, other = found["real"], found["ghosts"]["vgm"], found["ghosts"]["bug"]
+    assert (again["outcome"], again["reason"]) == (real["outcome"], real["reason"])
+    assert again["length_m"] == pytest.approx(real["length_m"], abs=0.02)
+    assert again["time_s"] == pytest.approx(real["time_s"], abs=0.2)
+    assert other["length_m"] != again["length_m"]
+
+
+def test_every_turning_point_of_the_recorded_run_is_explained(recording: Path) -> None:
+    with Crew() as crew:
+        turns = told(crew, "explain", str(recording), "--turns")["turns"]
+        last = told(crew, "explain", str(recording))
+        middle = told(crew, "explain", str(recording), "--at", str(turns[1]["at_s"]))
+    assert len(turns) > 3
+    assert last["at_s"] == turns[-1]["at_s"]
+    assert turns[1]["changed"] in middle["lines"]["changed"]
+    assert middle["lines"]["zone"].startswith("d_obs 0.30 m")
+
+
+def test_a_robot_that_drives_is_explained_and_others_go_on_from_where_it_is() -> None:
+    with Crew() as crew:
+        crew.robot()
+        crew.plant()
+        with Witness(crew.endpoint) as witness:
+            witness.ready()
+            assert crew.run("goto", "5", "2", "--no-wait")[0] == 0
+            witness.driving()
+            code, said = crew.run("explain")
+            assert code == 0
+            assert "the goal is straight ahead" in said
+            code, said = crew.run("ghost", "--navigator", "bug", "vgm", "--json")
+            assert code == 0, said
+            found = json.loads(said.splitlines()[-1])
+            assert witness.truth.x_m > found["start"]["x_m"] > 0.6
+            until(lambda: abs(witness.truth.time_ns / 1e9 - found["at_s"]) < 60.0)
+    assert found["real"]["outcome"] == "driving"
+    for ghost in found["ghosts"].values():
+        assert ghost["outcome"] == "reached"
+        assert ghost["length_m"] == pytest.approx(5.0 - found["start"]["x_m"], abs=0.1)
+
+
+def test_where_nobody_is_it_is_said_who_is_missing() -> None:
+    with Crew(router=True) as crew:
+        for verb in (("explain",), ("ghost", "--navigator", "bug")):
+            code, said = crew.run(*verb)
+            assert code == 1
+            assert "no robot" in said or Role.ROBOT.value in said

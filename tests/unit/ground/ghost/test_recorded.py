@@ -1,0 +1,178 @@
+"""From any instant of a recording another navigator can go on, beside what really happened."""
+
+import json
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import pytest
+
+from ground.blackbox.reel import Reel
+from ground.cli import main
+from ground.destination import destination
+from ground.ghost.recorded import Footage, changed, parameters_in
+from plant.world_file import load
+from plant.world_types import GoalPose
+from protocol.errors import UserError
+from protocol.outcome import Outcome
+from protocol.topics import COMMANDED, ODOMETRY, STATUS, TRUTH
+from study.trial import Trial
+from tests.unit.ground.recordings import Recording, box, recorded
+
+S = 1_000_000_000
+
+
+@pytest.fixture(scope="module")
+def drive() -> tuple[Recording, Outcome]:
+    return box("bug")
+
+
+@pytest.fixture(scope="module")
+def run(drive: tuple[Recording, Outcome]) -> Recording:
+    return drive[0]
+
+
+@pytest.fixture(scope="module")
+def log(run: Recording, tmp_path_factory: pytest.TempPathFactory) -> str:
+    return run.written(tmp_path_factory.mktemp("logs") / "20260101T000000Z-r1.tlog")
+
+
+def footage(run: Recording) -> Footage:
+    return Footage(Reel(run))
+
+
+def test_an_instant_has_the_true_place_the_world_and_its_time(run: Recording) -> None:
+    instant = footage(run).instant(6 * S, None, None)
+    world = load("box")
+    assert isinstance(instant.world, dict)
+    assert instant.world["name"] == "box"
+    assert instant.at_s == 6.0
+    assert 1.5 < instant.start[0] < 3.0
+    assert (instant.goal.x_m, instant.goal.y_m) == (world.goal.x_m, world.goal.y_m)
+
+
+def test_world_and_goal_may_be_others(run: Recording) -> None:
+    other = destination([1.0, 1.0])
+    instant = footage(run).instant(6 * S, "u_trap", other)
+    assert (instant.world, instant.goal) == ("u_trap", other)
+
+
+def test_the_goal_has_the_tolerances_that_it_was_asked_for_with() -> None:
+    goal = GoalPose(
+        x_m=2.0,
+        y_m=1.0,
+        heading_rad=radians(90),
+        position_tolerance_m=0.2,
+        heading_tolerance_rad=radians(10),
+    )
+    run, _ = recorded(Trial(world=replace(load("box"), goal=goal), noise="none"))
+    asked = footage(run).goal_at(2 * S)
+    assert (asked.position_tolerance_m, asked.heading_tolerance_rad) == (0.2, 0.174533)
+    assert asked.heading_rad == pytest.approx(radians(90), abs=1e-6)
+    told = footage(run.without(COMMANDED)).goal_at(2 * S)
+    assert (told.x_m, told.y_m, told.position_tolerance_m) == (2.0, 1.0, 0.05)
+
+
+def test_the_rest_of_the_drive_is_measured_to_its_end(drive: tuple[Recording, Outcome]) -> None:
+    run, outcome = drive
+    whole, rest = footage(run).rest(0), footage(run).rest(6 * S)
+    assert (whole.outcome, whole.reason, whole.time_s) == ("reached", "ok", outcome.time_s)
+    assert whole.length_m == pytest.approx(outcome.path_m)
+    assert rest.time_s == pytest.approx(outcome.time_s - 6.0)
+    assert rest.length_m is not None
+    assert rest.length_m < outcome.path_m - 1.0
+    assert rest.path_m[-1] == whole.path_m[-1]
+
+
+def test_a_recording_that_ends_under_way_says_so(run: Recording) -> None:
+    half = Recording(run.facts, run.found[: len(run.found) // 2])
+    assert footage(half).rest(0).outcome == "driving"
+
+
+def test_without_truth_the_robots_own_belief_must_do(run: Recording) -> None:
+    believed = footage(run.without(TRUTH)).instant(6 * S, None, None)
+    assert believed.at_s == 0.0
+    assert believed.start == pytest.approx(footage(run).instant(6 * S, None, None).start, abs=0.05)
+
+
+def test_what_the_recording_does_not_tell_is_said(run: Recording) -> None:
+    for lacking, said in (
+        (run.without(STATUS), "tells nothing of itself"),
+        (run.without(TRUTH, ODOMETRY), "nobody knows where"),
+        (Recording({}, run.found), "--world"),
+        (Recording({"world": "[1]"}, run.found), "--world"),
+        (Recording({"world": "{"}, run.found), "--world"),
+    ):
+        with pytest.raises(UserError, match=said):
+            footage(lacking).instant(6 * S, None, None)
+    with pytest.raises(UserError, match="no drive to a goal"):
+        footage(Recording()).beginning_ns()
+
+
+def test_only_what_the_robot_drives_otherwise_by_is_handed_on() -> None:
+    rows = [
+        {"name": "d_obs_m", "value": 0.4, "default": 0.3},
+        {"name": "k_omega", "value": 3.0, "default": 3.0},
+        {"name": "odd"},
+        {"value": 3.0},
+        {"name": "worse", "value": "x"},
+        7,
+    ]
+    assert changed(rows) == {"d_obs_m": 0.4}
+    assert parameters_in(json.dumps(rows)) == {"d_obs_m": 0.4}
+    assert parameters_in("nonsense") == parameters_in("3") == {}
+
+
+def test_the_verb_lays_the_ghosts_beside_the_real_run(
+    log: str, drive: tuple[Recording, Outcome], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--world", "box", "--navigator", "bug", "distbug", "bug", "--json"]
+    assert main(["ghost", "--from", log, *words]) == 0
+    found = json.loads(capsys.readouterr().out)
+    outcome = drive[1]
+    assert list(found["ghosts"]) == ["bug", "distbug"]
+    assert found["real"]["navigator"] == "bug"
+    assert found["real"]["length_m"] == pytest.approx(outcome.path_m)
+    assert found["ghosts"]["bug"]["length_m"] == pytest.approx(outcome.path_m)
+    assert found["ghosts"]["bug"]["time_s"] == outcome.time_s
+    assert found["ghosts"]["distbug"]["length_m"] != found["ghosts"]["bug"]["length_m"]
+
+
+def test_for_a_person_it_is_a_table(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--world", "box", "--at", "6", "--navigator", "vgm"]
+    assert main(["ghost", "--from", log, *words]) == 0
+    head, real, ghost = capsys.readouterr().out.splitlines()
+    assert head.startswith("from (")
+    assert "at 6 s to (5.400, 2.000)" in head
+    assert real.split()[:3] == ["(real)", "bug", "reached"]
+    assert ghost.split()[:2] == ["vgm", "reached"]
+    assert real.index(" m") == ghost.index(" m") or len(real) == len(ghost)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["--world", "box", "--at", "999"], 2, "ends at"),
+        (["--world", "box", "--goal", "1"], 2, "X Y or X Y DEG"),
+        (["--world", "nowhere"], 1, "no shipped world"),
+        (["--world", "box", "--goal", "99", "1"], 1, "outside the world"),
+        (["--world", "box", "--navigator", "vfh"], 2, "invalid choice"),
+        ([], 2, "--world"),
+    ],
+)
+def test_what_cannot_be_run_is_told_with_its_reason(
+    log: str, words: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["ghost", "--navigator", "bug", "--from", log, *words]) == code
+    told = capsys.readouterr()
+    assert said in told.out + told.err
+
+
+def test_a_time_needs_a_recording_and_a_ghost_a_navigator(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["ghost"]) == 2
+    assert main(["ghost", "--navigator", "bug", "--at", "3"]) == 2
+    assert "--from" in capsys.readouterr().err
+    assert main(["ghost", "--navigator", "bug", "--from", str(tmp_path / "no.tlog")]) == 2
+    assert "No such file" in capsys.readouterr().err

@@ -1,0 +1,98 @@
+"""A run driven here and recorded here: what the recorder would have got from the bus."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ground.blackbox.frames import Frame
+from ground.tlog import record_bytes
+from plant.plant import Plant
+from plant.world_file import load
+from plant.world_json import as_json
+from protocol.codec import Encoder
+from protocol.message import Message
+from protocol.messages import CycleReport, GoalRequest
+from protocol.outcome import Outcome
+from protocol.sender import COMPONENT
+from protocol.topics import COMMANDED, CYCLE, DECISION, ODOMETRY, STATUS, TRUTH, Topic
+from robot import telemetry
+from robot.core.values import Outputs
+from robot.vehicle import Vehicle
+from study.onboard import Onboard
+from study.trial import Trial, run_trial, wire_goal_of
+
+BEGAN_NS = 1_790_000_000_000_000_000
+ROBOT = "r1"
+
+
+@dataclass
+class Recording:
+    """A log as `ground.blackbox.frames` opens one, and a watch that fills it."""
+
+    facts: dict[str, str] = field(default_factory=dict)
+    found: list[Frame] = field(default_factory=list)
+    robot: str = ROBOT
+    lost_bytes: int = 0
+
+    def __call__(self, plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+        state, now_ns = onboard.state, plant.now_ns
+        zone_m = Vehicle.zone_m.fget(onboard)  # type: ignore[attr-defined]
+        self.put(TRUTH, plant.truth(), now_ns)
+        self.put(ODOMETRY, telemetry.odometry(state, now_ns), now_ns)
+        self.put(STATUS, telemetry.status(state, 7, now_ns, onboard.now_ms), now_ns)
+        self.put(DECISION, telemetry.decision(outputs, zone_m, now_ns), now_ns)
+        self.put(CYCLE, cycle(now_ns), now_ns)
+
+    def put(self, topic: Topic[Any], message: Message, at_ns: int) -> None:
+        frame = Encoder(1, COMPONENT[topic.publisher]).encode(message)
+        self.found.append(Frame(BEGAN_NS + at_ns, topic.key(ROBOT), frame))
+
+    def without(self, *topics: Topic[Any]) -> "Recording":
+        keys = {topic.key(ROBOT) for topic in topics}
+        return Recording(self.facts, [one for one in self.found if one.key not in keys])
+
+    @property
+    def records(self) -> int:
+        return len(self.found)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return iter(self.found)
+
+    def damage(self) -> str:
+        return f"{self.lost_bytes} bytes are lost" if self.lost_bytes else ""
+
+    def written(self, path: Path) -> str:
+        """As a .tlog file; its name."""
+        records = (record_bytes(one.time_ns // 1000, one.frame) for one in self.found)
+        path.write_bytes(b"".join(records))
+        return str(path)
+
+
+def cycle(time_ns: int) -> CycleReport:
+    return CycleReport(
+        time_ns=time_ns,
+        tick=time_ns // 50_000_000,
+        missed=0,
+        overruns=0,
+        rejected=0,
+        late_us=0,
+        sense_age_us=0,
+        budget_us=2500,
+        stage_us=(1, 2, 3, 4, 5),
+    )
+
+
+def recorded(trial: Trial) -> tuple[Recording, Outcome]:
+    """The run with everything that a recorder would have."""
+    world, goal = trial.world, wire_goal_of(trial.world)
+    facts = {"world": json.dumps(as_json(world, None)), "parameters": "[]"}
+    recording = Recording(facts)
+    asked = GoalRequest(request_id=7, mode=10, **goal._asdict())
+    recording.put(COMMANDED, asked, 0)
+    return recording, run_trial(trial, recording)
+
+
+def box(navigator: str = "vgm") -> tuple[Recording, Outcome]:
+    return recorded(Trial(world=load("box"), navigator=navigator, noise="none"))
