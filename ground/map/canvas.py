@@ -4,6 +4,7 @@ Dots count from the top left corner, x to the right and y downwards. Whatever li
 not drawn; nothing raises.
 """
 
+import re
 from collections.abc import Iterable
 from typing import Final
 
@@ -13,6 +14,8 @@ from ground.map.roles import RANK, ROLES
 
 DOTS_WIDE: Final = 2
 DOTS_HIGH: Final = 4
+
+RUN: Final = re.compile(rb"\x00*([^\x00])(?:\1|\x00)*")
 
 Dot = tuple[int, int]
 Run = tuple[str, str]
@@ -115,33 +118,24 @@ class Canvas:
 
         Blank cells belong to the run before them: a change of colour costs more than a blank.
         """
-        characters, ranks = self._cells(row)
-        runs: list[Run] = []
-        begun, current = 0, 0
-        for column, rank in enumerate(ranks):
-            if rank and rank != current:
-                if column and current:
-                    runs.append((ROLES[current - 1], "".join(characters[begun:column])))
-                    begun = column
-                current = rank
-        if self.columns:
-            runs.append((ROLES[current - 1] if current else "", "".join(characters[begun:])))
-        return runs
+        text, ranks = self._cells(row)
+        runs = [(ROLES[run[1][0] - 1], text[slice(*run.span())]) for run in RUN.finditer(ranks)]
+        return runs or ([("", text)] if text else [])
 
     def to_rows(self) -> list[str]:
         """The drawing as plain text."""
-        return ["".join(self._cells(row)[0]) for row in range(self.rows)]
+        return [self._cells(row)[0] for row in range(self.rows)]
 
-    def _cells(self, row: int) -> tuple[list[str], bytearray]:
+    def _cells(self, row: int) -> tuple[str, bytearray]:
+        """The characters of a row and their ranks, 0 for blank ones."""
         if not 0 <= row < self.rows:
-            return [BLANK] * self.columns, bytearray(self.columns)
+            return BLANK * self.columns, bytearray(self.columns)
         cells = slice(row * self.columns, (row + 1) * self.columns)
         table = ascii_art() if self.ascii_only else braille()
-        characters = [table[bits] for bits in self._bits[cells]]
-        ranks = self._ranks[cells]
+        characters, ranks = [*map(table.__getitem__, self._bits[cells])], self._ranks[cells]
         for column, (rank, character) in self._glyphs[row].items():
             characters[column], ranks[column] = character, rank
-        return characters, ranks
+        return "".join(characters), ranks
 
     def _put(self, column: int, row: int, character: str, rank: int) -> None:
         if 0 <= row < self.rows and 0 <= column < self.columns:

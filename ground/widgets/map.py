@@ -1,6 +1,7 @@
 """The map on the screen. Drawn when a scene is shown; only rows that changed are repainted."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
 
 from rich.segment import Segment
 from rich.style import Style
@@ -190,10 +191,17 @@ class MapWidget(Widget):
         for row in rows:
             self._strips.pop(row, None)
         if rows:
-            self.refresh(*(Region(0, row, canvas.columns, 1) for row in rows))
+            self.refresh(*bands(rows, canvas.columns))
 
 
 def inks(styles_by_role: Mapping[str, Style]) -> tuple[dict[str, Style], dict[str, Style]]:
     """A style for every role, as it is and dim. Never none: Textual cannot filter what is not."""
     plain = {role: styles_by_role.get(role, Style.null()) for role in (PAPER, *ROLES)}
     return plain, {role: style + Style(dim=True) for role, style in plain.items()}
+
+
+def bands(rows: Sequence[int], columns: int) -> list[Region]:
+    """Rows in order, neighbours in one region: Textual's work grows with their number."""
+    firsts = [row for before, row in pairwise((-2, *rows)) if row != before + 1]
+    lasts = [row for row, after in pairwise((*rows, rows[-1] + 2)) if after != row + 1]
+    return [Region(0, a, columns, b - a + 1) for a, b in zip(firsts, lasts, strict=True)]

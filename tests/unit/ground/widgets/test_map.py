@@ -11,7 +11,7 @@ from textual.geometry import Region
 from textual.pilot import Pilot
 
 from ground.map import Robot, Scene, Target
-from ground.widgets.map import MapWidget
+from ground.widgets.map import MapWidget, bands
 
 STYLES = {"robot": Style(color="yellow", bold=True), "truth": Style(color="white")}
 ROOM = Scene(size_m=(6.0, 4.0), robot=Robot(2.02, 2.02, 0.0), goal=Target(5.0, 3.0))
@@ -86,8 +86,8 @@ def test_only_rows_that_changed_are_painted_again() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(2.5, 2.0, 0.0), goal=Target(5.0, 3.0)))
         assert app.map.whole == 0
-        assert 0 < len(app.map.regions) <= 4
-        assert all(region.width == 50 and region.height == 1 for region in app.map.regions)
+        assert 0 < sum(region.height for region in app.map.regions) <= 4
+        assert all(region.width == 50 for region in app.map.regions)
 
     on_screen(story)
 
@@ -186,3 +186,12 @@ def test_without_colour_and_without_braille_it_is_still_painted() -> None:
         assert ">" in "".join(screen(app))
 
     on_screen(story)
+
+
+def test_neighbouring_rows_are_one_region() -> None:
+    assert bands([2], 9) == [Region(0, 2, 9, 1)]
+    assert bands([0, 1, 2, 5, 7, 8], 9) == [
+        Region(0, 0, 9, 3),
+        Region(0, 5, 9, 1),
+        Region(0, 7, 9, 2),
+    ]
