@@ -1,6 +1,7 @@
 """The map: a scene in metres, a view of it, and a canvas of characters. Knows no terminal."""
 
 from ground.map.canvas import Canvas, Run
+from ground.map.description import describe
 from ground.map.drawing import draw, draw_moving, draw_standing, standing
 from ground.map.roles import ROLES
 from ground.map.scene import (
@@ -30,6 +31,7 @@ __all__ = [
     "Shape",
     "Target",
     "View",
+    "describe",
     "draw",
     "draw_moving",
     "draw_standing",

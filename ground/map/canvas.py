@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable
 from typing import Final
 
-from ground.map.glyphs import BLANK, DOTS, HEADINGS, MARKS, ascii_art, braille, printable
+from ground.map.glyphs import BLANK, DOTS, HEADINGS, MARKS, POINTERS, ascii_art, braille, printable
 from ground.map.lines import reach
 from ground.map.roles import RANK, ROLES
 
@@ -83,9 +83,13 @@ class Canvas:
         """One character by its meaning (see `glyphs.MARKS`)."""
         self._put(column, row, MARKS[meaning][self.ascii_only], RANK[role])
 
-    def arrow(self, column: int, row: int, eighth: int, role: str) -> None:
-        """A pointer, `eighth` times 45 degrees counter-clockwise from the right."""
+    def heading(self, column: int, row: int, eighth: int, role: str) -> None:
+        """Somebody who looks `eighth` times 45 degrees counter-clockwise from the right."""
         self._put(column, row, HEADINGS[self.ascii_only][eighth % 8], RANK[role])
+
+    def pointer(self, column: int, row: int, eighth: int, role: str) -> None:
+        """That what is meant is out there."""
+        self._put(column, row, POINTERS[self.ascii_only][eighth % 8], RANK[role])
 
     def text(self, column: int, row: int, words: str, role: str) -> None:
         """One line, moved to the left as far as it must to end on the canvas."""

@@ -31,7 +31,10 @@ MARKS: Final = {
 """By meaning: with all of Unicode, and in ASCII."""
 
 HEADINGS: Final = ("▶◥▲◤◀◣▼◢", ">/^\\</v\\")
-"""From along x counter-clockwise by 45 degrees."""
+"""Who looks where: from along x counter-clockwise by 45 degrees."""
+
+POINTERS: Final = ("→↗↑↖←↙↓↘", ">/^\\</v\\")
+"""That way out of the map, in the same order."""
 
 
 @cache

@@ -6,12 +6,13 @@ from typing import Final
 from ground.map.ellipse import ellipse
 from ground.map.pen import Pen
 from ground.map.scene import BEAM_RAD, Robot, Scene
-from ground.map.standing import apart_m, draw_heading, metres
+from ground.map.standing import apart_m, draw_heading
 from ground.map.view import Point
 
 CONE_EVERY: Final = 3
 WAY_EVERY: Final = 4
-NOSE_DOTS: Final = 7.0
+NOSE_DOTS: Final = 5.0
+SOLID_DOTS: Final = 6.0
 
 
 def draw_trail(pen: Pen, scene: Scene) -> None:
@@ -33,9 +34,12 @@ def draw_zone(pen: Pen, scene: Scene) -> None:
 
 
 def draw_sonars(pen: Pen, scene: Scene) -> None:
-    """Of each echo the arc on which it must lie, and the cone that it came through."""
+    """Of each echo the arc on which it must lie, and the cone that it came through.
+
+    Old echoes are worse than none: somebody may walk where there was nobody.
+    """
     robot = scene.robot
-    if robot is None or not isfinite(robot.heading_rad):
+    if robot is None or not (scene.live and isfinite(robot.heading_rad)):
         return
     at = robot.x_m, robot.y_m
     middle = (len(scene.ranges_m) - 1) / 2.0
@@ -62,18 +66,19 @@ def draw_virtual(pen: Pen, scene: Scene) -> None:
     if robot is not None:
         pen.dotted((robot.x_m, robot.y_m), at, "virtual", WAY_EVERY)
     pen.mark(at, "virtual", "virtual", "virtual")
-    pen.off_map(at, "virtual", "")
+    pen.off_map(at, "virtual", "virtual")
 
 
 def draw_goal(pen: Pen, scene: Scene) -> None:
     goal = scene.goal
     if goal is None:
         return
-    at = goal.x_m, goal.y_m
+    at, robot, looks_rad = (goal.x_m, goal.y_m), scene.robot, goal.heading_rad
     draw_heading(pen, goal, "goal")
-    pen.mark(at, "goal", "goal", "goal")
-    away = metres(round(apart_m(pen.view.middle(), at), 1))
-    pen.off_map(at, "goal", f"goal {away}")
+    to_left = looks_rad is not None and cos(looks_rad % (2.0 * pi)) > 0.5
+    pen.mark(at, "goal", "goal", "goal", to_left)
+    away_m = None if robot is None else apart_m((robot.x_m, robot.y_m), at)
+    pen.off_map(at, "goal", "goal" if away_m is None else f"goal {away_m:.1f} m")
 
 
 def draw_others(pen: Pen, scene: Scene) -> None:
@@ -94,7 +99,7 @@ def draw_robot(pen: Pen, scene: Scene) -> None:
     at, label = (robot.x_m, robot.y_m), robot.name if scene.others else ""
     _body(pen, robot, "robot")
     if scene.live:
-        pen.arrow(at, robot.heading_rad, "robot", label)
+        pen.heading(at, robot.heading_rad, "robot", label)
     else:
         pen.mark(at, "lost", "robot", label)
     pen.off_map(at, "robot", robot.name or "robot")
@@ -111,8 +116,14 @@ def towards(at: Point, bearing_rad: float, length_m: float) -> Point:
 
 
 def _body(pen: Pen, robot: Robot, role: str) -> None:
+    """Solid where it is small, so that it is not taken for an obstacle."""
     at = robot.x_m, robot.y_m
+    dot_m = pen.view.m_per_dot
+    ring_m = robot.radius_m
+    while 0.0 < ring_m < SOLID_DOTS * dot_m:
+        pen.circle(at, ring_m, role)
+        ring_m -= dot_m / 2.0
     pen.circle(at, robot.radius_m, role)
     if isfinite(robot.heading_rad):
-        nose_m = max(robot.radius_m, NOSE_DOTS * pen.view.m_per_dot)
+        nose_m = robot.radius_m + NOSE_DOTS * dot_m
         pen.path((at, towards(at, robot.heading_rad % (2.0 * pi), nose_m)), role)

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from math import atan2, ceil, cos, floor, hypot, isfinite, pi, sin
 from typing import Final
 
-from ground.map.canvas import Canvas, Dot
+from ground.map.canvas import DOTS_HIGH, Canvas, Dot
 from ground.map.scene import Disc, Shape
 from ground.map.view import Point, View
 
@@ -13,6 +13,7 @@ DOTS_PER_CHORD: Final = 3.0
 LEAST_CHORDS: Final = 6
 MOST_CHORDS: Final = 240
 MOST_POINTS: Final = 500
+EDGE_DOTS: Final = 1.5 * DOTS_HIGH  # the last row is the legend's
 
 
 class Pen:
@@ -86,21 +87,21 @@ class Pen:
             )
         return points
 
-    def mark(self, at: Point, meaning: str, role: str, label: str = "") -> None:
-        """A character at a place, and a label beside it."""
+    def mark(
+        self, at: Point, meaning: str, role: str, label: str = "", to_left: bool = False
+    ) -> None:
+        """A character at a place, and a label beside it, `to_left` rather on the left."""
         cell = self.view.cell_of(*at)
-        if cell is None:
-            return
-        self.canvas.mark(*cell, meaning, role)
-        self._label(cell, label, role)
+        if cell is not None:
+            self.canvas.mark(*cell, meaning, role)
+            self._label(cell, label, role, to_left)
 
-    def arrow(self, at: Point, heading_rad: float, role: str, label: str = "") -> None:
-        """A pointer in the nearest of eight directions; nothing without a heading."""
+    def heading(self, at: Point, heading_rad: float, role: str, label: str = "") -> None:
+        """Who is there and looks in the nearest of eight directions; nobody without a heading."""
         cell = self.view.cell_of(*at)
-        if cell is None or not isfinite(heading_rad):
-            return
-        self.canvas.arrow(*cell, round(heading_rad / (pi / 4.0)), role)
-        self._label(cell, label, role)
+        if cell is not None and isfinite(heading_rad):
+            self.canvas.heading(*cell, eighth(heading_rad), role)
+            self._label(cell, label, role)
 
     def inside(self, at: Point) -> bool:
         """Whether a place is on the map."""
@@ -117,25 +118,29 @@ class Pen:
             return
         share = min(
             (self.canvas.width / 2.0 - 1.0) / max(1e-9, abs(away_x)),
-            (self.canvas.height / 2.0 - 2.0) / max(1e-9, abs(away_y)),
+            (self.canvas.height / 2.0 - EDGE_DOTS) / max(1e-9, abs(away_y)),
         )
         to_edge_m = max(0.0, share) * self.view.m_per_dot
-        edge = x_m + away_x * to_edge_m, y_m + away_y * to_edge_m
-        self.arrow(edge, atan2(away_y, away_x), role, label)
+        cell = self.view.cell_of(x_m + away_x * to_edge_m, y_m + away_y * to_edge_m)
+        if cell is not None:
+            self.canvas.pointer(*cell, eighth(atan2(away_y, away_x)), role)
+            self._label(cell, label, role)
 
-    def _label(self, cell: tuple[int, int], label: str, role: str) -> None:
-        """Where nothing is in the way: right, left, below, above; else to the right."""
+    def _label(self, cell: tuple[int, int], label: str, role: str, to_left: bool = False) -> None:
+        """Where no other is in the way: right, left, below, above; else on its first side."""
         column, row = cell
         wide = len(label)
         if not (wide and 0 <= column < self.canvas.columns and 0 <= row < self.canvas.rows):
             return
-        places = ((column + 2, row), (column - 1 - wide, row), (column, row + 1), (column, row - 1))
-        for at_column, at_row in places:
-            fits = 0 <= at_column <= self.canvas.columns - wide
-            if fits and not self.canvas.taken(at_column, at_row, wide):
-                self.canvas.text(at_column, at_row, label, role)
+        right, left = (column + 2, row), (column - 1 - wide, row)
+        beside = (left, right) if to_left else (right, left)
+        places = (*beside, (column, row + 1), (column, row - 1))
+        for place in places:
+            fits = 0 <= place[0] <= self.canvas.columns - wide
+            if fits and not self.canvas.taken(*place, wide):
+                self.canvas.text(*place, label, role)
                 return
-        self.canvas.text(column + 2, row, label, role)
+        self.canvas.text(*places[0], label, role)
 
     def _placed(self, points: Iterable[Point]) -> list[list[Dot]]:
         """The dots of the points, in one piece when all can be placed."""
@@ -155,3 +160,8 @@ class Pen:
             elif pieces[-1]:
                 pieces.append([])
         return pieces
+
+
+def eighth(angle_rad: float) -> int:
+    """The nearest multiple of 45 degrees."""
+    return round(angle_rad / (pi / 4.0))

@@ -7,7 +7,7 @@ from typing import Final
 from ground.map.canvas import DOTS_WIDE
 from ground.map.pen import Pen
 from ground.map.scene import Disc, Outline, Scene, Target
-from ground.map.view import Point
+from ground.map.view import LEGEND_FROM_ROWS, Point
 
 FENCE_EVERY: Final = 3
 HEADING_DOTS: Final = 9.0
@@ -68,7 +68,7 @@ def draw_mission(pen: Pen, scene: Scene) -> None:
         pen.dotted(a, b, "mission", 2 * FENCE_EVERY)
     for index, item in enumerate(scene.mission):
         draw_heading(pen, item, "mission")
-        number = f"{index + 1}<" if index == scene.current else f"{index + 1}"
+        number = f">{index + 1}" if index == scene.current else f"{index + 1}"
         pen.mark((item.x_m, item.y_m), "waypoint", "mission", number)
 
 
@@ -84,9 +84,11 @@ def draw_heading(pen: Pen, target: Target, role: str) -> None:
 
 
 def draw_legend(pen: Pen, scene: Scene) -> None:
-    """Scale, and in words what is drawn: on the last row, under what is on the map there."""
+    """Scale, and in words what is drawn, on the last row of a map that has more than a few."""
     canvas = pen.canvas
     row = canvas.rows - 1
+    if canvas.rows < LEGEND_FROM_ROWS:
+        return
     length_m, cells = pen.view.scale_bar(canvas.columns // LEGEND_SHARE)
     canvas.mark(0, row, "bar left", "text")
     for column in range(1, cells - 1):
@@ -94,13 +96,19 @@ def draw_legend(pen: Pen, scene: Scene) -> None:
     canvas.mark(cells - 1, row, "bar right", "text")
     length = metres(length_m)
     canvas.text(cells + 1, row, length, "text")
-    walls = scene.obstacles or scene.size_m
-    words = (TRUTH_WORDS if scene.truth and walls else "", "" if scene.live else LOST_WORDS)
-    legend = " · ".join(word for word in (*words, scene.note) if word)
-    room = canvas.columns - cells - len(length) - 3
-    if legend and room > 0:
-        legend = legend[-room:] if len(legend) > room else legend
-        canvas.text(canvas.columns - len(legend), row, legend, "text")
+    legend = words(scene, canvas.columns - cells - len(length) - 3)
+    canvas.text(canvas.columns - len(legend), row, legend, "text")
+
+
+def words(scene: Scene, room: int) -> str:
+    """What has to be said of the scene, the more important first, as much as there is room for."""
+    walls = scene.truth and (scene.obstacles or scene.size_m)
+    said = ""
+    for word in (scene.live or LOST_WORDS, walls and TRUTH_WORDS, scene.note):
+        if isinstance(word, str) and word:
+            longer = f"{said}, {word}" if said else word
+            said = longer if len(longer) <= room else said
+    return said
 
 
 def metres(length_m: float) -> str:

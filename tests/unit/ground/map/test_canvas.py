@@ -144,7 +144,7 @@ def test_a_name_from_the_wire_takes_one_plain_cell_per_character(name: str) -> N
 def test_ascii_only_is_ascii_only() -> None:
     canvas = Canvas(12, 1, ascii_only=True)
     canvas.mark(0, 0, "goal", "goal")
-    canvas.arrow(2, 0, 2, "robot")
+    canvas.heading(2, 0, 2, "robot")
     canvas.text(4, 0, "é·a", "text")
     assert canvas.to_rows() == ["O ^ ??a     "]
 

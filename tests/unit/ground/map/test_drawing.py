@@ -1,9 +1,30 @@
 """Scenes drawn out as they look, and scenes that no robot would send."""
 
+from dataclasses import replace
+from math import inf, nan, pi
+from time import thread_time
+
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ground.map import LAYERS, Canvas, Disc, Ghost, Outline, Robot, Scene, Target, View, draw
+from ground.map import (
+    LAYERS,
+    Canvas,
+    Disc,
+    Ghost,
+    Outline,
+    Robot,
+    Scene,
+    Target,
+    View,
+    draw,
+    draw_moving,
+    draw_standing,
+    standing,
+)
+from ground.map.ellipse import ellipse
+from tests.unit.ground.map.rooms import EVERYTHING, ROOM
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 POINTS = st.tuples(ANY, ANY)
@@ -38,12 +59,6 @@ SCENES = st.builds(
 )
 
 
-def drawn(scene: Scene, columns: int, rows: int, layers: tuple[str, ...] = LAYERS) -> list[str]:
-    canvas = Canvas(columns, rows)
-    draw(scene, View.fit(scene.box(), columns, rows), canvas, layers)
-    return canvas.to_rows()
-
-
 @given(SCENES, st.integers(0, 60), st.integers(0, 20), st.booleans())
 @settings(max_examples=300, deadline=None)
 def test_no_scene_can_not_be_drawn(scene: Scene, columns: int, rows: int, plain: bool) -> None:
@@ -51,3 +66,87 @@ def test_no_scene_can_not_be_drawn(scene: Scene, columns: int, rows: int, plain:
     draw(scene, View.fit(scene.box(), columns, rows), canvas)
     assert [len(row) for row in canvas.to_rows()] == [columns] * rows
     assert not plain or "".join(canvas.to_rows()).isascii()
+
+
+ROLES_OF = {
+    "walls": {"truth"},
+    "seen": {"seen"},
+    "fence": {"fence"},
+    "ghosts": {"ghost"},
+    "trail": {"trail"},
+    "ellipse": {"ellipse"},
+    "zone": {"zone"},
+    "sonars": {"cone", "echo"},
+    "marks": {"hit", "leave"},
+    "mission": {"mission"},
+    "virtual": {"virtual"},
+    "goal": {"goal"},
+    "others": {"truth", "other"},
+    "robot": {"robot"},
+    "cursor": {"cursor"},
+    "legend": {"text"},
+}
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_each_layer_draws_its_own_and_nothing_else(layer: str) -> None:
+    canvas = Canvas(80, 24)
+    scene = replace(EVERYTHING, truth=True)
+    draw(scene, View.fit(scene.box(), 80, 24), canvas, (layer,))
+    roles = {role for row in range(24) for role, _ in canvas.strip(row)}
+    assert roles - {""} == ROLES_OF[layer]
+
+
+def test_a_scene_drawn_in_two_goes_is_the_scene() -> None:
+    view = View.fit(EVERYTHING.box(), 80, 24)
+    whole, ground = Canvas(80, 24), Canvas(80, 24)
+    draw(EVERYTHING, view, whole)
+    draw_standing(EVERYTHING, view, ground)
+    both = ground.copy()
+    draw_moving(EVERYTHING, view, both)
+    assert both.changed(whole) == []
+    assert standing(replace(EVERYTHING, robot=None)) == standing(EVERYTHING)
+
+
+def test_nobody_is_drawn_where_nobody_knows() -> None:
+    unknown = replace(ROOM, size_m=None, obstacles=(), trail=(), goal=None)
+    for robot in (None, Robot(nan, 1.0, 0.0), Robot(1.0, inf, 0.0)):
+        canvas = Canvas(40, 5)
+        draw(replace(unknown, robot=robot), View(40, 5), canvas)
+        assert "".join(canvas.to_rows()).strip() == ""
+
+
+def test_a_trail_has_a_gap_where_a_place_is_missing() -> None:
+    canvas = Canvas(20, 1)
+    scene = Scene(trail=((-0.9, 0.0), (-0.6, 0.0), (nan, 0.0), (0.6, 0.0), (0.9, 0.0)))
+    draw(scene, View(20, 1, 0.0, 0.0, 0.05), canvas)
+    assert canvas.to_rows() == [" ⠤⠤⠤⠄           ⠤⠤⠤⠄"]
+
+
+def test_old_echoes_are_not_drawn() -> None:
+    canvas = Canvas(50, 16)
+    draw(replace(ROOM, live=False), View.fit(ROOM.box(), 50, 16), canvas)
+    roles = {role for row in range(16) for role, _ in canvas.strip(row)}
+    assert not roles & {"cone", "echo"}
+
+
+def test_a_world_as_large_as_a_country_takes_no_longer() -> None:
+    huge = replace(ROOM, size_m=(1e7, 1e7), zone_m=1e6, trail=((0.0, 0.0), (1e300, 1e300)))
+    for view in (View.fit(huge.box(), 100, 40), View(100, 40, 1.9, 2.0, 1e-4)):
+        begun_s = thread_time()
+        draw(huge, view, Canvas(100, 40))
+        assert thread_time() - begun_s < 0.2
+
+
+@given(ANY, ANY, ANY)
+def test_an_ellipse_is_one_or_none(xx: float, xy: float, yy: float) -> None:
+    axes = ellipse((xx, xy, yy))
+    if axes is not None:
+        assert axes[0] >= axes[1] >= 0.0
+
+
+def test_the_ellipse_is_the_one_of_95_percent() -> None:
+    long_m, short_m, turn_rad = ellipse((0.04, 0.0, 0.01)) or (0.0, 0.0, 0.0)
+    assert (long_m, short_m, turn_rad) == pytest.approx((0.48954, 0.24477, 0.0), abs=1e-4)
+    turned = ellipse((0.01, 0.0, 0.04)) or (0.0, 0.0, 0.0)
+    assert turned[2] == pytest.approx(pi / 2.0)

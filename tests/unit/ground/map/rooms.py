@@ -1,0 +1,36 @@
+"""Scenes of a small room, as plain as they can be and with everything there is."""
+
+from dataclasses import replace
+from math import inf, pi
+from typing import Final
+
+from ground.map import Disc, Ghost, Outline, Robot, Scene, Target
+
+ROOM: Final = Scene(
+    size_m=(6.0, 4.0),
+    obstacles=(Outline(((3.0, 1.0), (3.4, 1.0), (3.4, 3.0), (3.0, 3.0))),),
+    robot=Robot(1.9, 2.0, 0.0),
+    ranges_m=(inf, inf, None, 0.9, 0.9, inf, inf, 1.6),
+    trail=((0.5, 0.5), (1.0, 1.5), (1.9, 2.0)),
+    goal=Target(5.2, 3.2, pi / 2.0),
+    zone_m=0.3,
+)
+
+EVERYTHING: Final = replace(
+    ROOM,
+    obstacles=(),
+    truth=False,
+    seen=((2.9, 1.0), (2.9, 1.2), (2.9, 1.4)),
+    covariance=(0.05, 0.02, 0.03),
+    virtual_goal=(2.0, 3.4),
+    hits=((1.2, 1.6),),
+    leaves=((1.6, 1.2),),
+    fence=Disc(3.0, 2.0, 1.9),
+    mission=(Target(0.6, 0.6), Target(4.4, 0.8, 0.0, 0.3)),
+    current=1,
+    movers=(Disc(4.0, 2.6, 0.3),),
+    others=(Robot(5.2, 1.6, pi, name="r2"),),
+    ghosts=(Ghost("bug", ((0.5, 0.5), (2.5, 0.6)), "stuck"),),
+    cursor=(0.4, 3.6),
+    note="t 12 s",
+)
