@@ -39,6 +39,10 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "mode": Verb("ground.cli", "choose the mode"),
         "navigator": Verb("ground.cli", "choose the navigator"),
         "param": Verb("ground.cli", "read and set the robot's parameters"),
+        "mission": Verb("ground.cli", "waypoints: check, send, start, pause, jump, fetch, convert"),
+        "fence": Verb("ground.cli", "keep the robot inside of a circle or polygon"),
+        "lease": Verb("ground.cli", "who commands the robot: take it, give it back, show it"),
+        "teleop": Verb("ground.cli", "drive by hand at a speed and a turn"),
     },
     "look": {
         "watch": Verb("ground.cli", "show what the robot says, line by line"),

@@ -9,20 +9,18 @@ from ground.destination import arguments as destination_arguments
 from ground.link import NS_PER_S, Link, linked
 from ground.operator import BEAT_NS, Answered, GoalEnd, GoalWatch
 from ground.options import add_common, common_of, seconds
-from ground.orders import tell, why
+from ground.orders import tell
+from ground.ready import insist
 from ground.says import Says
 from ground.status_line import goal_line
 from ground.telemetry import Telemetry
-from protocol.enums import Command, Mode, Vehicle
+from protocol.enums import Command, Mode
 from protocol.errors import RemoteError, UserError
 from protocol.messages import GoalRequest
-from protocol.reasons import Reason
 from protocol.topics import DECISION, ODOMETRY, STATUS
 
 SHOW_NS: Final = 200_000_000
 SHOW_PLAIN_NS: Final = 2_000_000_000
-HEARD_NS: Final = 2_000_000_000
-STATUS_NS: Final = 1_000_000_000
 STOP_NS: Final = 300_000_000
 
 
@@ -84,35 +82,11 @@ class Drive:
 
     def send(self, where: Destination, mode: Mode) -> tuple[Answered, GoalRequest]:
         """Give the goal; arms a robot that stands by, waits for it to hear its operator."""
-        deadline_ns = self._link.clock.now_ns() + HEARD_NS
-        while True:
-            request = goal_request(where.on_the_wire(), self._link.ids.next(), mode)
-            answered = self._link.ask(request)
-            if answered.ok or self._link.clock.now_ns() > deadline_ns:
-                return answered, request
-            if not self._remedied(answered.reason, mode):
-                return answered, request
 
-    def _remedied(self, reason: int, mode: Mode) -> bool:
-        """Is it worth asking again?"""
-        if reason == Reason.NOT_ARMED and self._vehicle() == Vehicle.STANDBY:
-            return self._arm()
-        if reason == Reason.NO_OPERATOR and mode == Mode.GUIDED:
-            self._link.beat()
-            self._link.clock.sleep_until(self._link.clock.now_ns() + BEAT_NS // 4)
-            return True
-        return False
+        def request() -> GoalRequest:
+            return goal_request(where.on_the_wire(), self._link.ids.next(), mode)
 
-    def _vehicle(self) -> int | None:
-        """What state the robot says it is in."""
-        self._link.wait(lambda: self._telemetry.latest(STATUS) is not None, STATUS_NS)
-        newest = self._telemetry.latest(STATUS)
-        return None if newest is None else newest[0].vehicle
-
-    def _arm(self) -> bool:
-        answered = self._link.ask(self._link.command(Command.COMPONENT_ARM_DISARM, 1.0))
-        self._says.note("armed" if answered.ok else f"arming was refused: {why(answered)}")
-        return answered.ok
+        return insist(self._link, self._says, request, beats=mode == Mode.GUIDED)
 
     def _follow(self, watch: GoalWatch, goal_id: int) -> GoalEnd:
         clock, last_shown_ns = self._link.clock, 0

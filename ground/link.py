@@ -13,6 +13,7 @@ from ground.operator import (
     Request,
     RequestIds,
     Send,
+    Talk,
 )
 from ground.options import Common
 from ground.presence import crew_of, why_silent
@@ -20,8 +21,8 @@ from protocol.bus import Bus, Publisher, open_bus
 from protocol.clock import Clock, Pulse, WallClock
 from protocol.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState
 from protocol.errors import NoPeer, PeerHangs, RemoteError
-from protocol.messages import CommandAck, CommandRequest, Heartbeat
-from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role
+from protocol.messages import CommandRequest, Heartbeat
+from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role, Service
 
 NS_PER_S: Final = 1_000_000_000
 LISTEN_NS: Final = 700_000_000
@@ -60,31 +61,42 @@ class Link:
         )
 
     def ask(
-        self, request: Request, *, attempts: int = ATTEMPTS, patience_ns: int = PATIENCE_NS
+        self,
+        request: Request,
+        *,
+        attempts: int = ATTEMPTS,
+        patience_ns: int = PATIENCE_NS,
+        service: Service = COMMAND,
     ) -> Answered:
         """The robot's answer; Unanswered says who is missing when there is none."""
         asking = Asking(request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns)
-        while asking.outcome is None:
-            for send in asking.due(self.clock.now_ns()):
-                self._put(asking, send)
-            if asking.outcome is None:
-                self.clock.sleep_until(asking.next_ns)
-        if isinstance(asking.outcome, GaveUp):
-            raise Unanswered(f"{self.diagnosis()} ({asking.outcome.why})")
-        return asking.outcome
+        self.talk(asking, service)
+        if isinstance(asking.outcome, Answered):
+            return asking.outcome
+        raise self.unanswered(asking.outcome)
 
-    def _put(self, asking: Asking, send: Send) -> None:
+    def talk(self, talk: Talk, service: Service) -> None:
+        """Put its questions to a service until it is over."""
+        while not talk.over:
+            for send in talk.due(self.clock.now_ns()):
+                self._put(talk, service, send)
+            if not talk.over:
+                self.clock.sleep_until(talk.next_ns)
+
+    def unanswered(self, outcome: GaveUp | None) -> Unanswered:
+        """The error for a talk that has come to nothing."""
+        why = "no answer" if outcome is None else outcome.why
+        return Unanswered(f"{self.diagnosis()} ({why})")
+
+    def _put(self, talk: Talk, service: Service, send: Send) -> None:
         try:
             answer = self.bus.ask(
-                COMMAND, send.request, send.patience_ns / NS_PER_S, robot=self.robot
+                service, send.request, send.patience_ns / NS_PER_S, robot=self.robot
             )
         except RemoteError as error:
-            asking.unanswered(str(error))
+            talk.unanswered(str(error))
             return
-        if isinstance(answer, CommandAck):
-            asking.receive(answer, self.clock.now_ns())
-        else:
-            asking.unanswered("the answer is no acknowledgement")
+        talk.receive(answer, self.clock.now_ns())
 
     def beat(self) -> None:
         """Let the robot hear that an operator is there."""

@@ -5,10 +5,17 @@ A request keeps its id however often it is repeated, so a retry never acts twice
 
 import secrets
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final, Protocol, TypeAlias
 
 from protocol.enums import AckResult, GoalState
-from protocol.messages import CommandAck, CommandRequest, GoalRequest, NavigatorStatus
+from protocol.message import Message
+from protocol.messages import (
+    CommandAck,
+    CommandRequest,
+    GoalRequest,
+    LeaseRequest,
+    NavigatorStatus,
+)
 from protocol.reasons import Reason, reason_text
 
 MS: Final = 1_000_000
@@ -19,7 +26,7 @@ SILENCE_NS: Final = 3_000 * MS
 UNSEEN_NS: Final = 3_000 * MS
 ID_BITS: Final = 64
 
-Request: TypeAlias = CommandRequest | GoalRequest
+Request: TypeAlias = CommandRequest | GoalRequest | LeaseRequest
 
 
 class RequestIds:
@@ -37,8 +44,20 @@ class RequestIds:
 class Send:
     """Put the question, and listen for an answer for this long."""
 
-    request: Request
+    request: Message
     patience_ns: int
+
+
+class Talk(Protocol):
+    """Questions and answers until there is an outcome; `next_ns`: when something is due."""
+
+    next_ns: int
+
+    @property
+    def over(self) -> bool: ...
+    def due(self, now_ns: int) -> list[Send]: ...
+    def receive(self, answer: object, now_ns: int) -> None: ...
+    def unanswered(self, why: str) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +109,16 @@ class Asking:
         self.next_ns = now_ns + self._patience_ns
         return [Send(self._request, self._patience_ns)]
 
-    def receive(self, ack: CommandAck, now_ns: int) -> None:
-        if self.outcome is None:
-            accepted = ack.result == AckResult.ACCEPTED
-            reason = ack.result_param2
+    @property
+    def over(self) -> bool:
+        return self.outcome is not None
+
+    def receive(self, answer: object, now_ns: int) -> None:
+        if not isinstance(answer, CommandAck):
+            self.unanswered("the answer is no acknowledgement")
+        elif self.outcome is None:
+            accepted = answer.result == AckResult.ACCEPTED
+            reason = answer.result_param2
             self.outcome = Answered(reason, accepted, now_ns - self._started_ns)
 
     def unanswered(self, why: str) -> None:

@@ -27,6 +27,9 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.NO_OPERATOR: "keep `sidestep ground` running, or use --no-wait",
         Reason.NO_SENSES: "is the plant running? sidestep doctor",
         Reason.DRIVING: "sidestep abort",
+        Reason.LEASE_HELD: "sidestep lease show",
+        Reason.OUTSIDE_FENCE: "sidestep fence show",
+        Reason.NO_MISSION: "sidestep mission upload FILE",
     }
 )
 
@@ -106,7 +109,8 @@ def pace(timeout_s: float | None, *, urgent: bool) -> tuple[int, int]:
     return attempts, max(1, round(timeout_s * 1e9 / attempts))
 
 
-def tell(says: Says, verb: str, robot: str, answered: Answered) -> int:
+def tell(says: Says, verb: str, robot: str, answered: Answered, detail: str = "") -> int:
+    """The answer as the verb's result; `detail` ends the sentence of a refusal."""
     took_ms = answered.took_ns / MS
     found: dict[str, object] = {
         "verb": verb,
@@ -116,7 +120,8 @@ def tell(says: Says, verb: str, robot: str, answered: Answered) -> int:
         "reason_code": answered.reason,
         "took_ms": round(took_ms, 3),
     }
-    says.result(found, f"ok {took_ms:.0f} ms" if answered.ok else f"refused: {why(answered)}")
+    refused = f"refused: {why(answered)}{detail}"
+    says.result(found, f"ok {took_ms:.0f} ms" if answered.ok else refused)
     return 0 if answered.ok else 1
 
 

@@ -5,10 +5,24 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
-from ground import doctor, exporting, goto, orders, param, record, router, up, watch
+from ground import (
+    doctor,
+    exporting,
+    fence,
+    goto,
+    lease,
+    orders,
+    param,
+    record,
+    router,
+    teleop,
+    up,
+    watch,
+)
 from ground.explain import verb as explain
 from ground.ghost import verb as ghost
 from ground.link import Link, linked
+from ground.missions import verb as mission
 from ground.options import common_of
 from ground.says import Says
 
@@ -63,6 +77,17 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             orders.navigator_arguments, orders.act_navigator, "choose the navigator"
         ),
         "param": talking(param.arguments, param.act, "read and set the robot's parameters"),
+        "mission": Verb(
+            mission.arguments,
+            mission.run,
+            "waypoints: send, start, pause, jump, fetch",
+            mission.act,
+        ),
+        "fence": Verb(fence.arguments, fence.run, "keep the robot inside of a place", fence.act),
+        "lease": talking(
+            lease.arguments, lease.act, "who commands the robot: take it, give it back"
+        ),
+        "teleop": Verb(teleop.arguments, teleop.run, "drive by hand: SPEED YAW_DEG_S", teleop.act),
         "watch": talking(watch.arguments, watch.act, "show what the robot says, line by line"),
         "ground": talking(watch.ground_arguments, watch.act_ground, "an operator without a screen"),
         "doctor": Verb(

@@ -16,18 +16,19 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "?": ("help",),
     }
 )
-WHOLE: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
+PAIRS: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
     {
         ("mode", "rtl"): ("rtl",),
         ("mission", "restart"): ("mission", "start", "0"),
+        ("record", "mark"): ("mark",),
     }
 )
 
 
 def unfolded(words: Sequence[str]) -> list[str]:
     """The same command in the words of the command line."""
-    whole = WHOLE.get(tuple(word.lower() for word in words))
-    if whole is not None:
-        return list(whole)
+    pair = PAIRS.get(tuple(word.lower() for word in words[:2]))
+    if pair is not None:
+        return [*pair, *words[2:]]
     first, *rest = words
     return [*ALIASES.get(first, (first,)), *rest]

@@ -64,11 +64,7 @@ def _zoom(parser: argparse.ArgumentParser) -> None:
 
 
 def _record(parser: argparse.ArgumentParser) -> None:
-    actions = parser.add_subparsers(dest="action", required=True, metavar="start|stop|mark")
-    actions.add_parser("start", help="write a new log")
-    actions.add_parser("stop", help="close the log")
-    marking = actions.add_parser("mark", help="put a mark with a text into the log")
-    marking.add_argument("text", nargs="+", metavar="TEXT")
+    parser.add_argument("action", choices=("start", "stop"))
 
 
 def _ghost(parser: argparse.ArgumentParser) -> None:
@@ -107,7 +103,7 @@ LOCAL: Final[Mapping[str, Local]] = MappingProxyType(
         "select": Local(_select, "look at another robot"),
         "teleop": Local(nothing, "drive by hand with the arrow keys"),
         "wp": Local(_waypoints, "draft a mission"),
-        "record": Local(_record, "write a log, or mark a moment in it"),
+        "record": Local(_record, "begin a recording, or end it"),
         "replay": Local(_replay, "look at a log as if it were live"),
         "ghost": Local(_ghost, "another navigator from here, as a ghost on the map"),
         "why": Local(nothing, "why the robot turned"),

@@ -3,12 +3,14 @@
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from math import dist
 from pathlib import Path
 from typing import Final
 
 from ground.missions import plan_file, toml_file, waypoints_file
 from ground.missions.items import lost
-from ground.missions.mission import Home, Mission
+from ground.missions.mission import Circle, Fence, Home, Mission, Waypoint
+from ground.missions.outline import inside
 from ground.missions.problems import MissionError, Problem
 from ground.missions.sift import Foreign
 from protocol.errors import UserError
@@ -22,11 +24,43 @@ def read(path: Path, *, home: Home | None = None, drop: bool = False) -> Foreign
     ending = ending_of(path)
     text = _text(path)
     if ending == ".plan":
-        return plan_file.read_text(text, str(path), home=home, drop=drop)
-    if ending == ".waypoints":
-        return waypoints_file.read_text(text, str(path), home=home, drop=drop)
-    mission = toml_file.read_text(text, str(path))
-    return Foreign(replace(mission, home=home or mission.home))
+        found = plan_file.read_text(text, str(path), home=home, drop=drop)
+    elif ending == ".waypoints":
+        found = waypoints_file.read_text(text, str(path), home=home, drop=drop)
+    else:
+        mission = toml_file.read_text(text, str(path))
+        found = Foreign(replace(mission, home=home or mission.home))
+    _judge_places(found.mission, str(path))
+    return found
+
+
+def read_fence(path: Path) -> Fence:
+    """The fence of a mission file; a .toml may have nothing else in it."""
+    if ending_of(path) == ".toml":
+        fence = toml_file.read_text(_text(path), str(path), bare=True).fence
+    else:
+        fence = read(path).mission.fence
+    if fence is None:
+        raise UserError(f"{path}: has no fence; add [fence] with {toml_file.FENCE_FIX}")
+    return fence
+
+
+def _judge_places(mission: Mission, file: str) -> None:
+    """Every waypoint lies inside of the mission's own fence."""
+    problems = [
+        Problem(f"waypoint {at}", f"{waypoint} is outside of the fence", "move it or the fence")
+        for at, waypoint in enumerate(mission.waypoints)
+        if mission.fence is not None and not _within(mission.fence, waypoint)
+    ]
+    if problems:
+        raise MissionError(file, problems)
+
+
+def _within(fence: Fence, waypoint: Waypoint) -> bool:
+    place = (waypoint.x_m, waypoint.y_m)
+    if isinstance(fence, Circle):
+        return dist(place, (fence.x_m, fence.y_m)) <= fence.radius_m
+    return inside(fence.corners, place)
 
 
 def write(path: Path, mission: Mission) -> tuple[str, ...]:

@@ -36,3 +36,13 @@ def _area(corners: Sequence[Point]) -> float:
     """Twice the area."""
     shifted = [*corners[1:], corners[0]]
     return abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, shifted, strict=True)))
+
+
+def inside(corners: Sequence[Point], place: Point) -> bool:
+    """Whether a place lies within an outline; on its sides either may be said."""
+    x, y = place
+    within = False
+    for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
+        if (a[1] > y) != (b[1] > y) and x < a[0] + (y - a[1]) * (b[0] - a[0]) / (b[1] - a[1]):
+            within = not within
+    return within

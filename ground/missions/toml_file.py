@@ -17,18 +17,21 @@ T = TypeVar("T")
 PART: Final = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 TOP: Final = ("waypoint", "fence", "home")
 FENCE_FIX: Final = (
-    "write circle = { x_m = 0, y_m = 0, radius_m = 5 } or corners = [[0, 0], [4, 0], [4, 3]]"
+    "circle = { x_m = 0, y_m = 0, radius_m = 5 } or corners = [[0, 0], [4, 0], [4, 3]]"
 )
 
 
-def read_text(text: str, file: str) -> Mission:
-    """The mission of a file's text; MissionError names every key that is wrong, with its line."""
+def read_text(text: str, file: str, *, bare: bool = False) -> Mission:
+    """The mission of a file's text; MissionError names every key that is wrong, with its line.
+
+    `bare`: it needs no waypoints.
+    """
     try:
         table = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         fix = "correct the TOML syntax there"
         raise MissionError(file, [Problem("", str(error) or "nested too deeply", fix)]) from error
-    return _Reader(file, key_lines(text)).mission(table)
+    return _Reader(file, key_lines(text)).mission(table, bare=bare)
 
 
 class _Reader:
@@ -39,12 +42,13 @@ class _Reader:
         self._lines = lines
         self._problems: list[Problem] = []
 
-    def mission(self, table: Mapping[str, Any]) -> Mission:
+    def mission(self, table: Mapping[str, Any], *, bare: bool) -> Mission:
         for key in table:
             if key not in TOP:
                 error = unknown_key(key, key, list(TOP), file=self._file)
                 self._blame((key,), error.reason, error.fix)
-        waypoints = self._waypoints(table.get("waypoint"))
+        none_needed = bare and "waypoint" not in table
+        waypoints = () if none_needed else self._waypoints(table.get("waypoint"))
         fence = self._fence(table["fence"]) if "fence" in table else None
         home = self._table(table["home"], Home, ("home",)) if "home" in table else None
         if self._problems:
@@ -61,7 +65,7 @@ class _Reader:
 
     def _fence(self, table: object) -> Fence | None:
         if not isinstance(table, dict) or set(table) not in ({"circle"}, {"corners"}):
-            self._blame(("fence",), "is neither a circle nor corners", FENCE_FIX)
+            self._blame(("fence",), "is neither a circle nor corners", f"write {FENCE_FIX}")
             return None
         if "circle" in table:
             return self._table(table["circle"], Circle, ("fence", "circle"))

@@ -7,6 +7,7 @@ from math import nan
 from typing import Self
 
 from protocol.bus import Asked, Bus, Network, open_bus
+from protocol.codec import decode
 from protocol.enums import AckResult, Command, GoalState, Mode, Navigator, Vehicle
 from protocol.message import Message
 from protocol.messages import (
@@ -17,9 +18,20 @@ from protocol.messages import (
     NavigatorStatus,
     ParamSet,
     ParamValue,
+    Teleop,
 )
 from protocol.reasons import Reason
-from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, PARAMETER, PARAMETERS, STATUS, Role
+from protocol.topics import (
+    COMMAND,
+    HEARTBEAT,
+    OPERATOR,
+    PARAMETER,
+    PARAMETERS,
+    STATUS,
+    TELEOP,
+    Role,
+)
+from tests.bus.played_desk import PlayedDesk
 
 BEAT = Heartbeat(
     type=10, autopilot=3, base_mode=1, custom_mode=0, system_status=3, mavlink_version=3
@@ -44,6 +56,7 @@ class PlayedRobot:
         self.goal = GoalState.NONE
         self.goal_reason = Reason.NONE
         self.vehicle = Vehicle.STANDBY
+        self.mode = Mode.GUIDED
         self.after_goal: Callable[[], None] = lambda: None
         self.saves: bool | None = True
         self.stale: NavigatorStatus | None = None
@@ -52,6 +65,8 @@ class PlayedRobot:
         self._stop = threading.Event()
         self._status = bus.publisher(STATUS)
         self._heart = bus.publisher(HEARTBEAT)
+        self.desk = PlayedDesk(bus)
+        self.driven: list[Teleop] = []
         self._thread = threading.Thread(target=self._speak, daemon=True)
 
     def __enter__(self) -> Self:
@@ -59,6 +74,7 @@ class PlayedRobot:
         self.bus.serve(PARAMETER, self._parameter)
         self.bus.serve(PARAMETERS, lambda asked: self._list(asked))
         self.bus.stream(OPERATOR, self._beaten)
+        self.bus.stream(TELEOP, self._steered)
         self.bus.announce()
         self._thread.start()
         return self
@@ -76,6 +92,7 @@ class PlayedRobot:
             self._time_ns += 50_000_000
             self._heart.put(BEAT)
             self._status.put(self.stale or self.status())
+            self.desk.speak(self._time_ns)
 
     def status(self) -> NavigatorStatus:
         over = self.goal >= GoalState.REACHED
@@ -89,7 +106,7 @@ class PlayedRobot:
             goal_heading_rad=nan,
             goal_distance_m=1.0,
             vehicle=self.vehicle,
-            mode=Mode.GUIDED,
+            mode=self.mode,
             goal=self.goal,
             vehicle_reason=Reason.NONE,
             goal_reason=self.goal_reason,
@@ -99,6 +116,11 @@ class PlayedRobot:
 
     def _beaten(self, _key: str, _frame: bytes, _at_ns: int) -> None:
         self.beats += 1
+
+    def _steered(self, _key: str, frame: bytes, _at_ns: int) -> None:
+        message = decode(frame).message
+        assert isinstance(message, Teleop)
+        self.driven.append(message)
 
     def _command(self, asked: Asked) -> None:
         message = asked.message
@@ -119,6 +141,8 @@ class PlayedRobot:
             self.after_goal()
         elif message.command == Command.COMPONENT_ARM_DISARM:
             self.vehicle = Vehicle.ACTIVE if message.param1 else Vehicle.STANDBY
+        elif message.command == Command.DO_SET_MODE:
+            self.mode = Mode(int(message.param2))
         elif message.command == Command.SIDESTEP_ABORT_GOAL:
             self.goal, self.goal_reason = GoalState.ABORTED, Reason.BY_OPERATOR
 

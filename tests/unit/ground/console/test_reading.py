@@ -22,7 +22,7 @@ def test_the_console_reads_what_the_command_line_reads(typed: str, argv: list[st
     here, there = vars(parse(typed)), vars(cli.parse(argv))
     assert here.pop("local") is False
     assert here.pop("attended") is True
-    assert there.pop("attended") is False
+    assert there.pop("attended", False) is False
     assert here == there
 
 
@@ -81,7 +81,7 @@ def test_a_negative_number_is_no_option() -> None:
 def test_the_app_s_own_words_are_read_and_marked() -> None:
     assert parse(":q") == argparse.Namespace(verb="quit", local=True, attended=True)
     assert parse("wp add 1 2 --hold 3").hold == 3.0
-    assert parse("record mark it turned").text == ["it", "turned"]
+    assert parse("record start").action == "start"
     assert parse("teleop").local is True
 
 

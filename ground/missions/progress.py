@@ -1,0 +1,51 @@
+"""How far the robot's mission is, as it says itself."""
+
+from typing import Final
+
+from ground.link import Link
+from ground.says import Says
+from ground.telemetry import Telemetry
+from protocol.enums import MissionState
+from protocol.errors import RemoteError
+from protocol.messages import MissionStatus
+from protocol.reasons import reason_text
+from protocol.topics import MISSION
+
+SHOW_NS: Final = 1_500_000_000
+
+
+def show_status(link: Link, says: Says) -> int:
+    """0 when the robot says it, whatever it says; RemoteError when it does not."""
+    telemetry = Telemetry(link.bus, link.robot, (MISSION,), notify=link.pulse.beat)
+    link.wait(lambda: telemetry.latest(MISSION) is not None, SHOW_NS)
+    newest = telemetry.latest(MISSION)
+    if newest is None:
+        raise RemoteError(f"nothing is heard of the mission: {link.diagnosis()}")
+    status = newest[0]
+    row: dict[str, object] = {
+        "robot": link.robot,
+        "ok": True,
+        "state": state_name(status.state),
+        "items": status.count,
+        "current": status.current if status.count else None,
+        "hold_left_s": status.hold_left_ms / 1000,
+        "reason": reason_text(status.reason) if status.reason else None,
+    }
+    says.result(row, words(status))
+    return 0
+
+
+def state_name(state: int) -> str:
+    """An unknown number is shown as a number."""
+    known = state in MissionState.__members__.values()
+    return MissionState(state).name.lower() if known else f"state {state}"
+
+
+def words(status: MissionStatus) -> str:
+    """In a line: `holding at item 2 of 0 to 4, 3.2 s left`."""
+    if status.state == MissionState.NONE:
+        return "no mission"
+    where = f"item {status.current} of 0 to {status.count - 1}"
+    left = f", {status.hold_left_ms / 1000:.1f} s left" if status.hold_left_ms else ""
+    reason = f": {reason_text(status.reason)}" if status.reason else ""
+    return f"{state_name(status.state)}, {where}{left}{reason}"

@@ -1,0 +1,147 @@
+"""MAVLink's mission protocol without any I/O: each step is one question, asked until answered.
+
+What the other side says decides the next step, so a repeated or a late answer does no harm.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from ground.operator import GaveUp, Send
+from protocol.enums import MissionType
+from protocol.message import Message
+from protocol.messages import (
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionRequestList,
+    MissionVerdict,
+)
+from protocol.reasons import Reason, reason_text
+
+MS: Final = 1_000_000
+ATTEMPTS: Final = 5
+PATIENCE_NS: Final = 500 * MS
+NO_ITEM: Final = 65_535
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the robot made of it; `item` None: none in particular."""
+
+    reason: int
+    item: int | None
+    mission_id: int = 0
+
+    @property
+    def ok(self) -> bool:
+        return self.reason == Reason.NONE
+
+    @property
+    def text(self) -> str:
+        where = "" if self.item is None else f"item {self.item}: "
+        return f"{where}{reason_text(self.reason)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Downloaded:
+    """Everything the robot has, in order."""
+
+    items: tuple[MissionItemInt, ...]
+
+
+class Transfer:
+    """One question after the other; `outcome` when it is over."""
+
+    def __init__(self, first: Message, kind: MissionType, now_ns: int, most: int) -> None:
+        self.next_ns = now_ns
+        self.outcome: Verdict | Downloaded | GaveUp | None = None
+        self._kind = kind
+        self._question = first
+        self._left = ATTEMPTS
+        self._steps_left = most
+        self._why = "no answer"
+
+    @property
+    def over(self) -> bool:
+        return self.outcome is not None
+
+    def due(self, now_ns: int) -> list[Send]:
+        """The question of this step, when it is time to ask it (again)."""
+        if self.over or now_ns < self.next_ns:
+            return []
+        if not self._left or not self._steps_left:
+            self.outcome = GaveUp(self._why)
+            return []
+        self._left -= 1
+        self._steps_left -= 1
+        self.next_ns = now_ns + PATIENCE_NS
+        return [Send(self._question, PATIENCE_NS)]
+
+    def receive(self, answer: object, now_ns: int) -> None:
+        """Sets the next question, or the outcome."""
+        if self.over:
+            return
+        if isinstance(answer, MissionVerdict) and answer.mission_type == self._kind:
+            item = None if answer.item == NO_ITEM else answer.item
+            self.outcome = Verdict(answer.reason, item, answer.mission_id)
+            return
+        question = self._after(answer)
+        if question is None:
+            self.unanswered(f"the answer was {type(answer).__name__}, out of turn")
+        else:
+            self._question, self._left, self.next_ns = question, ATTEMPTS, now_ns
+
+    def unanswered(self, why: str) -> None:
+        """An attempt came to nothing, for this reason."""
+        self._why = why
+
+    def _after(self, answer: object) -> Message | None:
+        """The question that follows; None when the answer does not fit."""
+        raise NotImplementedError
+
+
+class Upload(Transfer):
+    """Gives the robot a mission or a fence, whole or not at all."""
+
+    def __init__(self, items: Sequence[MissionItemInt], kind: MissionType, now_ns: int) -> None:
+        first = MissionCount(count=len(items), mission_type=kind)
+        super().__init__(first, kind, now_ns, (len(items) + 1) * ATTEMPTS)
+        self._items = tuple(items)
+
+    def _after(self, answer: object) -> Message | None:
+        asked = isinstance(answer, MissionRequestInt) and answer.mission_type == self._kind
+        if not (asked and isinstance(answer, MissionRequestInt)):
+            return None
+        return self._items[answer.seq] if answer.seq < len(self._items) else None
+
+
+class Download(Transfer):
+    """Gets what the robot has; a refusal is a Verdict."""
+
+    def __init__(self, kind: MissionType, now_ns: int) -> None:
+        super().__init__(MissionRequestList(mission_type=kind), kind, now_ns, ATTEMPTS * NO_ITEM)
+        self._count: int | None = None
+        self._items: list[MissionItemInt] = []
+
+    def _after(self, answer: object) -> Message | None:
+        if isinstance(answer, MissionCount) and self._count is None:
+            self._count = answer.count
+        elif isinstance(answer, MissionItemInt) and answer.seq == len(self._items):
+            self._items.append(answer)
+        else:
+            return None
+        if len(self._items) == self._count:
+            self.outcome = Downloaded(tuple(self._items))
+        return MissionRequestInt(seq=len(self._items), mission_type=self._kind)
+
+
+class Clear(Transfer):
+    """Deletes the robot's mission, or its fence."""
+
+    def __init__(self, kind: MissionType, now_ns: int) -> None:
+        super().__init__(MissionClearAll(mission_type=kind), kind, now_ns, ATTEMPTS)
+
+    def _after(self, answer: object) -> Message | None:
+        return None

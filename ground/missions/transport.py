@@ -1,0 +1,57 @@
+"""Carries the transfers of missions and fences over a link, and tells how they ended."""
+
+from ground.link import Link
+from ground.missions.mission import Fence
+from ground.missions.transfer import Download, Downloaded, Transfer, Upload, Verdict
+from ground.missions.wire import fence_items_of
+from ground.operator import GaveUp
+from ground.orders import HINTS
+from ground.says import Says
+from protocol.enums import MissionType
+from protocol.errors import RemoteError
+from protocol.topics import MISSION_SERVICE
+
+
+def send(link: Link, transfer: Transfer) -> Verdict:
+    """What the robot says of an upload or a deletion; Unanswered when it says nothing."""
+    outcome = carried(link, transfer)
+    if not isinstance(outcome, Verdict):
+        raise RemoteError("the robot has sent a mission instead of judging one")
+    return outcome
+
+
+def send_fence(link: Link, fence: Fence) -> Verdict:
+    items = fence_items_of(fence)
+    return send(link, Upload(items, MissionType.FENCE, link.clock.now_ns()))
+
+
+def fetch(link: Link, kind: MissionType) -> Downloaded | Verdict:
+    """What the robot has, or why it does not tell."""
+    return carried(link, Download(kind, link.clock.now_ns()))
+
+
+def carried(link: Link, transfer: Transfer) -> Downloaded | Verdict:
+    """Put the questions until it is over; Unanswered when the robot has gone."""
+    link.talk(transfer, MISSION_SERVICE)
+    outcome = transfer.outcome
+    if outcome is None or isinstance(outcome, GaveUp):
+        raise link.unanswered(outcome)
+    return outcome
+
+
+def tell_verdict(
+    says: Says, verb: str, robot: str, verdict: Verdict, text: str, what: str = ""
+) -> int:
+    """0 when the robot agrees; else which item is wrong and why. `what`: what it is about."""
+    hint = HINTS.get(verdict.reason)
+    refused = f"refused: {what}{verdict.text}{f' ({hint})' if hint else ''}"
+    found: dict[str, object] = {
+        "verb": verb,
+        "robot": robot,
+        "ok": verdict.ok,
+        "reason": f"{what}{verdict.text}",
+        "reason_code": verdict.reason,
+        "item": verdict.item,
+    }
+    says.result(found, text if verdict.ok else refused)
+    return 0 if verdict.ok else 1

@@ -1,0 +1,52 @@
+"""Asks for something that needs an armed robot, and arms one that only stands by."""
+
+from collections.abc import Callable
+from typing import Final, TypeVar
+
+from ground.link import Link
+from ground.operator import BEAT_NS, Answered, Request
+from ground.orders import why
+from ground.says import Says
+from ground.telemetry import Telemetry
+from protocol.enums import Command, Vehicle
+from protocol.reasons import Reason
+from protocol.topics import STATUS
+
+R = TypeVar("R", bound=Request)
+HEARD_NS: Final = 2_000_000_000
+STATUS_NS: Final = 1_000_000_000
+
+
+def insist(link: Link, says: Says, request: Callable[[], R], *, beats: bool) -> tuple[Answered, R]:
+    """The last answer and its request; `beats`: let the robot hear us when it misses an operator.
+
+    Never arms out of a failsafe or an emergency stop.
+    """
+    deadline_ns = link.clock.now_ns() + HEARD_NS
+    while True:
+        asked = request()
+        answered = link.ask(asked)
+        late = link.clock.now_ns() > deadline_ns
+        if answered.ok or late or not _remedied(link, says, answered.reason, beats=beats):
+            return answered, asked
+
+
+def _remedied(link: Link, says: Says, reason: int, *, beats: bool) -> bool:
+    """Is it worth asking again?"""
+    if reason == Reason.NOT_ARMED and _vehicle(link) == Vehicle.STANDBY:
+        answered = link.ask(link.command(Command.COMPONENT_ARM_DISARM, 1.0))
+        says.note("armed" if answered.ok else f"arming was refused: {why(answered)}")
+        return answered.ok
+    if reason == Reason.NO_OPERATOR and beats:
+        link.beat()
+        link.clock.sleep_until(link.clock.now_ns() + BEAT_NS // 4)
+        return True
+    return False
+
+
+def _vehicle(link: Link) -> int | None:
+    """What state the robot says it is in."""
+    telemetry = Telemetry(link.bus, link.robot, (STATUS,), notify=link.pulse.beat)
+    link.wait(lambda: telemetry.latest(STATUS) is not None, STATUS_NS)
+    newest = telemetry.latest(STATUS)
+    return None if newest is None else newest[0].vehicle

@@ -1,0 +1,294 @@
+"""Missions, fences, the lease and driving by hand over a bus, with a robot that is played."""
+
+import json
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from math import isnan, radians
+from pathlib import Path
+
+import pytest
+
+from ground.cli import main
+from ground.missions.files import read
+from protocol.enums import Command, LeaseAction, MissionState, MissionType, Mode, Vehicle
+from protocol.messages import CommandRequest, MissionCount
+from protocol.reasons import Reason
+from tests.bus.robots import PlayedRobot, played
+
+Say = Callable[..., tuple[int, str, str]]
+MISSION = """
+[[waypoint]]
+x_m = 1.2345
+y_m = -2
+heading_deg = 90
+hold_s = 1.5
+
+[[waypoint]]
+x_m = 3
+y_m = 0
+"""
+FENCE = "\n[fence.circle]\nx_m = 0\ny_m = 0\nradius_m = 9\n"
+
+
+@pytest.fixture
+def stage() -> Iterator[tuple[PlayedRobot, str]]:
+    with played() as found:
+        yield found
+
+
+@pytest.fixture
+def robot(stage: tuple[PlayedRobot, str]) -> PlayedRobot:
+    return stage[0]
+
+
+@pytest.fixture
+def say(stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]) -> Say:
+    """Run a verb against the robot: exit code, standard output, standard error."""
+
+    def run(*words: str) -> tuple[int, str, str]:
+        code = main([*words, "--connect", stage[1]])
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> str:
+    path = tmp_path / "m.toml"
+    path.write_text(MISSION)
+    return str(path)
+
+
+def test_a_mission_is_uploaded_and_comes_back_the_same(
+    robot: PlayedRobot, say: Say, mission: str, tmp_path: Path
+) -> None:
+    Path(mission).write_text(MISSION + FENCE)
+    code, out, _ = say("mission", "upload", mission)
+    assert (code, out) == (
+        0,
+        "ok, the robot has 2 waypoints, fence: circle of 9 m around (0, 0)\n",
+    )
+    first, second = robot.desk.kept[MissionType.MISSION]
+    assert (first.x, first.y, first.param4, first.param1) == (12345, -20000, 90.0, 1.5)
+    assert isnan(second.param4)
+    assert say("mission", "download", str(tmp_path / "back.toml"))[0] == 0
+    assert read(tmp_path / "back.toml") == read(Path(mission))
+
+
+def test_the_item_that_the_robot_refuses_is_named_with_its_reason(
+    robot: PlayedRobot, say: Say, mission: str
+) -> None:
+    robot.desk.verdict = (Reason.GOAL_OUT_OF_RANGE, 1)
+    code, out, _ = say("mission", "upload", mission)
+    assert code == 1
+    assert out.startswith("refused: item 1: ")
+    found = json.loads(say("mission", "upload", mission, "--json")[1])
+    assert (found["item"], found["reason_code"]) == (1, Reason.GOAL_OUT_OF_RANGE)
+    assert robot.desk.kept[MissionType.MISSION] == []
+
+
+def test_a_refused_fence_keeps_the_mission_here(robot: PlayedRobot, say: Say, mission: str) -> None:
+    Path(mission).write_text(MISSION + FENCE)
+    robot.desk.verdict = (Reason.FENCE_LEAVES_ROBOT_OUT, 65_535)
+    code, out, _ = say("mission", "upload", mission)
+    assert code == 1
+    assert out.startswith("refused: the fence: ")
+    assert {
+        frame.mission_type for frame in robot.desk.frames if isinstance(frame, MissionCount)
+    } == {MissionType.FENCE}
+
+
+def test_frames_that_are_lost_are_sent_again(robot: PlayedRobot, say: Say, mission: str) -> None:
+    robot.desk.lost = 2
+    assert say("mission", "upload", mission)[0] == 0
+    assert len(robot.desk.frames) == 5
+    assert len(robot.desk.kept[MissionType.MISSION]) == 2
+
+
+def test_a_bad_file_is_refused_before_anybody_is_dialled(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text("[[waypoint]]\nx_m = 1\ny_m = 'two'\n")
+    assert main(["mission", "upload", str(path), "--connect", "tcp/127.0.0.1:1"]) == 2
+    assert f"{path}:3: waypoint[0].y_m: expected `float`" in capsys.readouterr().err
+
+
+def test_waypoints_outside_of_the_file_s_own_fence_are_refused(
+    mission: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path(mission).write_text(MISSION + FENCE.replace("9", "2.5"))
+    assert main(["mission", "check", mission]) == 2
+    assert "waypoint 1: (3, 0) is outside of the fence" in capsys.readouterr().err
+
+
+def test_check_and_convert_need_no_robot(
+    mission: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = tmp_path / "m.plan"
+    assert main(["mission", "check", mission]) == 0
+    assert main(["mission", "convert", mission, str(plan)]) == 2
+    assert main(["mission", "convert", mission, str(plan), "--home", "47.4", "8.5"]) == 0
+    assert main(["mission", "convert", mission, mission]) == 2
+    assert "would be overwritten" in capsys.readouterr().err
+    assert read(plan).mission.waypoints == read(Path(mission)).mission.waypoints
+
+
+def test_what_is_dropped_from_a_plan_is_told(
+    robot: PlayedRobot, say: Say, mission: str, tmp_path: Path
+) -> None:
+    plan = tmp_path / "m.plan"
+    main(["mission", "convert", mission, str(plan), "--home", "47.4", "8.5"])
+    found = json.loads(plan.read_text())
+    found["mission"]["items"].insert(0, {"type": "SimpleItem", "command": 22, "params": []})
+    plan.write_text(json.dumps(found))
+    assert say("mission", "upload", str(plan))[0] == 2
+    code, _, err = say("mission", "upload", str(plan), "--drop")
+    assert code == 0
+    assert "left out: item 1: command 22 (take off)" in err
+    assert len(robot.desk.kept[MissionType.MISSION]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "command", "param1"),
+    [
+        (("start",), Command.MISSION_START, 0.0),
+        (("start", "1"), Command.MISSION_START, 1.0),
+        (("jump", "1"), Command.DO_SET_MISSION_CURRENT, 1.0),
+        (("pause",), Command.DO_PAUSE_CONTINUE, 0.0),
+        (("resume",), Command.DO_PAUSE_CONTINUE, 1.0),
+        (("abort",), Command.SIDESTEP_ABORT_GOAL, 0.0),
+    ],
+)
+def test_each_order_to_a_mission_is_a_command(
+    robot: PlayedRobot, say: Say, words: tuple[str, ...], command: Command, param1: float
+) -> None:
+    code, out, _ = say("mission", *words)
+    assert code == 0
+    assert out.startswith("ok ")
+    (asked,) = robot.asked
+    assert isinstance(asked, CommandRequest)
+    assert (asked.command, asked.param1) == (command, param1)
+
+
+def test_a_mission_arms_a_robot_that_stands_by(robot: PlayedRobot, say: Say) -> None:
+    robot.answers = [Reason.NOT_ARMED]
+    code, _, err = say("mission", "start")
+    assert (code, robot.vehicle) == (0, Vehicle.ACTIVE)
+    assert "armed" in err
+
+
+def test_how_far_the_mission_is_can_be_asked(robot: PlayedRobot, say: Say, mission: str) -> None:
+    assert say("mission", "status")[1] == "no mission\n"
+    say("mission", "upload", mission)
+    robot.desk.status = MissionState.RUNNING
+    assert say("mission", "status")[1] == "running, item 0 of 0 to 1\n"
+    assert json.loads(say("mission", "status", "--json")[1])["state"] == "running"
+    assert say("mission", "clear")[:2] == (0, "ok, the robot has none\n")
+    assert say("mission", "download", "x.toml")[1].startswith("refused: there is no mission")
+
+
+def test_a_fence_is_set_shown_and_taken_away(robot: PlayedRobot, say: Say) -> None:
+    assert say("fence", "show")[1] == "no fence\n"
+    assert say("fence", "circle", "1", "-1", "4.5")[0] == 0
+    assert say("fence", "show")[1] == "circle of 4.5 m around (1, -1)\n"
+    assert say("fence", "polygon", "0", "0", "4", "0", "4", "-3")[0] == 0
+    assert say("fence", "show")[1] == "polygon of 3 corners: (0, 0) (4, 0) (4, -3)\n"
+    assert json.loads(say("fence", "show", "--json")[1])["fence"]["corners"][2] == [4.0, -3.0]
+    assert say("fence", "off")[1] == "ok, there is no fence\n"
+    assert robot.desk.kept[MissionType.FENCE] == []
+
+
+def test_a_fence_comes_from_a_file_that_has_nothing_else(
+    robot: PlayedRobot, say: Say, tmp_path: Path
+) -> None:
+    path = tmp_path / "fence.toml"
+    path.write_text(FENCE)
+    assert say("fence", "polygon", str(path))[0] == 0
+    assert len(robot.desk.kept[MissionType.FENCE]) == 1
+    path.write_text(MISSION)
+    assert "has no fence; add [fence]" in say("fence", "polygon", str(path))[2]
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("polygon", "0", "0", "1"), "3 numbers are no corners"),
+        (("polygon", "0", "0", "1", "1"), "has 2 corners"),
+        (("polygon", "a", "b"), "'a' is not a number"),
+        (("circle", "0", "9e9", "1"), "y 9e+09 m is out of range"),
+    ],
+)
+def test_what_is_no_fence_is_refused_at_once(
+    words: tuple[str, ...], why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fence", *words, "--connect", "tcp/127.0.0.1:1"]) == 2
+    assert why in capsys.readouterr().err
+
+
+def test_the_lease_is_taken_kept_and_given_back(robot: PlayedRobot, say: Say) -> None:
+    assert say("lease", "show")[1] == "nobody holds the lease\n"
+    code, _, err = say("lease", "take", "--name", "anna", "--for", "0.3")
+    assert code == 0
+    assert "anna commands r1" in err
+    assert robot.beats >= 2
+    kinds = [request.action for request in robot.desk.actions]
+    assert kinds == [LeaseAction.TAKE, LeaseAction.RELEASE]
+
+
+def test_a_lease_that_another_holds_can_be_seen_and_seized(robot: PlayedRobot, say: Say) -> None:
+    robot.desk.held = ("beef", "anna")
+    assert say("lease", "show")[1] == "anna commands r1, for 2.5 s more unless heard\n"
+    assert "anna" in say("lease", "take")[1]
+    assert say("lease", "release")[0] == 1
+    assert say("lease", "seize", "--for", "0.1")[0] == 0
+    assert robot.desk.held is None
+
+
+def test_ctrl_c_gives_the_lease_back(robot: PlayedRobot, say: Say) -> None:
+    threading.Timer(0.4, os.kill, (os.getpid(), signal.SIGINT)).start()
+    assert say("lease", "take")[0] == 130
+    assert robot.desk.actions[-1].action == LeaseAction.RELEASE
+
+
+def test_driving_by_hand_sends_speeds_at_20_hz_and_ends_standing(
+    robot: PlayedRobot, say: Say
+) -> None:
+    robot.answers = [Reason.NOT_ARMED]
+    code, out, _ = say("teleop", "0.2", "-30", "--for", "0.5")
+    assert (code, out) == (0, "done, the robot holds\n")
+    speeds = {(frame.speed_mm_s, frame.yaw_rate_mrad_s) for frame in robot.driven[:-1]}
+    assert speeds == {(200, round(radians(-30) * 1000))}
+    assert 8 <= len(robot.driven) <= 13
+    assert [frame.seq for frame in robot.driven] == list(range(1, len(robot.driven) + 1))
+    assert (robot.driven[-1].speed_mm_s, robot.driven[-1].yaw_rate_mrad_s) == (0, 0)
+    assert robot.mode is Mode.HOLD
+    assert robot.desk.held is None
+    assert robot.beats >= 2
+
+
+def test_ctrl_c_stops_a_robot_that_is_driven_by_hand(robot: PlayedRobot, say: Say) -> None:
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    assert say("teleop", "0.2", "0")[0] == 130
+    assert robot.driven[-1].speed_mm_s == 0
+    assert robot.mode is Mode.HOLD
+
+
+def test_driving_by_hand_ends_when_the_robot_is_stopped(robot: PlayedRobot, say: Say) -> None:
+    def stop() -> None:
+        robot.vehicle = Vehicle.EMERGENCY_STOP
+
+    threading.Timer(0.8, stop).start()
+    code, out, _ = say("teleop", "0.2", "0", "--for", "9")
+    assert code == 1
+    assert out.startswith("stopped: ")
+
+
+def test_a_speed_no_robot_has_is_refused_before_anybody_is_dialled(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["teleop", "50", "0", "--connect", "tcp/127.0.0.1:1"]) == 2
+    assert "speed 50 m/s is out of range" in capsys.readouterr().err
