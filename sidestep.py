@@ -52,6 +52,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "record": Verb("ground.cli", "write every frame to a .tlog and an .mcap file"),
         "mark": Verb("ground.cli", "a remark in what is being recorded"),
         "export": Verb("ground.cli", "a recording as a table: CSV or Parquet"),
+        "plot": Verb("ground.cli", "a recorded run as a picture"),
     },
     "study": {
         "trial": Verb("study.cli", "one run in this process, as fast as possible"),

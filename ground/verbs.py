@@ -13,6 +13,7 @@ from ground import (
     lease,
     orders,
     param,
+    plotting,
     record,
     router,
     teleop,
@@ -99,6 +100,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         "record": Verb(record.arguments, record.run, "write every frame to .tlog and .mcap"),
         "mark": talking(record.mark_arguments, record.act_mark, "a remark in what is recorded"),
         "export": Verb(exporting.arguments, exporting.run, "a recording as CSV or Parquet"),
+        "plot": Verb(plotting.arguments, plotting.run, "a recorded run as a picture"),
     }
 )
 

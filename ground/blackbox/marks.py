@@ -1,10 +1,12 @@
 """The instants of a run that somebody will want to go to: goals, outcomes, failsafes, remarks."""
 
+from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 from ground.blackbox.reel import Reel
 from ground.texts import Texts
 from protocol.enums import GoalState, Vehicle
+from protocol.message import Message
 from protocol.messages import NavigatorStatus
 from protocol.reasons import reason_text
 from protocol.topics import MARK, STATUS
@@ -26,13 +28,14 @@ def marks_of(reel: Reel) -> tuple[Mark, ...]:
     texts = Texts()
     remarks = ((time_ns, texts.receive(message)) for time_ns, message in reel.on(MARK.path))
     said = [Mark(time_ns / NS_PER_S, "mark", words) for time_ns, words in remarks if words]
-    return tuple(sorted([*_changes(reel), *said]))
+    return tuple(sorted([*changes(reel.on(STATUS.path)), *said]))
 
 
-def _changes(reel: Reel) -> list[Mark]:
+def changes(statuses: Iterable[tuple[int, Message]]) -> list[Mark]:
+    """What the statuses of a run tell, each with its time in ns."""
     found: list[Mark] = []
     goal_id, goal, vehicle = 0, int(GoalState.NONE), int(Vehicle.BOOT)
-    for time_ns, status in reel.on(STATUS.path):
+    for time_ns, status in statuses:
         if not isinstance(status, NavigatorStatus):
             continue
         at_s = time_ns / NS_PER_S

@@ -9,7 +9,14 @@ from math import cos, isfinite, radians, sin
 from typing import Any, Final, NamedTuple, TypeVar
 
 from ground.blackbox import shape_schemas as schemas
-from ground.blackbox.place import facts_of, solids, start_of
+from ground.blackbox.place import (
+    BEARINGS_RAD,
+    USUAL_RADIUS_M,
+    facts_of,
+    radius_of,
+    solids,
+    start_of,
+)
 from ground.blackbox.schemas import Json
 from ground.blackbox.shapes import (
     LINE_LIST,
@@ -42,8 +49,6 @@ from protocol.messages import (
 M = TypeVar("M", bound=Message)
 WORLD: Final = "world"
 ROBOT: Final = "robot"
-USUAL_RADIUS_M: Final = 0.12
-BEARINGS_RAD: Final = tuple(radians((sonar - 3.5) * 22.5) for sonar in range(8))
 TRAIL_STEP_M: Final = 0.05
 TRAIL_EVERY_NS: Final = 1_000_000_000
 MOST_POSES: Final = 400
@@ -104,7 +109,7 @@ class Picture:
             return []
 
     def _world(self, facts: dict[str, Any], time_ns: int) -> list[Drawn]:
-        self._radius_m = float(facts.get("robot", {}).get("radius_m", USUAL_RADIUS_M))
+        self._radius_m = radius_of(facts)
         cubes, cylinders = solids(facts, GREY)
         walls = entity("walls", WORLD, time_ns, cubes=cubes, cylinders=cylinders)
         starts = [arrow(*start, 0.3, GREY) for start in start_of(facts)]

@@ -12,6 +12,9 @@ from ground.blackbox.shapes import Colour, Point, colour, disc, pose, vector
 HEIGHT_M: Final = 0.3
 SKIN_M: Final = 0.02
 FAINT: Final = 0.4
+USUAL_RADIUS_M: Final = 0.12
+BEARINGS_RAD: Final = tuple(radians((sonar - 3.5) * 22.5) for sonar in range(8))
+"""Where the sonars look, from right to left, seen from the robot's middle."""
 
 
 def facts_of(text: str) -> dict[str, Any]:
@@ -21,6 +24,11 @@ def facts_of(text: str) -> dict[str, Any]:
     except ValueError:
         return {}
     return facts if isinstance(facts, dict) else {}
+
+
+def radius_of(facts: dict[str, Any]) -> float:
+    """The robot's; a world names it only where it is not the usual one."""
+    return float(facts.get("robot", {}).get("radius_m", USUAL_RADIUS_M))
 
 
 def start_of(facts: dict[str, Any]) -> Iterator[tuple[Point, float]]:

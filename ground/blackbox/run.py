@@ -1,0 +1,112 @@
+"""A run as series over time, gathered from a recording, ready to be drawn."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from math import cos, inf, isfinite, nan, sin, sqrt
+
+from ground.blackbox.axis import Timed
+from ground.blackbox.marks import Mark, changes
+from ground.blackbox.place import BEARINGS_RAD
+from protocol.message import Message
+from protocol.messages import (
+    AvoidanceDecision,
+    GroundTruth,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+)
+
+Place = tuple[float, float, float]
+"""Metres, metres, radians."""
+
+
+@dataclass(slots=True)
+class Series:
+    """Values over time; NaN is a gap."""
+
+    times_s: list[float] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+
+    def add(self, time_s: float, value: float) -> None:
+        self.times_s.append(time_s)
+        self.values.append(value)
+
+
+@dataclass(slots=True)
+class Run:
+    """`error_m` is how far the belief was from the truth, where there is one."""
+
+    believed: list[Place] = field(default_factory=list)
+    true: list[Place] = field(default_factory=list)
+    covariances: list[tuple[float, float, float]] = field(default_factory=list)
+    echoes: list[tuple[float, float]] = field(default_factory=list)
+    goals: list[Place] = field(default_factory=list)
+    marks: tuple[Mark, ...] = ()
+    nearest_m: Series = field(default_factory=Series)
+    zone_m: Series = field(default_factory=Series)
+    speed_m_s: Series = field(default_factory=Series)
+    wanted_m_s: Series = field(default_factory=Series)
+    yaw_rate_rad_s: Series = field(default_factory=Series)
+    sigma_m: Series = field(default_factory=Series)
+    error_m: Series = field(default_factory=Series)
+
+
+def gathered(timed: Iterable[Timed], radius_m: float) -> Run:
+    """`radius_m`: of the robot, from whose rim the sonars measure."""
+    run = Run()
+    truths: dict[int, tuple[float, float]] = {}
+    statuses: list[tuple[int, Message]] = []
+    for one in timed:
+        message, time_s = one.message, one.time_s
+        if isinstance(message, PlanarOdometry):
+            _believe(run, message, time_s)
+        elif isinstance(message, GroundTruth):
+            run.true.append((message.x_m, message.y_m, message.heading_rad))
+            truths[message.time_ns] = (message.x_m, message.y_m)
+        elif isinstance(message, SonarScan):
+            _scan(run, message, time_s, radius_m)
+        elif isinstance(message, AvoidanceDecision):
+            run.wanted_m_s.add(time_s, message.speed_m_s)
+            if isfinite(message.zone_m):
+                run.zone_m.add(time_s, message.zone_m)
+        elif isinstance(message, NavigatorStatus):
+            statuses.append((round(time_s * 1e9), message))
+            goal = (message.goal_x_m, message.goal_y_m, message.goal_heading_rad)
+            if goal[0] == goal[0] and (not run.goals or run.goals[-1][:2] != goal[:2]):
+                run.goals.append(goal)
+    run.marks = tuple(changes(statuses))
+    run.error_m = _errors(run, truths)
+    return run
+
+
+def _errors(run: Run, truths: dict[int, tuple[float, float]]) -> Series:
+    """How far off the belief was from the truth of the same stamp."""
+    errors = Series()
+    for time_s, (x_m, y_m, _) in zip(run.speed_m_s.times_s, run.believed, strict=True):
+        true = truths.get(round(time_s * 1e9))
+        if true is not None:
+            errors.add(time_s, sqrt((true[0] - x_m) ** 2 + (true[1] - y_m) ** 2))
+    return errors
+
+
+def _believe(run: Run, odometry: PlanarOdometry, time_s: float) -> None:
+    run.believed.append((odometry.x_m, odometry.y_m, odometry.heading_rad))
+    run.covariances.append((odometry.cov_xx_m2, odometry.cov_xy_m2, odometry.cov_yy_m2))
+    run.speed_m_s.add(time_s, odometry.speed_m_s)
+    run.yaw_rate_rad_s.add(time_s, odometry.yaw_rate_rad_s)
+    run.sigma_m.add(time_s, sqrt(max(0.0, odometry.cov_xx_m2 + odometry.cov_yy_m2)))
+
+
+def _scan(run: Run, scan: SonarScan, time_s: float, radius_m: float) -> None:
+    """No echo is drawn as a gap, not as a distance."""
+    nearest_m = inf
+    for sonar, range_mm in enumerate(scan.range_mm):
+        if not scan.echo & scan.valid & 1 << sonar:
+            continue
+        nearest_m = min(nearest_m, range_mm / 1000.0)
+        if run.believed:
+            x_m, y_m, heading_rad = run.believed[-1]
+            bearing_rad = heading_rad + BEARINGS_RAD[sonar]
+            far_m = radius_m + range_mm / 1000.0
+            run.echoes.append((x_m + far_m * cos(bearing_rad), y_m + far_m * sin(bearing_rad)))
+    run.nearest_m.add(time_s, nan if nearest_m == inf else nearest_m)

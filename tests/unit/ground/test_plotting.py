@@ -1,0 +1,110 @@
+"""`plot` draws a run with its world, and says why when it cannot."""
+
+import json
+import xml.etree.ElementTree as ElementTree
+from math import isnan
+from pathlib import Path
+
+import matplotlib.image
+import pytest
+
+from ground.blackbox.axis import Axis
+from ground.blackbox.frames import opened
+from ground.blackbox.run import gathered
+from ground.cli import main
+from protocol.topics import SONAR, STATUS
+from tests.unit.ground.blackbox.made import START_US, Said, Speaker, mcap, run, scan, status, tlog
+
+
+@pytest.fixture
+def said() -> list[Said]:
+    return list(run(60))
+
+
+def test_a_png_has_the_drawing_in_it(
+    tmp_path: Path, said: list[Said], capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = mcap(tmp_path / "a.mcap", said)
+    assert main(["plot", str(log), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    image = matplotlib.image.imread(told["out"])
+    assert told["out"].endswith("a.png")
+    assert image.shape[:2] == (840, 1440)
+    assert len({tuple(pixel) for row in image[::7, ::7] for pixel in row}) > 20, "not blank"
+
+
+def test_an_svg_is_well_formed_and_names_what_it_shows(tmp_path: Path, said: list[Said]) -> None:
+    out = tmp_path / "a.svg"
+    assert main(["plot", str(mcap(tmp_path / "a.mcap", said)), "--out", str(out)]) == 0
+    text = out.read_text()
+    ElementTree.fromstring(text)
+    for words in ("a.mcap: r1 in made", "true way", "believed", "nearest echo", "claimed"):
+        assert f"<!-- {words}" in text
+
+
+def test_a_tlog_is_drawn_without_its_world_or_with_one_that_is_named(
+    tmp_path: Path, said: list[Said], capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = str(tlog(tmp_path / "a.tlog", said))
+    assert main(["plot", log]) == 0
+    assert "--world W draws it" in capsys.readouterr().out
+    assert main(["plot", log, "--world", "box", "--out", str(tmp_path / "b.svg")]) == 0
+    assert "r1 in box" in (tmp_path / "b.svg").read_text()
+    assert main(["plot", log, "--world", "no_such_world"]) == 2
+
+
+def test_a_damaged_file_is_drawn_as_far_as_it_goes(
+    tmp_path: Path, said: list[Said], capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = mcap(tmp_path / "a.mcap", said)
+    whole = log.read_bytes()
+    log.write_bytes(whole[: len(whole) // 2])
+    assert main(["plot", str(log)]) == 1
+    assert "DAMAGED" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["--out", "a.gif"], "end it in .png or .svg"),
+        (["--from", "1e6"], "no pose in that time"),
+        (["--out", "/proc/none/a.png"], "No such file"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_with_the_reason(
+    tmp_path: Path,
+    said: list[Said],
+    words: list[str],
+    why: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    log = str(mcap(tmp_path / "a.mcap", said))
+    assert main(["plot", log, *words]) == 2
+    assert why in capsys.readouterr().err
+
+
+def test_what_is_no_recording_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "a.tlog"
+    path.write_bytes(b"not a log")
+    assert main(["plot", str(path)]) == 2
+    assert "holds no frame (DAMAGED: 9 bytes" in capsys.readouterr().err
+
+
+def test_the_error_is_against_the_truth_of_the_same_stamp(tmp_path: Path, said: list[Said]) -> None:
+    found = gathered(Axis(opened(tlog(tmp_path / "a.tlog", said))), 0.15)
+    assert len(found.error_m.values) == len(found.believed) == 60
+    assert found.error_m.values == pytest.approx([0.01] * 60, abs=1e-5)
+    assert found.sigma_m.values[0] == pytest.approx(0.0005**0.5, abs=1e-6)
+    assert [mark.kind for mark in found.marks] == ["goal", "outcome"]
+
+
+def test_no_echo_is_a_gap_and_no_distance(tmp_path: Path) -> None:
+    speaker = Speaker()
+    said = [speaker.say(SONAR, scan(n, n, echo=n % 2), START_US + n) for n in range(4)]
+    said.append(speaker.say(STATUS, status(9), START_US + 9))
+    found = gathered(Axis(opened(tlog(tmp_path / "a.tlog", said))), 0.15)
+    assert [isnan(value) for value in found.nearest_m.values] == [True, False, True, False]
+    assert found.echoes == [], "without a pose an echo has no place"
+    assert [round(goal[0], 3) for goal in found.goals] == [5.4]
