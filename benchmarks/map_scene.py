@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from math import atan2, cos, sin
 from typing import Final
 
-from ground.map import Canvas, Disc, Outline, Point, Robot, Scene, Shape, Target, View, draw
+from ground.map import Canvas, Disc, Outline, Point, Robot, Scene, Shape, Target, View, draw, floor
 from ground.map.canvas import Dot
 
 TRAIL_POINTS: Final = 360
@@ -81,4 +81,4 @@ def _obstacles() -> tuple[Shape, ...]:
         Outline(((x, y), (x + BOX_M, y), (x + BOX_M, y + BOX_M), (x, y + BOX_M)))
         for x, y in corners
     ]
-    return (*boxes, *DISCS)
+    return (Outline(floor(SIZE_M)), *boxes, *DISCS)

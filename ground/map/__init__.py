@@ -13,6 +13,7 @@ from ground.map.scene import (
     Scene,
     Shape,
     Target,
+    floor,
 )
 from ground.map.view import Box, Point, View
 
@@ -35,5 +36,6 @@ __all__ = [
     "draw",
     "draw_moving",
     "draw_standing",
+    "floor",
     "standing",
 ]

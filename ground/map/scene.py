@@ -85,11 +85,12 @@ class Ghost:
 class Scene:
     """What is to be drawn now.
 
-    `truth`: the walls are what the simulation knows, not what the robot saw. `live` is False when
-    the robot has not been heard lately: then its mark is a question mark. `ranges_m` are by sonar
-    from right to left, measured from the robot's rim: inf for no echo, None for a sonar that is
-    missing. `zone_m` is measured from the rim too. `covariance` is xx, xy, yy in m2. `current`
-    is the mission item under way, `note` a word for the legend.
+    `size_m` is the floor, from 0 0; walls around it are obstacles like others. `truth`: they are
+    what the simulation knows, not what the robot saw. `live` is False when the robot has not been
+    heard lately: then its mark is a question mark. `ranges_m` are by sonar from right to left,
+    measured from the robot's rim: inf for no echo, None for a sonar that is missing. `zone_m` is
+    measured from the rim too. `covariance` is xx, xy, yy in m2. `current` is the mission item
+    under way, `note` a word for the legend.
     """
 
     size_m: Point | None = None
@@ -135,6 +136,12 @@ class Scene:
         places = [place for place in (self.robot, self.goal, *self.mission) if place is not None]
         for place in places:
             yield from _corners(Disc(place.x_m, place.y_m, RADIUS_M))
+
+
+def floor(size_m: Point) -> tuple[Point, ...]:
+    """The corners of the floor, or of the wall around it."""
+    width_m, height_m = size_m
+    return (0.0, 0.0), (width_m, 0.0), (width_m, height_m), (0.0, height_m)
 
 
 def _corners(shape: Shape) -> Sequence[Point]:

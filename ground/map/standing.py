@@ -6,10 +6,10 @@ from typing import Final
 
 from ground.map.canvas import DOTS_WIDE
 from ground.map.pen import Pen
-from ground.map.scene import Disc, Outline, Scene, Target
+from ground.map.scene import Disc, Outline, Scene, Shape, Target, floor
 from ground.map.view import LEGEND_FROM_ROWS, Point
 
-FENCE_EVERY: Final = 3
+EDGE_EVERY: Final = 3
 HEADING_DOTS: Final = 9.0
 LEGEND_SHARE: Final = 6
 TRUTH_WORDS: Final = "walls: simulation truth"
@@ -18,11 +18,10 @@ ENDS: Final = {"reached": "reached", "collided": "collided", "stuck": "stuck"}
 
 
 def draw_walls(pen: Pen, scene: Scene) -> None:
+    """What stands there, and the edge of the floor: dotted where no wall is on it."""
     role = "truth" if scene.truth else "wall"
     if scene.size_m is not None:
-        width_m, height_m = scene.size_m
-        corners = ((0.0, 0.0), (width_m, 0.0), (width_m, height_m), (0.0, height_m))
-        pen.shape(Outline(corners), role)
+        dotted(pen, Outline(floor(scene.size_m)), role)
     for obstacle in scene.obstacles:
         pen.shape(obstacle, role)
 
@@ -33,15 +32,8 @@ def draw_seen(pen: Pen, scene: Scene) -> None:
 
 def draw_fence(pen: Pen, scene: Scene) -> None:
     """Dotted, so that it is no wall without colour either."""
-    fence = scene.fence
-    if fence is None:
-        return
-    if isinstance(fence, Disc):
-        points = pen.curve((fence.x_m, fence.y_m), fence.radius_m, fence.radius_m)
-    else:
-        points = (*fence.points_m, *fence.points_m[:1])
-    for a, b in pairwise(points):
-        pen.dotted(a, b, "fence", FENCE_EVERY)
+    if scene.fence is not None:
+        dotted(pen, scene.fence, "fence")
 
 
 def draw_ghosts(pen: Pen, scene: Scene) -> None:
@@ -65,7 +57,7 @@ def draw_mission(pen: Pen, scene: Scene) -> None:
     """Items from 1 on; the one under way is marked as such."""
     places = [(item.x_m, item.y_m) for item in scene.mission]
     for a, b in pairwise(places):
-        pen.dotted(a, b, "mission", 2 * FENCE_EVERY)
+        pen.dotted(a, b, "mission", 2 * EDGE_EVERY)
     for index, item in enumerate(scene.mission):
         draw_heading(pen, item, "mission")
         number = f">{index + 1}" if index == scene.current else f"{index + 1}"
@@ -109,6 +101,16 @@ def words(scene: Scene, room: int) -> str:
             longer = f"{said}, {word}" if said else word
             said = longer if len(longer) <= room else said
     return said
+
+
+def dotted(pen: Pen, shape: Shape, role: str) -> None:
+    """The edge of a shape, every so many dots of it."""
+    if isinstance(shape, Disc):
+        points = pen.curve((shape.x_m, shape.y_m), shape.radius_m, shape.radius_m)
+    else:
+        points = (*shape.points_m, *shape.points_m[:1])
+    for a, b in pairwise(points):
+        pen.dotted(a, b, role, EDGE_EVERY)
 
 
 def metres(length_m: float) -> str:

@@ -15,7 +15,7 @@ from ground.widgets.map import MapWidget
 def test_every_frame_has_500_segments_and_14_obstacles() -> None:
     for scene in (*whirl(3), *drive(3)):
         assert segments(noted(scene, *benchmark.SIZE)) >= 500
-        assert len(scene.obstacles) == 14
+        assert len(scene.obstacles) == 14 + 1  # the wall around them
 
 
 def test_in_the_hard_scene_nearly_every_row_changes_and_in_a_drive_few_do() -> None:

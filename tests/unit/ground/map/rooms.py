@@ -4,11 +4,14 @@ from dataclasses import replace
 from math import inf, pi
 from typing import Final
 
-from ground.map import Disc, Ghost, Outline, Robot, Scene, Target
+from ground.map import Disc, Ghost, Outline, Robot, Scene, Target, floor
 
 ROOM: Final = Scene(
     size_m=(6.0, 4.0),
-    obstacles=(Outline(((3.0, 1.0), (3.4, 1.0), (3.4, 3.0), (3.0, 3.0))),),
+    obstacles=(
+        Outline(floor((6.0, 4.0))),
+        Outline(((3.0, 1.0), (3.4, 1.0), (3.4, 3.0), (3.0, 3.0))),
+    ),
     robot=Robot(1.9, 2.0, 0.0),
     ranges_m=(inf, inf, None, 0.9, 0.9, inf, inf, 1.6),
     trail=((0.5, 0.5), (1.0, 1.5), (1.9, 2.0)),

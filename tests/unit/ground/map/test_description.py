@@ -21,7 +21,7 @@ def test_where_it_is_where_it_goes_and_what_it_sees_in_that_order() -> None:
         "goal: at 5.20 3.20 heading 90 deg, 3.51 m away, 20 deg to the left",
         "nearest echo: 0.90 m, 11 deg to the right",
         "sonars, left to right: 1.60, no echo, no echo, 0.90, 0.90, missing, no echo, no echo",
-        "obstacles: 1 (simulation truth)",
+        "obstacles: 2 (simulation truth)",
     ]
 
 

@@ -1,0 +1,70 @@
+"""One character per cell, whatever the terminal can show."""
+
+from unicodedata import east_asian_width
+
+import pytest
+
+from ground.map.glyphs import DOTS, HEADINGS, MARKS, POINTERS, ascii_art, braille, stroke
+
+
+def bits(*dots: tuple[int, int]) -> int:
+    return sum(DOTS[2 * y + x] for x, y in dots)
+
+
+def test_every_pattern_has_its_braille_and_none_is_a_plain_blank() -> None:
+    assert len(set(braille())) == len(braille()) == 256
+    assert braille()[0] == " "
+    assert braille()[bits((0, 0), (0, 1), (0, 2), (0, 3))] == "⡇"
+    assert braille()[255] == "⣿"
+
+
+@pytest.mark.parametrize(
+    ("character", "dots"),
+    [
+        (" ", ()),
+        ("-", ((0, 0), (1, 0))),
+        ("-", ((0, 2), (1, 2))),
+        ("_", ((0, 3), (1, 3))),
+        ("|", ((0, 0), (0, 1), (0, 2), (0, 3))),
+        ("|", ((1, 2), (1, 3))),
+        ("/", ((0, 3), (0, 2), (1, 1), (1, 0))),
+        ("\\", ((0, 0), (0, 1), (1, 2), (1, 3))),
+        ("'", ((0, 0),)),
+        (".", ((1, 3),)),
+        ("+", ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1))),
+        ("#", tuple((x, y) for x in range(2) for y in range(4))),
+    ],
+)
+def test_a_stroke_looks_like_its_dots(character: str, dots: tuple[tuple[int, int], ...]) -> None:
+    assert stroke(bits(*dots)) == character
+
+
+def test_a_pattern_and_its_mirror_are_mirrored_strokes() -> None:
+    mirrored = {"/": "\\", "\\": "/"}
+    for pattern in range(256):
+        dots = [(at % 2, at // 2) for at, bit in enumerate(DOTS) if pattern & bit]
+        mirror = bits(*((1 - x, y) for x, y in dots))
+        drawn = ascii_art()[pattern]
+        assert ascii_art()[mirror] == mirrored.get(drawn, drawn)
+
+
+def test_a_cell_with_a_dot_is_never_blank_and_ascii_is_ascii() -> None:
+    for table in (braille(), ascii_art()):
+        assert all(character.strip() for character in table[1:])
+    assert "".join(ascii_art()).isascii()
+
+
+def test_marks_take_one_cell_and_have_an_ascii_twin() -> None:
+    for rich, plain in (
+        *MARKS.values(),
+        *zip(*HEADINGS, strict=True),
+        *zip(*POINTERS, strict=True),
+    ):
+        assert len(rich) == len(plain) == 1
+        assert east_asian_width(rich) not in "WF"
+        assert plain.isascii()
+        assert plain.isprintable()
+
+
+def test_who_is_there_is_told_from_what_is_out_there() -> None:
+    assert not set(HEADINGS[0]) & set(POINTERS[0])
