@@ -16,6 +16,7 @@ from math import degrees, hypot, inf, radians, remainder
 from typing import Final, Self
 
 from plant.faults import Fault
+from protocol.bus import Bus
 from protocol.clock import Tick
 from protocol.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, GoalState, Mode
 from protocol.enums import Vehicle as VehicleState
@@ -30,7 +31,7 @@ from protocol.messages import (
 )
 from protocol.reasons import Reason
 from protocol.timing import PERIOD_NS
-from protocol.topics import COMMAND, Topic
+from protocol.topics import COMMAND, Service, Topic
 from tests.peers import FRAME_S, TOLD, Peers
 
 BEAT_TICKS: Final = 4
@@ -91,12 +92,18 @@ class Stack(Peers):
         if receiver is not None:
             self._arrivals.wait(lambda: self._arrivals.count(key) > seen, key)
 
+    def send(self, key: str, put: Callable[[], object]) -> None:
+        """Put something for the robot, and wait until it is there."""
+        self._send(key, put, self.robot)
+
     # The operator: requests and what can be seen.
 
-    def ask(self, request: Message) -> Message:
+    def ask(
+        self, request: Message, service: Service = COMMAND, asker: Bus | None = None
+    ) -> Message:
         """Ask over the bus while the robot's loop goes round; its answer."""
         with ThreadPoolExecutor(1) as pool:
-            answer = pool.submit(self.ground.ask, COMMAND, request, FRAME_S)
+            answer = pool.submit((asker or self.ground).ask, service, request, FRAME_S)
             while not answer.done():
                 if self.robot is not None:
                     self.robot.idle()

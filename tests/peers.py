@@ -135,6 +135,10 @@ class Peers:
         self.operator = self._listening = True
         self.reconnect()
 
+    def join(self, role: Role) -> Bus:
+        """One more on the bus, beside the operator there is."""
+        return self._open("ground", role)
+
     def _open(self, name: str, role: Role | None) -> Bus:
         """The robot is the hub and others dial it; with a router everybody dials that."""
         hub = "router" if self._router else "robot"

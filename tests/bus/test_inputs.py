@@ -1,0 +1,163 @@
+"""A run can be had again from what was on the bus: the same core, given the same, says the same."""
+
+from collections.abc import Iterator
+from threading import Lock
+from typing import Final, TypeVar
+
+from msgspec.structs import replace
+
+from protocol.codec import Encoder, decode
+from protocol.enums import Command, LeaseAction
+from protocol.message import Message
+from protocol.messages import (
+    AvoidanceDecision,
+    CommandAck,
+    LeaseRequest,
+    MissionVerdict,
+    NavigatorStatus,
+    ParamSet,
+    PlanarOdometry,
+    SonarScan,
+    TickInputs,
+    WheelCommand,
+    WheelTicks,
+)
+from protocol.reasons import Reason
+from protocol.topics import ANSWERED, COMMANDED, PARAMETER, Topic
+from robot import telemetry
+from robot.core.parameters import Params
+from robot.core.senses import scan_of, twist_of, wheels_of
+from robot.core.values import Inputs, Outputs, Pose
+from robot.store import Store
+from robot.vehicle import Vehicle
+from tests.harness import Stack
+from tests.operators import Operator, fence, stops
+
+M = TypeVar("M", bound=Message)
+TOLD: Final = (WheelCommand, PlanarOdometry, AvoidanceDecision, NavigatorStatus)
+
+
+class Tape:
+    """Every frame on the bus, by type, and by key where the type does not tell."""
+
+    def __init__(self, stack: Stack) -> None:
+        self._lock = Lock()
+        self.frames: list[tuple[str, Message]] = []
+        for topic in ("sense/*", "tlm/*", "drive/*"):
+            stack.ground.stream(stack.ground.key(topic), self._take)
+
+    def _take(self, key: str, frame: bytes, _arrived_ns: int) -> None:
+        with self._lock:
+            self.frames.append((key, decode(frame).message))
+
+    def on(self, topic: Topic[Message]) -> list[Message]:
+        return [message for key, message in self.frames if key.endswith(topic.path)]
+
+    def requests(self) -> list[Message | None]:
+        """Each that was recorded; None for what the lease kept from the core, or was about it."""
+        return [
+            None if isinstance(asked, LeaseRequest) or refused(answer) else asked
+            for asked, answer in zip(self.on(COMMANDED), self.on(ANSWERED), strict=True)
+        ]
+
+    def of(self, kind: type[M]) -> list[M]:
+        return [message for _, message in self.frames if isinstance(message, kind)]
+
+    def by_time(self, kind: type[M]) -> dict[int, M]:
+        return {getattr(message, "time_ns", 0): message for message in self.of(kind)}
+
+
+def refused(answer: Message) -> bool:
+    if isinstance(answer, CommandAck):
+        return answer.result_param2 == Reason.LEASE_HELD
+    return isinstance(answer, MissionVerdict) and answer.reason == Reason.LEASE_HELD
+
+
+def again(tape: Tape, params: Params, start: Pose) -> Iterator[tuple[TickInputs, Vehicle, Outputs]]:
+    """The run once more, without a plant, an operator or a bus."""
+    vehicle = Vehicle(params, Store(None), start)
+    wheels = {one.seq: one for one in tape.of(WheelTicks)}
+    scans = {one.seq: one for one in tape.of(SonarScan)}
+    requests, done = tape.requests(), 0
+    for given in tape.of(TickInputs):
+        for request in filter(None, requests[done : given.requests]):
+            vehicle.receive(request, given.now_ms * 1_000_000)
+        done, flags = given.requests, given.flags
+        ticks = wheels_of(wheels[given.wheels_seq]) if flags & telemetry.WHEELS_THERE else None
+        seen = scans[given.scan_seq] if flags & telemetry.SCAN_THERE else None
+        scan = None if seen is None else scan_of(seen, given.scan_age_ms)
+        age_ms = None if given.operator_age_ms == telemetry.NEVER else given.operator_age_ms
+        steered = flags & telemetry.STEERED
+        manual = twist_of(given.speed_mm_s, given.yaw_rate_mrad_s) if steered else None
+        inputs = Inputs(given.now_ms, ticks, scan, age_ms)
+        yield given, vehicle, vehicle.step(inputs, lambda _: None, manual)
+
+
+def test_a_run_with_all_there_is_in_it_can_be_had_again_to_the_last_bit() -> None:
+    with Stack("box", noise="default", seed=4) as stack:
+        tape = Tape(stack)
+        stack.until(lambda: bool(tape.of(TickInputs)), within_s=1.0)
+        start, params = stack.vehicle.state.odometry.pose, stack.vehicle.params
+        drive_about(stack)
+    compare(tape, params, start)
+
+
+def drive_about(stack: Stack) -> None:
+    """A goal, a parameter, a fence, a mission paused and gone on, a drive by hand, a lost sense,
+    and another operator who is refused."""
+    ada, bob = Operator(stack, "ada"), Operator(stack, "bobby")
+    stack.arm()
+    ada.ask(ParamSet(param_id="v_max_m_s", param_value=0.25, param_type=9), PARAMETER)
+    x_m, y_m = stack.world.start.x_m, stack.world.start.y_m
+    ada.upload(fence((-1.0, -1.0), (9.0, -1.0), (9.0, 9.0), (-1.0, 9.0)))
+    ada.upload(stops((x_m + 0.5, y_m), (x_m + 0.5, y_m + 0.5), hold_s=0.3))
+    stack.goto_goal()
+    stack.forward(2.0)
+    assert ada.lease(LeaseAction.TAKE) == Reason.NONE
+    assert bob.command(Command.SIDESTEP_ABORT_GOAL) == Reason.LEASE_HELD
+    assert bob.upload(stops((9.0, 9.0))).reason == Reason.LEASE_HELD
+    assert ada.command(Command.MISSION_START) == Reason.NONE
+    assert ada.lease(LeaseAction.RELEASE) == Reason.NONE
+    stack.forward(1.0)
+    ada.command(Command.DO_PAUSE_CONTINUE, 0)
+    stack.forward(0.5)
+    ada.command(Command.DO_PAUSE_CONTINUE, 1)
+    stack.forward(5.0)
+    assert ada.manual() == Reason.NONE
+    for _ in range(8):
+        ada.steer(-0.2, 0.7, ttl_ms=120)
+        stack.forward(0.2)
+    stack.inject("scan_stopped", for_s=0.5)
+    stack.forward(1.0)
+
+
+def compare(tape: Tape, params: Params, start: Pose) -> None:
+    heard = [tape.by_time(kind) for kind in TOLD]
+    ticks = steered = 0
+    for given, vehicle, outputs in again(tape, params, start):
+        said = said_again(given, vehicle, outputs, heard[0][given.time_ns])
+        for ours, theirs in zip(said, heard, strict=True):
+            assert wire(ours) == wire(theirs[given.time_ns])
+        ticks += 1
+        steered += bool(given.flags & telemetry.STEERED)
+    assert ticks > 200
+    assert steered > 10
+
+
+def said_again(
+    given: TickInputs, vehicle: Vehicle, outputs: Outputs, sent: Message
+) -> list[Message]:
+    """What the process tells of a tick; but for the counters of the command that was sent."""
+    at_ns = given.time_ns
+    wheels = {"left_mrad_s": outputs.left_mrad_s, "right_mrad_s": outputs.right_mrad_s}
+    return [
+        replace(sent, **wheels),
+        telemetry.odometry(vehicle.state, at_ns),
+        telemetry.decision(outputs, vehicle.zone_m, at_ns),
+        telemetry.status(vehicle.state, vehicle.commands.goal_id, at_ns, given.now_ms),
+    ]
+
+
+def wire(message: Message) -> bytes:
+    """As the bus carries it, in which NaN is NaN."""
+    return Encoder(1, 1).encode(message)

@@ -1,0 +1,108 @@
+"""Operators of a stack: each with a session of its own, so that the robot can tell them apart."""
+
+from math import nan
+from typing import Any
+
+from protocol.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType, Mode
+from protocol.message import Message
+from protocol.messages import (
+    CommandRequest,
+    LeaseRequest,
+    MissionCount,
+    MissionItemInt,
+    MissionVerdict,
+    Teleop,
+)
+from protocol.reasons import Reason
+from protocol.topics import (
+    COMMAND,
+    LEASE_SERVICE,
+    MISSION_SERVICE,
+    OPERATOR,
+    TELEOP,
+    Role,
+    Service,
+)
+from tests.harness import OPERATOR_BEAT, Stack, reason_in
+
+Place = tuple[float, float]
+
+
+class Operator:
+    """Speaks only when the test lets it: asks, beats, steers."""
+
+    def __init__(self, stack: Stack, name: str) -> None:
+        self.name = name
+        self._stack = stack
+        self._bus = stack.join(Role.GROUND)
+        self._beats = self._bus.publisher(OPERATOR)
+        self._handle = self._bus.publisher(TELEOP)
+        self._frames = 0
+        self._requests = 1000 * (1 + len(name))
+        assert self._bus.await_matched([self._beats, self._handle], 5.0) == []
+
+    def ask(self, request: Message, service: Service = COMMAND) -> Message:
+        return self._stack.ask(request, service, self._bus)
+
+    def command(self, command: Command, param1: float = 0.0, param2: float = 0.0) -> Reason:
+        self._requests += 1
+        request = CommandRequest(
+            request_id=self._requests, command=command, param1=param1, param2=param2
+        )
+        return reason_in(self.ask(request))
+
+    def lease(self, action: LeaseAction) -> Reason:
+        self._requests += 1
+        request = LeaseRequest(request_id=self._requests, action=action, name=self.name)
+        return reason_in(self.ask(request, LEASE_SERVICE))
+
+    def manual(self) -> Reason:
+        return self.command(Command.DO_SET_MODE, 1, Mode.MANUAL)
+
+    def beat(self) -> None:
+        self._stack.send(self._beats.key, lambda: self._beats.put(OPERATOR_BEAT))
+
+    def steer(self, speed_m_s: float, yaw_rate_rad_s: float = 0.0, ttl_ms: int = 300) -> None:
+        self._frames += 1
+        frame = Teleop(
+            time_ns=0,
+            seq=self._frames,
+            speed_mm_s=round(1000 * speed_m_s),
+            yaw_rate_mrad_s=round(1000 * yaw_rate_rad_s),
+            ttl_ms=ttl_ms,
+        )
+        self._stack.send(self._handle.key, lambda: self._handle.put(frame))
+
+    def upload(self, items: list[MissionItemInt]) -> MissionVerdict:
+        """The whole conversation; its end."""
+        first = MissionCount(count=len(items), mission_type=items[0].mission_type)
+        for frame in (first, *items):
+            answer = self.ask(frame, MISSION_SERVICE)
+            if isinstance(answer, MissionVerdict):
+                return answer
+        raise AssertionError("no verdict after the last item")
+
+
+def stops(*places: Place, hold_s: float = 0.0) -> list[MissionItemInt]:
+    return [_item(seq, place, param1=hold_s) for seq, place in enumerate(places)]
+
+
+def fence(*places: Place) -> list[MissionItemInt]:
+    """A polygon with these corners."""
+    command, kind = Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION, MissionType.FENCE
+    count = float(len(places))
+    return [
+        _item(seq, place, param1=count, command=command, mission_type=kind)
+        for seq, place in enumerate(places)
+    ]
+
+
+def _item(seq: int, place: Place, **changes: Any) -> MissionItemInt:
+    fields = {
+        "command": Command.SIDESTEP_NAV_POSE,
+        "param2": 0.05,
+        "param3": 5.0,
+        "param4": nan,
+    }
+    x, y = (round(10_000 * metres) for metres in place)
+    return MissionItemInt(seq=seq, frame=FRAME_LOCAL_FLU, x=x, y=y, z=0.0, **{**fields, **changes})
