@@ -109,6 +109,11 @@ class GroundApp(App[int]):
         if isinstance(self.sheet, DriveScreen):
             self.sheet.switch_layer(name)
 
+    def haunt(self, navigator: str) -> None:
+        """Begin a ghost from what is shown now; UserError when that cannot be."""
+        if isinstance(self.sheet, DriveScreen):
+            self.sheet.haunt(navigator)
+
     def find(self, words: str) -> None:
         """In the log, on its screen."""
         self.switch_mode("log")

@@ -33,6 +33,7 @@ def words_of_the_app(app: "GroundApp") -> Mapping[str, Word]:
         "select": words.select,
         "teleop": words.teleop,
         "why": words.why,
+        "ghost": words.ghost,
     }
 
 
@@ -103,6 +104,13 @@ class Words:
 
     def why(self, options: argparse.Namespace, says: Says) -> int:
         return self.do("explain")
+
+    def ghost(self, options: argparse.Namespace, says: Says) -> int:
+        """Of that navigator, or of one that is chosen."""
+        if options.navigator is None:
+            return self.do("ghost")
+        self._app.haunt(options.navigator.lower())
+        return 0
 
     def do(self, id: str) -> int:
         """What a key does, when it does anything here."""

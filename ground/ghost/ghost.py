@@ -53,8 +53,8 @@ class Ghost:
         clock: Clock | None = None,
         command_of: Callable[[Sequence[str], int], list[str]] = command,
     ) -> None:
-        """`world`: the name of a file, or what the plant tells of it. `goal` and `start` are places
-        of the world; headings in radians."""
+        """`world`: the name of a file, or what the plant tells of it, read or as its text. `goal`
+        and `start` are places of the world; headings in radians."""
         instant = Instant(world, start, at_s, goal)
         more = {"noise": noise, "seed": seed, "side": side, "timeout": repr(timeout_s)}
         self._words = trial_words(instant, navigator, more)

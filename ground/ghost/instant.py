@@ -23,8 +23,8 @@ OF_THE_RUN: Final = frozenset({"navigator", "side"})
 
 
 class Instant(NamedTuple):
-    """`world` is the name of a file, or what the plant tells of it; `start` is x_m, y_m and
-    heading_rad; `at_s` the world's own time."""
+    """`world` is the name of a file, or what the plant tells of it (its JSON, read or as text);
+    `start` is x_m, y_m and heading_rad; `at_s` the world's own time."""
 
     world: str | Facts
     start: tuple[float, float, float]
@@ -39,7 +39,7 @@ def trial_words(instant: Instant, navigator: str, more: Mapping[str, object]) ->
     if goal.heading_rad is not None:
         place.append(repr(degrees(goal.heading_rad)))
     words = ["trial", "--json", "--trace", "-", "--navigator", navigator]
-    words += ["--world", instant.world if isinstance(instant.world, str) else STANDARD_INPUT]
+    words += ["--world", STANDARD_INPUT if world_bytes(instant) else str(instant.world)]
     words += ["--start", *start_words(*instant.start), "--at", repr(instant.at_s)]
     words += ["--goal", *place, "--tolerance", repr(goal.position_tolerance_m)]
     words += ["--heading-tolerance", repr(degrees(goal.heading_tolerance_rad))]
@@ -49,8 +49,11 @@ def trial_words(instant: Instant, navigator: str, more: Mapping[str, object]) ->
 
 
 def world_bytes(instant: Instant) -> bytes:
-    """What the process has to be given to read."""
-    return b"" if isinstance(instant.world, str) else json.dumps(instant.world).encode()
+    """What the process has to be given to read; nothing when it finds the world by its name."""
+    world = instant.world
+    if not isinstance(world, str):
+        return json.dumps(world).encode()
+    return world.encode() if world.lstrip().startswith("{") else b""
 
 
 def driving(parameters: Mapping[str, float]) -> dict[str, float]:

@@ -19,12 +19,14 @@ from ground.app.faces.why import now_rows, turn_rows
 from ground.app.keys import Layer
 from ground.app.screens.sheet import Action, Sheet
 from ground.explain import Why
+from ground.ghost.haunting import CHOICES, Haunting
 from ground.map import LAYERS
 from ground.map.canvas import DOTS_WIDE
 from ground.widgets.lines import Lines
 from ground.widgets.map import PAPER, MapWidget
 from ground.widgets.paint import styles_of
 from ground.widgets.rows import faint, row
+from protocol.errors import UserError
 
 ZOOM: Final = 1.25
 HINT: Final = "60 columns and 18 rows show the map"
@@ -42,6 +44,7 @@ class DriveScreen(Sheet):
     def __init__(self, deck: Deck) -> None:
         super().__init__(deck)
         self.why = Why()
+        self.haunting = Haunting(deck.station)
 
     def middle(self) -> ComposeResult:
         with Horizontal(id="upper"):
@@ -64,12 +67,16 @@ class DriveScreen(Sheet):
         self.lines("hint").show([row(faint(HINT))])
         super().on_mount()
 
+    def on_unmount(self) -> None:
+        self.haunting.clear()
+
     @property
     def map(self) -> MapWidget:
         return self.query_one("#map", MapWidget)
 
     def draw(self) -> None:
         self.paint()
+        self.haunting.poll()
         station = self.deck.station
         side, log = self.lines("side"), self.lines("log")
         side.show(side_rows(station, side.size.height, side.size.width))
@@ -81,7 +88,7 @@ class DriveScreen(Sheet):
             self.draw_third()
 
     def draw_maps(self) -> None:
-        scene = self.deck.station.scene()
+        scene = replace(self.deck.station.scene(), ghosts=self.haunting.trails())
         cursor = self.cursor
         place = None if cursor is None else (cursor.x_m, cursor.y_m)
         self.map.show(replace(scene, cursor=place))
@@ -147,6 +154,7 @@ class DriveScreen(Sheet):
             "layers": self.choose_layer,
             "explain": self.explain,
             "explain-before": partial(self.look_back, 1),
+            "ghost": self.choose_ghost,
         }
 
     def explain(self) -> None:
@@ -157,6 +165,21 @@ class DriveScreen(Sheet):
     def look_back(self, step: int) -> None:
         self.back = min(self.back + step, max(0, len(self.why.points) - 1))
         self.add_class("-explaining")
+
+    # Ghosts.
+
+    def choose_ghost(self) -> None:
+        self.deck.choose("a ghost from here on", list(CHOICES), self.try_ghost)
+
+    def try_ghost(self, navigator: str) -> None:
+        try:
+            self.haunt(navigator)
+        except UserError as error:
+            self.deck.say(f"no ghost: {error}")
+
+    def haunt(self, navigator: str) -> None:
+        """Another navigator from this instant on; UserError when it cannot be."""
+        self.haunting.begin(navigator)
 
     # The map.
 

@@ -1,0 +1,97 @@
+"""Ghosts of what a station shows, live or played: begun at its present instant, told in its log."""
+
+from typing import Final
+
+from ground.destination import Destination
+from ground.ghost.course import FAILED, Course
+from ground.ghost.ghost import Ghost
+from ground.ghost.ghosts import Ghosts
+from ground.ghost.instant import Instant, driving
+from ground.ghost.recorded import changed, goal_of
+from ground.map import Ghost as Trail
+from ground.orders import NAVIGATORS, SIDES
+from ground.station import Station
+from protocol.enums import Severity
+from protocol.errors import UserError
+from protocol.messages import GroundTruth, PlanarOdometry
+from protocol.topics import ODOMETRY, STATUS, TRUTH
+
+NS_PER_S: Final = 1_000_000_000
+ALL: Final = "all"
+NONE: Final = "none"
+CHOICES: Final = (*NAVIGATORS, ALL, NONE)
+NO_WORLD: Final = "no world is known: a ghost needs a simulation, or a recording that holds its own"
+
+
+class Haunting:
+    """`begin` one at a key press, `poll` when the station is polled, `trails` for its scene."""
+
+    def __init__(self, station: Station, ghosts: Ghosts | None = None) -> None:
+        self._station = station
+        self._ghosts = ghosts or Ghosts()
+
+    def begin(self, choice: str) -> None:
+        """A navigator, `all` of them, or `none`: those there are go. Raises UserError.
+
+        A second one of a navigator takes the place of the first.
+        """
+        if choice == NONE:
+            self.clear()
+            return
+        if choice not in CHOICES:
+            raise UserError(f"no navigator {choice!r}: {', '.join(CHOICES)}")
+        instant, side = instant_of(self._station), side_of(self._station)
+        parameters = driving(changed(self._station.parameters or ()))
+        for name in NAVIGATORS if choice == ALL else (choice,):
+            self._ghosts.add(name, Ghost(*instant, name, parameters, side=side))
+
+    def poll(self) -> None:
+        """Look, and tell how those came out that have ended since."""
+        for name in self._ghosts.poll():
+            course = self._ghosts.courses[name]
+            if course is not None:
+                severity = Severity.WARNING if course.outcome == FAILED else Severity.INFO
+                self._station.note(f"ghost {name}: {told(course)}", severity)
+
+    @property
+    def busy(self) -> bool:
+        return self._ghosts.busy
+
+    def trails(self) -> list[Trail]:
+        """For `Scene.ghosts`."""
+        return self._ghosts.trails()
+
+    def clear(self) -> None:
+        """End them and forget their ways."""
+        self._ghosts.clear()
+
+
+def instant_of(station: Station) -> Instant:
+    """Where the shown robot is now: its true place, or where it believes it is. Raises UserError
+    when something is not known."""
+    world, telemetry, now_ns = station.world, station.telemetry, station.now_ns
+    status = telemetry.live(STATUS, now_ns)
+    place: GroundTruth | PlanarOdometry | None = telemetry.live(TRUTH, now_ns)
+    at_s = 0.0 if place is None else place.time_ns / NS_PER_S
+    place = place or telemetry.live(ODOMETRY, now_ns)
+    if world is None:
+        raise UserError(NO_WORLD)
+    if status is None or place is None:
+        raise UserError("nothing is heard of the robot now")
+    goal: Destination = goal_of(status)
+    return Instant(world.text, (place.x_m, place.y_m, place.heading_rad), at_s, goal)
+
+
+def side_of(station: Station) -> str | None:
+    """On which the robot passes obstacles, if it says so."""
+    status = station.telemetry.live(STATUS, station.now_ns)
+    names = {number: name for name, number in SIDES.items()}
+    return None if status is None else names.get(status.side)
+
+
+def told(course: Course) -> str:
+    """How it came out, in one line."""
+    words = course.outcome if course.reason in ("ok", "") else f"{course.outcome}: {course.reason}"
+    if course.time_s is None or course.length_m is None:
+        return words
+    return f"{words} after {course.time_s:.1f} s and {course.length_m:.2f} m"

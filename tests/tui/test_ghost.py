@@ -1,0 +1,105 @@
+"""A key begins a ghost, the map shows its way, the log how it came out."""
+
+import json
+from threading import Event
+
+import pytest
+
+from ground.app.local import words_of_the_app
+from ground.app.screens.drive import DriveScreen
+from ground.console import act, parse
+from ground.link import Link
+from ground.says import Says
+from plant.world_json import as_json
+from plant.world_types import GoalPose, Start, World
+from tests.tui.fakes import FakeStation, driving
+from tests.tui.pilot import Stage, play, staged
+
+FLOOR = World(
+    name="floor",
+    size_m=(10.0, 8.0),
+    start=Start(x_m=0.8, y_m=1.0),
+    goal=GoalPose(x_m=9.0, y_m=7.0),
+)
+
+
+def simulated() -> FakeStation:
+    station = driving(FakeStation())
+    assert station.world_now is not None
+    station.world_now = station.world_now._replace(text=json.dumps(as_json(FLOOR, None)))
+    return station
+
+
+def drive_of(stage: Stage) -> DriveScreen:
+    assert isinstance(stage.app.screen, DriveScreen)
+    return stage.app.screen
+
+
+async def ended(stage: Stage) -> None:
+    pause = Event()
+    for _ in range(1000):
+        await stage.look()
+        if not drive_of(stage).haunting.busy:
+            return
+        pause.wait(0.01)
+    raise AssertionError("still driving")
+
+
+def test_a_key_and_a_choice_lay_another_navigators_way_on_the_map() -> None:
+    async def story() -> None:
+        async with staged((110, 30), station=simulated()) as stage:
+            await stage.press("n")
+            await stage.press("enter")  # the first of the list
+            assert [ghost.label for ghost in drive_of(stage).map.scene.ghosts] == ["bug"]
+            await ended(stage)
+            (ghost,) = drive_of(stage).map.scene.ghosts
+            assert (ghost.label, ghost.outcome) == ("bug", "reached")
+            assert ghost.path_m[0] == pytest.approx((4.12, 2.84), abs=1e-6)
+            assert "ghost bug: reached after" in stage.log()
+
+    play(story)
+
+
+def test_a_ghost_that_cannot_be_says_why_in_the_log() -> None:
+    async def story() -> None:
+        station = driving(FakeStation())
+        station.world_now = None
+        async with staged(station=station) as stage:
+            await stage.press("n", "enter")
+            assert "no ghost: no world is known" in stage.log()
+            assert drive_of(stage).map.scene.ghosts == []
+
+    play(story)
+
+
+def test_the_typed_word_does_the_same_and_refuses_what_is_no_navigator() -> None:
+    async def story() -> None:
+        async with staged(station=simulated()) as stage:
+            words = words_of_the_app(stage.app)
+
+            def typed(line: str) -> int:
+                return act(parse(line), NOBODY, Says(as_json=False), words)
+
+            assert typed("ghost vgm") == 0
+            await ended(stage)
+            assert [ghost.label for ghost in drive_of(stage).map.scene.ghosts] == ["vgm"]
+            assert typed("ghost none") == 0
+            await stage.look()
+            assert drive_of(stage).map.scene.ghosts == []
+            assert typed("ghost vfh") == 2
+
+    play(story)
+
+
+def test_nobody_is_left_driving_when_the_app_is_left() -> None:
+    async def story() -> None:
+        async with staged(station=simulated()) as stage:
+            screen = drive_of(stage)
+            screen.haunt("all")
+            assert screen.haunting.busy
+        assert not screen.haunting.busy
+
+    play(story)
+
+
+NOBODY: Link = None  # type: ignore[assignment]  # these words ask nobody

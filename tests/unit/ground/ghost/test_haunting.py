@@ -1,0 +1,138 @@
+"""What a station shows, live or played, can be haunted from the instant that it shows."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Event
+from time import monotonic
+
+import pytest
+
+from ground.blackbox.replay import ReplayBus
+from ground.ghost import Ghosts
+from ground.ghost.haunting import CHOICES, Haunting, instant_of, side_of
+from ground.station import Station
+from ground.station.world import world_in
+from plant.world_file import load
+from plant.world_json import as_json
+from protocol.clock import ManualClock
+from protocol.errors import UserError
+from protocol.outcome import Outcome
+from protocol.topics import ODOMETRY, STATUS, TRUTH
+from tests.unit.ground.recordings import Recording, box
+
+WORLD = world_in(json.dumps(as_json(load("box"), None)))
+
+
+@pytest.fixture(scope="module")
+def drive() -> tuple[Recording, Outcome]:
+    return box("bug")
+
+
+class Show:
+    """A played recording at one of its instants."""
+
+    def __init__(self, run: Recording, folder: Path, at_s: float, world: bool = True) -> None:
+        log = Path(run.written(folder / "20260101T000000Z-r1.tlog"))
+        self.bus = ReplayBus(log, ManualClock())
+        given = WORLD if world else None
+        self.station = Station(self.bus, "r1", self.bus.timeline, given)
+        self.go(at_s)
+
+    def go(self, at_s: float) -> None:
+        self.bus.seek(at_s)
+        self.station.poll()
+
+
+@pytest.fixture
+def show(drive: tuple[Recording, Outcome], tmp_path: Path) -> Iterator[Show]:
+    shown = Show(drive[0], tmp_path, 6.0)
+    yield shown
+    shown.station.close()
+
+
+def ended(haunting: Haunting) -> None:
+    deadline_s, pause = monotonic() + 20.0, Event()
+    while haunting.busy:
+        assert monotonic() < deadline_s
+        pause.wait(0.01)
+        haunting.poll()
+
+
+def test_an_instant_that_is_shown_is_where_the_ghost_begins(show: Show) -> None:
+    instant = instant_of(show.station)
+    assert instant.at_s == 6.0
+    assert instant.world == WORLD.text
+    assert (instant.goal.x_m, instant.goal.y_m) == pytest.approx((5.4, 2.0))
+    assert 1.5 < instant.start[0] < 3.0
+    assert side_of(show.station) == "left"
+
+
+def test_a_ghost_is_drawn_and_told_when_it_has_ended(show: Show) -> None:
+    haunting = Haunting(show.station)
+    haunting.begin("distbug")
+    assert [(trail.label, trail.outcome) for trail in haunting.trails()] == [("distbug", "")]
+    ended(haunting)
+    (trail,) = haunting.trails()
+    assert trail.outcome == "reached"
+    assert trail.path_m[0] == instant_of(show.station).start[:2]
+    said = [line.text for line in show.station.log]
+    assert any(text.startswith("ghost distbug: reached after ") for text in said)
+    assert sum(text.startswith("ghost") for text in said) == 1
+
+
+def test_from_the_beginning_the_same_navigator_drives_the_shown_run(
+    drive: tuple[Recording, Outcome], tmp_path: Path
+) -> None:
+    run, outcome = drive
+    show = Show(run, tmp_path, 0.0)
+    haunting = Haunting(show.station)
+    haunting.begin("bug")
+    ended(haunting)
+    show.go(1e9)
+    (trail,) = haunting.trails()
+    (text,) = (line.text for line in show.station.log if line.text.startswith("ghost"))
+    assert text == f"ghost bug: reached after {outcome.time_s:.1f} s and {outcome.path_m:.2f} m"
+    assert trail.path_m[-1] == pytest.approx(instant_of(show.station).start[:2], abs=1e-6)
+
+
+def test_all_of_them_at_once_and_none_of_them(show: Show) -> None:
+    haunting = Haunting(show.station, Ghosts(most=1))
+    haunting.begin("all")
+    assert len(haunting.trails()) == len(CHOICES) - 2
+    haunting.begin("none")
+    assert haunting.trails() == []
+    assert not haunting.busy
+
+
+def test_what_is_missing_is_named(drive: tuple[Recording, Outcome], tmp_path: Path) -> None:
+    run = drive[0]
+    for lacking, world, said in (
+        (run, False, "no world is known"),
+        (run.without(STATUS), True, "nothing is heard"),
+        (run.without(TRUTH, ODOMETRY), True, "nothing is heard"),
+    ):
+        show = Show(lacking, tmp_path, 6.0, world)
+        with pytest.raises(UserError, match=said):
+            Haunting(show.station).begin("bug")
+    with pytest.raises(UserError, match="no navigator 'vfh'"):
+        Haunting(Show(run, tmp_path, 6.0).station).begin("vfh")
+
+
+def test_without_truth_it_begins_where_the_robot_believes_to_be(
+    drive: tuple[Recording, Outcome], tmp_path: Path
+) -> None:
+    show = Show(drive[0].without(TRUTH), tmp_path, 6.0)
+    assert instant_of(show.station).at_s == 0.0
+    assert 1.5 < instant_of(show.station).start[0] < 3.0
+
+
+def test_one_that_cannot_be_run_is_told_with_its_reason(show: Show) -> None:
+    world = WORLD._replace(text=WORLD.text.replace('"size_m": [6.0, 4.0]', '"size_m": [1.0, 1.0]'))
+    haunting = Haunting(Station(show.bus, "r1", show.bus.timeline, world))
+    station = haunting._station
+    show.bus.seek(6.5)
+    station.poll()
+    haunting.begin("bug")
+    ended(haunting)
+    assert "ghost bug: failed: " in [line.text for line in station.log][-1]
