@@ -29,7 +29,7 @@ TOGETHER: Final = (
     (Layer.DRIVE, Layer.REPLAY, Layer.ROBOT, Layer.STATION),
     *(
         (Layer.LIST, layer, Layer.ROBOT, Layer.STATION)
-        for layer in (Layer.PARAMS, Layer.LOG, Layer.WORLDS)
+        for layer in (Layer.PLOTS, Layer.PARAMS, Layer.LOG, Layer.WORLDS)
     ),
 )
 """Layers that count at the same time. The cursor and teleop hide what is below them: they are

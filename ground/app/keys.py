@@ -14,6 +14,7 @@ class Layer(Enum):
     LIST = "list"
     DRIVE = "map"
     REPLAY = "replay"
+    PLOTS = "plots"
     PARAMS = "parameters"
     LOG = "log"
     WORLDS = "worlds"
@@ -47,8 +48,10 @@ KEYS: Final[tuple[Key, ...]] = (
         ("teleop-back", "down s", "drive back", "Back"),
         ("teleop-left", "left a", "turn left", "Left"),
         ("teleop-right", "right d", "turn right", "Right"),
-        ("teleop-slow", "W S A D", "the same, slowly", ""),
-        ("teleop-slow-arrows", "shift+up shift+down shift+left shift+right", "slowly", ""),
+        ("teleop-forward-slow", "shift+up W", "forward, slowly", "Slowly"),
+        ("teleop-back-slow", "shift+down S", "back, slowly", ""),
+        ("teleop-left-slow", "shift+left A", "left, slowly", ""),
+        ("teleop-right-slow", "shift+right D", "right, slowly", ""),
         ("estop-teleop", "space", "emergency stop", "E-STOP"),
     ),
     *_keys(
@@ -109,6 +112,11 @@ KEYS: Final[tuple[Key, ...]] = (
         ("replay-mark", "M", "to the next mark", "Mark"),
     ),
     *_keys(
+        Layer.PLOTS,
+        ("plot-shorter", "+ =", "half the time", "Shorter"),
+        ("plot-longer", "-", "twice the time", "Longer"),
+    ),
+    *_keys(
         Layer.PARAMS,
         ("param-edit", "e", "change the value", "Edit"),
         ("param-default", "d", "back to the default", "Default"),
@@ -124,7 +132,7 @@ KEYS: Final[tuple[Key, ...]] = (
     ),
     *_keys(
         Layer.WORLDS,
-        ("world-facts", "i", "what is in this world", "Facts"),
+        ("world-start", "s", "end what runs, and start this world", "Start"),
     ),
     *_keys(
         Layer.ROBOT,

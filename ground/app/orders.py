@@ -43,6 +43,8 @@ class Orders:
         self.last = ""
 
     def give(self, line: str) -> None:
+        if not line:
+            return
         self._history.add(line)
         try:
             options = parse(line)

@@ -10,7 +10,7 @@ from rich.style import Style
 ROLES: Final = tuple(
     "text faint head key rule ok caution danger alarm accent reverse"  # noqa: SIM905 - a list of words
     " wall truth seen trail robot ellipse goal virtual zone cone echo hit leave fence mission"
-    " ghost other cursor speed distance range cost spread".split()
+    " ghost other cursor".split()
 )
 
 DARK: Final[Mapping[str, str]] = MappingProxyType(
@@ -44,11 +44,6 @@ DARK: Final[Mapping[str, str]] = MappingProxyType(
         "ghost": "#7b8896",
         "other": "bold #ecc46a",
         "cursor": "bold #fff3b0",
-        "speed": "#7fd88f",
-        "distance": "#6cb6ff",
-        "range": "#ecc46a",
-        "cost": "#b7a3f5",
-        "spread": "#d68ad6",
     }
 )
 
@@ -83,11 +78,6 @@ LIGHT: Final[Mapping[str, str]] = MappingProxyType(
         "ghost": "#8b95a1",
         "other": "bold #8a5a00",
         "cursor": "bold #7a4b00",
-        "speed": "#176f2c",
-        "distance": "#0b5cad",
-        "range": "#8a5a00",
-        "cost": "#5b3fb5",
-        "spread": "#97309b",
     }
 )
 
@@ -149,11 +139,6 @@ ANSI: Final[Mapping[str, str]] = MappingProxyType(
         "mission": "magenta",
         "ghost": "bright_black",
         "cursor": "bold reverse",
-        "speed": "green",
-        "distance": "blue",
-        "range": "yellow",
-        "cost": "magenta",
-        "spread": "magenta",
     }
 )
 

@@ -172,7 +172,7 @@ class FakeStation(Station):
         return self.parameters_now
 
     @property
-    def parameters_state(self) -> str:
+    def parameters_words(self) -> str:
         return "41" if self.parameters_now is not None else "41 missing: asked 2 times, no answer"
 
     @property
@@ -234,6 +234,8 @@ class FakeOrders:
         self.last = ""
 
     def give(self, line: str) -> None:
+        if not line:
+            return
         self.given.append(line)
         self.last = f"sidestep {line}"
 

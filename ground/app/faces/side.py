@@ -174,7 +174,7 @@ def cycle_rows(seen: Seen) -> list[Row]:
     if report is None:
         return [row(head("cycle "), aged(seen, lambda _: "")), ()]
     spent, budget = sum(report.stage_us), report.budget_us
-    over = "danger" if spent > budget else "cost"
+    over = "danger" if spent > budget else "mission"
     gauge = Span(bar(spent / budget if budget else 1.0, 9), role_of(seen, over))
     marks = Span(" !", "danger") if spent > budget else Span("")
     stages = zip(STAGES, report.stage_us, strict=True)

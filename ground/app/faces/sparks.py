@@ -25,12 +25,12 @@ class Figure(NamedTuple):
 
 
 FIGURES: Final = (
-    Figure("goal_distance", "to go", "m", "distance"),
-    Figure("speed", "speed", "m/s", "speed"),
-    Figure("nearest_range", "nearest", "m", "range"),
-    Figure("cycle_us", "cycle", "us", "cost", ".0f"),
-    Figure("uncertainty_m", "σ pose", "mm", "spread", ".0f", 1000.0),
-    Figure("late_us", "late", "us", "cost", ".0f"),
+    Figure("goal_distance", "to go", "m", "virtual"),
+    Figure("speed", "speed", "m/s", "goal"),
+    Figure("nearest_range", "nearest", "m", "echo"),
+    Figure("cycle_us", "cycle", "us", "mission", ".0f"),
+    Figure("uncertainty_m", "σ pose", "mm", "ellipse", ".0f", 1000.0),
+    Figure("late_us", "late", "us", "mission", ".0f"),
 )
 
 

@@ -9,7 +9,9 @@ if TYPE_CHECKING:
     from ground.app.deck import Deck
     from ground.app.screens.sheet import Sheet
 
-SCREENS: Final[Mapping[str, int]] = MappingProxyType({"drive": 1, "log": 4})
+SCREENS: Final[Mapping[str, int]] = MappingProxyType(
+    {"drive": 1, "plots": 2, "params": 3, "log": 4, "links": 5}
+)
 """By name, with the number of its key."""
 
 

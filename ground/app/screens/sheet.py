@@ -132,6 +132,5 @@ class Sheet(Screen[None]):
         event.stop()
         then, text = self._then, event.value.strip()
         self.leave_line()
-        if text:
-            then(text)
+        then(text)
         self.look()

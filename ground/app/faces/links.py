@@ -1,0 +1,50 @@
+"""Who is there, how well they are heard, who commands, and every stream with what it lost."""
+
+from ground.app.faces.aged import MISSING, number
+from ground.app.faces.streams import long
+from ground.station.station import Station
+from ground.widgets.rows import Row, Span, faint, head, row
+from protocol.topics import Role
+
+
+def link_rows(station: Station) -> list[Row]:
+    streams = [line for line in station.streams() if line.received]
+    silent = [line.topic.path for line in station.streams() if not line.received]
+    return [
+        *process_rows(station),
+        (),
+        *link_lines(station),
+        (),
+        row(head(f" {'stream':<16}  wants     Hz      age    frames   lost    lost%  refused")),
+        *(row(" ", *long(line)) for line in streams),
+        row(head(" silent  "), faint(", ".join(silent) or "none")),
+    ]
+
+
+def process_rows(station: Station) -> list[Row]:
+    crew, robot = station.crew, station.robot
+    rows: list[Row] = []
+    for role in (Role.ROBOT, Role.PLANT, Role.GROUND):
+        there = crew.has(robot, role)
+        mark = Span("● there ", "ok") if there else Span("○ gone  ", "danger")
+        again = "" if role is Role.GROUND else f"restarted {station.restarts(role)} times"
+        rows.append(row(head(f" {role.value:<8}"), mark, faint(again)))
+    others = [name for name in station.robots() if name != robot]
+    if others:
+        rows.append(row(head(" others  "), ", ".join(others)))
+    return rows
+
+
+def link_lines(station: Station) -> list[Row]:
+    loss, lease = station.loss(), station.lease
+    lost = Span(loss.banner(station.now_ns), "danger") if loss else Span("nothing", "ok")
+    left = f", lapses in {lease.lapses_s:.1f} s without a beat" if lease.held else ""
+    return [
+        row(head(" lost    "), lost),
+        row(head(" arrive  "), f"{number(station.link_percent, '.1f')} % of the robot's frames"),
+        row(head(" answer  "), f"{number(station.round_trip_ms, '.0f')} ms round trip"),
+        row(
+            head(" lease   "), Span(lease.words, "caution" if lease.others else "text"), faint(left)
+        ),
+        row(head(" last    "), station.last_command or faint(MISSING)),
+    ]

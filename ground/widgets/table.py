@@ -1,0 +1,47 @@
+"""A list with one row chosen; only the rows in sight are made."""
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from textual import events
+
+from ground.widgets.lines import Lines
+from ground.widgets.rows import Row
+
+T = TypeVar("T")
+
+
+class Table(Lines, can_focus=True):
+    """`at` is the chosen row. What is chosen stays in sight, and in the list."""
+
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self.at = 0
+        self._top = 0
+        self._count = 0
+
+    def window(self, items: Sequence[T], paint: Callable[[T, bool], Row]) -> None:
+        """Draw the part of the list that is in sight now."""
+        self._count = len(items)
+        self.move(0)
+        height = max(1, self.size.height)
+        self._top = max(0, min(self._top, self.at, self._count - height))
+        self._top = max(self._top, self.at - height + 1)
+        shown = enumerate(items[self._top : self._top + height], start=self._top)
+        self.show(paint(item, number == self.at) for number, item in shown)
+
+    def move(self, rows: int) -> None:
+        """Up or down; it stops at the ends."""
+        self.at = max(0, min(self._count - 1, self.at + rows))
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        event.stop()
+        self.move(-1)
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        event.stop()
+        self.move(1)
+
+    def on_click(self, event: events.Click) -> None:
+        self.at = self._top + event.y
+        self.move(0)
