@@ -86,6 +86,15 @@ class GroundApp(App[int]):
     def recall(self, text: str, step: int) -> str:
         return self._orders.recall(text, step)
 
+    def take_hand(self) -> bool:
+        return self._orders.take_hand()
+
+    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        self._orders.steer(speed_m_s, yaw_rate_rad_s)
+
+    def drop_hand(self) -> None:
+        self._orders.drop_hand()
+
     def say(self, text: str) -> None:
         self._station.note(text)
 
@@ -129,6 +138,8 @@ class GroundApp(App[int]):
         """Poll, and draw when it is time to."""
         self._station.poll()
         self._pace.heard(self._station)
+        if self.sheet is not None:
+            self.sheet.poll()
         if self._pace.due(self._station.now_ns):
             self.look()
 

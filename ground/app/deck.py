@@ -27,6 +27,15 @@ class Deck(Protocol):
     def recall(self, text: str, step: int) -> str:
         """An earlier command line (step -1) or a later one (1)."""
 
+    def take_hand(self) -> bool:
+        """Begin to drive by hand; False, with the reason in the log, when that may not be."""
+
+    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Drive like this for a moment."""
+
+    def drop_hand(self) -> None:
+        """Stand, and hold."""
+
     def say(self, text: str) -> None:
         """A line in the log."""
 

@@ -14,6 +14,7 @@ from ground.link import Link
 from ground.options import Common
 from ground.says import Says
 from ground.station import Outcome, Station
+from ground.teleop import Stick
 from protocol.bus import Bus
 from protocol.clock import Clock
 from protocol.enums import Severity
@@ -39,6 +40,7 @@ class Orders:
         self._station = station
         self._bus, self._common, self._clock = bus, common, clock
         self._history = history
+        self._stick: Stick | None = None
         self.local: Mapping[str, Local] = {}
         self.last = ""
 
@@ -66,21 +68,48 @@ class Orders:
     def recall(self, text: str, step: int) -> str:
         return self._history.previous(text) if step < 0 else self._history.next(text)
 
+    # By hand.
+
+    def take_hand(self) -> bool:
+        """MANUAL first; only what the robot then hears moves it."""
+        options = parse("mode manual")
+        stick = Stick(self._link())
+
+        def begin() -> Outcome:
+            outcome = self._done(options)
+            if outcome.ok:
+                stick.stop()
+            return outcome
+
+        begun = self._station.submit("mode manual", begin)
+        self._stick = stick if begun else None
+        return begun
+
+    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        if self._stick is not None:
+            self._stick.drive(speed_m_s, yaw_rate_rad_s)
+
+    def drop_hand(self) -> None:
+        self.steer(0.0, 0.0)
+        self._stick = None
+        self.give("mode hold")
+
     def _done(self, options: argparse.Namespace) -> Outcome:
         """In a thread of its own, over a link of its own: request ids are never shared."""
-        common = replace(self._common, robot=self._station.robot)
         says, out, err = heard()
-        code = act(options, Link(self._bus, common, self._clock), says)
+        code = act(options, self._link(), says)
         return Outcome(code == 0, told(out, err))
 
     def _locally(self, options: argparse.Namespace) -> None:
         says, out, err = heard()
-        code = 0 if act(options, self._no_link(), says, self.local) == 0 else 1
+        code = 0 if act(options, self._link(), says, self.local) == 0 else 1
         for text in told(out, err).splitlines():
             self._station.note(text, Severity.WARNING if code else Severity.INFO)
 
-    def _no_link(self) -> Link:
-        return Link(self._bus, self._common, self._clock)
+    def _link(self) -> Link:
+        """To the robot that is shown now."""
+        common = replace(self._common, robot=self._station.robot)
+        return Link(self._bus, common, self._clock)
 
     def _for_a_shell(self, line: str) -> str:
         words = ["sidestep", *unfolded(words_of(line))]

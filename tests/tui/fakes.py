@@ -231,6 +231,8 @@ class FakeOrders:
 
     def __init__(self) -> None:
         self.given: list[str] = []
+        self.steered: list[tuple[float, float]] = []
+        self.hand = False
         self.last = ""
 
     def give(self, line: str) -> None:
@@ -242,6 +244,16 @@ class FakeOrders:
     def complete(self, text: str) -> list[str]:
         words = ("goal ", "hold", "help")
         return [word for word in words if text and word.startswith(text)]
+
+    def take_hand(self) -> bool:
+        self.hand = True
+        return True
+
+    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        self.steered.append((speed_m_s, yaw_rate_rad_s))
+
+    def drop_hand(self) -> None:
+        self.hand = False
 
     def recall(self, text: str, step: int) -> str:
         return self.given[-1] if self.given and step < 0 else ""

@@ -5,9 +5,11 @@ from dataclasses import replace
 from functools import partial
 from typing import ClassVar, Final
 
+from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
+from ground.app.by_hand import ByHand
 from ground.app.cursor import FAR, Cursor, step_of
 from ground.app.deck import Deck
 from ground.app.faces.log import log_row
@@ -44,6 +46,7 @@ class DriveScreen(Sheet):
     def __init__(self, deck: Deck) -> None:
         super().__init__(deck)
         self.why = Why()
+        self.hand = ByHand(deck)
         self.haunting = Haunting(deck.station)
 
     def middle(self) -> ComposeResult:
@@ -127,6 +130,8 @@ class DriveScreen(Sheet):
                 one.colour({PAPER: paper, **{role: paper + style for role, style in inks}})
 
     def key_layers(self) -> tuple[Layer, ...]:
+        if self.hand.held:
+            return (Layer.TELEOP,)
         above = super().key_layers()
         return above if self.cursor is None or self.typing else (Layer.CURSOR, *above)
 
@@ -152,6 +157,8 @@ class DriveScreen(Sheet):
             "centre": self.centre,
             "follow": self.follow,
             "layers": self.choose_layer,
+            **self.hand.actions(),
+            "teleop": self.take_hand,
             "explain": self.explain,
             "explain-before": partial(self.look_back, 1),
             "ghost": self.choose_ghost,
@@ -180,6 +187,24 @@ class DriveScreen(Sheet):
     def haunt(self, navigator: str) -> None:
         """Another navigator from this instant on; UserError when it cannot be."""
         self.haunting.begin(navigator)
+
+    # By hand.
+
+    def take_hand(self) -> None:
+        """From now on keys drive, and any key that does not ends it."""
+        if self.hand.take():
+            self.cursor = None
+            self.prompt("by hand, any other key ends it", self.deck.give)
+
+    def poll(self) -> None:
+        if self.hand.held and not self.hand.poll():
+            self.prompt("", self.deck.give)
+
+    def on_key(self, event: events.Key) -> None:
+        if self.hand.held:
+            event.stop()
+            self.hand.drop()
+            self.prompt("", self.deck.give)
 
     # The map.
 

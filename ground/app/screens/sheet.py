@@ -54,6 +54,9 @@ class Sheet(Screen[None]):
     def draw(self) -> None:
         """Show the middle as it is now."""
 
+    def poll(self) -> None:
+        """At every round, also when nothing is drawn."""
+
     def on_mount(self) -> None:
         self.prompt("", self.deck.give)
         self.home()
