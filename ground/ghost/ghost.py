@@ -22,7 +22,7 @@ from protocol.clock import NS_PER_S, Clock, WallClock
 PATIENCE_S: Final = 30.0
 CHUNK: Final = 1 << 20
 REAP_S: Final = 1.0
-POLITE: Final = 5
+POLITE: Final = 15
 """It gives way to what drives a robot on the same machine."""
 
 NOTHING: Final[Mapping[str, float]] = MappingProxyType({})
