@@ -16,6 +16,7 @@ RIM_DOTS: Final = 2
 LEGEND_FROM_ROWS: Final = 6
 FOLLOW_SHARE: Final = 0.25
 OPEN_FLOOR_M: Final = 4.0
+ROOM: Final = 0.3
 BARS: Final = (1.0, 2.0, 5.0)
 
 Point = tuple[float, float]
@@ -34,21 +35,24 @@ class View:
     m_per_dot: float = 0.05
 
     @classmethod
-    def fit(cls, box: Box | None, columns: int, rows: int) -> "View":
-        """All of the box with a rim, and a row below it for the legend where there is room.
+    def fit(cls, box: Box | None, columns: int, rows: int, bounded: bool = True) -> "View":
+        """All of the box with a rim, and a row below it for the legend where there is space.
 
-        Without a box, or with an endless one, some open floor.
+        What is not `bounded` will grow: it has room around it, and some open floor at least, as has
+        the map of nothing and of a box without end.
         """
         if box is None or not all(map(isfinite, box)):
-            half_m = OPEN_FLOOR_M / 2.0
-            box = (-half_m, -half_m, half_m, half_m)
+            box, bounded = (0.0, 0.0, 0.0, 0.0), False
         across = max(1, DOTS_WIDE * columns - 2 * RIM_DOTS)
         below = DOTS_HIGH if rows >= LEGEND_FROM_ROWS else 0
         down = max(1, DOTS_HIGH * rows - 2 * RIM_DOTS - below)
         scale_m = max((box[2] - box[0]) / across, (box[3] - box[1]) / down)
+        open_m = OPEN_FLOOR_M / min(across, down)
+        if not bounded:
+            scale_m = max(open_m, scale_m * (1.0 + ROOM))
+        elif scale_m <= 0.0:
+            scale_m = open_m
         centre = box[0] / 2.0 + box[2] / 2.0, box[1] / 2.0 + box[3] / 2.0
-        if scale_m <= 0.0:
-            scale_m = OPEN_FLOOR_M / min(across, down)
         return cls(columns, rows)._at(centre[0], centre[1] - below * scale_m / 2.0, scale_m)
 
     def resized(self, columns: int, rows: int) -> "View":
@@ -114,6 +118,12 @@ class View:
         left_m, top_m = self.to_metres(0.0, 0.0)
         right_m, low_m = self.to_metres(DOTS_WIDE * self.columns, DOTS_HIGH * self.rows)
         return left_m, low_m, right_m, top_m
+
+    def shows(self, box: Box) -> bool:
+        """Whether all of the box is on the map."""
+        left_m, low_m, right_m, top_m = self.box()
+        wide = left_m <= box[0] and box[2] <= right_m
+        return wide and low_m <= box[1] and box[3] <= top_m
 
     def scale_bar(self, most_cells: int) -> tuple[float, int]:
         """A round length in metres and the cells it takes: the longest that fits, at least 1."""

@@ -52,6 +52,7 @@ class MapWidget(Widget):
         self._canvas = Canvas(0, 0, ascii_only)
         self._ground = self._canvas
         self._drawn: tuple[object, ...] = ()
+        self._fitted_for: tuple[object, ...] = ()
         self._strips: dict[int, Strip] = {}
         self._view = View(0, 0)
         self._shown: Collection[str] = LAYERS
@@ -117,7 +118,7 @@ class MapWidget(Widget):
 
     def fit(self) -> None:
         """All of the scene on the map, and so it stays."""
-        self._fitted, self._following = True, False
+        self._fitted, self._following, self._fitted_for = True, False, ()
         self._draw()
 
     def zoom(self, factor: float, about: Point | None = None) -> None:
@@ -164,9 +165,18 @@ class MapWidget(Widget):
         """Where the view has to be for this scene."""
         robot = self.scene.robot
         if self._fitted:
-            self._view = View.fit(self.scene.box(), *self.size)
+            self._view = self._whole()
         elif self._following and robot is not None:
             self._view = self._view.following(robot.x_m, robot.y_m)
+
+    def _whole(self) -> View:
+        """As it is while all is on the map; where no floor bounds what there is, with some room."""
+        scene, box = self.scene, self.scene.box()
+        fitted_for = (self.size, scene.size_m, box is None)
+        if fitted_for == self._fitted_for and (box is None or self._view.shows(box)):
+            return self._view
+        self._fitted_for = fitted_for
+        return View.fit(box, *self.size, bounded=scene.size_m is not None)
 
     def _draw(self) -> None:
         self._look()

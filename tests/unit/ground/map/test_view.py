@@ -37,11 +37,27 @@ def test_any_numbers_give_a_usable_view(view: View, a: float, b: float, c: float
 @given(st.tuples(PLACES, PLACES), st.floats(0.1, 1e3), st.floats(0.1, 1e3))
 def test_what_is_fitted_is_on_the_map(low: tuple[float, float], wide: float, high: float) -> None:
     box: Box = (*low, low[0] + wide, low[1] + high)
-    shown = View.fit(box, 80, 24).box()
-    assert shown[0] <= box[0]
-    assert shown[1] <= box[1]
-    assert shown[2] >= box[2]
-    assert shown[3] >= box[3]
+    view = View.fit(box, 80, 24)
+    assert view.shows(box)
+    assert View.fit(box, 80, 24, bounded=False).m_per_dot > view.m_per_dot
+
+
+def test_what_has_no_bounds_has_some_open_floor_around_it() -> None:
+    robot = (2.9, 0.9, 3.1, 1.1)
+    view = View.fit(robot, 80, 24, bounded=False)
+    left_m, low_m, right_m, top_m = view.box()
+    assert min(right_m - left_m, top_m - low_m) > 4.0
+    assert view.to_metres(80.0, 46.0) == pytest.approx((3.0, 1.0), abs=0.05)
+
+
+def test_a_box_that_sticks_out_on_any_side_is_not_shown() -> None:
+    view = View(80, 24, 0.0, 0.0, 0.05)
+    left_m, low_m, right_m, top_m = view.box()
+    assert view.shows(view.box())
+    assert not view.shows((left_m - 1.0, low_m, right_m, top_m))
+    assert not view.shows((left_m, low_m - 1.0, right_m, top_m))
+    assert not view.shows((left_m, low_m, right_m + 1.0, top_m))
+    assert not view.shows((left_m, low_m, right_m, top_m + 1.0))
 
 
 def test_a_point_or_nothing_is_fitted_too() -> None:

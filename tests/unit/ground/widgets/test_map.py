@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Self
 
+import pytest
 from rich.style import Style
 from textual import events
 from textual.app import App, ComposeResult
@@ -195,3 +196,37 @@ def test_neighbouring_rows_are_one_region() -> None:
         Region(0, 5, 9, 1),
         Region(0, 7, 9, 2),
     ]
+
+
+def test_in_an_unknown_place_the_map_is_fitted_now_and_then_and_not_with_every_step() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        views = []
+        for step in range(200):
+            trail = tuple((0.03 * i, 0.01 * i) for i in range(step + 1))
+            app.map.show(Scene(trail=trail, robot=Robot(*trail[-1], 0.3)))
+            views.append(app.map.view)
+        assert 1 < len(set(views)) < 15
+
+    on_screen(story)
+
+
+def test_another_world_is_fitted_at_once() -> None:
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        app.map.show(Scene(size_m=(2.0, 1.0)))
+        small = app.map.view
+        app.map.show(Scene(size_m=(20.0, 10.0)))
+        assert app.map.view.m_per_dot > 5.0 * small.m_per_dot
+
+    on_screen(story)
+
+
+def test_a_terminal_without_colour_is_painted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
+
+    async def story(app: MapApp, pilot: Pilot[None]) -> None:
+        app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(3.0, 2.0, 0.0)))
+        await pilot.pause()
+        assert any("▶" in row for row in screen(app))
+        assert app.no_color
+
+    on_screen(story)
