@@ -89,6 +89,18 @@ class Children:
     def pids(self) -> list[int]:
         return [child.process.pid for child in self._children]
 
+    @property
+    def roles(self) -> list[str]:
+        return [child.role for child in self._children]
+
+    def send(self, role: str, number: int) -> bool:
+        """A signal to one of them; False when it is not there."""
+        for child in self._children:
+            if child.role == role and child.process.poll() is None:
+                child.process.send_signal(number)
+                return True
+        return False
+
     def blame(self) -> None:
         """A silence is to be explained: raise ChildDied if a child is gone or about to be."""
         deadline_ns = self._clock.now_ns() + BLAME_NS

@@ -29,6 +29,13 @@ class Outing:
 
     def run(self, *, lockstep: bool) -> list[Outcome]:
         """The outcome of each. Raises NotRun when there is nothing to judge."""
+        self.launch(lockstep=lockstep)
+        for errand in self._errands:
+            errand.begin()
+        return self._follow()
+
+    def launch(self, *, lockstep: bool) -> None:
+        """Every robot armed, with its goal, and time going on."""
         first = self._errands[0]
         for errand in self._errands:
             errand.prepare()
@@ -38,9 +45,6 @@ class Outing:
             errand.send()
         if lockstep:
             first.start()  # the goals are there in the same tick every time
-        for errand in self._errands:
-            errand.begin()
-        return self._follow()
 
     def _follow(self) -> list[Outcome]:
         shown_ns = self._clock.now_ns()

@@ -9,7 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from ground.children import Children
+from ground.app.looks import add_looks
+from ground.app.start import has_screen
+from ground.app.start import run as run_app
 from ground.errand import Errand
 from ground.leash import command
 from ground.link import NS_PER_S, Link, Unanswered
@@ -18,10 +20,11 @@ from ground.orders import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.outing import Outing, as_json, in_words
 from ground.parts import Part
 from ground.says import Says
-from ground.scenario import Scenario, cast, question, scenario_of, world_facts
-from protocol.bus import Bus, Network, open_bus
+from ground.scenario import Scenario, question, scenario_of, world_facts
+from ground.stack import Stack
+from protocol.bus import Bus, open_bus
 from protocol.clock import Clock, WallClock
-from protocol.errors import NoPeer, RemoteError, UserError
+from protocol.errors import NoPeer, RemoteError
 from protocol.options import finite, whole
 from protocol.outcome import Outcome
 from protocol.topics import Role
@@ -30,7 +33,6 @@ TIMEOUT_S: Final = 300.0
 MOST_ROBOTS: Final = 20
 NOISES: Final = ("none", "default", "lossy", "harsh")
 OPEN_NS: Final = 10 * NS_PER_S
-DIAL_S: Final = 0.5
 PLAIN_NS: Final = 5 * NS_PER_S
 RECORDS_NS: Final = 3 * NS_PER_S
 LOOK_NS: Final = NS_PER_S // 50
@@ -69,11 +71,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--uncalibrated", action="store_true", help="robots not calibrated for the noise"
     )
-    parser.add_argument("--headless", action="store_true", help="no screen, as it is so far")
+    parser.add_argument("--headless", action="store_true", help="no screen: wait for the end")
     parser.add_argument(
         "--timeout", type=seconds, default=TIMEOUT_S, metavar="S", help="simulated (300)"
     )
     parser.add_argument("--record", metavar="DIR", help="a .tlog of every frame, there")
+    add_looks(parser)
     parser.add_argument("--router", action="store_true", help="a router between the processes")
     add_json(parser)
 
@@ -88,42 +91,55 @@ def run(options: argparse.Namespace, says: Says) -> int:
                 f"{entrant.robot}: beside the goal is no room as beside the start;"
                 f" it goes to {entrant.goal}"
             )
-    outcomes = rehearse(scenario, says, WallClock())
+    if has_screen() and not (options.headless or options.json):
+        return show(options, scenario, says, WallClock())
+    outcomes = rehearse(options, scenario, says, WallClock())
     says.result(as_json(scenario.robots, outcomes), in_words(scenario.robots, outcomes))
     return 0 if all(outcome.reached for outcome in outcomes) else 1
 
 
-def rehearse(scenario: Scenario, says: Says, clock: Clock) -> list[Outcome]:
+def rehearse(
+    options: argparse.Namespace, scenario: Scenario, says: Says, clock: Clock
+) -> list[Outcome]:
     """One run with processes of its own, none of which survives it; an outcome per robot."""
-    logs: set[Path] = set()
-    if scenario.record is not None:
-        make_folder(scenario.record)
-        logs.update(Path(scenario.record).glob("*.tlog"))
-    endpoint = free_endpoint()
-    with Children(clock) as children:
-        for role, words in cast(scenario, endpoint):
-            children.start(role, words)
-        common = Common(network=dialling(endpoint), robot=scenario.robots[0])
-        with dialled(common, clock, children.check) as bus:
-            goals = ", ".join(str(entrant.goal) for entrant in scenario.entrants)
-            says.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
-            if scenario.record is not None:
-                await_records(scenario, logs, clock, children.check, says)
-            errands = [
-                Errand(
-                    Link(bus, replace(common, robot=entrant.robot), clock),
-                    scenario,
-                    entrant,
-                    children.check,
-                )
-                for entrant in scenario.entrants
-            ]
-            outing = Outing(errands, clock, children.check, shown(says, clock))
+    with Stack(options, scenario, free_endpoint(), clock) as stack:
+        stack.start(paused=scenario.lockstep)
+        with dialled(stack.common, clock, stack.check) as bus:
+            errands = errands_of(stack, bus, says, clock)
+            outing = Outing(errands, clock, stack.check, shown(says, clock))
             try:
                 return outing.run(lockstep=scenario.lockstep)
             except (Unanswered, RemoteError):
-                children.blame()  # a process that has died explains silence best
+                stack.blame()  # a process that has died explains silence best
                 raise
+
+
+def show(options: argparse.Namespace, scenario: Scenario, says: Says, clock: Clock) -> int:
+    """The same with the app open on it; the operator may give other goals, or another world."""
+    with Stack(options, scenario, free_endpoint(), clock) as stack:
+        stack.start()
+        with dialled(stack.common, clock, stack.check) as bus:
+            errands = errands_of(stack, bus, says, clock)
+            Outing(errands, clock, stack.check, shown(says, clock)).launch(lockstep=False)
+            return run_app(options, errands[0].link, stack.common, stack)
+
+
+def errands_of(stack: Stack, bus: Bus, says: Says, clock: Clock) -> list[Errand]:
+    """One for each robot, when all that is to be recorded is recorded."""
+    scenario = stack.scenario
+    goals = ", ".join(str(entrant.goal) for entrant in scenario.entrants)
+    says.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
+    if scenario.record is not None:
+        await_records(scenario, stack.logs_before, clock, stack.check, says)
+    return [
+        Errand(
+            Link(bus, replace(stack.common, robot=entrant.robot), clock),
+            scenario,
+            entrant,
+            stack.check,
+        )
+        for entrant in scenario.entrants
+    ]
 
 
 def await_records(
@@ -139,17 +155,6 @@ def await_records(
             return
         clock.sleep_until(clock.now_ns() + LOOK_NS)
     says.note(f"nothing is recorded in {scenario.record} yet; the drive begins all the same")
-
-
-def make_folder(folder: str) -> None:
-    try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--record {folder}: {error.strerror}") from error
-
-
-def dialling(endpoint: str) -> Network:
-    return Network(mode="client", connect=(endpoint,), connect_timeout_s=DIAL_S)
 
 
 def dialled(common: Common, clock: Clock, check: Callable[[], None]) -> Bus:

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Final
+from typing import Final, TypeVar
 
 from textual import events
 from textual.app import App
 
+from ground.app.aside import Aside
 from ground.app.bindings import bindings_of
 from ground.app.faces.status import Setting
 from ground.app.gives import Gives
@@ -20,8 +21,11 @@ from ground.app.screens.drive import DriveScreen
 from ground.app.screens.log import LogScreen
 from ground.app.screens.sheet import Action, Sheet
 from ground.app.themes import THEMES
+from ground.stack import Stack
 from ground.station.station import Station
+from protocol.enums import Severity
 
+T = TypeVar("T")
 POLL_HZ: Final = 20.0
 
 
@@ -39,12 +43,15 @@ class GroundApp(App[int]):
         orders: Gives,
         keymap: Keymap | None = None,
         looks: Looks | None = None,
+        stack: Stack | None = None,
     ) -> None:
         super().__init__()
         self.looks = looks or Looks()
         self._station, self._orders = station, orders
         self._keymap_in_force = keymap or Keymap()
         self._bindings = bindings_of(self._keymap_in_force)
+        self._stack = stack
+        self._aside = Aside(self.say)
         self._pace = Pace(self.looks.hz)
         self._helm = Helm(self)
         for theme in THEMES:
@@ -76,6 +83,13 @@ class GroundApp(App[int]):
     def setting(self) -> Setting:
         kind = self.looks.kind or ("SIM" if self._station.world is not None else "REAL")
         return Setting(kind=kind, factor=self._pace.factor)
+
+    @property
+    def stack(self) -> Stack | None:
+        return self._stack
+
+    def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+        self._aside.begin(job, done)
 
     def give(self, line: str) -> None:
         self._orders.give(line)
@@ -138,6 +152,9 @@ class GroundApp(App[int]):
         """Poll, and draw when it is time to."""
         self._station.poll()
         self._pace.heard(self._station)
+        self._aside.poll()
+        if self._stack is not None and (news := self._stack.news()):
+            self._station.note(news, Severity.ERROR)
         if self.sheet is not None:
             self.sheet.poll()
         if self._pace.due(self._station.now_ns):

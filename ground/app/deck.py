@@ -1,11 +1,14 @@
 """What screens ask of the app around them, so that they can be shown by another one in tests."""
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from ground.app.faces.status import Setting
 from ground.app.keymap import Keymap
+from ground.stack import Stack
 from ground.station.station import Station
+
+T = TypeVar("T")
 
 
 class Deck(Protocol):
@@ -19,6 +22,13 @@ class Deck(Protocol):
     def setting(self) -> Setting: ...
     @property
     def ascii_only(self) -> bool: ...
+
+    @property
+    def stack(self) -> Stack | None:
+        """The processes that are ours, when they are."""
+
+    def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+        """Do something slow in a thread; `done` gets the result, an error goes to the log."""
 
     def give(self, line: str) -> None:
         """Do what a command line says; what comes of it is in the log."""

@@ -14,6 +14,7 @@ from ground.app.keymap import Keymap, load
 from ground.app.looks import looks_of
 from ground.link import Link
 from ground.options import Common
+from ground.stack import Stack
 from protocol.clock import WallClock
 
 CLOSING_S: Final = 3.0
@@ -22,8 +23,11 @@ DRIVER: Final = "TEXTUAL_DRIVER"
 """Set by what shows the app in a browser: then there is a screen without a terminal."""
 
 
-def run(options: argparse.Namespace, link: Link, common: Common) -> int:
-    """Until the operator leaves; 0. Raises ConfigError for a keymap that cannot be used."""
+def run(options: argparse.Namespace, link: Link, common: Common, stack: Stack | None = None) -> int:
+    """Until the operator leaves; 0. Raises ConfigError for a keymap that cannot be used.
+
+    With a `stack` the processes are ours: they are looked after, and may be started anew.
+    """
     keymap, looks = keymap_of(options), looks_of(options)
     # Textual is for whoever has a screen.
     from ground.app.app import GroundApp
@@ -37,7 +41,7 @@ def run(options: argparse.Namespace, link: Link, common: Common) -> int:
     station = Station(link.bus, link.robot, clock, name=operator_name())
     common = replace(common, robot=link.robot)
     orders = Orders(station, link.bus, common, clock, History(folder() / "history"))
-    app = GroundApp(station, orders, keymap, looks)
+    app = GroundApp(station, orders, keymap, looks, stack)
     orders.local = words_of_the_app(app)
     try:
         with quiet(folder() / "ground.log"):

@@ -1,0 +1,137 @@
+"""The processes of `up`: started together, looked after, and started anew in another world."""
+
+import argparse
+import json
+import os
+import signal
+from collections.abc import Mapping, Sequence
+from copy import copy
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import MappingProxyType, TracebackType
+from typing import Any, Final, Self
+
+from ground.children import ChildDied, Children
+from ground.leash import command
+from ground.options import Common
+from ground.scenario import Scenario, cast, question, scenario_of, world_facts
+from protocol.clock import Clock
+from protocol.errors import UserError
+from protocol.network import Network
+
+TROUBLES: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyType(
+    {
+        "hang": (signal.SIGSTOP, "stands still as if it hung; its link stays"),
+        "wake": (signal.SIGCONT, "goes on after that"),
+        "end": (signal.SIGKILL, "is gone at once, without a word"),
+    }
+)
+"""What can be done to a process that is ours, by name."""
+
+
+PAUSED: Final = "--paused"
+DIAL_S: Final = 0.5
+
+
+class Stack:
+    """Has one endpoint all its life, so that whoever has dialled it finds the next one there."""
+
+    def __init__(
+        self, options: argparse.Namespace, scenario: Scenario, endpoint: str, clock: Clock
+    ) -> None:
+        self._options = options
+        self.scenario = scenario
+        self._endpoint = endpoint
+        self._children = Children(clock)
+        self._folder = TemporaryDirectory(prefix="sidestep-")
+        self._told: set[str] = set()
+        self.logs_before: set[Path] = set()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._children.stop()
+        self._folder.cleanup()
+
+    @property
+    def common(self) -> Common:
+        """How its first robot is dialled."""
+        network = Network(mode="client", connect=(self._endpoint,), connect_timeout_s=DIAL_S)
+        return Common(network=network, robot=self.scenario.robots[0])
+
+    def start(self, *, paused: bool = False) -> None:
+        """`paused`: in lockstep, time waits until it is told to go on."""
+        if self.scenario.record is not None:
+            make_folder(self.scenario.record)
+            self.logs_before = set(Path(self.scenario.record).glob("*.tlog"))
+        for role, words in cast(self.scenario, self._endpoint):
+            waits = paused or PAUSED not in words
+            self._children.start(role, words if waits else [w for w in words if w != PAUSED])
+
+    def check(self) -> None:
+        """Raise ChildDied when one has ended by itself."""
+        self._children.check()
+
+    def blame(self) -> None:
+        self._children.blame()
+
+    def news(self) -> str:
+        """Why one of them has ended, once; empty when there is nothing new."""
+        try:
+            self.check()
+        except ChildDied as died:
+            words = str(died)
+            if words not in self._told:
+                self._told.add(words)
+                return words
+        return ""
+
+    def restarted(self, scenario: Scenario) -> None:
+        """End them all and start those of another scenario, within about a second."""
+        self._children.stop()
+        self._told.clear()
+        self.scenario = scenario
+        self.start()
+
+    def scenario_in(self, world: str, faults: Sequence[Mapping[str, object]] = ()) -> Scenario:
+        """What it would be in another world, with these faults added; UserError says why not."""
+        options = copy(self._options)
+        options.world, options.goal = world, None
+        if faults:
+            options.world = self._with(faults, self._facts(options))
+        return scenario_of(options, self._facts(options))
+
+    def _facts(self, options: argparse.Namespace) -> dict[str, Any]:
+        return world_facts(command(question(options), os.getpid()))
+
+    def _with(self, faults: Sequence[Mapping[str, object]], facts: Mapping[str, Any]) -> str:
+        """The file of a world that has these faults, too."""
+        world = {name: value for name, value in facts.items() if name not in ("starts", "goals")}
+        world["faults"] = [*facts.get("faults", ()), *faults]
+        path = Path(self._folder.name) / f"{facts['name']}.json"
+        path.write_text(json.dumps(world), encoding="utf-8")
+        return str(path)
+
+    def roles(self) -> list[str]:
+        """The names of the processes."""
+        return self._children.roles
+
+    def trouble(self, role: str, what: str) -> str:
+        """Do something to one of them; what has been done, in words."""
+        number, says = TROUBLES[what]
+        if not self._children.send(role, number):
+            raise UserError(f"the {role} process is not there")
+        return f"the {role} process {says}"
+
+
+def make_folder(folder: str) -> None:
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--record {folder}: {error.strerror}") from error
