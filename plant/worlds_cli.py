@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Final
 
+from plant.faults import KINDS
 from plant.goals import goals
 from plant.lineup import starts
 from plant.shortest_path import known_length_m, shortest_path
@@ -31,6 +32,8 @@ def main(argv: Sequence[str]) -> int:
         return EXIT_OK if done.code in (0, None) else EXIT_USAGE
     if arguments.verb == "list":
         return _list(arguments.json)
+    if arguments.verb == "faults":
+        return _faults(arguments.json)
     if arguments.verb in ("generate", "import"):
         return make(arguments)
     try:
@@ -47,15 +50,16 @@ def _parser() -> argparse.ArgumentParser:
         prog="sidestep worlds", description="List, check, show and make worlds.", allow_abbrev=False
     )
     verbs = parser.add_subparsers(
-        dest="verb", required=True, metavar="list|check|show|generate|import"
+        dest="verb", required=True, metavar="list|faults|check|show|generate|import"
     )
     for verb, says in (
         ("list", "the worlds that come with the program"),
+        ("faults", "what can go wrong on purpose, for the [[fault]] tables of a world"),
         ("check", "say what is wrong with a world file: line, key, reason and fix"),
         ("show", "draw a world, or print it as JSON"),
     ):
         one = verbs.add_parser(verb, help=says, description=says, allow_abbrev=False)
-        if verb != "list":
+        if verb not in ("list", "faults"):
             one.add_argument("world", metavar="FILE", help="a .toml file or a shipped name")
         one.add_argument("--json", action="store_true", help="print one JSON object")
         if verb == "show":
@@ -94,6 +98,19 @@ def _list(as_object: bool) -> int:
         width = max(len(name) for name in names)
         for name in names:
             print(f"{name:<{width}}  {_says(name)}")
+    return EXIT_OK
+
+
+def _faults(as_object: bool) -> int:
+    if as_object:
+        faults: list[Json] = [
+            {"kind": kind, "targets": list(about.targets), "unit": about.unit, "says": about.doc}
+            for kind, about in KINDS.items()
+        ]
+        _print_json({"faults": faults})
+    else:
+        for kind, about in KINDS.items():
+            print(f"{kind:<14}  {about.doc}")
     return EXIT_OK
 
 

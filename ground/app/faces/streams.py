@@ -14,14 +14,13 @@ ROLES: Final = {Age.LIVE: "text", Age.DIM: "faint", Age.GONE: "faint"}
 def stream_rows(station: Station) -> list[Row]:
     """One line each, for the third column; topics of which nothing ever came are left out."""
     lines = [line for line in station.streams() if line.received]
-    return [row(head("stream      Hz    age  lost")), *map(short, lines)]
+    return [row(head("stream           Hz    age lost")), *map(short, lines)]
 
 
 def short(line: StreamRow) -> Row:
-    name = line.topic.path.rpartition("/")[2][:11]
     lost = f"{line.lost_percent:4.0f}%"
     return row(
-        head(f"{name:<11}"),
+        head(f"{line.topic.path:<14.14}"),
         Span(f"{rate(line):>5}", ROLES[line.age]),
         Span(f"{age(line):>7}", ROLES[line.age]),
         Span(lost, "caution" if line.lost_percent >= 1.0 else "faint"),

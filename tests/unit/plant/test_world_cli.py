@@ -129,7 +129,7 @@ def test_wrong_usage_is_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -
 
 def test_help_is_no_mistake(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
-    assert "list|check|show" in capsys.readouterr().out
+    assert "list|faults|check|show" in capsys.readouterr().out
 
 
 def test_a_name_nobody_knows_is_2(capsys: pytest.CaptureFixture[str]) -> None:
