@@ -2,6 +2,14 @@
 
 from ground.explain.explanation import Explanation, explain
 from ground.explain.turning import TurningPoint, turning_points
-from ground.explain.why import Why
+from ground.explain.why import Turned, Why, explained
 
-__all__ = ["Explanation", "TurningPoint", "Why", "explain", "turning_points"]
+__all__ = [
+    "Explanation",
+    "Turned",
+    "TurningPoint",
+    "Why",
+    "explain",
+    "explained",
+    "turning_points",
+]

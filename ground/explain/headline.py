@@ -42,7 +42,9 @@ def motion(decision: AvoidanceDecision) -> str:
 def cause(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
     """The outermost reason: state before mode, mode before goal, goal before avoidance."""
     outer = "" if status is None else of_the_state(status)
-    return outer or of_the_guard(decision) or of_the_branch(decision, status)
+    by_hand = status is not None and status.vehicle == Vehicle.ACTIVE and status.mode == Mode.MANUAL
+    guarded = of_the_guard(decision) if by_hand or not outer else ""
+    return guarded or outer or of_the_branch(decision, status)
 
 
 def of_the_state(status: NavigatorStatus) -> str:

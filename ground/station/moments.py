@@ -4,7 +4,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
-from itertools import islice
+from itertools import islice, takewhile
 from typing import Final, NamedTuple, TypeVar
 
 from ground.station.inbox import Arrival
@@ -17,6 +17,9 @@ from protocol.topics import CYCLE, DECISION, ODOMETRY, STATUS
 KEPT: Final = 12_000
 """Ten minutes at 20 Hz."""
 NEAR_NS: Final = 1_000_000_000
+FAR_NS: Final = 1 << 63
+AT_ONCE: Final = 2_400
+"""Decisions that are decoded in one go: two minutes, in a few hundredths of a second."""
 
 M = TypeVar("M", bound=Message)
 
@@ -70,6 +73,13 @@ class Moments:
         frames = self._frames.get(arrival.path)
         if frames is not None:
             frames.add(arrival.frame, arrival.arrived_ns)
+
+    def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
+        """Those that arrived later, with when they did, the oldest first; at most `AT_ONCE`."""
+        kept = islice(self._frames[DECISION.path].until(FAR_NS), AT_ONCE)
+        newer = takewhile(lambda pair: pair[0] > after_ns, kept)
+        found = [(at_ns, one) for at_ns, one in newer if isinstance(one, AvoidanceDecision)]
+        return found[::-1]
 
     def at(self, time_ns: int) -> Moment | None:
         """The decision in force at that instant; None when none is kept from then."""

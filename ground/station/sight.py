@@ -16,7 +16,7 @@ from ground.station.streams import StreamRow
 from ground.station.watched import Watched
 from ground.station.world import WorldFacts
 from ground.telemetry import Seen, Telemetry
-from protocol.messages import MissionStatus
+from protocol.messages import AvoidanceDecision, MissionStatus
 from protocol.topics import MISSION, Role, Topic
 
 NS_PER_S: Final = 1_000_000_000
@@ -156,6 +156,10 @@ class Sight:
     def moment(self, time_ns: int | None = None) -> Moment | None:
         """What was decided at an instant of the station's clock (now, unless given) and around."""
         return self._shown.moments.at(self._now_ns if time_ns is None else time_ns)
+
+    def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
+        """What was decided after an instant of the station's clock, and when; the oldest first."""
+        return self._shown.moments.decisions(after_ns)
 
     def scene(self) -> Scene:
         """Everything the map shows; without ghosts and cursor, which are not the robot's."""

@@ -83,6 +83,7 @@ class FakeStation(Station):
         self.asked: list[str] = []
         self.world_now: WorldFacts | None = None
         self.scene_now = Scene()
+        self.decisions_now: list[tuple[int, AvoidanceDecision]] = []
         self.loss_now: Loss | None = None
         self.ready_now, self.waiting_now = True, ""
         self.lease_now = Lease()
@@ -188,6 +189,9 @@ class FakeStation(Station):
 
     def moment(self, time_ns: int | None = None) -> Moment | None:
         return None
+
+    def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
+        return [pair for pair in self.decisions_now if pair[0] > after_ns]
 
     def scene(self) -> Scene:
         return self.scene_now

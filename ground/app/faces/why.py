@@ -2,8 +2,9 @@
 
 from textwrap import wrap
 
-from ground.explain import Explanation, Why, explain
+from ground.explain import Explanation, Why, explain, explained
 from ground.explain.explanation import NAMES
+from ground.station import Station
 from ground.station.moments import Moment
 from ground.widgets.rows import Row, Span, faint, head, row
 
@@ -17,15 +18,14 @@ def now_rows(moment: Moment | None, width: int) -> list[Row]:
     return explanation_rows(found, width)
 
 
-def turn_rows(why: Why, back: int, newest_ns: int | None, width: int) -> list[Row]:
-    """A turning point, and how long before the newest decision it was."""
-    found = why.at(back)
-    if found is None:
+def turn_rows(why: Why, back: int, station: Station, width: int) -> list[Row]:
+    """A turning point, and how long ago it was."""
+    turned = why.at(back)
+    if turned is None:
         return [row(faint("it has not turned yet"))]
-    point, explanation = found
-    ago = "" if newest_ns is None else f"{(newest_ns - point.time_ns) / NS_PER_S:.1f} s ago: "
-    first = row(Span(ago, "accent"), Span(point.words, "caution"))
-    return [first, *explanation_rows(explanation, width)]
+    ago_s = (station.now_ns - turned.at_ns) / NS_PER_S
+    first = row(Span(f"{ago_s:.1f} s ago: ", "accent"), Span(turned.point.words, "caution"))
+    return [first, *explanation_rows(explained(turned, station), width)]
 
 
 def explanation_rows(found: Explanation, width: int) -> list[Row]:

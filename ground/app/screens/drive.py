@@ -101,15 +101,13 @@ class DriveScreen(Sheet):
 
     def draw_why(self) -> None:
         """Where there is room the decision of now, and on demand the last one that changed it."""
-        moment = self.deck.station.moment()
-        if moment is not None:
-            self.why.take(moment.decision, moment.status, moment.cycle)
+        station = self.deck.station
+        self.why.look(station)
         now, below = self.lines("why"), self.lines("why-below")
         if now.size:
-            now.show(now_rows(moment, now.size.width))
+            now.show(now_rows(station.moment(), now.size.width))
         if below.size:
-            newest_ns = None if moment is None else moment.decision.time_ns
-            below.show(turn_rows(self.why, self.back, newest_ns, below.size.width))
+            below.show(turn_rows(self.why, self.back, station, below.size.width))
 
     def draw_third(self) -> None:
         station = self.deck.station

@@ -110,6 +110,11 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
             "turns left at 29 deg/s: it is driven by hand",
         ),
         (
+            decided(**AT_GOAL, **STILL, nearest_range_m=nan, nearest_bearing_rad=nan, guard=80),
+            standing(mode=Mode.MANUAL, goal=GoalState.NONE),
+            "stands: guard: obstacle ahead",
+        ),
+        (
             decided(**AT_GOAL, **STILL),
             standing(goal=GoalState.STUCK, goal_reason=Reason.UNREACHABLE),
             "stands: it gave the goal up: went all the way round: unreachable",

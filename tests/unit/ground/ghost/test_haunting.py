@@ -1,6 +1,5 @@
 """What a station shows, live or played, can be haunted from the instant that it shows."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event
@@ -8,40 +7,19 @@ from time import monotonic
 
 import pytest
 
-from ground.blackbox.replay import ReplayBus
 from ground.ghost import Ghosts
 from ground.ghost.haunting import CHOICES, Haunting, instant_of, side_of
 from ground.station import Station
-from ground.station.world import world_in
-from plant.world_file import load
-from plant.world_json import as_json
-from protocol.clock import ManualClock
 from protocol.errors import UserError
 from protocol.outcome import Outcome
 from protocol.topics import ODOMETRY, STATUS, TRUTH
 from tests.unit.ground.recordings import Recording, box
-
-WORLD = world_in(json.dumps(as_json(load("box"), None)))
+from tests.unit.ground.shown import WORLD, Show
 
 
 @pytest.fixture(scope="module")
 def drive() -> tuple[Recording, Outcome]:
     return box("bug")
-
-
-class Show:
-    """A played recording at one of its instants."""
-
-    def __init__(self, run: Recording, folder: Path, at_s: float, world: bool = True) -> None:
-        log = Path(run.written(folder / "20260101T000000Z-r1.tlog"))
-        self.bus = ReplayBus(log, ManualClock())
-        given = WORLD if world else None
-        self.station = Station(self.bus, "r1", self.bus.timeline, given)
-        self.go(at_s)
-
-    def go(self, at_s: float) -> None:
-        self.bus.seek(at_s)
-        self.station.poll()
 
 
 @pytest.fixture

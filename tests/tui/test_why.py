@@ -1,0 +1,68 @@
+"""One key answers why it turned, another goes back to the time before."""
+
+from protocol.enums import Branch
+from tests.tui.fakes import MS, FakeStation, S, driving
+from tests.tui.pilot import play, staged
+from tests.unit.ground.explain.told import decided
+
+TURNS = (Branch.TO_GOAL, Branch.PASS_RIGHT, Branch.PASS_LEFT)
+
+
+def turned(ago_ns: int = 2 * S) -> FakeStation:
+    """It went for its goal, passed on the right and, `ago_ns` before now, on the left."""
+    station = driving(FakeStation())
+    last_ns = station.now_ns - ago_ns
+    station.decisions_now = [
+        (last_ns + (tick - 2) * 50 * MS, decided(time_ns=tick * 50 * MS, branch=branch))
+        for tick, branch in enumerate(TURNS)
+    ]
+    return station
+
+
+def test_the_key_tells_of_the_last_turn_and_closes_again() -> None:
+    async def story() -> None:
+        async with staged((110, 30), station=turned()) as stage:
+            await stage.press("e")
+            said = stage.words("why-below")
+            assert "2.0 s ago: changes the side: passes on the right" in said
+            assert "so it passes on the left" in " ".join(said.split())
+            await stage.press("e")
+            assert not stage.app.screen.has_class("-explaining")
+
+    play(story)
+
+
+def test_the_other_key_goes_back_to_the_turn_before_and_no_farther() -> None:
+    async def story() -> None:
+        async with staged((110, 30), station=turned()) as stage:
+            for _ in range(4):
+                await stage.press("E")
+            assert "goes for the goal -> passes on the right" in stage.words("why-below")
+
+    play(story)
+
+
+def test_a_robot_that_has_not_turned_is_said_not_to_have() -> None:
+    async def story() -> None:
+        async with staged((110, 30)) as stage:
+            await stage.press("e")
+            assert "it has not turned yet" in stage.words("why-below")
+
+    play(story)
+
+
+def test_turns_on_another_screen_are_told_on_the_return() -> None:
+    async def story() -> None:
+        station = turned()
+        async with staged((110, 30), station=station) as stage:
+            await stage.press("4")
+            station.decisions_now.append(
+                (station.now_ns - S, decided(time_ns=150 * MS, branch=Branch.TO_GOAL))
+            )
+            station.decisions_now.append(
+                (station.now_ns - S + 50 * MS, decided(time_ns=200 * MS, branch=Branch.TO_GOAL))
+            )
+            await stage.press("1", "e")
+            assert "1.0 s ago: passes on the left -> goes for the goal" in stage.words("why-below")
+
+    play(story)

@@ -1,0 +1,138 @@
+"""Of a robot that is shown no turning point is missed, however seldom somebody looks."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from ground.explain import Why, explained, turning_points
+from ground.explain.why import MANY
+from ground.station.moments import AT_ONCE
+from protocol.codec import decode
+from protocol.enums import Branch
+from protocol.messages import AvoidanceDecision
+from tests.unit.ground.explain.told import decided
+from tests.unit.ground.recordings import Recording, box
+from tests.unit.ground.shown import Show
+
+
+@pytest.fixture(scope="module")
+def run() -> Recording:
+    return box()[0]
+
+
+@pytest.fixture
+def show(run: Recording, tmp_path: Path) -> Iterator[Show]:
+    shown = Show(run, tmp_path, 0.0)
+    yield shown
+    shown.station.close()
+
+
+def of_the_run(run: Recording, until_s: float) -> list[str]:
+    """The turning points up to then."""
+    messages = (decode(one.frame).message for one in run.found)
+    decisions = [one for one in messages if isinstance(one, AvoidanceDecision)]
+    return [
+        point.words for point in turning_points(decisions) if point.time_ns <= until_s * 1e9 + 1
+    ]
+
+
+@pytest.mark.parametrize("step_s", [0.05, 0.4, 7.0, 30.0])
+def test_however_seldom_somebody_looks_none_is_missed(
+    run: Recording, show: Show, step_s: float
+) -> None:
+    why, at_s = Why(), 0.0
+    while at_s < 30.0:
+        why.look(show.station)
+        at_s += step_s
+        show.go(at_s)
+        why.look(show.station)
+        why.look(show.station)
+    assert [point.words for point in why.points] == of_the_run(run, 30.0)
+
+
+def test_each_is_explained_with_what_was_known_then(show: Show) -> None:
+    why = Why()
+    show.go(8.0)
+    why.look(show.station)
+    turned = why.at()
+    assert turned is not None
+    found = explained(turned, show.station)
+    assert turned.point.words in found.lines[-1]
+    assert any(line.startswith("state    ACTIVE AUTO") for line in found.lines)
+    assert any(line.startswith("cycle") for line in found.lines)
+
+
+def test_a_recording_that_is_turned_back_forgets_what_is_not_yet(
+    run: Recording, show: Show
+) -> None:
+    why = Why()
+    show.go(20.0)
+    why.look(show.station)
+    show.bus.rewind()
+    show.open()
+    show.go(7.3)
+    why.look(show.station)
+    assert [point.words for point in why.points] == of_the_run(run, 7.3)
+    show.go(20.0)
+    why.look(show.station)
+    assert [point.words for point in why.points] == of_the_run(run, 20.0)
+
+
+class Stage:
+    """A station that has just these decisions."""
+
+    def __init__(self, *branches: Branch) -> None:
+        self.robot = "r1"
+        self.now_ns = 10**12
+        self.said = [
+            (tick + 1, decided(time_ns=tick, branch=branch)) for tick, branch in enumerate(branches)
+        ]
+
+    def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
+        return [pair for pair in self.said if pair[0] > after_ns][-MANY:]
+
+    def moment(self, time_ns: int | None = None) -> None:
+        return None
+
+
+def test_one_key_goes_back_turn_by_turn_and_stops_at_the_first() -> None:
+    why = Why(most=2)
+    assert why.at() is None
+    why.look(Stage(Branch.TO_GOAL, Branch.PASS_LEFT, Branch.TO_GOAL, Branch.PASS_RIGHT))
+    words = [None if (found := why.at(back)) is None else found.point.words for back in range(3)]
+    assert words == [
+        "goes for the goal -> passes on the right",
+        "passes on the left -> goes for the goal",
+        None,
+    ]
+    assert why.at(-1) is None
+
+
+def test_another_robot_begins_anew() -> None:
+    why, stage = Why(), Stage(Branch.TO_GOAL, Branch.PASS_LEFT)
+    why.look(stage)
+    stage.robot = "r2"
+    stage.said = [(1, decided(branch=Branch.PASS_RIGHT))]
+    why.look(stage)
+    assert why.points == []
+
+
+def test_a_turn_of_which_little_is_known_any_more_is_explained_all_the_same() -> None:
+    why, stage = Why(), Stage(Branch.TO_GOAL, Branch.PASS_LEFT)
+    why.look(stage)
+    turned = why.at()
+    assert turned is not None
+    assert "so it passes on the left" in explained(turned, stage).headline
+
+
+def test_of_what_was_left_out_no_turn_is_made_up() -> None:
+    """More was said than is taken at once: what came before that is not compared with it."""
+    assert MANY == AT_ONCE
+    why, stage = Why(), Stage(Branch.TO_GOAL)
+    why.look(stage)
+    stage.said += [
+        (tick, decided(time_ns=tick, branch=Branch.PASS_LEFT)) for tick in range(2, 4000)
+    ]
+    why.look(stage)
+    assert why.points == []

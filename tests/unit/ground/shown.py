@@ -1,0 +1,33 @@
+"""A recording of a test on a station, as the app plays it."""
+
+import json
+from pathlib import Path
+
+from ground.blackbox.replay import ReplayBus
+from ground.station import Station
+from ground.station.world import world_in
+from plant.world_file import load
+from plant.world_json import as_json
+from protocol.clock import ManualClock
+from tests.unit.ground.recordings import Recording
+
+WORLD = world_in(json.dumps(as_json(load("box"), None)))
+
+
+class Show:
+    """A played recording at one of its instants."""
+
+    def __init__(self, run: Recording, folder: Path, at_s: float, world: bool = True) -> None:
+        log = Path(run.written(folder / "20260101T000000Z-r1.tlog"))
+        self.bus = ReplayBus(log, ManualClock())
+        self._world = WORLD if world else None
+        self.open()
+        self.go(at_s)
+
+    def open(self) -> None:
+        """A station of its own, as after every rewind."""
+        self.station = Station(self.bus, "r1", self.bus.timeline, self._world)
+
+    def go(self, at_s: float) -> None:
+        self.bus.seek(at_s)
+        self.station.poll()
