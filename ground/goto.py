@@ -6,6 +6,7 @@ from typing import Final
 
 from ground.destination import Destination, destination_of, goal_request
 from ground.destination import arguments as destination_arguments
+from ground.lease import leased
 from ground.link import NS_PER_S, Link, linked
 from ground.operator import BEAT_NS, Answered, GoalEnd, GoalWatch
 from ground.options import add_common, common_of, seconds
@@ -49,7 +50,8 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
         mode = Mode.AUTO if options.no_wait else Mode.GUIDED
         return tell(says, "goto", link.robot, drive.send(where, mode)[0])
     timeout_ns = None if options.timeout is None else round(options.timeout * NS_PER_S)
-    return drive.wait_for(where, timeout_ns)
+    with leased(link):
+        return drive.wait_for(where, timeout_ns)
 
 
 class Drive:

@@ -11,6 +11,7 @@ from ground.console import History, act, complete, parse
 from ground.console.aliases import unfolded
 from ground.console.typed import words_of
 from ground.link import Link
+from ground.missions.draft import Draft
 from ground.options import Common
 from ground.says import Says
 from ground.station import Outcome, Station
@@ -42,6 +43,7 @@ class Orders:
         self._history = history
         self._stick: Stick | None = None
         self.local: Mapping[str, Local] = {}
+        self.draft = Draft()
         self.last = ""
 
     def give(self, line: str) -> None:
@@ -97,12 +99,13 @@ class Orders:
     def _done(self, options: argparse.Namespace) -> Outcome:
         """In a thread of its own, over a link of its own: request ids are never shared."""
         says, out, err = heard()
-        code = act(options, self._link(), says)
+        code = act(options, self._link(), says, draft=self.draft)
         return Outcome(code == 0, told(out, err))
 
     def _locally(self, options: argparse.Namespace) -> None:
         says, out, err = heard()
-        code = 0 if act(options, self._link(), says, self.local) == 0 else 1
+        local = {"wp": self.draft.act, **self.local}
+        code = 0 if act(options, self._link(), says, local) == 0 else 1
         for text in told(out, err).splitlines():
             self._station.note(text, Severity.WARNING if code else Severity.INFO)
 

@@ -2,15 +2,18 @@
 
 import argparse
 from collections.abc import Callable, Mapping
+from typing import Final
 
 from ground.console.helping import help_text
 from ground.link import Link
+from ground.missions.draft import Draft
+from ground.missions.files import DASH
 from ground.says import Says
 from ground.verbs import VERBS
 from protocol.errors import RemoteError, UserError
 
-EXIT_NOT = 1
-EXIT_USAGE = 2
+EXIT_NOT: Final = 1
+EXIT_USAGE: Final = 2
 
 
 def act(
@@ -18,12 +21,15 @@ def act(
     link: Link,
     says: Says,
     local: Mapping[str, Callable[[argparse.Namespace, Says], int]] | None = None,
+    draft: Draft | None = None,
 ) -> int:
     """The exit code the command line would have ended with; errors are said, not raised.
 
     `local` does the words that only the app knows; one that it has not is said to be missing.
+    `draft` is what `mission upload -` sends, where a shell would have standard input.
     """
     try:
+        options.typed = (draft or Draft()).text if getattr(options, "file", None) == DASH else None
         if options.local:
             return _locally(options, says, local or {})
         verb = VERBS[options.verb]

@@ -21,6 +21,7 @@ PAIRS: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
         ("mode", "rtl"): ("rtl",),
         ("mission", "restart"): ("mission", "start", "0"),
         ("record", "mark"): ("mark",),
+        ("wp", "upload"): ("mission", "upload", "-"),
     }
 )
 

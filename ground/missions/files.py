@@ -17,12 +17,18 @@ from protocol.errors import UserError
 
 ENDINGS: Final = (".toml", ".plan", ".waypoints")
 LARGEST_BYTES: Final = 4_000_000
+DASH: Final = Path("-")
+"""Stands for a .toml that is no file: standard input, or the draft of a console."""
 
 
 def read(path: Path, *, home: Home | None = None, drop: bool = False) -> Foreign:
     """The mission of a file; MissionError names all that is wrong with it."""
-    ending = ending_of(path)
-    text = _text(path)
+    return read_text(_text(path), path, home=home, drop=drop)
+
+
+def read_text(text: str, path: Path, *, home: Home | None = None, drop: bool = False) -> Foreign:
+    """The same of a text that has been read; DASH is for TOML."""
+    ending = ".toml" if path == DASH else ending_of(path)
     if ending == ".plan":
         found = plan_file.read_text(text, str(path), home=home, drop=drop)
     elif ending == ".waypoints":
@@ -94,6 +100,7 @@ def _listed(words: Sequence[str]) -> str:
 
 
 def _text(path: Path) -> str:
+    ending_of(path)
     try:
         if path.stat().st_size > LARGEST_BYTES:
             raise UserError(f"{path}: is larger than any mission ({LARGEST_BYTES} bytes)")

@@ -42,10 +42,10 @@ def state_name(state: int) -> str:
 
 
 def words(status: MissionStatus) -> str:
-    """In a line: `holding at item 2 of 0 to 4, 3.2 s left`."""
+    """In a line: `holding, item 2 (3 of 5), 3.2 s left`."""
     if status.state == MissionState.NONE:
         return "no mission"
-    where = f"item {status.current} of 0 to {status.count - 1}"
+    where = f"item {status.current} ({status.current + 1} of {status.count})"
     left = f", {status.hold_left_ms / 1000:.1f} s left" if status.hold_left_ms else ""
     reason = f": {reason_text(status.reason)}" if status.reason else ""
     return f"{state_name(status.state)}, {where}{left}{reason}"

@@ -1,6 +1,8 @@
 """`mission`: check, send and fetch a mission, start it, stop it, and say how far it is."""
 
 import argparse
+import sys
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Final
 
@@ -30,7 +32,7 @@ NO_MISSION: Final = Verdict(Reason.NO_MISSION, None)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    names = "check|upload|download|start|pause|resume|abort|jump|status|clear|convert"
+    names = "check|upload|download|list|start|pause|resume|abort|jump|status|clear|convert"
     actions = parser.add_subparsers(dest="action", required=True, metavar=names)
     checking = actions.add_parser("check", help="say what is wrong with a file")
     converting = actions.add_parser("convert", help="from one format to another, by the endings")
@@ -46,7 +48,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     jumping = actions.add_parser("jump", help="go on with another item")
     jumping.add_argument("item", type=whole(0, MOST_ITEMS), metavar="ITEM", help="from 0")
     orders = {"pause": "stand still", "resume": "go on", "abort": "drop it and stand still"}
-    others = {**orders, "status": "how far it is", "clear": "delete it from the robot"}
+    looks = {"list": "the items the robot has", "status": "how far it is"}
+    others = {**orders, **looks, "clear": "delete it from the robot"}
     plain = [actions.add_parser(name, help=says) for name, says in others.items()]
     for action in (checking, converting, uploading, downloading):
         _add_reading(action)
@@ -85,6 +88,8 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
         return upload(link, says, read(options))
     if options.action == "download":
         return download(link, says, options.file, home_of(options))
+    if options.action == "list":
+        return listing(link, says)
     if options.action == "status":
         return show_status(link, says)
     if options.action == "clear":
@@ -125,7 +130,13 @@ def home_of(options: argparse.Namespace) -> Home | None:
 
 
 def read(options: argparse.Namespace) -> Foreign:
-    return files.read(options.file, home=home_of(options), drop=options.drop)
+    """A file's mission; `-` is standard input, or what a console has put into `typed`."""
+    home = home_of(options)
+    if options.file != files.DASH:
+        return files.read(options.file, home=home, drop=options.drop)
+    if getattr(options, "typed", None) is None:
+        options.typed = sys.stdin.read(files.LARGEST_BYTES)
+    return files.read_text(options.typed, options.file, home=home, drop=options.drop)
 
 
 def with_files(options: argparse.Namespace, says: Says) -> int:
@@ -167,18 +178,36 @@ def upload(link: Link, says: Says, found: Foreign) -> int:
 
 def download(link: Link, says: Says, path: Path, home: Home | None) -> int:
     files.ending_of(path)  # refused before anything is asked
-    found = fetch(link, MissionType.MISSION)
-    fence = fetch(link, MissionType.FENCE)
-    if isinstance(found, Verdict) or not found.items:
-        reason = found if isinstance(found, Verdict) else NO_MISSION
-        return tell_verdict(says, "mission download", link.robot, reason, "")
-    mission = Mission(
-        waypoints=waypoints_of(found.items),
-        fence=fence_of(fence.items) if isinstance(fence, Downloaded) else None,
-        home=home,
-    )
+    mission = fetched(link)
+    if isinstance(mission, Verdict):
+        return tell_verdict(says, "mission download", link.robot, mission, "")
+    mission = replace(mission, home=home)
     lost = files.write(path, mission)
     text = f"{path}: {mission}{''.join(f'; {what} is lost' for what in lost)}"
     row: dict[str, object] = {"verb": "mission download", "ok": True, "file": str(path)}
-    says.result(row | {"items": len(found.items), "lost": list(lost)}, text)
+    says.result(row | {"items": len(mission.waypoints), "lost": list(lost)}, text)
     return 0
+
+
+def listing(link: Link, says: Says) -> int:
+    """0 when the robot has a mission, 1 when it has none."""
+    mission = fetched(link)
+    if isinstance(mission, Verdict):
+        return tell_verdict(says, "mission list", link.robot, mission, "")
+    rows = [f"{at}  {waypoint}" for at, waypoint in enumerate(mission.waypoints)]
+    rows += [f"fence: {mission.fence}"] if mission.fence else []
+    items: list[object] = [asdict(waypoint) for waypoint in mission.waypoints]
+    says.result({"verb": "mission list", "ok": True, "waypoints": items}, "\n".join(rows))
+    return 0
+
+
+def fetched(link: Link) -> Mission | Verdict:
+    """What the robot has, with its fence, or why there is none."""
+    found = fetch(link, MissionType.MISSION)
+    fence = fetch(link, MissionType.FENCE)
+    if isinstance(found, Verdict):
+        return found
+    if not found.items:
+        return NO_MISSION
+    corners = fence.items if isinstance(fence, Downloaded) else ()
+    return Mission(waypoints=waypoints_of(found.items), fence=fence_of(corners))

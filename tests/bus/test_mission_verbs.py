@@ -185,9 +185,11 @@ def test_how_far_the_mission_is_can_be_asked(robot: PlayedRobot, say: Say, missi
     assert say("mission", "status")[1] == "no mission\n"
     say("mission", "upload", mission)
     robot.desk.status = MissionState.RUNNING
-    assert say("mission", "status")[1] == "running, item 0 of 0 to 1\n"
+    assert say("mission", "status")[1] == "running, item 0 (1 of 2)\n"
     assert json.loads(say("mission", "status", "--json")[1])["state"] == "running"
+    assert say("mission", "list")[1] == "0  (1.2345, -2) at 90 deg, hold 1.5 s\n1  (3, 0)\n"
     assert say("mission", "clear")[:2] == (0, "ok, the robot has none\n")
+    assert say("mission", "list")[1].startswith("refused: there is no mission")
     assert say("mission", "download", "x.toml")[1].startswith("refused: there is no mission")
 
 
@@ -227,6 +229,22 @@ def test_what_is_no_fence_is_refused_at_once(
 ) -> None:
     assert main(["fence", *words, "--connect", "tcp/127.0.0.1:1"]) == 2
     assert why in capsys.readouterr().err
+
+
+def test_goto_holds_the_lease_while_it_runs(robot: PlayedRobot, say: Say) -> None:
+    say("goto", "1", "2", "--timeout", "0.2")
+    kinds = [request.action for request in robot.desk.actions]
+    assert kinds == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert robot.desk.held is None
+
+
+def test_goto_says_who_commands_the_robot_when_it_may_not(robot: PlayedRobot, say: Say) -> None:
+    robot.desk.held = ("beef", "anna")
+    code, out, err = say("goto", "1", "2", "--json")
+    assert code == 1
+    assert ": anna" in json.loads(out)["reason"]
+    assert "sidestep lease show" in err
+    assert robot.asked == []
 
 
 def test_the_lease_is_taken_kept_and_given_back(robot: PlayedRobot, say: Say) -> None:

@@ -38,6 +38,8 @@ SPOKEN: list[tuple[str, list[str]]] = [
     ("mission abort", ["mission", "abort"]),
     ("mission jump 1", ["mission", "jump", "1"]),
     ("mission status", ["mission", "status"]),
+    ("mission list", ["mission", "list"]),
+    ("wp upload", ["mission", "upload", "-"]),
     ("mission clear", ["mission", "clear"]),
     ("fence circle 0 -1 5", ["fence", "circle", "0", "-1", "5"]),
     (

@@ -1,0 +1,176 @@
+"""What is typed in the app asks the robot for the same as the command line, over a real bus."""
+
+import sys
+from collections.abc import Iterator
+from io import StringIO
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from ground import cli
+from ground.console import act, parse
+from ground.link import Link
+from ground.missions.draft import Draft
+from ground.options import common_of
+from ground.says import Says
+from protocol.bus import open_bus
+from protocol.clock import WallClock
+from protocol.enums import GoalState, LeaseAction, Mode, Vehicle
+from protocol.message import Message
+from protocol.messages import GoalRequest
+from protocol.reasons import Reason
+from protocol.topics import Role
+from tests.bus.robots import PlayedRobot, played
+from tests.unit.ground.console.spoken import SPOKEN
+
+OF_RECORDINGS = ("explain", "ghost", "mark", "plot")
+ENDLESS = ("watch", "ground")
+TALKING = [(typed, argv) for typed, argv in SPOKEN if argv[0] not in OF_RECORDINGS + ENDLESS]
+MISSION = "[[waypoint]]\nx_m = 1.5\ny_m = 2\n"
+
+
+@pytest.fixture(autouse=True)
+def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", StringIO(MISSION))
+    (tmp_path / "m.toml").write_text(MISSION)
+    home = ("--home", "47.4", "8.5")
+    assert cli.main(["mission", "convert", "m.toml", "m.plan", *home]) == 0
+
+
+@pytest.fixture
+def stage() -> Iterator[tuple[PlayedRobot, str]]:
+    with played() as found:
+        yield found
+
+
+def typed_in(endpoint: str, text: str, draft: Draft | None = None) -> tuple[int, str, str]:
+    """Type it into a console of its own: exit code, result, notes."""
+    shell = cli.parse(["hold", "--connect", endpoint])
+    common = common_of(shell)
+    out, err = StringIO(), StringIO()
+    says = Says(as_json=False, out=out, err=err)
+    with open_bus(common.network, Role.GROUND, common.robot) as bus:
+        code = act(parse(text), Link(bus, common, WallClock()), says, draft=draft)
+    return code, out.getvalue(), err.getvalue()
+
+
+def wanted(robot: PlayedRobot, *, lease: bool) -> list[Message]:
+    """What was asked of it, but for the ids of the requests."""
+    leases: list[Message] = [*robot.desk.actions[:1]] if lease else []
+    asked = [*robot.asked, *leases, *robot.desk.frames]
+    plain = [message for message in asked if "request_id" not in message.__struct_fields__]
+    return [
+        msgspec.structs.replace(message, request_id=0)
+        for message in asked
+        if "request_id" in message.__struct_fields__
+    ] + plain
+
+
+def arrives(robot: PlayedRobot) -> None:
+    def arrive() -> None:
+        robot.goal = GoalState.REACHED
+
+    robot.after_goal = arrive
+
+
+@pytest.mark.parametrize(("typed", "argv"), TALKING)
+def test_both_ask_for_the_same(
+    typed: str, argv: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    draft = Draft()
+    draft.act(parse("wp add 1.5 2"), Says(as_json=False, out=StringIO()))
+    lease = argv[0] == "lease"
+    asked = []
+    for here in (False, True):
+        with played() as (robot, endpoint):
+            arrives(robot)
+            if here:
+                code, said, _ = typed_in(endpoint, typed, draft)
+            else:
+                offline = argv[:2] in (["mission", "check"], ["mission", "convert"])
+                code = cli.main([*argv, *([] if offline else ["--connect", endpoint])])
+                said = capsys.readouterr().out
+            asked.append((code, said.split()[:1], wanted(robot, lease=lease)))
+    assert asked[0][0] == asked[1][0]
+    assert repr(asked[0][2]) == repr(asked[1][2])
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_goal_typed_in_the_app_is_attended_by_it_and_nothing_waits(
+    stage: tuple[PlayedRobot, str],
+) -> None:
+    robot, endpoint = stage
+    robot.answers = [Reason.NOT_ARMED]
+    code, out, err = typed_in(endpoint, "goal 1 2 90")
+    assert (code, out[:3], err) == (0, "ok ", "armed\n")
+    assert robot.vehicle is Vehicle.ACTIVE
+    goals = [message for message in robot.asked if isinstance(message, GoalRequest)]
+    assert [goal.mode for goal in goals] == [Mode.GUIDED] * 2
+    assert robot.desk.actions == []
+
+
+def test_a_goal_that_needs_nobody_is_auto_here_too(stage: tuple[PlayedRobot, str]) -> None:
+    robot, endpoint = stage
+    assert typed_in(endpoint, "goal 1 2 --no-wait")[0] == 0
+    (goal,) = robot.asked
+    assert isinstance(goal, GoalRequest)
+    assert goal.mode == Mode.AUTO
+
+
+@pytest.mark.parametrize(
+    ("typed", "code", "said"),
+    [
+        ("goal 9e9 0", 2, "goto: x 9e+09 m is out of range"),
+        ("goal 1 2 --timeout 3", 2, "--timeout is for whoever waits"),
+        ("get zzz", 2, "param: no parameter matches 'zzz'"),
+        ("mission upload nowhere.toml", 2, "mission: nowhere.toml: no such file"),
+        ("wp upload", 2, "mission: the draft is empty"),
+        ("teleop 0.1 0", 2, "say for how long"),
+        ("screen log", 2, "screen: is not there yet"),
+        ("help gotto", 2, "did you mean 'goto'"),
+    ],
+)
+def test_what_goes_wrong_is_said_and_never_raised(
+    stage: tuple[PlayedRobot, str], typed: str, code: int, said: str
+) -> None:
+    found, out, err = typed_in(stage[1], typed)
+    assert (found, out) == (code, "")
+    assert said in err
+
+
+def test_a_robot_that_does_not_answer_is_explained(stage: tuple[PlayedRobot, str]) -> None:
+    robot, endpoint = stage
+    robot.answers = [None] * 3
+    code, _, err = typed_in(endpoint, "hold --timeout 0.1")
+    assert code == 1
+    assert "its heart beats, but it does not answer" in err
+
+
+def test_the_app_does_its_own_words_with_its_own_hands() -> None:
+    did = []
+
+    def theme(options: object, says: Says) -> int:
+        did.append(options)
+        return 0
+
+    options = parse("theme dark")
+    nowhere: Link = None  # type: ignore[assignment]
+    assert act(options, nowhere, Says(as_json=False), {"theme": theme}) == 0
+    assert did == [options]
+
+
+def test_help_is_there_without_any_app() -> None:
+    out = StringIO()
+    nowhere: Link = None  # type: ignore[assignment]
+    assert act(parse("? goal"), nowhere, Says(as_json=False, out=out)) == 0
+    assert out.getvalue().startswith("goto [--tol")
+
+
+def test_the_lease_taken_here_is_kept_by_the_app(stage: tuple[PlayedRobot, str]) -> None:
+    robot, endpoint = stage
+    assert typed_in(endpoint, "lease take --name anna")[0] == 0
+    assert [request.action for request in robot.desk.actions] == [LeaseAction.TAKE]
+    assert robot.desk.held is not None
+    assert robot.desk.held[1] == "anna"
