@@ -74,7 +74,7 @@ class Commanding:
         if self._engaged(words):
             return False
         if action is LeaseAction.RELEASE:
-            tenure.given_up()
+            tenure.given_up(self._clock.now_ns())
         self._ask_lease(Pending(words, robot, tenure, None, Stage.LEASE, action), action)
         return True
 
@@ -83,7 +83,7 @@ class Commanding:
 
     def last_release(self, robot: str, tenure: Tenure) -> Outcome:
         """Give the lease back at the end, once, here and now; call it in a thread."""
-        tenure.given_up()
+        tenure.given_up(self._clock.now_ns())
         request = self.request(LeaseAction.RELEASE)
         return outcome_of(lambda: ask_lease(self._bus, self._clock, robot, request, attempts=1))
 

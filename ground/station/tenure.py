@@ -12,37 +12,45 @@ MS: Final = 1_000_000
 SETTLED_NS: Final = 110 * MS
 """So long after the first beat the robot has heard it in one of its ticks."""
 CROSSING_NS: Final = 300 * MS
-"""What the robot said of its lease just before it gave it may arrive after that."""
+"""What the robot said of its lease just before it changed may arrive after that."""
 
 
 class Tenure:
-    """`ours` from the robot's yes to our release, its loss, or somebody else's name on it."""
+    """`ours` from the robot's yes to our release, its loss, or somebody else's name on it.
+
+    A lease that was taken in our name by other hands (a typed `lease take`) is ours all the same.
+    """
 
     def __init__(self, zid: str) -> None:
         self.lease = Lease()
         self.ours = False
         self._zid = zid
         self._pace = Pace()
-        self._granted_ns = 0
+        self._changed_ns = 0
         self._beaten_ns: int | None = None
 
     def granted(self, now_ns: int) -> None:
-        self.ours = True
-        self._granted_ns = now_ns
-        self._beaten_ns = None
+        if not self.ours:  # its status may have come before its answer
+            self._change(True, now_ns)
 
-    def given_up(self) -> None:
-        self.ours = False
+    def given_up(self, now_ns: int) -> None:
+        self._change(False, now_ns)
+
+    def _change(self, ours: bool, now_ns: int) -> None:
+        self.ours = ours
+        self._changed_ns = now_ns
         self._beaten_ns = None
 
     def heard(self, status: LeaseStatus, arrived_ns: int, now_ns: int) -> str:
-        """What the robot says of its lease; a sentence when it is ours no more, else nothing."""
+        """What the robot says of its lease; a sentence when that changes whose it is."""
         left_s = max(0.0, status.lapses_ms / 1000 - (now_ns - arrived_ns) / 1e9)
         ours = bool(status.held) and status.holder == self._zid
         self.lease = Lease(bool(status.held), ours, status.holder, status.name, left_s)
-        if ours or not self.ours or arrived_ns < self._granted_ns + CROSSING_NS:
+        if ours == self.ours or arrived_ns < self._changed_ns + CROSSING_NS:
             return ""
-        self.given_up()
+        self._change(ours, now_ns)
+        if ours:
+            return "the lease is ours"
         return f"{self.lease.words} has taken the lease" if status.held else "the lease has lapsed"
 
     def settled(self, now_ns: int) -> bool:

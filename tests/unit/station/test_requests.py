@@ -1,0 +1,59 @@
+"""Requests are done in a thread of their own, one at a time."""
+
+from threading import Event, current_thread
+from time import monotonic
+
+from ground.station.requests import Lane, Outcome
+from protocol.errors import UserError
+from tests.bus.nets import until
+
+
+def test_a_job_is_done_elsewhere_and_its_outcome_fetched_once() -> None:
+    lane = Lane("somewhere else")
+    assert lane.start(lambda: Outcome(True, current_thread().name))
+    found: list[Outcome] = []
+    until(lambda: found.append(one) if (one := lane.done()) else found)
+    assert found == [Outcome(True, "somewhere else")]
+    assert lane.done() is None
+    lane.close(monotonic() + 1.0)
+
+
+def test_there_is_one_job_at_a_time_until_its_outcome_is_fetched() -> None:
+    lane, go = Lane("one"), Event()
+    assert lane.start(lambda: Outcome(go.wait(5.0), ""))
+    assert not lane.start(lambda: Outcome(True, ""))
+    go.set()
+    until(lane.done)
+    assert lane.start(lambda: Outcome(True, ""))
+    lane.close(monotonic() + 1.0)
+
+
+def fails() -> Outcome:
+    raise UserError("no such thing")
+
+
+def test_errors_come_back_in_words_and_the_lane_lives_on() -> None:
+    lane = Lane("one")
+    lane.start(fails)
+    found: list[Outcome] = []
+    until(lambda: found.append(one) if (one := lane.done()) else found)
+    assert found == [Outcome(False, "no such thing")]
+    assert lane.start(lambda: Outcome(True, ""))
+    until(lane.done)
+    lane.close(monotonic() + 1.0)
+
+
+def test_closing_waits_no_longer_than_it_may() -> None:
+    lane, go = Lane("one"), Event()
+    lane.start(lambda: Outcome(go.wait(10.0), ""))
+    began_s = monotonic()
+    lane.close(monotonic() + 0.1)
+    assert monotonic() - began_s < 1.0
+    assert not lane.start(lambda: Outcome(True, ""))
+    go.set()
+
+
+def test_a_lane_never_used_closes_at_once() -> None:
+    lane = Lane("one")
+    lane.close(monotonic())
+    assert not lane.start(lambda: Outcome(True, ""))

@@ -1,0 +1,123 @@
+"""Rates and losses are counted by arrivals and by the gaps in their sequence."""
+
+from typing import Any
+
+from ground.station.streams import Counter, StreamRow
+from ground.telemetry import Age
+from protocol.codec import Encoder
+from protocol.network import Hub
+from protocol.topics import HEARTBEAT, ODOMETRY, OPERATOR, SONAR, TEXT, Topic
+from tests.unit.station.play import Play
+from tests.unit.station.said import BEAT
+
+PERIOD_NS = 200_000_000
+
+
+def rows(play: Play) -> dict[str, StreamRow]:
+    return {one.topic.path: one for one in play.station.streams()}
+
+
+def counted(sequences: list[int], topic: Topic[Any] = HEARTBEAT) -> Counter:
+    """A counter that has seen these, a period apart for each step of the sequence."""
+    counter, now_ns, last = Counter(topic), 0, sequences[0] - 1
+    for sequence in sequences:
+        now_ns += PERIOD_NS * ((sequence - last) % 256 or 1)
+        encoder = Encoder(1, 1)
+        for _ in range(sequence):
+            encoder.encode(BEAT)
+        counter.take(encoder.encode(BEAT), now_ns)
+        last = sequence
+    return counter
+
+
+def test_a_stream_without_gaps_has_its_rate_and_no_loss() -> None:
+    found = rows(Play().forward(6.0))[ODOMETRY.path]
+    assert found.rate_hz is not None
+    assert abs(found.rate_hz - 20.0) < 0.3
+    assert (found.lost, found.lost_percent, found.received) == (0, 0.0, 120)
+    assert found.age is Age.LIVE
+
+
+def test_what_did_not_arrive_is_counted_when_the_next_one_does() -> None:
+    play = Play().forward(2.0)
+    play.delivered = False
+    play.forward(0.5)
+    play.delivered = True
+    play.forward(2.5)
+    found = rows(play)[SONAR.path]
+    assert found.lost == 10
+    assert abs(found.lost_percent - 10.0) < 0.2
+    percent = play.station.link_percent
+    assert percent is not None
+    assert 85.0 < percent < 95.0
+
+
+def test_old_losses_are_forgiven_after_some_seconds() -> None:
+    play = Play().forward(1.0)
+    play.delivered = False
+    play.forward(0.5)
+    play.delivered = True
+    play.forward(8.0)
+    found = rows(play)[SONAR.path]
+    assert (found.lost, found.lost_percent) == (10, 0.0)
+    assert play.station.link_percent == 100.0
+
+
+def test_when_nothing_comes_any_more_the_rate_falls_and_the_link_is_nought() -> None:
+    play = Play().forward(2.0)
+    play.cut(Hub.UNREACHABLE)
+    play.forward(6.0)
+    found = rows(play)[ODOMETRY.path]
+    assert found.rate_hz == 0.0
+    assert found.age is Age.GONE
+    assert play.station.link_percent == 0.0
+    assert play.station.round_trip_ms is None
+
+
+def test_before_anything_has_come_nothing_is_claimed() -> None:
+    play = Play()
+    play.station.poll()
+    assert play.station.link_percent is None
+    assert rows(play)[ODOMETRY.path].rate_hz is None
+    assert rows(play)[TEXT.path].rate_hz is None
+
+
+def test_the_sequence_goes_round_without_a_loss() -> None:
+    assert counted([254, 255, 0, 1]).lost == 0
+    assert counted([254, 1]).lost == 2
+
+
+def test_a_sender_that_begins_anew_has_lost_nothing() -> None:
+    assert counted([7, 8, 0]).lost == 0
+    counter = counted([100, 101])
+    encoder = Encoder(1, 1)
+    encoder.encode(BEAT)
+    counter.take(encoder.encode(BEAT), 4 * PERIOD_NS)
+    assert counter.lost == 0
+
+
+def test_two_operators_on_one_key_are_no_losses() -> None:
+    assert counted([1, 9, 2, 10], OPERATOR).lost == 0
+
+
+def test_noise_is_not_counted_but_shown_as_rejected() -> None:
+    play = Play().forward(1.0)
+    play.bus.say_frame(ODOMETRY, b"noise")
+    play.station.poll()
+    found = rows(play)[ODOMETRY.path]
+    assert (found.received, found.rejected) == (20, 1)
+    assert found.last_rejection
+
+
+def test_an_app_that_did_not_poll_for_long_blames_nobody_for_it() -> None:
+    play = Play().forward(1.0)
+    play.forward(60.0, poll=False)
+    play.forward(1.0)
+    assert rows(play)[ODOMETRY.path].lost == 0
+    assert play.station.link_percent == 100.0
+
+
+def test_the_round_trip_is_that_of_a_small_question() -> None:
+    play = Play()
+    play.forward(0.5)
+    assert play.station.round_trip_ms == 0.0

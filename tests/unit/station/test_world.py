@@ -1,0 +1,66 @@
+"""The plant's description of its world becomes shapes of the map, or a reason."""
+
+import json
+from math import pi
+
+import pytest
+
+from ground.map import Disc, Outline
+from ground.station.world import world_in
+from plant.movers import Mover as Walker
+from plant.world_file import load
+from plant.world_json import as_json
+from plant.world_types import Circle
+from protocol.errors import RemoteError
+from tests.unit.station.play import WORLD_TEXT
+
+
+def test_walls_outlines_discs_and_walkers_are_told_apart() -> None:
+    world = world_in(WORLD_TEXT)
+    outer, polygon, wall, pillar = world.obstacles
+    assert outer == Outline(((0.0, 0.0), (6.0, 0.0), (6.0, 4.0), (0.0, 4.0)))
+    assert polygon == Outline(((2.0, 1.0), (3.0, 1.0), (3.0, 2.0)))
+    assert wall == Outline(((0.0, 3.0), (2.0, 3.0)), closed=False)
+    assert pillar == Disc(4.0, 3.0, 0.25)
+    assert len(world.movers) == 1
+    assert world.start == (0.6, 2.0, pi / 2)
+    assert (world.goal.x_m, world.goal.heading_rad, world.goal.tolerance_m) == (5.4, None, 0.05)
+    assert world.radius_m == 0.15
+
+
+def test_walkers_are_where_the_plant_has_them() -> None:
+    for obstacle in load("moving").obstacles:
+        assert isinstance(obstacle, Circle)
+    told = world_in(json.dumps(as_json(load("moving"), None)))
+    walkers = [Walker(one) for one in load("moving").obstacles if isinstance(one, Circle)]
+    for shown, walker in zip(told.movers, walkers, strict=True):
+        for time_s in (0.0, 3.3, 17.0, 100.0):
+            at = shown.at(time_s)
+            assert (at.x_m, at.y_m) == pytest.approx(walker.position_m(time_s))
+
+
+def test_a_walker_that_goes_nowhere_stands() -> None:
+    text = WORLD_TEXT.replace(b"[[1, 1], [1, 3]]", b"[[1, 1], [1, 1]]")
+    assert world_in(text).movers[0].at(3.0) == Disc(1.0, 1.0, 0.1)
+
+
+@pytest.mark.parametrize("name", ["box", "moving", "disc", "zigzag", "paper_fig11"])
+def test_the_worlds_of_the_plant_can_all_be_read(name: str) -> None:
+    world = load(name)
+    found = world_in(json.dumps(as_json(world, None)))
+    assert found.name == world.name
+    assert len(found.obstacles) + len(found.movers) == len(world.obstacles) + world.walls
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"", b"[]", b"3", b'{"name": "x"}', b"\xff\xfe", b"null",
+        WORLD_TEXT.replace(b'"x_m": 0.6', b'"x_m": "here"'),
+        WORLD_TEXT.replace(b"[6.0, 4.0]", b"[6.0]"),
+        WORLD_TEXT.replace(b"[[2, 1]", b"[[2]"),
+    ],
+)  # fmt: skip
+def test_what_is_no_world_is_refused_in_words(text: bytes) -> None:
+    with pytest.raises(RemoteError, match="the plant's world cannot be read"):
+        world_in(text)
