@@ -6,6 +6,8 @@ from typing import Final, NamedTuple
 from ground.station.loss import LossKind
 
 MS: Final = 1_000_000
+BEGUN_NS: Final = 150 * MS
+"""A loss is told once it has been judged the same for so long: streams do not stop together."""
 SETTLED_NS: Final = 300 * MS
 """A loss is over when nothing has been lost for so long: one good frame is no return."""
 
@@ -34,6 +36,8 @@ class Contact:
         self.since_ns = now_ns
         self.back_ns = now_ns
         self._well_ns: int | None = None
+        self._guess: LossKind | None = None
+        self._guessed_ns = now_ns
         self._missing = set(Need)
 
     @property
@@ -57,10 +61,12 @@ class Contact:
 
     def judged(self, kind: LossKind | None, now_ns: int, since_ns: int) -> Change | None:
         """What has changed by this judgement; `since_ns` is when what is lost was last heard."""
+        if kind is not self._guess:
+            self._guess, self._guessed_ns = kind, now_ns
         if kind is None:
             return self._well(now_ns)
         self._well_ns = None
-        if kind is self.kind:
+        if kind is self.kind or now_ns - self._guessed_ns < BEGUN_NS:
             return None
         before = self.kind
         if before is None:

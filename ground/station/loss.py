@@ -9,11 +9,10 @@ from protocol.topics import HEARTBEAT
 MS: Final = 1_000_000
 DEAD_NS: Final = 400 * MS
 """Two beats missed."""
-CUT_NS: Final = 1_200 * MS
+CUT_NS: Final = 1_500 * MS
 """So long after a cable is cut the transport has noticed: its lease is 1 s."""
-SILENT_NS: Final = 1_500 * MS
-"""Nothing from anybody for so long, and the link stands: the robot hangs."""
 SENSES_NS: Final = 250 * MS
+BEHIND_NS: Final = 200 * MS
 
 
 class LossKind(Enum):
@@ -59,8 +58,10 @@ class Signs(NamedTuple):
     gone_ns: int | None = None
     """How long ago the robot's token went; None: it is there."""
     beat_ns: int | None = None
+    loop_ns: int | None = None
+    """The newest status, which comes more often than a beat."""
     others_ns: int | None = None
-    """The newest frame of anybody but the robot."""
+    """The newest frame of anybody but the robot and operators."""
     senses_ns: int | None = None
     """The older one of scan and wheels."""
     senses_missing: bool = False
@@ -69,6 +70,23 @@ class Signs(NamedTuple):
 
     def age_ns(self, age_ns: int | None) -> int:
         return self.watched_ns if age_ns is None else age_ns
+
+    @property
+    def alive_ns(self) -> int:
+        """The newest sign of life of the robot's loop: what it says is as good as a beat."""
+        return min(self.age_ns(self.beat_ns), self.age_ns(self.loop_ns))
+
+    @property
+    def heard_ns(self) -> int:
+        """The newest frame of anybody."""
+        return min(self.alive_ns, self.age_ns(self.others_ns))
+
+    @property
+    def blind(self) -> bool:
+        """The loop is heard, its senses are not; what stops at once with it is no sign of that."""
+        senses_ns = self.age_ns(self.senses_ns)
+        behind_ns = senses_ns - self.age_ns(self.loop_ns)
+        return self.senses_missing or (senses_ns > SENSES_NS and behind_ns > BEHIND_NS)
 
     def linked_since(self, ago_ns: int) -> bool:
         """Was the link found to stand, later than so long ago?"""
@@ -79,22 +97,21 @@ def judge(signs: Signs) -> LossKind | None:
     """The first that applies; None: everything is there, or it cannot be told yet what is not."""
     if signs.hub is not None and not signs.hub.linked and not _heard_since(signs):
         return _unlinked(signs, signs.hub)
-    beat_ns = signs.age_ns(signs.beat_ns)
+    beat_ns = signs.alive_ns
     if signs.gone_ns is not None and beat_ns > DEAD_NS:
         known = _others(signs) or signs.linked_since(signs.gone_ns)
         return LossKind.PROCESS_DEAD if known else None
     if beat_ns > HEARTBEAT.stale_after_ns:
-        known = _others(signs) or (beat_ns > SILENT_NS and signs.linked_since(beat_ns - CUT_NS))
+        known = _others(signs) or signs.linked_since(signs.heard_ns - CUT_NS)
         return LossKind.HUNG if known else None
-    if signs.senses_missing or signs.age_ns(signs.senses_ns) > SENSES_NS:
+    if signs.blind:
         return LossKind.SENSES_STALE
     return LossKind.OTHER_OPERATOR if signs.other_operator else None
 
 
 def _heard_since(signs: Signs) -> bool:
     """A frame has come since the hub was looked at: whatever it was then, it links us now."""
-    heard_ns = min(signs.age_ns(signs.beat_ns), signs.age_ns(signs.others_ns))
-    return signs.hub_ns is not None and heard_ns < signs.hub_ns
+    return signs.hub_ns is not None and signs.heard_ns < signs.hub_ns
 
 
 def _others(signs: Signs) -> bool:

@@ -122,7 +122,9 @@ class Sight:
     @property
     def parameters_words(self) -> str:
         """How many there are; or that they are missing, how often they were asked for, and why."""
-        return "a log holds no list" if self._own is None else self._own.parameters_words
+        if self._own is not None:
+            return self._own.parameters_words
+        return "a log without a list" if self.parameters is None else f"{len(self.parameters)}"
 
     @property
     def world(self) -> WorldFacts | None:

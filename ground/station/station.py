@@ -1,9 +1,11 @@
 """The ground station without its screen: it is polled, and then everything can be looked at."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from time import monotonic
 from typing import Final
 
+from ground.param import rows_in
 from ground.presence import crew_of
 from ground.station.commanding import Commanding
 from ground.station.hears import Hears, Speaks
@@ -12,10 +14,11 @@ from ground.station.operated import Operated
 from ground.station.requests import Job, Lane, Works
 from ground.station.sight import Sight
 from ground.station.watched import Watched
-from ground.station.world import WorldFacts
+from ground.station.world import WorldFacts, world_in
 from protocol.clock import Clock
 from protocol.enums import LeaseAction, Severity
-from protocol.topics import robot_name
+from protocol.errors import RemoteError
+from protocol.topics import PARAMETERS, WORLD, robot_name
 
 NS_PER_S: Final = 1_000_000_000
 CLOSING_S: Final = 2.0
@@ -112,10 +115,24 @@ class Station(Sight):
             return
         watched = Watched(self._bus, robot, self._clock.now_ns(), self._tell)
         self._watched[robot] = watched
-        if self._speaks is not None:
+        if self._speaks is None:
+            self._read_recorded(watched)
+        else:
             self._operated[robot] = Operated(
                 self._speaks, watched, self._clock, self._lanes, self._tell
             )
+
+    def _read_recorded(self, watched: Watched) -> None:
+        """A recording is asked at once: it answers from memory, or has nothing to say."""
+        for service in (PARAMETERS, WORLD):
+            with suppress(RemoteError):
+                answer = self._bus.ask(service, robot=watched.robot)
+                if not isinstance(answer, bytes):
+                    continue
+                if service is PARAMETERS:
+                    watched.parameters.read(tuple(rows_in(answer)))
+                elif self._given_world is None:
+                    self._given_world = world_in(answer)
 
     # What can be done.
 

@@ -156,6 +156,7 @@ class Vigil:
             by_router=self._linked_by is Hub.ROUTER,
             gone_ns=None if there else now_ns - watched.gone_ns,
             beat_ns=self._age_ns(HEARTBEAT, now_ns),
+            loop_ns=self._age_ns(STATUS, now_ns),
             others_ns=min(others, default=None),
             senses_ns=None if None in senses else max(age for age in senses if age is not None),
             senses_missing=inputs is not None and inputs.flags & SENSES != SENSES,
@@ -167,12 +168,14 @@ class Vigil:
         return None if newest is None else now_ns - newest[1]
 
     def _silent(self, signs: Signs) -> bool:
-        return signs.age_ns(signs.beat_ns) > HEARTBEAT.stale_after_ns
+        return signs.alive_ns > HEARTBEAT.stale_after_ns
 
     def _since_ns(self, kind: LossKind | None, now_ns: int) -> int:
         """When what is lost was last there."""
         if kind is LossKind.OTHER_OPERATOR:
             return now_ns
-        topics = (SONAR, WHEELS) if kind is LossKind.SENSES_STALE else (HEARTBEAT,)
+        blind = kind is LossKind.SENSES_STALE
+        topics: tuple[Topic[Any], ...] = (SONAR, WHEELS) if blind else (HEARTBEAT, STATUS)
         heard = [self._watched.telemetry.latest(topic) for topic in topics]
-        return min((at[1] for at in heard if at is not None), default=self._watched.began_ns)
+        arrived_ns = [newest[1] for newest in heard if newest is not None]
+        return (min if blind else max)(arrived_ns, default=self._watched.began_ns)

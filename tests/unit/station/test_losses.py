@@ -71,7 +71,7 @@ MATRIX = {
     ),
     "sensors stale": Row(
         blind, LossKind.SENSES_STALE, "is without senses", "stops 150 ms after its last senses",
-        LIVE, GONE, 0.4,
+        LIVE, GONE, 0.6,
     ),
     "other operator": Row(
         other, LossKind.OTHER_OPERATOR, "ben holds the lease", "lapses 3 s after", LIVE, LIVE, 0.7,

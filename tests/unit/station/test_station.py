@@ -209,9 +209,18 @@ def test_over_a_log_everything_is_seen_and_nothing_commanded() -> None:
     station.reread()
     assert station.refusal() == "this is a replay: nothing can be commanded"
     assert (station.stopping, station.lease, station.round_trip_ms) == ("", Lease(), None)
-    assert station.parameters_words == "a log holds no list"
+    assert station.parameters_words == "a log without a list"
     assert len(station.log.find("this is a replay")) == 2
     station.close()
+
+
+def test_a_recording_tells_its_world_and_parameters() -> None:
+    play = Play()
+    station = Station(Heard(play.bus), "r1", play.clock)
+    assert station.world is not None
+    assert station.world.name == "box"
+    assert station.parameters_words == "2"
+    assert station.scene().size_m == (6.0, 4.0)
 
 
 def test_a_log_that_is_turned_back_forgets_what_is_not_yet() -> None:

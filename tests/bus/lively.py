@@ -1,0 +1,105 @@
+"""A whole stack that goes on by itself at 20 Hz, and a station that watches it for real."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import monotonic
+from typing import Final
+
+from ground.station import LossKind, Station
+from protocol.bus import Network, open_bus
+from protocol.clock import Tick, WallClock
+from protocol.timing import PERIOD_NS
+from protocol.topics import Role
+from tests.harness import Stack
+
+PERIOD_S: Final = PERIOD_NS / 1e9
+POLL_S: Final = 0.05
+
+
+class Lively(Stack):
+    """Nobody waits for anybody. `hung`: the robot's loop stands; `mute`: the plant does."""
+
+    def __init__(self, *, router: bool = False) -> None:
+        super().__init__("open", router=router)
+        self.hung = self.mute = False
+        self._turning = threading.Lock()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._go_on, daemon=True)
+
+    @contextmanager
+    def going(self) -> Iterator[None]:
+        self._thread.start()
+        try:
+            yield
+        finally:
+            self._over.set()
+            self._thread.join()
+
+    @contextmanager
+    def halted(self) -> Iterator[None]:
+        """Nothing turns, so that processes can be ended and begun."""
+        with self._turning:
+            yield
+
+    def start(self, name: str) -> None:
+        """A plant that begins anew runs on until its time is that of the others."""
+        super().start(name)
+        while self.plant is not None and self.plant.plant.now_ns < self.clock.now_ns():
+            self.plant.advance()
+
+    def _go_on(self) -> None:
+        while not self._over.wait(PERIOD_S):
+            with self._turning:
+                self._turn()
+
+    def _turn(self) -> None:
+        if self.plant is not None and not self.mute:
+            self.plant.publish()
+        if self.robot is not None and not self.hung:
+            self.robot.cycle(Tick(self._ticks, self.clock.now_ns(), 0, 0))
+        if self.plant is not None and not self.mute:
+            self.plant.advance()
+        self._ticks += 1
+        self.clock.advance(PERIOD_NS)
+
+
+class Watching:
+    """A station with a link of its own, polled by whoever waits for something."""
+
+    def __init__(self, station: Station) -> None:
+        self.station = station
+
+    def until(self, condition: Callable[[], object], within_s: float = 8.0) -> float:
+        """Poll until it holds; how long that took."""
+        began_s, pause = monotonic(), threading.Event()
+        while True:
+            self.station.poll()
+            if condition():
+                return monotonic() - began_s
+            assert monotonic() - began_s < within_s, "\n".join(map(str, self.station.log))
+            pause.wait(POLL_S)
+
+    def until_lost(self, kind: LossKind) -> float:
+        return self.until(lambda: (loss := self.station.loss()) and loss.kind is kind)
+
+    def until_ready(self) -> float:
+        return self.until(lambda: self.station.ready)
+
+    def kinds(self) -> list[str]:
+        """The losses told so far, by their names."""
+        names = [kind.value for kind in LossKind]
+        return [
+            name for line in self.station.log for name in names if line.text.startswith(f"{name} ")
+        ]
+
+
+@contextmanager
+def watching(stack: Stack, endpoint: str | None = None, name: str = "anna") -> Iterator[Watching]:
+    network = Network(mode="client", connect=(endpoint or stack._hub,), prefix=stack._prefix)
+    with open_bus(network, Role.GROUND, "r1") as bus:
+        station = Station(bus, "r1", WallClock(), name=name)
+        try:
+            yield Watching(station)
+        finally:
+            station.close()

@@ -1,0 +1,166 @@
+"""The station commands a real robot: lease, heart, requests, e-stop, and the end of it."""
+
+from argparse import Namespace
+from collections.abc import Callable
+from io import StringIO
+from statistics import median
+from time import monotonic
+
+from ground.console import act, parse
+from ground.link import Link
+from ground.options import Common
+from ground.says import Says
+from ground.station import Outcome
+from ground.station.requests import Job
+from protocol.bus import Bus
+from protocol.clock import WallClock
+from protocol.enums import Command, Mode, Vehicle
+from protocol.messages import CommandAck, CommandRequest
+from protocol.topics import COMMAND
+from tests.bus.lively import Lively, Watching, watching
+from tests.bus.nets import until
+
+
+def typed(seen: Watching, words: str) -> Job:
+    """What the app's command line does with these words, over the station's own bus."""
+    bus = seen.station._bus
+    assert isinstance(bus, Bus)
+    options: Namespace = parse(words)
+
+    def job() -> Outcome:
+        out, err = StringIO(), StringIO()
+        says = Says(as_json=False, out=out, err=err)
+        link = Link(bus, Common(network=bus.network, robot="r1"), WallClock())
+        code = act(options, link, says)
+        return Outcome(code == 0, (out.getvalue() or err.getvalue()).strip())
+
+    return job
+
+
+def done(seen: Watching, words: str, *, moves: bool = True) -> str:
+    """Type it, and wait for what comes of it."""
+    assert seen.station.submit(words, typed(seen, words), moves=moves)
+    seen.until(lambda: not seen.station.busy)
+    return seen.station.last_command
+
+
+def machine(stack: Lively) -> Callable[[], Vehicle]:
+    return lambda: Vehicle(stack.vehicle.state.machine.vehicle)
+
+
+def test_typed_commands_take_the_lease_arm_and_are_answered_in_the_log() -> None:
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        stack.operator = False
+        seen.until_ready()
+        assert done(seen, "arm").startswith("arm: ok ")
+        seen.until(lambda: seen.station.lease.ours)
+        assert stack.vehicle.lease.allows(seen.station.lease.holder)
+        assert not stack.vehicle.lease.allows("somebody else")
+        assert done(seen, "goal 3 2").startswith("goal 3 2: ")
+        seen.until(lambda: stack.vehicle.commands.goal_id != 0)
+        assert machine(stack)() is Vehicle.ACTIVE
+
+
+def test_an_app_that_hangs_loses_the_robot_its_operator_and_the_lease() -> None:
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        done(seen, "arm")
+        done(seen, "goal 5 2")
+        seen.until(lambda: stack.vehicle.state.machine.mode == Mode.GUIDED)
+        until(lambda: machine(stack)() is Vehicle.FAILSAFE)  # nobody polls
+        until(lambda: stack.vehicle.lease.allows("somebody else"))
+        seen.until(lambda: not seen.station.lease.held)
+        assert seen.station.log.find("the lease has lapsed")
+
+
+def test_two_stations_one_commands_and_the_other_may_still_stop_it() -> None:
+    with (
+        Lively() as stack,
+        stack.going(),
+        watching(stack) as anna,
+        watching(stack, name="ben") as ben,
+    ):
+        anna.until_ready()
+        done(anna, "arm")
+
+        def bens() -> bool:
+            anna.station.poll()
+            return ben.station.lease.others
+
+        ben.until(bens)
+        assert ben.station.lease.name == "anna"
+        assert not ben.station.submit("hold", typed(ben, "hold"))
+        ben.station.estop()
+        ben.until(lambda: ben.station.log.find("E-STOP acknowledged by r1 after"))
+        assert machine(stack)() is Vehicle.EMERGENCY_STOP
+
+
+def test_the_e_stop_is_repeated_while_the_robot_is_gone_until_it_is_back() -> None:
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        with stack.halted():
+            stack.kill("robot")
+        seen.station.estop()
+        seen.until(lambda: len(seen.station.log.find("not acknowledged for")) >= 2)
+        with stack.halted():
+            stack.start("robot")
+        seen.until(lambda: seen.station.log.find("E-STOP acknowledged by r1 after"))
+        assert machine(stack)() is Vehicle.EMERGENCY_STOP
+
+
+def test_a_hung_robot_obeys_the_e_stop_as_soon_as_it_goes_on() -> None:
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        stack.hung = True
+        seen.station.estop()
+        seen.until(lambda: seen.station.log.find("not acknowledged for"))
+        stack.hung = False
+        seen.until(lambda: seen.station.log.find("E-STOP acknowledged"))
+        assert machine(stack)() is Vehicle.EMERGENCY_STOP
+
+
+def test_pressing_the_e_stop_takes_the_caller_no_time_and_acts_within_two_periods() -> None:
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        pressed_ms: list[float] = []
+        for _ in range(5):
+            began_s = monotonic()
+            seen.station.estop()
+            pressed_ms.append((monotonic() - began_s) * 1e3)
+            seen.until(lambda: not seen.station.stopping)
+        assert median(pressed_ms) < 5.0
+        texts = [line.text for line in seen.station.log.find("E-STOP acknowledged")]
+        took_ms = [float(text.split(" after ")[1].split(" ms")[0]) for text in texts]
+        assert len(took_ms) == 5
+        assert median(took_ms) <= 105.0  # two periods and 5 ms
+
+
+def test_closing_gives_the_lease_back_within_two_seconds_whatever_the_robot_does() -> None:
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        done(seen, "arm")
+        began_s = monotonic()
+        seen.station.close()
+        assert monotonic() - began_s < 2.0
+        assert stack.vehicle.lease.allows("somebody else")
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        done(seen, "arm")
+        stack.hung = True
+        seen.station.estop()
+        began_s = monotonic()
+        seen.station.close()
+        assert monotonic() - began_s < 2.2
+
+
+def test_the_robot_still_hears_others_after_all_that() -> None:
+    with Lively() as stack, stack.going():
+        with watching(stack) as seen:
+            seen.until_ready()
+            done(seen, "arm")
+        disarm = CommandRequest(
+            request_id=7, param1=0.0, param2=0.0, command=Command.COMPONENT_ARM_DISARM
+        )
+        answer = stack.ground.ask(COMMAND, disarm, 2.0)
+        assert isinstance(answer, CommandAck)
+        assert answer.result == 0

@@ -1,0 +1,120 @@
+"""Each loss that can be made with real peers is told by its name, and its end is noticed."""
+
+import pytest
+
+from ground.station import LossKind
+from protocol.enums import AckResult, LeaseAction
+from protocol.messages import CommandAck, LeaseRequest
+from protocol.topics import LEASE_SERVICE, Role
+from tests.bus.cable import Cable
+from tests.bus.lively import Lively, watching
+
+
+def test_a_robot_whose_process_ends_behind_a_router_is_dead_and_comes_back() -> None:
+    with Lively(router=True) as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        with stack.halted():
+            stack.kill("robot")
+        assert seen.until_lost(LossKind.PROCESS_DEAD) < 2.0
+        with stack.halted():
+            stack.start("robot")
+        seen.until_ready()
+        assert seen.kinds()[0] == "ROBOT DEAD"
+        assert set(seen.kinds()[1:]) <= {"SENSES STALE"}  # until the plant has found it again
+        assert seen.station.restarts(Role.ROBOT) == 1
+        assert seen.station.log.find("is back after")
+
+
+def test_the_robot_that_is_the_hub_itself_is_dead_and_comes_back() -> None:
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        with stack.halted():
+            stack.kill("robot")
+        assert seen.until_lost(LossKind.PROCESS_DEAD) < 3.0
+        with stack.halted():
+            stack.start("robot")
+        seen.until_ready()
+        assert seen.kinds()[0] == "ROBOT DEAD"
+        assert set(seen.kinds()[1:]) <= {"SENSES STALE"}  # until the plant has found it again
+
+
+@pytest.mark.parametrize("router", [False, True], ids=["hub", "router"])
+def test_a_loop_that_stands_is_hung_while_its_token_lives(router: bool) -> None:
+    with Lively(router=router) as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        stack.hung = True
+        assert seen.until_lost(LossKind.HUNG) < 3.0
+        assert seen.station.crew.has("r1", Role.ROBOT)
+        stack.hung = False
+        seen.until_ready()
+        assert seen.kinds() == ["ROBOT HUNG"]
+        assert seen.station.restarts(Role.ROBOT) == 0
+
+
+def test_a_hung_loop_is_told_from_a_lost_link_even_when_nobody_else_speaks() -> None:
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        with stack.halted():
+            stack.kill("plant")
+            stack.hung = True
+        assert seen.until_lost(LossKind.HUNG) < 4.0
+
+
+def test_a_plant_that_stops_leaves_the_robot_without_senses() -> None:
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        with stack.halted():
+            stack.kill("plant")
+        assert seen.until_lost(LossKind.SENSES_STALE) < 2.0
+        loss = seen.station.loss()
+        assert loss is not None
+        assert "no plant" in loss.what
+        with stack.halted():
+            stack.start("plant")
+        seen.until_ready()
+        assert seen.station.restarts(Role.PLANT) == 1
+
+
+def test_another_operators_lease_is_a_loss_until_it_is_given_back() -> None:
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        take = LeaseRequest(request_id=1, action=LeaseAction.TAKE, name="ben")
+        answer = stack.ground.ask(LEASE_SERVICE, take, 2.0)
+        assert isinstance(answer, CommandAck)
+        assert answer.result == AckResult.ACCEPTED
+        assert seen.until_lost(LossKind.OTHER_OPERATOR) < 2.0
+        assert seen.station.lease.name == "ben"
+        seen.until(lambda: not seen.station.lease.held)  # nobody beats for it: it lapses
+        seen.until_ready()
+        assert seen.kinds() == ["OTHER OPERATOR"]
+
+
+def test_a_router_that_goes_is_told_and_dialled_again() -> None:
+    with Lively(router=True) as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        endpoint = stack._hub
+        with stack.halted():
+            stack._scopes["router"].close()
+        assert seen.until_lost(LossKind.ROUTER_GONE) < 3.0
+        with stack.halted():
+            stack._hub = endpoint
+            stack._open("router", None)
+        seen.until_ready()
+        assert seen.kinds() == ["ROUTER GONE"]
+
+
+@pytest.mark.parametrize("router", [False, True], ids=["hub", "router"])
+def test_a_cut_cable_is_a_lost_link_and_nothing_else(router: bool) -> None:
+    with (
+        Lively(router=router) as stack,
+        stack.going(),
+        Cable(stack._hub) as cable,
+        watching(stack, cable.endpoint) as seen,
+    ):
+        seen.until_ready()
+        cable.cut()
+        assert seen.until_lost(LossKind.TRANSPORT) < 4.0
+        cable.mend()
+        seen.until_ready()
+        assert seen.kinds() == ["LINK LOST"]
+        assert seen.station.restarts(Role.ROBOT) == 0
