@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
+from time import monotonic_ns
 from typing import Final, TypeVar
 
 from textual import events
@@ -16,6 +18,7 @@ from ground.app.keymap import Keymap
 from ground.app.keys import Key, Layer
 from ground.app.looks import Looks
 from ground.app.pace import Pace
+from ground.app.player import Player
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.drive import DriveScreen
 from ground.app.screens.log import LogScreen
@@ -23,6 +26,7 @@ from ground.app.screens.sheet import Action, Sheet
 from ground.app.themes import THEMES
 from ground.stack import Stack
 from ground.station.station import Station
+from protocol.clock import WallClock
 from protocol.enums import Severity
 
 T = TypeVar("T")
@@ -39,13 +43,16 @@ class GroundApp(App[int]):
 
     def __init__(
         self,
-        station: Station,
+        station: Station | None,
         orders: Gives,
         keymap: Keymap | None = None,
         looks: Looks | None = None,
         stack: Stack | None = None,
+        player: Player | None = None,
     ) -> None:
+        """Without a `station` it is the player's that is shown on every screen."""
         super().__init__()
+        self.player = player
         self.looks = looks or Looks()
         self._station, self._orders = station, orders
         self._keymap_in_force = keymap or Keymap()
@@ -62,6 +69,8 @@ class GroundApp(App[int]):
         self.set_class(self.looks.ascii_only, "-ascii")
 
     def on_mount(self) -> None:
+        if self._station is None:
+            self.switch_mode("replay")
         if self.looks.hz:
             self.set_interval(1.0 / POLL_HZ, self.sample)
 
@@ -69,7 +78,10 @@ class GroundApp(App[int]):
 
     @property
     def station(self) -> Station:
-        return self._station
+        if self._station is not None:
+            return self._station
+        assert self.player is not None, "there is a robot or a recording"
+        return self.player.station
 
     @property
     def keymap(self) -> Keymap:
@@ -81,7 +93,9 @@ class GroundApp(App[int]):
 
     @property
     def setting(self) -> Setting:
-        kind = self.looks.kind or ("SIM" if self._station.world is not None else "REAL")
+        if self._station is None:
+            return Setting(kind="REPLAY")
+        kind = "SIM" if self._station.world is not None else "REAL"
         return Setting(kind=kind, factor=self._pace.factor)
 
     @property
@@ -93,6 +107,9 @@ class GroundApp(App[int]):
 
     def give(self, line: str) -> None:
         self._orders.give(line)
+
+    def is_local(self, line: str) -> bool:
+        return self._orders.is_local(line)
 
     def complete(self, text: str) -> list[str]:
         return self._orders.complete(text)
@@ -110,7 +127,7 @@ class GroundApp(App[int]):
         self._orders.drop_hand()
 
     def say(self, text: str) -> None:
-        self._station.note(text)
+        self.station.note(text)
 
     def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
         from ground.app.screens.choose import Choose  # seldom needed, so not at the start
@@ -146,18 +163,26 @@ class GroundApp(App[int]):
         if isinstance(self.sheet, LogScreen):
             self.sheet.find(words)
 
+    def open_replay(self, path: Path) -> None:
+        """Show a recording; UserError when it cannot be played."""
+        self.player = Player(path, WallClock())
+        self.switch_mode("replay")
+
     # The round.
 
     def sample(self) -> None:
         """Poll, and draw when it is time to."""
-        self._station.poll()
-        self._pace.heard(self._station)
+        if self._station is not None:
+            self._station.poll()
+            self._pace.heard(self._station)
+        if self.player is not None:
+            self.player.poll()
         self._aside.poll()
         if self._stack is not None and (news := self._stack.news()):
-            self._station.note(news, Severity.ERROR)
+            self.station.note(news, Severity.ERROR)
         if self.sheet is not None:
             self.sheet.poll()
-        if self._pace.due(self._station.now_ns):
+        if self._pace.due(monotonic_ns()):
             self.look()
 
     def look(self) -> None:

@@ -13,6 +13,9 @@ class Gives(Protocol):
     def give(self, line: str) -> None:
         """Do it off this thread; refusals and outcomes are lines in the log."""
 
+    def is_local(self, line: str) -> bool:
+        """Whether it concerns the screen, and no robot."""
+
     def complete(self, text: str) -> list[str]: ...
     def recall(self, text: str, step: int) -> str: ...
     def take_hand(self) -> bool: ...

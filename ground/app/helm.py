@@ -34,7 +34,7 @@ class Helm:
         screens = {f"screen-{number}": partial(self.go, name) for name, number in SCREENS.items()}
         return {
             **{line: partial(app.give, line) for line in LINES},
-            **dict.fromkeys(("estop", "estop-here", "estop-teleop"), app.station.estop),
+            **dict.fromkeys(("estop", "estop-here"), app.station.estop),
             **screens,
             "clear-estop": self.clear_estop,
             "mode": self.choose_mode,

@@ -23,12 +23,12 @@ SHOWN: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 TOGETHER: Final = (
-    (Layer.TELEOP,),
+    (Layer.STOP, Layer.TELEOP),
     (Layer.TYPING,),
-    (Layer.CURSOR,),
-    (Layer.DRIVE, Layer.REPLAY, Layer.ROBOT, Layer.STATION),
+    (Layer.STOP, Layer.CURSOR),
+    (Layer.STOP, Layer.DRIVE, Layer.REPLAY, Layer.ROBOT, Layer.STATION),
     *(
-        (Layer.LIST, layer, Layer.ROBOT, Layer.STATION)
+        (Layer.STOP, Layer.LIST, layer, Layer.ROBOT, Layer.STATION)
         for layer in (Layer.PLOTS, Layer.PARAMS, Layer.LOG, Layer.WORLDS)
     ),
 )

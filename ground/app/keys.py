@@ -8,6 +8,7 @@ class Layer(Enum):
     """Where a key counts. Of those that count at a moment the first named here comes first."""
 
     ALWAYS = "everywhere"
+    STOP = "while nothing is typed"
     TELEOP = "teleop"
     TYPING = "command line"
     CURSOR = "cursor on the map"
@@ -42,6 +43,7 @@ KEYS: Final[tuple[Key, ...]] = (
         ("estop", "f12 ctrl+space", "emergency stop, until the robot acknowledges", ""),
         ("quit", "ctrl+q", "leave the ground station", ""),
     ),
+    *_keys(Layer.STOP, ("estop-here", "space", "emergency stop", "E-STOP")),
     *_keys(
         Layer.TELEOP,
         ("teleop-forward", "up w", "drive forward", "Forward"),
@@ -52,7 +54,6 @@ KEYS: Final[tuple[Key, ...]] = (
         ("teleop-back-slow", "shift+down S", "back, slowly", ""),
         ("teleop-left-slow", "shift+left A", "left, slowly", ""),
         ("teleop-right-slow", "shift+right D", "right, slowly", ""),
-        ("estop-teleop", "space", "emergency stop", "E-STOP"),
     ),
     *_keys(
         Layer.TYPING,
@@ -110,6 +111,11 @@ KEYS: Final[tuple[Key, ...]] = (
         ("replay-slower", "<", "half the speed", ""),
         ("replay-faster", ">", "twice the speed", ""),
         ("replay-mark", "M", "to the next mark", "Mark"),
+        ("replay-jump-back", "pageup", "ten seconds back", ""),
+        ("replay-jump-on", "pagedown", "ten seconds on", ""),
+        ("replay-begin", "home", "to the beginning", ""),
+        ("replay-open", "o", "open a recording", "Open"),
+        ("replay-end", "end", "to the end", ""),
     ),
     *_keys(
         Layer.PLOTS,
@@ -136,7 +142,6 @@ KEYS: Final[tuple[Key, ...]] = (
     ),
     *_keys(
         Layer.ROBOT,
-        ("estop-here", "space", "emergency stop, while nothing is typed", "E-STOP"),
         ("clear-estop", "D", "release the emergency stop: press twice", ""),
         ("hold", "h", "stand still, keep the goal", "Hold"),
         ("resume", "r", "go on to the goal", "Resume"),

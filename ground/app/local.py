@@ -33,6 +33,7 @@ def words_of_the_app(app: "GroundApp") -> Mapping[str, Word]:
         "select": words.select,
         "teleop": words.teleop,
         "why": words.why,
+        "replay": words.replay,
         "ghost": words.ghost,
     }
 
@@ -101,6 +102,10 @@ class Words:
 
     def teleop(self, options: argparse.Namespace, says: Says) -> int:
         return self.do("teleop")
+
+    def replay(self, options: argparse.Namespace, says: Says) -> int:
+        self._app.open_replay(options.file)
+        return 0
 
     def why(self, options: argparse.Namespace, says: Says) -> int:
         return self.do("explain")

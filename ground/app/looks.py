@@ -15,12 +15,11 @@ RATES_HZ: Final = (2.0, 5.0, 10.0, 20.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Looks:
-    """`hz` 0: no timer; whoever tests calls `sample`. `kind`: REPLAY; empty, to be found out."""
+    """`hz` 0: no timer; whoever tests calls `sample`."""
 
     theme: str = "dark"
     ascii_only: bool = False
     hz: float = 10.0
-    kind: str = ""
 
 
 def add_looks(parser: argparse.ArgumentParser) -> None:
@@ -34,14 +33,11 @@ def add_looks(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--keys", type=Path, metavar="FILE", help="a TOML file with other keys")
 
 
-def looks_of(
-    options: argparse.Namespace, environment: Mapping[str, str] = os.environ, *, kind: str = ""
-) -> Looks:
+def looks_of(options: argparse.Namespace, environment: Mapping[str, str] = os.environ) -> Looks:
     return Looks(
         theme=options.theme or usual_theme(environment),
         ascii_only=options.ascii or speaks_ascii_only(environment),
         hz=options.hz,
-        kind=kind,
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from io import StringIO
 from typing import Final
 
-from ground.console import History, act, complete, parse
+from ground.console import History, act, complete, help_text, parse
 from ground.console.aliases import unfolded
 from ground.console.typed import words_of
 from ground.link import Link
@@ -19,7 +19,7 @@ from ground.teleop import Stick
 from protocol.bus import Bus
 from protocol.clock import Clock
 from protocol.enums import Severity
-from protocol.errors import UserError
+from protocol.errors import RemoteError, UserError
 from protocol.options import DEFAULT_ENDPOINT
 
 STILL: Final = frozenset(
@@ -36,15 +36,25 @@ class Orders:
     """`local`: the words that the app does itself; they are done at once."""
 
     def __init__(
-        self, station: Station, bus: Bus, common: Common, clock: Clock, history: History
+        self,
+        station: Callable[[], Station],
+        bus: Bus | None,
+        common: Common,
+        clock: Clock,
+        history: History,
     ) -> None:
-        self._station = station
+        """`station` is asked each time; without a `bus` there is no robot to be commanded."""
+        self._station_now = station
         self._bus, self._common, self._clock = bus, common, clock
         self._history = history
         self._stick: Stick | None = None
         self.local: Mapping[str, Local] = {}
         self.draft = Draft()
         self.last = ""
+
+    @property
+    def _station(self) -> Station:
+        return self._station_now()
 
     def give(self, line: str) -> None:
         if not line:
@@ -62,6 +72,12 @@ class Orders:
             self._locally(options)
         else:
             self._station.submit(line, lambda: self._done(options), moves=moves(options))
+
+    def is_local(self, line: str) -> bool:
+        try:
+            return bool(parse(line).local)
+        except UserError:
+            return True  # it is only said to be wrong
 
     def complete(self, text: str) -> list[str]:
         names = [str(line["name"]) for line in self._station.parameters or ()]
@@ -105,12 +121,14 @@ class Orders:
     def _locally(self, options: argparse.Namespace) -> None:
         says, out, err = heard()
         local = {"wp": self.draft.act, **self.local}
-        code = 0 if act(options, self._link(), says, local) == 0 else 1
+        code = do_locally(options, says, local)
         for text in told(out, err).splitlines():
             self._station.note(text, Severity.WARNING if code else Severity.INFO)
 
     def _link(self) -> Link:
         """To the robot that is shown now."""
+        if self._bus is None:
+            raise UserError("this is a replay: nothing can be commanded")
         common = replace(self._common, robot=self._station.robot)
         return Link(self._bus, common, self._clock)
 
@@ -121,6 +139,20 @@ class Orders:
         if self._common.endpoint != DEFAULT_ENDPOINT:
             words += ["--connect", self._common.endpoint]
         return shlex.join(words)
+
+
+def do_locally(options: argparse.Namespace, says: Says, local: Mapping[str, Local]) -> int:
+    """Help is the console's own; the rest is the app's."""
+    if options.verb == "help":
+        says.result({}, help_text(options.word))
+        return 0
+    try:
+        if options.verb not in local:
+            raise UserError("is not there on this screen")
+        return local[options.verb](options, says)
+    except (UserError, RemoteError) as error:
+        says.note(f"{options.verb}: {error}")
+        return 1
 
 
 def moves(options: argparse.Namespace) -> bool:

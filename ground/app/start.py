@@ -16,6 +16,7 @@ from ground.link import Link
 from ground.options import Common
 from ground.stack import Stack
 from protocol.clock import WallClock
+from protocol.network import Network
 
 CLOSING_S: Final = 3.0
 FOLDER: Final = "sidestep"
@@ -40,7 +41,8 @@ def run(options: argparse.Namespace, link: Link, common: Common, stack: Stack | 
     clock = WallClock()
     station = Station(link.bus, link.robot, clock, name=operator_name())
     common = replace(common, robot=link.robot)
-    orders = Orders(station, link.bus, common, clock, History(folder() / "history"))
+    history = History(folder() / "history")
+    orders = Orders(lambda: station, link.bus, common, clock, history)
     app = GroundApp(station, orders, keymap, looks, stack)
     orders.local = words_of_the_app(app)
     try:
@@ -48,6 +50,28 @@ def run(options: argparse.Namespace, link: Link, common: Common, stack: Stack | 
             return app.run() or 0
     finally:
         in_time(station.close)
+
+
+def run_replay(options: argparse.Namespace, path: Path, robot: str | None, at_s: float) -> int:
+    """The same over a recording: nothing can be commanded. UserError when it cannot be played."""
+    keymap, looks = keymap_of(options), looks_of(options)
+    from ground.app.app import GroundApp
+    from ground.app.local import words_of_the_app
+    from ground.app.orders import Orders
+    from ground.app.player import Player
+    from ground.app.quiet import quiet
+    from ground.console import History
+
+    clock = WallClock()
+    player = Player(path, clock, robot)
+    player.seek(at_s)
+    common = Common(network=Network(), robot=player.bus.robot)
+    history = History(folder() / "history")
+    orders = Orders(lambda: player.station, None, common, clock, history)
+    app = GroundApp(None, orders, keymap, looks, player=player)
+    orders.local = words_of_the_app(app)
+    with quiet(folder() / "ground.log"):
+        return app.run() or 0
 
 
 def keymap_of(options: argparse.Namespace) -> Keymap:

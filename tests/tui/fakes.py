@@ -245,6 +245,9 @@ class FakeOrders:
         self.given.append(line)
         self.last = f"sidestep {line}"
 
+    def is_local(self, line: str) -> bool:
+        return line.split()[0] in ("theme", "help", "screen")
+
     def complete(self, text: str) -> list[str]:
         words = ("goal ", "hold", "help")
         return [word for word in words if text and word.startswith(text)]

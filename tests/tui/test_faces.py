@@ -57,7 +57,7 @@ def test_the_status_line_fits_and_loses_what_matters_least(width: int) -> None:
 
 @pytest.mark.parametrize("width", [0, 1, 20, 40, 80, 160])
 def test_the_key_bar_fits_and_begins_with_the_stop(width: int) -> None:
-    keys = Keymap().of(Layer.DRIVE, Layer.ROBOT, Layer.STATION)
+    keys = Keymap().of(Layer.STOP, Layer.DRIVE, Layer.ROBOT, Layer.STATION)
     shown = keybar_row(keys, width)
     assert width_of(shown) <= width
     if width >= 40:

@@ -7,7 +7,7 @@ from ground.app.keymap import shown
 from ground.app.keys import Key
 from ground.widgets.rows import Row, Span, cut, row, width_of
 
-STOPS: Final = ("estop-here", "estop-teleop")
+STOPS: Final = ("estop-here",)
 LAST: Final = ("palette", "help")
 ORDER: Final = (
     *("goal", "cursor", "hold", "resume", "arm", "mode", "navigator", "teleop"),

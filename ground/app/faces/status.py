@@ -56,7 +56,9 @@ def parts_of(station: Station, setting: Setting) -> list[Row]:
         row(head("t+ "), aged(status, driven_words)),
         kind_part(setting),
         row(Span(setting.recording, "danger" if setting.recording.endswith("!") else "ok")),
-        row(
+        ()
+        if not station.live
+        else row(
             head("lease "), Span(station.lease.words, "caution" if station.lease.others else "text")
         ),
         row(Span(setting.note, "caution")),

@@ -10,7 +10,16 @@ if TYPE_CHECKING:
     from ground.app.screens.sheet import Sheet
 
 SCREENS: Final[Mapping[str, int]] = MappingProxyType(
-    {"drive": 1, "plots": 2, "params": 3, "log": 4, "links": 5, "worlds": 6, "faults": 7}
+    {
+        "drive": 1,
+        "plots": 2,
+        "params": 3,
+        "log": 4,
+        "links": 5,
+        "worlds": 6,
+        "faults": 7,
+        "replay": 8,
+    }
 )
 """By name, with the number of its key."""
 

@@ -48,6 +48,7 @@ class DriveScreen(Sheet):
         self.why = Why()
         self.hand = ByHand(deck)
         self.haunting = Haunting(deck.station)
+        self._station = deck.station
 
     def middle(self) -> ComposeResult:
         with Horizontal(id="upper"):
@@ -79,6 +80,7 @@ class DriveScreen(Sheet):
 
     def draw(self) -> None:
         self.paint()
+        self.follow_station()
         self.haunting.poll()
         station = self.deck.station
         side, log = self.lines("side"), self.lines("log")
@@ -118,6 +120,12 @@ class DriveScreen(Sheet):
         self.lines("mission").display = bool(mission)
         self.lines("streams").show(stream_rows(station))
 
+    def follow_station(self) -> None:
+        """What was learned from another station is not true of this one."""
+        if self._station is not self.deck.station:
+            self._station = self.deck.station
+            self.why, self.haunting = Why(), Haunting(self._station)
+
     def paint(self) -> None:
         """In the colours of the theme, when it has changed."""
         if self.painted != self.app.theme:
@@ -129,7 +137,7 @@ class DriveScreen(Sheet):
 
     def key_layers(self) -> tuple[Layer, ...]:
         if self.hand.held:
-            return (Layer.TELEOP,)
+            return (Layer.STOP, Layer.TELEOP)
         above = super().key_layers()
         return above if self.cursor is None or self.typing else (Layer.CURSOR, *above)
 

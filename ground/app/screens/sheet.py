@@ -98,7 +98,7 @@ class Sheet(Screen[None]):
         if self.typing:
             return (Layer.TYPING, Layer.STATION)
         own = () if self.key_layer is None else (self.key_layer,)
-        return (*own, Layer.ROBOT, Layer.STATION)
+        return (Layer.STOP, *own, Layer.ROBOT, Layer.STATION)
 
     def actions(self) -> Mapping[str, Action]:
         line = self.command_line

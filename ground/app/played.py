@@ -1,0 +1,80 @@
+"""The app as the replay screen sees it: everything is as it was, and nothing can be commanded."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final, TypeVar
+
+from ground.app.faces.status import Setting
+from ground.app.keymap import Keymap
+from ground.app.player import Player
+from ground.stack import Stack
+from ground.station import Station
+
+if TYPE_CHECKING:
+    from ground.app.app import GroundApp
+
+T = TypeVar("T")
+STOPS: Final = ("hold", "abort", "disarm", "estop", "stop")
+REFUSED: Final = "this is a replay: the map of the robot itself is on 1"
+
+
+class PlayedDeck:
+    """Hands on what does not concern the robot; without a recording it shows the app's station."""
+
+    def __init__(self, app: "GroundApp") -> None:
+        self._app = app
+
+    @property
+    def player(self) -> Player | None:
+        return self._app.player
+
+    @property
+    def station(self) -> Station:
+        return self._app.station if self.player is None else self.player.station
+
+    @property
+    def keymap(self) -> Keymap:
+        return self._app.keymap
+
+    @property
+    def setting(self) -> Setting:
+        return self._app.setting if self.player is None else Setting(kind="REPLAY")
+
+    @property
+    def ascii_only(self) -> bool:
+        return self._app.ascii_only
+
+    @property
+    def stack(self) -> Stack | None:
+        return self._app.stack
+
+    def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+        self._app.aside(job, done)
+
+    def give(self, line: str) -> None:
+        """Words of the app are done, and what stops the robot that is there; nothing else is."""
+        if line and not (self._app.is_local(line) or line.split()[0] in STOPS):
+            self.say(REFUSED)
+            return
+        self._app.give(line)
+
+    def complete(self, text: str) -> list[str]:
+        return self._app.complete(text)
+
+    def recall(self, text: str, step: int) -> str:
+        return self._app.recall(text, step)
+
+    def take_hand(self) -> bool:
+        self.say(REFUSED)
+        return False
+
+    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Nobody is there."""
+
+    def drop_hand(self) -> None:
+        """Nobody is there."""
+
+    def say(self, text: str) -> None:
+        self.station.note(text)
+
+    def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
+        self._app.choose(title, choices, done)

@@ -1,0 +1,107 @@
+"""Replay: the Drive screen over a recording, with its timeline."""
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from textual.app import ComposeResult
+
+from ground.app.faces.timeline import timeline_rows
+from ground.app.keys import Layer
+from ground.app.played import PlayedDeck
+from ground.app.player import Player
+from ground.app.screens.drive import DriveScreen
+from ground.app.screens.sheet import Action
+from ground.widgets.lines import Lines
+from ground.widgets.rows import faint, row
+from protocol.errors import UserError
+
+if TYPE_CHECKING:
+    from ground.app.app import GroundApp
+
+FAR_S: Final = 10.0
+NONE: Final = " no recording is open: replay FILE, or o for those in this folder and below"
+ENDS: Final = (".mcap", ".tlog")
+MOST: Final = 18
+
+
+class ReplayScreen(DriveScreen):
+    key_layer = Layer.REPLAY
+
+    def __init__(self, app: "GroundApp") -> None:
+        super().__init__(PlayedDeck(app))
+        self._app_below = app
+
+    def middle(self) -> ComposeResult:
+        yield from super().middle()
+        yield Lines(id="timeline")
+
+    @property
+    def player(self) -> Player | None:
+        return self._app_below.player
+
+    def draw(self) -> None:
+        super().draw()
+        panel = self.lines("timeline")
+        if self.player is None:
+            panel.show([row(faint(NONE))])
+        else:
+            panel.show(timeline_rows(self.player, panel.size.width))
+
+    def key_layers(self) -> tuple[Layer, ...]:
+        """Those of the map, but none that would command the robot of the recording."""
+        if self.typing:
+            return super().key_layers()
+        cursor = () if self.cursor is None else (Layer.CURSOR,)
+        return (Layer.STOP, *cursor, Layer.DRIVE, Layer.REPLAY, Layer.STATION)
+
+    def actions(self) -> Mapping[str, Action]:
+        found: dict[str, Action] = {**super().actions(), "replay-open": self.choose_recording}
+        player = self.player
+        if player is None:
+            return found
+        return {
+            **found,
+            "replay-back": partial(player.step, -1),
+            "replay-on": partial(player.step, 1),
+            "replay-play": player.play_or_pause,
+            "replay-slower": partial(player.faster, 0.5),
+            "replay-faster": partial(player.faster, 2.0),
+            "replay-mark": self.to_mark,
+            "replay-jump-back": partial(player.jump, -FAR_S),
+            "replay-jump-on": partial(player.jump, FAR_S),
+            "replay-begin": partial(player.seek, 0.0),
+            "replay-end": partial(player.seek, player.duration_s),
+        }
+
+    def to_mark(self) -> None:
+        if self.player is not None:
+            self.deck.say(self.player.to_mark())
+
+    def choose_recording(self) -> None:
+        found = recordings(Path())
+        if found:
+            self.deck.choose("a recording", found, self.open)
+        else:
+            self.deck.say("there is no .mcap or .tlog in this folder; type: replay FILE")
+
+    def open(self, name: str) -> None:
+        try:
+            self._app_below.open_replay(Path(name))
+        except UserError as error:
+            self.deck.say(str(error))
+
+
+def recordings(folder: Path) -> list[str]:
+    """The newest ones here and one folder below, each once."""
+    found = [
+        path
+        for pattern in ("*", "*/*")
+        for path in folder.glob(pattern)
+        if path.suffix in ENDS and path.is_file()
+    ]
+    whole = [path for path in found if path.suffix == ENDS[0]]
+    names = {path.with_suffix("") for path in whole}
+    every = [*whole, *(path for path in found if path.with_suffix("") not in names)]
+    return [str(path) for path in sorted(every, key=lambda path: -path.stat().st_mtime)[:MOST]]

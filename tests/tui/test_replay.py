@@ -1,0 +1,109 @@
+"""A recording on the screen: it plays, steps and seeks, and nothing can be commanded."""
+
+from pathlib import Path
+
+import pytest
+
+from ground.app.app import GroundApp
+from ground.app.faces.timeline import timeline_rows
+from ground.app.looks import Looks
+from ground.app.player import Player
+from ground.app.screens.replay import ReplayScreen, recordings
+from ground.widgets.rows import width_of, words_of
+from protocol.clock import ManualClock
+from protocol.errors import UserError
+from tests.tui.fakes import FakeOrders, FakeStation, S
+from tests.tui.pilot import Stage, play
+from tests.tui.recording import recorded
+
+
+def player(folder: Path) -> tuple[Player, ManualClock]:
+    clock = ManualClock()
+    return Player(recorded(folder), clock), clock
+
+
+def test_it_plays_at_its_own_speed_and_stands_at_the_end(tmp_path: Path) -> None:
+    shown, clock = player(tmp_path)
+    shown.play_or_pause()
+    clock.advance(1 * S)
+    shown.poll()
+    assert shown.position_s == pytest.approx(1.0)
+    shown.faster(2.0)
+    clock.advance(1 * S)
+    shown.poll()
+    assert shown.position_s == pytest.approx(3.0)
+    clock.advance(3600 * S)
+    shown.poll()
+    assert (shown.position_s, shown.playing) == (shown.duration_s, False)
+
+
+def test_a_step_is_one_control_period_in_both_directions(tmp_path: Path) -> None:
+    shown, _ = player(tmp_path)
+    shown.seek(2.0)
+    shown.step(1)
+    one = shown.position_s
+    shown.step(1)
+    assert shown.position_s - one == pytest.approx(0.05, abs=0.02)
+    shown.step(-1)
+    assert shown.position_s == pytest.approx(one)
+
+
+def test_on_the_way_back_what_was_seen_later_is_forgotten(tmp_path: Path) -> None:
+    shown, _ = player(tmp_path)
+    shown.seek(3.0)
+    later = len(shown.station.trail)
+    shown.seek(0.5)
+    assert len(shown.station.trail) < later
+    assert not shown.playing
+
+
+def test_nothing_can_be_commanded(tmp_path: Path) -> None:
+    shown, _ = player(tmp_path)
+    assert "replay" in shown.station.refusal(moves=False)
+
+
+def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x.tlog").write_bytes(b"nothing of the sort")
+    with pytest.raises(UserError):
+        Player(tmp_path / "x.tlog", ManualClock(), "r1")
+
+
+@pytest.mark.parametrize("width", [0, 1, 20, 80, 200])
+def test_the_timeline_fits(width: int, tmp_path: Path) -> None:
+    shown, _ = player(tmp_path)
+    shown.seek(1.0)
+    rows = timeline_rows(shown, width)
+    assert all(width_of(one) <= width for one in rows)
+    if width == 80:
+        assert "1.00 /" in words_of(rows[0])
+
+
+def test_recordings_are_found_here_and_one_folder_below(tmp_path: Path) -> None:
+    for name in ("a.mcap", "a.tlog", "sub/b.tlog", "sub/deep/c.tlog", "d.txt"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"")
+    assert {Path(one).name for one in recordings(tmp_path)} == {"a.mcap", "b.tlog"}
+
+
+def test_the_screen_is_driven_by_keys(tmp_path: Path) -> None:
+    async def story() -> None:
+        shown, _ = player(tmp_path)
+        orders = FakeOrders()
+        app = GroundApp(None, orders, looks=Looks(hz=0.0), player=shown)
+        async with app.run_test(size=(100, 28)) as pilot:
+            stage = Stage(app, pilot, FakeStation(), orders)
+            await stage.look()
+            assert isinstance(app.screen, ReplayScreen)
+            assert "REPLAY" in stage.words("status")
+            await stage.press("pagedown")
+            assert shown.position_s > 1.0
+            await stage.press("p")
+            assert shown.playing
+            await stage.press("p", "home")
+            assert shown.position_s == 0.0
+            await stage.press("G", "enter")
+            assert orders.given == []
+            assert "this is a replay" in "\n".join(line.text for line in shown.station.log)
+
+    play(story)
