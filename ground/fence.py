@@ -48,10 +48,10 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
         return show(link, says)
     if options.action == "off":
         verdict = send(link, Clear(MissionType.FENCE, link.clock.now_ns()))
-        return tell_verdict(says, "fence off", link.robot, verdict, "ok, there is no fence")
+        return tell_verdict(says, "fence off", link, verdict, "ok, there is no fence")
     fence = fence_in(options)
     verdict = send_fence(link, fence)
-    return tell_verdict(says, f"fence {options.action}", link.robot, verdict, f"ok, {fence}")
+    return tell_verdict(says, f"fence {options.action}", link, verdict, f"ok, {fence}")
 
 
 def fence_in(options: argparse.Namespace) -> Fence:
@@ -85,7 +85,7 @@ def outlined(words: list[str]) -> Polygon:
 def show(link: Link, says: Says) -> int:
     found = fetch(link, MissionType.FENCE)
     if isinstance(found, Verdict):
-        return tell_verdict(says, "fence show", link.robot, found, "no fence")
+        return tell_verdict(says, "fence show", link, found, "no fence")
     fence = fence_of(found.items)
     row: dict[str, object] = {"verb": "fence show", "robot": link.robot, "ok": True, "fence": None}
     if isinstance(fence, Circle):

@@ -48,7 +48,7 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
     drive = Drive(link, says)
     if options.no_wait or options.attended:
         mode = Mode.AUTO if options.no_wait else Mode.GUIDED
-        return tell(says, "goto", link.robot, drive.send(where, mode)[0])
+        return tell(says, "goto", link, drive.send(where, mode)[0])
     timeout_ns = None if options.timeout is None else round(options.timeout * NS_PER_S)
     with leased(link):
         return drive.wait_for(where, timeout_ns)
@@ -71,7 +71,7 @@ class Drive:
         try:
             answered, request = self.send(where, Mode.GUIDED)
             if not answered.ok:
-                return tell(self._says, "goto", self._link.robot, answered)
+                return tell(self._says, "goto", self._link, answered)
             self._says.note(f"goal {where} accepted")
             watch = GoalWatch(request.request_id, started_ns, timeout_ns)
             end = self._follow(watch, request.request_id)

@@ -10,18 +10,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Final
 
+from ground.holder import lease_status, who_refuses
 from ground.link import NS_PER_S, Link
 from ground.operator import BEAT_NS, Answered
 from ground.options import add_common, seconds
 from ground.orders import MS, tell, why
 from ground.says import Says
-from ground.telemetry import Telemetry
 from protocol.enums import LeaseAction
 from protocol.errors import RemoteError, UserError
-from protocol.messages import LeaseRequest, LeaseStatus
-from protocol.topics import LEASE, LEASE_SERVICE
+from protocol.messages import LeaseRequest
+from protocol.topics import LEASE_SERVICE
 
-SHOW_NS: Final = 1_500_000_000
 RELEASE_NS: Final = 300 * MS
 NAME_BYTES: Final = 16
 ACTIONS: Final = ("take", "release", "seize", "show")
@@ -50,15 +49,15 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
     name = named(options.name)
     answered = ask(link, action, name)
     if not answered.ok:
-        return tell(says, f"lease {options.action}", link.robot, answered, holder_words(link))
+        return tell(says, f"lease {options.action}", link, answered)
     if action is LeaseAction.RELEASE or options.attended:
-        return tell(says, f"lease {options.action}", link.robot, answered)
+        return tell(says, f"lease {options.action}", link, answered)
     says.note(f"{name} commands {link.robot}; Ctrl-C gives the lease back")
     try:
         keep(link, options.hold)
     finally:
         give_back(link)
-    return tell(says, f"lease {options.action}", link.robot, answered)
+    return tell(says, f"lease {options.action}", link, answered)
 
 
 def keep(link: Link, for_s: float | None) -> None:
@@ -80,7 +79,7 @@ def leased(link: Link, name: str | None = None) -> Iterator[None]:
     """Hold it meanwhile and give it back, whatever happens; Held says who has it already."""
     answered = ask(link, LeaseAction.TAKE, named(name))
     if not answered.ok:
-        raise Held(f"refused: {why(answered)}{holder_words(link)}")
+        raise Held(f"refused: {why(answered, who_refuses(link, answered.reason))}")
     try:
         yield
     finally:
@@ -107,23 +106,9 @@ def named(name: str | None) -> str:
     return name
 
 
-def status(link: Link) -> LeaseStatus | None:
-    """What the robot says about it; None when it says nothing."""
-    telemetry = Telemetry(link.bus, link.robot, (LEASE,), notify=link.pulse.beat)
-    link.wait(lambda: telemetry.latest(LEASE) is not None, SHOW_NS)
-    newest = telemetry.latest(LEASE)
-    return None if newest is None else newest[0]
-
-
-def holder_words(link: Link) -> str:
-    """Who holds it, as the end of a sentence."""
-    found = status(link)
-    return f": {found.name or found.holder}" if found is not None and found.held else ""
-
-
 def show(link: Link, says: Says) -> int:
     """0 when the robot says how it stands, 1 when it does not."""
-    found = status(link)
+    found = lease_status(link)
     if found is None:
         raise RemoteError(f"nothing is heard of the lease: {link.diagnosis()}")
     ours = found.holder == link.bus.zid

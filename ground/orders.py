@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from ground.holder import who_refuses
 from ground.link import Link
 from ground.operator import ATTEMPTS, PATIENCE_NS, Answered
 from ground.options import add_common, seconds
@@ -27,7 +28,7 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.NO_OPERATOR: "keep `sidestep ground` running, or use --no-wait",
         Reason.NO_SENSES: "is the plant running? sidestep doctor",
         Reason.DRIVING: "sidestep abort",
-        Reason.LEASE_HELD: "sidestep lease show",
+        Reason.LEASE_HELD: "sidestep lease seize",
         Reason.OUTSIDE_FENCE: "sidestep fence show",
         Reason.NO_MISSION: "sidestep mission upload FILE",
     }
@@ -98,7 +99,7 @@ def give(options: argparse.Namespace, link: Link, says: Says, order: Order) -> i
     request = link.command(order.command, order.param1, order.param2)
     attempts, patience_ns = pace(options.timeout, urgent=order.urgent)
     answered = link.ask(request, attempts=attempts, patience_ns=patience_ns)
-    return tell(says, options.verb, link.robot, answered)
+    return tell(says, options.verb, link, answered)
 
 
 def pace(timeout_s: float | None, *, urgent: bool) -> tuple[int, int]:
@@ -109,23 +110,26 @@ def pace(timeout_s: float | None, *, urgent: bool) -> tuple[int, int]:
     return attempts, max(1, round(timeout_s * 1e9 / attempts))
 
 
-def tell(says: Says, verb: str, robot: str, answered: Answered, detail: str = "") -> int:
-    """The answer as the verb's result; `detail` ends the sentence of a refusal."""
+def tell(says: Says, verb: str, link: Link, answered: Answered) -> int:
+    """The answer as the verb's result; 0 when the robot agrees."""
     took_ms = answered.took_ns / MS
     found: dict[str, object] = {
         "verb": verb,
-        "robot": robot,
+        "robot": link.robot,
         "ok": answered.ok,
         "reason": answered.text,
         "reason_code": answered.reason,
         "took_ms": round(took_ms, 3),
     }
-    refused = f"refused: {why(answered)}{detail}"
-    says.result(found, f"ok {took_ms:.0f} ms" if answered.ok else refused)
+    text = f"ok {took_ms:.0f} ms"
+    if not answered.ok:
+        text = f"refused: {why(answered, who_refuses(link, answered.reason))}"
+    says.result(found, text)
     return 0 if answered.ok else 1
 
 
-def why(answered: Answered) -> str:
-    """The robot's reason, with what to do where there is something."""
+def why(answered: Answered, who: str = "") -> str:
+    """The robot's reason, with what to do where there is something; `who`: because of whom."""
+    text = f"{answered.text}: {who}" if who else answered.text
     hint = HINTS.get(answered.reason)
-    return f"{answered.text} ({hint})" if hint else answered.text
+    return f"{text} ({hint})" if hint else text

@@ -93,7 +93,7 @@ def _drive(options: argparse.Namespace, link: Link, says: Says) -> int:
     link.beat()
     answered, _ = insist(link, says, lambda: _mode(link, Mode.MANUAL), beats=True)
     if not answered.ok:
-        return tell(says, "teleop", link.robot, answered)
+        return tell(says, "teleop", link, answered)
     stick = Stick(link)
     try:
         why = _keep_driving(options, link, stick)

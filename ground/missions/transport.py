@@ -1,5 +1,6 @@
 """Carries the transfers of missions and fences over a link, and tells how they ended."""
 
+from ground.holder import who_refuses
 from ground.link import Link
 from ground.missions.mission import Fence
 from ground.missions.transfer import Download, Downloaded, Transfer, Upload, Verdict
@@ -40,14 +41,15 @@ def carried(link: Link, transfer: Transfer) -> Downloaded | Verdict:
 
 
 def tell_verdict(
-    says: Says, verb: str, robot: str, verdict: Verdict, text: str, what: str = ""
+    says: Says, verb: str, link: Link, verdict: Verdict, text: str, what: str = ""
 ) -> int:
     """0 when the robot agrees; else which item is wrong and why. `what`: what it is about."""
-    hint = HINTS.get(verdict.reason)
-    refused = f"refused: {what}{verdict.text}{f' ({hint})' if hint else ''}"
+    hint, who = HINTS.get(verdict.reason), who_refuses(link, verdict.reason)
+    refused = f"refused: {what}{verdict.text}{f': {who}' if who else ''}"
+    refused += f" ({hint})" if hint else ""
     found: dict[str, object] = {
         "verb": verb,
-        "robot": robot,
+        "robot": link.robot,
         "ok": verdict.ok,
         "reason": f"{what}{verdict.text}",
         "reason_code": verdict.reason,

@@ -94,7 +94,7 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
         return show_status(link, says)
     if options.action == "clear":
         verdict = send(link, Clear(MissionType.MISSION, link.clock.now_ns()))
-        return tell_verdict(says, "mission clear", link.robot, verdict, "ok, the robot has none")
+        return tell_verdict(says, "mission clear", link, verdict, "ok, the robot has none")
     return order(options, link, says)
 
 
@@ -105,7 +105,7 @@ def order(options: argparse.Namespace, link: Link, says: Says) -> int:
         answered = start(link, says, options.item)
     else:
         answered = link.ask(command_of(options, link))
-    return tell(says, verb, link.robot, answered)
+    return tell(says, verb, link, answered)
 
 
 def start(link: Link, says: Says, item: int) -> Answered:
@@ -169,18 +169,18 @@ def upload(link: Link, says: Says, found: Foreign) -> int:
     if mission.fence is not None:
         verdict = send_fence(link, mission.fence)
         if not verdict.ok:
-            return tell_verdict(says, "mission upload", link.robot, verdict, "", "the fence: ")
+            return tell_verdict(says, "mission upload", link, verdict, "", "the fence: ")
     items = items_of(mission.waypoints)
     verdict = send(link, Upload(items, MissionType.MISSION, link.clock.now_ns()))
     text = f"ok, the robot has {mission}"
-    return tell_verdict(says, "mission upload", link.robot, verdict, text)
+    return tell_verdict(says, "mission upload", link, verdict, text)
 
 
 def download(link: Link, says: Says, path: Path, home: Home | None) -> int:
     files.ending_of(path)  # refused before anything is asked
     mission = fetched(link)
     if isinstance(mission, Verdict):
-        return tell_verdict(says, "mission download", link.robot, mission, "")
+        return tell_verdict(says, "mission download", link, mission, "")
     mission = replace(mission, home=home)
     lost = files.write(path, mission)
     text = f"{path}: {mission}{''.join(f'; {what} is lost' for what in lost)}"
@@ -193,7 +193,7 @@ def listing(link: Link, says: Says) -> int:
     """0 when the robot has a mission, 1 when it has none."""
     mission = fetched(link)
     if isinstance(mission, Verdict):
-        return tell_verdict(says, "mission list", link.robot, mission, "")
+        return tell_verdict(says, "mission list", link, mission, "")
     rows = [f"{at}  {waypoint}" for at, waypoint in enumerate(mission.waypoints)]
     rows += [f"fence: {mission.fence}"] if mission.fence else []
     items: list[object] = [asdict(waypoint) for waypoint in mission.waypoints]

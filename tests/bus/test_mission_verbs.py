@@ -243,8 +243,19 @@ def test_goto_says_who_commands_the_robot_when_it_may_not(robot: PlayedRobot, sa
     code, out, err = say("goto", "1", "2", "--json")
     assert code == 1
     assert ": anna" in json.loads(out)["reason"]
-    assert "sidestep lease show" in err
+    assert "commands the robot: anna (sidestep lease seize)" in err
     assert robot.asked == []
+
+
+def test_whoever_is_refused_because_of_the_lease_is_told_of_whom(
+    robot: PlayedRobot, say: Say, mission: str
+) -> None:
+    robot.desk.held = ("beef", "anna")
+    robot.desk.verdict = (Reason.LEASE_HELD, 65_535)
+    robot.answers = [Reason.LEASE_HELD]
+    refusal = "refused: another operator commands the robot: anna (sidestep lease seize)\n"
+    assert say("hold")[1] == refusal
+    assert say("mission", "upload", mission)[1] == refusal
 
 
 def test_the_lease_is_taken_kept_and_given_back(robot: PlayedRobot, say: Say) -> None:

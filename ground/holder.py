@@ -1,0 +1,27 @@
+"""Who commands the robot, as the robot itself says."""
+
+from typing import Final
+
+from ground.link import Link
+from ground.telemetry import Telemetry
+from protocol.messages import LeaseStatus
+from protocol.reasons import Reason
+from protocol.topics import LEASE
+
+SHOW_NS: Final = 1_500_000_000
+
+
+def lease_status(link: Link) -> LeaseStatus | None:
+    """What the robot says about its lease; None when it says nothing."""
+    telemetry = Telemetry(link.bus, link.robot, (LEASE,), notify=link.pulse.beat)
+    link.wait(lambda: telemetry.latest(LEASE) is not None, SHOW_NS)
+    newest = telemetry.latest(LEASE)
+    return None if newest is None else newest[0]
+
+
+def who_refuses(link: Link, reason: int) -> str:
+    """The name of the operator because of whom it was refused, if that is why."""
+    if reason != Reason.LEASE_HELD:
+        return ""
+    found = lease_status(link)
+    return (found.name or found.holder) if found is not None and found.held else ""
