@@ -55,6 +55,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "plot": Verb("ground.cli", "a recorded run as a picture"),
     },
     "study": {
+        "reexecute": Verb("study.reexecute_cli", "a recording against this build of the core"),
         "trial": Verb("study.cli", "one run in this process, as fast as possible"),
         "study": Verb("study.study_cli", "many trials on all cores, their results and a report"),
         "calibrate": Verb("study.calibration.cli", "wheels, track and slip from squares", False),

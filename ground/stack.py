@@ -4,7 +4,7 @@ import argparse
 import json
 import os
 import signal
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -65,14 +65,18 @@ class Stack:
         network = Network(mode="client", connect=(self._endpoint,), connect_timeout_s=DIAL_S)
         return Common(network=network, robot=self.scenario.robots[0])
 
-    def start(self, *, paused: bool = False) -> None:
-        """`paused`: in lockstep, time waits until it is told to go on."""
+    def start(self, *, paused: bool = False, ready: Callable[[], None] = lambda: None) -> None:
+        """`paused`: in lockstep, time waits until it is told to go on. `ready` is called when all
+        but the plant have been started, and so before there is anything to sense."""
         if self.scenario.record is not None:
             make_folder(self.scenario.record)
             self.logs_before = set(Path(self.scenario.record).glob("*.tlog"))
-        for role, words in cast(self.scenario, self._endpoint):
-            waits = paused or PAUSED not in words
-            self._children.start(role, words if waits else [w for w in words if w != PAUSED])
+        *first, (role, words) = cast(self.scenario, self._endpoint)
+        for before, its_words in first:
+            self._children.start(before, its_words)
+        ready()
+        waits = paused or PAUSED not in words
+        self._children.start(role, words if waits else [w for w in words if w != PAUSED])
 
     def check(self) -> None:
         """Raise ChildDied when one has ended by itself."""

@@ -6,6 +6,7 @@ import socket
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -103,7 +104,7 @@ def rehearse(
 ) -> list[Outcome]:
     """One run with processes of its own, none of which survives it; an outcome per robot."""
     with Stack(options, scenario, free_endpoint(), clock) as stack:
-        stack.start(paused=scenario.lockstep)
+        stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, says))
         with dialled(stack.common, clock, stack.check) as bus:
             errands = errands_of(stack, bus, says, clock)
             outing = Outing(errands, clock, stack.check, shown(says, clock))
@@ -117,7 +118,7 @@ def rehearse(
 def show(options: argparse.Namespace, scenario: Scenario, says: Says, clock: Clock) -> int:
     """The same with the app open on it; the operator may give other goals, or another world."""
     with Stack(options, scenario, free_endpoint(), clock) as stack:
-        stack.start()
+        stack.start(ready=partial(recorders_ready, stack, clock, says))
         with dialled(stack.common, clock, stack.check) as bus:
             errands = errands_of(stack, bus, says, clock)
             Outing(errands, clock, stack.check, shown(says, clock)).launch(lockstep=False)
@@ -125,12 +126,10 @@ def show(options: argparse.Namespace, scenario: Scenario, says: Says, clock: Clo
 
 
 def errands_of(stack: Stack, bus: Bus, says: Says, clock: Clock) -> list[Errand]:
-    """One for each robot, when all that is to be recorded is recorded."""
+    """One for each robot."""
     scenario = stack.scenario
     goals = ", ".join(str(entrant.goal) for entrant in scenario.entrants)
     says.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
-    if scenario.record is not None:
-        await_records(scenario, stack.logs_before, clock, stack.check, says)
     return [
         Errand(
             Link(bus, replace(stack.common, robot=entrant.robot), clock),
@@ -142,11 +141,16 @@ def errands_of(stack: Stack, bus: Bus, says: Says, clock: Clock) -> list[Errand]
     ]
 
 
+def recorders_ready(stack: Stack, clock: Clock, says: Says) -> None:
+    """The first tick is to be in the log as well."""
+    if stack.scenario.record is not None:
+        await_records(stack.scenario, stack.logs_before, clock, stack.check, says)
+
+
 def await_records(
     scenario: Scenario, before: set[Path], clock: Clock, check: Callable[[], None], says: Says
 ) -> None:
-    """Until every recorder has written a frame, so that the goal is in the log as well. A disk that
-    takes nothing holds up nobody."""
+    """Until every recorder has written a frame. A disk that takes nothing holds up nobody."""
     deadline_ns = clock.now_ns() + RECORDS_NS
     while clock.now_ns() < deadline_ns:
         check()

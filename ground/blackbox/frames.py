@@ -60,11 +60,14 @@ class Log(Protocol):
 
 
 class TlogLog:
-    """A `.tlog`. It has no keys: they follow from what a frame carries and who sent it."""
+    """A `.tlog`. It has no keys: they follow from what a frame carries and who sent it.
+
+    It has no place for facts either: they are those of the `.mcap` of the same run beside it.
+    """
 
     def __init__(self, path: Path, robot: str) -> None:
         self.robot = robot
-        self.facts: dict[str, str] = {}
+        self.facts = facts_beside(path)
         self._path = path
         self._reader: Reader | None = None
 
@@ -119,6 +122,14 @@ def opened(path: Path, robot: str | None = None) -> Log:
     if begin == MCAP_BEGINS or (path.suffix == ".mcap" and MCAP_BEGINS.startswith(begin)):
         return McapLog(path, name)
     return TlogLog(path, name)
+
+
+def facts_beside(path: Path) -> dict[str, str]:
+    """The facts of the `.mcap` of the same name; none when it is not there."""
+    try:
+        return McapFile(path.with_suffix(".mcap")).facts_alone()
+    except OSError:
+        return {}
 
 
 def frames(path: Path) -> Iterator[Frame]:

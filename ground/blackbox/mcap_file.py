@@ -3,6 +3,7 @@
 Whole records are found by their own lengths, so that it is known how much could not be used.
 """
 
+import os
 import struct
 from collections.abc import Iterator
 from io import BytesIO
@@ -64,6 +65,21 @@ class McapFile:
                 elif opcode == Opcode.DATA_END:
                     self._closed = True
                     return
+
+    def facts_alone(self) -> dict[str, str]:
+        """Only the facts: what lies between them is skipped, not read."""
+        with self._path.open("rb") as source:
+            if source.read(len(MAGIC)) == MAGIC:
+                size = self._path.stat().st_size
+                while len(head := source.read(RECORD.size)) == RECORD.size:
+                    opcode, length = RECORD.unpack(head)
+                    if opcode == Opcode.DATA_END or length > size - source.tell():
+                        break
+                    if opcode == Opcode.METADATA:
+                        self._fact(source.read(length))
+                    else:
+                        source.seek(length, os.SEEK_CUR)
+        return self.facts
 
     def _records(self, source: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
         """Opcode and content of each whole record."""

@@ -1,0 +1,128 @@
+"""What a recording holds of the control loop: what each tick was given, and what came of it."""
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from ground.blackbox.frames import Log
+from protocol.codec import Frame, decode
+from protocol.errors import RemoteError
+from protocol.message import Message
+from protocol.messages import (
+    AvoidanceDecision,
+    CommandAck,
+    MissionVerdict,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    TickInputs,
+    WheelCommand,
+    WheelTicks,
+)
+from protocol.reasons import Reason
+from protocol.topics import ANSWERED, COMMANDED, INPUTS
+
+WHEELS_THERE: Final = 1
+SCAN_THERE: Final = 2
+BUDGET_VIOLATED: Final = 4
+STEERED: Final = 8
+BYTE: Final = 0xFF
+OUTPUTS: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)
+
+Key = tuple[int, int]
+"""Stamp and MAVLink sequence: all frames of one tick have the same."""
+
+
+class Request(NamedTuple):
+    """What was asked, and whether the robot acted on it: not when another held the lease."""
+
+    message: Message
+    acted_on: bool
+
+
+class Recorded:
+    """One recording. `ticks` are in order; a lack of anything is found when it is asked for."""
+
+    def __init__(self, log: Log) -> None:
+        self.facts: Mapping[str, str] = log.facts
+        self.ticks: list[tuple[TickInputs, int]] = []
+        """What each tick was given, and its frame's sequence."""
+        self._wheels: dict[int, WheelTicks] = {}
+        self._scans: dict[int, SonarScan] = {}
+        self._outputs: dict[tuple[type[Message], Key], Message] = {}
+        self._asked: list[tuple[int, Message]] = []
+        self._answers: list[tuple[int, Message]] = []
+        for one in log:
+            try:
+                self._take(one.key, decode(one.frame))
+            except RemoteError:
+                continue
+        self.robot = log.robot
+        self.damage = log.damage()
+        self.requests = self._paired()
+
+    def _take(self, key: str, frame: Frame) -> None:
+        message, sequence = frame.message, frame.sequence
+        if isinstance(message, WheelTicks):
+            self._wheels[message.seq] = message
+        elif isinstance(message, SonarScan):
+            self._scans[message.seq] = message
+        elif isinstance(message, TickInputs) and key.endswith(INPUTS.path):
+            self.ticks.append((message, sequence))
+        elif isinstance(message, OUTPUTS):
+            self._outputs.setdefault((type(message), (message.time_ns, sequence)), message)
+        elif key.endswith(COMMANDED.path):
+            self._asked.append((sequence, message))
+        elif key.endswith(ANSWERED.path):
+            self._answers.append((sequence, message))
+
+    def _paired(self) -> dict[int, Request]:
+        """Requests by their number from 1, which is what the sequence of their frames counts."""
+        answers = dict(_unwrapped(self._answers))
+        return {
+            place + 1: Request(message, reason_in(answers.get(place)) != Reason.LEASE_HELD)
+            for place, message in _unwrapped(self._asked)
+        }
+
+    def output(self, kind: type[Message], inputs: TickInputs, sequence: int) -> Message | None:
+        """What came of a tick; None when it is not in the recording."""
+        return self._outputs.get((kind, (inputs.time_ns, sequence)))
+
+    def senses(self, inputs: TickInputs) -> tuple[WheelTicks | None, SonarScan | None]:
+        """What was sensed in a tick; None also for what was stale or had not come."""
+        there = inputs.flags & WHEELS_THERE
+        wheels = self._wheels.get(inputs.wheels_seq) if there else None
+        scan = self._scans.get(inputs.scan_seq) if inputs.flags & SCAN_THERE else None
+        return wheels, scan
+
+    def lack(self, place: int) -> str:
+        """What of a tick is not in the recording, in words; empty when nothing is missing."""
+        inputs, sequence = self.ticks[place]
+        before = self.ticks[place - 1] if place else None
+        if before is not None and (sequence - before[1]) & BYTE != 1:
+            return "the inputs of the tick before it"
+        wheels, scan = self.senses(inputs)
+        if wheels is None and inputs.flags & WHEELS_THERE:
+            return f"wheel ticks {inputs.wheels_seq}, which it was given"
+        if scan is None and inputs.flags & SCAN_THERE:
+            return f"sonar scan {inputs.scan_seq}, which it was given"
+        asked_before = before[0].requests if before is not None else 0
+        missing = [
+            n for n in range(asked_before + 1, inputs.requests + 1) if n not in self.requests
+        ]
+        return f"request {missing[0]}, which came before it" if missing else ""
+
+
+def reason_in(answer: Message | None) -> int:
+    if isinstance(answer, CommandAck):
+        return answer.result_param2
+    return answer.reason if isinstance(answer, MissionVerdict) else Reason.NONE
+
+
+def _unwrapped(counted: list[tuple[int, Message]]) -> list[tuple[int, Message]]:
+    """Sequences of one byte as numbers that go on; no more than 255 in a row may be lost."""
+    found: list[tuple[int, Message]] = []
+    place = -1
+    for sequence, message in counted:
+        place += (sequence - place) & BYTE or (BYTE + 1 if found else 0)
+        found.append((place, message))
+    return found
