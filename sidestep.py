@@ -51,11 +51,12 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "ghost": Verb("ground.cli", "what another navigator would do from here on"),
         "record": Verb("ground.cli", "write every frame to a .tlog and an .mcap file"),
         "mark": Verb("ground.cli", "a remark in what is being recorded"),
+        "replay": Verb("ground.cli", "a recorded run, shown or executed again"),
         "export": Verb("ground.cli", "a recording as a table: CSV or Parquet"),
         "plot": Verb("ground.cli", "a recorded run as a picture"),
     },
     "study": {
-        "reexecute": Verb("study.reexecute_cli", "a recording against this build of the core"),
+        "reexecute": Verb("study.reexecute_cli", "what `replay --re-execute` does"),
         "trial": Verb("study.cli", "one run in this process, as fast as possible"),
         "study": Verb("study.study_cli", "many trials on all cores, their results and a report"),
         "calibrate": Verb("study.calibration.cli", "wheels, track and slip from squares", False),

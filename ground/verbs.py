@@ -15,6 +15,7 @@ from ground import (
     param,
     plotting,
     record,
+    replay,
     router,
     teleop,
     up,
@@ -99,6 +100,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         "ghost": Verb(ghost.arguments, ghost.run, "another navigator from here on", ghost.act),
         "record": Verb(record.arguments, record.run, "write every frame to .tlog and .mcap"),
         "mark": talking(record.mark_arguments, record.act_mark, "a remark in what is recorded"),
+        "replay": Verb(replay.arguments, replay.run, "a recorded run, shown or executed again"),
         "export": Verb(exporting.arguments, exporting.run, "a recording as CSV or Parquet"),
         "plot": Verb(plotting.arguments, plotting.run, "a recorded run as a picture"),
     }

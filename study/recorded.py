@@ -20,11 +20,8 @@ from protocol.messages import (
 )
 from protocol.reasons import Reason
 from protocol.topics import ANSWERED, COMMANDED, INPUTS
+from robot.telemetry import SCAN_THERE, WHEELS_THERE
 
-WHEELS_THERE: Final = 1
-SCAN_THERE: Final = 2
-BUDGET_VIOLATED: Final = 4
-STEERED: Final = 8
 BYTE: Final = 0xFF
 OUTPUTS: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)
 

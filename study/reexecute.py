@@ -29,10 +29,10 @@ from robot.core.parameters import Params
 from robot.core.senses import scan_of, twist_of, wheels_of
 from robot.core.values import Inputs, Outputs, Pose
 from robot.store import Store
+from robot.telemetry import BUDGET_VIOLATED, NEVER, STEERED
 from robot.vehicle import Vehicle
-from study.recorded import BUDGET_VIOLATED, STEERED, Recorded
+from study.recorded import Recorded
 
-NEVER: Final = 0xFFFFFFFF
 NS_PER_MS: Final = 1_000_000
 COMPARED: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)
 UNCOMPARED: Final = frozenset({"seq", "sense_seq", "ttl_ms", "goal_started_ns", "goal_ended_ns"})

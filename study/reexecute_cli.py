@@ -47,7 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(prog="sidestep replay --re-execute", description=__doc__)
     made.add_argument("file", metavar="FILE", help="an .mcap, or a .tlog with its .mcap beside it")
-    made.add_argument("--id", metavar="NAME", help="the robot, where the file's name does not tell")
+    says = "the robot, where the name of the file does not tell"
+    made.add_argument("--id", metavar="NAME", help=says)
     made.add_argument("--navigator", choices=NAVIGATORS, help="instead of the one that drove")
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
     return made

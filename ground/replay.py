@@ -1,0 +1,123 @@
+"""`replay`: a recorded run once more, as lines, or executed again by this build."""
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from ground.blackbox.replay import NS_PER_S, ReplayBus
+from ground.leash import command
+from ground.options import add_json, positive
+from ground.orders import NAVIGATORS
+from ground.parts import in_words
+from ground.says import Says
+from ground.status_line import watch_line
+from ground.telemetry import Telemetry
+from ground.texts import Texts
+from protocol.clock import Clock, WallClock
+from protocol.codec import decode
+from protocol.errors import RemoteError, UserError
+from protocol.options import finite
+from protocol.topics import TEXT
+
+EVERY_S: Final = 1.0
+REEXECUTE: Final = "reexecute"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE", help="a .tlog or .mcap")
+    says = "the robot, where the name of the file does not tell"
+    parser.add_argument("--id", metavar="NAME", help=says)
+    parser.add_argument("--plain", action="store_true", help="as lines, one a second of the run")
+    parser.add_argument("--at", type=finite, default=0.0, metavar="S", help="begin there (0)")
+    says = "lines as fast as this many times the run; all at once without it"
+    parser.add_argument("--speed", type=positive, metavar="K", help=says)
+    says = "feed what was sensed to the core of this build, and say what differs first"
+    parser.add_argument("--re-execute", action="store_true", dest="again", help=says)
+    says = "with --re-execute: from where on this one would have decided otherwise"
+    parser.add_argument("--navigator", choices=NAVIGATORS, help=says)
+    add_json(parser)
+
+
+def run(options: argparse.Namespace, says: Says) -> int:
+    """0; 1 when something differs, or when part of the file is damaged."""
+    if options.again:
+        return reexecute(options)
+    if options.navigator is not None:
+        raise UserError("--navigator needs --re-execute; another one's way is `sidestep ghost`")
+    return show_lines(options, says, WallClock())
+
+
+def reexecute(options: argparse.Namespace) -> int:
+    """In a process of its own: the core is none of the ground's business."""
+    words = [REEXECUTE, options.file]
+    for name in ("id", "navigator"):
+        value = getattr(options, name)
+        words += [] if value is None else [f"--{name}", value]
+    words += ["--json"] if options.json else []
+    sys.stdout.flush()
+    return subprocess.run(command(words, os.getpid()), check=False).returncode
+
+
+def show_lines(options: argparse.Namespace, says: Says, clock: Clock) -> int:
+    """State, texts and marks in the order of time; with --json what there is in it, and no more."""
+    bus = ReplayBus(Path(options.file), clock, options.id)
+    if not options.json:
+        began_ns = clock.now_ns()
+        for time_s, line in lines(bus, options.at, EVERY_S):
+            if options.speed is not None:
+                due_s = (time_s - options.at) / options.speed
+                clock.sleep_until(began_ns + round(due_s * NS_PER_S))
+            print(f"{time_s:8.2f}  {line}", flush=True)
+    says.result(summary(bus, options.file), in_few_words(bus))
+    return 1 if bus.damage else 0
+
+
+def lines(bus: ReplayBus, begin_s: float, every_s: float) -> Iterator[tuple[float, str]]:
+    """Time and words: what the robot said and how it stood, once in so many seconds."""
+    telemetry, texts = Telemetry(bus, bus.robot), Texts()
+    said: list[tuple[float, str]] = []
+
+    def take(_key: str, frame: bytes, arrived_ns: int) -> None:
+        try:
+            text = texts.receive(decode(frame).message)
+        except RemoteError:
+            return
+        if text:
+            said.append(((arrived_ns - bus.reel.start_ns) / NS_PER_S, f"robot: {text}"))
+
+    bus.stream(TEXT, take)
+    end_s = bus.timeline.duration_ns / NS_PER_S
+    marks = [(mark.time_s, f"{mark.kind}: {mark.text}") for mark in bus.marks]
+    time_s = begin_s
+    bus.seek(begin_s)
+    said.clear()
+    while True:
+        yield time_s, in_words(watch_line(telemetry, bus.timeline.now_ns()))
+        if time_s >= end_s:
+            return
+        before_s, time_s = time_s, min(time_s + every_s, end_s)
+        bus.seek(time_s)
+        yield from sorted([*said, *(m for m in marks if before_s < m[0] <= time_s)])
+        said.clear()
+
+
+def summary(bus: ReplayBus, file: str) -> dict[str, object]:
+    return {
+        "file": file,
+        "robot": bus.robot,
+        "frames": len(bus.reel),
+        "duration_s": bus.timeline.duration_ns / NS_PER_S,
+        "marks": [mark._asdict() for mark in bus.marks],
+        "facts": sorted(bus.reel.facts),
+        "damage": bus.damage,
+    }
+
+
+def in_few_words(bus: ReplayBus) -> str:
+    seconds = bus.timeline.duration_ns / NS_PER_S
+    damage = f"; DAMAGED: {bus.damage}" if bus.damage else ""
+    return f"{len(bus.reel)} frames of {bus.robot} in {seconds:.1f} s{damage}"

@@ -1,0 +1,37 @@
+"""All that an operator can do in one run, recorded, and executed again from the recording."""
+
+from pathlib import Path
+from threading import Lock
+
+from ground.blackbox.frames import opened
+from ground.blackbox.mcap_form import McapForm
+from protocol.topics import INPUTS
+from study.recorded import Recorded
+from study.reexecute import reexecuted, refuse_unless_whole
+from study.reexecute_cli import params_of, start_of
+from tests.bus.test_inputs import drive_about
+from tests.harness import Stack
+
+
+def test_goals_missions_fences_teleop_leases_and_lost_senses_are_had_again(tmp_path: Path) -> None:
+    form, lock, path = McapForm("r1", {}), Lock(), tmp_path / "a.mcap"
+    heard: set[str] = set()
+
+    def take(key: str, frame: bytes, arrived_ns: int) -> None:
+        heard.add(key)
+        with lock:
+            form.add(key, frame, 1_790_000_000_000_000 + arrived_ns // 1000)
+
+    with Stack("box", noise="default", seed=4) as stack:
+        stack.ground.stream(stack.ground.key("**"), take)
+        form.know("parameters", stack.vehicle.tuning.described().decode())
+        stack.until(lambda: INPUTS.key("r1", stack.ground.network.prefix) in heard, within_s=1.0)
+        drive_about(stack)
+    with lock:
+        path.write_bytes(form.end())
+    recorded = Recorded(opened(path))
+    refuse_unless_whole(recorded)
+    start, _ = start_of(recorded)
+    verdict = reexecuted(recorded, params_of(recorded), start)
+    assert (verdict.first, verdict.lack) == (None, "")
+    assert verdict.compared == len(recorded.ticks) > 200

@@ -1,0 +1,92 @@
+"""`replay` as lines: what the robot said and how it stood, in the order of time."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ground.blackbox.replay import ReplayBus
+from ground.cli import main, parse
+from ground.replay import show_lines
+from ground.says import Says
+from ground.texts import pieces_of
+from protocol.clock import ManualClock
+from protocol.topics import MARK
+from tests.unit.ground.blackbox.made import START_US, Speaker, mcap, run
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> str:
+    said = list(run(60))
+    (remark,) = pieces_of("a cart", 1)
+    said.insert(200, Speaker().say(MARK, remark, said[199].time_us))
+    return str(mcap(tmp_path / "a.mcap", said))
+
+
+def test_a_line_a_second_with_texts_and_marks_between_them(
+    log: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["replay", log, "--plain"]) == 0
+    *lines, last = capsys.readouterr().out.splitlines()
+    times = [float(line.split()[0]) for line in lines]
+    assert times == sorted(times)
+    assert [time for time in times if time == int(time)] == [0.0, 1.0, 2.0, 3.0, 3.0]
+    assert any("goal: goal 5.40 2.00" in line for line in lines)
+    assert any("mark: a cart" in line for line in lines)
+    assert "outcome: REACHED" in "\n".join(lines)
+    assert lines[-2].endswith("robot: goal reached")
+    assert "ACTIVE GUIDED REACHED" in lines[-1]
+    assert last.endswith("frames of r1 in 3.0 s")
+
+
+def test_it_may_begin_later_and_no_value_of_before_is_lost(
+    log: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["replay", log, "--plain", "--at", "2.5"]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith("    2.50  ACTIVE GUIDED DRIVING  pose 1.0")
+
+
+def test_with_json_it_tells_what_there_is(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replay", log, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["duration_s"] == 3.0
+    assert [mark["kind"] for mark in told["marks"]] == ["goal", "mark", "outcome"]
+    assert told["facts"] == ["world"]
+
+
+def test_a_speed_makes_it_wait_as_long_as_that_takes(
+    log: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clock = ManualClock()
+    options = parse(["replay", log, "--plain", "--speed", "2"])
+    assert show_lines(options, Says(as_json=False), clock) == 0
+    assert clock.now_ns() == 1_500_000_000
+    capsys.readouterr()
+
+
+def test_a_damaged_file_is_shown_as_far_as_it_goes(
+    log: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = Path(log).read_bytes()
+    Path(log).write_bytes(whole[: len(whole) // 2])
+    assert main(["replay", log]) == 1
+    assert "DAMAGED" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_navigator_without_execution_is_refused(
+    log: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["replay", log, "--navigator", "bug"]) == 2
+    assert "needs --re-execute" in capsys.readouterr().err
+
+
+def test_execution_is_a_process_of_its_own_with_its_own_words(
+    log: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["replay", log, "--re-execute"]) == 2
+    assert "it cannot be executed again: no tick's inputs are in it" in capfd.readouterr().err
+
+
+def test_the_start_of_the_log_is_that_of_its_first_frame(log: str) -> None:
+    assert ReplayBus(Path(log), ManualClock()).reel.start_ns == START_US * 1000

@@ -1,0 +1,129 @@
+"""A drive in this process, recorded as the robot's process would have it recorded."""
+
+import json
+from dataclasses import dataclass, field
+from math import pi
+from pathlib import Path
+
+from ground.blackbox.mcap_form import McapForm
+from plant.noise import LEVELS
+from plant.plant import Plant
+from plant.world_types import World
+from protocol.codec import Encoder
+from protocol.enums import Command
+from protocol.message import Message
+from protocol.messages import CommandRequest, GoalRequest, WheelCommand
+from protocol.sender import sender_of
+from protocol.timing import TTL_MS
+from protocol.topics import (
+    ANSWERED,
+    COMMANDED,
+    DECISION,
+    DRIVE,
+    INPUTS,
+    ODOMETRY,
+    SONAR,
+    STATUS,
+    WHEELS,
+    Topic,
+)
+from robot import telemetry
+from robot.core.parameters import DEFAULTS, Params
+from robot.core.senses import now_ms_of, scan_of, wheels_of
+from robot.core.values import Inputs
+from robot.parameters import described
+from robot.store import Store
+from robot.telemetry import Given
+from robot.vehicle import Vehicle
+from study.trial import start_of, wire_goal_of
+from tests.unit.study.made import boxed
+
+NS_PER_MS = 1_000_000
+UTC_US = 1_790_000_000_000_000
+ARM = CommandRequest(request_id=1, param1=1.0, param2=0.0, command=Command.COMPONENT_ARM_DISARM)
+
+
+@dataclass
+class Drive:
+    """`said` is every frame with its key; a test may take some away, or change one."""
+
+    world: World = field(default_factory=boxed)
+    params: Params = DEFAULTS
+    said: list[tuple[str, bytes]] = field(default_factory=list)
+    _encoders: dict[str, Encoder] = field(default_factory=dict)
+    _requests: int = 0
+
+    def say(self, topic: Topic[Message], message: Message) -> None:
+        sender = Encoder(*sender_of(topic.publisher, "r1"))
+        frame = self._encoders.setdefault(topic.path, sender).encode(message)
+        self.said.append((topic.key("r1"), frame))
+
+    def on(self, topic: Topic[Message]) -> list[int]:
+        """Places of a topic's frames in `said`."""
+        return [place for place, (key, _) in enumerate(self.said) if key == topic.key("r1")]
+
+    def ask(self, vehicle: Vehicle, request: Message, now_ns: int) -> None:
+        answer = vehicle.receive(request, now_ns)
+        self._requests += 1
+        self.say(COMMANDED, request)
+        self.say(ANSWERED, answer)
+
+    def goal(self) -> GoalRequest:
+        goal = wire_goal_of(self.world)._asdict()
+        return GoalRequest(request_id=2, mode=10, **goal)
+
+    def run(self, ticks: int = 160, wait: int = 4) -> "Drive":
+        """It stands for some ticks before it is armed and given the world's goal."""
+        plant = Plant(self.world, 0, LEVELS["default"])
+        vehicle = Vehicle(self.params, Store(None), start_of(self.world))
+        for tick in range(ticks):
+            if tick == wait:
+                self.ask(vehicle, ARM, plant.now_ns)
+                self.ask(vehicle, self.goal(), plant.now_ns + 3 * NS_PER_MS)
+            self._tick(plant, vehicle, tick)
+            plant.advance()
+        return self
+
+    def _tick(self, plant: Plant, vehicle: Vehicle, tick: int) -> None:
+        now_ns = plant.now_ns
+        wheels, scan = plant.senses()
+        assert wheels is not None
+        assert scan is not None
+        self.say(WHEELS, wheels)
+        self.say(SONAR, scan)
+        inputs = Inputs(now_ms_of(now_ns), wheels_of(wheels), scan_of(scan, 0), None)
+        outputs = vehicle.step(inputs, lambda _stage: None)
+        left, right = outputs.left_mrad_s, outputs.right_mrad_s
+        plant.command(0, left, right, TTL_MS)
+        told = WheelCommand(
+            time_ns=now_ns,
+            seq=tick,
+            sense_seq=scan.seq,
+            left_mrad_s=left,
+            right_mrad_s=right,
+            ttl_ms=TTL_MS,
+        )
+        self.say(DRIVE, told)
+        self.say(ODOMETRY, telemetry.odometry(vehicle.state, now_ns))
+        goal_id = vehicle.commands.goal_id
+        self.say(STATUS, telemetry.status(vehicle.state, goal_id, now_ns, inputs.now_ms))
+        self.say(DECISION, telemetry.decision(outputs, vehicle.zone_m, now_ns))
+        given = Given(wheels.seq, scan.seq, 0, self._requests, False)
+        self.say(INPUTS, telemetry.tick_inputs(inputs, given, None, tick, now_ns))
+
+    def written(self, path: Path, **facts: str) -> Path:
+        """As an .mcap, with the parameters and the start that the robot had."""
+        form = McapForm("r1", {})
+        start = self.world.start
+        place = {"x_m": start.x_m, "y_m": start.y_m, "heading_deg": start.heading_rad * 180.0 / pi}
+        usual = {
+            "parameters": json.dumps(described(self.params)),
+            "world": json.dumps({"name": "boxed", "start": place}),
+        }
+        for name, text in (usual | facts).items():
+            if text:
+                form.know(name, text)
+        for number, (key, frame) in enumerate(self.said):
+            form.add(key, frame, UTC_US + number * 5000)
+        path.write_bytes(form.end())
+        return path
