@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 from ground.blackbox.axis import Timed
 from ground.blackbox.fields import Cell, cells_of
+from protocol.layout import LAYOUT
 from protocol.message import Message
 from protocol.topics import MS, TOPICS
 
@@ -41,11 +42,15 @@ LONG: Final = (
 TIME: Final = LONG[0]
 
 
+def name_in_dialect(message: Message) -> str:
+    return LAYOUT[type(message).__name__].name
+
+
 def long_rows(timed: Iterable[Timed]) -> Iterator[Row]:
     for one in timed:
         times = f"{one.time_s:.6f}", f"{one.utc_s:.6f}"
         for cell in cells_of(one.message):
-            yield [*times, one.path, type(one.message).__name__, cell.name, cell.text]
+            yield [*times, one.path, name_in_dialect(one.message), cell.name, cell.text]
 
 
 def wide_columns(timed: Iterable[Timed]) -> list[Column]:
@@ -65,7 +70,7 @@ def wide_columns(timed: Iterable[Timed]) -> list[Column]:
 
 def name_of(path: str, message: Message, cell: Cell) -> str:
     """Such as `tlm/odometry.x_m`; the message is named where a topic carries several."""
-    which = f".{type(message).__name__}" if path in SEVERAL else ""
+    which = f".{name_in_dialect(message)}" if path in SEVERAL else ""
     return f"{path}{which}.{cell.name}"
 
 

@@ -17,7 +17,7 @@ from ground.blackbox.frames import opened
 from ground.blackbox.table_files import write_csv
 from ground.blackbox.tables import LONG, long_rows, wide_columns, wide_rows
 from protocol.enums import Severity
-from protocol.messages import CycleReport, GoalRequest, Statustext
+from protocol.messages import CycleReport, Statustext
 from protocol.topics import COMMANDED, CYCLE, HEARTBEAT, ODOMETRY, TEXT, WHEELS
 from tests.unit.ground.blackbox.made import (
     BEAT,
@@ -65,7 +65,7 @@ def wide_table(path: Path, said: Sequence[Said], rate_hz: float) -> list[dict[st
 
 def test_every_field_is_a_row_and_arrays_are_numbered(path: Path) -> None:
     rows = long_table(path, [Speaker().say(CYCLE, CYCLE_REPORT, START_US)])
-    begin = ["5.000000", "1790000000.000000", "tlm/cycle", "CycleReport"]
+    begin = ["5.000000", "1790000000.000000", "tlm/cycle", "CYCLE_REPORT"]
     assert [*begin, "late_us", "9"] in rows
     assert [*begin, "stage_us[4]", "5"] in rows
     assert {len(row) for row in rows} == {len(LONG)}
@@ -133,7 +133,7 @@ def test_a_value_that_is_stale_is_not_shown(path: Path) -> None:
 
 def test_an_event_is_in_one_row_only(path: Path) -> None:
     rows = wide_table(path, list(run(40)), rate_hz=50.0)
-    name = f"tlm/commanded.{GoalRequest.__name__}.x_mm"
+    name = "tlm/commanded.GOAL_REQUEST.x_mm"
     assert [row["time_s"] for row in rows if row[name] is not None] == ["0.500000"]
 
 
@@ -146,7 +146,7 @@ def test_a_slow_grid_shows_an_event_in_the_row_after_it(path: Path) -> None:
         speaker.say(WHEELS, wheels(2_000_000_000, 2), START_US + 3),
     ]
     rows = wide_table(path, said, rate_hz=1.0)
-    name = "tlm/commanded.GoalRequest.mode"
+    name = "tlm/commanded.GOAL_REQUEST.mode"
     assert [row[name] for row in rows] == [None, "15", None]
 
 
