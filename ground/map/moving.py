@@ -1,5 +1,6 @@
 """What moves with every frame: the robot, what it sees, where it goes, and who else is there."""
 
+from itertools import pairwise
 from math import cos, inf, isfinite, pi, sin
 from typing import Final
 
@@ -13,6 +14,7 @@ CONE_EVERY: Final = 3
 WAY_EVERY: Final = 4
 NOSE_DOTS: Final = 5.0
 SOLID_DOTS: Final = 6.0
+NO_ECHO: Final = -1.0
 
 
 def draw_trail(pen: Pen, scene: Scene) -> None:
@@ -41,21 +43,18 @@ def draw_sonars(pen: Pen, scene: Scene) -> None:
     robot = scene.robot
     if robot is None or not (scene.live and isfinite(robot.heading_rad)):
         return
-    at = robot.x_m, robot.y_m
-    middle = (len(scene.ranges_m) - 1) / 2.0
-    echoes = []
-    for sonar, range_m in enumerate(scene.ranges_m):
-        if range_m is None or not 0.0 <= range_m < inf:
-            continue
-        bearing_rad = robot.heading_rad + (sonar - middle) * BEAM_RAD
-        ends_rad = bearing_rad - BEAM_RAD / 2.0, bearing_rad + BEAM_RAD / 2.0
-        reach_m = robot.radius_m + range_m
-        for end_rad in ends_rad:
-            rim = towards(at, end_rad, robot.radius_m)
-            pen.dotted(rim, towards(at, end_rad, reach_m), "cone", CONE_EVERY)
-        echoes.append((reach_m, ends_rad))
-    for reach_m, ends_rad in echoes:
-        pen.arc(at, reach_m, ends_rad, "echo")
+    at, rim_m = (robot.x_m, robot.y_m), robot.radius_m
+    echoes_m = [_echo_m(range_m) for range_m in scene.ranges_m]
+    first_rad = robot.heading_rad - len(echoes_m) / 2.0 * BEAM_RAD
+    for edge, sides_m in enumerate(pairwise((NO_ECHO, *echoes_m, NO_ECHO))):
+        edge_rad = first_rad + edge * BEAM_RAD
+        if max(sides_m) > NO_ECHO:
+            rim, end = towards(at, edge_rad, rim_m), towards(at, edge_rad, rim_m + max(sides_m))
+            pen.dotted(rim, end, "cone", CONE_EVERY)
+    for sonar, echo_m in enumerate(echoes_m):
+        begun_rad = first_rad + sonar * BEAM_RAD
+        if echo_m > NO_ECHO:
+            pen.arc(at, rim_m + echo_m, (begun_rad, begun_rad + BEAM_RAD), "echo")
 
 
 def draw_virtual(pen: Pen, scene: Scene) -> None:
@@ -119,11 +118,14 @@ def _body(pen: Pen, robot: Robot, role: str) -> None:
     """Solid where it is small, so that it is not taken for an obstacle."""
     at = robot.x_m, robot.y_m
     dot_m = pen.view.m_per_dot
-    ring_m = robot.radius_m
-    while 0.0 < ring_m < SOLID_DOTS * dot_m:
-        pen.circle(at, ring_m, role)
-        ring_m -= dot_m / 2.0
+    if robot.radius_m < SOLID_DOTS * dot_m:
+        pen.disc(at, robot.radius_m, role)
     pen.circle(at, robot.radius_m, role)
     if isfinite(robot.heading_rad):
         nose_m = robot.radius_m + NOSE_DOTS * dot_m
         pen.path((at, towards(at, robot.heading_rad % (2.0 * pi), nose_m)), role)
+
+
+def _echo_m(range_m: float | None) -> float:
+    """A missing one and what is no range is no echo here: neither is drawn."""
+    return range_m if range_m is not None and 0.0 <= range_m < inf else NO_ECHO

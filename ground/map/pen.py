@@ -1,7 +1,7 @@
 """Draws in metres: what cannot be placed, a NaN or an infinity, is left out and breaks a line."""
 
 from collections.abc import Iterable, Sequence
-from math import atan2, ceil, cos, floor, hypot, isfinite, pi, sin
+from math import atan2, ceil, cos, floor, hypot, isfinite, pi, sin, sqrt
 from typing import Final
 
 from ground.map.canvas import DOTS_HIGH, Canvas, Dot
@@ -57,6 +57,16 @@ class Pen:
 
     def circle(self, centre: Point, radius_m: float, role: str) -> None:
         self.path(self.curve(centre, radius_m, radius_m), role)
+
+    def disc(self, centre: Point, radius_m: float, role: str) -> None:
+        """Solid, and drawn row by row: for small ones."""
+        radius = radius_m * self._per_m
+        if not 0.0 <= radius <= MOST_POINTS:
+            return
+        for x, y in self._placed([centre])[0]:
+            for down in range(-floor(radius), floor(radius) + 1):
+                half = floor(sqrt(radius * radius - down * down))
+                self.canvas.line(x - half, y + down, x + half, y + down, role)
 
     def arc(self, centre: Point, radius_m: float, ends_rad: Point, role: str) -> None:
         """Counter-clockwise from the first bearing to the second."""
@@ -164,4 +174,4 @@ class Pen:
 
 def eighth(angle_rad: float) -> int:
     """The nearest multiple of 45 degrees."""
-    return round(angle_rad / (pi / 4.0))
+    return round(angle_rad % WHOLE_TURN_RAD / (pi / 4.0))

@@ -5,7 +5,7 @@ from math import inf, nan, pi
 from time import thread_time
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ground.map import (
@@ -60,7 +60,8 @@ SCENES = st.builds(
 
 
 @given(SCENES, st.integers(0, 60), st.integers(0, 20), st.booleans())
-@settings(max_examples=300, deadline=None)
+@example(Scene(robot=Robot(0.0, 0.0, 1.5e308)), 9, 9, False)
+@settings(max_examples=120, deadline=None)
 def test_no_scene_can_not_be_drawn(scene: Scene, columns: int, rows: int, plain: bool) -> None:
     canvas = Canvas(columns, rows, ascii_only=plain)
     draw(scene, View.fit(scene.box(), columns, rows), canvas)

@@ -135,3 +135,14 @@ def test_a_circle_is_closed() -> None:
     drawn = pen(10, 5)
     drawn.circle((0.0, 0.0), 0.6, "zone")
     assert rows(drawn) == ["", "  ⢠⠊⠉⠉⠒⢄", "  ⡇    ⠈⡆", "  ⠘⢄⣀⣀⠤⠊", ""]
+
+
+def test_a_disc_is_solid_and_one_of_no_size_is_none() -> None:
+    drawn = pen(10, 5)
+    drawn.disc((0.0, 0.0), 0.4, "robot")
+    assert rows(drawn) == ["", "    ⣀⣄⡀", "   ⢼⣿⣿⣿⠄", "   ⠈⠛⠟⠋", ""]
+    for radius_m in (nan, inf, -1.0):
+        blank = pen(10, 5)
+        blank.disc((0.0, 0.0), radius_m, "robot")
+        blank.disc((nan, 0.0), 0.4, "robot")
+        assert "".join(rows(blank)) == ""
