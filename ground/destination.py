@@ -49,6 +49,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--tolerance",
+        "--tol",
         "--position-tolerance",
         type=positive,
         default=POSITION_TOLERANCE_M,

@@ -6,9 +6,11 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from math import isclose, isfinite
+from pathlib import Path
 from types import MappingProxyType
 from typing import Final, TypeAlias
 
+from ground import param_files
 from ground.link import Link, Unanswered
 from ground.options import add_common
 from ground.says import Says
@@ -34,7 +36,8 @@ Row: TypeAlias = dict[str, object]
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    actions = parser.add_subparsers(dest="action", required=True, metavar="list|get|set|save")
+    names = "list|get|diff|set|reset|save|load"
+    actions = parser.add_subparsers(dest="action", required=True, metavar=names)
     listing = actions.add_parser("list", help="all of them, with unit, range, default and meaning")
     listing.add_argument("pattern", nargs="?", default="*", metavar="GLOB")
     getting = actions.add_parser("get", help="those whose name matches, as in 'sonar_*'")
@@ -42,8 +45,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     setting = actions.add_parser("set", help="give one a value; a robot with --state saves it")
     setting.add_argument("name", metavar="NAME")
     setting.add_argument("value", type=finite, metavar="VALUE")
-    saving = actions.add_parser("save", help="say what is saved; set does it")
-    for action in (listing, getting, setting, saving):
+    resetting = actions.add_parser("reset", help="give one its default value")
+    resetting.add_argument("name", metavar="NAME")
+    saving = actions.add_parser("save", help="write what is not default; set saves on the robot")
+    saving.add_argument(
+        "file", nargs="?", type=Path, metavar="FILE", help="without it, say what the robot keeps"
+    )
+    loading = actions.add_parser("load", help="set all that a file says, if all of it can be")
+    loading.add_argument("file", type=Path, metavar="FILE", help="TOML with [parameters]")
+    differing = actions.add_parser("diff", help="those that are not as they are by default")
+    for action in (listing, getting, setting, resetting, saving, loading, differing):
         add_common(action)
 
 
@@ -52,7 +63,13 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
         return change(link, says, options.name, options.value)
     rows = fetch(link)
     if options.action == "save":
-        return tell_saved(says, rows)
+        return tell_saved(says, rows) if options.file is None else save(says, rows, options.file)
+    if options.action == "load":
+        return load(link, says, rows, options.file)
+    if options.action == "reset":
+        return change(link, says, options.name, default_of(rows, options.name))
+    if options.action == "diff":
+        return show_changed(says, rows)
     return show(says, rows, options.pattern, wide=options.action == "list")
 
 
@@ -83,6 +100,53 @@ def show(says: Says, rows: Iterable[Row], pattern: str, *, wide: bool) -> int:
     text = table(chosen) if wide else "\n".join(line(row) for row in chosen)
     says.result({"parameters": chosen}, text)
     return 0
+
+
+def show_changed(says: Says, rows: Iterable[Row]) -> int:
+    chosen = [row for row in rows if not param_files.is_usual(row)]
+    text = table(chosen) if chosen else "all are as they are by default"
+    says.result({"parameters": chosen}, text)
+    return 0
+
+
+def default_of(rows: Iterable[Row], name: str) -> float:
+    """UserError when the robot has no such parameter, or does not tell its default."""
+    defaults = {str(row["name"]): row.get("default") for row in rows}
+    value = defaults.get(name)
+    if name not in defaults or not isinstance(value, int | float):
+        near = get_close_matches(name, defaults, n=1)
+        hint = f"did you mean {near[0]}?" if near else "sidestep param list"
+        raise UserError(f"no parameter {name!r} with a default: {hint}")
+    return float(value)
+
+
+def save(says: Says, rows: list[Row], path: Path) -> int:
+    names = param_files.write(path, rows)
+    found: dict[str, object] = {"verb": "param save", "ok": True, "file": str(path)}
+    text = f"{path}: {', '.join(names) or 'none is other than by default'}"
+    says.result(found | {"saved": names}, text)
+    return 0
+
+
+def load(link: Link, says: Says, rows: list[Row], path: Path) -> int:
+    """Nothing is set unless all can be; 1 when the robot refuses one all the same."""
+    wanted = param_files.read(path, rows)
+    values = {str(row["name"]): row["value"] for row in rows}
+    done: list[str] = []
+    refusal = ""
+    for name, value in wanted.items():
+        if param_files.same(float(str(values[name])), value):
+            continue
+        answer = ask(link, ParamSet(param_id=name, param_value=value, param_type=PARAM_TYPE_REAL32))
+        if not isinstance(answer, ParamValue):
+            reason = answer.result_param2 if isinstance(answer, CommandAck) else Reason.MALFORMED
+            refusal = f"refused: {name} = {number(value)}: {reason_text(reason)}"
+            break
+        done.append(name)
+    set_now = f"set: {', '.join(done)}" if done else "nothing was other than the file says"
+    found: dict[str, object] = {"verb": "param load", "ok": not refusal, "set": done}
+    says.result(found | {"reason": refusal}, f"{refusal}; {set_now}" if refusal else set_now)
+    return 1 if refusal else 0
 
 
 def tell_saved(says: Says, rows: Iterable[Row]) -> int:

@@ -35,6 +35,7 @@ def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "stdin", StringIO(MISSION))
     (tmp_path / "m.toml").write_text(MISSION)
+    (tmp_path / "q.toml").write_text("[parameters]\nd_obs_m = 0.6\n")
     home = ("--home", "47.4", "8.5")
     assert cli.main(["mission", "convert", "m.toml", "m.plan", *home]) == 0
 

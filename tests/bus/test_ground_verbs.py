@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -277,3 +278,24 @@ def test_the_doctor_misses_the_plant_and_the_silent_streams(say: Say) -> None:
 def test_the_doctor_says_so_when_nobody_is_there(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor", "--connect", "tcp/127.0.0.1:1"]) == 1
     assert "sidestep robot" in capsys.readouterr().out
+
+
+def test_parameters_go_to_a_file_and_back(robot: PlayedRobot, say: Say, tmp_path: Path) -> None:
+    path = tmp_path / "p.toml"
+    assert say("param", "save", str(path))[1] == f"{path}: d_obs_m\n"
+    assert say("param", "load", str(path))[1] == "nothing was other than the file says\n"
+    path.write_text("[parameters]\nd_obs_m = 0.6\nside = -1\n")
+    code, out, _ = say("param", "load", str(path))
+    assert code == 1
+    assert out == "refused: side = -1: the robot has no such parameter; set: d_obs_m\n"
+    path.write_text("[parameters]\nd_obs_m = 99\n")
+    code, _, err = say("param", "load", str(path))
+    assert code == 2
+    assert "99 is out of range; give 0.05 to 3 m" in err
+
+
+def test_what_was_changed_is_shown_and_set_back(say: Say) -> None:
+    assert "side" not in say("param", "diff")[1]
+    assert "0.4 *" in say("param", "diff")[1]
+    assert say("param", "reset", "d_obs_m")[1].startswith("d_obs_m = 0.3, ")
+    assert "did you mean d_obs_m?" in say("param", "reset", "d_obs")[2]

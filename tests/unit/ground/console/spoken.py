@@ -3,6 +3,7 @@
 SPOKEN: list[tuple[str, list[str]]] = [
     ("goal 9 7", ["goto", "9", "7"]),
     ("goal 9 -7 -90 --tolerance 0.1", ["goto", "9", "-7", "-90", "--tolerance", "0.1"]),
+    ("goal 1 2 --tol 0.1", ["goto", "1", "2", "--tol", "0.1"]),
     ("goto 1 2 --no-wait", ["goto", "1", "2", "--no-wait"]),
     ("hold", ["hold"]),
     ("resume", ["resume"]),
@@ -22,6 +23,10 @@ SPOKEN: list[tuple[str, list[str]]] = [
     ("get d_*", ["param", "get", "d_*"]),
     ("param list", ["param", "list"]),
     ("param save", ["param", "save"]),
+    ("param save p.toml", ["param", "save", "p.toml"]),
+    ("param load q.toml", ["param", "load", "q.toml"]),
+    ("param diff", ["param", "diff"]),
+    ("param reset d_obs_m", ["param", "reset", "d_obs_m"]),
     ("mission upload m.toml", ["mission", "upload", "m.toml"]),
     ("mission upload m.plan --drop", ["mission", "upload", "m.plan", "--drop"]),
     ("mission download o.toml", ["mission", "download", "o.toml"]),

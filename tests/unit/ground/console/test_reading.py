@@ -52,7 +52,7 @@ def test_every_word_that_can_begin_a_command_is_read_or_asks_for_more() -> None:
         ("goal 1 2 3 4", "unrecognized arguments: 4"),
         ("mode sideways", "invalid choice: 'sideways'"),
         ("set", "the following arguments are required: NAME, VALUE; it takes: param set"),
-        ("param", "list|get|set|save"),
+        ("param", "list|get|diff|set|reset|save|load"),
         ("hold --json", "--json cannot be used here"),
         ("hold --id r2", "--id cannot be used here"),
         ("hold -h", "unrecognized arguments: -h"),

@@ -1,0 +1,61 @@
+"""Parameters in a file: `[parameters]` of NAME = VALUE, as the robot's own `--config` has them."""
+
+import os
+from collections.abc import Mapping, Sequence
+from math import isclose
+from pathlib import Path
+from typing import Any, Final
+
+from protocol.config import read_toml, unknown_key
+from protocol.errors import ConfigError, UserError
+
+TABLE: Final = "parameters"
+
+
+def is_usual(row: Mapping[str, Any]) -> bool:
+    """Whether it has its default value, to the precision of the wire."""
+    value, default = row["value"], row.get("default")
+    return default is None or same(float(value), float(default))
+
+
+def same(one: float, other: float) -> bool:
+    return isclose(one, other, rel_tol=1e-6, abs_tol=1e-9)
+
+
+def write(path: Path, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Those that are not as they are by default; their names. UserError when it cannot be."""
+    chosen = [row for row in rows if not is_usual(row)]
+    lines = [f"{row['name']} = {row['value']!r}  # {row.get('doc', '')}" for row in chosen]
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        beside.write_text("\n".join([f"[{TABLE}]", *lines, ""]), encoding="utf-8")
+        os.replace(beside, path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise UserError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error
+    return [str(row["name"]) for row in chosen]
+
+
+def read(path: Path, rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """What the file sets, all of it possible for this robot; ConfigError names what is not."""
+    table = read_toml(path).get(TABLE)
+    if not isinstance(table, dict):
+        fix = f"write [{TABLE}] and under it NAME = VALUE"
+        raise ConfigError(file=str(path), key=TABLE, reason="is missing", fix=fix)
+    known = {str(row["name"]): row for row in rows}
+    for name, value in table.items():
+        key = f"{TABLE}.{name}"
+        if name not in known:
+            raise unknown_key(key, name, list(known), file=str(path))
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ConfigError(file=str(path), key=key, reason="is no number", fix="write one")
+        _judge_range(str(path), key, float(value), known[name])
+    return {name: float(value) for name, value in table.items()}
+
+
+def _judge_range(file: str, key: str, value: float, row: Mapping[str, Any]) -> None:
+    low, high = row.get("minimum"), row.get("maximum")
+    if low is not None and high is not None and not low <= value <= high:
+        reason = f"{value:g} is out of range"
+        unit = f" {row['unit']}" if row.get("unit") else ""
+        raise ConfigError(file=file, key=key, reason=reason, fix=f"give {low:g} to {high:g}{unit}")

@@ -1,0 +1,51 @@
+"""A file of parameters: what differs is written, what a robot cannot have is refused by name."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground import param_files
+from protocol.errors import ConfigError, UserError
+
+ROWS: list[dict[str, Any]] = [
+    {"name": "d_obs_m", "value": 0.4, "default": 0.3, "minimum": 0.05, "maximum": 3.0, "unit": "m"},
+    {"name": "side", "value": 1, "default": 1, "minimum": -1, "maximum": 1, "unit": ""},
+]
+
+
+def test_what_is_not_as_by_default_is_written_and_reads_back(tmp_path: Path) -> None:
+    path = tmp_path / "p.toml"
+    assert param_files.write(path, ROWS) == ["d_obs_m"]
+    assert tomllib.loads(path.read_text()) == {"parameters": {"d_obs_m": 0.4}}
+    assert param_files.read(path, ROWS) == {"d_obs_m": 0.4}
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "parameters: is missing; write"),
+        ("[parameters]\nd_obs = 1", "parameters.d_obs: unknown key; did you mean 'd_obs_m'"),
+        ("[parameters]\nd_obs_m = 'far'", "parameters.d_obs_m: is no number"),
+        ("[parameters]\nd_obs_m = true", "parameters.d_obs_m: is no number"),
+        ("[parameters]\nd_obs_m = 9", "9 is out of range; give 0.05 to 3 m"),
+        ("[parameters]\nd_obs_m = nan", "nan is out of range"),
+        ("[parameters", "correct the TOML syntax"),
+    ],
+)
+def test_what_the_robot_cannot_have_is_refused_by_name(tmp_path: Path, text: str, why: str) -> None:
+    path = tmp_path / "p.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=why.replace("[", r"\[")):
+        param_files.read(path, ROWS)
+
+
+def test_a_place_that_cannot_be_written_says_so(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="no such file"):
+        param_files.write(tmp_path / "no" / "p.toml", ROWS)
+
+
+def test_single_precision_makes_no_difference() -> None:
+    assert param_files.is_usual({"name": "a", "value": 0.30000001192, "default": 0.3})
+    assert param_files.is_usual({"name": "a", "value": 5})
