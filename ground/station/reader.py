@@ -1,4 +1,4 @@
-"""What is read from time to time: the round trip, the parameters, the world. In its own thread."""
+"""What is read from time to time: round trip, parameters, mission, fence, world. In a thread."""
 
 from collections.abc import Callable
 from functools import partial
@@ -7,9 +7,11 @@ from typing import Final, NamedTuple
 
 from ground.param import Row, rows_in
 from ground.station.hears import Speaks
+from ground.station.items import Items, downloaded
 from ground.station.requests import Outcome, Works
 from ground.station.world import WorldFacts, world_in
 from protocol.clock import Clock
+from protocol.enums import MissionType
 from protocol.errors import RemoteError
 from protocol.messages import ParamRequestRead
 from protocol.network import Hub
@@ -45,7 +47,7 @@ class Failed(NamedTuple):
     why: str
 
 
-Found = Probe | Parameters | WorldFacts | Failed
+Found = Probe | Parameters | Items | WorldFacts | Failed
 
 
 class Reader:
@@ -59,8 +61,15 @@ class Reader:
         self._robot = robot
         self._lane = lane
         self._found: SimpleQueue[Found] = SimpleQueue()
-        self._next_ns = {"probe": 0, "parameters": 0, "world": 0}
-        self._wanted = {"probe", "parameters"}
+        self._jobs: dict[str, Callable[[], Found]] = {
+            "probe": self._probe,
+            "parameters": self._parameters,
+            "mission": lambda: downloaded(bus, clock, robot, MissionType.MISSION),
+            "fence": lambda: downloaded(bus, clock, robot, MissionType.FENCE),
+            "world": self._world,
+        }
+        self._next_ns = dict.fromkeys(self._jobs, 0)
+        self._wanted = {"probe", "parameters", "mission", "fence"}
         self._probe_ns = PROBE_NS
         self._probed_ns = 0
 
@@ -95,12 +104,7 @@ class Reader:
         return found
 
     def _ask(self, now_ns: int) -> None:
-        jobs: dict[str, Callable[[], Found]] = {
-            "probe": self._probe,
-            "parameters": self._parameters,
-            "world": self._world,
-        }
-        for what, job in jobs.items():
+        for what, job in self._jobs.items():
             if what in self._wanted and now_ns >= self._next_ns[what]:
                 if what == "probe":
                     self._probed_ns = now_ns

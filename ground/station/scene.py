@@ -1,10 +1,10 @@
 """What the station knows of one robot and its surroundings, as the map shows it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from math import isfinite
 from typing import Final
 
-from ground.map import Robot, Scene, Shape, Target
+from ground.map import Robot, Scene, Target
 from ground.station.tracks import ranges_m
 from ground.station.watched import Watched
 from ground.station.world import WorldFacts
@@ -23,8 +23,6 @@ def scene_of(
     *,
     lost: bool,
     others: Iterable[Watched] = (),
-    mission: Sequence[Target] = (),
-    fence: Shape | None = None,
 ) -> Scene:
     """What is stale is left out, save the pose: the map marks that it is not live."""
     telemetry, figures = watched.telemetry, watched.figures
@@ -51,8 +49,8 @@ def scene_of(
         virtual_goal=None if decision is None else virtual_of(decision),
         hits=tuple(figures.marks.hit),
         leaves=tuple(figures.marks.leave),
-        fence=fence,
-        mission=mission,
+        fence=watched.charts.fence,
+        mission=watched.charts.mission,
         current=running.current if running is not None and running.count else None,
         others=tuple(found for other in others if (found := other_of(other, now_ns)) is not None),
     )

@@ -1,6 +1,5 @@
 """Everything of the shown robot that can be looked at, as it was at the last poll."""
 
-from collections.abc import Sequence
 from typing import Any, Final
 
 from ground.map import Scene, Shape, Target
@@ -25,11 +24,9 @@ Point = tuple[float, float]
 
 
 class Sight:
-    """`mission_items` and `fence` are what is drawn of them, set by whoever has read them."""
+    """Of one robot at a time; which one is the station's to choose."""
 
     def __init__(self, robot: str, now_ns: int, world: WorldFacts | None) -> None:
-        self.mission_items: Sequence[Target] = ()
-        self.fence: Shape | None = None
         self._robot = robot
         self._given_world = world
         self._began_ns = self._now_ns = now_ns
@@ -115,6 +112,15 @@ class Sight:
         return self.telemetry.live(MISSION, self._now_ns)
 
     @property
+    def mission_items(self) -> tuple[Target, ...]:
+        """The robot's mission, as downloaded or as uploaded in our hearing."""
+        return self._shown.charts.mission
+
+    @property
+    def fence(self) -> Shape | None:
+        return self._shown.charts.fence
+
+    @property
     def parameters(self) -> tuple[Row, ...] | None:
         """All of them, or None: never a part. Keys as in the robot's own list."""
         return self._shown.parameters.rows
@@ -171,6 +177,4 @@ class Sight:
             self._now_ns,
             lost=self.loss() is not None and not self.lease.others,
             others=[one for name, one in self._watched.items() if name != self._robot],
-            mission=self.mission_items,
-            fence=self.fence,
         )

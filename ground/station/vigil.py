@@ -3,6 +3,7 @@
 from typing import Any, Final
 
 from ground.station.contact import Change, Contact, Need
+from ground.station.items import Items
 from ground.station.lease import Lease
 from ground.station.loss import Loss, LossKind, Signs, judge
 from ground.station.reader import Failed, Found, Parameters, Probe, Reader
@@ -76,8 +77,12 @@ class Vigil:
         """Everything again, as after a loss."""
         self.contact.again(now_ns)
         self._watched.parameters.lose()
-        self._reader.want("parameters")
+        self._want()
         self._was_ready = False
+
+    def _want(self) -> None:
+        for item in ("parameters", "mission", "fence"):
+            self._reader.want(item)
 
     @property
     def waiting_for(self) -> str:
@@ -94,6 +99,9 @@ class Vigil:
                     self._linked_by = found.hub
             case Parameters():
                 self._read_parameters(found)
+            case Items():
+                self._watched.charts.take(found)
+                self._reader.drop(found.kind.name.lower())
             case WorldFacts():
                 self.world = found
                 self._watched.figures.radius_m = found.radius_m
@@ -130,7 +138,7 @@ class Vigil:
             self._tell("ground", loss.banner(now_ns), worst)
         elif change.before is not None:
             self._tell("ground", ended(self._watched.robot, change.before, change.gap_ns), INFO)
-            self._reader.want("parameters")
+            self._want()
 
     def _known(self) -> Known:
         newest = self._watched.telemetry.latest(STATUS)

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from typing import Final
 
 from ground.station.figures import Figures
 from ground.station.hears import Hears, Token
 from ground.station.inbox import Arrival, Inbox
+from ground.station.items import Charts
 from ground.station.moments import Moments
 from ground.station.parameters import ParameterList
 from ground.station.restarts import Restarts
@@ -16,7 +18,9 @@ from protocol.codec import decode
 from protocol.enums import Severity
 from protocol.errors import RemoteError
 from protocol.messages import ParamValue, Statustext
-from protocol.topics import ANSWERED, CYCLE, SONAR, TEXT, TOPICS, Role
+from protocol.topics import ANSWERED, COMMANDED, CYCLE, SONAR, TEXT, TOPICS, Role
+
+EVENTS: Final = frozenset((TEXT.path, COMMANDED.path, ANSWERED.path))
 
 Tell = Callable[[str, str, int], None]
 """Source, words, severity."""
@@ -44,6 +48,7 @@ class Watched:
         self.restarts = {Role.ROBOT: Restarts(), Role.PLANT: Restarts()}
         self.tokens: dict[Role, str] = {}
         self.gone_ns = now_ns
+        self.charts = Charts()
         self._texts = Texts()
         self._inbox.drain()
 
@@ -63,7 +68,7 @@ class Watched:
     def _take(self, arrival: Arrival) -> None:
         self.streams.take(arrival)
         self.moments.take(arrival)
-        if arrival.path in (TEXT.path, ANSWERED.path):
+        if arrival.path in EVENTS:
             with suppress(RemoteError):  # the mailbox has counted it
                 self._event(decode(arrival.frame).message)
 
@@ -74,6 +79,8 @@ class Watched:
                 self._tell(self.robot, text, message.severity)
         elif isinstance(message, ParamValue):
             self.parameters.changed(message)
+        else:
+            self.charts.hear(message)
 
     def _see_tokens(self, present: Iterable[Token], now_ns: int) -> set[Role]:
         found = {token.role: token.zid for token in present if token.robot == self.robot}

@@ -1,0 +1,87 @@
+"""Which mission and which fence the robot has, as the map shows them."""
+
+from contextlib import suppress
+from math import radians
+from typing import NamedTuple
+
+from ground.map import Disc, Outline, Shape, Target
+from ground.missions.mission import Circle, Fence, Waypoint
+from ground.missions.transfer import Download, Downloaded
+from ground.missions.wire import fence_of, waypoints_of
+from ground.station.hears import Hears
+from protocol.clock import Clock
+from protocol.enums import MissionType
+from protocol.errors import RemoteError
+from protocol.messages import MissionClearAll, MissionCount, MissionItemInt, MissionVerdict
+from protocol.reasons import Reason
+from protocol.topics import MISSION_SERVICE
+
+PATIENCE_S = 0.5
+
+
+class Items(NamedTuple):
+    """What was downloaded of one kind."""
+
+    kind: MissionType
+    items: tuple[MissionItemInt, ...]
+
+
+class Charts:
+    """As downloaded, or as uploaded by anybody in our hearing; a fence of None: there is none."""
+
+    def __init__(self) -> None:
+        self.mission: tuple[Target, ...] = ()
+        self.fence: Shape | None = None
+        self._uploads: dict[int, dict[int, MissionItemInt]] = {}
+
+    def hear(self, message: object) -> None:
+        """A frame of somebody's upload, or the robot's word on it."""
+        match message:
+            case MissionCount() | MissionClearAll():
+                self._uploads[message.mission_type] = {}
+            case MissionItemInt():
+                self._uploads.setdefault(message.mission_type, {})[message.seq] = message
+            case MissionVerdict(reason=Reason.NONE, mission_type=kind) if kind in self._uploads:
+                found = self._uploads.pop(kind)
+                self.take(Items(MissionType(kind), tuple(found[at] for at in sorted(found))))
+
+    def take(self, found: Items) -> None:
+        """What cannot be shown is not: the Log has said what was uploaded."""
+        with suppress(RemoteError):
+            if found.kind is MissionType.MISSION:
+                self.mission = tuple(map(target_of, waypoints_of(found.items)))
+            else:
+                self.fence = shape_of(fence_of(found.items))
+
+
+def shape_of(fence: Fence | None) -> Shape | None:
+    if fence is None:
+        return None
+    if isinstance(fence, Circle):
+        return Disc(fence.x_m, fence.y_m, fence.radius_m)
+    return Outline(fence.corners)
+
+
+def target_of(waypoint: Waypoint) -> Target:
+    heading_deg = waypoint.heading_deg
+    return Target(
+        waypoint.x_m,
+        waypoint.y_m,
+        None if heading_deg is None else radians(heading_deg),
+        waypoint.position_tolerance_m,
+    )
+
+
+def downloaded(bus: Hears, clock: Clock, robot: str, kind: MissionType) -> Items:
+    """All items, none when the robot has none; RemoteError at the first question unanswered."""
+    transfer = Download(kind, clock.now_ns())
+    while not transfer.over:
+        for send in transfer.due(clock.now_ns()):
+            answer = bus.ask(MISSION_SERVICE, send.request, PATIENCE_S, robot=robot)
+            transfer.receive(answer, clock.now_ns())
+        if not transfer.over:
+            clock.sleep_until(transfer.next_ns)
+    outcome = transfer.outcome
+    if isinstance(outcome, Downloaded):
+        return Items(kind, outcome.items)
+    raise RemoteError(f"the robot does not tell its {kind.name.lower()}")
