@@ -2,7 +2,8 @@
 
 In half of the stories the robot is shut in a small crooked room with its goal outside, so that it
 follows walls near on all sides; in the other half it is carried about while every echo changes with
-every tick. Its trail is full in some. A bound found by search: nobody has proved it.
+every tick. Its trail is full in some, and it is in a fence that costs the most. A bound found by
+search: nobody has proved it.
 """
 
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ PERIOD_MS = 50
 BANDS_MM = ((60, 150), (60, 300), (100, 750), (250, 700), (250, 1200), (60, 3000))
 ROOMS_M = (0.35, 0.45, 0.6, 0.8, 1.0, 1.3)
 GOALS_M = (0.4, 0.9, 2.0, 6.0)
+FENCE_M = 1000.0
 MARCH_M = 0.02
 JITTER_MM = 6
 
@@ -114,11 +116,21 @@ def stories(
     luck = Random(seed)
     for number in range(count):
         state = core["brain"].State(params)
+        state.machine.fence = far_fence(core)
         if number % 4 < 2:
             state.trail.xs_m.extend([50.0] * core["trail"].LIMIT)
             state.trail.ys_m.extend([50.0] * core["trail"].LIMIT)
         body = (ShutIn if number % 2 else Carried)(params, luck, number // 2)
         yield from told(core, state, body, ticks)
+
+
+def far_fence(core: Core) -> Any:
+    """A comb with the robot in a tooth too wide to leave; a ray meets nearly all of its sides."""
+    last = core["fence"].MOST_CORNERS - 3
+    comb = [(k - 7.0, -((-1.0) ** k)) for k in range(last + 1)]
+    corners = [*comb, (last - 6.5, -2.0), (-7.5, -2.0)]
+    xs_m, ys_m = (tuple(FENCE_M * corner[axis] for corner in corners) for axis in (0, 1))
+    return core["fence"].Fence(xs_m, ys_m, 0.0)
 
 
 def told(core: Core, state: Any, body: Body, ticks: int = TICKS) -> Iterator[Any]:

@@ -219,7 +219,9 @@ COMMAND: Final = Service(
     path="srv/command",
     requests=(CommandRequest, GoalRequest),
     server=Role.ROBOT,
-    doc="command or goal -> CommandAck, whose result_param2 is a Reason",
+    doc="command or goal -> CommandAck, whose result_param2 is a Reason. Of the commands with "
+    "param1: COMPONENT_ARM_DISARM 1 or 0; DO_PAUSE_CONTINUE 0 hold, 1 go on; MISSION_START first "
+    "item, -1 for the current one; DO_SET_MISSION_CURRENT item; of those with param2: DO_SET_MODE",
 )
 PARAMETER: Final = Service(
     path="srv/parameter",

@@ -56,7 +56,7 @@ class Lease:
             return reasons.LEASE_HELD
         if request.action not in (LeaseAction.TAKE, LeaseAction.SEIZE):
             return reasons.UNKNOWN_COMMAND
-        self._give(Holder(operator, request.name), now_ns)
+        self._give(Holder(operator, printable(request.name)), now_ns)
         return reasons.OK
 
     def hear(self, now_ns: int) -> None:
@@ -83,7 +83,7 @@ class Lease:
             time_ns=time_ns,
             lapses_ms=left_ns // NS_PER_MS,
             held=int(holder is not None),
-            holder="" if holder is None else holder.operator[:32],
+            holder="" if holder is None else holder.operator,
             name="" if holder is None else holder.name,
         )
 
@@ -106,6 +106,11 @@ class Lease:
 
     def _tell(self, severity: Severity, words: str) -> None:
         self._news.append((severity, words))
+
+
+def printable(name: str) -> str:
+    """What goes to other people's terminals; nothing in it may command them."""
+    return "".join(letter if letter.isprintable() else "?" for letter in name)
 
 
 def open_to_all(request: Message) -> bool:

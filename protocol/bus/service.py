@@ -4,6 +4,7 @@ Zenoh's receive thread only enqueues. What cannot be read is counted and denied 
 """
 
 import logging
+import re
 import threading
 from collections.abc import Callable
 from queue import SimpleQueue
@@ -22,6 +23,8 @@ from protocol.topics import ENCODING, Service
 
 JSON = "application/json"
 LOG = logging.getLogger(__name__)
+IDENTITY = re.compile(rb"[0-9a-f]{1,32}\Z")
+"""Of a Zenoh session."""
 
 
 class Asked:
@@ -81,8 +84,9 @@ Handler = Callable[[Asked], object]
 
 
 def sender_in(attachment: zenoh.ZBytes | None) -> str:
-    """Which operator an attachment names; empty when it names none or cannot be read."""
-    return "" if attachment is None else attachment.to_bytes().decode("ascii", "replace")
+    """Which operator an attachment names; empty when it names none, or is none of ours."""
+    named = b"" if attachment is None else attachment.to_bytes()
+    return named.decode("ascii") if IDENTITY.match(named) else ""
 
 
 class Desk:

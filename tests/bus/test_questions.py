@@ -5,8 +5,10 @@ import threading
 from queue import SimpleQueue
 
 import pytest
+from zenoh import ZBytes
 
 from protocol.bus import Asked, Bus
+from protocol.bus.service import sender_in
 from protocol.enums import AckResult, Command
 from protocol.errors import NoAnswer, UserError
 from protocol.messages import CommandAck, CommandRequest, Message, WheelTicks
@@ -68,6 +70,23 @@ def test_who_asks_is_known_if_it_is_an_operator(topology: Topology) -> None:
         assert first == bus.ground.zid
         assert nobody == ""
         assert second not in ("", first)
+
+
+@pytest.mark.parametrize(
+    ("attached", "operator"),
+    [
+        (b"0123456789abcdef", "0123456789abcdef"),
+        (b"", ""),
+        (b"ABC", ""),
+        (b"\xff" * 8, ""),
+        (b"a\0b", ""),
+        (b"a" * 33, ""),
+        (b"a\n", ""),
+    ],
+)
+def test_what_is_no_identity_is_nobody(attached: bytes, operator: str) -> None:
+    assert sender_in(ZBytes(attached)) == operator
+    assert sender_in(None) == ""
 
 
 def test_a_question_is_answered_once() -> None:

@@ -100,6 +100,13 @@ def test_who_is_no_operator_cannot_hold_it() -> None:
         assert Lease().receive(ask(action), "", 0) == Reason.NO_OPERATOR
 
 
+def test_a_name_cannot_command_the_terminals_it_is_shown_on() -> None:
+    lease = Lease()
+    lease.receive(ask(LeaseAction.TAKE, "A\x1b[2J\r\u202eb"), ADA, 0)
+    assert lease.status(0, 0).name == "A?[2J??b"
+    assert lease.due(0)[0][1] == "A?[2J??b has taken the lease"
+
+
 def test_an_unknown_action_is_refused() -> None:
     assert Lease().receive(ask(9), ADA, 0) == Reason.UNKNOWN_COMMAND
 
