@@ -1,4 +1,4 @@
-"""`replay`: a recorded run once more, as lines, or executed again by this build."""
+"""`replay`: a recorded run once more, in the app, as lines, or executed again by this build."""
 
 import argparse
 import os
@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from ground.app.looks import add_looks
+from ground.app.start import has_screen, run_replay
 from ground.blackbox.replay import NS_PER_S, ReplayBus
 from ground.leash import command
 from ground.options import add_json, positive
@@ -39,6 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--re-execute", action="store_true", dest="again", help=says)
     says = "with --re-execute: from where on this one would have decided otherwise"
     parser.add_argument("--navigator", choices=NAVIGATORS, help=says)
+    add_looks(parser)
     add_json(parser)
 
 
@@ -48,6 +51,8 @@ def run(options: argparse.Namespace, says: Says) -> int:
         return reexecute(options)
     if options.navigator is not None:
         raise UserError("--navigator needs --re-execute; another one's way is `sidestep ghost`")
+    if has_screen() and not (options.plain or options.json):
+        return run_replay(options, Path(options.file), options.id, options.at)
     return show_lines(options, says, WallClock())
 
 

@@ -69,6 +69,9 @@ class Reel:
         frame = bytes(self._blob[begin : self._ends[place]])
         return Played(self._times_ns[place], self._keys[self._key_of[place]], frame)
 
+    def key(self, place: int) -> str:
+        return self._keys[self._key_of[place]]
+
     @property
     def duration_ns(self) -> int:
         return self._times_ns[-1] if self._times_ns else 0

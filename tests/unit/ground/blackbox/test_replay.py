@@ -2,15 +2,16 @@
 
 import json
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from ground.blackbox.replay import ReplayBus
 from protocol.clock import ManualClock
-from protocol.enums import GoalState, Vehicle
+from protocol.enums import GoalState, Severity, Vehicle
 from protocol.errors import LocalError, NoAnswer, UserError
-from protocol.messages import CommandRequest, ParamValue
+from protocol.messages import CommandRequest, ParamValue, Statustext
 from protocol.reasons import Reason
 from protocol.topics import (
     ANSWERED,
@@ -20,6 +21,7 @@ from protocol.topics import (
     ODOMETRY,
     PARAMETERS,
     STATUS,
+    TEXT,
     WORLD,
 )
 from tests.unit.ground.blackbox.made import (
@@ -113,7 +115,7 @@ def test_every_frame_comes_once_and_in_order(bus: ReplayBus, clock: ManualClock)
 def test_seeking_forwards_shows_the_way_and_backwards_begins_anew(bus: ReplayBus) -> None:
     box, looks = bus.mailbox(STATUS), []
     bus.seek(1.5, lambda: looks.append(bus.timeline.position_s))
-    assert looks == [1.5]
+    assert looks == pytest.approx([0.2 * n for n in range(1, 8)] + [1.5])
     newest = box.latest()
     assert newest is not None
     assert newest[0].time_ns == int(1.45 * S)
@@ -128,6 +130,28 @@ def test_seeking_forwards_shows_the_way_and_backwards_begins_anew(bus: ReplayBus
     before = box.latest()
     assert before is not None
     assert before[0].time_ns == int(1.45 * S), "who is not listening any more hears nothing"
+
+
+def test_far_back_every_event_is_heard_and_of_streams_enough_to_see_the_way(opens: Opens) -> None:
+    speaker = Speaker()
+    said = []
+    for tick in range(20 * 300):
+        at_us = START_US + tick * PERIOD_US
+        said.append(speaker.say(STATUS, status(tick * PERIOD_US * 1000), at_us))
+        if tick % 1000 == 0:
+            text = Statustext(severity=Severity.INFO, text=f"n{tick}")
+            said.append(speaker.say(TEXT, text, at_us))
+    bus = opens(said)
+    texts: list[bytes] = []
+    heard: list[int] = []
+    bus.stream(TEXT, lambda _key, frame, _at: texts.append(frame))
+    bus.stream(STATUS, lambda _key, _frame, at_ns: heard.append(at_ns))
+    looks: list[int] = []
+    bus.seek(299.0, lambda: looks.append(len(heard)))
+    assert len(texts) == 6
+    assert 2000 < len(heard) < 3000, "the last minute whole, of what was before one in four"
+    assert max(later - before for before, later in pairwise(heard)) < S
+    assert len(looks) < 1600
 
 
 def test_a_step_is_a_tick_whole(bus: ReplayBus) -> None:
