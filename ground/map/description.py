@@ -1,10 +1,12 @@
 """The map in words, for whoever does not see it."""
 
 from collections.abc import Iterator
+from itertools import chain
 from math import atan2, degrees, hypot, inf, isfinite, pi, remainder
 from typing import Final
 
 from ground.map.ellipse import ellipse
+from ground.map.glyphs import UNKNOWN
 from ground.map.scene import BEAM_RAD, Robot, Scene
 from ground.map.view import Point
 
@@ -16,13 +18,8 @@ MISSING: Final = "missing"
 
 def describe(scene: Scene) -> list[str]:
     """A line for each thing that a person drives by, the most important first."""
-    return [
-        *_robot(scene),
-        *_goal(scene),
-        *_sonars(scene),
-        *_mission(scene),
-        *_around(scene),
-    ]
+    lines = chain(_robot(scene), _goal(scene), _sonars(scene), _mission(scene), _around(scene))
+    return ["".join(c if c.isprintable() else UNKNOWN for c in line) for line in lines]
 
 
 def place(x_m: float, y_m: float, heading_rad: float | None = None) -> str:

@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ground.map.canvas import Canvas
@@ -66,11 +66,13 @@ def test_the_same_drawing_without_braille() -> None:
 
 
 @given(NUMBERS, NUMBERS, NUMBERS, NUMBERS)
+@settings(deadline=None)
 def test_a_line_sets_the_same_dots_from_either_end(x0: int, y0: int, x1: int, y1: int) -> None:
     assert line_dots(x0, y0, x1, y1) == line_dots(x1, y1, x0, y0)
 
 
 @given(NUMBERS, NUMBERS, NUMBERS, NUMBERS)
+@settings(deadline=None)
 def test_a_clipped_line_is_the_whole_line_where_the_canvas_is(
     x0: int, y0: int, x1: int, y1: int
 ) -> None:
@@ -81,6 +83,7 @@ def test_a_clipped_line_is_the_whole_line_where_the_canvas_is(
 
 
 @given(NUMBERS, NUMBERS, NUMBERS, NUMBERS)
+@settings(deadline=None)
 def test_a_line_is_in_one_piece_and_never_thick(x0: int, y0: int, x1: int, y1: int) -> None:
     shift = 40
     ends = (x0 + shift, y0 + shift, x1 + shift, y1 + shift)
@@ -90,11 +93,13 @@ def test_a_line_is_in_one_piece_and_never_thick(x0: int, y0: int, x1: int, y1: i
 
 
 @given(FAR, FAR, FAR, FAR)
+@settings(deadline=None)
 def test_ends_as_far_as_the_moon_cost_nothing(x0: int, y0: int, x1: int, y1: int) -> None:
     assert len(line_dots(x0, y0, x1, y1)) <= 20
 
 
 @given(st.lists(st.tuples(NUMBERS, NUMBERS), max_size=12))
+@settings(deadline=None)
 def test_a_polyline_is_its_lines(points: list[tuple[int, int]]) -> None:
     canvas, other = Canvas(10, 5), Canvas(10, 5)
     canvas.polyline(points, "trail")

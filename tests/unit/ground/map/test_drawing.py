@@ -140,6 +140,7 @@ def test_a_world_as_large_as_a_country_takes_no_longer() -> None:
 
 
 @given(ANY, ANY, ANY)
+@settings(deadline=None)
 def test_an_ellipse_is_one_or_none(xx: float, xy: float, yy: float) -> None:
     axes = ellipse((xx, xy, yy))
     if axes is not None:

@@ -3,7 +3,7 @@
 from math import hypot, inf, nan, pi
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ground.map.canvas import Canvas
@@ -82,6 +82,7 @@ def test_what_is_on_the_map_or_nowhere_has_no_pointer() -> None:
 
 
 @given(ANY, ANY)
+@settings(deadline=None)
 def test_a_pointer_is_always_on_the_map(x_m: float, y_m: float) -> None:
     drawn = pen()
     drawn.off_map((x_m, y_m), "goal", "")
@@ -109,6 +110,7 @@ def test_nobody_looks_nowhere() -> None:
 
 
 @given(st.floats(0.01, 50.0), st.floats(-pi, pi), st.floats(0.0, 2.0 * pi))
+@settings(deadline=None)
 def test_a_curve_keeps_to_its_radius(radius_m: float, begun_rad: float, turn_rad: float) -> None:
     ends_rad = begun_rad, begun_rad + turn_rad
     points = pen().curve((1.0, 2.0), radius_m, radius_m, ends_rad=ends_rad)

@@ -3,7 +3,7 @@
 from math import inf, isfinite, nan
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ground.map.view import FURTHEST_M, NEAREST_M, Box, View
@@ -20,12 +20,14 @@ def usable(view: View) -> bool:
 
 
 @given(VIEWS, PLACES, PLACES)
+@settings(deadline=None)
 def test_there_and_back_is_the_same_place(view: View, x_m: float, y_m: float) -> None:
     back = view.to_metres(*view.to_dots(x_m, y_m))
     assert back == pytest.approx((x_m, y_m), abs=1e-6 * max(1.0, view.m_per_dot))
 
 
 @given(VIEWS, ANY, ANY, ANY)
+@settings(deadline=None)
 def test_any_numbers_give_a_usable_view(view: View, a: float, b: float, c: float) -> None:
     assert usable(view.zoomed(a, (b, c)))
     assert usable(view.panned(a, b))
@@ -35,6 +37,7 @@ def test_any_numbers_give_a_usable_view(view: View, a: float, b: float, c: float
 
 
 @given(st.tuples(PLACES, PLACES), st.floats(0.1, 1e3), st.floats(0.1, 1e3))
+@settings(deadline=None)
 def test_what_is_fitted_is_on_the_map(low: tuple[float, float], wide: float, high: float) -> None:
     box: Box = (*low, low[0] + wide, low[1] + high)
     view = View.fit(box, 80, 24)
@@ -67,6 +70,7 @@ def test_a_point_or_nothing_is_fitted_too() -> None:
 
 
 @given(VIEWS, PLACES, PLACES, st.floats(0.5, 2.0))
+@settings(deadline=None)
 def test_the_place_zoomed_about_stays_where_it_is(
     view: View, x_m: float, y_m: float, factor: float
 ) -> None:
@@ -107,6 +111,7 @@ def test_a_cell_is_found_and_has_a_middle() -> None:
 
 
 @given(VIEWS, st.integers(1, 60))
+@settings(deadline=None)
 def test_the_scale_bar_is_round_and_fits(view: View, cells: int) -> None:
     length_m, taken = view.scale_bar(cells)
     assert f"{length_m:.0e}"[0] in "125"
