@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection
 from typing import Final
 
 from ground.map.canvas import Canvas
+from ground.map.legend import draw_legend
 from ground.map.moving import (
     draw_cursor,
     draw_ellipse,
@@ -23,7 +24,6 @@ from ground.map.scene import LAYERS, Scene
 from ground.map.standing import (
     draw_fence,
     draw_ghosts,
-    draw_legend,
     draw_marks,
     draw_mission,
     draw_seen,

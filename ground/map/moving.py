@@ -106,8 +106,9 @@ def draw_robot(pen: Pen, scene: Scene) -> None:
 
 def draw_cursor(pen: Pen, scene: Scene) -> None:
     if scene.cursor is not None:
-        x_m, y_m = scene.cursor
-        pen.mark(scene.cursor, "cursor", "cursor", f"{x_m:.2f} {y_m:.2f}")
+        words = f"{scene.cursor[0]:.2f} {scene.cursor[1]:.2f}"
+        pen.mark(scene.cursor, "cursor", "cursor", words)
+        pen.off_map(scene.cursor, "cursor", words)
 
 
 def towards(at: Point, bearing_rad: float, length_m: float) -> Point:

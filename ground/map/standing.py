@@ -1,4 +1,4 @@
-"""What does not move with the robot: walls, fence, mission, other runs, and the legend."""
+"""What does not move with the robot: walls, fence, mission, other runs."""
 
 from itertools import pairwise
 from math import cos, hypot, isfinite, sin
@@ -7,14 +7,11 @@ from typing import Final
 from ground.map.canvas import DOTS_WIDE
 from ground.map.pen import Pen
 from ground.map.scene import Disc, Outline, Scene, Shape, Target, floor
-from ground.map.view import LEGEND_FROM_ROWS, Point
+from ground.map.view import Point
 
 EDGE_EVERY: Final = 3
 HEADING_DOTS: Final = 9.0
-LEGEND_SHARE: Final = 6
-TRUTH_WORDS: Final = "walls: simulation truth"
-LOST_WORDS: Final = "NOT LIVE"
-ENDS: Final = {"reached": "reached", "collided": "collided", "stuck": "stuck"}
+MARKED_ENDS: Final = ("reached", "collided", "stuck")
 
 
 def draw_walls(pen: Pen, scene: Scene) -> None:
@@ -42,7 +39,8 @@ def draw_ghosts(pen: Pen, scene: Scene) -> None:
         pen.path(ghost.path_m, "ghost")
         if ghost.path_m:
             label = " ".join(word for word in (ghost.label, ghost.outcome) if word)
-            pen.mark(ghost.path_m[-1], ENDS.get(ghost.outcome, "ended"), "ghost", label)
+            end = ghost.outcome if ghost.outcome in MARKED_ENDS else "ended"
+            pen.mark(ghost.path_m[-1], end, "ghost", label)
 
 
 def draw_marks(pen: Pen, scene: Scene) -> None:
@@ -75,34 +73,6 @@ def draw_heading(pen: Pen, target: Target, role: str) -> None:
         pen.path((at, tip), role)
 
 
-def draw_legend(pen: Pen, scene: Scene) -> None:
-    """Scale, and in words what is drawn, on the last row of a map that has more than a few."""
-    canvas = pen.canvas
-    row = canvas.rows - 1
-    if canvas.rows < LEGEND_FROM_ROWS:
-        return
-    length_m, cells = pen.view.scale_bar(canvas.columns // LEGEND_SHARE)
-    canvas.mark(0, row, "bar left", "text")
-    for column in range(1, cells - 1):
-        canvas.mark(column, row, "bar", "text")
-    canvas.mark(cells - 1, row, "bar right", "text")
-    length = metres(length_m)
-    canvas.text(cells + 1, row, length, "text")
-    legend = words(scene, canvas.columns - cells - len(length) - 3)
-    canvas.text(canvas.columns - len(legend), row, legend, "text")
-
-
-def words(scene: Scene, room: int) -> str:
-    """What has to be said of the scene, the more important first, as much as there is room for."""
-    walls = scene.truth and (scene.obstacles or scene.size_m)
-    said = ""
-    for word in (scene.live or LOST_WORDS, walls and TRUTH_WORDS, scene.note):
-        if isinstance(word, str) and word:
-            longer = f"{said}, {word}" if said else word
-            said = longer if len(longer) <= room else said
-    return said
-
-
 def dotted(pen: Pen, shape: Shape, role: str) -> None:
     """The edge of a shape, every so many dots of it."""
     if isinstance(shape, Disc):
@@ -111,14 +81,6 @@ def dotted(pen: Pen, shape: Shape, role: str) -> None:
         points = (*shape.points_m, *shape.points_m[:1])
     for a, b in pairwise(points):
         pen.dotted(a, b, role, EDGE_EVERY)
-
-
-def metres(length_m: float) -> str:
-    """A length as one says it: 0.5 mm, 2 cm, 5 m, 2 km."""
-    for unit, size_m in (("km", 1000.0), ("m", 1.0), ("cm", 0.01)):
-        if length_m >= size_m * 0.999:
-            return f"{length_m / size_m:g} {unit}"
-    return f"{length_m * 1000.0:g} mm"
 
 
 def apart_m(a: Point, b: Point) -> float:
