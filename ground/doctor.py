@@ -57,6 +57,7 @@ def observe(link: Link, listen_ns: int) -> Observed:
         robot=link.robot,
         endpoint=link.endpoint,
         crew=crew,
+        listened_ns=listen_ns,
         streams=tuple(stream_of(box, now_ns) for box in telemetry.boxes().values()),
         status=None if status is None else status[0],
         cycle=None if cycle is None else cycle[0],

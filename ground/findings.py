@@ -15,6 +15,8 @@ from protocol.topics import CLOCK, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
 
 MS: Final = 1_000_000
 LATE_FACTOR: Final = 3
+PERIODS: Final = 1.5
+NS_PER_S: Final = 1000 * MS
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +45,7 @@ class Observed:
     status: NavigatorStatus | None = None
     cycle: CycleReport | None = None
     answers: tuple[tuple[str, str], ...] = ()  # service path, why it did not answer
+    listened_ns: int = 1000 * MS
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +95,8 @@ def streams(seen: Observed) -> Iterator[Finding]:
         if not expected(seen, topic) or stream.fresh or topic is HEARTBEAT:
             continue
         sender = topic.publisher.value
+        if stream.age_ns is None and seen.listened_ns * topic.rate_hz < PERIODS * NS_PER_S:
+            continue  # it may just not have been its turn
         if stream.age_ns is None:
             yield Finding(f"nothing on {topic.path}", f"is the {sender} paused? else restart it")
         else:

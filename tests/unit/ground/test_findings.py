@@ -11,7 +11,7 @@ from ground.presence import Crew, why_silent
 from protocol.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.messages import CycleReport, NavigatorStatus
 from protocol.reasons import Reason
-from protocol.topics import CLOCK, HEARTBEAT, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
+from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
 
 MS = 1_000_000
 EVERYBODY = Crew(frozenset({("r1", "robot"), ("r1", "plant")}))
@@ -85,6 +85,13 @@ def test_a_silent_stream_of_a_process_that_is_there_is_named() -> None:
     said = lines(examine(seen([SONAR])).findings)
     assert "nothing on sense/sonar" in said
     assert "plant" in said
+
+
+def test_a_slow_stream_is_not_missed_by_who_listens_for_less_than_its_period() -> None:
+    observed = seen([MISSION])
+    assert "nothing on tlm/mission" in lines(examine(observed).findings)
+    assert examine(replace(observed, listened_ns=600 * MS)).healthy
+    assert not examine(replace(seen([SONAR]), listened_ns=100 * MS)).healthy
 
 
 def test_an_old_stream_is_named_with_its_age() -> None:

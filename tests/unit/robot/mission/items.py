@@ -2,7 +2,7 @@
 
 from math import nan
 
-from protocol.enums import FRAME_LOCAL_FLU, Command, MissionType
+from protocol.enums import FRAME_LOCAL_FLU, Command, MissionState, MissionType
 from protocol.message import Message
 from protocol.messages import (
     MissionCount,
@@ -83,3 +83,34 @@ def ready(count: int = 3, hold_s: float = 0.0) -> Desk:
     desk.arm()
     assert upload(desk, line(count, hold_s)).reason == Reason.NONE
     return desk
+
+
+def state(desk: Desk) -> tuple[MissionState, int]:
+    return desk.vehicle.mission.state, desk.vehicle.mission.current
+
+
+def until(desk: Desk, wanted: MissionState, within_s: float = 20.0) -> float:
+    """Step until the mission is in a state; how long that took."""
+    for ticks in range(round(within_s * 20)):
+        if desk.vehicle.mission.state == wanted:
+            return ticks * 0.05
+        desk.step()
+    raise AssertionError(f"{state(desk)}: not {wanted.name} within {within_s} s")
+
+
+def x_m(desk: Desk) -> float:
+    return desk.vehicle.state.odometry.pose.x_m
+
+
+def pause(desk: Desk, seconds: float = 0.0) -> None:
+    assert desk.command(Command.DO_PAUSE_CONTINUE, 0) == Reason.NONE
+    for _ in range(1 + round(20 * seconds)):
+        desk.step()
+
+
+def resume(desk: Desk) -> int:
+    return desk.command(Command.DO_PAUSE_CONTINUE, 1)
+
+
+def estop(desk: Desk) -> None:
+    desk.command(Command.DO_FLIGHTTERMINATION)

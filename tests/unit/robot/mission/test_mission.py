@@ -1,44 +1,24 @@
 """The mission: from stop to stop, paused, aborted, jumped, and whatever else comes in between."""
 
-from typing import Any
-
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from protocol.enums import Command, GoalState, MissionState, Mode, Severity, Vehicle
-from protocol.messages import MissionClearAll
+from protocol.enums import Command, GoalState, MissionState, Mode, Severity
 from protocol.reasons import Reason
 from robot.core import states
-from tests.unit.robot.mission.items import circle, item, line, ready, start, upload
+from tests.unit.robot.mission.items import (
+    circle,
+    estop,
+    line,
+    pause,
+    ready,
+    resume,
+    start,
+    state,
+    until,
+    upload,
+    x_m,
+)
 from tests.unit.robot.vehicles import Desk
-
-
-def state(desk: Desk) -> tuple[MissionState, int]:
-    return desk.vehicle.mission.state, desk.vehicle.mission.current
-
-
-def until(desk: Desk, wanted: MissionState, within_s: float = 20.0) -> float:
-    """Step until the mission is in a state; how long that took."""
-    for ticks in range(round(within_s * 20)):
-        if desk.vehicle.mission.state == wanted:
-            return ticks * 0.05
-        desk.step()
-    raise AssertionError(f"{state(desk)}: not {wanted.name} within {within_s} s")
-
-
-def x_m(desk: Desk) -> float:
-    return desk.vehicle.state.odometry.pose.x_m
-
-
-def pause(desk: Desk, seconds: float = 0.0) -> None:
-    assert desk.command(Command.DO_PAUSE_CONTINUE, 0) == Reason.NONE
-    for _ in range(1 + round(20 * seconds)):
-        desk.step()
-
-
-def resume(desk: Desk) -> int:
-    return desk.command(Command.DO_PAUSE_CONTINUE, 1)
 
 
 def test_a_mission_goes_from_stop_to_stop_without_an_operator() -> None:
@@ -182,59 +162,6 @@ def test_a_jump_while_it_rests_chooses_where_it_starts() -> None:
     assert state(desk) == (MissionState.RUNNING, 1)
 
 
-def estop(desk: Desk) -> None:
-    desk.command(Command.DO_FLIGHTTERMINATION)
-
-
-def disarm(desk: Desk) -> None:
-    desk.command(Command.COMPONENT_ARM_DISARM, 0)
-
-
-def another_goal(desk: Desk) -> None:
-    desk.goto(5.0, 0.0)
-
-
-def home(desk: Desk) -> None:
-    assert desk.command(Command.NAV_RETURN_TO_LAUNCH) == Reason.NONE
-
-
-def by_hand(desk: Desk) -> None:
-    desk.operator = True
-    desk.step()
-    assert desk.command(Command.DO_SET_MODE, 1, Mode.MANUAL) == Reason.NONE
-
-
-def blind(desk: Desk) -> None:
-    desk.step(scan=None)
-
-
-ENDS = [
-    (estop, Reason.EMERGENCY_STOPPED),
-    (disarm, Reason.DISARMED),
-    (another_goal, Reason.REPLACED),
-    (home, Reason.REPLACED),
-    (by_hand, Reason.BY_OPERATOR),
-    (blind, Reason.SCAN_LOST),
-]
-
-
-@pytest.mark.parametrize(("end", "reason"), ENDS)
-@pytest.mark.parametrize("when", [MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED])
-def test_whatever_ends_it_is_the_reason_of_its_failure(
-    end: Any, reason: Reason, when: MissionState
-) -> None:
-    desk = ready(2, hold_s=5.0)
-    start(desk)
-    if when == MissionState.PAUSED:
-        desk.step()
-        pause(desk)
-    until(desk, when)
-    end(desk)
-    desk.step()
-    assert desk.vehicle.mission.state == MissionState.FAILED
-    assert desk.vehicle.mission.reason == reason
-
-
 def test_a_stop_that_cannot_be_reached_fails_the_mission_with_that_reason() -> None:
     desk = ready(2)
     start(desk)
@@ -293,73 +220,3 @@ def test_the_status_is_told_twice_a_second_and_at_once_on_a_change() -> None:
     status = desk.vehicle.mission_status(desk.now_ns, desk.now_ns)
     assert status is not None
     assert (status.mission_id, status.state, status.count) == (1, MissionState.RUNNING, 2)
-
-
-orders = st.one_of(
-    st.builds(lambda first: (Command.MISSION_START, first), st.integers(-1, 4)),
-    st.builds(lambda at: (Command.DO_SET_MISSION_CURRENT, at), st.integers(0, 4)),
-    st.builds(lambda on: (Command.DO_PAUSE_CONTINUE, on), st.integers(0, 1)),
-    st.builds(lambda on: (Command.COMPONENT_ARM_DISARM, on), st.integers(0, 1)),
-    st.sampled_from(
-        [
-            (Command.SIDESTEP_ABORT_GOAL, 0),
-            (Command.DO_FLIGHTTERMINATION, 0),
-            (Command.SIDESTEP_CLEAR_EMERGENCY_STOP, 0),
-            (Command.NAV_RETURN_TO_LAUNCH, 0),
-        ]
-    ),
-    st.builds(lambda mode: (Command.DO_SET_MODE, mode), st.sampled_from([*Mode])),
-    st.sampled_from(["upload", "fence", "clear", "goto", "blind"]),
-)
-
-
-def obey(desk: Desk, order: Any) -> None:
-    if order == "upload":
-        upload(desk, [item(0, 0.2, 0.0, 0.1), item(1, 0.3, 0.1), item(2, 0.5, 0.0)])
-    elif order == "fence":
-        upload(desk, circle(0.0, 0.0, 0.4))
-    elif order == "clear":
-        desk.vehicle.receive(MissionClearAll(), desk.now_ns)
-    elif order == "goto":
-        desk.goto(0.3, -0.1)
-    elif order == "blind":
-        desk.step(scan=None)
-    else:
-        command, value = order
-        desk.command(command, value, value)
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.lists(st.tuples(orders, st.integers(0, 30)), min_size=3, max_size=25))
-def test_in_whatever_order_it_is_told_things_it_never_says_what_is_not_so(
-    told: list[tuple[Any, int]],
-) -> None:
-    desk = ready(3, hold_s=0.2)
-    desk.operator = True
-    machine, mission = desk.vehicle.state.machine, desk.vehicle.mission
-    for order, ticks in told:
-        obey(desk, order)
-        for _ in range(ticks):
-            desk.vehicle.mission.step(desk.now_ns // 1_000_000)
-            check(desk)
-            desk.step()
-        assert mission.state == MissionState.NONE or 0 <= mission.current < len(mission.items)
-    assert machine.vehicle in [*Vehicle]
-
-
-def check(desk: Desk) -> None:
-    """What must hold once the mission has had its look at the machine."""
-    machine, mission = desk.vehicle.state.machine, desk.vehicle.mission
-    status = mission.status(0)
-    if mission.active:
-        assert machine.vehicle == Vehicle.ACTIVE
-        assert (status.state == MissionState.PAUSED) == (machine.mode == Mode.HOLD)
-    if status.state in (MissionState.RUNNING, MissionState.HOLDING):
-        assert machine.goal is not None
-        wanted = mission.items[mission.current]
-        assert machine.goal.x_m == pytest.approx(wanted.x / 10_000)
-    if status.state == MissionState.HOLDING:
-        assert machine.goal_state == GoalState.REACHED
-        assert status.hold_left_ms > 0
-    if status.state == MissionState.FAILED:
-        assert status.reason != Reason.NONE
