@@ -5,6 +5,7 @@ import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from io import StringIO
+from types import MappingProxyType
 from typing import Final
 
 from ground.console import History, act, complete, help_text, parse
@@ -28,6 +29,15 @@ STILL: Final = frozenset(
 """Verbs that move nothing, and need neither the lease nor a robot that is ready."""
 LOOKS: Final = frozenset(("list", "get", "show", "save", "status", "download"))
 """Actions of other verbs of which the same is true."""
+
+LEASES: Final[Mapping[str, Callable[[Station], None]]] = MappingProxyType(
+    {
+        "take": Station.take_lease,
+        "seize": lambda station: station.take_lease(seize=True),
+        "release": Station.release_lease,
+    }
+)
+"""Who holds the lease must beat for it: that is the station's."""
 
 Local = Callable[[argparse.Namespace, Says], int]
 
@@ -68,6 +78,8 @@ class Orders:
         self.last = self._for_a_shell(line)
         if options.verb == "estop":
             self._station.estop()
+        elif options.verb == "lease" and options.action in LEASES:
+            LEASES[options.action](self._station)
         elif options.local:
             self._locally(options)
         else:

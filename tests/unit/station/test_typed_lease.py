@@ -1,0 +1,43 @@
+"""A typed `lease` is the station's to do: it is what beats for it."""
+
+from pathlib import Path
+
+import pytest
+
+from ground.app.orders import Orders
+from ground.console import History
+from ground.options import Common
+from protocol.network import Network
+from tests.unit.station.play import Play
+
+
+@pytest.fixture
+def typing(tmp_path: Path) -> tuple[Play, Orders]:
+    play = Play().forward(1.0)
+    network = Network(mode="client", connect=("tcp/127.0.0.1:7447",))
+    history = History(tmp_path / "history")
+    common = Common(network=network, robot="r1")
+    return play, Orders(lambda: play.station, None, common, play.clock, history)
+
+
+def test_take_and_release_go_through_the_station(typing: tuple[Play, Orders]) -> None:
+    play, orders = typing
+    orders.give("lease take")
+    play.forward(1.0)
+    assert play.station.lease.ours
+    assert play.beats > 1
+    orders.give("lease release")
+    play.forward(1.0)
+    assert not play.station.lease.held
+
+
+def test_seizing_is_possible_while_another_holds_it(typing: tuple[Play, Orders]) -> None:
+    play, orders = typing
+    play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
+    play.forward(1.0)
+    orders.give("lease take")
+    play.forward(1.0)
+    assert play.station.lease.others
+    orders.give("lease seize")
+    play.forward(1.0)
+    assert play.station.lease.ours
