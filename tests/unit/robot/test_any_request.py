@@ -1,0 +1,57 @@
+"""Whatever the wire can carry, from whomever: it is answered, and the robot ticks on."""
+
+from typing import Final
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from protocol.codec import Encoder
+from protocol.message import Message, check
+from protocol.messages import (
+    CommandRequest,
+    GoalRequest,
+    LeaseRequest,
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    ParamSet,
+    Teleop,
+)
+from tests.unit.protocol.made_up import any_message, messages_of
+from tests.unit.robot.vehicles import Desk
+
+LIKELY: Final[tuple[type[Message], ...]] = (
+    CommandRequest,
+    GoalRequest,
+    LeaseRequest,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionClearAll,
+    ParamSet,
+)
+requests = st.one_of(any_message, st.sampled_from(LIKELY).flatmap(messages_of))
+askers = st.sampled_from(["", "ada", "bob"])
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(requests, askers), max_size=30), messages_of(Teleop))
+def test_every_request_has_an_answer_that_can_be_sent_and_the_robot_ticks_on(
+    asked: list[tuple[Message, str]], teleop: Message
+) -> None:
+    desk = Desk()
+    desk.arm()
+    encoder = Encoder(1, 1)
+    assert isinstance(teleop, Teleop)
+    for request, operator in asked:
+        encoder.encode(desk.vehicle.receive(request, desk.now_ns, operator))
+        desk.vehicle.hear_teleop(teleop, desk.now_ns)
+        desk.step()
+        for told in (
+            desk.vehicle.lease_status(desk.now_ns, desk.now_ns),
+            desk.vehicle.mission_status(desk.now_ns, desk.now_ns),
+            *desk.vehicle.texts(),
+        ):
+            if told is not None:
+                check(told)
