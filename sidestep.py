@@ -23,7 +23,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "up": Verb("ground.cli", "start plant, robot and a goal, and tell how it ended"),
         "plant": Verb("plant.cli", "the world: pymunk, sonars, wheels, noise", False),
         "robot": Verb("robot.cli", "the control loop of one robot, 20 Hz", False),
-        "ground": Verb("ground.cli", "an operator without a screen: heartbeat and log"),
+        "ground": Verb("ground.cli", "the ground station, in this terminal or in a browser"),
         "router": Verb("ground.cli", "a Zenoh router for more than one robot or machine"),
     },
     "command": {

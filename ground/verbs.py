@@ -91,7 +91,12 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         ),
         "teleop": Verb(teleop.arguments, teleop.run, "drive by hand: SPEED YAW_DEG_S", teleop.act),
         "watch": talking(watch.arguments, watch.act, "show what the robot says, line by line"),
-        "ground": talking(watch.ground_arguments, watch.act_ground, "an operator without a screen"),
+        "ground": Verb(
+            watch.ground_arguments,
+            watch.run_ground,
+            "the ground station, in this terminal or in a browser",
+            watch.act_ground,
+        ),
         "doctor": Verb(
             doctor.arguments, doctor.run, "say what is missing and what to do", doctor.act
         ),

@@ -6,10 +6,11 @@ from contextlib import suppress
 from queue import SimpleQueue
 from typing import Final
 
+from ground import web
 from ground.app.looks import add_looks
 from ground.app.start import has_screen
 from ground.app.start import run as run_app
-from ground.link import LISTEN_NS, Link
+from ground.link import LISTEN_NS, Link, linked
 from ground.operator import BEAT_NS, Pace
 from ground.options import add_common, common_of
 from ground.parts import in_words
@@ -37,6 +38,15 @@ def ground_arguments(parser: argparse.ArgumentParser) -> None:
         "--plain", action="store_true", help="one line a second, as without a terminal"
     )
     add_looks(parser)
+    web.arguments(parser)
+
+
+def run_ground(options: argparse.Namespace, says: Says) -> int:
+    """In a browser, in this terminal, or as lines."""
+    if options.web is not None:
+        return web.serve(options, says)
+    with linked(common_of(options)) as link:
+        return act_ground(options, link, says)
 
 
 def act(options: argparse.Namespace, link: Link, says: Says) -> int:

@@ -10,6 +10,8 @@ from typing import Final
 NAMES: Final = ("dark", "light", "contrast", "ansi", "mono")
 FEW_COLOURS: Final = ("linux", "vt100", "vt220", "ansi", "dumb")
 LOCALES: Final = ("LC_ALL", "LC_CTYPE", "LANG")
+DRIVER: Final = "TEXTUAL_DRIVER"
+"""Set by what shows the app in a browser: then there is a screen without a terminal."""
 RATES_HZ: Final = (2.0, 5.0, 10.0, 20.0)
 
 
@@ -45,10 +47,19 @@ def usual_theme(environment: Mapping[str, str]) -> str:
     """What the terminal asks for: no colour at all (no-color.org), sixteen, or dark."""
     if environment.get("NO_COLOR"):
         return "mono"
+    if in_browser(environment):
+        return "dark"
     return "ansi" if environment.get("TERM", "") in FEW_COLOURS else "dark"
 
 
 def speaks_ascii_only(environment: Mapping[str, str]) -> bool:
     """A console without braille, or a locale that promises nothing but ASCII."""
+    if in_browser(environment):
+        return False
     locale = next((environment[name] for name in LOCALES if environment.get(name)), "")
     return environment.get("TERM", "") == "linux" or locale in ("C", "POSIX")
+
+
+def in_browser(environment: Mapping[str, str]) -> bool:
+    """Whether the terminal whose variables these are is not the one that is looked at."""
+    return bool(environment.get(DRIVER))

@@ -11,7 +11,7 @@ from threading import Thread
 from typing import Final
 
 from ground.app.keymap import Keymap, load
-from ground.app.looks import looks_of
+from ground.app.looks import in_browser, looks_of
 from ground.link import Link
 from ground.options import Common
 from ground.stack import Stack
@@ -20,8 +20,6 @@ from protocol.network import Network
 
 CLOSING_S: Final = 3.0
 FOLDER: Final = "sidestep"
-DRIVER: Final = "TEXTUAL_DRIVER"
-"""Set by what shows the app in a browser: then there is a screen without a terminal."""
 
 
 def run(options: argparse.Namespace, link: Link, common: Common, stack: Stack | None = None) -> int:
@@ -100,7 +98,7 @@ def has_screen() -> bool:
     """Textual reads standard input and draws on standard error."""
     streams = (sys.__stdin__, sys.__stdout__, sys.__stderr__)
     on_terminal = all(stream is not None and stream.isatty() for stream in streams)
-    return on_terminal or bool(os.environ.get(DRIVER))
+    return on_terminal or in_browser(os.environ)
 
 
 def in_time(close: Callable[[], None]) -> None:

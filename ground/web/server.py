@@ -1,5 +1,6 @@
 """textual-serve with a door in front; its address is that of the request, its words are ours."""
 
+import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from typing import Any, Final
@@ -25,7 +26,7 @@ class WebServer(Server):
     ) -> None:
         super().__init__(command, host=address.host, port=address.port, title="Sidestep")
         self.door = Door(token, address.port)
-        self.sessions = 0
+        self.sessions: set[asyncio.Task[object]] = set()
         self._ready = ready
 
     def initialize_logging(self) -> None:
@@ -48,10 +49,17 @@ class WebServer(Server):
         return await page(request)
 
     async def handle_websocket(self, request: web.Request) -> Any:
-        if self.sessions >= MOST_SESSIONS:
+        task = asyncio.current_task()
+        if task is None or len(self.sessions) >= MOST_SESSIONS:
             return web.Response(status=503, text=FULL)
-        self.sessions += 1
+        self.sessions.add(task)
         try:
             return await super().handle_websocket(request)
         finally:
-            self.sessions -= 1
+            self.sessions.discard(task)
+
+    async def on_shutdown(self, app: web.Application) -> None:
+        """End the apps: left to themselves, open browsers would hold up the end for a minute."""
+        for session in self.sessions:
+            session.cancel()
+        await asyncio.gather(*self.sessions, return_exceptions=True)

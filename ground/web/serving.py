@@ -4,15 +4,16 @@ import argparse
 import os
 import shlex
 import socket
-from collections.abc import Sequence
 from contextlib import closing
+from typing import Final
 
 from ground.leash import command
 from ground.says import Says
 from ground.web.address import USUAL_HOST, USUAL_PORT, Address, address_of, token_of
 from protocol.errors import UserError
 
-LACKING = "--web needs the extra `web`: pip install 'sidestep[web]'"
+PASSED_ON: Final = ("connect", "id", "config", "theme", "hz", "keys")
+LACKING: Final = "--web needs the extra `web`: pip install 'sidestep[web]'"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,8 +29,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def serve(options: argparse.Namespace, words: Sequence[str], says: Says) -> int:
-    """Until SIGINT or SIGTERM; `words` are the verb with its options that each browser gets.
+def serve(options: argparse.Namespace, says: Says) -> int:
+    """Until SIGINT or SIGTERM: each browser gets an app with the same options.
 
     Raises UserError when the address is taken or the library is not there.
     """
@@ -49,9 +50,19 @@ def serve(options: argparse.Namespace, words: Sequence[str], says: Says) -> int:
             )
 
     # exec: the shell that textual-serve starts must not stand between us and the app.
-    line = "exec " + shlex.join(command(words, os.getpid()))
+    line = "exec " + shlex.join(command(words_of(options), os.getpid()))
     WebServer(line, address, token, ready).serve()
     return 0
+
+
+def words_of(options: argparse.Namespace) -> list[str]:
+    """The verb and its options, as the app of a browser is to be started."""
+    words = ["ground"]
+    for name in PASSED_ON:
+        value = getattr(options, name)
+        if value is not None:
+            words += [f"--{name}", str(value)]
+    return [*words, "--ascii"] if options.ascii else words
 
 
 def refuse_taken(address: Address) -> None:

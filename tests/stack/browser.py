@@ -1,0 +1,106 @@
+"""A headless Chromium, spoken to in its own protocol: open a page, type, take a picture."""
+
+import asyncio
+import base64
+import json
+import shutil
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import aiohttp
+
+NAMES: Final = ("chromium", "chromium-browser", "google-chrome")
+FLAGS: Final = (
+    *("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"),
+    *("--no-first-run", "--disable-extensions", "--remote-debugging-port=0", "--mute-audio"),
+    "--window-size=1200,700",
+)
+START_S: Final = 30.0
+
+
+def chromium() -> str | None:
+    """Where it is; None when this machine has none."""
+    return next((found for name in NAMES if (found := shutil.which(name))), None)
+
+
+class Page:
+    """One tab."""
+
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self._socket = socket
+        self._asked = 0
+
+    async def do(self, method: str, **parameters: object) -> dict[str, Any]:
+        """Ask the browser; its answer, or an AssertionError with its words."""
+        self._asked += 1
+        await self._socket.send_json({"id": self._asked, "method": method, "params": parameters})
+        while True:
+            said: dict[str, Any] = json.loads(await self._socket.receive_str(timeout=START_S))
+            if said.get("id") == self._asked:
+                assert "error" not in said, said["error"]
+                answer: dict[str, Any] = said["result"]
+                return answer
+
+    async def value(self, script: str) -> Any:
+        """What a piece of JavaScript comes to."""
+        answer = await self.do("Runtime.evaluate", expression=script, returnByValue=True)
+        return answer["result"].get("value")
+
+    async def click(self, x: int, y: int) -> None:
+        """With the left button; what is typed goes where was clicked."""
+        for what in ("mousePressed", "mouseReleased"):
+            place = {"x": x, "y": y, "button": "left", "clickCount": 1}
+            await self.do("Input.dispatchMouseEvent", type=what, **place)
+
+    async def type(self, text: str) -> None:
+        """Each letter as a key that is pressed; a new line is Enter."""
+        for letter in text:
+            key = {"key": "Enter", "code": "Enter", "windowsVirtualKeyCode": 13, "text": "\r"}
+            if letter != "\n":
+                key = {"key": letter, "text": letter}
+            await self.do("Input.dispatchKeyEvent", type="keyDown", **key)
+            await self.do("Input.dispatchKeyEvent", type="keyUp", key=key["key"])
+
+    async def picture(self) -> bytes:
+        """A PNG of what a person would see."""
+        answer = await self.do("Page.captureScreenshot", format="png")
+        return base64.b64decode(answer["data"])
+
+
+@asynccontextmanager
+async def browsing(url: str) -> AsyncIterator[Page]:
+    """A browser that has opened the page; it is ended on the way out."""
+    program = chromium()
+    assert program is not None
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        process = await asyncio.create_subprocess_exec(
+            program,
+            *FLAGS,
+            f"--user-data-dir={profile}",
+            url,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.DEVNULL,
+        )
+        try:
+            async with aiohttp.ClientSession() as session:
+                target = await _target(session, Path(profile) / "DevToolsActivePort")
+                async with session.ws_connect(target, max_msg_size=0) as socket:
+                    yield Page(socket)
+        finally:
+            process.kill()
+            await process.wait()
+
+
+async def _target(session: aiohttp.ClientSession, file: Path) -> str:
+    """The address at which the one tab is spoken to."""
+    async with asyncio.timeout(START_S):
+        while True:
+            if file.exists() and (lines := file.read_text().splitlines()):
+                async with session.get(f"http://127.0.0.1:{lines[0]}/json/list") as answer:
+                    for tab in await answer.json():
+                        if tab["type"] == "page":
+                            return str(tab["webSocketDebuggerUrl"])
+            await asyncio.sleep(0.05)
