@@ -7,12 +7,12 @@ import argparse
 import os
 import pwd
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Final
 
 from ground.holder import lease_status, who_refuses
 from ground.link import NS_PER_S, Link
-from ground.operator import BEAT_NS, Answered
+from ground.operator import BEAT_NS, Answered, Asking
 from ground.options import add_common, seconds
 from ground.orders import MS, tell, why
 from ground.says import Says
@@ -21,7 +21,7 @@ from protocol.errors import RemoteError, UserError
 from protocol.messages import LeaseRequest
 from protocol.topics import LEASE_SERVICE
 
-RELEASE_NS: Final = 300 * MS
+RELEASE_NS: Final = 200 * MS
 NAME_BYTES: Final = 16
 ACTIONS: Final = ("take", "release", "seize", "show")
 
@@ -87,10 +87,10 @@ def leased(link: Link, name: str | None = None) -> Iterator[None]:
 
 
 def give_back(link: Link) -> None:
-    """Once and briefly: without us it lapses by itself."""
+    """Once and briefly, and nobody asks why there is no answer: without us it lapses by itself."""
     request = LeaseRequest(request_id=link.ids.next(), action=LeaseAction.RELEASE, name="")
-    with suppress(RemoteError):
-        link.ask(request, attempts=1, patience_ns=RELEASE_NS, service=LEASE_SERVICE)
+    now_ns = link.clock.now_ns()
+    link.talk(Asking(request, now_ns, attempts=1, patience_ns=RELEASE_NS), LEASE_SERVICE)
 
 
 def named(name: str | None) -> str:
