@@ -1,8 +1,8 @@
 """A goal as a person types it, checked and turned into the integers of the wire."""
 
 import argparse
-from dataclasses import dataclass
-from math import degrees, pi, radians
+from dataclasses import dataclass, replace
+from math import cos, degrees, pi, radians, remainder, sin
 from typing import Final
 
 from ground.options import positive, within
@@ -13,6 +13,7 @@ from protocol.options import finite
 from protocol.wire_goal import WireGoal, wire_goal
 
 FARTHEST_M: Final = 2_000_000.0  # what fits the wire; the robot's own limit is nearer
+FRAMES: Final = ("world", "body")
 POSITION_TOLERANCE_M: Final = 0.05
 HEADING_TOLERANCE_DEG: Final = 3.0
 
@@ -64,6 +65,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="aligned within this angle (3)",
     )
 
+    parser.add_argument(
+        "--frame",
+        choices=FRAMES,
+        default="world",
+        help="body: X ahead of the robot, Y to its left, DEG from where it looks (world)",
+    )
+
 
 def destination_of(options: argparse.Namespace) -> Destination:
     """What was typed; UserError when it cannot be a goal for any robot."""
@@ -95,6 +103,17 @@ def destination(
         heading_rad=radians(numbers[2]) if len(numbers) == 3 else None,
         position_tolerance_m=position_tolerance_m,
         heading_tolerance_rad=min(radians(heading_tolerance_deg), pi),
+    )
+
+
+def from_robot(where: Destination, x_m: float, y_m: float, heading_rad: float) -> Destination:
+    """What lies there as seen by a robot at this pose, as a place of the world."""
+    turn, forward_m, left_m = where.heading_rad, where.x_m, where.y_m
+    return replace(
+        where,
+        x_m=x_m + forward_m * cos(heading_rad) - left_m * sin(heading_rad),
+        y_m=y_m + forward_m * sin(heading_rad) + left_m * cos(heading_rad),
+        heading_rad=None if turn is None else remainder(heading_rad + turn, 2.0 * pi),
     )
 
 

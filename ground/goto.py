@@ -4,7 +4,7 @@ import argparse
 from contextlib import suppress
 from typing import Final
 
-from ground.destination import Destination, destination_of, goal_request
+from ground.destination import Destination, destination_of, from_robot, goal_request
 from ground.destination import arguments as destination_arguments
 from ground.lease import leased
 from ground.link import NS_PER_S, Link, linked
@@ -23,6 +23,7 @@ from protocol.topics import DECISION, ODOMETRY, STATUS
 SHOW_NS: Final = 200_000_000
 SHOW_PLAIN_NS: Final = 2_000_000_000
 STOP_NS: Final = 300_000_000
+POSE_NS: Final = 1_000_000_000
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,6 +47,8 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
     if options.timeout is not None and (options.no_wait or options.attended):
         raise UserError("--timeout is for whoever waits for the end; nobody does")
     drive = Drive(link, says)
+    if options.frame == "body":
+        where = drive.seen_by_robot(where)
     if options.no_wait or options.attended:
         mode = Mode.AUTO if options.no_wait else Mode.GUIDED
         return tell(says, "goto", link, drive.send(where, mode)[0])
@@ -63,6 +66,15 @@ class Drive:
         self._telemetry = Telemetry(
             link.bus, link.robot, (STATUS, ODOMETRY, DECISION), notify=link.pulse.beat
         )
+
+    def seen_by_robot(self, where: Destination) -> Destination:
+        """What lies there for the robot, in the world; RemoteError when it is not heard."""
+        clock, telemetry = self._link.clock, self._telemetry
+        self._link.wait(lambda: telemetry.fresh(ODOMETRY, clock.now_ns()) is not None, POSE_NS)
+        pose = telemetry.fresh(ODOMETRY, clock.now_ns())
+        if pose is None:
+            raise RemoteError(f"the robot does not say where it is: {self._link.diagnosis()}")
+        return from_robot(where, pose.x_m, pose.y_m, pose.heading_rad)
 
     def wait_for(self, where: Destination, timeout_ns: int | None) -> int:
         """Exit code 0 when the robot gets there. Whatever interrupts us aborts the goal."""

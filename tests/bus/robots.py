@@ -18,12 +18,14 @@ from protocol.messages import (
     NavigatorStatus,
     ParamSet,
     ParamValue,
+    PlanarOdometry,
     Teleop,
 )
 from protocol.reasons import Reason
 from protocol.topics import (
     COMMAND,
     HEARTBEAT,
+    ODOMETRY,
     OPERATOR,
     PARAMETER,
     PARAMETERS,
@@ -65,6 +67,9 @@ class PlayedRobot:
         self._stop = threading.Event()
         self._status = bus.publisher(STATUS)
         self._heart = bus.publisher(HEARTBEAT)
+        self._pose = bus.publisher(ODOMETRY)
+        self.pose: tuple[float, float, float] | None = None
+        """Where it says it is, in metres and radians; None: it does not say."""
         self.desk = PlayedDesk(bus)
         self.driven: list[Teleop] = []
         self._thread = threading.Thread(target=self._speak, daemon=True)
@@ -93,6 +98,8 @@ class PlayedRobot:
             self._heart.put(BEAT)
             self._status.put(self.stale or self.status())
             self.desk.speak(self._time_ns)
+            if self.pose is not None:
+                self._pose.put(pose_of(self.pose, self._time_ns))
 
     def status(self) -> NavigatorStatus:
         over = self.goal >= GoalState.REACHED
@@ -170,6 +177,25 @@ class PlayedRobot:
             message.command if isinstance(message, CommandRequest) else Command.DO_REPOSITION
             for message in self.asked
         ]
+
+
+def pose_of(pose: tuple[float, float, float], time_ns: int) -> PlanarOdometry:
+    """Standing there, and sure of it."""
+    x_m, y_m, heading_rad = pose
+    return PlanarOdometry(
+        time_ns=time_ns,
+        x_m=x_m,
+        y_m=y_m,
+        heading_rad=heading_rad,
+        speed_m_s=0.0,
+        yaw_rate_rad_s=0.0,
+        cov_xx_m2=0.0,
+        cov_xy_m2=0.0,
+        cov_xh_m_rad=0.0,
+        cov_yy_m2=0.0,
+        cov_yh_m_rad=0.0,
+        cov_hh_rad2=0.0,
+    )
 
 
 @contextmanager

@@ -87,6 +87,7 @@ def test_both_ask_for_the_same(
     for here in (False, True):
         with played() as (robot, endpoint):
             arrives(robot)
+            robot.pose = (1.0, 2.0, 0.5)
             if here:
                 code, said, _ = typed_in(endpoint, typed, draft)
             else:

@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -299,3 +300,22 @@ def test_what_was_changed_is_shown_and_set_back(say: Say) -> None:
     assert "0.4 *" in say("param", "diff")[1]
     assert say("param", "reset", "d_obs_m")[1].startswith("d_obs_m = 0.3, ")
     assert "did you mean d_obs_m?" in say("param", "reset", "d_obs")[2]
+
+
+def test_a_goal_seen_from_the_robot_becomes_a_place_of_the_world(
+    robot: PlayedRobot, say: Say
+) -> None:
+    robot.pose = (1.0, 2.0, pi / 2)
+    assert say("goto", "2", "-0.5", "90", "--frame", "body", "--no-wait")[0] == 0
+    (goal,) = robot.asked
+    assert isinstance(goal, GoalRequest)
+    assert (goal.x_mm, goal.y_mm, abs(goal.heading_urad)) == (1500, 4000, round(pi * 1e6))
+
+
+def test_a_robot_that_does_not_say_where_it_is_cannot_be_sent_from_there(
+    robot: PlayedRobot, say: Say
+) -> None:
+    code, _, err = say("goto", "1", "0", "--frame", "body", "--no-wait")
+    assert code == 1
+    assert "does not say where it is" in err
+    assert robot.asked == []

@@ -1,13 +1,13 @@
 """What a person types becomes a goal of the wire, or is refused with the number that is wrong."""
 
 import argparse
-from math import inf, nan, pi
+from math import dist, inf, nan, pi
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.destination import arguments, destination, destination_of, goal_request
+from ground.destination import arguments, destination, destination_of, from_robot, goal_request
 from ground.options import positive, seconds
 from protocol.codec import Encoder, decode
 from protocol.enums import Mode
@@ -72,3 +72,19 @@ def test_a_goal_fits_the_wire_or_is_refused(
         return
     request = goal_request(where.on_the_wire(), 1, Mode.AUTO)
     assert decode(Encoder(1, 1).encode(request)).message == request
+
+
+@given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-3.1, 3.1), st.floats(-50, 50))
+def test_what_lies_ahead_of_the_robot_is_as_far_away_in_the_world(
+    x_m: float, y_m: float, heading_rad: float, ahead_m: float
+) -> None:
+    there = from_robot(destination([ahead_m, 0.0]), x_m, y_m, heading_rad)
+    assert dist((there.x_m, there.y_m), (x_m, y_m)) == pytest.approx(abs(ahead_m), abs=1e-9)
+    assert there.heading_rad is None
+
+
+def test_left_of_a_robot_that_looks_up_is_west() -> None:
+    there = from_robot(destination([0.0, 1.0, 90.0]), 3.0, 4.0, pi / 2)
+    assert (there.x_m, there.y_m) == pytest.approx((2.0, 4.0))
+    assert there.heading_rad is not None
+    assert abs(there.heading_rad) == pytest.approx(pi)

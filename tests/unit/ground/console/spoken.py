@@ -4,6 +4,7 @@ SPOKEN: list[tuple[str, list[str]]] = [
     ("goal 9 7", ["goto", "9", "7"]),
     ("goal 9 -7 -90 --tolerance 0.1", ["goto", "9", "-7", "-90", "--tolerance", "0.1"]),
     ("goal 1 2 --tol 0.1", ["goto", "1", "2", "--tol", "0.1"]),
+    ("goal 1 0 --frame body", ["goto", "1", "0", "--frame", "body"]),
     ("goto 1 2 --no-wait", ["goto", "1", "2", "--no-wait"]),
     ("hold", ["hold"]),
     ("resume", ["resume"]),

@@ -1,0 +1,192 @@
+"""Transfers step by step: lost frames are asked for again, and what is out of turn does no harm."""
+
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.missions.mission import Waypoint
+from ground.missions.transfer import (
+    ATTEMPTS,
+    NO_ITEM,
+    PATIENCE_NS,
+    Clear,
+    Download,
+    Downloaded,
+    Transfer,
+    Upload,
+    Verdict,
+)
+from ground.missions.wire import items_of
+from ground.operator import GaveUp
+from protocol.enums import MissionType
+from protocol.message import Message
+from protocol.messages import (
+    CommandAck,
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionRequestList,
+    MissionVerdict,
+)
+from protocol.reasons import Reason
+
+MISSION = MissionType.MISSION
+ITEMS = items_of([Waypoint(x_m=float(at), y_m=0.0) for at in range(3)])
+
+
+def verdict(reason: int = 0, item: int = NO_ITEM, kind: int = MISSION) -> MissionVerdict:
+    return MissionVerdict(mission_id=4, item=item, reason=reason, mission_type=kind)
+
+
+def asked(transfer: Transfer, now_ns: int) -> Message:
+    """The one question of this step."""
+    (send,) = transfer.due(now_ns)
+    assert transfer.due(now_ns) == []
+    return send.request
+
+
+def test_an_upload_gives_what_it_is_asked_for_until_there_is_a_verdict() -> None:
+    upload = Upload(ITEMS, MISSION, 0)
+    assert asked(upload, 0) == MissionCount(count=3, mission_type=MISSION)
+    for seq, item in enumerate(ITEMS):
+        upload.receive(MissionRequestInt(seq=seq, mission_type=MISSION), seq)
+        assert asked(upload, seq) == item
+    upload.receive(verdict(), 9)
+    assert upload.outcome == Verdict(0, None, 4)
+    assert upload.due(10**12) == []
+
+
+def test_a_refusal_may_come_at_any_step_and_names_the_item() -> None:
+    upload = Upload(ITEMS, MISSION, 0)
+    asked(upload, 0)
+    upload.receive(verdict(Reason.OUTSIDE_FENCE, 1), 1)
+    assert isinstance(upload.outcome, Verdict)
+    assert not upload.outcome.ok
+    assert upload.outcome.text == "item 1: goal is outside of the fence"
+
+
+def test_a_question_without_an_answer_is_asked_again_a_fixed_time_apart() -> None:
+    upload = Upload(ITEMS, MISSION, 0)
+    first = asked(upload, 0)
+    upload.unanswered("nobody serves it")
+    assert upload.due(PATIENCE_NS - 1) == []
+    assert asked(upload, PATIENCE_NS) == first
+
+
+def test_it_is_given_up_with_the_last_reason_when_nobody_answers() -> None:
+    download = Download(MISSION, 0)
+    for attempt in range(ATTEMPTS):
+        asked(download, attempt * PATIENCE_NS)
+        download.unanswered(f"lost {attempt}")
+    assert download.due(ATTEMPTS * PATIENCE_NS) == []
+    assert download.outcome == GaveUp(f"lost {ATTEMPTS - 1}")
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        MissionRequestInt(seq=3, mission_type=MISSION),
+        MissionRequestInt(seq=0, mission_type=MissionType.FENCE),
+        verdict(kind=MissionType.FENCE),
+        MissionCount(count=3),
+        CommandAck(command=0, result=0),
+        b"not a message at all",
+    ],
+)
+def test_an_answer_that_is_out_of_turn_changes_nothing(answer: object) -> None:
+    upload = Upload(ITEMS, MISSION, 0)
+    first = asked(upload, 0)
+    upload.receive(answer, 1)
+    assert not upload.over
+    assert asked(upload, PATIENCE_NS) == first
+
+
+def test_a_robot_that_asks_for_ever_is_given_up() -> None:
+    upload = Upload(ITEMS, MISSION, 0)
+    for _ in range(10_000):
+        if upload.due(0):
+            upload.receive(MissionRequestInt(seq=0, mission_type=MISSION), 0)
+    assert isinstance(upload.outcome, GaveUp)
+
+
+def test_a_download_takes_every_item_in_order() -> None:
+    download = Download(MISSION, 0)
+    assert asked(download, 0) == MissionRequestList(mission_type=MISSION)
+    download.receive(MissionCount(count=3, mission_type=MISSION), 1)
+    for seq, item in enumerate(ITEMS):
+        assert asked(download, 1) == MissionRequestInt(seq=seq, mission_type=MISSION)
+        download.receive(item, 1)
+    assert download.outcome == Downloaded(tuple(ITEMS))
+
+
+def test_a_robot_without_a_mission_has_no_items() -> None:
+    download = Download(MISSION, 0)
+    asked(download, 0)
+    download.receive(MissionCount(count=0, mission_type=MISSION), 1)
+    assert download.outcome == Downloaded(())
+
+
+def test_clearing_ends_with_a_verdict() -> None:
+    clear = Clear(MissionType.FENCE, 0)
+    assert asked(clear, 0) == MissionClearAll(mission_type=MissionType.FENCE)
+    clear.receive(MissionCount(count=0), 1)
+    assert not clear.over
+    clear.receive(verdict(kind=MissionType.FENCE), 2)
+    assert clear.outcome == Verdict(0, None, 4)
+
+
+class Robot:
+    """The other side, plainly: remembers what it was given."""
+
+    def __init__(self) -> None:
+        self.taken: list[MissionItemInt] = []
+        self.count = 0
+
+    def answer(self, frame: Message) -> Message:
+        if isinstance(frame, MissionCount):
+            self.count, self.taken = frame.count, []
+        elif isinstance(frame, MissionItemInt) and frame.seq == len(self.taken):
+            self.taken.append(frame)
+        if isinstance(frame, MissionRequestList):
+            return MissionCount(count=len(self.taken), mission_type=MISSION)
+        if isinstance(frame, MissionRequestInt):
+            return self.taken[frame.seq]
+        if len(self.taken) < self.count:
+            return MissionRequestInt(seq=len(self.taken), mission_type=MISSION)
+        return verdict()
+
+
+@given(
+    st.integers(1, 30).map(lambda count: [Waypoint(x_m=float(at), y_m=1.0) for at in range(count)]),
+    st.lists(st.sampled_from(["whole", "question lost", "answer lost"]), max_size=40),
+)
+def test_a_mission_arrives_whole_whatever_is_lost_on_the_way(
+    waypoints: list[Waypoint], fates: list[str]
+) -> None:
+    robot, items, waiting = Robot(), items_of(waypoints), iter(fates)
+    there = carried(Upload(items, MISSION, 0), robot, waiting)
+    if isinstance(there, Verdict):
+        assert there.ok
+        assert robot.taken == items
+        back = carried(Download(MISSION, 0), robot, iter(fates))
+        assert isinstance(back, GaveUp) or back == Downloaded(tuple(items))
+    else:
+        assert sum(fate != "whole" for fate in fates) >= ATTEMPTS
+
+
+def carried(transfer: Transfer, robot: Robot, fates: Iterator[str]) -> object:
+    """Over a link with such luck; afterwards nothing is lost any more."""
+    now_ns = 0
+    while not transfer.over:
+        for send in transfer.due(now_ns):
+            fate = next(fates, "whole")
+            answer = None if fate == "question lost" else robot.answer(send.request)
+            if answer is None or fate == "answer lost":
+                transfer.unanswered(fate)
+            else:
+                transfer.receive(answer, now_ns)
+        now_ns = max(now_ns, transfer.next_ns)
+    return transfer.outcome
