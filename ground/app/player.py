@@ -1,11 +1,15 @@
 """A recording with a station that looks at it: it plays, steps and seeks, also backwards."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from ground.blackbox.replay import ReplayBus
 from ground.station import Station
+from ground.station.world import WorldFacts, world_in
 from protocol.clock import Clock
+from protocol.errors import RemoteError
+from protocol.topics import WORLD
 
 TWICE: Final = 2.0
 NS_PER_S: Final = 1_000_000_000
@@ -17,6 +21,7 @@ class Player:
     def __init__(self, path: Path, clock: Clock, robot: str | None = None) -> None:
         """UserError when there is nothing to play."""
         self.bus = ReplayBus(path, clock, robot)
+        self._world = world_in_recording(self.bus)
         self.station = self._station()
         self.note(f"{path.name}: {self.duration_s:.1f} s of {self.bus.robot}")
         if self.bus.damage:
@@ -98,4 +103,13 @@ class Player:
             self.bus.timeline.play()
 
     def _station(self) -> Station:
-        return Station(self.bus, self.bus.robot, self.bus.timeline)
+        return Station(self.bus, self.bus.robot, self.bus.timeline, self._world)
+
+
+def world_in_recording(bus: ReplayBus) -> WorldFacts | None:
+    """None when it holds none, or none that can be read."""
+    with suppress(RemoteError):
+        answer = bus.ask(WORLD)
+        if isinstance(answer, bytes):
+            return world_in(answer)
+    return None

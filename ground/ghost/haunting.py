@@ -1,5 +1,6 @@
 """Ghosts of what a station shows, live or played: begun at its present instant, told in its log."""
 
+from collections.abc import Callable
 from typing import Final
 
 from ground.destination import Destination
@@ -26,9 +27,11 @@ NO_WORLD: Final = "no world is known: a ghost needs a simulation, or a recording
 class Haunting:
     """`begin` one at a key press, `poll` when the station is polled, `trails` for its scene."""
 
-    def __init__(self, station: Station, ghosts: Ghosts | None = None) -> None:
-        self._station = station
+    def __init__(self, shown: Callable[[], Station], ghosts: Ghosts | None = None) -> None:
+        """`shown`: the station of the moment; a played log has another one after every way back."""
+        self._shown = shown
         self._ghosts = ghosts or Ghosts()
+        self._world = ""
 
     def begin(self, choice: str) -> None:
         """A navigator, `all` of them, or `none`: those there are go. Raises UserError.
@@ -40,18 +43,23 @@ class Haunting:
             return
         if choice not in CHOICES:
             raise UserError(f"no navigator {choice!r}: {', '.join(CHOICES)}")
-        instant, side = instant_of(self._station), side_of(self._station)
-        parameters = driving(changed(self._station.parameters or ()))
+        station = self._shown()
+        instant, side = instant_of(station), side_of(station)
+        parameters = driving(changed(station.parameters or ()))
+        self._world = world_of(station)
         for name in NAVIGATORS if choice == ALL else (choice,):
             self._ghosts.add(name, Ghost(*instant, name, parameters, side=side))
 
     def poll(self) -> None:
-        """Look, and tell how those came out that have ended since."""
+        """Look, and tell how those came out that have ended. In another world they are gone."""
+        station = self._shown()
+        if self._world and world_of(station) not in ("", self._world):
+            self.clear()
         for name in self._ghosts.poll():
             course = self._ghosts.courses[name]
             if course is not None:
                 severity = Severity.WARNING if course.outcome == FAILED else Severity.INFO
-                self._station.note(f"ghost {name}: {told(course)}", severity)
+                station.note(f"ghost {name}: {told(course)}", severity)
 
     @property
     def busy(self) -> bool:
@@ -64,6 +72,7 @@ class Haunting:
     def clear(self) -> None:
         """End them and forget their ways."""
         self._ghosts.clear()
+        self._world = ""
 
 
 def instant_of(station: Station) -> Instant:
@@ -80,6 +89,11 @@ def instant_of(station: Station) -> Instant:
         raise UserError("nothing is heard of the robot now")
     goal: Destination = goal_of(status)
     return Instant(world.text, (place.x_m, place.y_m, place.heading_rad), at_s, goal)
+
+
+def world_of(station: Station) -> str:
+    """What tells one world from another; empty while none is known."""
+    return "" if station.world is None else station.world.text
 
 
 def side_of(station: Station) -> str | None:

@@ -12,12 +12,22 @@ from ground.ghost.course import Course, Point
 from ground.ghost.instant import Facts, Instant
 from protocol.enums import GoalState
 from protocol.errors import UserError
-from protocol.messages import GoalRequest, GroundTruth, NavigatorStatus, PlanarOdometry
+from protocol.messages import (
+    GoalRequest,
+    GroundTruth,
+    NavigatorStatus,
+    PlanarOdometry,
+    SystemTime,
+)
 from protocol.outcome import ENDS
 from protocol.reasons import reason_text
-from protocol.topics import COMMANDED, ODOMETRY, STATUS, TRUTH
+from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH
 
 NS_PER_S: Final = 1_000_000_000
+NS_PER_US: Final = 1_000
+SLACK_NS: Final = 100_000_000
+"""A request is recorded at about the time at which the robot says that it has a goal."""
+
 LIVING: Final = (GoalState.ACCEPTED, GoalState.DRIVING, GoalState.AVOIDING, GoalState.ALIGNING)
 SAME_M: Final = 0.002
 DRIVING: Final = "driving"
@@ -32,18 +42,29 @@ class Place(NamedTuple):
 
 
 class Footage:
-    """The parts of a recording that a ghost needs; places are true ones where they are known."""
+    """The parts of a recording that a ghost needs; places are true ones where they are known.
+
+    In lockstep all stamps are of one clock: they say what belongs together, arrival does not quite.
+    """
 
     def __init__(self, reel: Reel) -> None:
+        begun_ns = lockstep_ns(reel)
+
+        def when(at_ns: int, stamp_ns: int) -> int:
+            return at_ns if begun_ns is None else stamp_ns - begun_ns
+
         self.statuses = [
-            (at_ns, one) for at_ns, one in reel.on(STATUS.path) if type(one) is NavigatorStatus
+            (when(at_ns, one.time_ns), one)
+            for at_ns, one in reel.on(STATUS.path)
+            if type(one) is NavigatorStatus
         ]
-        self.places = [
-            Place(at_ns, (one.x_m, one.y_m, one.heading_rad), one.time_ns / NS_PER_S)
+        truths = [
+            Place(when(at_ns, one.time_ns), pose_of(one), one.time_ns / NS_PER_S)
             for at_ns, one in reel.on(TRUTH.path)
             if type(one) is GroundTruth
-        ] or [
-            Place(at_ns, (one.x_m, one.y_m, one.heading_rad), 0.0)
+        ]
+        self.places = truths or [
+            Place(when(at_ns, one.time_ns), pose_of(one), 0.0)
             for at_ns, one in reel.on(ODOMETRY.path)
             if type(one) is PlanarOdometry
         ]
@@ -77,7 +98,7 @@ class Footage:
         for time_ns, asked in reversed(self.goals):
             wanted = wanted_of(asked)
             place, wish = (goal.x_m, goal.y_m), (wanted.x_m, wanted.y_m)
-            if time_ns <= at_ns and dist(place, wish) < SAME_M:
+            if time_ns <= at_ns + SLACK_NS and dist(place, wish) < SAME_M:
                 return wanted
         return goal
 
@@ -118,6 +139,17 @@ class Footage:
         if not isinstance(facts, dict):
             raise UserError("the recording does not hold its world: say which with --world")
         return facts
+
+
+def lockstep_ns(reel: Reel) -> int | None:
+    """When the plant's clock began to be recorded; None when the run was not in lockstep."""
+    clocks = (one for _, one in reel.on(CLOCK.path) if type(one) is SystemTime)
+    first = next(clocks, None)
+    return None if first is None else first.time_unix_usec * NS_PER_US
+
+
+def pose_of(one: GroundTruth | PlanarOdometry) -> tuple[float, float, float]:
+    return one.x_m, one.y_m, one.heading_rad
 
 
 def goal_of(status: NavigatorStatus) -> Destination:

@@ -9,6 +9,9 @@ from typing import Any
 
 import pytest
 
+from ground.app.player import Player
+from ground.ghost.haunting import Haunting
+from protocol.clock import ManualClock
 from protocol.topics import Role
 from tests.stack.processes import Crew, Witness, until
 
@@ -43,6 +46,25 @@ def test_the_ghost_of_the_same_navigator_drives_the_recorded_run_again(recording
     assert again["length_m"] == pytest.approx(real["length_m"], abs=0.02)
     assert again["time_s"] == pytest.approx(real["time_s"], abs=0.2)
     assert other["length_m"] != again["length_m"]
+
+
+def test_played_in_the_app_it_can_be_haunted_from_any_of_its_instants(recording: Path) -> None:
+    """The recording holds its world, so the map has walls, and a ghost knows where it drives."""
+    player = Player(recording, ManualClock())
+    player.seek(4.0)
+    haunting = Haunting(lambda: player.station)
+    haunting.begin("bug")
+
+    def over() -> bool:
+        haunting.poll()
+        return not haunting.busy
+
+    until(over, 30.0)
+    player.seek(1.0)
+    (trail,) = haunting.trails()
+    assert trail.outcome in ("reached", "collided", "stuck", "aborted")
+    assert len(trail.path_m) > 20
+    assert len(player.station.scene().obstacles) > 0
 
 
 def test_every_turning_point_of_the_recorded_run_is_explained(recording: Path) -> None:

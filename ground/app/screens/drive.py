@@ -47,7 +47,7 @@ class DriveScreen(Sheet):
         super().__init__(deck)
         self.why = Why()
         self.hand = ByHand(deck)
-        self.haunting = Haunting(deck.station)
+        self.haunting = Haunting(lambda: self.deck.station)
         self._station = deck.station
 
     def middle(self) -> ComposeResult:
@@ -124,7 +124,7 @@ class DriveScreen(Sheet):
         """What was learned from another station is not true of this one."""
         if self._station is not self.deck.station:
             self._station = self.deck.station
-            self.why, self.haunting = Why(), Haunting(self._station)
+            self.why = Why()
 
     def paint(self) -> None:
         """In the colours of the theme, when it has changed."""

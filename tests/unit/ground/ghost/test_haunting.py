@@ -29,6 +29,10 @@ def show(drive: tuple[Recording, Outcome], tmp_path: Path) -> Iterator[Show]:
     shown.station.close()
 
 
+def haunting_of(show: Show) -> Haunting:
+    return Haunting(lambda: show.station)
+
+
 def ended(haunting: Haunting) -> None:
     deadline_s, pause = monotonic() + 20.0, Event()
     while haunting.busy:
@@ -47,7 +51,7 @@ def test_an_instant_that_is_shown_is_where_the_ghost_begins(show: Show) -> None:
 
 
 def test_a_ghost_is_drawn_and_told_when_it_has_ended(show: Show) -> None:
-    haunting = Haunting(show.station)
+    haunting = haunting_of(show)
     haunting.begin("distbug")
     assert [(trail.label, trail.outcome) for trail in haunting.trails()] == [("distbug", "")]
     ended(haunting)
@@ -64,7 +68,7 @@ def test_from_the_beginning_the_same_navigator_drives_the_shown_run(
 ) -> None:
     run, outcome = drive
     show = Show(run, tmp_path, 0.0)
-    haunting = Haunting(show.station)
+    haunting = haunting_of(show)
     haunting.begin("bug")
     ended(haunting)
     show.go(1e9)
@@ -75,7 +79,7 @@ def test_from_the_beginning_the_same_navigator_drives_the_shown_run(
 
 
 def test_all_of_them_at_once_and_none_of_them(show: Show) -> None:
-    haunting = Haunting(show.station, Ghosts(most=1))
+    haunting = Haunting(lambda: show.station, Ghosts(most=1))
     haunting.begin("all")
     assert len(haunting.trails()) == len(CHOICES) - 2
     haunting.begin("none")
@@ -90,11 +94,10 @@ def test_what_is_missing_is_named(drive: tuple[Recording, Outcome], tmp_path: Pa
         (run.without(STATUS), True, "nothing is heard"),
         (run.without(TRUTH, ODOMETRY), True, "nothing is heard"),
     ):
-        show = Show(lacking, tmp_path, 6.0, world)
         with pytest.raises(UserError, match=said):
-            Haunting(show.station).begin("bug")
+            haunting_of(Show(lacking, tmp_path, 6.0, world)).begin("bug")
     with pytest.raises(UserError, match="no navigator 'vfh'"):
-        Haunting(Show(run, tmp_path, 6.0).station).begin("vfh")
+        haunting_of(Show(run, tmp_path, 6.0)).begin("vfh")
 
 
 def test_without_truth_it_begins_where_the_robot_believes_to_be(
@@ -107,10 +110,32 @@ def test_without_truth_it_begins_where_the_robot_believes_to_be(
 
 def test_one_that_cannot_be_run_is_told_with_its_reason(show: Show) -> None:
     world = WORLD._replace(text=WORLD.text.replace('"size_m": [6.0, 4.0]', '"size_m": [1.0, 1.0]'))
-    haunting = Haunting(Station(show.bus, "r1", show.bus.timeline, world))
-    station = haunting._station
+    station = Station(show.bus, "r1", show.bus.timeline, world)
+    haunting = Haunting(lambda: station)
     show.bus.seek(6.5)
     station.poll()
     haunting.begin("bug")
     ended(haunting)
     assert "ghost bug: failed: " in [line.text for line in station.log][-1]
+
+
+def test_ghosts_stay_on_the_map_of_a_recording_that_is_turned_back(show: Show) -> None:
+    haunting = haunting_of(show)
+    haunting.begin("bug")
+    ended(haunting)
+    trails = haunting.trails()
+    show.bus.rewind()
+    show.open()
+    show.go(2.0)
+    haunting.poll()
+    assert haunting.trails() == trails
+
+
+def test_in_another_world_they_are_gone(show: Show) -> None:
+    haunting = haunting_of(show)
+    haunting.begin("bug")
+    ended(haunting)
+    other = WORLD._replace(text=WORLD.text.replace('"box"', '"other"'))
+    show.station = Station(show.bus, "r1", show.bus.timeline, other)
+    haunting.poll()
+    assert haunting.trails() == []

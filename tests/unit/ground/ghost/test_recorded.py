@@ -14,8 +14,9 @@ from ground.ghost.recorded import Footage, changed, parameters_in
 from plant.world_file import load
 from plant.world_types import GoalPose
 from protocol.errors import UserError
+from protocol.messages import SystemTime
 from protocol.outcome import Outcome
-from protocol.topics import COMMANDED, ODOMETRY, STATUS, TRUTH
+from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH
 from study.trial import Trial
 from tests.unit.ground.recordings import Recording, box, recorded
 
@@ -107,6 +108,21 @@ def test_what_the_recording_does_not_tell_is_said(run: Recording) -> None:
             footage(lacking).instant(6 * S, None, None)
     with pytest.raises(UserError, match="no drive to a goal"):
         footage(Recording()).beginning_ns()
+
+
+def test_in_lockstep_what_belongs_together_is_told_by_its_stamps(run: Recording) -> None:
+    """The robot's status of a tick may arrive when the plant is at the next one already."""
+    late = Recording(run.facts, [one for one in run.found if not one.key.endswith(STATUS.path)])
+    status = [one for one in run.found if one.key.endswith(STATUS.path)]
+    ticks = sorted({one.time_ns for one in run.found})
+    for began_ns in ticks:
+        clock = SystemTime(time_unix_usec=(began_ns - ticks[0]) // 1000, time_boot_ms=0)
+        late.put(CLOCK, clock, began_ns - ticks[0])
+    behind = [one._replace(time_ns=one.time_ns + 60_000_000) for one in status]
+    late.found = sorted([*late.found, *behind], key=lambda one: one.time_ns)
+    assert footage(late).beginning_ns() == footage(run).beginning_ns() == 0
+    assert footage(late).instant(0, None, None) == footage(run).instant(0, None, None)
+    assert footage(late).rest(6 * S) == footage(run).rest(6 * S)
 
 
 def test_only_what_the_robot_drives_otherwise_by_is_handed_on() -> None:
