@@ -34,11 +34,17 @@ DRIVING: Final = "driving"
 
 
 class Place(NamedTuple):
-    """Where the robot was, on the timeline of the recording and in the world's own time."""
+    """Where the robot was, on the timeline of the recording and by the world's own time."""
 
     at_ns: int
     pose: tuple[float, float, float]
-    world_s: float
+    world_ns: int | None
+
+    def world_s_at(self, at_ns: int) -> float:
+        """The world's time at an instant near this one; 0 when nobody knows it."""
+        return (
+            0.0 if self.world_ns is None else max(0, self.world_ns + at_ns - self.at_ns) / NS_PER_S
+        )
 
 
 class Footage:
@@ -59,12 +65,12 @@ class Footage:
             if type(one) is NavigatorStatus
         ]
         truths = [
-            Place(when(at_ns, one.time_ns), pose_of(one), one.time_ns / NS_PER_S)
+            Place(when(at_ns, one.time_ns), pose_of(one), one.time_ns)
             for at_ns, one in reel.on(TRUTH.path)
             if type(one) is GroundTruth
         ]
         self.places = truths or [
-            Place(when(at_ns, one.time_ns), pose_of(one), 0.0)
+            Place(when(at_ns, one.time_ns), pose_of(one), None)
             for at_ns, one in reel.on(ODOMETRY.path)
             if type(one) is PlanarOdometry
         ]
@@ -75,22 +81,28 @@ class Footage:
 
     def beginning_ns(self) -> int:
         """When the first goal was there. Raises UserError when none ever was."""
-        begun = next((at_ns for at_ns, one in self.statuses if one.goal in LIVING), None)
-        if begun is None:
+        first = next((pair for pair in self.statuses if pair[1].goal in LIVING), None)
+        if first is None:
             raise UserError("the recording has no drive to a goal: say which with --at and --goal")
-        return begun
+        return begun_ns(*first)
 
     def status_at(self, at_ns: int) -> NavigatorStatus:
-        found = [one for time_ns, one in self.statuses if time_ns <= at_ns]
-        if not found:
+        """The one in force. A goal that was there already may be told of only in the next tick."""
+        past = [one for time_ns, one in self.statuses if time_ns <= at_ns]
+        if past and past[-1].goal in LIVING:
+            return past[-1]
+        coming = self.statuses[len(past) : len(past) + 1]
+        if coming and coming[0][1].goal in LIVING and begun_ns(*coming[0]) <= at_ns:
+            return coming[0][1]
+        if not past:
             raise UserError(f"the robot tells nothing of itself up to {at_ns / NS_PER_S:g} s")
-        return found[-1]
+        return past[-1]
 
     def place_at(self, at_ns: int) -> Place:
-        found = [place for place in self.places if place.at_ns <= at_ns]
-        if not found:
-            raise UserError(f"nobody knows where the robot is at {at_ns / NS_PER_S:g} s")
-        return found[-1]
+        """The last one up to then; before the first, that one: there it stood."""
+        if not self.places:
+            raise UserError("nobody knows where the robot was")
+        return next((one for one in reversed(self.places) if one.at_ns <= at_ns), self.places[0])
 
     def goal_at(self, at_ns: int) -> Destination:
         """The goal in force, as it was asked for where that was recorded: with its tolerances."""
@@ -106,7 +118,7 @@ class Footage:
         """Where a ghost may go on; `world` and `goal` instead of those of the recording."""
         place = self.place_at(at_ns)
         whereto = goal or self.goal_at(at_ns)
-        return Instant(world or self.world(), place.pose, place.world_s, whereto)
+        return Instant(world or self.world(), place.pose, place.world_s_at(at_ns), whereto)
 
     def rest(self, at_ns: int) -> Course:
         """What the robot itself did from there to the end of that goal, or of the recording."""
@@ -139,6 +151,11 @@ class Footage:
         if not isinstance(facts, dict):
             raise UserError("the recording does not hold its world: say which with --world")
         return facts
+
+
+def begun_ns(at_ns: int, status: NavigatorStatus) -> int:
+    """When the goal was there, by a status that was told at this time."""
+    return at_ns - (status.time_ns - status.goal_started_ns)
 
 
 def lockstep_ns(reel: Reel) -> int | None:
