@@ -8,12 +8,15 @@ from ground.map import Robot, Scene, Target
 from ground.station.tracks import ranges_m
 from ground.station.watched import Watched
 from ground.station.world import WorldFacts
-from ground.telemetry import Age
+from ground.telemetry import Age, age_of
+from protocol.enums import Mode
 from protocol.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
 from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
 
 NS_PER_S: Final = 1_000_000_000
-"""The station keeps what was last known on the map; `live` says whether it is true now."""
+STOPPED_S: Final = 2.0
+"""A robot that lost its operator stops after 1.5 s, and brakes."""
+FARTHEST_S: Final = 30.0
 
 
 def scene_of(
@@ -24,7 +27,8 @@ def scene_of(
     lost: bool,
     others: Iterable[Watched] = (),
 ) -> Scene:
-    """What is stale is left out, save the pose: the map marks that it is not live."""
+    """What is stale is left out, save the pose: the map marks that it is not live, and `covariance`
+    grows with what it may have done since."""
     telemetry, figures = watched.telemetry, watched.figures
     odometry = telemetry.latest(ODOMETRY)
     status = telemetry.live(STATUS, now_ns)
@@ -42,7 +46,7 @@ def scene_of(
         trail=figures.trail.points(),
         robot=None if pose is None else robot_of(pose, figures.radius_m),
         live=live,
-        covariance=None if pose is None else (pose.cov_xx_m2, pose.cov_xy_m2, pose.cov_yy_m2),
+        covariance=None if odometry is None else grown(odometry, now_ns, status_of(watched)),
         ranges_m=() if scan is None else tuple(ranges_m(scan)),
         zone_m=None if decision is None or not isfinite(decision.zone_m) else decision.zone_m,
         goal=None if status is None else goal_of(status),
@@ -54,6 +58,28 @@ def scene_of(
         current=running.current if running is not None and running.count else None,
         others=tuple(found for other in others if (found := other_of(other, now_ns)) is not None),
     )
+
+
+def grown(
+    odometry: tuple[PlanarOdometry, int], now_ns: int, status: NavigatorStatus | None
+) -> tuple[float, float, float]:
+    """The ellipse of when it was last heard, wider by how far it may have gone since.
+
+    A robot that needs its operator stops by itself soon after it loses him.
+    """
+    pose, arrived_ns = odometry
+    age_ns = now_ns - arrived_ns
+    gone_m = 0.0
+    if age_of(ODOMETRY, age_ns) is Age.GONE:
+        alone = status is not None and status.mode in (Mode.AUTO, Mode.SMART_RTL)
+        gone_m = pose.speed_m_s * min(age_ns / NS_PER_S, FARTHEST_S if alone else STOPPED_S)
+    return pose.cov_xx_m2 + gone_m**2, pose.cov_xy_m2, pose.cov_yy_m2 + gone_m**2
+
+
+def status_of(watched: Watched) -> NavigatorStatus | None:
+    """The last one heard, however old."""
+    newest = watched.telemetry.latest(STATUS)
+    return None if newest is None else newest[0]
 
 
 def robot_of(pose: PlanarOdometry, radius_m: float, name: str = "") -> Robot:

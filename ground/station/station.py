@@ -113,7 +113,8 @@ class Station(Sight):
         self._robot = robot_name(robot)
         if robot in self._watched:
             return
-        watched = Watched(self._bus, robot, self._clock.now_ns(), self._tell)
+        own = "" if self._speaks is None else self._speaks.zid
+        watched = Watched(self._bus, robot, self._clock.now_ns(), self._tell, own)
         self._watched[robot] = watched
         if self._speaks is None:
             self._read_recorded(watched)

@@ -1,9 +1,10 @@
 """One robot as the station sees it: what it says, and what of it is lost."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from typing import Final
 
+from ground.station.comings import Comings
 from ground.station.figures import Figures
 from ground.station.hears import Hears, Token
 from ground.station.inbox import Arrival, Inbox
@@ -29,8 +30,10 @@ Tell = Callable[[str, str, int], None]
 class Watched:
     """Everything of one robot that can be looked at without saying a word to it."""
 
-    def __init__(self, bus: Hears, robot: str, now_ns: int, tell: Tell) -> None:
+    def __init__(self, bus: Hears, robot: str, now_ns: int, tell: Tell, own: str = "") -> None:
+        """`own`: our own identity on the bus."""
         self.robot = robot
+        self._comings = Comings(robot, own)
         self.telemetry = Telemetry(bus, robot, TOPICS)
         self.parameters = ParameterList()
         self._inbox = Inbox()
@@ -52,8 +55,10 @@ class Watched:
         self._texts = Texts()
         self._inbox.drain()
 
-    def poll(self, now_ns: int, present: Iterable[Token]) -> set[Role]:
+    def poll(self, now_ns: int, present: Collection[Token]) -> set[Role]:
         """Look once; who has been restarted since the last time."""
+        for coming in self._comings.see(present):
+            self._tell("ground", coming.text, coming.severity)
         again = self._see_tokens(present, now_ns) | self._see_counts()
         for role in again:
             self._restarted(role)

@@ -7,7 +7,7 @@ import pytest
 from ground.station import Lease, Station
 from ground.telemetry import Age
 from protocol.clock import ManualClock
-from protocol.enums import GoalState, Severity
+from protocol.enums import GoalState, Mode, Severity
 from protocol.errors import UserError
 from protocol.messages import MissionStatus, ParamValue, Statustext
 from protocol.topics import ANSWERED, MISSION, ODOMETRY, STATUS, TEXT, Role
@@ -155,6 +155,34 @@ def test_the_scene_shows_all_that_is_live_and_marks_what_is_not() -> None:
     assert (scene.goal, scene.zone_m) == (None, None)
 
 
+def test_the_ellipse_of_a_robot_not_heard_grows_by_how_far_it_may_have_gone() -> None:
+    play = Play().forward(1.0)
+    heard = play.station.scene().covariance
+    play.hang()
+    play.forward(1.0)
+    later = play.station.scene().covariance
+    play.forward(9.0)
+    last = play.station.scene().covariance
+    assert heard is not None
+    assert later is not None
+    assert last is not None
+    assert heard[0] == pytest.approx(0.04)
+    assert 0.04 + 0.2**2 < later[0] < 0.04 + 0.26**2
+    assert last[0] == pytest.approx(0.04 + 0.5**2)
+    assert last[2] == pytest.approx(0.01 + 0.5**2)
+
+
+def test_on_a_mission_it_may_have_gone_on_without_us() -> None:
+    play = Play()
+    play.robot.mode = Mode.AUTO
+    play.forward(1.0)
+    play.hang()
+    play.forward(10.0)
+    covariance = play.station.scene().covariance
+    assert covariance is not None
+    assert covariance[0] > 0.04 + 2.4**2
+
+
 def test_of_several_robots_one_is_shown_and_commanded_and_the_others_are_on_its_map() -> None:
     play = Play()
     play.robots.append(Robot("r2", x_m=3.0))
@@ -233,7 +261,7 @@ def test_a_log_that_is_turned_back_forgets_what_is_not_yet() -> None:
     replay.bus._clock = replay.clock
     replay.robot = Robot(x_m=1.0)
     replay.forward(0.5)
-    assert [line.text for line in replay.station.log] == ["first"]
+    assert [line.text for line in replay.station.log if line.source == "r1"] == ["first"]
     assert len(replay.station.history["speed"].points()) == 10
     assert list(replay.station.trail) == [(1.0, 0.0)]
     assert replay.station.restarts(Role.ROBOT) == 0

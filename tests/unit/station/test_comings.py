@@ -1,0 +1,46 @@
+"""Who comes and goes is told once, and never of ourselves."""
+
+from ground.station.comings import Comings
+from protocol.bus import Presence
+from protocol.enums import Severity
+from protocol.topics import Role
+from tests.unit.station.play import Play
+
+ROBOT = Presence("r1", "robot", "a")
+OTHER = Presence("r1", "ground", "b")
+OURS = Presence("r1", "ground", "ours")
+ELSEWHERE = Presence("r2", "robot", "c")
+
+
+def test_each_coming_and_going_is_one_line() -> None:
+    comings = Comings("r1", "ours")
+    assert [one.text for one in comings.see([ROBOT, OTHER])] == [
+        "another ground station for r1 is there",
+        "robot r1 is there",
+    ]
+    assert comings.see([OTHER, ROBOT]) == []
+    (gone,) = comings.see([OTHER])
+    assert gone == ("robot r1 has gone", Severity.WARNING)
+    (left,) = comings.see([])
+    assert left == ("another ground station for r1 has gone", Severity.INFO)
+
+
+def test_a_process_begun_anew_has_gone_and_come() -> None:
+    comings = Comings("r1", "ours")
+    comings.see([ROBOT])
+    told = comings.see([Presence("r1", "robot", "z")])
+    assert [one.text for one in told] == ["robot r1 has gone", "robot r1 is there"]
+
+
+def test_we_and_other_robots_are_not_told_of() -> None:
+    assert Comings("r1", "ours").see([OURS, ELSEWHERE, Presence("r1", "nobody", "d")]) == []
+
+
+def test_they_are_in_the_log_of_a_station() -> None:
+    play = Play().forward(0.2)
+    assert play.texts("is there") == ["the plant of r1 is there", "robot r1 is there"]
+    play.bus.go(Role.PLANT)
+    play.bus.come(Role.GROUND, zid="ben's")
+    play.forward(0.1)
+    assert play.texts("has gone") == ["the plant of r1 has gone"]
+    assert play.texts("another ground station")
