@@ -20,6 +20,7 @@ from ground.options import Common, add_json, positive, seconds
 from ground.orders import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.outing import Outing, as_json, in_words
 from ground.parts import Part
+from ground.recording import Recording, add_recording, folder_of, usual_folder
 from ground.says import Says
 from ground.scenario import Scenario, question, scenario_of, world_facts
 from ground.stack import Stack
@@ -76,7 +77,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--timeout", type=seconds, default=TIMEOUT_S, metavar="S", help="simulated (300)"
     )
-    parser.add_argument("--record", metavar="DIR", help="a .tlog of every frame, there")
+    add_recording(parser)
     add_looks(parser)
     parser.add_argument("--router", action="store_true", help="a router between the processes")
     add_json(parser)
@@ -84,6 +85,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, says: Says) -> int:
     """0 when every robot reached its goal without touching anything, 1 when one has not."""
+    on_screen = has_screen() and not (options.headless or options.json)
+    if on_screen and not options.no_record:
+        options.record = str(folder_of(options))  # also of the worlds that come after this one
     facts = world_facts(command(question(options), os.getpid()))
     scenario = scenario_of(options, facts)
     for entrant in scenario.entrants:
@@ -92,7 +96,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
                 f"{entrant.robot}: beside the goal is no room as beside the start;"
                 f" it goes to {entrant.goal}"
             )
-    if has_screen() and not (options.headless or options.json):
+    if on_screen:
         return show(options, scenario, says, WallClock())
     outcomes = rehearse(options, scenario, says, WallClock())
     says.result(as_json(scenario.robots, outcomes), in_words(scenario.robots, outcomes))
@@ -122,7 +126,11 @@ def show(options: argparse.Namespace, scenario: Scenario, says: Says, clock: Clo
         with dialled(stack.common, clock, stack.check) as bus:
             errands = errands_of(stack, bus, says, clock)
             Outing(errands, clock, stack.check, shown(says, clock)).launch(lockstep=False)
-            return run_app(options, errands[0].link, stack.common, stack)
+            folder = Path(scenario.record or usual_folder())
+            with Recording(folder, stack.common, clock, None) as recording:
+                if scenario.record is not None:
+                    recording.watch(stack.logs_before)
+                return run_app(options, errands[0].link, stack.common, stack, recording)
 
 
 def errands_of(stack: Stack, bus: Bus, says: Says, clock: Clock) -> list[Errand]:

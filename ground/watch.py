@@ -14,6 +14,7 @@ from ground.link import LISTEN_NS, Link, linked
 from ground.operator import BEAT_NS, Pace
 from ground.options import add_common, common_of
 from ground.parts import in_words
+from ground.recording import Recording, add_recording, folder_of, usual_folder
 from ground.says import Says
 from ground.status_line import watch_line
 from ground.telemetry import LOOKED_AT, Telemetry
@@ -37,6 +38,7 @@ def ground_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--plain", action="store_true", help="one line a second, as without a terminal"
     )
+    add_recording(parser)
     add_looks(parser)
     web.arguments(parser)
 
@@ -61,11 +63,20 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
 def act_ground(options: argparse.Namespace, link: Link, says: Says) -> int:
     """Until the operator leaves: the robot hears its operator, the operator sees the robot."""
     if has_screen() and not (options.plain or options.json):
-        return run_app(options, link, common_of(options))
+        return run_recorded(options, link)
     link.bus.announce()
     says.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and GUIDED with it")
     Lookout(link, says, beats=True).run()
     return 0
+
+
+def run_recorded(options: argparse.Namespace, link: Link) -> int:
+    """The app, and beside it a recorder unless that is refused."""
+    common, folder = common_of(options), folder_of(options)
+    with Recording(folder or usual_folder(), common, link.clock, options.config) as recording:
+        if folder is not None:
+            recording.begin()
+        return run_app(options, link, common, recording=recording)
 
 
 def look_once(link: Link, telemetry: Telemetry, says: Says) -> int:

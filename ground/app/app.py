@@ -24,10 +24,13 @@ from ground.app.screens.drive import DriveScreen
 from ground.app.screens.log import LogScreen
 from ground.app.screens.sheet import Action, Sheet
 from ground.app.themes import THEMES
+from ground.recording import Recording
 from ground.stack import Stack
 from ground.station.station import Station
+from ground.telemetry import Age
 from protocol.clock import WallClock
 from protocol.enums import Severity
+from protocol.topics import HEARTBEAT
 
 T = TypeVar("T")
 POLL_HZ: Final = 20.0
@@ -49,10 +52,12 @@ class GroundApp(App[int]):
         looks: Looks | None = None,
         stack: Stack | None = None,
         player: Player | None = None,
+        recording: Recording | None = None,
     ) -> None:
         """Without a `station` it is the player's that is shown on every screen."""
         super().__init__()
         self.player = player
+        self.recording = recording
         self.looks = looks or Looks()
         self._station, self._orders = station, orders
         self._keymap_in_force = keymap or Keymap()
@@ -96,7 +101,8 @@ class GroundApp(App[int]):
         if self._station is None:
             return Setting(kind="REPLAY")
         kind = "SIM" if self._station.world is not None else "REAL"
-        return Setting(kind=kind, factor=self._pace.factor)
+        words = "" if self.recording is None else self.recording.words
+        return Setting(kind=kind, factor=self._pace.factor, recording=words)
 
     @property
     def stack(self) -> Stack | None:
@@ -177,6 +183,7 @@ class GroundApp(App[int]):
             self._pace.heard(self._station)
         if self.player is not None:
             self.player.poll()
+        self._look_after_recording()
         self._aside.poll()
         if self._stack is not None and (news := self._stack.news()):
             self.station.note(news, Severity.ERROR)
@@ -184,6 +191,13 @@ class GroundApp(App[int]):
             self.sheet.poll()
         if self._pace.due(monotonic_ns()):
             self.look()
+
+    def _look_after_recording(self) -> None:
+        if self.recording is None or self._station is None:
+            return
+        heard = self._station.seen(HEARTBEAT).age is Age.LIVE
+        for words in self.recording.poll(heard=heard):
+            self._station.note(words, Severity.CRITICAL)
 
     def look(self) -> None:
         sheet = self.sheet

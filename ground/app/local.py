@@ -35,6 +35,7 @@ def words_of_the_app(app: "GroundApp") -> Mapping[str, Word]:
         "why": words.why,
         "replay": words.replay,
         "ghost": words.ghost,
+        "record": words.record,
     }
 
 
@@ -105,6 +106,17 @@ class Words:
 
     def replay(self, options: argparse.Namespace, says: Says) -> int:
         self._app.open_replay(options.file)
+        return 0
+
+    def record(self, options: argparse.Namespace, says: Says) -> int:
+        recording = self._app.recording
+        if recording is None:
+            raise UserError("there is no robot here to record")
+        if options.action == "start":
+            recording.begin()
+            says.result({}, "recording")
+        else:
+            says.result({}, f"recorded: {recording.end()}")
         return 0
 
     def why(self, options: argparse.Namespace, says: Says) -> int:

@@ -14,6 +14,7 @@ from ground.app.keymap import Keymap, load
 from ground.app.looks import in_browser, looks_of
 from ground.link import Link
 from ground.options import Common
+from ground.recording import Recording
 from ground.stack import Stack
 from protocol.clock import WallClock
 from protocol.network import Network
@@ -22,7 +23,13 @@ CLOSING_S: Final = 3.0
 FOLDER: Final = "sidestep"
 
 
-def run(options: argparse.Namespace, link: Link, common: Common, stack: Stack | None = None) -> int:
+def run(
+    options: argparse.Namespace,
+    link: Link,
+    common: Common,
+    stack: Stack | None = None,
+    recording: Recording | None = None,
+) -> int:
     """Until the operator leaves; 0. Raises ConfigError for a keymap that cannot be used.
 
     With a `stack` the processes are ours: they are looked after, and may be started anew.
@@ -41,7 +48,7 @@ def run(options: argparse.Namespace, link: Link, common: Common, stack: Stack | 
     common = replace(common, robot=link.robot)
     history = History(folder() / "history")
     orders = Orders(lambda: station, link.bus, common, clock, history)
-    app = GroundApp(station, orders, keymap, looks, stack)
+    app = GroundApp(station, orders, keymap, looks, stack, recording=recording)
     orders.local = words_of_the_app(app)
     try:
         with quiet(folder() / "ground.log"):

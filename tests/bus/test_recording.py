@@ -1,0 +1,65 @@
+"""A recorder beside the app: started, looked after, killed, started anew, ended."""
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from ground.blackbox.frames import opened
+from ground.options import Common
+from ground.recording import Recording
+from protocol.clock import WallClock
+from protocol.errors import UserError
+from protocol.network import Network
+from tests.bus.robots import played
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Iterator[Recording]:
+    with played() as (_, endpoint):
+        network = Network(mode="client", connect=(endpoint,))
+        common = Common(network=network, robot="r1")
+        with Recording(tmp_path, common, WallClock(), None) as found:
+            yield found
+
+
+def told_until(recording: Recording, condition: Callable[[], bool]) -> list[str]:
+    told, pause = [], threading.Event()
+    for _ in range(1000):
+        told += recording.poll(heard=True)
+        if condition():
+            return told
+        pause.wait(0.01)
+    raise AssertionError(f"not in time; told {told}")
+
+
+def grown(recording: Recording) -> bool:
+    return recording.file is not None and recording.file.stat().st_size > 500
+
+
+def test_it_is_begun_and_ended(recording: Recording) -> None:
+    recording.begin()
+    assert told_until(recording, lambda: grown(recording)) == []
+    assert recording.words == "REC"
+    with pytest.raises(UserError, match="recorded already"):
+        recording.begin()
+    file = Path(recording.end())
+    assert recording.words == ""
+    for path in (file, file.with_suffix(".mcap")):
+        log = opened(path)
+        assert len(list(log)) > 0
+        assert log.damage() == ""
+
+
+def test_a_recorder_that_is_killed_is_told_and_can_be_begun_anew(recording: Recording) -> None:
+    recording.begin()
+    told_until(recording, lambda: grown(recording))
+    (child,) = recording._children.pids
+    os.kill(child, signal.SIGKILL)
+    (told,) = told_until(recording, lambda: recording.words == "REC!")
+    assert "the recorder process ended by itself (signal SIGKILL)" in told
+    recording.begin()
+    assert told_until(recording, lambda: grown(recording)) == []
