@@ -19,7 +19,7 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 PAIRS: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
     {
         ("mode", "rtl"): ("rtl",),
-        ("mission", "restart"): ("mission", "start", "0"),
+        ("mission", "restart"): ("mission", "start", "1"),
         ("record", "mark"): ("mark",),
         ("wp", "upload"): ("mission", "upload", "-"),
     }

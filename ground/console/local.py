@@ -80,7 +80,7 @@ def _waypoints(parser: argparse.ArgumentParser) -> None:
     adding.add_argument("heading", type=finite, nargs="?", metavar="DEG")
     adding.add_argument("--hold", type=finite, default=0.0, metavar="S", help="wait there")
     removing = actions.add_parser("remove", help="take one out of the draft")
-    removing.add_argument("item", type=whole(0, MOST_WAYPOINTS), metavar="ITEM")
+    removing.add_argument("item", type=whole(1, MOST_WAYPOINTS), metavar="ITEM")
     for name, says in (("list", "the draft"), ("clear", "begin anew"), ("upload", "to the robot")):
         actions.add_parser(name, help=says)
     for name in ("load", "save"):

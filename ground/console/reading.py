@@ -28,17 +28,23 @@ ELSEWHERE: Final[Mapping[str, str]] = MappingProxyType(
 ANSWERED: Final = ("connect", "id", "config", "json")
 """Options that were answered when the app was started."""
 LONGEST_GUESSED: Final = 24
+COLUMNS: Final = 60
 
 
 class ConsoleParser(argparse.ArgumentParser):
     """Reads as argparse does, and raises where that would print and exit."""
 
     def __init__(self, prog: str = "", **how: object) -> None:
-        how |= {"add_help": False, "allow_abbrev": False, "exit_on_error": True}
+        how |= {"add_help": False, "allow_abbrev": False, "formatter_class": narrow}
         super().__init__(prog, **how)  # type: ignore[arg-type]
 
     def error(self, message: str) -> NoReturn:
         raise UserError(f"{message}; it takes: {usage_of(self)}")
+
+
+def narrow(prog: str) -> argparse.HelpFormatter:
+    """Help that fits the log, whatever the terminal is like."""
+    return argparse.HelpFormatter(prog, max_help_position=16, width=COLUMNS)
 
 
 def usage_of(parser: argparse.ArgumentParser) -> str:

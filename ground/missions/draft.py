@@ -45,19 +45,20 @@ class Draft:
 
     def add(self, waypoint: Waypoint) -> str:
         self.mission = replace(self.mission, waypoints=(*self.mission.waypoints, waypoint))
-        return f"waypoint {len(self.mission.waypoints) - 1}: {waypoint}"
+        return f"waypoint {len(self.mission.waypoints)}: {waypoint}"
 
     def remove(self, item: int) -> str:
+        """By its number, from 1."""
         left = list(self.mission.waypoints)
-        if item >= len(left):
+        if item > len(left):
             raise UserError(f"there is no waypoint {item}: {self.listed()}")
-        taken = left.pop(item)
+        taken = left.pop(item - 1)
         self.mission = replace(self.mission, waypoints=tuple(left))
         return f"taken out: {taken}"
 
     def listed(self) -> str:
         """A line for each."""
-        rows = [f"{at}  {waypoint}" for at, waypoint in enumerate(self.mission.waypoints)]
+        rows = [f"{at}  {one}" for at, one in enumerate(self.mission.waypoints, start=1)]
         rows += [f"fence: {self.mission.fence}"] if self.mission.fence else []
         return "\n".join(rows) or "the draft is empty: wp add X Y [DEG]"
 

@@ -55,7 +55,7 @@ def _judge_places(mission: Mission, file: str) -> None:
     """Every waypoint lies inside of the mission's own fence."""
     problems = [
         Problem(f"waypoint {at}", f"{waypoint} is outside of the fence", "move it or the fence")
-        for at, waypoint in enumerate(mission.waypoints)
+        for at, waypoint in enumerate(mission.waypoints, start=1)
         if mission.fence is not None and not _within(mission.fence, waypoint)
     ]
     if problems:

@@ -144,5 +144,6 @@ def home_at(latitude_deg: float, longitude_deg: float) -> Home:
 def lost(waypoints: Sequence[Waypoint]) -> list[str]:
     """What a NAV_WAYPOINT has no room for, in words."""
     usual = Waypoint(x_m=0.0, y_m=0.0).heading_tolerance_deg
-    numbers = [at for at, one in enumerate(waypoints) if one.heading_tolerance_deg != usual]
+    listed = enumerate(waypoints, start=1)
+    numbers = [at for at, one in listed if one.heading_tolerance_deg != usual]
     return [f"the heading tolerance of waypoint {at}" for at in numbers]

@@ -27,7 +27,7 @@ def show_status(link: Link, says: Says) -> int:
         "ok": True,
         "state": state_name(status.state),
         "items": status.count,
-        "current": status.current if status.count else None,
+        "current": status.current + 1 if status.count else None,
         "hold_left_s": status.hold_left_ms / 1000,
         "reason": reason_text(status.reason) if status.reason else None,
     }
@@ -42,10 +42,10 @@ def state_name(state: int) -> str:
 
 
 def words(status: MissionStatus) -> str:
-    """In a line: `holding, item 2 (3 of 5), 3.2 s left`."""
+    """In a line: `holding, item 3 of 5, 3.2 s left`."""
     if status.state == MissionState.NONE:
         return "no mission"
-    where = f"item {status.current} ({status.current + 1} of {status.count})"
+    where = f"item {status.current + 1} of {status.count}"
     left = f", {status.hold_left_ms / 1000:.1f} s left" if status.hold_left_ms else ""
     reason = f": {reason_text(status.reason)}" if status.reason else ""
     return f"{state_name(status.state)}, {where}{left}{reason}"

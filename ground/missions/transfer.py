@@ -28,7 +28,7 @@ NO_ITEM: Final = 65_535
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the robot made of it; `item` None: none in particular."""
+    """What the robot made of it; `item` counts from 1, None: none in particular."""
 
     reason: int
     item: int | None
@@ -84,7 +84,7 @@ class Transfer:
         if self.over:
             return
         if isinstance(answer, MissionVerdict) and answer.mission_type == self._kind:
-            item = None if answer.item == NO_ITEM else answer.item
+            item = None if answer.item == NO_ITEM else answer.item + 1
             self.outcome = Verdict(answer.reason, item, answer.mission_id)
             return
         question = self._after(answer)

@@ -26,7 +26,8 @@ from protocol.messages import CommandRequest
 from protocol.options import finite, whole
 from protocol.reasons import Reason
 
-MOST_ITEMS: Final = 65_534
+MOST_ITEMS: Final = 65_535
+"""People count items from 1; the wire begins with 0."""
 OFFLINE: Final = ("check", "convert")
 NO_MISSION: Final = Verdict(Reason.NO_MISSION, None)
 
@@ -44,9 +45,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     for action in (uploading, downloading):
         action.add_argument("file", type=Path, metavar="FILE", help=".toml, .plan or .waypoints")
     starting = actions.add_parser("start", help="drive it, from an item on")
-    starting.add_argument("item", nargs="?", type=whole(0, MOST_ITEMS), default=0, metavar="ITEM")
+    starting.add_argument("item", nargs="?", type=whole(1, MOST_ITEMS), default=1, metavar="ITEM")
     jumping = actions.add_parser("jump", help="go on with another item")
-    jumping.add_argument("item", type=whole(0, MOST_ITEMS), metavar="ITEM", help="from 0")
+    jumping.add_argument("item", type=whole(1, MOST_ITEMS), metavar="ITEM", help="from 1")
     orders = {"pause": "stand still", "resume": "go on", "abort": "drop it and stand still"}
     looks = {"list": "the items the robot has", "status": "how far it is"}
     others = {**orders, **looks, "clear": "delete it from the robot"}
@@ -112,14 +113,14 @@ def start(link: Link, says: Says, item: int) -> Answered:
     """Start it at an item; arms a robot that stands by."""
 
     def request() -> CommandRequest:
-        return link.command(Command.MISSION_START, float(item))
+        return link.command(Command.MISSION_START, float(item - 1))
 
     return insist(link, says, request, beats=False)[0]
 
 
 def command_of(options: argparse.Namespace, link: Link) -> CommandRequest:
     if options.action == "jump":
-        return link.command(Command.DO_SET_MISSION_CURRENT, float(options.item))
+        return link.command(Command.DO_SET_MISSION_CURRENT, float(options.item - 1))
     if options.action == "abort":
         return link.command(Command.SIDESTEP_ABORT_GOAL)
     return link.command(Command.DO_PAUSE_CONTINUE, float(options.action == "resume"))
@@ -194,7 +195,7 @@ def listing(link: Link, says: Says) -> int:
     mission = fetched(link)
     if isinstance(mission, Verdict):
         return tell_verdict(says, "mission list", link, mission, "")
-    rows = [f"{at}  {waypoint}" for at, waypoint in enumerate(mission.waypoints)]
+    rows = [f"{at}  {waypoint}" for at, waypoint in enumerate(mission.waypoints, start=1)]
     rows += [f"fence: {mission.fence}"] if mission.fence else []
     items: list[object] = [asdict(waypoint) for waypoint in mission.waypoints]
     says.result({"verb": "mission list", "ok": True, "waypoints": items}, "\n".join(rows))

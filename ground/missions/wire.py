@@ -40,7 +40,9 @@ def waypoints_of(items: Sequence[MissionItemInt]) -> tuple[Waypoint, ...]:
     """RemoteError when the robot has an item that is no pose."""
     for item in items:
         if item.command != Command.SIDESTEP_NAV_POSE or item.frame != FRAME_LOCAL_FLU:
-            raise RemoteError(f"item {item.seq} of the robot is no pose: command {item.command}")
+            raise RemoteError(
+                f"item {item.seq + 1} of the robot is no pose: command {item.command}"
+            )
     return tuple(
         Waypoint(
             x_m=item.x / PER_METRE,

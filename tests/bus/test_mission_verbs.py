@@ -84,9 +84,9 @@ def test_the_item_that_the_robot_refuses_is_named_with_its_reason(
     robot.desk.verdict = (Reason.GOAL_OUT_OF_RANGE, 1)
     code, out, _ = say("mission", "upload", mission)
     assert code == 1
-    assert out.startswith("refused: item 1: ")
+    assert out.startswith("refused: item 2: ")
     found = json.loads(say("mission", "upload", mission, "--json")[1])
-    assert (found["item"], found["reason_code"]) == (1, Reason.GOAL_OUT_OF_RANGE)
+    assert (found["item"], found["reason_code"]) == (2, Reason.GOAL_OUT_OF_RANGE)
     assert robot.desk.kept[MissionType.MISSION] == []
 
 
@@ -122,7 +122,7 @@ def test_waypoints_outside_of_the_file_s_own_fence_are_refused(
 ) -> None:
     Path(mission).write_text(MISSION + FENCE.replace("9", "2.5"))
     assert main(["mission", "check", mission]) == 2
-    assert "waypoint 1: (3, 0) is outside of the fence" in capsys.readouterr().err
+    assert "waypoint 2: (3, 0) is outside of the fence" in capsys.readouterr().err
 
 
 def test_check_and_convert_need_no_robot(
@@ -156,8 +156,8 @@ def test_what_is_dropped_from_a_plan_is_told(
     ("words", "command", "param1"),
     [
         (("start",), Command.MISSION_START, 0.0),
-        (("start", "1"), Command.MISSION_START, 1.0),
-        (("jump", "1"), Command.DO_SET_MISSION_CURRENT, 1.0),
+        (("start", "2"), Command.MISSION_START, 1.0),
+        (("jump", "2"), Command.DO_SET_MISSION_CURRENT, 1.0),
         (("pause",), Command.DO_PAUSE_CONTINUE, 0.0),
         (("resume",), Command.DO_PAUSE_CONTINUE, 1.0),
         (("abort",), Command.SIDESTEP_ABORT_GOAL, 0.0),
@@ -185,9 +185,9 @@ def test_how_far_the_mission_is_can_be_asked(robot: PlayedRobot, say: Say, missi
     assert say("mission", "status")[1] == "no mission\n"
     say("mission", "upload", mission)
     robot.desk.status = MissionState.RUNNING
-    assert say("mission", "status")[1] == "running, item 0 (1 of 2)\n"
+    assert say("mission", "status")[1] == "running, item 1 of 2\n"
     assert json.loads(say("mission", "status", "--json")[1])["state"] == "running"
-    assert say("mission", "list")[1] == "0  (1.2345, -2) at 90 deg, hold 1.5 s\n1  (3, 0)\n"
+    assert say("mission", "list")[1] == "1  (1.2345, -2) at 90 deg, hold 1.5 s\n2  (3, 0)\n"
     assert say("mission", "clear")[:2] == (0, "ok, the robot has none\n")
     assert say("mission", "list")[1].startswith("refused: there is no mission")
     assert say("mission", "download", "x.toml")[1].startswith("refused: there is no mission")

@@ -38,7 +38,7 @@ SPOKEN: list[tuple[str, list[str]]] = [
     ),
     ("mission start", ["mission", "start"]),
     ("mission start 2", ["mission", "start", "2"]),
-    ("mission restart", ["mission", "start", "0"]),
+    ("mission restart", ["mission", "start", "1"]),
     ("mission pause", ["mission", "pause"]),
     ("mission resume", ["mission", "resume"]),
     ("mission abort", ["mission", "abort"]),

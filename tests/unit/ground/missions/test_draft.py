@@ -23,10 +23,10 @@ def say(draft: Draft, text: str) -> str:
 def test_waypoints_are_added_listed_and_taken_out() -> None:
     draft = Draft()
     assert say(draft, "wp list") == "the draft is empty: wp add X Y [DEG]\n"
-    assert say(draft, "wp add 1 -2 90 --hold 3") == "waypoint 0: (1, -2) at 90 deg, hold 3 s\n"
+    assert say(draft, "wp add 1 -2 90 --hold 3") == "waypoint 1: (1, -2) at 90 deg, hold 3 s\n"
     say(draft, "wp add 3 4")
-    assert say(draft, "wp list") == "0  (1, -2) at 90 deg, hold 3 s\n1  (3, 4)\n"
-    assert say(draft, "wp remove 0") == "taken out: (1, -2) at 90 deg, hold 3 s\n"
+    assert say(draft, "wp list") == "1  (1, -2) at 90 deg, hold 3 s\n2  (3, 4)\n"
+    assert say(draft, "wp remove 1") == "taken out: (1, -2) at 90 deg, hold 3 s\n"
     assert draft.mission.waypoints == (Waypoint(x_m=3.0, y_m=4.0),)
     assert say(draft, "wp clear") == "the draft is empty\n"
 

@@ -270,7 +270,7 @@ def test_what_a_format_has_no_room_for_is_told(tmp_path: Path) -> None:
     mission = Mission(waypoints=(waypoint,), fence=fence, home=HOME)
     assert write(tmp_path / "m.toml", mission) == ()
     assert read(tmp_path / "m.toml").mission == mission
-    assert write(tmp_path / "m.plan", mission) == ("the heading tolerance of waypoint 0",)
+    assert write(tmp_path / "m.plan", mission) == ("the heading tolerance of waypoint 1",)
     assert write(tmp_path / "m.waypoints", mission)[-1] == "the fence"
     assert read(tmp_path / "m.waypoints").mission.waypoints[0].x_m == 1.0
 

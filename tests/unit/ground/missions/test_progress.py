@@ -24,11 +24,11 @@ def status(state: int, *, hold_left_ms: int = 0, reason: int = 0) -> MissionStat
     ("said", "line"),
     [
         (status(MissionState.NONE), "no mission"),
-        (status(MissionState.RUNNING), "running, item 2 (3 of 5)"),
-        (status(MissionState.HOLDING, hold_left_ms=3200), "holding, item 2 (3 of 5), 3.2 s left"),
+        (status(MissionState.RUNNING), "running, item 3 of 5"),
+        (status(MissionState.HOLDING, hold_left_ms=3200), "holding, item 3 of 5, 3.2 s left"),
         (
             status(MissionState.FAILED, reason=Reason.NO_PROGRESS),
-            "failed, item 2 (3 of 5): has come no closer for too long",
+            "failed, item 3 of 5: has come no closer for too long",
         ),
     ],
 )

@@ -65,7 +65,7 @@ def test_a_refusal_may_come_at_any_step_and_names_the_item() -> None:
     upload.receive(verdict(Reason.OUTSIDE_FENCE, 1), 1)
     assert isinstance(upload.outcome, Verdict)
     assert not upload.outcome.ok
-    assert upload.outcome.text == "item 1: goal is outside of the fence"
+    assert upload.outcome.text == "item 2: goal is outside of the fence"
 
 
 def test_a_question_without_an_answer_is_asked_again_a_fixed_time_apart() -> None:
