@@ -1,14 +1,17 @@
 """Opens the app over a link that is there, and leaves without a trace."""
 
 import argparse
+import asyncio
 import getpass
 import os
+import signal
 import sys
+import termios
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from threading import Thread
-from typing import Final
+from threading import Thread, Timer
+from typing import TYPE_CHECKING, Final
 
 from ground.app.keymap import Keymap, load
 from ground.app.looks import in_browser, looks_of
@@ -19,6 +22,12 @@ from ground.stack import Stack
 from protocol.clock import WallClock
 from protocol.network import Network
 
+if TYPE_CHECKING:
+    from ground.app.app import GroundApp
+
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+EXIT_SIGNAL: Final = 128
+LOOK_S: Final = 1.0
 CLOSING_S: Final = 3.0
 FOLDER: Final = "sidestep"
 
@@ -52,7 +61,7 @@ def run(
     orders.local = words_of_the_app(app)
     try:
         with quiet(folder() / "ground.log"):
-            return app.run() or 0
+            return show(app)
     finally:
         in_time(station.close)
 
@@ -76,7 +85,42 @@ def run_replay(options: argparse.Namespace, path: Path, robot: str | None, at_s:
     app = GroundApp(None, orders, keymap, looks, player=player)
     orders.local = words_of_the_app(app)
     with quiet(folder() / "ground.log"):
-        return app.run() or 0
+        return show(app)
+
+
+def show(app: "GroundApp") -> int:
+    """Until the operator leaves, or a signal ends it as it ends every verb.
+
+    A signal whose handler raises would only cancel Textual's tasks, and those go on.
+    """
+
+    async def shown() -> int:
+        loop = asyncio.get_running_loop()
+        for number in SIGNALS:
+            loop.add_signal_handler(number, leave, app, number)
+        if sys.__stdin__ is not None and sys.__stdin__.isatty():
+            keep_looking(loop, app, sys.__stdin__.fileno())
+        return await app.run_async() or 0
+
+    return asyncio.run(shown())
+
+
+def keep_looking(loop: asyncio.AbstractEventLoop, app: "GroundApp", terminal: int) -> None:
+    """A terminal may be gone without a signal: then nobody looks, and nobody is the operator."""
+    try:
+        termios.tcgetattr(terminal)
+    except termios.error:
+        leave(app, signal.SIGHUP)
+        return
+    loop.call_later(LOOK_S, keep_looking, loop, app, terminal)
+
+
+def leave(app: "GroundApp", number: int) -> None:
+    """In order; by force when the terminal that is gone holds it up."""
+    app.exit(EXIT_SIGNAL + number)
+    late = Timer(CLOSING_S, os._exit, (EXIT_SIGNAL + number,))
+    late.daemon = True
+    late.start()
 
 
 def keymap_of(options: argparse.Namespace) -> Keymap:

