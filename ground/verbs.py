@@ -1,30 +1,16 @@
-"""The table from verb to what does it: one grammar, for the command line and for the console."""
+"""The table from verb to what does it: one grammar, for the command line and for the console.
+
+A verb's module is imported when the verb is looked up, not before: who opens the ground station
+waits for none of the others.
+"""
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
-from ground import (
-    doctor,
-    exporting,
-    fence,
-    goto,
-    lease,
-    orders,
-    param,
-    plotting,
-    record,
-    replay,
-    router,
-    teleop,
-    up,
-    watch,
-)
-from ground.explain import verb as explain
-from ground.ghost import verb as ghost
 from ground.link import Link, linked
-from ground.missions import verb as mission
 from ground.options import common_of
 from ground.says import Says
 
@@ -45,27 +31,54 @@ class Verb(NamedTuple):
     act: Act | None = None
 
 
-def talking(arguments: Arguments, act: Act, says: str) -> Verb:
-    """A verb whose `run` opens the link and acts, and no more."""
+class Place(NamedTuple):
+    """Where a verb is, by the names of its functions; without `run` it opens a link and acts."""
+
+    says: str
+    module: str
+    act: str = ""
+    run: str = ""
+    arguments: str = "arguments"
+
+    def verb(self) -> Verb:
+        module = import_module(f"ground.{self.module}")
+        arguments: Arguments = getattr(module, self.arguments)
+        act: Act | None = getattr(module, self.act) if self.act else None
+        if self.run:
+            return Verb(arguments, getattr(module, self.run), self.says, act)
+        assert act is not None, "a verb runs or acts"
+        return Verb(arguments, talking(act), self.says, act)
+
+
+def talking(act: Act) -> Run:
+    """What opens the link and acts, and no more."""
 
     def run(options: argparse.Namespace, says: Says) -> int:
         with linked(common_of(options)) as link:
             return act(options, link, says)
 
-    return Verb(arguments, run, says, act)
+    return run
 
 
-def order(says: str) -> Verb:
+def order(says: str) -> Place:
     """A verb that is one command."""
-    return talking(orders.arguments, orders.act, says)
+    return Place(says, "orders", "act")
 
 
-VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
+def both(says: str, module: str) -> Place:
+    """A verb that refuses what it can before anybody is dialled, and then acts."""
+    return Place(says, module, "act", "run")
+
+
+def alone(says: str, module: str) -> Place:
+    """A verb that talks to no robot, or brings its own."""
+    return Place(says, module, run="run")
+
+
+PLACES: Final[Mapping[str, Place]] = MappingProxyType(
     {
-        "up": Verb(up.arguments, up.run, "start plant, robot and a goal, and tell how it ended"),
-        "goto": Verb(
-            goto.arguments, goto.run, "drive to X Y [DEG] and wait for the outcome", goto.act
-        ),
+        "up": alone("start plant, robot and a goal, and tell how it ended", "up"),
+        "goto": both("drive to X Y [DEG] and wait for the outcome", "goto"),
         "hold": order("stand still, keep the goal"),
         "resume": order("go on to the goal"),
         "abort": order("drop the goal and stand still"),
@@ -74,42 +87,55 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         "arm": order("let the wheels turn"),
         "disarm": order("do not let the wheels turn"),
         "rtl": order("drive back along the robot's own trail"),
-        "mode": talking(orders.mode_arguments, orders.act_mode, "choose the mode"),
-        "navigator": talking(
-            orders.navigator_arguments, orders.act_navigator, "choose the navigator"
+        "mode": Place("choose the mode", "orders", "act_mode", arguments="mode_arguments"),
+        "navigator": Place(
+            "choose the navigator", "orders", "act_navigator", arguments="navigator_arguments"
         ),
-        "param": talking(param.arguments, param.act, "read and set the robot's parameters"),
-        "mission": Verb(
-            mission.arguments,
-            mission.run,
-            "waypoints: send, start, pause, jump, fetch",
-            mission.act,
-        ),
-        "fence": Verb(fence.arguments, fence.run, "keep the robot inside of a place", fence.act),
-        "lease": talking(
-            lease.arguments, lease.act, "who commands the robot: take it, give it back"
-        ),
-        "teleop": Verb(teleop.arguments, teleop.run, "drive by hand: SPEED YAW_DEG_S", teleop.act),
-        "watch": talking(watch.arguments, watch.act, "show what the robot says, line by line"),
-        "ground": Verb(
-            watch.ground_arguments,
-            watch.run_ground,
+        "param": Place("read and set the robot's parameters", "param", "act"),
+        "mission": both("waypoints: send, start, pause, jump, fetch", "missions.verb"),
+        "fence": both("keep the robot inside of a place", "fence"),
+        "lease": Place("who commands the robot: take it, give it back", "lease", "act"),
+        "teleop": both("drive by hand: SPEED YAW_DEG_S", "teleop"),
+        "watch": Place("show what the robot says, line by line", "watch", "act"),
+        "ground": Place(
             "the ground station, in this terminal or in a browser",
-            watch.act_ground,
+            "watch",
+            "act_ground",
+            "run_ground",
+            "ground_arguments",
         ),
-        "doctor": Verb(
-            doctor.arguments, doctor.run, "say what is missing and what to do", doctor.act
+        "doctor": both("say what is missing and what to do", "doctor"),
+        "router": alone("a Zenoh router, until told to stop", "router"),
+        "explain": both("why did it turn?", "explain.verb"),
+        "ghost": both("another navigator from here on", "ghost.verb"),
+        "record": alone("write every frame to .tlog and .mcap", "record"),
+        "mark": Place(
+            "a remark in what is recorded", "record", "act_mark", arguments="mark_arguments"
         ),
-        "router": Verb(router.arguments, router.run, "a Zenoh router, until told to stop"),
-        "explain": Verb(explain.arguments, explain.run, "why did it turn?", explain.act),
-        "ghost": Verb(ghost.arguments, ghost.run, "another navigator from here on", ghost.act),
-        "record": Verb(record.arguments, record.run, "write every frame to .tlog and .mcap"),
-        "mark": talking(record.mark_arguments, record.act_mark, "a remark in what is recorded"),
-        "replay": Verb(replay.arguments, replay.run, "a recorded run, shown or executed again"),
-        "export": Verb(exporting.arguments, exporting.run, "a recording as CSV or Parquet"),
-        "plot": Verb(plotting.arguments, plotting.run, "a recorded run as a picture"),
+        "replay": alone("a recorded run, shown or executed again", "replay"),
+        "export": alone("a recording as CSV or Parquet", "exporting"),
+        "plot": alone("a recorded run as a picture", "plotting"),
     }
 )
+
+
+class Verbs(Mapping[str, Verb]):
+    """The same as verbs that can be done."""
+
+    def __getitem__(self, word: str) -> Verb:
+        return PLACES[word].verb()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(PLACES)
+
+    def __len__(self) -> int:
+        return len(PLACES)
+
+    def __contains__(self, word: object) -> bool:
+        return word in PLACES
+
+
+VERBS: Final = Verbs()
 
 
 def parser_of(verb: Verb, word: str) -> argparse.ArgumentParser:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from time import monotonic_ns
-from typing import Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from textual import events
 from textual.app import App
@@ -18,19 +18,21 @@ from ground.app.keymap import Keymap
 from ground.app.keys import Key, Layer
 from ground.app.looks import Looks
 from ground.app.pace import Pace
-from ground.app.player import Player
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.drive import DriveScreen
 from ground.app.screens.log import LogScreen
 from ground.app.screens.sheet import Action, Sheet
 from ground.app.themes import THEMES
-from ground.recording import Recording
-from ground.stack import Stack
 from ground.station.station import Station
 from ground.telemetry import Age
 from protocol.clock import WallClock
 from protocol.enums import Severity
 from protocol.topics import HEARTBEAT
+
+if TYPE_CHECKING:
+    from ground.app.player import Player
+    from ground.recording import Recording
+    from ground.stack import Stack
 
 T = TypeVar("T")
 POLL_HZ: Final = 20.0
@@ -50,9 +52,9 @@ class GroundApp(App[int]):
         orders: Gives,
         keymap: Keymap | None = None,
         looks: Looks | None = None,
-        stack: Stack | None = None,
-        player: Player | None = None,
-        recording: Recording | None = None,
+        stack: "Stack | None" = None,
+        player: "Player | None" = None,
+        recording: "Recording | None" = None,
     ) -> None:
         """Without a `station` it is the player's that is shown on every screen."""
         super().__init__()
@@ -105,7 +107,7 @@ class GroundApp(App[int]):
         return Setting(kind=kind, factor=self._pace.factor, recording=words)
 
     @property
-    def stack(self) -> Stack | None:
+    def stack(self) -> "Stack | None":
         return self._stack
 
     def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
@@ -171,6 +173,8 @@ class GroundApp(App[int]):
 
     def open_replay(self, path: Path) -> None:
         """Show a recording; UserError when it cannot be played."""
+        from ground.app.player import Player  # recordings are not what one comes for
+
         self.player = Player(path, WallClock())
         self.switch_mode("replay")
 

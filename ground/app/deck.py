@@ -1,12 +1,14 @@
 """What screens ask of the app around them, so that they can be shown by another one in tests."""
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ground.app.faces.status import Setting
 from ground.app.keymap import Keymap
-from ground.stack import Stack
 from ground.station.station import Station
+
+if TYPE_CHECKING:
+    from ground.stack import Stack
 
 T = TypeVar("T")
 
@@ -24,7 +26,7 @@ class Deck(Protocol):
     def ascii_only(self) -> bool: ...
 
     @property
-    def stack(self) -> Stack | None:
+    def stack(self) -> "Stack | None":
         """The processes that are ours, when they are."""
 
     def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:

@@ -17,13 +17,13 @@ from ground.app.keymap import Keymap, load
 from ground.app.looks import in_browser, looks_of
 from ground.link import Link
 from ground.options import Common
-from ground.recording import Recording
-from ground.stack import Stack
 from protocol.clock import WallClock
 from protocol.network import Network
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
+    from ground.recording import Recording
+    from ground.stack import Stack
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EXIT_SIGNAL: Final = 128
@@ -36,8 +36,8 @@ def run(
     options: argparse.Namespace,
     link: Link,
     common: Common,
-    stack: Stack | None = None,
-    recording: Recording | None = None,
+    stack: "Stack | None" = None,
+    recording: "Recording | None" = None,
 ) -> int:
     """Until the operator leaves; 0. Raises ConfigError for a keymap that cannot be used.
 

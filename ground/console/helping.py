@@ -3,14 +3,14 @@
 from ground.console.aliases import ALIASES, unfolded
 from ground.console.local import LOCAL
 from ground.console.reading import ELSEWHERE, parser_for, usage_of
-from ground.verbs import VERBS
+from ground.verbs import PLACES
 
 
 def help_text(word: str = "") -> str:
     """UserError when there is no such command."""
     if word:
         return f"{_with_usage(word)}"
-    rows = {name: verb.says for name, verb in VERBS.items() if name not in ELSEWHERE}
+    rows = {name: verb.says for name, verb in PLACES.items() if name not in ELSEWHERE}
     rows |= {name: local.says for name, local in LOCAL.items()}
     short = {name: " ".join(words) for name, words in ALIASES.items() if name.isalpha()}
     lines = [f"{name:<12} {says}" for name, says in rows.items()]

@@ -60,15 +60,15 @@ def test_the_cursor_is_moved_turned_and_becomes_a_goal() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("G")
-            start = drive_of(stage).cursor
+            start = drive_of(stage).pointing.cursor
             assert start is not None
             await stage.press("right", "l", "up", ">", ">")
             assert "goal" in stage.words("prompt")
             await stage.press("enter")
-            step_m = drive_of(stage).step_m
+            step_m = drive_of(stage).pointing.step_m
             x_m, y_m = start.x_m + 2 * step_m, start.y_m + step_m
             assert stage.orders.given == [f"goal {x_m:g} {y_m:g} -15"]
-            assert drive_of(stage).cursor is None
+            assert drive_of(stage).pointing.cursor is None
 
     play(story)
 

@@ -3,14 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
 from ground.app.by_hand import ByHand
-from ground.app.cursor import FAR, Cursor, step_of
 from ground.app.deck import Deck
 from ground.app.faces.log import log_row
 from ground.app.faces.mission import mission_rows
@@ -19,27 +18,27 @@ from ground.app.faces.sparks import spark_rows
 from ground.app.faces.streams import stream_rows
 from ground.app.faces.why import now_rows, turn_rows
 from ground.app.keys import Layer
+from ground.app.pointing import Pointing
 from ground.app.screens.sheet import Action, Sheet
 from ground.explain import Why
-from ground.ghost.haunting import CHOICES, Haunting
 from ground.map import LAYERS
-from ground.map.canvas import DOTS_WIDE
 from ground.widgets.lines import Lines
 from ground.widgets.map import PAPER, MapWidget
 from ground.widgets.paint import styles_of
 from ground.widgets.rows import faint, row
 from protocol.errors import UserError
 
+if TYPE_CHECKING:
+    from ground.ghost.haunting import Haunting
+
 ZOOM: Final = 1.25
 HINT: Final = "60 columns and 18 rows show the map"
-WAYS: Final = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
 
 
 class DriveScreen(Sheet):
     key_layer = Layer.DRIVE
     focus_first: ClassVar[str] = "#map"
 
-    cursor: Cursor | None = None
     painted = ""
     back = 0
 
@@ -47,7 +46,8 @@ class DriveScreen(Sheet):
         super().__init__(deck)
         self.why = Why()
         self.hand = ByHand(deck)
-        self.haunting = Haunting(lambda: self.deck.station)
+        self.pointing = Pointing(lambda: self.map.view, self.robot_place, deck.give, self.tell)
+        self._haunting: Haunting | None = None
         self._station = deck.station
 
     def middle(self) -> ComposeResult:
@@ -72,7 +72,8 @@ class DriveScreen(Sheet):
         super().on_mount()
 
     def on_unmount(self) -> None:
-        self.haunting.clear()
+        if self._haunting is not None:
+            self._haunting.clear()
 
     @property
     def map(self) -> MapWidget:
@@ -81,7 +82,8 @@ class DriveScreen(Sheet):
     def draw(self) -> None:
         self.paint()
         self.follow_station()
-        self.haunting.poll()
+        if self._haunting is not None:
+            self._haunting.poll()
         station = self.deck.station
         side, log = self.lines("side"), self.lines("log")
         side.show(side_rows(station, side.size.height, side.size.width))
@@ -93,10 +95,9 @@ class DriveScreen(Sheet):
             self.draw_third()
 
     def draw_maps(self) -> None:
-        scene = replace(self.deck.station.scene(), ghosts=self.haunting.trails())
-        cursor = self.cursor
-        place = None if cursor is None else (cursor.x_m, cursor.y_m)
-        self.map.show(replace(scene, cursor=place))
+        ghosts = () if self._haunting is None else self._haunting.trails()
+        scene = replace(self.deck.station.scene(), ghosts=ghosts)
+        self.map.show(replace(scene, cursor=self.pointing.place))
         inset = self.query_one("#inset", MapWidget)
         if inset.size:
             inset.show(scene)
@@ -139,24 +140,12 @@ class DriveScreen(Sheet):
         if self.hand.held:
             return (Layer.STOP, Layer.TELEOP)
         above = super().key_layers()
-        return above if self.cursor is None or self.typing else (Layer.CURSOR, *above)
+        return above if self.pointing.cursor is None or self.typing else (Layer.CURSOR, *above)
 
     def actions(self) -> Mapping[str, Action]:
-        moves = {
-            f"cursor-{way}{far}": partial(self.move_cursor, *by, times)
-            for way, by in WAYS.items()
-            for far, times in (("", 1.0), ("-far", FAR))
-        }
         return {
             **super().actions(),
-            **moves,
-            "cursor": self.show_cursor,
-            "cursor-turn-left": partial(self.turn_cursor, 1),
-            "cursor-turn-right": partial(self.turn_cursor, -1),
-            "cursor-heading-free": self.free_heading,
-            "goal-at-cursor": self.goal_at_cursor,
-            "waypoint": self.waypoint,
-            "leave-cursor": self.hide_cursor,
+            **self.pointing.actions(),
             "zoom-in": partial(self.map.zoom, ZOOM),
             "zoom-out": partial(self.map.zoom, 1 / ZOOM),
             "fit": self.map.fit,
@@ -181,7 +170,18 @@ class DriveScreen(Sheet):
 
     # Ghosts.
 
+    @property
+    def haunting(self) -> "Haunting":
+        """The ghosts on this map; begun when the first is wanted."""
+        if self._haunting is None:
+            from ground.ghost.haunting import Haunting  # with its recordings, and trials
+
+            self._haunting = Haunting(lambda: self.deck.station)
+        return self._haunting
+
     def choose_ghost(self) -> None:
+        from ground.ghost.haunting import CHOICES  # seldom needed, so not at the start
+
         self.deck.choose("a ghost from here on", list(CHOICES), self.try_ghost)
 
     def try_ghost(self, navigator: str) -> None:
@@ -199,7 +199,7 @@ class DriveScreen(Sheet):
     def take_hand(self) -> None:
         """From now on keys drive, and any key that does not ends it."""
         if self.hand.take():
-            self.cursor = None
+            self.pointing.hide()
             self.prompt("by hand, any other key ends it", self.deck.give)
 
     def poll(self) -> None:
@@ -214,10 +214,14 @@ class DriveScreen(Sheet):
 
     # The map.
 
+    def tell(self, words: str) -> None:
+        """What Enter would send, where the prompt is."""
+        self.prompt(words, self.deck.give)
+
     def centre(self) -> None:
-        robot = self.map.scene.robot
-        if robot is not None:
-            self.map.centre(robot.x_m, robot.y_m)
+        place = self.robot_place()
+        if place is not None:
+            self.map.centre(*place)
 
     def follow(self) -> None:
         self.map.following = not self.map.following
@@ -234,54 +238,12 @@ class DriveScreen(Sheet):
 
     def on_map_widget_pointed(self, event: MapWidget.Pointed) -> None:
         self.home()
-        self.cursor = Cursor(event.x_m, event.y_m).moved(0, 0, self.step_m)
+        self.pointing.point(event.x_m, event.y_m)
         self.look()
 
     def on_map_widget_zoomed(self, event: MapWidget.Zoomed) -> None:
         self.map.zoom(event.factor, (event.x_m, event.y_m))
 
-    # The goal cursor.
-
-    @property
-    def step_m(self) -> float:
-        return step_of(self.map.view.m_per_dot * DOTS_WIDE)
-
-    def show_cursor(self) -> None:
-        """Where the robot is, or in the middle of the map."""
-        robot, view = self.map.scene.robot, self.map.view
-        x_m, y_m = (view.centre_x_m, view.centre_y_m) if robot is None else (robot.x_m, robot.y_m)
-        self.cursor = Cursor(x_m, y_m).moved(0, 0, self.step_m)
-        self.tell_cursor()
-
-    def hide_cursor(self) -> None:
-        self.cursor = None
-        self.prompt("", self.deck.give)
-
-    def move_cursor(self, right: int, up: int, times: float) -> None:
-        if self.cursor is not None:
-            self.cursor = self.cursor.moved(right * times, up * times, self.step_m)
-            self.tell_cursor()
-
-    def turn_cursor(self, times: int) -> None:
-        if self.cursor is not None:
-            self.cursor = self.cursor.turned(times)
-            self.tell_cursor()
-
-    def free_heading(self) -> None:
-        if self.cursor is not None:
-            self.cursor = replace(self.cursor, heading_deg=None)
-            self.tell_cursor()
-
-    def tell_cursor(self) -> None:
-        """In words, where the prompt is: Enter sends exactly this."""
-        if self.cursor is not None:
-            self.prompt(f"goal {self.cursor.words()}", self.deck.give)
-
-    def goal_at_cursor(self) -> None:
-        if self.cursor is not None:
-            self.deck.give(f"goal {self.cursor.words()}")
-            self.hide_cursor()
-
-    def waypoint(self) -> None:
-        if self.cursor is not None:
-            self.deck.give(f"wp add {self.cursor.words()}")
+    def robot_place(self) -> tuple[float, float] | None:
+        robot = self.map.scene.robot
+        return None if robot is None else (robot.x_m, robot.y_m)

@@ -53,7 +53,7 @@ class ReplayScreen(DriveScreen):
         """Those of the map, but none that would command the robot of the recording."""
         if self.typing:
             return super().key_layers()
-        cursor = () if self.cursor is None else (Layer.CURSOR,)
+        cursor = () if self.pointing.cursor is None else (Layer.CURSOR,)
         return (Layer.STOP, *cursor, Layer.DRIVE, Layer.REPLAY, Layer.STATION)
 
     def actions(self) -> Mapping[str, Action]:

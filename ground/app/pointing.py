@@ -1,0 +1,89 @@
+"""The goal cursor on a map, driven by keys: moved, turned, and made a goal or a waypoint."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Final
+
+from ground.app.cursor import FAR, Cursor, step_of
+from ground.map import View
+from ground.map.canvas import DOTS_WIDE
+
+WAYS: Final = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
+
+
+class Pointing:
+    """`tell` is given the words of the goal that Enter would send, or nothing; `give` gets them."""
+
+    def __init__(
+        self,
+        view: Callable[[], View],
+        robot: Callable[[], tuple[float, float] | None],
+        give: Callable[[str], None],
+        tell: Callable[[str], None],
+    ) -> None:
+        self._view, self._robot, self._give, self._tell = view, robot, give, tell
+        self.cursor: Cursor | None = None
+
+    @property
+    def place(self) -> tuple[float, float] | None:
+        return None if self.cursor is None else (self.cursor.x_m, self.cursor.y_m)
+
+    @property
+    def step_m(self) -> float:
+        return step_of(self._view().m_per_dot * DOTS_WIDE)
+
+    def actions(self) -> Mapping[str, Callable[[], None]]:
+        moves = {
+            f"cursor-{way}{far}": partial(self.move, *by, times)
+            for way, by in WAYS.items()
+            for far, times in (("", 1.0), ("-far", FAR))
+        }
+        return {
+            **moves,
+            "cursor": self.show,
+            "cursor-turn-left": partial(self.turn, 1),
+            "cursor-turn-right": partial(self.turn, -1),
+            "cursor-heading-free": self.free,
+            "goal-at-cursor": self.send,
+            "waypoint": self.waypoint,
+            "leave-cursor": self.hide,
+        }
+
+    def show(self) -> None:
+        """Where the robot is, or in the middle of the map."""
+        view = self._view()
+        self.point(*(self._robot() or (view.centre_x_m, view.centre_y_m)))
+
+    def point(self, x_m: float, y_m: float) -> None:
+        """There, on the grid of its steps."""
+        self._set(Cursor(x_m, y_m).moved(0, 0, self.step_m))
+
+    def hide(self) -> None:
+        self._set(None)
+
+    def move(self, right: int, up: int, times: float) -> None:
+        if self.cursor is not None:
+            self._set(self.cursor.moved(right * times, up * times, self.step_m))
+
+    def turn(self, times: int) -> None:
+        if self.cursor is not None:
+            self._set(self.cursor.turned(times))
+
+    def free(self) -> None:
+        """Any heading will do."""
+        if self.cursor is not None:
+            self._set(replace(self.cursor, heading_deg=None))
+
+    def send(self) -> None:
+        if self.cursor is not None:
+            self._give(f"goal {self.cursor.words()}")
+            self.hide()
+
+    def waypoint(self) -> None:
+        if self.cursor is not None:
+            self._give(f"wp add {self.cursor.words()}")
+
+    def _set(self, cursor: Cursor | None) -> None:
+        self.cursor = cursor
+        self._tell("" if cursor is None else f"goal {cursor.words()}")
