@@ -36,7 +36,10 @@ class Comings:
             if token.robot == self._robot and token.zid != self._own and token.role in NAMED
         )
         came, went, self._there = there - self._there, self._there - there, there
-        gone = [Coming(f"{self._named(role)} has gone", _weight(role)) for role, _ in sorted(went)]
+        gone = [
+            Coming(f"{self._named(role)} is out of sight", _weight(role))
+            for role, _ in sorted(went)
+        ]
         here = [Coming(f"{self._named(role)} is there", Severity.INFO) for role, _ in sorted(came)]
         return [*gone, *here]
 

@@ -36,10 +36,12 @@ def what(kind: LossKind, known: Known) -> str:
             return "the router has ended; dialling it again"
         case LossKind.TRANSPORT:
             return "nothing comes back: the network in between is cut; dialling again"
+        case LossKind.PROCESS_DEAD if known.status is None:
+            return f"no process of {robot} is there"
         case LossKind.PROCESS_DEAD if known.linked_by_robot:
-            return f"the process of {robot} has ended, or was never there"
+            return f"the process of {robot} has ended"
         case LossKind.PROCESS_DEAD:
-            return f"the process of {robot} has ended, or its own link is cut"
+            return f"the process of {robot} has ended or is stopped, or its own link is cut"
         case LossKind.HUNG:
             return f"the process of {robot} is there, its control loop does not run (no heartbeat)"
         case LossKind.SENSES_STALE:
@@ -54,6 +56,8 @@ def does(kind: LossKind, known: Known) -> str:
     match kind:
         case LossKind.ROUTER_GONE | LossKind.TRANSPORT:
             return _unheard(known.status)
+        case LossKind.PROCESS_DEAD if known.status is None:
+            return "what the robot does is not known"
         case LossKind.PROCESS_DEAD | LossKind.HUNG:
             return f"its motor driver stops the wheels {TTL_MS} ms after the last command"
         case LossKind.SENSES_STALE:

@@ -20,16 +20,16 @@ def test_each_coming_and_going_is_one_line() -> None:
     ]
     assert comings.see([OTHER, ROBOT]) == []
     (gone,) = comings.see([OTHER])
-    assert gone == ("robot r1 has gone", Severity.WARNING)
+    assert gone == ("robot r1 is out of sight", Severity.WARNING)
     (left,) = comings.see([])
-    assert left == ("another ground station for r1 has gone", Severity.INFO)
+    assert left == ("another ground station for r1 is out of sight", Severity.INFO)
 
 
 def test_a_process_begun_anew_has_gone_and_come() -> None:
     comings = Comings("r1", "ours")
     comings.see([ROBOT])
     told = comings.see([Presence("r1", "robot", "z")])
-    assert [one.text for one in told] == ["robot r1 has gone", "robot r1 is there"]
+    assert [one.text for one in told] == ["robot r1 is out of sight", "robot r1 is there"]
 
 
 def test_we_and_other_robots_are_not_told_of() -> None:
@@ -42,5 +42,5 @@ def test_they_are_in_the_log_of_a_station() -> None:
     play.bus.go(Role.PLANT)
     play.bus.come(Role.GROUND, zid="ben's")
     play.forward(0.1)
-    assert play.texts("has gone") == ["the plant of r1 has gone"]
+    assert play.texts("is out of sight") == ["the plant of r1 is out of sight"]
     assert play.texts("another ground station")

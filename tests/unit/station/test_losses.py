@@ -227,7 +227,7 @@ def test_a_robot_that_never_came_is_dead_and_not_hung() -> None:
     loss = play.station.loss()
     assert loss is not None
     assert loss.kind is LossKind.PROCESS_DEAD
-    assert "or was never there" in loss.what
+    assert loss.what == "no process of r1 is there"
 
 
 def test_behind_a_router_a_dead_robot_may_also_be_cut_off() -> None:
