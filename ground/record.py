@@ -8,6 +8,7 @@ from typing import Final
 
 from ground.blackbox.facts import Facts
 from ground.blackbox.tape import Tape, Track
+from ground.children import held_back
 from ground.link import Link, linked
 from ground.options import add_common, common_of
 from ground.recorder import Recorder
@@ -38,7 +39,8 @@ def run(options: argparse.Namespace, says: Says) -> int:
         try:
             keep_writing(link, tape, Facts(link.bus, link.robot), says)
         except KeyboardInterrupt:
-            complete = tape.close()
+            with held_back():
+                complete = tape.close()
         return tell(says, tape, complete=complete)
 
 
@@ -57,9 +59,10 @@ def keep_writing(link: Link, tape: Tape, facts: Facts, says: Says) -> None:
     while True:
         due_ns = link.clock.now_ns() + FLUSH_NS
         round_number += 1
-        for name, text in facts.learned(link.clock.now_ns()).items():
-            tape.know(name, text)
-        tape.flush(round_number, SYNC_EVERY)
+        with held_back():  # what a signal cut short would be half a chunk
+            for name, text in facts.learned(link.clock.now_ns()).items():
+                tape.know(name, text)
+            tape.flush(round_number, SYNC_EVERY)
         if not tape.trouble and told_ns is not None:
             says.note("RECORDING goes on: the log can be written again")
             told_ns = None
