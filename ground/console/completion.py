@@ -2,18 +2,26 @@
 
 import argparse
 import shlex
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
+from ground.app.looks import NAMES as THEMES
 from ground.console.aliases import unfolded
 from ground.console.reading import parser_for, subcommands_of, verbs
 from ground.console.typed import LONGEST, last_word
+from ground.map import LAYERS
+from ground.orders import NAVIGATORS
 from protocol.errors import UserError
 
 MOST: Final = 200
 FILE_WORDS: Final = ("FILE", "DIR", "CSV", "IN", "OUT")
 PARAMETER_WORDS: Final = ("NAME", "GLOB")
+OFFERED: Final[Mapping[str, Iterable[str]]] = MappingProxyType(
+    {"LAYER": LAYERS, "NAVIGATOR": tuple(NAVIGATORS), "THEME": THEMES}
+)
+"""Words that stand in no parser: a name that is not among them is refused by what looks it up."""
 
 
 def complete(text: str, parameters: Iterable[str] = (), folder: Path = Path()) -> list[str]:
@@ -88,6 +96,8 @@ def _values(
         return parameters
     if action.dest == "word":
         return verbs()
+    if metavar in OFFERED:
+        return OFFERED[metavar]
     return _files(begun, folder) if metavar in FILE_WORDS else ()
 
 

@@ -8,6 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ground import cli
+from ground.app.app import GroundApp
+from ground.app.local import words_of_the_app
 from ground.console import LOCAL, parse, verbs
 from ground.console.reading import ELSEWHERE
 from ground.verbs import VERBS
@@ -83,6 +85,11 @@ def test_the_app_s_own_words_are_read_and_marked() -> None:
     assert parse("wp add 1 2 --hold 3").hold == 3.0
     assert parse("record start").action == "start"
     assert parse("teleop").local is True
+
+
+def test_every_word_of_the_app_has_somebody_to_do_it() -> None:
+    nobody: GroundApp = None  # type: ignore[assignment]
+    assert set(LOCAL) == {"help", "wp", *words_of_the_app(nobody)}
 
 
 def test_no_word_of_the_app_hides_a_verb_that_talks_to_the_robot() -> None:
