@@ -12,7 +12,7 @@ from ground.ghost.recorded import changed, goal_of
 from ground.map import Ghost as Trail
 from ground.orders import NAVIGATORS, SIDES
 from ground.station import Station
-from protocol.enums import Severity
+from protocol.enums import GoalState, Severity
 from protocol.errors import UserError
 from protocol.messages import GroundTruth, PlanarOdometry
 from protocol.topics import ODOMETRY, STATUS, TRUTH
@@ -87,6 +87,8 @@ def instant_of(station: Station) -> Instant:
         raise UserError(NO_WORLD)
     if status is None or place is None:
         raise UserError("nothing is heard of the robot now")
+    if status.goal == GoalState.NONE:
+        raise UserError("the robot has no goal at this instant")
     goal: Destination = goal_of(status)
     return Instant(world.text, (place.x_m, place.y_m, place.heading_rad), at_s, goal)
 
@@ -105,7 +107,7 @@ def side_of(station: Station) -> str | None:
 
 def told(course: Course) -> str:
     """How it came out, in one line."""
-    words = course.outcome if course.reason in ("ok", "") else f"{course.outcome}: {course.reason}"
-    if course.time_s is None or course.length_m is None:
-        return words
-    return f"{words} after {course.time_s:.1f} s and {course.length_m:.2f} m"
+    words = course.outcome
+    if course.time_s is not None and course.length_m is not None:
+        words += f" after {course.time_s:.1f} s and {course.length_m:.2f} m"
+    return words if course.reason in ("ok", "") else f"{words}: {course.reason}"

@@ -5,6 +5,7 @@ from typing import Final
 
 from ground.app.faces.aged import MISSING, aged, live, number, role_of
 from ground.app.faces.bars import EIGHTHS, bar
+from ground.bearings import SONARS
 from ground.station.station import Station
 from ground.status_line import doing
 from ground.telemetry import Seen
@@ -21,8 +22,6 @@ from protocol.reasons import reason_text
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS
 
 WIDTH: Final = 30
-SONARS: Final = ("R79", "R56", "R34", "R11", "L11", "L34", "L56", "L79")
-"""Where each looks, in degrees from ahead, as they are numbered."""
 BAR: Final = 13
 BARS: Final = f"{EIGHTHS.strip()}·"
 STAGES: Final = "rongw"

@@ -1,18 +1,23 @@
 """What a station shows, live or played, can be haunted from the instant that it shows."""
 
 from collections.abc import Iterator
+from math import nan
 from pathlib import Path
 from threading import Event
 from time import monotonic
 
 import pytest
 
-from ground.ghost import Ghosts
-from ground.ghost.haunting import CHOICES, Haunting, instant_of, side_of
+from ground.ghost import Course, Ghosts
+from ground.ghost.haunting import CHOICES, Haunting, instant_of, side_of, told
 from ground.station import Station
+from protocol.codec import Encoder
+from protocol.enums import GoalState
 from protocol.errors import UserError
+from protocol.mailbox import Sample
 from protocol.outcome import Outcome
-from protocol.topics import ODOMETRY, STATUS, TRUTH
+from protocol.topics import ENCODING, ODOMETRY, STATUS, TRUTH
+from tests.unit.ground.explain.told import standing
 from tests.unit.ground.recordings import Recording, box
 from tests.unit.ground.shown import WORLD, Show
 
@@ -98,6 +103,22 @@ def test_what_is_missing_is_named(drive: tuple[Recording, Outcome], tmp_path: Pa
             haunting_of(Show(lacking, tmp_path, 6.0, world)).begin("bug")
     with pytest.raises(UserError, match="no navigator 'vfh'"):
         haunting_of(Show(run, tmp_path, 6.0)).begin("vfh")
+
+
+def test_a_robot_without_a_goal_has_no_ghosts(show: Show) -> None:
+    now_ns = show.station.now_ns
+    idle = standing(goal=GoalState.NONE, goal_x_m=nan, goal_y_m=nan)
+    frame = Encoder(1, 1).encode(idle)
+    show.station.telemetry.boxes()[STATUS.path].store(Sample(ENCODING, frame), now_ns)
+    with pytest.raises(UserError, match="no goal at this instant"):
+        haunting_of(show).begin("bug")
+
+
+def test_how_it_came_out_is_told_in_one_line() -> None:
+    stuck = Course([], "stuck", "no way", 12.34, 5.678)
+    assert told(stuck) == "stuck after 12.3 s and 5.68 m: no way"
+    assert told(stuck._replace(reason="ok", outcome="reached")) == "reached after 12.3 s and 5.68 m"
+    assert told(Course([], "failed", "the start is taken")) == "failed: the start is taken"
 
 
 def test_without_truth_it_begins_where_the_robot_believes_to_be(
