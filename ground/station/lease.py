@@ -2,15 +2,21 @@
 
 from typing import NamedTuple
 
+from protocol.messages import LeaseStatus
+
 
 class Lease(NamedTuple):
-    """`ours`: this station holds it; `lapses_s` from now unless its holder beats."""
+    """`ours`: this station holds it; `lapses_s` from now unless its holder beats.
+
+    Not `known`: nothing has been heard of it, or nothing lately.
+    """
 
     held: bool = False
     ours: bool = False
     holder: str = ""
     name: str = ""
     lapses_s: float = 0.0
+    known: bool = True
 
     @property
     def others(self) -> bool:
@@ -18,7 +24,20 @@ class Lease(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Whom it belongs to."""
+        """Whom it belongs to; `--`: who knows."""
+        if not self.known:
+            return "--"
         if not self.held:
             return "free"
         return "ours" if self.ours else (self.name or self.holder[:8])
+
+
+UNKNOWN = Lease(known=False)
+
+
+def lease_in(status: LeaseStatus, age_ns: int, own: str) -> Lease:
+    """What the robot said of it so long ago, seen by who has this identity on the bus."""
+    held = bool(status.held)
+    left_s = max(0.0, status.lapses_ms / 1000 - age_ns / 1e9)
+    ours = held and status.holder == own
+    return Lease(held, ours, status.holder, status.name, left_s)

@@ -1,10 +1,11 @@
 """What the station knows of one robot and its surroundings, as the map shows it."""
 
 from collections.abc import Iterable
-from math import isfinite
+from math import isfinite, sqrt
 from typing import Final
 
 from ground.map import Robot, Scene, Target
+from ground.map.ellipse import CHI2_2_95
 from ground.station.tracks import ranges_m
 from ground.station.watched import Watched
 from ground.station.world import WorldFacts
@@ -63,7 +64,7 @@ def scene_of(
 def grown(
     odometry: tuple[PlanarOdometry, int], now_ns: int, status: NavigatorStatus | None
 ) -> tuple[float, float, float]:
-    """The ellipse of when it was last heard, wider by how far it may have gone since.
+    """The ellipse of when it was last heard, as drawn wider by how far it may have gone since.
 
     A robot that needs its operator stops by itself soon after it loses him.
     """
@@ -72,7 +73,8 @@ def grown(
     gone_m = 0.0
     if age_of(ODOMETRY, age_ns) is Age.GONE:
         alone = status is not None and status.mode in (Mode.AUTO, Mode.SMART_RTL)
-        gone_m = pose.speed_m_s * min(age_ns / NS_PER_S, FARTHEST_S if alone else STOPPED_S)
+        gone_s = min(age_ns / NS_PER_S, FARTHEST_S if alone else STOPPED_S)
+        gone_m = pose.speed_m_s * gone_s / sqrt(CHI2_2_95)
     return pose.cov_xx_m2 + gone_m**2, pose.cov_xy_m2, pose.cov_yy_m2 + gone_m**2
 
 

@@ -6,7 +6,7 @@ from ground.map import Scene, Shape, Target
 from ground.param import Row
 from ground.presence import Crew
 from ground.station.history import History
-from ground.station.lease import Lease
+from ground.station.lease import UNKNOWN, Lease, lease_in
 from ground.station.loss import Loss
 from ground.station.moments import Moment
 from ground.station.operated import Operated
@@ -14,9 +14,9 @@ from ground.station.scene import scene_of
 from ground.station.streams import StreamRow
 from ground.station.watched import Watched
 from ground.station.world import WorldFacts
-from ground.telemetry import Seen, Telemetry
-from protocol.messages import AvoidanceDecision, MissionStatus
-from protocol.topics import MISSION, Role, Topic
+from ground.telemetry import Age, Seen, Telemetry
+from protocol.messages import AvoidanceDecision, LeaseStatus, MissionStatus
+from protocol.topics import LEASE, MISSION, Role, Topic
 
 NS_PER_S: Final = 1_000_000_000
 
@@ -104,7 +104,13 @@ class Sight:
 
     @property
     def lease(self) -> Lease:
-        return Lease() if self._own is None else self._own.tenure.lease
+        """Who commands the robot, as long as that has been heard lately."""
+        seen = self.seen(LEASE)
+        if not isinstance(seen.message, LeaseStatus) or seen.age is Age.GONE:
+            return UNKNOWN
+        if self._own is not None:
+            return self._own.tenure.lease
+        return lease_in(seen.message, seen.age_ns or 0, own="")
 
     @property
     def mission(self) -> MissionStatus | None:

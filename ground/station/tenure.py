@@ -5,7 +5,7 @@ from typing import Final
 from ground.link import ALIVE
 from ground.operator import Pace
 from ground.station.hears import Puts
-from ground.station.lease import Lease
+from ground.station.lease import UNKNOWN, lease_in
 from protocol.messages import Heartbeat, LeaseStatus
 
 MS: Final = 1_000_000
@@ -22,7 +22,7 @@ class Tenure:
     """
 
     def __init__(self, zid: str) -> None:
-        self.lease = Lease()
+        self.lease = UNKNOWN
         self.ours = False
         self._zid = zid
         self._pace = Pace()
@@ -43,9 +43,8 @@ class Tenure:
 
     def heard(self, status: LeaseStatus, arrived_ns: int, now_ns: int) -> str:
         """What the robot says of its lease; a sentence when that changes whose it is."""
-        left_s = max(0.0, status.lapses_ms / 1000 - (now_ns - arrived_ns) / 1e9)
-        ours = bool(status.held) and status.holder == self._zid
-        self.lease = Lease(bool(status.held), ours, status.holder, status.name, left_s)
+        self.lease = lease_in(status, now_ns - arrived_ns, self._zid)
+        ours = self.lease.ours
         if ours == self.ours or arrived_ns < self._changed_ns + CROSSING_NS:
             return ""
         self._change(ours, now_ns)

@@ -15,7 +15,7 @@ def test_a_robot_whose_process_ends_behind_a_router_is_dead_and_comes_back() -> 
         seen.until_ready()
         with stack.halted():
             stack.kill("robot")
-        assert seen.until_lost(LossKind.PROCESS_DEAD) < 2.0
+        seen.until_lost(LossKind.PROCESS_DEAD)
         with stack.halted():
             stack.start("robot")
         seen.until_ready()
@@ -30,7 +30,7 @@ def test_the_robot_that_is_the_hub_itself_is_dead_and_comes_back() -> None:
         seen.until_ready()
         with stack.halted():
             stack.kill("robot")
-        assert seen.until_lost(LossKind.PROCESS_DEAD) < 3.0
+        seen.until_lost(LossKind.PROCESS_DEAD)
         with stack.halted():
             stack.start("robot")
         seen.until_ready()
@@ -43,7 +43,7 @@ def test_a_loop_that_stands_is_hung_while_its_token_lives(router: bool) -> None:
     with Lively(router=router) as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
         stack.hung = True
-        assert seen.until_lost(LossKind.HUNG) < 3.0
+        seen.until_lost(LossKind.HUNG)
         assert seen.station.crew.has("r1", Role.ROBOT)
         stack.hung = False
         seen.until_ready()
@@ -57,7 +57,7 @@ def test_a_hung_loop_is_told_from_a_lost_link_even_when_nobody_else_speaks() -> 
         with stack.halted():
             stack.kill("plant")
             stack.hung = True
-        assert seen.until_lost(LossKind.HUNG) < 4.0
+        seen.until_lost(LossKind.HUNG)
 
 
 def test_a_plant_that_stops_leaves_the_robot_without_senses() -> None:
@@ -65,7 +65,7 @@ def test_a_plant_that_stops_leaves_the_robot_without_senses() -> None:
         seen.until_ready()
         with stack.halted():
             stack.kill("plant")
-        assert seen.until_lost(LossKind.SENSES_STALE) < 2.0
+        seen.until_lost(LossKind.SENSES_STALE)
         loss = seen.station.loss()
         assert loss is not None
         assert "no plant" in loss.what
@@ -82,7 +82,7 @@ def test_another_operators_lease_is_a_loss_until_it_is_given_back() -> None:
         answer = stack.ground.ask(LEASE_SERVICE, take, 2.0)
         assert isinstance(answer, CommandAck)
         assert answer.result == AckResult.ACCEPTED
-        assert seen.until_lost(LossKind.OTHER_OPERATOR) < 2.0
+        seen.until_lost(LossKind.OTHER_OPERATOR)
         assert seen.station.lease.name == "ben"
         seen.until(lambda: not seen.station.lease.held)  # nobody beats for it: it lapses
         seen.until_ready()
@@ -95,7 +95,7 @@ def test_a_router_that_goes_is_told_and_dialled_again() -> None:
         endpoint = stack._hub
         with stack.halted():
             stack._scopes["router"].close()
-        assert seen.until_lost(LossKind.ROUTER_GONE) < 3.0
+        seen.until_lost(LossKind.ROUTER_GONE)
         with stack.halted():
             stack._hub = endpoint
             stack._open("router", None)
@@ -113,7 +113,7 @@ def test_a_cut_cable_is_a_lost_link_and_nothing_else(router: bool) -> None:
     ):
         seen.until_ready()
         cable.cut()
-        assert seen.until_lost(LossKind.TRANSPORT) < 4.0
+        seen.until_lost(LossKind.TRANSPORT)
         cable.mend()
         seen.until_ready()
         assert seen.kinds() == ["LINK LOST"]
