@@ -50,6 +50,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "explain": Verb("ground.cli", "why did it turn? now, or in a recording"),
         "ghost": Verb("ground.cli", "what another navigator would do from here on"),
         "record": Verb("ground.cli", "write every frame to a .tlog and an .mcap file"),
+        "bridge": Verb("ground.cli", "live, for Foxglove or Lichtblick to connect to"),
         "mark": Verb("ground.cli", "a remark in what is being recorded"),
         "replay": Verb("ground.cli", "a recorded run, shown or executed again"),
         "export": Verb("ground.cli", "a recording as a table: CSV or Parquet"),

@@ -109,6 +109,7 @@ PLACES: Final[Mapping[str, Place]] = MappingProxyType(
         "explain": both("why did it turn?", "explain.verb"),
         "ghost": both("another navigator from here on", "ghost.verb"),
         "record": alone("write every frame to .tlog and .mcap", "record"),
+        "bridge": Place("live, for Foxglove or Lichtblick to connect to", "bridge", "act"),
         "mark": Place(
             "a remark in what is recorded", "record", "act_mark", arguments="mark_arguments"
         ),

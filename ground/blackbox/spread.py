@@ -1,0 +1,65 @@
+"""One frame as all that is made of it: itself, its message as JSON, and what a viewer draws of it.
+
+A file and a live viewer are given the same.
+"""
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import msgspec
+
+from ground.blackbox.mcap_file import RAW_TOPIC, Raw
+from ground.blackbox.picture import Drawn, Picture
+from ground.blackbox.schemas import RAW_SCHEMA, Schema, schema_of
+from ground.blackbox.shape_schemas import SHAPES
+from protocol.codec import decode
+from protocol.errors import RemoteError
+from protocol.message import Message
+
+TO_JSON: Final = msgspec.json.Encoder()
+"""What is not finite becomes null: JSON has no infinity. The raw frame beside it is exact."""
+
+
+class Piece(NamedTuple):
+    """A JSON text for a channel of this topic and schema."""
+
+    topic: str
+    schema: Schema
+    data: bytes
+
+
+class Spread:
+    """Of one robot."""
+
+    def __init__(self, robot: str) -> None:
+        self._robot = robot
+        self._picture = Picture()
+        self._topics: dict[tuple[str, str], tuple[str, Schema]] = {}
+
+    def add(self, key: str, frame: bytes, time_ns: int) -> Iterator[Piece]:
+        """A whole frame. One of a newer dialect cannot be shown: it is there raw."""
+        yield Piece(RAW_TOPIC, RAW_SCHEMA, TO_JSON.encode(Raw(key, frame)))
+        try:
+            message = decode(frame).message
+        except RemoteError:
+            return
+        yield Piece(*self._topic_of(key, message), TO_JSON.encode(message))
+        yield from map(drawn_piece, self._picture.see(key, message, time_ns))
+
+    def know(self, name: str, text: str, time_ns: int) -> Iterator[Piece]:
+        """What is drawn of a fact."""
+        yield from map(drawn_piece, self._picture.know(name, text, time_ns))
+
+    def _topic_of(self, key: str, message: Message) -> tuple[str, Schema]:
+        """Keys that carry several messages have a topic for each: a topic has one schema."""
+        kind = type(message)
+        found = self._topics.get((key, kind.__name__))
+        if found is None:
+            path = key.partition(f"/{self._robot}/")[2] or key
+            found = f"/{path}/{kind.__name__}", schema_of(kind)
+            self._topics[(key, kind.__name__)] = found
+        return found
+
+
+def drawn_piece(drawn: Drawn) -> Piece:
+    return Piece(drawn.topic, SHAPES[drawn.shape], TO_JSON.encode(drawn.content))

@@ -1,0 +1,120 @@
+"""`bridge`: what a recording would hold, live, for Foxglove or Lichtblick to connect to."""
+
+import argparse
+from collections import deque
+from collections.abc import Iterable
+from time import time_ns
+from typing import Any, Final, NamedTuple
+
+from ground.blackbox.facts import Facts
+from ground.blackbox.spread import Piece, Spread
+from ground.link import Link
+from ground.options import add_common, common_of
+from ground.says import Says
+from ground.tlog import whole
+from protocol.errors import UserError
+
+USUAL_PLACE: Final = "127.0.0.1:8765"
+ROUND_NS: Final = 50_000_000
+AGAIN_NS: Final = 2_000_000_000
+MOST_WAITING: Final = 4096
+ONCE: Final = ("/world", "/robot/body", "/goal")
+"""Told seldom, and so again and again: whoever connects later is to see it, too."""
+
+
+class Place(NamedTuple):
+    host: str
+    port: int
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    says = f"where viewers connect; port 0: any that is free ({USUAL_PLACE})"
+    parser.add_argument("--at", type=place, default=place(USUAL_PLACE), metavar="H:P", help=says)
+    add_common(parser)
+
+
+def place(text: str) -> Place:
+    host, colon, port = text.strip().rpartition(":")
+    if not (colon and host and port.isdecimal() and int(port) < 65_536):
+        raise argparse.ArgumentTypeError(f"{text!r} is no HOST:PORT, as in {USUAL_PLACE}")
+    return Place(host, int(port))
+
+
+def act(options: argparse.Namespace, link: Link, says: Says) -> int:
+    """Until a signal ends it. It only looks: nothing that a viewer does reaches the robot."""
+    server = served(options.at, link.robot)
+    try:
+        says.note(f"{link.robot} at ws://{options.at.host}:{server.port}; no password guards it")
+        bridge = Bridge(link, common_of(options).network.prefix)
+        while True:
+            due_ns = link.clock.now_ns() + ROUND_NS
+            bridge.round(link.clock.now_ns())
+            link.clock.sleep_until(due_ns)
+    finally:
+        server.stop()
+
+
+def served(at: Place, robot: str) -> Any:
+    """The SDK's own server; UserError when it is not installed or cannot listen there."""
+    foxglove = sdk()
+    try:
+        return foxglove.start_server(
+            name=f"sidestep {robot}", host=at.host, port=at.port, message_backlog_size=1024
+        )
+    except (RuntimeError, OSError) as error:
+        raise UserError(f"cannot listen at {at.host}:{at.port}: {error}") from error
+
+
+def sdk() -> Any:
+    try:
+        import foxglove  # an extra of its own: nothing else needs it
+    except ImportError:
+        fix = "pip install 'sidestep[foxglove]'; an .mcap needs nothing to be opened"
+        raise UserError(f"the bridge needs foxglove-sdk, which is not installed: {fix}") from None
+    return foxglove
+
+
+class Bridge:
+    """Takes frames from the bus's threads and tells them to whoever is connected, from one."""
+
+    def __init__(self, link: Link, prefix: str) -> None:
+        self._link = link
+        self._offset_ns = time_ns() - link.clock.now_ns()
+        self._spread = Spread(link.robot)
+        self._facts = Facts(link.bus, link.robot)
+        self._arrived: deque[tuple[str, bytes, int]] = deque(maxlen=MOST_WAITING)
+        self._channels: dict[str, Any] = {}
+        self._once: dict[str, Piece] = {}
+        self._again_ns = 0
+        link.bus.stream(f"{prefix}/{link.robot}/**", self._take)
+
+    def _take(self, key: str, frame: bytes, arrived_ns: int) -> None:
+        self._arrived.append((key, frame, arrived_ns))
+
+    def round(self, now_ns: int) -> None:
+        """Everything that has come; and what is told seldom, when it is time to."""
+        for name, text in self._facts.learned(now_ns).items():
+            self._tell(self._spread.know(name, text, now_ns + self._offset_ns), now_ns)
+        for _ in range(len(self._arrived)):
+            key, frame, arrived_ns = self._arrived.popleft()
+            if whole(frame):
+                time_ns = arrived_ns + self._offset_ns
+                self._tell(self._spread.add(key, frame, time_ns), arrived_ns)
+        if now_ns >= self._again_ns:
+            self._again_ns = now_ns + AGAIN_NS
+            self._tell(list(self._once.values()), now_ns)
+
+    def _tell(self, pieces: Iterable[Piece], at_ns: int) -> None:
+        for piece in pieces:
+            if piece.topic in ONCE:
+                self._once[piece.topic] = piece
+            channel = self._channels.get(piece.topic)
+            if channel is None:
+                channel = self._channels[piece.topic] = channel_of(piece)
+            channel.log(piece.data, log_time=at_ns + self._offset_ns)
+
+
+def channel_of(piece: Piece) -> Any:
+    foxglove = sdk()
+    schema = foxglove.Schema(name=piece.schema.name, encoding="jsonschema", data=piece.schema.text)
+    return foxglove.Channel(piece.topic, schema=schema, message_encoding="json")

@@ -1,0 +1,93 @@
+"""The live bridge, seen as a viewer sees it: over its WebSocket, by the published protocol."""
+
+import asyncio
+import json
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import aiohttp
+import pytest
+
+from ground.bridge import Bridge, place, served
+from ground.link import Link
+from ground.options import Common
+from protocol.bus import open_bus
+from protocol.clock import WallClock
+from protocol.errors import UserError
+from protocol.network import Network
+from protocol.topics import ODOMETRY, PREFIX, WORLD, Role
+from tests.bus.robots import PlayedRobot, played
+from tests.unit.ground.blackbox.made import WORLD_TEXT, odometry
+
+PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+DATA_HEAD = 1 + 4 + 8
+
+
+@pytest.fixture
+def stage() -> Iterator[tuple[PlayedRobot, Bridge, int]]:
+    """A robot, a bridge that goes its rounds, and the port of its server."""
+    with played() as (robot, endpoint):
+        robot.bus.serve(WORLD, lambda asked: asked.reply(WORLD_TEXT.encode()))
+        network = Network(mode="client", connect=(endpoint,))
+        common = Common(network=network, robot="r1")
+        server = served(place("127.0.0.1:0"), "r1")
+        with open_bus(network, Role.GROUND, "r1") as bus:
+            bridge = Bridge(Link(bus, common, WallClock()), PREFIX)
+            stop = threading.Event()
+            rounds = threading.Thread(target=go_round, args=(bridge, stop))
+            rounds.start()
+            yield robot, bridge, server.port
+            stop.set()
+            rounds.join()
+            server.stop()
+
+
+def go_round(bridge: Bridge, stop: threading.Event) -> None:
+    clock = WallClock()
+    while not stop.wait(0.02):
+        bridge.round(clock.now_ns())
+
+
+async def viewed(port: int, topics: set[str], meanwhile: Callable[[], object]) -> dict[str, Any]:
+    """The first message of each topic, as a viewer that has just connected gets it."""
+    found: dict[str, Any] = {}
+    channels: dict[int, str] = {}
+    async with (
+        aiohttp.ClientSession() as session,
+        session.ws_connect(f"http://127.0.0.1:{port}", protocols=PROTOCOLS) as viewer,
+    ):
+        while topics - set(found):
+            meanwhile()
+            frame = await viewer.receive(timeout=10.0)
+            if frame.type is aiohttp.WSMsgType.TEXT:
+                said = json.loads(frame.data)
+                if said["op"] != "advertise":
+                    continue
+                new = {one["id"]: one["topic"] for one in said["channels"]}
+                assert {one["encoding"] for one in said["channels"]} == {"json"}
+                assert all(json.loads(one["schema"])["title"] for one in said["channels"])
+                channels |= new
+                asked = [{"id": number, "channelId": number} for number in new]
+                await viewer.send_json({"op": "subscribe", "subscriptions": asked})
+            elif frame.type is aiohttp.WSMsgType.BINARY and frame.data[0] == 1:
+                number = int.from_bytes(frame.data[1:5], "little")
+                found.setdefault(channels[number], json.loads(frame.data[DATA_HEAD:]))
+    return found
+
+
+def test_a_viewer_that_connects_sees_the_robot_and_its_world(
+    stage: tuple[PlayedRobot, Bridge, int],
+) -> None:
+    robot, _, port = stage
+    publisher = robot.bus.publisher(ODOMETRY)
+    wanted = {"/world", "/robot/pose", "/tlm/status/NavigatorStatus", "/mavlink"}
+    found = asyncio.run(viewed(port, wanted, lambda: publisher.put(odometry(1, 1.25))))
+    assert found["/robot/pose"]["pose"]["position"]["x"] == 1.25
+    assert found["/world"]["entities"][0]["id"] == "walls"
+    assert found["/tlm/status/NavigatorStatus"]["mode"] == 15
+
+
+def test_a_place_that_is_taken_is_named(stage: tuple[PlayedRobot, Bridge, int]) -> None:
+    with pytest.raises(UserError, match=f"cannot listen at 127.0.0.1:{stage[2]}"):
+        served(place(f"127.0.0.1:{stage[2]}"), "r1")
