@@ -21,6 +21,7 @@ ELSEWHERE: Final[Mapping[str, str]] = MappingProxyType(
     {
         "up": "it starts a robot of its own: run it in another terminal",
         "router": "it runs until it is stopped: run it in another terminal",
+        "bridge": "it runs until it is stopped: run it in another terminal",
         "ground": "this is it",
     }
 )
