@@ -31,12 +31,19 @@ def insist(link: Link, says: Says, request: Callable[[], R], *, beats: bool) -> 
             return answered, asked
 
 
+def arm_if_standing_by(link: Link, says: Says) -> bool:
+    """Whether it was armed now; one that is armed already, or may not be, is left as it is."""
+    if _vehicle(link) != Vehicle.STANDBY:
+        return False
+    answered = link.ask(link.command(Command.COMPONENT_ARM_DISARM, 1.0))
+    says.note("armed" if answered.ok else f"arming was refused: {why(answered)}")
+    return answered.ok
+
+
 def _remedied(link: Link, says: Says, reason: int, *, beats: bool) -> bool:
     """Is it worth asking again?"""
-    if reason == Reason.NOT_ARMED and _vehicle(link) == Vehicle.STANDBY:
-        answered = link.ask(link.command(Command.COMPONENT_ARM_DISARM, 1.0))
-        says.note("armed" if answered.ok else f"arming was refused: {why(answered)}")
-        return answered.ok
+    if reason == Reason.NOT_ARMED:
+        return arm_if_standing_by(link, says)
     if reason == Reason.NO_OPERATOR and beats:
         link.beat()
         link.clock.sleep_until(link.clock.now_ns() + BEAT_NS // 4)

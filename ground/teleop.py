@@ -10,7 +10,7 @@ from ground.link import NS_PER_S, Link, linked
 from ground.operator import Answered, Pace
 from ground.options import add_common, common_of, seconds, within
 from ground.orders import MS, tell
-from ground.ready import insist
+from ground.ready import arm_if_standing_by, insist
 from ground.says import Says
 from ground.telemetry import Telemetry
 from protocol.bus import Publisher
@@ -94,6 +94,7 @@ def _drive(options: argparse.Namespace, link: Link, says: Says) -> int:
     answered, _ = insist(link, says, lambda: _mode(link, Mode.MANUAL), beats=True)
     if not answered.ok:
         return tell(says, "teleop", link, answered)
+    arm_if_standing_by(link, says)
     stick = Stick(link)
     try:
         why = _keep_driving(options, link, stick)

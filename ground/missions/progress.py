@@ -14,14 +14,19 @@ from protocol.topics import MISSION
 SHOW_NS: Final = 1_500_000_000
 
 
-def show_status(link: Link, says: Says) -> int:
-    """0 when the robot says it, whatever it says; RemoteError when it does not."""
+def mission_status(link: Link) -> MissionStatus | None:
+    """What the robot says about its mission; None when it says nothing."""
     telemetry = Telemetry(link.bus, link.robot, (MISSION,), notify=link.pulse.beat)
     link.wait(lambda: telemetry.latest(MISSION) is not None, SHOW_NS)
     newest = telemetry.latest(MISSION)
-    if newest is None:
+    return None if newest is None else newest[0]
+
+
+def show_status(link: Link, says: Says) -> int:
+    """0 when the robot says it, whatever it says; RemoteError when it does not."""
+    status = mission_status(link)
+    if status is None:
         raise RemoteError(f"nothing is heard of the mission: {link.diagnosis()}")
-    status = newest[0]
     row: dict[str, object] = {
         "robot": link.robot,
         "ok": True,

@@ -10,7 +10,7 @@ from ground.link import Link, linked
 from ground.missions import files
 from ground.missions.items import home_at
 from ground.missions.mission import Home, Mission
-from ground.missions.progress import show_status
+from ground.missions.progress import mission_status, show_status
 from ground.missions.sift import Foreign
 from ground.missions.transfer import Clear, Downloaded, Upload, Verdict
 from ground.missions.transport import fetch, send, send_fence, tell_verdict
@@ -20,7 +20,7 @@ from ground.options import add_common, add_json, common_of
 from ground.orders import tell
 from ground.ready import insist
 from ground.says import Says
-from protocol.enums import Command, MissionType
+from protocol.enums import Command, MissionState, MissionType
 from protocol.errors import UserError
 from protocol.messages import CommandRequest
 from protocol.options import finite, whole
@@ -29,6 +29,7 @@ from protocol.reasons import Reason
 MOST_ITEMS: Final = 65_535
 """People count items from 1; the wire begins with 0."""
 OFFLINE: Final = ("check", "convert")
+CURRENT: Final = -1
 NO_MISSION: Final = Verdict(Reason.NO_MISSION, None)
 
 
@@ -45,7 +46,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     for action in (uploading, downloading):
         action.add_argument("file", type=Path, metavar="FILE", help=".toml, .plan or .waypoints")
     starting = actions.add_parser("start", help="drive it, from an item on")
-    starting.add_argument("item", nargs="?", type=whole(1, MOST_ITEMS), default=1, metavar="ITEM")
+    starting.add_argument(
+        "item",
+        nargs="?",
+        type=whole(1, MOST_ITEMS),
+        metavar="ITEM",
+        help="from 1; without it the current one, or the first of a mission that is done",
+    )
     jumping = actions.add_parser("jump", help="go on with another item")
     jumping.add_argument("item", type=whole(1, MOST_ITEMS), metavar="ITEM", help="from 1")
     orders = {"pause": "stand still", "resume": "go on", "abort": "drop it and stand still"}
@@ -109,13 +116,21 @@ def order(options: argparse.Namespace, link: Link, says: Says) -> int:
     return tell(says, verb, link, answered)
 
 
-def start(link: Link, says: Says, item: int) -> Answered:
+def start(link: Link, says: Says, item: int | None) -> Answered:
     """Start it at an item; arms a robot that stands by."""
+    first = first_of(link) if item is None else item - 1
 
     def request() -> CommandRequest:
-        return link.command(Command.MISSION_START, float(item - 1))
+        return link.command(Command.MISSION_START, float(first))
 
     return insist(link, says, request, beats=False)[0]
+
+
+def first_of(link: Link) -> int:
+    """Where a mission begins when nobody says where, as the wire counts."""
+    found = mission_status(link)
+    over = found is not None and found.state == MissionState.DONE
+    return 0 if over else CURRENT
 
 
 def command_of(options: argparse.Namespace, link: Link) -> CommandRequest:

@@ -155,7 +155,8 @@ def test_what_is_dropped_from_a_plan_is_told(
 @pytest.mark.parametrize(
     ("words", "command", "param1"),
     [
-        (("start",), Command.MISSION_START, 0.0),
+        (("start",), Command.MISSION_START, -1.0),
+        (("start", "1"), Command.MISSION_START, 0.0),
         (("start", "2"), Command.MISSION_START, 1.0),
         (("jump", "2"), Command.DO_SET_MISSION_CURRENT, 1.0),
         (("pause",), Command.DO_PAUSE_CONTINUE, 0.0),
@@ -179,6 +180,17 @@ def test_a_mission_arms_a_robot_that_stands_by(robot: PlayedRobot, say: Say) -> 
     code, _, err = say("mission", "start")
     assert (code, robot.vehicle) == (0, Vehicle.ACTIVE)
     assert "armed" in err
+
+
+def test_a_mission_that_is_done_starts_from_its_first_item(
+    robot: PlayedRobot, say: Say, mission: str
+) -> None:
+    say("mission", "upload", mission)
+    robot.desk.status = MissionState.DONE
+    assert say("mission", "start")[0] == 0
+    (asked,) = robot.asked
+    assert isinstance(asked, CommandRequest)
+    assert asked.param1 == 0.0
 
 
 def test_how_far_the_mission_is_can_be_asked(robot: PlayedRobot, say: Say, mission: str) -> None:
@@ -286,9 +298,10 @@ def test_ctrl_c_gives_the_lease_back(robot: PlayedRobot, say: Say) -> None:
 def test_driving_by_hand_sends_speeds_at_20_hz_and_ends_standing(
     robot: PlayedRobot, say: Say
 ) -> None:
-    robot.answers = [Reason.NOT_ARMED]
-    code, out, _ = say("teleop", "0.2", "-30", "--for", "0.5")
+    code, out, err = say("teleop", "0.2", "-30", "--for", "0.5")
     assert (code, out) == (0, "done, the robot holds\n")
+    assert "armed" in err
+    assert robot.vehicle is Vehicle.ACTIVE
     speeds = {(frame.speed_mm_s, frame.yaw_rate_mrad_s) for frame in robot.driven[:-1]}
     assert speeds == {(200, round(radians(-30) * 1000))}
     assert 8 <= len(robot.driven) <= 13

@@ -1,0 +1,94 @@
+"""Missions, the lease and driving by hand, from a shell to a robot that drives in a world."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from ground.missions.files import read
+from protocol.enums import MissionState, Mode
+from protocol.messages import MissionStatus
+from protocol.topics import MISSION
+from tests.stack.processes import Crew, Witness, until
+
+pytestmark = pytest.mark.stack
+
+TOUR = """
+[[waypoint]]
+x_m = 0.9
+y_m = 2.3
+hold_s = 0.3
+
+[[waypoint]]
+x_m = 0.6
+y_m = 1.9
+
+[fence.circle]
+x_m = 1
+y_m = 2
+radius_m = 2
+"""
+
+
+@contextmanager
+def scene() -> Iterator[tuple[Crew, Witness]]:
+    """A robot that stands by in a world, and somebody who watches it."""
+    with Crew() as crew:
+        crew.robot()
+        crew.plant()
+        with Witness(crew.endpoint) as witness:
+            witness.ready()
+            yield crew, witness
+
+
+def done(crew: Crew, *words: str, code: int = 0) -> str:
+    """What a verb says that has ended with this code."""
+    ended, said = crew.run(*words)
+    assert ended == code, said
+    assert "Traceback" not in said
+    return said
+
+
+def test_a_mission_is_driven_from_a_file_and_comes_back_as_one(tmp_path: Path) -> None:
+    path, back = tmp_path / "tour.toml", tmp_path / "back.toml"
+    path.write_text(TOUR)
+    with scene() as (crew, witness):
+        mission = witness.bus.mailbox(MISSION, "r1")
+
+        def over() -> bool:
+            newest = mission.latest()
+            status = newest[0] if newest else None
+            return isinstance(status, MissionStatus) and status.state == MissionState.DONE
+
+        done(crew, "mission", "upload", str(path))
+        done(crew, "mission", "start")
+        until(over, 30.0, "the mission is done")
+        assert done(crew, "mission", "status") == "done, item 2 of 2\n"
+        assert "outside of the fence" in done(crew, "goto", "5", "2", code=1)
+        done(crew, "mission", "download", str(back))
+    assert read(back) == read(path)
+
+
+def test_while_somebody_drives_others_are_told_who_and_may_stop_the_robot() -> None:
+    with scene() as (crew, witness):
+        goto = crew.dialling("goto", "5.4", "2")
+        witness.driving()
+        assert "another operator commands the robot: " in done(crew, "hold", code=1)
+        assert "commands r1" in done(crew, "lease", "show")
+        done(crew, "estop")
+        until(witness.standing)
+        assert goto.ends() == 1
+        assert done(crew, "lease", "show") == "nobody holds the lease\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_robot_driven_by_hand_stands_when_the_hand_is_gone(number: signal.Signals) -> None:
+    with scene() as (crew, witness):
+        hand = crew.dialling("teleop", "0.3", "20")
+        until(lambda: witness.truth.speed_m_s > 0.1)
+        assert witness.status.mode == Mode.MANUAL
+        hand.send(number)
+        until(witness.standing, 2.0, "standing")
+        assert hand.ends() == (130 if number is signal.SIGINT else -number)
