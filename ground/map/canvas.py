@@ -135,8 +135,11 @@ class Canvas:
         if not 0 <= row < self.rows:
             return BLANK * self.columns, bytearray(self.columns)
         cells = slice(row * self.columns, (row + 1) * self.columns)
-        table = ascii_art() if self.ascii_only else braille()
-        characters, ranks = [*map(table.__getitem__, self._bits[cells])], self._ranks[cells]
+        bits, ranks = self._bits[cells], self._ranks[cells]
+        text = ascii_art(bits) if self.ascii_only else braille(bits)
+        if not self._glyphs[row]:
+            return text, ranks
+        characters = list(text)
         for column, (rank, character) in self._glyphs[row].items():
             characters[column], ranks[column] = character, rank
         return "".join(characters), ranks

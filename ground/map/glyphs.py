@@ -37,16 +37,21 @@ POINTERS: Final = ("→↗↑↖←↙↓↘", ">/^\\</v\\")
 """That way out of the map, in the same order."""
 
 
-@cache
-def braille() -> tuple[str, ...]:
-    """The character of each pattern of dots; none is a plain blank, which is one byte."""
-    return (BLANK, *(chr(0x2800 + bits) for bits in range(1, 256)))
+def braille(bits: bytes | bytearray) -> str:
+    """The characters of some cells: U+2800 and their dots. None is a plain blank, one byte."""
+    pairs = bytearray(b"\x00\x28" * len(bits))
+    pairs[::2] = bits
+    return pairs.decode("utf-16-le").replace("\u2800", BLANK)
 
 
-@cache
-def ascii_art() -> tuple[str, ...]:
+def ascii_art(bits: bytes | bytearray) -> str:
     """The same for fonts without braille."""
-    return tuple(stroke(bits) for bits in range(256))
+    return bits.translate(_strokes()).decode("ascii")
+
+
+@cache
+def _strokes() -> bytes:
+    return "".join(map(stroke, range(256))).encode("ascii")
 
 
 def stroke(bits: int) -> str:
