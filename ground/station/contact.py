@@ -8,6 +8,11 @@ from ground.station.loss import LossKind
 MS: Final = 1_000_000
 BEGUN_NS: Final = 150 * MS
 """A loss is told once it has been judged the same for so long: streams do not stop together."""
+CHANGED_NS: Final = 1_500 * MS
+"""A silence is given another cause only after this: whoever comes back is there in parts at first,
+and is dialled again within half a second."""
+HEARD: Final = (None, LossKind.SENSES_STALE, LossKind.OTHER_OPERATOR)
+"""As long as it is one of these the robot is heard."""
 SETTLED_NS: Final = 300 * MS
 """A loss is over when nothing has been lost for so long: one good frame is no return."""
 
@@ -66,7 +71,8 @@ class Contact:
         if kind is None:
             return self._well(now_ns)
         self._well_ns = None
-        if kind is self.kind or now_ns - self._guessed_ns < BEGUN_NS:
+        sure_ns = BEGUN_NS if self.kind in HEARD else CHANGED_NS
+        if kind is self.kind or now_ns - self._guessed_ns < sure_ns:
             return None
         before = self.kind
         if before is None:

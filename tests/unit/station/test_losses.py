@@ -211,11 +211,39 @@ def test_a_loss_that_turns_out_to_be_another_keeps_its_beginning() -> None:
     first = play.station.loss()
     play.die()
     play.forward(1.0)
+    assert play.station.loss() == first
+    play.forward(1.0)
     second = play.station.loss()
     assert first is not None
     assert second is not None
     assert (first.kind, second.kind) == (LossKind.HUNG, LossKind.PROCESS_DEAD)
     assert second.since_ns == first.since_ns
+
+
+def test_a_hub_that_takes_calls_again_is_not_said_to_hang_before_it_was_dialled() -> None:
+    play = Play().forward(1.0)
+    play.cut(Hub.UNREACHABLE)
+    play.forward(2.0)
+    play.bus.linked_by = Hub.HANGS
+    play.forward(1.0)
+    loss = play.station.loss()
+    assert loss is not None
+    assert loss.kind is LossKind.TRANSPORT
+    play.forward(2.0)
+    loss = play.station.loss()
+    assert loss is not None
+    assert loss.kind is LossKind.HUNG
+
+
+def test_a_robot_that_falls_silent_while_it_is_blind_is_told_soon() -> None:
+    play = Play().forward(1.0)
+    play.robot.senses = False
+    play.forward(1.0)
+    play.die()
+    play.forward(0.9)
+    loss = play.station.loss()
+    assert loss is not None
+    assert loss.kind is LossKind.PROCESS_DEAD
 
 
 def test_a_robot_that_never_came_is_dead_and_not_hung() -> None:
