@@ -42,7 +42,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--from", dest="begin", type=finite, metavar="S", help=says)
     parser.add_argument("--to", dest="end", type=finite, metavar="S", help="end there")
     parser.add_argument("--out", metavar="FILE", help="write here, not to standard output")
-    parser.set_defaults(attended=False)
     add_json(parser)
 
 
@@ -64,8 +63,6 @@ def run(options: argparse.Namespace, says: Says) -> int:
 
 def check(options: argparse.Namespace) -> None:
     """Refuse what does not go together, before anything is read."""
-    if options.attended and options.out is None:
-        raise UserError("there is no standard output here: add --out FILE")
     if options.format == "parquet":
         if options.out is None:
             raise UserError("Parquet is no text: add --out FILE.parquet")

@@ -22,7 +22,8 @@ KINDS: Final = (".png", ".svg")
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a .tlog or .mcap")
-    parser.add_argument("--out", metavar="FILE", help="a .png or .svg (FILE.png)")
+    says = "a .png or .svg (FILE.png)"
+    parser.add_argument("--out", default="", metavar="FILE", help=says)
     says = "the world it was in; an .mcap knows it already"
     parser.add_argument("--world", metavar="W", help=says)
     says = "begin at this second of the robot's stamps"

@@ -13,10 +13,6 @@ import pyarrow.parquet
 import pytest
 
 from ground.cli import main
-from ground.console import parse
-from ground.says import Says
-from ground.verbs import VERBS
-from protocol.errors import UserError
 from tests.unit.ground.blackbox.made import Said, mcap, run, tlog
 
 
@@ -106,12 +102,6 @@ def test_what_does_not_go_together_is_refused_with_the_reason(
 ) -> None:
     assert main(["export", log, *words]) == 2
     assert why in capsys.readouterr().err
-
-
-def test_the_app_does_not_let_a_table_run_over_its_screen(log: str) -> None:
-    options = parse(f"export {log}")
-    with pytest.raises(UserError, match="add --out FILE"):
-        VERBS["export"].run(options, Says(as_json=False))
 
 
 def test_without_pyarrow_it_is_said_what_to_install(

@@ -1,5 +1,6 @@
 """`plot` draws a run with its world, and says why when it cannot."""
 
+import io
 import json
 import xml.etree.ElementTree as ElementTree
 from math import isnan
@@ -12,6 +13,9 @@ from ground.blackbox.axis import Axis
 from ground.blackbox.frames import opened
 from ground.blackbox.run import gathered
 from ground.cli import main
+from ground.console import parse
+from ground.says import Says
+from ground.verbs import VERBS
 from protocol.topics import SONAR, STATUS
 from tests.unit.ground.blackbox.made import START_US, Said, Speaker, mcap, run, scan, status, tlog
 
@@ -61,6 +65,12 @@ def test_a_damaged_file_is_drawn_as_far_as_it_goes(
     log.write_bytes(whole[: len(whole) // 2])
     assert main(["plot", str(log)]) == 1
     assert "DAMAGED" in capsys.readouterr().out
+
+
+def test_it_can_be_asked_for_in_the_app(tmp_path: Path, said: list[Said]) -> None:
+    options = parse(f"plot {mcap(tmp_path / 'a.mcap', said)}")
+    assert VERBS["plot"].run(options, Says(as_json=False, out=io.StringIO())) == 0
+    assert (tmp_path / "a.png").exists()
 
 
 @pytest.mark.parametrize(
