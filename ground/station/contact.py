@@ -51,6 +51,11 @@ class Contact:
         return self.kind is None and not self._missing
 
     @property
+    def heard(self) -> bool:
+        """Its loop is heard: what it says of itself is true, whether we may command it or not."""
+        return self.kind in HEARD
+
+    @property
     def missing(self) -> tuple[Need, ...]:
         return tuple(need for need in Need if need in self._missing)
 
@@ -71,7 +76,7 @@ class Contact:
         if kind is None:
             return self._well(now_ns)
         self._well_ns = None
-        sure_ns = BEGUN_NS if self.kind in HEARD else CHANGED_NS
+        sure_ns = BEGUN_NS if self.heard else CHANGED_NS
         if kind is self.kind or now_ns - self._guessed_ns < sure_ns:
             return None
         before = self.kind

@@ -110,7 +110,8 @@ class Vigil:
                 self._watched.parameters.failed(why)
 
     def _read_parameters(self, found: Parameters) -> None:
-        if self.contact.kind is not None or found.asked_ns < self.contact.back_ns:
+        """They are shown while the robot is heard, and count for `ready` once nothing is lost."""
+        if not self.contact.heard or found.asked_ns < self.contact.back_ns:
             return
         self._watched.parameters.read(found.rows)
         self.contact.read(Need.PARAMETERS, found.asked_ns)
@@ -133,8 +134,9 @@ class Vigil:
         loss = self.loss()
         if loss is not None:
             worst = Severity.WARNING if loss.kind is LossKind.OTHER_OPERATOR else Severity.ERROR
-            self._watched.parameters.lose()
-            self._reader.drop("parameters")
+            if not self.contact.heard:
+                self._watched.parameters.lose()
+                self._reader.drop("parameters")
             self._tell("ground", loss.banner(now_ns), worst)
         elif change.before is not None:
             self._tell("ground", ended(self._watched.robot, change.before, change.gap_ns), INFO)

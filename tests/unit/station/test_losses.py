@@ -125,11 +125,14 @@ def test_it_counts_from_when_what_is_lost_was_last_heard(lost: Lost) -> None:
         assert lasts_s >= row.within_s - 0.05
 
 
-def test_nothing_is_ready_and_no_parameter_is_shown(lost: Lost) -> None:
-    play, _ = lost
+def test_nothing_is_ready_and_parameters_are_shown_of_a_robot_that_is_heard(lost: Lost) -> None:
+    play, row = lost
     assert not play.station.ready
-    assert play.station.parameters is None
-    assert "all 2 missing" in play.station.parameters_words
+    if row.state is LIVE:
+        assert play.station.parameters_words == "2"
+    else:
+        assert play.station.parameters is None
+        assert "all 2 missing" in play.station.parameters_words
 
 
 def test_only_what_is_still_heard_is_shown_as_live(lost: Lost) -> None:
@@ -189,6 +192,15 @@ def test_on_return_all_is_read_again_before_it_is_ready_and_the_gap_is_logged(lo
     word = "free again after" if row.kind is LossKind.OTHER_OPERATOR else "is back after"
     assert len(play.texts(word)) == 1
     assert len(play.texts(": ready")) == 2
+
+
+def test_who_comes_while_another_commands_sees_everything_and_commands_nothing() -> None:
+    play = Play()
+    other(play)
+    play.forward(1.5)
+    assert play.station.parameters_words == "2"
+    assert not play.station.ready
+    assert "ben holds the lease" in play.station.refusal()
 
 
 def test_one_good_beat_is_no_return() -> None:
