@@ -21,6 +21,7 @@ def state_of_our_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--update-screens", action="store_true", help="take the screens as they are")
     parser.addoption("--no-skips", action="store_true", help="a skipped test fails, as in CI")
 
 

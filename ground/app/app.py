@@ -4,10 +4,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from time import monotonic_ns
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
 
 from textual import events
 from textual.app import App
+from textual.command import Provider
 
 from ground.app.aside import Aside
 from ground.app.bindings import bindings_of
@@ -38,6 +39,13 @@ T = TypeVar("T")
 POLL_HZ: Final = 20.0
 
 
+def palette() -> "type[Provider]":
+    """Imported when it is opened."""
+    from ground.app.palette import Commands
+
+    return Commands
+
+
 class GroundApp(App[int]):
     """Screens, keys and a timer around a station; nothing here knows how a robot is reached."""
 
@@ -45,6 +53,7 @@ class GroundApp(App[int]):
     TITLE = "sidestep"
     DEFAULT_MODE = "drive"
     AUTO_FOCUS = ""
+    COMMANDS: ClassVar[set[type[Provider] | Callable[[], type[Provider]]]] = {palette}
 
     def __init__(
         self,
@@ -228,9 +237,16 @@ class GroundApp(App[int]):
         return (Layer.ALWAYS, *own)
 
     def keys_now(self) -> list[Key]:
-        """What keys do at this moment, for the help and the palette."""
-        doable = self.doable()
-        return [key for key in self._keymap_in_force.of(*self.key_layers()) if key.id in doable]
+        """What keys do on the screen below, for the help and the palette above it."""
+        doable, sheet = self.doable(), self.sheet
+        layers = () if sheet is None else sheet.key_layers()
+        keys = self._keymap_in_force.of(Layer.ALWAYS, *layers)
+        return [key for key in keys if key.id in doable]
+
+    def begin_line(self, text: str) -> None:
+        """Let a command be typed on."""
+        if self.sheet is not None:
+            self.sheet.ask("", text, self.sheet.deck.give)
 
     def doable(self) -> Mapping[str, Action]:
         """What can be done here, by id."""

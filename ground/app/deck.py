@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ground.app.faces.status import Setting
-from ground.app.keymap import Keymap
+from ground.app.keys import Key
 from ground.station.station import Station
 
 if TYPE_CHECKING:
@@ -18,8 +18,9 @@ class Deck(Protocol):
 
     @property
     def station(self) -> Station: ...
-    @property
-    def keymap(self) -> Keymap: ...
+    def keys_now(self) -> list[Key]:
+        """What keys do at this moment."""
+
     @property
     def setting(self) -> Setting: ...
     @property

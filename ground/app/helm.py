@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from functools import partial
 from itertools import count
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -27,7 +28,7 @@ class Helm:
 
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
-        self._clear_asked_s = -AGAIN_S
+        self._clear_asked_s = -inf
 
     def actions(self) -> Mapping[str, Action]:
         app = self._app
@@ -57,7 +58,7 @@ class Helm:
         """One press asks for the second."""
         now_s = self._app.station.time_s
         if now_s - self._clear_asked_s <= AGAIN_S:
-            self._clear_asked_s = -AGAIN_S
+            self._clear_asked_s = -inf
             self._app.give("clear-estop")
             return
         self._clear_asked_s = now_s

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, TypeVar
 
 from ground.app.faces.status import Setting
-from ground.app.keymap import Keymap
+from ground.app.keys import Key
 from ground.app.player import Player
 from ground.stack import Stack
 from ground.station import Station
@@ -31,9 +31,8 @@ class PlayedDeck:
     def station(self) -> Station:
         return self._app.station if self.player is None else self.player.station
 
-    @property
-    def keymap(self) -> Keymap:
-        return self._app.keymap
+    def keys_now(self) -> list[Key]:
+        return self._app.keys_now()
 
     @property
     def setting(self) -> Setting:

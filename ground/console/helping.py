@@ -10,12 +10,16 @@ def help_text(word: str = "") -> str:
     """UserError when there is no such command."""
     if word:
         return f"{_with_usage(word)}"
-    rows = {name: verb.says for name, verb in PLACES.items() if name not in ELSEWHERE}
-    rows |= {name: local.says for name, local in LOCAL.items()}
     short = {name: " ".join(words) for name, words in ALIASES.items() if name.isalpha()}
-    lines = [f"{name:<12} {says}" for name, says in rows.items()]
+    lines = [f"{name:<12} {says}" for name, says in says_of().items()]
     lines.append("short: " + ", ".join(f"{name} = {long}" for name, long in short.items()))
     return "\n".join(lines)
+
+
+def says_of() -> dict[str, str]:
+    """Every word a command can begin with, and what it does."""
+    rows = {name: place.says for name, place in PLACES.items() if name not in ELSEWHERE}
+    return rows | {name: local.says for name, local in LOCAL.items()}
 
 
 def _with_usage(word: str) -> str:

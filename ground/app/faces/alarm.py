@@ -1,18 +1,24 @@
 """The line under the status: what is lost, or an e-stop that is not acknowledged; else nothing."""
 
 from ground.station.station import Station
-from ground.widgets.rows import Row, Span, row
+from ground.widgets.rows import Row, Span, cut, row
 
 
-def alarm_rows(station: Station) -> list[Row]:
+def alarm_rows(station: Station, width: int) -> list[Row]:
     """The e-stop first; nothing when there is nothing to say."""
     if station.stopping:
-        return [row(Span(f" E-STOP {station.stopping} ", "alarm"))]
+        return [across(station.stopping, "alarm", width)]
     loss = station.loss()
     if loss is not None:
         words = loss.banner(station.now_ns)
         last = f"; last command: {station.last_command}" if station.last_command else ""
-        return [row(Span(f" {words}{last} ", "alarm"))]
+        return [across(f"{words}{last}", "alarm", width)]
     if station.live and not station.ready:
-        return [row(Span(f" reading {station.waiting_for} before commands are taken ", "caution"))]
+        words = f"reading {station.waiting_for} before commands are taken"
+        return [across(words, "caution", width)]
     return []
+
+
+def across(words: str, role: str, width: int) -> Row:
+    """From edge to edge."""
+    return cut(row(Span(f" {words}".ljust(width), role)), width)

@@ -35,6 +35,7 @@ class Sheet(Screen[None]):
         self.HORIZONTAL_BREAKPOINTS = list(WIDTHS)
         self.VERTICAL_BREAKPOINTS = list(HEIGHTS)
         self.deck = deck
+        self._prompt = ""
         self._then: Callable[[str], None] = deck.give
 
     def compose(self) -> ComposeResult:
@@ -75,12 +76,12 @@ class Sheet(Screen[None]):
         station, width = self.deck.station, self.size.width
         self.lines("status").show([status_row(station, self.deck.setting, width)])
         alarm = self.lines("alarm")
-        rows = alarm_rows(station)
+        rows = alarm_rows(station, width)
         alarm.show(rows)
         alarm.display = bool(rows)
         self.draw()
-        keys = self.deck.keymap.of(*self.key_layers())
-        self.lines("keybar").show([keybar_row(keys, width)])
+        self.draw_prompt()
+        self.lines("keybar").show([keybar_row(self.deck.keys_now(), width)])
 
     def lines(self, id: str) -> Lines:
         return self.query_one(f"#{id}", Lines)
@@ -121,10 +122,15 @@ class Sheet(Screen[None]):
         self.command_line.begin(text)
 
     def prompt(self, words: str, then: Callable[[str], None]) -> None:
-        self._then = then
-        shown = words or self.deck.station.robot
-        self.lines("prompt").show([row(Span(f"{shown}:", "accent"))])
-        self.lines("prompt").styles.width = len(shown) + 2
+        """Before the line: what is asked for, or the robot that a command would go to."""
+        self._prompt, self._then = words, then
+        self.draw_prompt()
+
+    def draw_prompt(self) -> None:
+        shown = self._prompt or self.deck.station.robot
+        panel = self.lines("prompt")
+        panel.show([row(Span(f"{shown}:", "accent"))])
+        panel.styles.width = len(shown) + 2
 
     def leave_line(self) -> None:
         self.command_line.value = ""

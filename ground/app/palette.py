@@ -1,0 +1,52 @@
+"""The command palette: what keys do at this moment, themes, and every word of the command line."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+from textual.command import DiscoveryHit, Hit, Hits, Provider
+
+from ground.app.keymap import shown
+from ground.app.looks import NAMES
+from ground.console.helping import says_of
+
+if TYPE_CHECKING:
+    from ground.app.app import GroundApp
+
+
+class Entry(NamedTuple):
+    text: str
+    does: Callable[[], object]
+    help: str
+
+
+class Commands(Provider):
+    """Lists only what can be done here and now."""
+
+    async def search(self, query: str) -> Hits:
+        matcher = self.matcher(query)
+        for entry in self.entries():
+            score = matcher.match(f"{entry.text} {entry.help}")
+            if score > 0:
+                yield Hit(score, matcher.highlight(entry.text), entry.does, help=entry.help)
+
+    async def discover(self) -> Hits:
+        for entry in self.entries():
+            yield DiscoveryHit(entry.text, entry.does, help=entry.help)
+
+    def entries(self) -> Iterator[Entry]:
+        app = ground_app(self.app)
+        for key in app.keys_now():
+            if key.id != "palette":
+                yield Entry(key.says, partial(app.action_do, key.id), shown(key.keys))
+        for name in NAMES:
+            yield Entry(f"theme {name}", partial(app.give, f"theme {name}"), "colours")
+        for word, says in says_of().items():
+            yield Entry(f": {word}", partial(app.begin_line, f"{word} "), says)
+
+
+def ground_app(app: object) -> "GroundApp":
+    from ground.app.app import GroundApp
+
+    assert isinstance(app, GroundApp), "the palette is that of the ground station"
+    return app

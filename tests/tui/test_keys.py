@@ -1,0 +1,323 @@
+"""Every id does what it says, wherever it counts; the e-stop counts everywhere."""
+
+import pytest
+from textual import events
+
+from ground.app.keymap import Keymap, keymap_of
+from ground.app.keys import KEYS, Layer
+from ground.app.screens import SCREENS
+from ground.app.screens.drive import DriveScreen
+from ground.widgets.command_line import CommandLine
+from tests.tui.fakes import FakeStation, driving
+from tests.tui.pilot import Stage, play, staged
+
+LINES = {
+    "hold": "hold",
+    "resume": "resume",
+    "abort": "abort",
+    "arm": "arm",
+    "disarm": "disarm",
+    "rtl": "rtl",
+    "missions": "mission list",
+}
+CHOICES = {
+    "mode": ("enter", "mode manual"),
+    "navigator": ("3", "navigator bug1"),
+    "side": ("2", "navigator vgm right"),
+}
+SCREEN_KEYS = {name: str(number) for name, number in SCREENS.items()}
+
+
+def key_of(id: str) -> str:
+    return Keymap()[id].keys[0]
+
+
+@pytest.mark.parametrize("id", LINES)
+def test_a_key_is_its_command_line(id: str) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press(key_of(id))
+            assert stage.orders.given == [LINES[id]]
+
+    play(story)
+
+
+@pytest.mark.parametrize("id", CHOICES)
+def test_a_key_that_asks_gives_what_was_chosen(id: str) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            choice, line = CHOICES[id]
+            await stage.press(key_of(id), choice)
+            assert stage.orders.given == [line]
+
+    play(story)
+
+
+def test_escape_chooses_nothing() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("m", "down", "escape")
+            assert stage.orders.given == []
+
+    play(story)
+
+
+@pytest.mark.parametrize("name", SCREENS)
+def test_every_screen_has_its_number_and_stops_the_robot(name: str) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press(SCREEN_KEYS[name])
+            assert type(stage.app.screen).__name__ == f"{name.capitalize()}Screen"
+            await stage.press("f12")
+            await stage.press("space")
+            stage.app.post_message(events.Key("ctrl+@", "\x00"))
+            await stage.look()
+            assert stage.station.stops == 3
+
+    play(story)
+
+
+@pytest.mark.parametrize(
+    ("name", "opening"),
+    [*((name, "colon") for name in SCREENS), *(("drive", key) for key in ("?", "m", "ctrl+p"))],
+)
+def test_the_robot_is_stopped_from_whatever_is_open(name: str, opening: str) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press(SCREEN_KEYS[name])
+            await stage.press(opening)
+            await stage.press("f12")
+            stage.app.post_message(events.Key("ctrl+@", "\x00"))
+            await stage.look()
+            assert stage.station.stops == 2
+
+    play(story)
+
+
+@pytest.mark.parametrize("opening", ["?", "m"])
+def test_space_stops_the_robot_from_where_nothing_is_typed(opening: str) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press(opening, "space")
+            assert stage.station.stops == 1
+
+    play(story)
+
+
+def test_the_stop_is_released_by_two_presses_only() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("D")
+            assert stage.orders.given == []
+            stage.station.clock.advance(3_000_000_000)
+            await stage.press("D")
+            assert stage.orders.given == []
+            await stage.press("D")
+            assert stage.orders.given == ["clear-estop"]
+
+    play(story)
+
+
+def drive_of(stage: Stage) -> DriveScreen:
+    assert isinstance(stage.app.screen, DriveScreen)
+    return stage.app.screen
+
+
+def test_the_map_is_zoomed_fitted_centred_and_followed_by_keys() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            shown = drive_of(stage).map
+            scale_m = shown.view.m_per_dot
+            await stage.press("+")
+            assert shown.view.m_per_dot == pytest.approx(scale_m / 1.25)
+            await stage.press("minus", "minus")
+            assert shown.view.m_per_dot == pytest.approx(scale_m * 1.25)
+            await stage.press("c")
+            assert shown.view.centre_x_m == pytest.approx(4.12)
+            await stage.press("0")
+            assert shown.fitted
+            await stage.press("f")
+            assert shown.following
+            await stage.press("z", "down", "enter")
+            assert "seen" not in shown.shown_layers
+
+    play(story)
+
+
+def test_why_opens_where_the_log_is() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("e")
+            assert drive_of(stage).query_one("#why-below").display
+            assert not drive_of(stage).query_one("#log").display
+            await stage.press("e")
+            assert drive_of(stage).query_one("#log").display
+
+    play(story)
+
+
+def test_teleop_steers_while_keys_repeat_and_ends_with_any_other() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("t", "up")
+            drive_of(stage).poll()
+            assert stage.orders.steered[-1] == (0.25, 0.0)
+            await stage.press("A")
+            drive_of(stage).poll()
+            assert stage.orders.steered[-1] == (0.08, 0.5)
+            stage.station.clock.advance(700_000_000)
+            drive_of(stage).poll()
+            assert stage.orders.steered[-1] == (0.0, 0.0)
+            assert stage.orders.hand
+            await stage.press("q")
+            assert not stage.orders.hand
+
+    play(story)
+
+
+def test_teleop_ends_when_the_robot_is_in_another_mode() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("t")
+            stage.station.clock.advance(2_000_000_000)
+            driving(stage.station)
+            drive_of(stage).poll()
+            assert not stage.orders.hand
+
+    play(story)
+
+
+def test_space_stops_the_robot_while_it_is_driven_by_hand() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("t", "up", "space")
+            assert stage.station.stops == 1
+
+    play(story)
+
+
+def test_robots_are_turned_to_one_after_the_other() -> None:
+    async def story() -> None:
+        station = driving(FakeStation())
+        station.robots_now = ["r1", "r2", "r3"]
+        async with staged(station=station) as stage:
+            await stage.press("]")
+            assert station.robot == "r2"
+            await stage.press("[", "[")
+            assert station.robot == "r3"
+            assert stage.words("prompt") == "r3:"
+
+    play(story)
+
+
+def test_the_lease_is_taken_and_given_back() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("L")
+            assert stage.station.lease.ours
+            await stage.press("L")
+            assert not stage.station.lease.held
+
+    play(story)
+
+
+def test_the_last_command_is_copied_for_a_shell(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("y")
+            assert "nothing has been asked yet" in stage.log()
+            await stage.press("h", "y")
+            assert stage.app.clipboard == "sidestep hold"
+
+    play(story)
+
+
+def test_the_screen_is_saved_as_a_picture(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path_factory.mktemp("shots")
+    monkeypatch.chdir(folder)
+
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("Y", "Y")
+
+    play(story)
+    assert {path.name for path in folder.iterdir()} == {"sidestep-1.svg", "sidestep-2.svg"}
+    assert "<svg" in (folder / "sidestep-1.svg").read_text(encoding="utf-8")
+
+
+def test_themes_follow_each_other() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            seen = []
+            for _ in range(5):
+                await stage.press("T")
+                seen.append(stage.app.theme)
+            assert seen == ["light", "contrast", "ansi", "mono", "dark"]
+
+    play(story)
+
+
+def test_help_lists_only_what_counts_now() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("?")
+            everywhere = stage.words("help")
+            assert "h  stand still, keep the goal" in everywhere
+            assert "cursor left" not in everywhere
+            await stage.press("escape", "G", "?")
+            assert "cursor left" in stage.words("help")
+
+    play(story)
+
+
+def test_keys_of_a_users_file_are_in_force_and_shown() -> None:
+    async def story() -> None:
+        keymap = keymap_of({"keys": {"hold": ["P"], "goal": []}}, file="x")
+        async with staged((110, 30), keymap=keymap) as stage:
+            assert "P Hold" in stage.words("keybar")
+            await stage.press("h", "g")
+            assert stage.orders.given == []
+            await stage.press("P")
+            assert stage.orders.given == ["hold"]
+
+    play(story)
+
+
+def test_every_id_can_be_done_somewhere() -> None:
+    """An id that no screen knows would be a key that does nothing."""
+
+    async def story() -> None:
+        async with staged() as stage:
+            known: set[str] = set()
+            for key in SCREEN_KEYS.values():
+                await stage.press(key)
+                known |= set(stage.app.doable())
+            later = {key.id for key in KEYS if key.layer is Layer.REPLAY}
+            assert {key.id for key in KEYS} - known <= later
+
+    play(story)
+
+
+def test_the_palette_lists_what_counts_now_and_does_it() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("ctrl+p")
+            await stage.type("stand still")
+            await stage.pilot.pause(0.5)
+            await stage.press("enter")
+            await stage.pilot.pause(0.3)
+            assert stage.orders.given == ["hold"]
+
+    play(story)
+
+
+def test_a_word_from_the_palette_is_begun_on_the_command_line() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            stage.app.begin_line("param ")
+            await stage.look()
+            assert stage.app.screen.query_one(CommandLine).value == "param "
+
+    play(story)

@@ -1,0 +1,105 @@
+"""Every screen as it is drawn: in the usual sizes, dark, light and without any colour."""
+
+from dataclasses import replace
+from math import sin
+from pathlib import Path
+
+import pytest
+
+from ground.station import Loss, LossKind
+from tests.tui.fakes import MS, FakeStation, S, driving
+from tests.tui.pilot import Stage, play, staged
+from tests.tui.snapshots import ACTUAL, compare
+
+SIZES = ((80, 24), (110, 30), (160, 50), (40, 12))
+THEMES = ("dark", "light", "mono")
+OTHERS = {"plots": "2", "params": "3", "log": "4", "links": "5"}
+
+
+def lived() -> FakeStation:
+    """Twenty seconds of a drive, with figures and lines in the log."""
+    station = FakeStation()
+    station.note("robot r1 online (liveliness)")
+    for tick in range(400):
+        time_s = tick * 0.05
+        for number, series in enumerate(station.history.values()):
+            series.add(time_s, abs(sin(time_s / 3 + number)) * (number + 1))
+    station.clock.advance(20 * S)
+    station.note("sonar 3 quality low", 4)
+    station.note("goal 9 7: ok 14 ms")
+    return driving(station)
+
+
+def check(stage: Stage, name: str, *, update: bool) -> None:
+    wrong = compare(stage.app.export_screenshot(title="sidestep"), name, update=update)
+    assert not wrong, wrong
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
+def test_the_drive_screen(size: tuple[int, int], theme: str, update_screens: bool) -> None:
+    async def story() -> None:
+        async with staged(size, station=lived(), theme=theme) as stage:
+            check(stage, f"drive-{size[0]}x{size[1]}-{theme}", update=update_screens)
+
+    play(story)
+
+
+@pytest.mark.parametrize("theme", ["ansi", "contrast"])
+def test_the_other_themes(theme: str, update_screens: bool) -> None:
+    async def story() -> None:
+        async with staged(station=lived(), theme=theme) as stage:
+            check(stage, f"drive-80x24-{theme}", update=update_screens)
+
+    play(story)
+
+
+@pytest.mark.parametrize("screen", OTHERS)
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)], ids=["80x24", "160x50"])
+def test_the_other_screens(screen: str, size: tuple[int, int], update_screens: bool) -> None:
+    async def story() -> None:
+        async with staged(size, station=lived()) as stage:
+            await stage.press(OTHERS[screen])
+            await stage.look()
+            check(stage, f"{screen}-{size[0]}x{size[1]}", update=update_screens)
+
+    play(story)
+
+
+def test_a_loss(update_screens: bool) -> None:
+    async def story() -> None:
+        station = lived()
+        station.clock.advance(3 * S)
+        since_ns = station.now_ns - 2_900 * MS
+        station.scene_now = replace(station.scene_now, live=False)
+        station.loss_now = Loss(LossKind.HUNG, "r1", "no beat", "it stops by itself", since_ns)
+        async with staged(station=station) as stage:
+            check(stage, "loss", update=update_screens)
+
+    play(story)
+
+
+def test_in_ascii(update_screens: bool) -> None:
+    async def story() -> None:
+        async with staged(station=lived(), theme="ansi", ascii_only=True) as stage:
+            check(stage, "drive-ascii", update=update_screens)
+
+    play(story)
+
+
+@pytest.mark.parametrize(("name", "keys"), [("help", "?"), ("choose", "v"), ("cursor", "G")])
+def test_what_opens_above_it(name: str, keys: str, update_screens: bool) -> None:
+    async def story() -> None:
+        async with staged(station=lived()) as stage:
+            await stage.press(keys)
+            check(stage, name, update=update_screens)
+
+    play(story)
+
+
+def test_a_screen_that_differs_is_left_beside_the_committed_one(tmp_path: Path) -> None:
+    assert compare("<svg terminal-12-x/>", "one", update=True, folder=tmp_path) == ""
+    assert compare("<svg terminal-99-x/>", "one", update=False, folder=tmp_path) == ""
+    wrong = compare("<svg other/>", "one", update=False, folder=tmp_path)
+    assert "--update-screens" in wrong
+    assert (tmp_path / f"one{ACTUAL}").read_text() == "<svg other/>\n"
