@@ -7,6 +7,7 @@ machine ran as fast as it could, by the stamps of the plant's clock.
 from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from typing import Final, NamedTuple
 
 from ground.blackbox.frames import Frame, Log
@@ -46,20 +47,21 @@ class Reel:
 
     def _fill(self, log: Iterable[Frame]) -> None:
         numbers: dict[str, int] = {}
-        found = list(log)
-        by_stamp = any(one.key.endswith(CLOCK.path) for one in found)
-        self.start_ns = found[0].time_ns if found else 0
-        times = stamps(found) if by_stamp else (one.time_ns - self.start_ns for one in found)
-        newest_ns = 0
-        for place, (one, time_ns) in enumerate(zip(found, times, strict=True)):
-            newest_ns = max(newest_ns, time_ns)
-            number = numbers.setdefault(one.key, len(numbers))
-            self._key_of.append(number)
-            self._times_ns.append(newest_ns)
+        plant = PlantClock()
+        stamps_ns = array("q")
+        arrived_ns = 0
+        for place, one in enumerate(log):
+            self.start_ns = self.start_ns or one.time_ns
+            arrived_ns = max(arrived_ns, one.time_ns - self.start_ns)
+            self._times_ns.append(arrived_ns)
+            stamps_ns.append(plant.heard(one))
+            self._key_of.append(numbers.setdefault(one.key, len(numbers)))
             self._blob += one.frame
             self._ends.append(len(self._blob))
             self._places.setdefault(one.key, array("Q")).append(place)
         self._keys = list(numbers)
+        if plant.beats:
+            self._times_ns = stamps_ns
 
     def __len__(self) -> int:
         return len(self._times_ns)
@@ -102,18 +104,24 @@ class Reel:
                         continue
 
 
-def stamps(found: Iterable[Frame]) -> Iterator[int]:
-    """The newest stamp of the plant's clock when each frame came; 0 is that of the first."""
-    first_ns: int | None = None
-    now_ns = 0
-    for one in found:
+class PlantClock:
+    """The plant's clock as its frames tell it, which they do in lockstep only; it begins at 0."""
+
+    def __init__(self) -> None:
+        self.beats = False
+        self._first_ns = 0
+        self._now_ns = 0
+
+    def heard(self, one: Frame) -> int:
+        """The newest stamp when this frame came."""
         if one.key.endswith(CLOCK.path):
-            try:
+            with suppress(RemoteError):
                 message = decode(one.frame).message
-            except RemoteError:
-                message = None
-            if isinstance(message, SystemTime):
-                stamp_ns = message.time_unix_usec * NS_PER_US
-                first_ns = stamp_ns if first_ns is None else first_ns
-                now_ns = stamp_ns - first_ns
-        yield now_ns
+                if isinstance(message, SystemTime):
+                    self._beat(message.time_unix_usec * NS_PER_US)
+        return self._now_ns
+
+    def _beat(self, stamp_ns: int) -> None:
+        if not self.beats:
+            self.beats, self._first_ns = True, stamp_ns
+        self._now_ns = max(self._now_ns, stamp_ns - self._first_ns)

@@ -84,3 +84,21 @@ def test_without_room_it_says_so_loudly_and_the_robot_drives_on(tmp_path: Path) 
         stamps, lost_bytes = stamps_in(log)
         assert lost_bytes == 0, "what is there is whole"
         assert len(stamps) > 10
+
+
+def test_when_there_is_room_again_it_goes_on_and_nothing_is_lost(tmp_path: Path) -> None:
+    with recorded(tmp_path) as (_, witness, recorder):
+        pid, unlimited = recorder.process.pid, resource.RLIM_INFINITY
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (LITTLE_ROOM_BYTES, unlimited))
+        recorder.says("RECORDING IN TROUBLE: File too large; the robot drives on")
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (unlimited, unlimited))
+        recorder.says("RECORDING goes on: the log can be written again")
+        after_ns = witness.status.time_ns
+        until(lambda: witness.status.time_ns > after_ns + NS_PER_S)
+        recorder.send(signal.SIGINT)
+        assert recorder.ends(5.0) == 0, recorder.said
+    for log in tmp_path.iterdir():
+        stamps, lost_bytes = stamps_in(log)
+        assert lost_bytes == 0
+        assert stamps[-1] > after_ns
+        assert max(later - earlier for earlier, later in pairwise(stamps)) <= 100_000_000
