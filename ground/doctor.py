@@ -48,7 +48,11 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
 
 def observe(link: Link, listen_ns: int) -> Observed:
     """Everything there is to see, within the given time and that of the questions."""
-    telemetry = Telemetry(link.bus, link.robot, TOPICS)
+    with link.hearing(*TOPICS) as telemetry:
+        return observed(link, telemetry, listen_ns)
+
+
+def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
     link.wait(lambda: False, listen_ns)
     now_ns = link.clock.now_ns()
     crew = crew_of(link.bus.present())

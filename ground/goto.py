@@ -46,26 +46,28 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
     where = destination_of(options)
     if options.timeout is not None and (options.no_wait or options.attended):
         raise UserError("--timeout is for whoever waits for the end; nobody does")
-    drive = Drive(link, says)
-    if options.frame == "body":
-        where = drive.seen_by_robot(where)
-    if options.no_wait or options.attended:
-        mode = Mode.AUTO if options.no_wait else Mode.GUIDED
-        return tell(says, "goto", link, drive.send(where, mode)[0])
-    timeout_ns = None if options.timeout is None else round(options.timeout * NS_PER_S)
-    with leased(link):
-        return drive.wait_for(where, timeout_ns)
+    with link.hearing(STATUS, ODOMETRY, DECISION) as telemetry:
+        return Drive(link, says, telemetry).go(options, where)
 
 
 class Drive:
     """One goal of one robot, from arming to its end."""
 
-    def __init__(self, link: Link, says: Says) -> None:
+    def __init__(self, link: Link, says: Says, telemetry: Telemetry) -> None:
         self._link = link
         self._says = says
-        self._telemetry = Telemetry(
-            link.bus, link.robot, (STATUS, ODOMETRY, DECISION), notify=link.pulse.beat
-        )
+        self._telemetry = telemetry
+
+    def go(self, options: argparse.Namespace, where: Destination) -> int:
+        """The exit code: 0 when the robot is under way, or there if somebody waits for that."""
+        if options.frame == "body":
+            where = self.seen_by_robot(where)
+        if options.no_wait or options.attended:
+            mode = Mode.AUTO if options.no_wait else Mode.GUIDED
+            return tell(self._says, "goto", self._link, self.send(where, mode)[0])
+        timeout_ns = None if options.timeout is None else round(options.timeout * NS_PER_S)
+        with leased(self._link):
+            return self.wait_for(where, timeout_ns)
 
     def seen_by_robot(self, where: Destination) -> Destination:
         """What lies there for the robot, in the world; RemoteError when it is not heard."""

@@ -3,7 +3,6 @@
 from typing import Final
 
 from ground.link import Link
-from ground.telemetry import Telemetry
 from protocol.messages import LeaseStatus
 from protocol.reasons import Reason
 from protocol.topics import LEASE
@@ -13,10 +12,7 @@ SHOW_NS: Final = 1_500_000_000
 
 def lease_status(link: Link) -> LeaseStatus | None:
     """What the robot says about its lease; None when it says nothing."""
-    telemetry = Telemetry(link.bus, link.robot, (LEASE,), notify=link.pulse.beat)
-    link.wait(lambda: telemetry.latest(LEASE) is not None, SHOW_NS)
-    newest = telemetry.latest(LEASE)
-    return None if newest is None else newest[0]
+    return link.newest(LEASE, SHOW_NS)
 
 
 def who_refuses(link: Link, reason: int) -> str:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import Any, Final, TypeVar
 
 from ground.operator import (
     ATTEMPTS,
@@ -17,13 +17,16 @@ from ground.operator import (
 )
 from ground.options import Common
 from ground.presence import crew_of, why_silent
+from ground.telemetry import Telemetry
 from protocol.bus import Bus, Publisher, open_bus
 from protocol.clock import Clock, Pulse, WallClock
 from protocol.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState
 from protocol.errors import NoPeer, PeerHangs, RemoteError
+from protocol.message import Message
 from protocol.messages import CommandRequest, Heartbeat
-from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role, Service
+from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role, Service, Topic
 
+M = TypeVar("M", bound=Message)
 NS_PER_S: Final = 1_000_000_000
 LISTEN_NS: Final = 700_000_000
 ALIVE: Final = Heartbeat(
@@ -107,13 +110,31 @@ class Link:
 
     def diagnosis(self) -> str:
         """Why the robot does not answer: listens for its heart before it judges."""
-        box = self.bus.mailbox(HEARTBEAT, self.robot, self.pulse.beat)
-        self.wait(lambda: box.latest() is not None or box.rejected > 0, LISTEN_NS)
-        beats = box.latest() is not None
-        if box.rejected and not beats:
-            return f"robot {self.robot} is there, but its heartbeat {box.last_rejection}"
+        with self.hearing(HEARTBEAT) as telemetry:
+            box = telemetry.boxes()[HEARTBEAT.path]
+            self.wait(lambda: box.latest() is not None or box.rejected > 0, LISTEN_NS)
+            beats = box.latest() is not None
+            if box.rejected and not beats:
+                return f"robot {self.robot} is there, but its heartbeat {box.last_rejection}"
         crew = crew_of(self.bus.present())
         return self.bus.lost() or why_silent(crew, self.robot, self.endpoint, beats=beats)
+
+    @contextmanager
+    def hearing(self, *topics: Topic[Any]) -> Iterator[Telemetry]:
+        """What the robot says of these, for as long as somebody wants to know."""
+        telemetry = Telemetry(self.bus, self.robot, topics, notify=self.pulse.beat)
+        try:
+            yield telemetry
+        finally:
+            for box in telemetry.boxes().values():
+                self.bus.forget(box)
+
+    def newest(self, topic: Topic[M], patience_ns: int) -> M | None:
+        """The next message of a topic; None when none comes in time."""
+        with self.hearing(topic) as telemetry:
+            self.wait(lambda: telemetry.latest(topic) is not None, patience_ns)
+            found = telemetry.latest(topic)
+            return None if found is None else found[0]
 
     def wait(self, condition: Callable[[], bool], patience_ns: int) -> bool:
         """Until the condition holds or patience ends; looks again at every arrival."""

@@ -7,7 +7,6 @@ from ground.link import Link
 from ground.operator import BEAT_NS, Answered, Request
 from ground.orders import why
 from ground.says import Says
-from ground.telemetry import Telemetry
 from protocol.enums import Command, Vehicle
 from protocol.reasons import Reason
 from protocol.topics import STATUS
@@ -53,7 +52,5 @@ def _remedied(link: Link, says: Says, reason: int, *, beats: bool) -> bool:
 
 def _vehicle(link: Link) -> int | None:
     """What state the robot says it is in."""
-    telemetry = Telemetry(link.bus, link.robot, (STATUS,), notify=link.pulse.beat)
-    link.wait(lambda: telemetry.latest(STATUS) is not None, STATUS_NS)
-    newest = telemetry.latest(STATUS)
-    return None if newest is None else newest[0].vehicle
+    newest = link.newest(STATUS, STATUS_NS)
+    return None if newest is None else newest.vehicle

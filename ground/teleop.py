@@ -97,16 +97,18 @@ def _drive(options: argparse.Namespace, link: Link, says: Says) -> int:
     arm_if_standing_by(link, says)
     stick = Stick(link)
     try:
-        why = _keep_driving(options, link, stick)
+        with link.hearing(STATUS) as telemetry:
+            why = _keep_driving(options, link, stick, telemetry)
     finally:
         stick.stop()
         _hold(link)
     return _tell_end(says, link, answered, why)
 
 
-def _keep_driving(options: argparse.Namespace, link: Link, stick: Stick) -> str:
+def _keep_driving(
+    options: argparse.Namespace, link: Link, stick: Stick, telemetry: Telemetry
+) -> str:
     """Why it ended early; empty when its time was up."""
-    telemetry = Telemetry(link.bus, link.robot, (STATUS,))
     pace, began_ns = Pace(), link.clock.now_ns()
     until_ns = None if options.last is None else began_ns + round(options.last * NS_PER_S)
     for _ in ticks(link.clock, RATE_HZ):

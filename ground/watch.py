@@ -53,8 +53,8 @@ def run_ground(options: argparse.Namespace, says: Says) -> int:
 
 def act(options: argparse.Namespace, link: Link, says: Says) -> int:
     if options.once or options.json or options.attended:
-        telemetry = Telemetry(link.bus, link.robot, notify=link.pulse.beat)
-        return look_once(link, telemetry, says)
+        with link.hearing(*LOOKED_AT) as telemetry:
+            return look_once(link, telemetry, says)
     # What it shows is its result: one line after the other for whoever reads a pipe.
     Lookout(link, Says(as_json=False, err=sys.stdout), beats=False).run()
     return 0

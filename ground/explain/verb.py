@@ -49,7 +49,12 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
     if options.file is not None:
         return of_a_recording(options, says)
     refuse_without_a_recording(options)
-    telemetry = Telemetry(link.bus, link.robot, (STATUS, DECISION, CYCLE), link.pulse.beat)
+    with link.hearing(STATUS, DECISION, CYCLE) as telemetry:
+        return of_a_robot(link, says, telemetry)
+
+
+def of_a_robot(link: Link, says: Says, telemetry: Telemetry) -> int:
+    """The next decision that is heard."""
     link.wait(lambda: telemetry.latest(DECISION) is not None, LISTEN_NS)
     before = telemetry.latest(DECISION)
     if before is None:

@@ -9,7 +9,6 @@ from ground.ghost.instant import Facts, Instant, driving
 from ground.ghost.recorded import DRIVING, NS_PER_S, changed, goal_of
 from ground.link import LISTEN_NS, Link, Unanswered
 from ground.param import fetch
-from ground.telemetry import Telemetry
 from protocol.errors import RemoteError, UserError
 from protocol.messages import NavigatorStatus
 from protocol.topics import STATUS, TRUTH, WORLD
@@ -23,10 +22,10 @@ class Present:
     def __init__(self, link: Link) -> None:
         """Raises Unanswered, who is missing, when the robot is not heard."""
         self._link = link
-        telemetry = Telemetry(link.bus, link.robot, (STATUS, TRUTH), link.pulse.beat)
-        link.wait(lambda: all(telemetry.latest(topic) for topic in (STATUS, TRUTH)), LISTEN_NS)
-        now_ns = link.clock.now_ns()
-        status, self._truth = telemetry.live(STATUS, now_ns), telemetry.live(TRUTH, now_ns)
+        with link.hearing(STATUS, TRUTH) as heard:
+            link.wait(lambda: all(heard.latest(topic) for topic in (STATUS, TRUTH)), LISTEN_NS)
+            now_ns = link.clock.now_ns()
+            status, self._truth = heard.live(STATUS, now_ns), heard.live(TRUTH, now_ns)
         if status is None:
             raise Unanswered(link.diagnosis())
         self.status: NavigatorStatus = status

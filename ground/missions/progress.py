@@ -4,7 +4,6 @@ from typing import Final
 
 from ground.link import Link
 from ground.says import Says
-from ground.telemetry import Telemetry
 from protocol.enums import MissionState
 from protocol.errors import RemoteError
 from protocol.messages import MissionStatus
@@ -16,10 +15,7 @@ SHOW_NS: Final = 1_500_000_000
 
 def mission_status(link: Link) -> MissionStatus | None:
     """What the robot says about its mission; None when it says nothing."""
-    telemetry = Telemetry(link.bus, link.robot, (MISSION,), notify=link.pulse.beat)
-    link.wait(lambda: telemetry.latest(MISSION) is not None, SHOW_NS)
-    newest = telemetry.latest(MISSION)
-    return None if newest is None else newest[0]
+    return link.newest(MISSION, SHOW_NS)
 
 
 def show_status(link: Link, says: Says) -> int:

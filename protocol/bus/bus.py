@@ -52,7 +52,7 @@ class Bus:
         self.role = role
         self.robot = robot_name(robot)
         self._now_ns = now_ns
-        self._mailboxes: list[Mailbox[Any]] = []
+        self._mailboxes: dict[Mailbox[Any], Any] = {}  # with its subscriber
         self._declared: list[object] = []
         self._watched: frozenset[Presence] | None = None
         self._desk = Desk()
@@ -119,9 +119,14 @@ class Bus:
             payload = sample.payload.to_bytes()
             mailbox.store(Sample(str(sample.encoding), payload, sender), arrived_ns)
 
-        self._subscribe(self.key(topic.path, robot), store)
-        self._mailboxes.append(mailbox)
+        self._mailboxes[mailbox] = self._subscriber(self.key(topic.path, robot), store)
         return mailbox
+
+    def forget(self, mailbox: Mailbox[Any]) -> None:
+        """Listen no more: for those who only wanted to know something once."""
+        subscriber = self._mailboxes.pop(mailbox, None)
+        if subscriber is not None:
+            subscriber.undeclare()
 
     def stream(
         self,
@@ -136,7 +141,7 @@ class Bus:
         def forward(sample: zenoh.Sample) -> None:
             handler(str(sample.key_expr), sample.payload.to_bytes(), now_ns())
 
-        self._subscribe(key, forward)
+        self._declared.append(self._subscriber(key, forward))
 
     def serve(self, service: Service, handler: Handler, robot: str | None = None) -> None:
         """Answer a service: `handler` runs in the bus's service thread, the reply in any."""
@@ -239,7 +244,7 @@ class Bus:
     def rejected(self) -> dict[str, int]:
         """How many frames and requests could not be read, by path; only what was looked at."""
         counts = dict(self._desk.rejected)
-        for mailbox in self._mailboxes:
+        for mailbox in tuple(self._mailboxes):
             path = mailbox.topic.path
             counts[path] = counts.get(path, 0) + mailbox.rejected
         return counts
@@ -247,9 +252,8 @@ class Bus:
     def _encoder(self, robot: str | None) -> Encoder:
         return Encoder(*sender_of(self.role, robot or self.robot))
 
-    def _subscribe(self, key: str, callback: Callable[[zenoh.Sample], None]) -> None:
-        direct = Callback(callback, indirect=False)
-        self._declared.append(self._session.declare_subscriber(key, direct))
+    def _subscriber(self, key: str, callback: Callable[[zenoh.Sample], None]) -> Any:
+        return self._session.declare_subscriber(key, Callback(callback, indirect=False))
 
 
 def answer_in(sample: zenoh.Sample) -> Message | bytes:

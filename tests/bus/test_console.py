@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -17,6 +18,7 @@ from ground.says import Says
 from protocol.bus import open_bus
 from protocol.clock import WallClock
 from protocol.enums import GoalState, LeaseAction, Mode, Vehicle
+from protocol.mailbox import Mailbox
 from protocol.message import Message
 from protocol.messages import GoalRequest
 from protocol.reasons import Reason
@@ -176,3 +178,33 @@ def test_the_lease_taken_here_is_kept_by_the_app(stage: tuple[PlayedRobot, str])
     assert [request.action for request in robot.desk.actions] == [LeaseAction.TAKE]
     assert robot.desk.held is not None
     assert robot.desk.held[1] == "anna"
+
+
+def test_a_long_session_does_not_listen_more_with_each_command(
+    stage: tuple[PlayedRobot, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot, endpoint = stage
+    robot.pose = (0.0, 0.0, 0.0)
+    common = common_of(cli.parse(["hold", "--connect", endpoint]))
+    heard: list[object] = []
+    forgotten: list[object] = []
+    with open_bus(common.network, Role.GROUND, common.robot) as bus:
+        mailbox, forget = bus.mailbox, bus.forget
+
+        def listen(*how: Any, **named: Any) -> Mailbox[Any]:
+            box: Mailbox[Any] = mailbox(*how, **named)
+            heard.append(box)
+            return box
+
+        def leave(box: Mailbox[Any]) -> None:
+            forgotten.append(box)
+            forget(box)
+
+        monkeypatch.setattr(bus, "mailbox", listen)
+        monkeypatch.setattr(bus, "forget", leave)
+        says = Says(as_json=False, out=StringIO(), err=StringIO())
+        for typed, argv in TALKING:
+            if argv[0] != "lease":
+                act(parse(typed), Link(bus, common, WallClock()), says, draft=Draft())
+    assert len(heard) > 10
+    assert len(forgotten) == len(heard)

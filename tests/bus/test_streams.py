@@ -164,3 +164,15 @@ def test_frames_say_who_sent_them() -> None:
         assert (frame.system_id, frame.component_id) == (1, 25)
         frame = decode(bus.robot.publisher(DRIVE).put(STOP))
         assert (frame.system_id, frame.component_id) == (1, 1)
+
+
+def test_what_is_forgotten_is_heard_no_more() -> None:
+    with net() as bus:
+        wheels = bus.plant.publisher(WHEELS)
+        boxes = [bus.robot.mailbox(WHEELS) for _ in range(20)]
+        assert bus.plant.await_matched([wheels], 5.0) == []
+        for box in (*boxes, *boxes):
+            bus.robot.forget(box)
+        until(lambda: not wheels.matched)
+        wheels.put(TICKS)
+        assert boxes[0].latest() is None
