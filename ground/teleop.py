@@ -68,12 +68,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace, says: Says) -> int:
-    _judge(options)  # what no robot could do is refused before anybody is dialled
+    judge(options)  # what no robot could do is refused before anybody is dialled
     with linked(common_of(options)) as link:
         return act(options, link, says)
 
 
-def _judge(options: argparse.Namespace) -> None:
+def judge(options: argparse.Namespace) -> None:
     within(options.speed, -FASTEST_M_S, FASTEST_M_S, "speed", "m/s")
     within(options.turn, -FASTEST_DEG_S, FASTEST_DEG_S, "turn", "deg/s")
     if options.attended and options.last is None:
@@ -82,7 +82,7 @@ def _judge(options: argparse.Namespace) -> None:
 
 def act(options: argparse.Namespace, link: Link, says: Says) -> int:
     """Until its time is up or Ctrl-C; then the robot stands and holds."""
-    _judge(options)
+    judge(options)
     if options.attended:
         return _drive(options, link, says)
     with leased(link):
@@ -116,7 +116,7 @@ def _keep_driving(
         if until_ns is not None and now_ns >= until_ns:
             break
         newest = telemetry.latest(STATUS)
-        if newest is not None and (why := _taken_away(newest[0], now_ns - began_ns)):
+        if newest is not None and (why := taken_away(newest[0], now_ns - began_ns)):
             return why
         if pace.due(now_ns, 0 if newest is None else newest[0].time_ns):
             link.beat()
@@ -124,7 +124,7 @@ def _keep_driving(
     return ""
 
 
-def _taken_away(status: NavigatorStatus, driven_ns: int) -> str:
+def taken_away(status: NavigatorStatus, driven_ns: int) -> str:
     """Why the robot does not do what it is told; empty while it does."""
     if status.vehicle != Vehicle.ACTIVE and driven_ns > SETTLE_NS:
         return reason_text(status.vehicle_reason) if status.vehicle_reason else "not armed"

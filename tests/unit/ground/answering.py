@@ -1,0 +1,64 @@
+"""A link whose robot answers from a list, on a clock of its own."""
+
+from collections.abc import Callable
+from io import StringIO
+from typing import Any, cast
+
+from ground.link import Link
+from ground.operator import Answered, RequestIds
+from ground.says import Says
+from protocol.clock import ManualClock
+from protocol.enums import Command
+from protocol.message import Message
+from protocol.messages import CommandRequest
+from protocol.reasons import Reason
+
+MS = 1_000_000
+ANSWER_NS = 10 * MS
+
+
+class AnsweringLink:
+    """Answers OK when the list is empty; every answer takes a moment."""
+
+    robot = "r1"
+
+    def __init__(self, *answers: Reason) -> None:
+        self.answers = list(answers)
+        self.says_now: dict[str, Message] = {}
+        """By path of the topic, what the robot says whenever somebody listens."""
+        self.asked: list[Message] = []
+        self.beats = 0
+        self.clock = ManualClock()
+        self.ids = RequestIds(0)
+
+    def as_link(self) -> Link:
+        return cast(Link, self)
+
+    def command(self, command: Command, param1: float = 0.0, param2: float = 0.0) -> CommandRequest:
+        return CommandRequest(
+            request_id=self.ids.next(), param1=param1, param2=param2, command=command
+        )
+
+    def ask(self, request: Message, **_: Any) -> Answered:
+        self.asked.append(request)
+        self.clock.advance(ANSWER_NS)
+        reason = self.answers.pop(0) if self.answers else Reason.NONE
+        return Answered(reason, reason is Reason.NONE, ANSWER_NS)
+
+    def beat(self) -> None:
+        self.beats += 1
+
+    def newest(self, topic: Any, patience_ns: int) -> Message | None:
+        if topic.path not in self.says_now:
+            self.clock.advance(patience_ns)
+        return self.says_now.get(topic.path)
+
+    @property
+    def commands(self) -> list[int]:
+        return [one.command for one in self.asked if isinstance(one, CommandRequest)]
+
+
+def speaking() -> tuple[Says, Callable[[], tuple[str, str]]]:
+    """Somewhere to speak, and what was said: result and notes."""
+    out, err = StringIO(), StringIO()
+    return Says(as_json=False, out=out, err=err), lambda: (out.getvalue(), err.getvalue())

@@ -1,0 +1,33 @@
+"""Short words stand for verbs of the command line, and only for those."""
+
+import pytest
+
+from ground.console.aliases import ALIASES, PAIRS, unfolded
+from ground.console.local import LOCAL
+from ground.verbs import VERBS
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["goal", "1", "2"], ["goto", "1", "2"]),
+        (["set", "side", "1"], ["param", "set", "side", "1"]),
+        (["get", "d_*"], ["param", "get", "d_*"]),
+        (["mode", "RTL"], ["rtl"]),
+        (["mode", "AUTO"], ["mode", "AUTO"]),
+        (["mission", "restart"], ["mission", "start", "1"]),
+        (["record", "mark", "here"], ["mark", "here"]),
+        (["record", "start"], ["record", "start"]),
+        (["wp", "upload", "--json"], ["mission", "upload", "-", "--json"]),
+        (["hold"], ["hold"]),
+        (["flap", "wings"], ["flap", "wings"]),
+    ],
+)
+def test_a_short_word_stands_for_the_long_one(words: list[str], meant: list[str]) -> None:
+    assert unfolded(words) == meant
+
+
+def test_every_alias_means_something_and_hides_nothing() -> None:
+    for meant in (*ALIASES.values(), *PAIRS.values()):
+        assert meant[0] in {*VERBS, *LOCAL}
+    assert not set(ALIASES) & {*VERBS, *LOCAL}

@@ -1,0 +1,107 @@
+"""A robot that only stands by is armed; one that was stopped for a reason is left alone."""
+
+import pytest
+
+from ground.ready import HEARD_NS, insist
+from protocol.enums import Command, GoalState, Mode, Navigator, Vehicle
+from protocol.messages import CommandRequest, NavigatorStatus
+from protocol.reasons import Reason
+from protocol.topics import STATUS
+from tests.unit.ground.answering import AnsweringLink, speaking
+
+ARM = Command.COMPONENT_ARM_DISARM
+START = Command.MISSION_START
+
+
+def status(vehicle: Vehicle) -> NavigatorStatus:
+    return NavigatorStatus(
+        time_ns=1,
+        goal_started_ns=0,
+        goal_ended_ns=0,
+        goal_id=0,
+        goal_x_m=0.0,
+        goal_y_m=0.0,
+        goal_heading_rad=0.0,
+        goal_distance_m=0.0,
+        vehicle=vehicle,
+        mode=Mode.GUIDED,
+        goal=GoalState.NONE,
+        vehicle_reason=Reason.NONE,
+        goal_reason=Reason.NONE,
+        navigator=Navigator.VGM,
+        side=1,
+    )
+
+
+def insisted(link: AnsweringLink, *, beats: bool = False) -> tuple[int, str]:
+    """The last reason, and what was said on the way."""
+
+    def request() -> CommandRequest:
+        return link.command(START)
+
+    says, said = speaking()
+    answered, _ = insist(link.as_link(), says, request, beats=beats)
+    return answered.reason, said()[1]
+
+
+def test_what_the_robot_does_at_once_is_asked_once() -> None:
+    link = AnsweringLink()
+    assert insisted(link) == (Reason.NONE, "")
+    assert link.commands == [START]
+
+
+def test_a_robot_that_stands_by_is_armed_and_asked_again_with_a_new_id() -> None:
+    link = AnsweringLink(Reason.NOT_ARMED)
+    link.says_now[STATUS.path] = status(Vehicle.STANDBY)
+    assert insisted(link) == (Reason.NONE, "armed\n")
+    assert link.commands == [START, ARM, START]
+    ids = [one.request_id for one in link.asked if isinstance(one, CommandRequest)]
+    assert len(set(ids)) == 3
+
+
+@pytest.mark.parametrize("vehicle", [Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP, Vehicle.BOOT])
+def test_a_robot_that_was_stopped_for_a_reason_is_never_armed(vehicle: Vehicle) -> None:
+    link = AnsweringLink(Reason.NOT_ARMED)
+    link.says_now[STATUS.path] = status(vehicle)
+    assert insisted(link) == (Reason.NOT_ARMED, "")
+    assert ARM not in link.commands
+
+
+def test_a_robot_that_says_nothing_is_not_armed_either() -> None:
+    link = AnsweringLink(Reason.NOT_ARMED)
+    assert insisted(link)[0] == Reason.NOT_ARMED
+    assert ARM not in link.commands
+
+
+def test_a_refused_arming_is_told_and_ends_it() -> None:
+    link = AnsweringLink(Reason.NOT_ARMED, Reason.NO_SENSES)
+    link.says_now[STATUS.path] = status(Vehicle.STANDBY)
+    reason, said = insisted(link)
+    assert reason == Reason.NOT_ARMED
+    assert said.startswith("arming was refused: ")
+    assert "sidestep doctor" in said
+
+
+def test_a_robot_that_misses_its_operator_hears_one_and_is_asked_again() -> None:
+    link = AnsweringLink(Reason.NO_OPERATOR, Reason.NO_OPERATOR)
+    assert insisted(link, beats=True)[0] == Reason.NONE
+    assert link.beats == 2
+
+
+def test_nobody_beats_who_is_no_operator() -> None:
+    link = AnsweringLink(Reason.NO_OPERATOR)
+    assert insisted(link)[0] == Reason.NO_OPERATOR
+    assert link.beats == 0
+
+
+def test_it_is_not_asked_for_ever() -> None:
+    link = AnsweringLink(*[Reason.NO_OPERATOR] * 10_000)
+    assert insisted(link, beats=True)[0] == Reason.NO_OPERATOR
+    assert HEARD_NS <= link.clock.now_ns() < 2 * HEARD_NS
+
+
+@pytest.mark.parametrize("reason", [Reason.OUTSIDE_FENCE, Reason.LEASE_HELD, Reason.NO_MISSION])
+def test_what_nothing_remedies_is_the_answer(reason: Reason) -> None:
+    link = AnsweringLink(reason)
+    assert insisted(link, beats=True)[0] == reason
+    assert link.commands == [START]
