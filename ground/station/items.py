@@ -17,6 +17,9 @@ from protocol.reasons import Reason
 from protocol.topics import MISSION_SERVICE
 
 PATIENCE_S = 0.5
+KINDS = frozenset(MissionType)
+MOST = 4096
+"""More items than any robot takes."""
 
 
 class Items(NamedTuple):
@@ -36,11 +39,13 @@ class Charts:
 
     def hear(self, message: object) -> None:
         """A frame of somebody's upload, or the robot's word on it."""
+        if getattr(message, "mission_type", None) not in KINDS:
+            return
         match message:
-            case MissionCount() | MissionClearAll():
-                self._uploads[message.mission_type] = {}
-            case MissionItemInt():
-                self._uploads.setdefault(message.mission_type, {})[message.seq] = message
+            case MissionCount(mission_type=kind) | MissionClearAll(mission_type=kind):
+                self._uploads[kind] = {}
+            case MissionItemInt(mission_type=kind, seq=seq) if seq < MOST:
+                self._uploads.setdefault(kind, {})[seq] = message
             case MissionVerdict(reason=Reason.NONE, mission_type=kind) if kind in self._uploads:
                 found = self._uploads.pop(kind)
                 self.take(Items(MissionType(kind), tuple(found[at] for at in sorted(found))))

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from ground.station.log import plain
 from protocol.messages import LeaseStatus
 
 
@@ -40,4 +41,4 @@ def lease_in(status: LeaseStatus, age_ns: int, own: str) -> Lease:
     held = bool(status.held)
     left_s = max(0.0, status.lapses_ms / 1000 - age_ns / 1e9)
     ours = held and status.holder == own
-    return Lease(held, ours, status.holder, status.name, left_s)
+    return Lease(held, ours, plain(status.holder), plain(status.name), left_s)

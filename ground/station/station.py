@@ -9,7 +9,7 @@ from ground.param import rows_in
 from ground.presence import crew_of
 from ground.station.commanding import Commanding
 from ground.station.hears import Hears, Speaks
-from ground.station.log import Line, Log
+from ground.station.log import Line, Log, plain
 from ground.station.operated import Operated
 from ground.station.requests import Job, Lane, Works
 from ground.station.sight import Sight
@@ -143,7 +143,7 @@ class Station(Sight):
 
     def _tell(self, source: str, text: str, severity: int) -> None:
         time_s = (self._clock.now_ns() - self._began_ns) / NS_PER_S
-        self.log.add(Line(time_s, severity, source, text))
+        self.log.add(Line(time_s, severity, source, plain(text)))
 
     def refusal(self, *, moves: bool = True) -> str:
         """Why a request may not be made now; empty when it may. `moves`: it can move something."""

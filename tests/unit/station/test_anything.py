@@ -1,0 +1,71 @@
+"""Whatever arrives, the station goes on: it shows it, counts it, or leaves it out."""
+
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ground.map import Canvas, View, draw
+from protocol.message import Message
+from protocol.topics import TOPICS, Topic
+from tests.unit.protocol.made_up import messages_of
+from tests.unit.station.play import Play
+
+Said = tuple[Topic[Any], Message]
+
+
+def said(topic: Topic[Any]) -> st.SearchStrategy[Said]:
+    """Any message that this topic may carry."""
+    kinds = st.sampled_from(topic.messages).flatmap(messages_of)
+    return kinds.map(lambda message: (topic, message))
+
+
+anything = st.lists(st.sampled_from(TOPICS).flatmap(said), min_size=1, max_size=30)
+noise = st.lists(st.tuples(st.sampled_from(TOPICS), st.binary(max_size=60)), max_size=30)
+
+
+def look_at_all(play: Play) -> None:
+    station = play.station
+    station.poll()
+    scene = station.scene()
+    draw(scene, View.fit(scene.box(), 20, 10), Canvas(20, 10))
+    loss = station.loss()
+    words = [station.lease.words, station.waiting_for, station.parameters_words, station.refusal()]
+    words += [line.text for line in station.log]
+    words += [] if loss is None else [loss.banner(station.now_ns)]
+    assert all(text.isprintable() for text in words)
+    station.streams()
+    station.moment()
+
+
+@settings(deadline=None, max_examples=40)
+@given(anything)
+def test_no_message_stops_it_or_commands_the_terminal(messages: list[Said]) -> None:
+    play = Play().forward(0.2)
+    for topic, message in messages:
+        play.bus.say(topic, message)
+        play.clock.advance(20_000_000)
+    look_at_all(play)
+    play.forward(2.0)
+    look_at_all(play)
+
+
+@settings(deadline=None, max_examples=40)
+@given(noise)
+def test_no_bytes_stop_it(frames: list[tuple[Topic[Any], bytes]]) -> None:
+    play = Play().forward(0.2)
+    for topic, frame in frames:
+        play.bus.say_frame(topic, frame)
+    look_at_all(play)
+    assert play.station.loss() is None
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.binary(max_size=200))
+def test_no_answer_stops_it(answer: bytes) -> None:
+    play = Play()
+    for path in play.bus.answers:
+        play.bus.answers[path] = lambda _: answer
+    play.forward(1.0)
+    look_at_all(play)
+    assert not play.station.ready
