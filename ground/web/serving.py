@@ -12,7 +12,8 @@ from ground.says import Says
 from ground.web.address import USUAL_HOST, USUAL_PORT, Address, address_of, token_of
 from protocol.errors import UserError
 
-PASSED_ON: Final = ("connect", "id", "config", "theme", "hz", "keys")
+PASSED_ON: Final = ("connect", "id", "config", "record", "theme", "hz", "keys")
+SWITCHES: Final = ("no_record", "ascii")
 LACKING: Final = "--web needs the extra `web`: pip install 'sidestep[web]'"
 
 
@@ -62,7 +63,7 @@ def words_of(options: argparse.Namespace) -> list[str]:
         value = getattr(options, name)
         if value is not None:
             words += [f"--{name}", str(value)]
-    return [*words, "--ascii"] if options.ascii else words
+    return words + [f"--{name.replace('_', '-')}" for name in SWITCHES if getattr(options, name)]
 
 
 def refuse_taken(address: Address) -> None:

@@ -1,0 +1,48 @@
+"""What the app of each browser is started with, and an address that is taken."""
+
+import socket
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from ground.cli import parse
+from ground.web.address import Address
+from ground.web.serving import refuse_taken, words_of
+from protocol.errors import UserError
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [],
+        ["--id", "r2", "--connect", "tcp/127.0.0.1:7000"],
+        ["--theme", "light", "--hz", "5.0", "--ascii"],
+        ["--record", "logs", "--keys", "keys.toml", "--config", "all.toml"],
+        ["--no-record"],
+    ],
+)
+def test_every_browser_gets_the_options_of_the_command_line(words: list[str]) -> None:
+    wanted = parse(["ground", *words])
+    given = parse(words_of(parse(["ground", "--web", "9000", "--token-file", "t", *words])))
+    assert vars(given) == vars(wanted)
+    assert given.web is None
+
+
+def test_no_option_is_forgotten_without_being_meant() -> None:
+    own = {"verb", "web", "token_file", "json", "plain"}
+    words = ["--connect", "c", "--id", "i", "--config", "f", "--record", "d", "--theme", "dark"]
+    full = parse(["ground", "--web", "1", *words, "--hz", "2", "--keys", "k", "--ascii"])
+    again = parse(words_of(full))
+    assert {name for name in vars(full) if vars(full)[name] != vars(again)[name]} <= own
+    assert again.keys == Path("k")
+
+
+def test_an_address_that_is_taken_is_refused_and_a_free_one_is_not() -> None:
+    with closing(socket.socket()) as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(UserError, match=f"{port}.*choose another port"):
+            refuse_taken(Address("127.0.0.1", port))
+    refuse_taken(Address("127.0.0.1", port))
