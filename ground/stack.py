@@ -43,7 +43,7 @@ class Stack:
         self.scenario = scenario
         self._endpoint = endpoint
         self._children = Children(clock)
-        self._folder = TemporaryDirectory(prefix="sidestep-")
+        self._folder: TemporaryDirectory[str] | None = None
         self._told: set[str] = set()
         self.logs_before: set[Path] = set()
 
@@ -57,7 +57,8 @@ class Stack:
         trace: TracebackType | None,
     ) -> None:
         self._children.stop()
-        self._folder.cleanup()
+        if self._folder is not None:
+            self._folder.cleanup()
 
     @property
     def common(self) -> Common:
@@ -118,6 +119,8 @@ class Stack:
         """The file of a world that has these faults, too."""
         world = {name: value for name, value in facts.items() if name not in ("starts", "goals")}
         world["faults"] = [*facts.get("faults", ()), *faults]
+        if self._folder is None:
+            self._folder = TemporaryDirectory(prefix="sidestep-")
         path = Path(self._folder.name) / f"{facts['name']}.json"
         path.write_text(json.dumps(world), encoding="utf-8")
         return str(path)

@@ -49,7 +49,7 @@ def palette() -> "type[Provider]":
 class GroundApp(App[int]):
     """Screens, keys and a timer around a station; nothing here knows how a robot is reached."""
 
-    CSS_PATH = "ground.tcss"
+    CSS_PATH = Path(__file__).with_name("ground.tcss")
     TITLE = "sidestep"
     DEFAULT_MODE = "drive"
     AUTO_FOCUS = ""

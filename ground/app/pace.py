@@ -8,6 +8,7 @@ from protocol.topics import STATUS
 NS_PER_S: Final = 1_000_000_000
 SLOW_HZ: Final = 2.0
 WINDOW_NS: Final = 2 * NS_PER_S
+SLACK_NS: Final = 25_000_000
 
 
 class Pace:
@@ -28,7 +29,7 @@ class Pace:
 
     def due(self, now_ns: int) -> bool:
         """True when it is time to draw; a little early is better than a whole round late."""
-        slack_ns = self.period_ns // 8
+        slack_ns = min(self.period_ns // 8, SLACK_NS)
         if self._drawn_ns is not None and now_ns - self._drawn_ns < self.period_ns - slack_ns:
             return False
         self._drawn_ns = now_ns

@@ -1,0 +1,93 @@
+"""The dead man's handle of key repeats, the goal cursor, and how often the screen is drawn."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.app.cursor import Cursor, step_of
+from ground.app.dead_man import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadMan
+from ground.app.pace import Pace
+from tests.tui.fakes import MS, FakeStation, S, driving
+
+
+def test_one_press_lasts_until_a_keyboard_would_repeat_and_no_longer() -> None:
+    keys = DeadMan()
+    keys.press("forward", 0)
+    assert keys.twist(FIRST_NS - 1) == (FAST[0], 0.0)
+    assert keys.twist(FIRST_NS) == (0.0, 0.0)
+
+
+def test_repeats_hold_it_and_their_end_ends_it_soon() -> None:
+    keys = DeadMan()
+    keys.press("forward", 0)
+    for at_ms in range(500, 2000, 33):
+        keys.press("forward", at_ms * MS)
+    last_ns = 1985 * MS
+    assert keys.twist(last_ns + AGAIN_NS - 20 * MS).speed_m_s == FAST[0]
+    assert keys.twist(last_ns + AGAIN_NS).speed_m_s == 0.0
+
+
+def test_the_opposite_key_turns_it_round_at_once() -> None:
+    keys = DeadMan()
+    keys.press("left", 0)
+    keys.press("right", 10 * MS)
+    assert keys.twist(11 * MS).yaw_rate_rad_s == -FAST[1]
+
+
+def test_speed_and_turn_are_held_each_for_itself() -> None:
+    keys = DeadMan()
+    keys.press("forward", 0)
+    keys.press("left", 300 * MS, slow=True)
+    assert keys.twist(400 * MS) == SLOW
+    assert keys.twist(700 * MS) == (0.0, SLOW[1])
+
+
+@given(st.lists(st.tuples(st.sampled_from(["forward", "back", "left", "right"]), st.booleans())))
+def test_whatever_was_pressed_it_stands_after_a_while(
+    presses: list[tuple[str, bool]],
+) -> None:
+    keys = DeadMan()
+    now_ns = 0
+    for way, slow in presses:
+        keys.press(way, now_ns, slow=slow)
+        now_ns += 40 * MS
+    assert keys.twist(now_ns + FIRST_NS) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("cell_m", "step_m"), [(0.0, 0.001), (0.03, 0.05), (0.05, 0.05), (0.11, 0.2), (7.0, 10.0)]
+)
+def test_a_step_is_a_round_length_that_can_be_seen(cell_m: float, step_m: float) -> None:
+    assert step_of(cell_m) == pytest.approx(step_m)
+
+
+def test_a_cursor_moves_on_the_grid_of_its_steps() -> None:
+    cursor = Cursor(1.03, 0.98).moved(1, -1, 0.05)
+    assert (cursor.x_m, cursor.y_m) == (1.1, 0.95)
+    assert cursor.words() == "1.1 0.95"
+
+
+def test_the_first_turn_makes_the_heading_one_and_further_ones_go_round() -> None:
+    cursor = Cursor(1.0, 2.0).turned(1)
+    assert cursor.words() == "1 2 0"
+    assert cursor.turned(-1).words() == "1 2 -15"
+    assert cursor.turned(13).heading_deg == pytest.approx(-165.0)
+
+
+def test_it_is_drawn_less_often_while_nobody_looks_or_the_terminal_cannot_follow() -> None:
+    pace = Pace(10.0)
+    drawn = sum(pace.due(k * 50 * MS) for k in range(40))
+    assert drawn == 20
+    pace.watched = False
+    assert sum(pace.due(2 * S + k * 50 * MS) for k in range(40)) == 4
+    pace.watched, pace.choked = True, True
+    assert sum(pace.due(4 * S + k * 50 * MS) for k in range(40)) == 4
+
+
+def test_how_fast_time_goes_is_seen_from_the_robots_stamps() -> None:
+    station, pace = FakeStation(), Pace(10.0)
+    for _ in range(50):
+        driving(station)
+        pace.heard(station)
+        station.clock.advance(100 * MS)
+    assert pace.factor == pytest.approx(1.0, abs=0.05)

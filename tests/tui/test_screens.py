@@ -1,0 +1,271 @@
+"""Params, Plots, Links, Worlds and Faults, by keys."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pytest
+
+from ground.app.app import GroundApp
+from ground.app.looks import Looks
+from ground.app.screens.faults import FaultsScreen, Trouble, fault_of
+from ground.app.screens.worlds import WorldsScreen
+from ground.scenario import Scenario
+from ground.stack import Stack
+from protocol.clock import ManualClock
+from protocol.errors import UserError
+from tests.tui.fakes import FakeOrders, FakeStation, driving
+from tests.tui.pilot import Stage, play, staged
+
+T = TypeVar("T")
+WORLD: dict[str, Any] = {
+    "name": "box",
+    "size_m": [6.0, 4.0],
+    "start": {"x_m": 0.6, "y_m": 2.0, "heading_deg": 0.0},
+    "goal": {"x_m": 5.4, "y_m": 2.0, "heading_deg": 0.0},
+    "obstacles": [{"path_m": []}, {}],
+    "faults": [],
+    "shortest_path_m": 5.0,
+}
+FAULTS = {
+    "faults": [
+        {"kind": "sonar_frozen", "targets": ["0", "1", "all"], "unit": "", "says": "repeats"},
+        {"kind": "ticks_stopped", "targets": [""], "unit": "", "says": "no ticks"},
+    ]
+}
+
+
+def parameters() -> tuple[dict[str, object], ...]:
+    return tuple(
+        {
+            "name": name,
+            "value": value,
+            "default": default,
+            "unit": "m",
+            "minimum": 0.0,
+            "maximum": 1.0,
+            "integer": False,
+            "doc": doc,
+            "saved": True,
+        }
+        for name, value, default, doc in (
+            ("d_obs_m", 0.4, 0.3, "avoidance zone"),
+            ("radius_m", 0.12, 0.12, "radius of the robot"),
+            ("track_m", 0.2, 0.2, "distance between the wheels"),
+        )
+    )
+
+
+def with_parameters() -> FakeStation:
+    station = driving(FakeStation())
+    station.parameters_now = parameters()
+    return station
+
+
+def test_parameters_are_all_there_or_their_absence_is_told() -> None:
+    async def story() -> None:
+        station = with_parameters()
+        async with staged(station=station) as stage:
+            await stage.press("3")
+            assert "3 parameters, 1 changed" in stage.words("heading")
+            assert "d_obs_m          *" in stage.words("rows")
+            station.parameters_now = None
+            await stage.look()
+            assert "41 missing: asked 2 times" in stage.words("heading")
+            assert stage.words("rows") == ""
+
+    play(story)
+
+
+def test_a_parameter_is_found_changed_and_set_back() -> None:
+    async def story() -> None:
+        async with staged(station=with_parameters()) as stage:
+            await stage.press("3", "slash")
+            await stage.type("wheels")
+            await stage.press("enter")
+            assert stage.words("rows").split()[0] == "track_m"
+            await stage.press("enter")
+            assert stage.words("prompt") == "set track_m:"
+            await stage.type("0.25")
+            await stage.press("enter", "d")
+            assert stage.orders.given == ["set track_m 0.25", "set track_m 0.2"]
+            await stage.press("slash", "ctrl+u", "enter")
+            assert "radius_m" in stage.words("rows")
+
+    play(story)
+
+
+def test_only_those_that_differ_from_their_defaults_are_shown_on_demand() -> None:
+    async def story() -> None:
+        async with staged(station=with_parameters()) as stage:
+            await stage.press("3", "f")
+            assert stage.words("rows").split()[0] == "d_obs_m"
+            assert "radius_m" not in stage.words("rows")
+            await stage.press("f", "u")
+            assert "radius_m" in stage.words("rows")
+            assert stage.station.asked == ["reread"]
+
+    play(story)
+
+
+def test_nothing_typed_changes_no_parameter() -> None:
+    async def story() -> None:
+        async with staged(station=with_parameters()) as stage:
+            await stage.press("3", "e", "enter")
+            assert stage.orders.given == []
+
+    play(story)
+
+
+def test_plots_show_a_longer_or_a_shorter_time() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("2")
+            assert "the last 60 s" in stage.words("heading")
+            await stage.press("+")
+            assert "the last 30 s" in stage.words("heading")
+            await stage.press("minus", "minus")
+            assert "the last 120 s" in stage.words("heading")
+
+    play(story)
+
+
+def test_links_tell_who_is_there_and_what_arrives() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("5")
+            words = stage.words("lines")
+            assert "robot   ● there" in words
+            assert "100.0 % of the robot's frames" in words
+            assert "tlm/status" in words
+
+    play(story)
+
+
+class FakeStack(Stack):
+    """Starts nothing and remembers what it was told."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(argparse.Namespace(), self.scenario_of("box"), "", ManualClock())
+        self.begun: list[str] = []
+        self.done: list[tuple[str, str]] = []
+
+    def scenario_of(self, world: str) -> Scenario:
+        return Scenario(
+            world=world, name=world, facts={}, entrants=(), navigator="vgm", side="left", seed=0,
+            noise=None, speed="1", router=False, record=None, timeout_s=1.0,
+        )  # fmt: skip
+
+    def roles(self) -> list[str]:
+        return ["robot r1", "plant"]
+
+    def check(self) -> None:
+        """All is well."""
+
+    def restarted(self, scenario: Scenario) -> None:
+        self.begun.append(scenario.name)
+
+    def scenario_in(self, world: str, faults: Any = ()) -> Scenario:
+        return self.scenario_of(" ".join([world, *(str(fault["kind"]) for fault in faults)]))
+
+    def trouble(self, role: str, what: str) -> str:
+        self.done.append((role, what))
+        return f"{what} {role}"
+
+
+class Prompt(GroundApp):
+    """Slow work is done at once, and the plant's side is this test."""
+
+    def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+        done(job())
+
+
+@pytest.fixture
+def worlds(monkeypatch: pytest.MonkeyPatch) -> None:
+    def ask(*words: str) -> dict[str, Any]:
+        if words == ("list",):
+            return {"worlds": [{"name": name, "says": f"{name}."} for name in ("box", "wall")]}
+        return FAULTS if words == ("faults",) else {**WORLD, "name": words[1]}
+
+    monkeypatch.setattr("ground.app.screens.worlds.ask_worlds", ask)
+    monkeypatch.setattr("ground.app.screens.faults.ask_worlds", ask)
+
+
+async def on(screen: str, stack: Stack | None, story: Callable[[Stage], Any]) -> None:
+    station, orders = driving(FakeStation()), FakeOrders()
+    app = Prompt(station, orders, looks=Looks(hz=0.0), stack=stack)
+    async with app.run_test(size=(100, 28)) as pilot:
+        stage = Stage(app, pilot, station, orders)
+        await stage.press(screen)
+        await stage.look()
+        await story(stage)
+
+
+@pytest.mark.usefixtures("worlds")
+def test_another_world_is_started_when_the_processes_are_ours(tmp_path: Path) -> None:
+    stack = FakeStack(tmp_path)
+
+    async def story(stage: Stage) -> None:
+        assert isinstance(stage.app.screen, WorldsScreen)
+        await stage.press("down")
+        assert "wall" in stage.words("about")
+        assert "6 x 4 m, 2 obstacles, 1 moving" in stage.words("about")
+        await stage.press("enter")
+        assert stack.begun == ["wall"]
+
+    play(lambda: on("6", stack, story))
+
+
+@pytest.mark.usefixtures("worlds")
+def test_the_processes_of_others_are_left_alone() -> None:
+    async def story(stage: Stage) -> None:
+        await stage.press("enter")
+        assert "sidestep up --world box" in stage.log()
+
+    play(lambda: on("6", None, story))
+
+
+@pytest.mark.usefixtures("worlds")
+def test_a_process_of_ours_is_hung_by_a_key(tmp_path: Path) -> None:
+    stack = FakeStack(tmp_path)
+
+    async def story(stage: Stage) -> None:
+        assert isinstance(stage.app.screen, FaultsScreen)
+        await stage.press("enter")
+        assert stack.done == [("robot r1", "hang")]
+
+    play(lambda: on("7", stack, story))
+
+
+@pytest.mark.usefixtures("worlds")
+def test_a_fault_of_the_world_is_started_anew(tmp_path: Path) -> None:
+    stack = FakeStack(tmp_path)
+
+    async def story(stage: Stage) -> None:
+        await stage.press("end", "up", "enter")
+        assert stage.words("prompt").startswith("sonar_frozen")
+        await stage.press("ctrl+u")
+        await stage.type("9")
+        await stage.press("enter")
+        assert "'9' is none of 0, 1, all" in stage.log()
+        await stage.press("enter", "enter")
+        assert stack.begun == ["box sonar_frozen"]
+
+    play(lambda: on("7", stack, story))
+
+
+@pytest.mark.parametrize(
+    ("words", "value", "start_s"), [("0", 0.0, 3.0), ("all 0.5", 0.5, 3.0), ("1 0.5 9", 0.5, 9.0)]
+)
+def test_a_fault_is_a_target_a_value_and_a_time(words: str, value: float, start_s: float) -> None:
+    one = Trouble("sonar_dropout", "", kind="sonar_dropout", targets=("0", "1", "all"))
+    found = fault_of(one, words.split())
+    assert (found["target"], found["value"], found["start_s"]) == (words.split()[0], value, start_s)
+
+
+@pytest.mark.parametrize("words", ["", "x", "0 y", "0 1 2 3"])
+def test_what_is_no_fault_is_refused(words: str) -> None:
+    one = Trouble("sonar_dropout", "", kind="sonar_dropout", targets=("0", "1"))
+    with pytest.raises(UserError):
+        fault_of(one, words.split())

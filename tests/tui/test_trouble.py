@@ -1,0 +1,166 @@
+"""Small terminals, storms of sizes, garbage, no colours: the screen stays, and goes on."""
+
+import pytest
+from textual import events
+from textual.geometry import Size
+
+from ground.app.looks import speaks_ascii_only, usual_theme
+from ground.app.screens import SCREENS
+from ground.widgets.command_line import CommandLine, printable
+from ground.widgets.lines import Lines
+from tests.tui.fakes import FakeStation, driving
+from tests.tui.pilot import Stage, play, staged
+
+TINY = ((1, 1), (2, 1), (1, 24), (20, 5), (40, 12), (59, 17), (300, 90))
+GARBAGE = (
+    "\x1b[2J\x1b[31mred\x07\x00",
+    "\n\n\r\n",
+    "goal 9 7\nestop\n",
+    "x" * 5000,
+    "\ud7ff\u202e\u0000 goal",
+    "'unclosed \"quotes",
+    "\U00013000 \uff46\uff55\uff4c\uff4c",
+    "[bold red]markup[/] [link=http://x]y",
+)
+
+
+async def resize(stage: Stage, width: int, height: int) -> None:
+    stage.app.post_message(events.Resize(Size(width, height), Size(width, height)))
+    await stage.look()
+
+
+@pytest.mark.parametrize("size", TINY, ids=lambda size: f"{size[0]}x{size[1]}")
+def test_it_runs_in_a_terminal_of_any_size(size: tuple[int, int]) -> None:
+    async def story() -> None:
+        async with staged(size) as stage:
+            await stage.press("G", "right", "escape", "?", "escape", "colon", "x", "escape", "f12")
+            assert stage.station.stops == 1
+
+    play(story)
+
+
+@pytest.mark.parametrize("name", [name for name in SCREENS if name != "drive"])
+def test_every_screen_runs_in_one_cell(name: str) -> None:
+    async def story() -> None:
+        async with staged((1, 1)) as stage:
+            await stage.press(str(SCREENS[name]))
+            await resize(stage, 200, 60)
+            await resize(stage, 1, 1)
+
+    play(story)
+
+
+def test_below_sixty_by_eighteen_there_are_numbers_and_a_hint() -> None:
+    async def story() -> None:
+        async with staged((50, 30)) as stage:
+            assert not stage.app.screen.query_one("#map").display
+            assert "60 columns and 18 rows show the map" in stage.words("hint")
+            await resize(stage, 80, 24)
+            assert stage.app.screen.query_one("#map").display
+
+    play(story)
+
+
+def test_a_storm_of_sizes_ends_with_the_right_picture() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            for step in range(60):
+                size = Size(1 + step * 7 % 190, 1 + step * 5 % 60)
+                stage.app.post_message(events.Resize(size, size))
+                if step % 10 == 0:
+                    stage.app.look()
+            await resize(stage, 80, 24)
+            assert stage.words("status").startswith("● r1")
+            assert stage.app.screen.query_one("#side", Lines).size.width == 30
+
+    play(story)
+
+
+@pytest.mark.parametrize("text", GARBAGE, ids=range(len(GARBAGE)))
+def test_garbage_that_is_pasted_is_plain_text_and_does_nothing(text: str) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("colon")
+            stage.app.post_message(events.Paste(text))
+            await stage.look()
+            value = stage.app.screen.query_one(CommandLine).value
+            assert value.isprintable() or value == ""
+            assert len(value) <= 400
+            assert stage.orders.given == []
+            assert stage.station.stops == 0
+            await stage.press("enter")
+            assert all(line.isprintable() for line in stage.orders.given)
+
+    play(story)
+
+
+def test_a_paste_on_the_map_presses_no_keys() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            stage.app.post_message(events.Paste("h x R 5"))
+            await stage.look()
+            assert stage.orders.given == []
+
+    play(story)
+
+
+def test_what_is_pasted_is_its_first_line_that_says_something() -> None:
+    assert printable("\n  \n goal 1 2 \n estop") == "goal 1 2"
+    assert printable("\x1b[31mx\x00") == "[31mx"
+    assert printable("") == ""
+
+
+@pytest.mark.parametrize("theme", ["dark", "mono", "ansi"])
+def test_without_colours_nothing_has_any(theme: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
+
+    async def story() -> None:
+        async with staged((160, 50), theme=theme) as stage:
+            await stage.press("?", "escape", "v", "escape", "ctrl+p", "escape")
+            await stage.press("2", "3", "4", "5")
+
+    play(story)
+
+
+def test_the_terminal_chooses_theme_and_letters() -> None:
+    assert usual_theme({"NO_COLOR": "1", "TERM": "xterm-256color"}) == "mono"
+    assert usual_theme({"NO_COLOR": "", "TERM": "xterm-256color"}) == "dark"
+    assert usual_theme({"TERM": "linux"}) == "ansi"
+    assert speaks_ascii_only({"TERM": "linux", "LANG": "de_DE.UTF-8"})
+    assert speaks_ascii_only({"LC_ALL": "C", "LANG": "de_DE.UTF-8"})
+    assert not speaks_ascii_only({"LANG": "C.UTF-8"})
+    assert not speaks_ascii_only({})
+
+
+def test_in_ascii_not_one_letter_is_anything_else() -> None:
+    async def story() -> None:
+        async with staged((160, 50), theme="ansi", ascii_only=True) as stage:
+            for key in ("1", "2", "3", "4", "5"):
+                await stage.press(key)
+                for panel in stage.app.screen.query(Lines):
+                    for y in range(panel.size.height):
+                        assert panel.render_line(y).text.isascii(), panel
+
+    play(story)
+
+
+def test_a_hundred_thousand_lines_are_shown_found_and_filtered() -> None:
+    async def story() -> None:
+        station = driving(FakeStation())
+        for number in range(100_000):
+            station.note(f"line {number}", 4 if number % 1000 == 0 else 6)
+        async with staged(station=station) as stage:
+            await stage.press("4")
+            assert "line 99999" in stage.words("lines")
+            await stage.press("s")
+            assert "line 99000" in stage.words("lines")
+            assert "line 99999" not in stage.words("lines")
+            await stage.press("s", "s", "slash")
+            await stage.type("line 95000")
+            await stage.press("enter")
+            assert "line 95000" in stage.words("lines")
+            assert "stays" in stage.words("heading")
+            await stage.press("f")
+            assert "line 99999" in stage.words("lines")
+
+    play(story)
