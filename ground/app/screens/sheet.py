@@ -78,7 +78,7 @@ class Sheet(Screen[None]):
         alarm = self.lines("alarm")
         rows = alarm_rows(station, width)
         alarm.show(rows)
-        alarm.display = bool(rows)
+        alarm.display, alarm.styles.height = bool(rows), max(1, len(rows))
         self.draw()
         self.draw_prompt()
         self.lines("keybar").show([keybar_row(self.deck.keys_now(), width)])
