@@ -18,7 +18,9 @@ def all_in(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Every object in a schema that has a name."""
     if "properties" in schema and schema.get("title") not in BASIC:
         yield schema
-    for inner in (*schema.get("properties", {}).values(), schema.get("items", {})):
+    inside = [*schema.get("properties", {}).values()]
+    inside += [schema["items"]] if "items" in schema else []
+    for inner in inside:
         yield from all_in(inner)
 
 
