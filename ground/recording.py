@@ -59,6 +59,7 @@ class Recording:
         self._command = ["record", str(folder), "--connect", common.endpoint, "--id", common.robot]
         self._command += [] if config is None else ["--config", config]
         self._before = self._files()
+        self._last: Path | None = None
         self._size = 0
         self._grew_ns = self._look_ns = clock.now_ns()
         self._on = self._ours = False
@@ -97,7 +98,7 @@ class Recording:
     def watch(self, before: set[Path]) -> None:
         """Somebody records from now on; `before` are the files that were there already."""
         self._before = before
-        self._size = 0
+        self._last, self._size = None, 0
         self._grew_ns = self._clock.now_ns()
         self._on, self.words = True, ON
 
@@ -116,8 +117,7 @@ class Recording:
         if not self._on or now_ns < self._look_ns:
             return []
         self._look_ns = now_ns + LOOK_NS
-        file = self.file
-        size = 0 if file is None else size_of(file)
+        size = self._size_now()
         if size != self._size:
             self._size, self._grew_ns = size, now_ns
         elif not heard and self.words == ON:
@@ -128,6 +128,14 @@ class Recording:
         if self.words == ON:
             return ["RECORDING goes on"]
         return [f"RECORDING HAS STOPPED: {self._why()}; the robot drives on"]
+
+    def _size_now(self) -> int:
+        """Another file is only looked for when this one does not grow: there may be very many."""
+        size = 0 if self._last is None else size_of(self._last)
+        if size == self._size:
+            self._last = self.file
+            size = 0 if self._last is None else size_of(self._last)
+        return size
 
     def _why(self) -> str:
         try:

@@ -90,7 +90,10 @@ class TlogLog:
 
 
 class McapLog:
-    """An `.mcap` of ours; `facts` are the texts that were recorded beside the frames."""
+    """An `.mcap` of ours; `facts` are the texts that were recorded beside the frames.
+
+    Whatever prefix the keys had on the bus, here they have the usual one.
+    """
 
     def __init__(self, path: Path, robot: str) -> None:
         self.robot = robot
@@ -101,7 +104,8 @@ class McapLog:
     def __iter__(self) -> Iterator[Frame]:
         for time_ns, raw in self._file:
             self.records += 1
-            yield Frame(time_ns, raw.key, raw.frame)
+            path = raw.key.partition(f"/{self.robot}/")[2]
+            yield Frame(time_ns, f"{PREFIX}/{self.robot}/{path}" if path else raw.key, raw.frame)
 
     @property
     def lost_bytes(self) -> int:
@@ -118,10 +122,9 @@ def opened(path: Path, robot: str | None = None) -> Log:
             begin = source.read(len(MCAP_BEGINS))
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from error
-    name = robot or robot_in(path)
     if begin == MCAP_BEGINS or (path.suffix == ".mcap" and MCAP_BEGINS.startswith(begin)):
-        return McapLog(path, name)
-    return TlogLog(path, name)
+        return McapLog(path, robot or McapFile(path).robot() or robot_in(path))
+    return TlogLog(path, robot or robot_in(path))
 
 
 def facts_beside(path: Path) -> dict[str, str]:

@@ -6,6 +6,7 @@ Whole records are found by their own lengths, so that it is known how much could
 import os
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -68,18 +69,30 @@ class McapFile:
 
     def facts_alone(self) -> dict[str, str]:
         """Only the facts: what lies between them is skipped, not read."""
-        with self._path.open("rb") as source:
-            if source.read(len(MAGIC)) == MAGIC:
-                size = self._path.stat().st_size
-                while len(head := source.read(RECORD.size)) == RECORD.size:
-                    opcode, length = RECORD.unpack(head)
-                    if opcode == Opcode.DATA_END or length > size - source.tell():
-                        break
-                    if opcode == Opcode.METADATA:
-                        self._fact(source.read(length))
-                    else:
-                        source.seek(length, os.SEEK_CUR)
+        for content in self._metadata():
+            self._fact(content)
         return self.facts
+
+    def robot(self) -> str:
+        """The name of the robot in the head of the file; empty when there is none."""
+        for content in self._metadata():
+            with suppress(*UNREADABLE):
+                return Metadata.read(ReadDataStream(BytesIO(content))).metadata.get("robot", "")
+        return ""
+
+    def _metadata(self) -> Iterator[bytes]:
+        with self._path.open("rb") as source:
+            size = self._path.stat().st_size
+            if source.read(len(MAGIC)) != MAGIC:
+                return
+            while len(head := source.read(RECORD.size)) == RECORD.size:
+                opcode, length = RECORD.unpack(head)
+                if opcode == Opcode.DATA_END or length > size - source.tell():
+                    return
+                if opcode == Opcode.METADATA:
+                    yield source.read(length)
+                else:
+                    source.seek(length, os.SEEK_CUR)
 
     def _records(self, source: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
         """Opcode and content of each whole record."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from ground.blackbox.frames import Frame, frames, key_of, opened, robot_in
+from ground.blackbox.mcap_form import McapForm
 from protocol.codec import Encoder
 from protocol.errors import UserError
 from protocol.messages import Heartbeat, MissionCurrent, ParamRequestList
@@ -114,3 +115,17 @@ def test_what_is_on_no_topic_has_a_key_that_says_so() -> None:
     assert key_of(frame, "r1") == "sidestep/r1/unknown/param_request_list"
     frame = Encoder(1, 77).encode(MissionCurrent(seq=1, total=2, mission_state=0, mission_mode=0))
     assert key_of(frame, "r1").startswith("sidestep/r1/unknown/")
+
+
+def test_a_renamed_file_still_knows_its_robot_and_another_prefix_is_no_matter(
+    tmp_path: Path,
+) -> None:
+    form = McapForm("r7", {})
+    for one in run(2, "r7"):
+        form.add(one.key.replace("sidestep/", "yard/north/"), one.frame, one.time_us)
+    path = tmp_path / "the one with the cart.mcap"
+    path.write_bytes(form.end())
+    log = opened(path)
+    assert log.robot == "r7"
+    assert [frame.key for frame in log] == [one.key for one in run(2, "r7")]
+    assert opened(path, "r9").robot == "r9"
