@@ -76,8 +76,8 @@ class McapFile:
     def robot(self) -> str:
         """The name of the robot in the head of the file; empty when there is none."""
         for content in self._metadata():
-            with suppress(*UNREADABLE):
-                return Metadata.read(ReadDataStream(BytesIO(content))).metadata.get("robot", "")
+            with suppress(*UNREADABLE, KeyError):
+                return str(Metadata.read(ReadDataStream(BytesIO(content))).metadata["robot"])
         return ""
 
     def _metadata(self) -> Iterator[bytes]:
