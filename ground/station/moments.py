@@ -56,10 +56,9 @@ class Frames:
 
     def at(self, time_ns: int, kind: type[M]) -> M | None:
         """The newest one of then; None when the one there is had already been old."""
-        for arrived_ns, message in self.until(time_ns):
-            fits = isinstance(message, kind) and time_ns - arrived_ns <= NEAR_NS
-            return message if fits and isinstance(message, kind) else None
-        return None
+        arrived_ns, message = next(self.until(time_ns), (time_ns, None))
+        near = time_ns - arrived_ns <= NEAR_NS
+        return message if near and isinstance(message, kind) else None
 
 
 class Moments:
