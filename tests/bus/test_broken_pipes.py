@@ -37,7 +37,7 @@ def test_the_head_of_a_table(tmp_path: Path) -> None:
     log = tmp_path / "x.tlog"
     log.write_bytes(b"".join(record_bytes(START_US, encoder.encode(BEAT)) for _ in range(20_000)))
     assert read_one_line_of("export", str(log)) == (
-        "time_s,message,field,value\n",
+        "time_s,utc_s,topic,message,field,value\n",
         BROKEN_PIPE,
         "",
     )
