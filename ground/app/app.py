@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
 from textual import events
 from textual.app import App
 from textual.command import Provider
+from textual.timer import Timer
 
 from ground.app.aside import Aside
 from ground.app.bindings import bindings_of
@@ -18,7 +19,7 @@ from ground.app.helm import Helm
 from ground.app.keymap import Keymap
 from ground.app.keys import Key, Layer
 from ground.app.looks import Looks
-from ground.app.pace import Pace
+from ground.app.pace import Pace, Takes
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.drive import DriveScreen
 from ground.app.screens.log import LogScreen
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 POLL_HZ: Final = 20.0
+SETTLED_S: Final = 0.2
+"""So long after the terminal's last change of size all of it is painted again."""
 
 
 def palette() -> "type[Provider]":
@@ -76,6 +79,7 @@ class GroundApp(App[int]):
         self._stack = stack
         self._aside = Aside(self.say)
         self._pace = Pace(self.looks.hz)
+        self._settling: Timer | None = None
         self._helm = Helm(self)
         for theme in THEMES:
             self.register_theme(theme)
@@ -212,6 +216,10 @@ class GroundApp(App[int]):
         for words in self.recording.poll(heard=heard):
             self._station.note(words, Severity.CRITICAL)
 
+    def paced_by(self, terminal: Takes) -> None:
+        """Draw no more than this takes."""
+        self._pace.terminal = terminal
+
     def look(self) -> None:
         sheet = self.sheet
         if sheet is not None:
@@ -222,6 +230,12 @@ class GroundApp(App[int]):
         """The screen below whatever is open above it."""
         sheets = (screen for screen in reversed(self.screen_stack) if isinstance(screen, Sheet))
         return next(sheets, None)
+
+    def on_resize(self, event: events.Resize) -> None:
+        """One that was smaller for a moment has lost what was on it, and its size is as before."""
+        if self._settling is not None:
+            self._settling.stop()
+        self._settling = self.set_timer(SETTLED_S, self.refresh)
 
     def on_app_blur(self, event: events.AppBlur) -> None:
         self._pace.watched = False

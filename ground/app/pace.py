@@ -1,30 +1,50 @@
 """How often the screen is drawn, and how fast simulated time goes."""
 
-from typing import Final
+from typing import Final, Protocol
 
 from ground.station.station import Station
 from protocol.topics import STATUS
 
 NS_PER_S: Final = 1_000_000_000
 SLOW_HZ: Final = 2.0
+MOST_SLOWER: Final = 16
+"""To one frame in 1.6 s, of ten a second."""
+TRUSTED_NS: Final = 20 * NS_PER_S
+"""So long after it was too slow a terminal is tried at twice the rate."""
 WINDOW_NS: Final = 2 * NS_PER_S
 SLACK_NS: Final = 25_000_000
 
 
+class Takes(Protocol):
+    """Where the screen is drawn."""
+
+    @property
+    def busy(self) -> bool:
+        """Something that was drawn has not been taken yet."""
+        ...
+
+
 class Pace:
-    """Slower while nobody looks or the terminal cannot keep up."""
+    """Slower while nobody looks, and where one frame is not taken before the next one is due.
+
+    What such a terminal has yet to take may be seconds of drawing: a key must not wait behind it.
+    """
 
     def __init__(self, hz: float) -> None:
         self.hz = hz
         self.watched = True
-        self.choked = False
+        self.terminal: Takes | None = None
         self.factor: float | None = None
+        self.slower = 1
+        self._changed_ns = 0
+        self._late = False
         self._drawn_ns: int | None = None
         self._mark: tuple[int, int] | None = None
 
     @property
     def period_ns(self) -> int:
-        hz = self.hz if self.watched and not self.choked else min(self.hz, SLOW_HZ)
+        hz = self.hz / self.slower
+        hz = hz if self.watched else min(hz, SLOW_HZ)
         return round(NS_PER_S / hz) if hz else 0
 
     def due(self, now_ns: int) -> bool:
@@ -32,8 +52,19 @@ class Pace:
         slack_ns = min(self.period_ns // 8, SLACK_NS)
         if self._drawn_ns is not None and now_ns - self._drawn_ns < self.period_ns - slack_ns:
             return False
-        self._drawn_ns = now_ns
+        if self.terminal is not None and self.terminal.busy:
+            self._too_fast(now_ns)
+            return False
+        if self.slower > 1 and now_ns - self._changed_ns > TRUSTED_NS:
+            self.slower, self._changed_ns = self.slower // 2, now_ns
+        self._drawn_ns, self._late = now_ns, False
         return True
+
+    def _too_fast(self, now_ns: int) -> None:
+        """Once for each frame: half the rate from now on."""
+        if not self._late:
+            self._late, self._changed_ns = True, now_ns
+            self.slower = min(2 * self.slower, MOST_SLOWER)
 
     def heard(self, station: Station) -> None:
         """The robot's stamps against our own clock, over two seconds."""

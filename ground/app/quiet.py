@@ -7,28 +7,30 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+from ground.app.terminal import TerminalText
+
 OUTPUTS: Final = (1, 2)
 MOST_BYTES: Final = 1_000_000
 
 
 @contextmanager
-def quiet(log: Path) -> Iterator[None]:
+def quiet(log: Path) -> Iterator[TerminalText]:
     """Libraries that are not Python's write to the file descriptors: these are exchanged.
 
     Textual draws through `sys.__stderr__` and asks `sys.__stdout__` for the terminal's size (and a
-    browser's driver writes there): they keep the terminal.
+    browser's driver writes there): they keep the terminal. What is drawn through is handed out.
     """
     sys.stdout.flush()
     sys.stderr.flush()
     kept = {number: os.dup(number) for number in OUTPUTS}
     before = sys.__stdout__, sys.__stderr__
     sink = opened(log)
-    screens = [os.fdopen(os.dup(kept[number]), "w", encoding="utf-8") for number in OUTPUTS]
+    screens = [TerminalText(os.dup(kept[number])) for number in OUTPUTS]
     for number in OUTPUTS:
         os.dup2(sink, number)
     vars(sys).update(__stdout__=screens[0], __stderr__=screens[1])
     try:
-        yield
+        yield screens[1]
     finally:
         vars(sys).update(__stdout__=before[0], __stderr__=before[1])
         sys.stdout.flush()

@@ -60,7 +60,8 @@ def run(
     app = GroundApp(station, orders, keymap, looks, stack, recording=recording)
     orders.local = words_of_the_app(app)
     try:
-        with quiet(folder() / "ground.log"):
+        with quiet(folder() / "ground.log") as terminal:
+            app.paced_by(terminal)
             return show(app)
     finally:
         in_time(station.close)
@@ -84,7 +85,8 @@ def run_replay(options: argparse.Namespace, path: Path, robot: str | None, at_s:
     orders = Orders(lambda: player.station, None, common, clock, history)
     app = GroundApp(None, orders, keymap, looks, player=player)
     orders.local = words_of_the_app(app)
-    with quiet(folder() / "ground.log"):
+    with quiet(folder() / "ground.log") as terminal:
+        app.paced_by(terminal)
         return show(app)
 
 

@@ -1,0 +1,93 @@
+"""How often the screen is drawn: never faster than the terminal takes it."""
+
+import os
+from threading import Thread
+
+from ground.app.pace import MOST_SLOWER, TRUSTED_NS, Pace
+from ground.app.terminal import TerminalText
+
+MS = 1_000_000
+ROUND_NS = 50 * MS
+
+
+class Line:
+    """A terminal that a test makes wait."""
+
+    busy = False
+
+
+def drawn(pace: Pace, from_ns: int, rounds: int) -> int:
+    """How many frames in so many rounds of 50 ms."""
+    return sum(pace.due(from_ns + number * ROUND_NS) for number in range(rounds))
+
+
+def paced() -> tuple[Pace, Line]:
+    pace, line = Pace(10.0), Line()
+    pace.terminal = line
+    return pace, line
+
+
+def test_ten_frames_a_second_while_the_terminal_takes_them() -> None:
+    pace, _ = paced()
+    assert drawn(pace, 0, 40) == 20
+
+
+def test_nothing_is_drawn_before_the_last_frame_was_taken() -> None:
+    pace, line = paced()
+    assert pace.due(0)
+    line.busy = True
+    assert drawn(pace, ROUND_NS, 100) == 0
+    line.busy = False
+    assert pace.due(101 * ROUND_NS)
+
+
+def test_a_late_frame_halves_the_rate_once_however_late_it_is() -> None:
+    pace, line = paced()
+    pace.due(0)
+    line.busy = True
+    drawn(pace, ROUND_NS, 100)
+    assert pace.slower == 2
+    line.busy = False
+    assert drawn(pace, 101 * ROUND_NS, 40) == 10
+
+
+def test_it_does_not_fall_below_a_frame_now_and_then() -> None:
+    pace, line = paced()
+    at_ns = 0
+    for _ in range(20):
+        line.busy = False
+        drawn(pace, at_ns, 40)
+        line.busy = True
+        drawn(pace, at_ns + 40 * ROUND_NS, 40)
+        at_ns += 80 * ROUND_NS
+    assert pace.slower == MOST_SLOWER
+    line.busy = False
+    assert drawn(pace, at_ns, 32) >= 1
+
+
+def test_a_terminal_that_keeps_up_is_trusted_again_step_by_step() -> None:
+    pace, line = paced()
+    pace.due(0)
+    line.busy = True
+    drawn(pace, ROUND_NS, 4)
+    line.busy = False
+    assert drawn(pace, TRUSTED_NS + 10 * ROUND_NS, 40) >= 19
+    assert pace.slower == 1
+
+
+def test_text_is_busy_until_somebody_has_read_it() -> None:
+    reading, writing = os.pipe()
+    with TerminalText(writing) as text, os.fdopen(reading, "rb") as end:
+        text.write("x" * 1000)
+        assert text.busy
+        text.flush()
+        assert not text.busy
+        thread = Thread(target=lambda: (text.write("x" * 1_000_000), text.flush()))
+        thread.start()
+        thread.join(0.05)
+        assert thread.is_alive()
+        assert text.busy
+        while thread.is_alive():
+            end.read1(65_536)
+            thread.join(0.001)
+        assert not text.busy
