@@ -1,0 +1,206 @@
+"""The app in tmux beside real processes, driven by keys alone, and what a terminal may do to it."""
+
+import shutil
+import signal
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from itertools import cycle
+from pathlib import Path
+
+import pytest
+
+from protocol.enums import Vehicle
+from tests.stack.processes import Crew, Running, Witness, until
+from tests.stack.tmux import Tmux
+
+pytestmark = [
+    pytest.mark.stack,
+    pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine"),
+]
+
+SIDESTEP = Path(__file__).parents[2] / "sidestep.py"
+USUAL = (80, 24)
+READY = "read: ready"
+KEYS = "ctrl+p Palette  ? Help"
+GARBAGE = "goal 9 7\x07\r\nestop\t é✓\u202e{}[]'\"\\ $(reboot) `x` " + "A" * 3000
+STORM = ((81, 25), (40, 12), (1, 1), (120, 30), (200, 60), (20, 5), (79, 23), (3, 40))
+
+
+class Stack:
+    """Robot and plant, the app before them, and a witness who sees what truly happens."""
+
+    def __init__(self, crew: Crew, robot: Running, tmux: Tmux, witness: Witness) -> None:
+        self.crew, self.robot, self.tmux, self.witness = crew, robot, tmux, witness
+
+
+@contextmanager
+def opened(
+    folder: Path, size: tuple[int, int] = USUAL, environment: Mapping[str, str] | None = None
+) -> Iterator[Stack]:
+    """In the open, at the start."""
+    with Crew() as crew:
+        robot = crew.robot()
+        crew.plant()
+        words = [sys.executable, str(SIDESTEP), "ground", "--connect", crew.endpoint, "--no-record"]
+        with (
+            Witness(crew.endpoint) as witness,
+            Tmux(folder, words, size, environment) as tmux,
+        ):
+            yield Stack(crew, robot, tmux, witness)
+
+
+def test_a_goal_by_the_cursor_a_navigator_an_estop_and_a_mission_by_keys_alone(
+    tmp_path: Path,
+) -> None:
+    with opened(tmp_path) as stack:
+        tmux, witness = stack.tmux, stack.witness
+        tmux.shows(READY)
+        choose_navigator(tmux)
+        tmux.shows("DISARMED", " vgm/")
+        drive_to_the_cursor(tmux)
+        until(lambda: witness.truth.speed_m_s > 0.2, what="driving")
+        choose_navigator(tmux)
+        tmux.shows("refused: not while driving")
+        tmux.shows("state REACHED", within_s=30.0)
+        assert abs(witness.truth.x_m - 2.2) < 0.15
+        stop_at_once(tmux, witness)
+        fly(tmux)
+        tmux.shows("mission DONE (item 2 of 2)", within_s=40.0)
+        tmux.type(":quit")
+        tmux.press("Enter")
+        assert tmux.ends() == 0
+
+
+def drive_to_the_cursor(tmux: Tmux) -> None:
+    """Eight steps of the cursor, which are 1.6 m, and Enter."""
+    tmux.press("G")
+    tmux.press(*"llllllll")
+    tmux.shows("goal 2.2 2:")
+    tmux.press("Enter")
+    tmux.shows("GUIDED", " ARMED")
+
+
+def choose_navigator(tmux: Tmux) -> None:
+    """The second of the list."""
+    tmux.press("v")
+    tmux.shows("navigator", "vgm_memory")
+    tmux.press("j", "Enter")
+
+
+def stop_at_once(tmux: Tmux, witness: Witness) -> None:
+    """The e-stop while it drives to another goal; nothing but two presses releases it."""
+    tmux.type(":goal 4 2")
+    tmux.press("Enter")
+    until(lambda: witness.truth.speed_m_s > 0.2, what="driving")
+    tmux.press("Space")
+    tmux.shows("E-STOP acknowledged", "state EMERGENCY STOP")
+    until(witness.standing, what="standing")
+    tmux.press("D")
+    tmux.shows("press again")
+    tmux.press("D")
+    tmux.shows("DISARMED")
+
+
+def fly(tmux: Tmux) -> None:
+    """Two waypoints at the cursor, up to the robot, armed, started."""
+    tmux.press("G")
+    tmux.press("l", "l", "w")
+    tmux.shows("waypoint 1")
+    tmux.press("k", "k", "w")
+    tmux.shows("waypoint 2")
+    tmux.press("Escape")
+    tmux.shows("r1:")
+    for line, answer in (
+        ("wp upload", "2 waypoints"),
+        ("arm", " ARMED"),
+        ("mission start", "AUTO"),
+    ):
+        tmux.type(f":{line}")
+        tmux.press("Enter")
+        tmux.shows(answer)
+
+
+@pytest.mark.parametrize("environment", [{"NO_COLOR": "1"}, {"TERM": "linux"}, {"LC_ALL": "C"}])
+def test_a_poor_terminal_shows_it_too(tmp_path: Path, environment: dict[str, str]) -> None:
+    with opened(tmp_path, environment=environment) as stack:
+        tmux = stack.tmux
+        screen = tmux.shows(READY, KEYS, "SIM")
+        if "NO_COLOR" in environment:
+            assert "\x1b[38;2" not in tmux.coloured
+            assert "\x1b[31" not in tmux.coloured
+        else:
+            assert screen.isascii()
+        tmux.press("4")
+        tmux.shows("Severity")
+        tmux.press("C-q")
+        assert tmux.ends() == 0
+
+
+@pytest.mark.parametrize("size", [(1, 1), (20, 5), (300, 90)])
+def test_it_fits_any_terminal(tmp_path: Path, size: tuple[int, int]) -> None:
+    with opened(tmp_path, size) as stack:
+        tmux = stack.tmux
+        until(lambda: tmux.screen.strip(), 20.0, "anything on the screen")
+        tmux.resize(*USUAL)
+        tmux.shows(READY, KEYS)
+        tmux.resize(*size)
+        tmux.press("F12")
+        until(lambda: "STOP" in vehicle(stack.witness), what="the e-stop, unseen")
+        tmux.press("C-q")
+        assert tmux.ends() == 0
+
+
+def test_a_storm_of_sizes_leaves_it_as_it_was(tmp_path: Path) -> None:
+    with opened(tmp_path) as stack:
+        tmux = stack.tmux
+        tmux.shows(READY, KEYS)
+        for _, size in zip(range(80), cycle(STORM), strict=False):
+            tmux.resize(*size)
+        tmux.resize(*USUAL)
+        screen = tmux.shows(READY, KEYS, "pose    0.60   2.00")
+        assert len(screen.splitlines()) == USUAL[1]
+        drive_to_the_cursor(tmux)
+
+
+def test_garbage_that_is_pasted_moves_nothing_and_breaks_nothing(tmp_path: Path) -> None:
+    with opened(tmp_path) as stack:
+        tmux = stack.tmux
+        tmux.shows(READY)
+        tmux.paste(GARBAGE)
+        tmux.press(":")
+        tmux.paste(GARBAGE[::-1])
+        tmux.shows("AAAA")
+        tmux.press("Enter")
+        tmux.shows("W ground AAAA")
+        tmux.type(":hold")
+        tmux.press("Enter")
+        tmux.shows("I ground ok")
+        assert stack.witness.standing()
+        assert "STOP" not in vehicle(stack.witness)
+
+
+def test_nothing_but_the_app_writes_to_the_terminal(tmp_path: Path) -> None:
+    """The robot is the hub here: with it goes the link, of which libraries have a lot to say."""
+    with opened(tmp_path) as stack:
+        tmux = stack.tmux
+        before = tmux.shows(READY, KEYS)
+        stack.robot.send(signal.SIGKILL)
+        tmux.shows("ROBOT DEAD", within_s=20.0)
+        assert frame(tmux.screen) == frame(before)
+        tmux.resize(81, 24)
+        tmux.resize(*USUAL)
+        tmux.shows(KEYS)
+        assert frame(tmux.screen) == frame(before)
+        for word in ("zenoh", "Traceback", "WARN", "panicked"):
+            assert word not in tmux.screen
+
+
+def vehicle(witness: Witness) -> str:
+    return Vehicle(witness.status.vehicle).name
+
+
+def frame(screen: str) -> list[str]:
+    """What does not change: the rule above the log, the prompt, the keys."""
+    lines = screen.splitlines()
+    return [lines[at] for at in (-7, -2, -1)]
