@@ -1,0 +1,38 @@
+"""The ground station's app on a terminal beside a real robot: what it costs, how soon it reacts.
+
+CPU time is what the kernel says of the app's process; bytes are counted and keys pressed at the
+other end of its pty; what the robot does is seen by an observer on its bus.
+"""
+
+import argparse
+from typing import Final
+
+from benchmarks import ground_cost, ground_crowd, ground_keys, ground_paint
+from benchmarks.figures import Figure, Report
+
+PARTS: Final = {
+    "paint": ground_paint.measured,
+    "cost": ground_cost.measured,
+    "keys": ground_keys.measured,
+    "crowd": ground_crowd.measured,
+}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS))
+    parser.add_argument("--seconds", type=float, default=20.0, help="of each reading of the cost")
+    parser.add_argument("--repetitions", type=int, default=3, help="of each reading of the cost")
+    parser.add_argument("--starts", type=int, default=10, help="first paints")
+    parser.add_argument("--presses", type=int, default=200, help="of hold, and of the e-stop")
+    parser.add_argument("--minutes", type=float, default=10.0, help="of telemetry at 50 Hz")
+    parser.add_argument("--lines", type=int, default=100_000, help="of log")
+
+
+def measure(options: argparse.Namespace) -> Report:
+    figures: list[Figure] = []
+    notes: list[str] = []
+    for name in options.parts:
+        found, said = PARTS[name](options)
+        figures += found
+        notes += said
+    return Report(benchmark="ground", figures=tuple(figures), notes=tuple(notes))

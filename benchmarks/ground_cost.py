@@ -1,0 +1,101 @@
+"""CPU and bytes for the terminal at ten frames a second: driving, standing, paused; a slow line."""
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Event, Thread
+from typing import Final
+
+from benchmarks.figures import Figure
+from benchmarks.ground_stage import SIZES, commanding
+from benchmarks.observed import Observer, Shuttle, observed, until
+from benchmarks.terminal import Spent
+
+WORLD: Final = "forest_medium"
+CPU_AT_MOST: Final = (10.0, 16.0)
+KB_AT_MOST: Final = (60.0, 120.0)
+SETTLES_S: Final = 3.0
+SLOW_LINE: Final = 20_000
+SLOW_KEY_AT_MOST_MS: Final = 1000.0
+SLOW_PRESSES: Final = 10
+
+
+def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+    seconds, times = options.seconds, options.repetitions
+    figures: list[Figure] = []
+    with observed(WORLD) as observer:
+        with kept_driving(observer):
+            for size, cpu, kb in zip(SIZES, CPU_AT_MOST, KB_AT_MOST, strict=True):
+                found = readings(observer, size, seconds, times)
+                figures += shown(f"driving, {size[0]}x{size[1]}", found, cpu, kb)
+            figures += on_a_slow_line(observer, seconds)
+        figures += shown("standing, 80x24", readings(observer, SIZES[0], seconds, 1))
+        observer.pause()
+        figures += shown("paused, 80x24", readings(observer, SIZES[0], seconds, 1))
+    notes = [
+        f"10 frames a second; each reading {seconds:g} s; in {WORLD}, with noise",
+        "paused: simulated time stands still; the robot goes on and reports what its cycles cost",
+        f"slow line: {SLOW_LINE // 1000} kB/s are read of what the app writes; from the key that"
+        " shows the goal cursor, or puts it away, until the key bar says so",
+    ]
+    return figures, notes
+
+
+def readings(observer: Observer, size: tuple[int, int], seconds: float, times: int) -> list[Spent]:
+    with commanding(observer, size) as terminal:
+        Event().wait(SETTLES_S)
+        return [terminal.spent(seconds) for _ in range(times)]
+
+
+def shown(
+    name: str, found: list[Spent], cpu: float | None = None, kb: float | None = None
+) -> list[Figure]:
+    shares = tuple(one.cpu_percent for one in found)
+    rates = tuple(one.kb_per_s for one in found)
+    return [
+        Figure(name=f"CPU of one core, {name}", unit="%", values=shares, at_most=cpu),
+        Figure(name=f"written, {name}", unit="kB/s", values=rates, at_most=kb),
+    ]
+
+
+def on_a_slow_line(observer: Observer, seconds: float) -> list[Figure]:
+    """At the larger size, which writes the most."""
+    waits_ms = []
+    with commanding(observer, SIZES[1], most_per_s=SLOW_LINE) as terminal:
+        Event().wait(2 * SETTLES_S)
+        spent = terminal.spent(seconds)
+        for turn in range(SLOW_PRESSES):
+            terminal.forget()
+            key, words = (("G", "Heading"), ("\x1b", "Cursor"))[turn % 2]
+            at_ns = terminal.type(key)
+            waits_ms.append((terminal.shown(words, 10.0) - at_ns) / 1e6)
+            Event().wait(SETTLES_S / 3)
+    name = "slow line, 140x40"
+    return [
+        Figure(name=f"written, {name}", unit="kB/s", values=(spent.kb_per_s,)),
+        Figure(
+            name=f"key to screen, {name}",
+            unit="ms",
+            values=tuple(waits_ms),
+            at_most=SLOW_KEY_AT_MOST_MS,
+        ),
+    ]
+
+
+@contextmanager
+def kept_driving(observer: Observer) -> Iterator[None]:
+    """Between the world's start and its goal, in a thread, until the block ends."""
+    over, shuttle = Event(), Shuttle(observer)
+
+    def drive() -> None:
+        while not over.wait(0.05):
+            shuttle.keep_on()
+
+    thread = Thread(target=drive, daemon=True)
+    thread.start()
+    until(lambda: observer.on_its_way, "on its way")
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()

@@ -1,0 +1,88 @@
+"""A long watch in short: is memory bounded, and is a key heard while 100 000 lines come in?"""
+
+import argparse
+from threading import Event, Thread
+from typing import Final
+
+from benchmarks.crowded import sizes_mb
+from benchmarks.figures import Figure
+from benchmarks.ground_stage import SIZES, commanding
+from benchmarks.observed import Observer, observed
+from benchmarks.robot import resident_mb
+from protocol.bus import Network, open_bus
+from protocol.enums import Severity
+from protocol.messages import Statustext
+from protocol.topics import TEXT, Role
+
+WORLD: Final = "forest_medium"
+GROWTH_AT_MOST_MB: Final = 15.0
+KEY_AT_MOST_MS: Final = 100.0
+LINES_PER_S: Final = 5000
+BURST_S: Final = 0.02
+TURNS: Final = (("4", "Severity"), ("1", "Cursor"))
+"""A key, and what is only in the key bar of the screen that it goes to."""
+APART_S: Final = 0.4
+PRESSES_AFTER: Final = 20
+
+
+def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+    sizes = sizes_mb(options.minutes, options.lines)
+    name = f"{options.minutes:g} min at 50 Hz, {options.lines} lines"
+    with observed(WORLD) as observer:
+        during_ms, after_ms, grown_mb = in_a_flood(observer, options.lines)
+    figures = [
+        Figure(
+            name=f"growth, {name}",
+            unit="MB",
+            values=(sizes[-1] - sizes[1],),
+            at_most=GROWTH_AT_MOST_MB,
+        ),
+        Figure(
+            name="growth of its second half",
+            unit="MB",
+            values=(sizes[-1] - sizes[len(sizes) // 2],),
+        ),
+        Figure(name="key to screen, in the flood", unit="ms", values=tuple(during_ms)),
+        Figure(
+            name="key to screen, after it",
+            unit="ms",
+            values=tuple(after_ms),
+            at_most=KEY_AT_MOST_MS,
+        ),
+        Figure(name="growth of the process in the flood", unit="MB", values=(grown_mb,)),
+    ]
+    tenths = ", ".join(f"{size:.0f}" for size in sizes)
+    return figures, [
+        f"resident after each tenth of {name}, MB: {tenths}; growth counts from the first",
+        f"flood: {options.lines} lines of log at {LINES_PER_S} a second over the bus, at 140x40",
+    ]
+
+
+def in_a_flood(observer: Observer, lines: int) -> tuple[list[float], list[float], float]:
+    """Milliseconds from keys to their screens meanwhile and afterwards, and growth in MB."""
+    with commanding(observer, SIZES[1]) as terminal:
+        before_mb, flood = resident_mb(terminal.pid), Thread(target=pour, args=(observer, lines))
+        flood.start()
+        during_ms: list[float] = []
+        after_ms: list[float] = []
+        while flood.is_alive() or len(after_ms) < PRESSES_AFTER:
+            into = during_ms if flood.is_alive() else after_ms
+            for key, words in TURNS:
+                terminal.forget()
+                at_ns = terminal.type(key)
+                into.append((terminal.shown(words, 10.0) - at_ns) / 1e6)
+                Event().wait(APART_S)
+        return during_ms, after_ms, resident_mb(terminal.pid) - before_mb
+
+
+def pour(observer: Observer, lines: int) -> None:
+    """Log lines as if they were the robot's."""
+    network, pause = Network(mode="client", connect=(observer.endpoint,)), Event()
+    burst = round(LINES_PER_S * BURST_S)
+    with open_bus(network, Role.ROBOT, observer.robot) as bus:
+        texts = bus.publisher(TEXT)
+        for number in range(lines):
+            words = f"line {number} of {lines}"
+            texts.put(Statustext(severity=Severity.INFO, text=words, id=0, chunk_seq=0))
+            if number % burst == 0:
+                pause.wait(BURST_S)

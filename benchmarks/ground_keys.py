@@ -1,0 +1,49 @@
+"""Hold and e-stop, from the key to a robot that has acted, and how far it rolled meanwhile."""
+
+import argparse
+from typing import Final
+
+from benchmarks.figures import Figure
+from benchmarks.ground_stage import SIZES, commanding
+from benchmarks.observed import observed
+from benchmarks.reaction import Operator, Presses
+
+WORLD: Final = "open"
+PERIOD_MS: Final = 50.0
+SLACK_MS: Final = 5.0
+HOLD, ESTOP = "h", " "
+
+
+def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+    with observed(WORLD) as observer, commanding(observer, SIZES[0]) as terminal:
+        operator = Operator(terminal, observer)
+        holds = operator.presses(HOLD, operator.resume, options.presses)
+        stops = operator.presses(ESTOP, operator.clear, options.presses)
+    notes = [
+        "from the write of the key into the pty to what an observer on the bus receives;"
+        " one period is 50 ms",
+        "hold has acted when the robot says HOLD: the wheels slow down from that tick on;"
+        " e-stop when they are commanded to stand",
+        "rolled: by the truth, from the last one before the key to standing, at 0.3 m/s",
+    ]
+    return [*shown("hold", holds), *shown("e-stop", stops)], notes
+
+
+def shown(name: str, found: Presses) -> list[Figure]:
+    worst_ms = max(found.acted_ms)
+    return [
+        Figure(
+            name=f"{name}: key to robot acts",
+            unit="ms",
+            values=tuple(found.acted_ms),
+            at_most=PERIOD_MS + SLACK_MS,
+        ),
+        Figure(
+            name=f"{name}: key to robot acts, worst",
+            unit="ms",
+            values=(worst_ms,),
+            at_most=2 * PERIOD_MS + SLACK_MS,
+        ),
+        Figure(name=f"{name}: key to wheels at zero", unit="ms", values=tuple(found.wheels_ms)),
+        Figure(name=f"{name}: rolled", unit="m", values=tuple(found.rolled_m)),
+    ]

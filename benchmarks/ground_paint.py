@@ -1,0 +1,61 @@
+"""From the start of the ground station's process to a screen with a robot's name on it.
+
+Python by itself and Python with Textual are started in turn with it: what slows one slows all.
+"""
+
+import argparse
+import subprocess
+import sys
+from time import monotonic_ns
+from typing import Final
+
+from benchmarks.figures import Figure
+from benchmarks.ground_stage import SIZES, on_terminal
+from benchmarks.observed import Observer, observed
+
+AT_MOST_S: Final = 0.6
+WORLD: Final = "forest_medium"
+PAINTED: Final = "Palette"
+"""At the end of the key bar, which is the last row."""
+PATIENCE_S: Final = 30.0
+FLOORS: Final = ("pass", "import textual.app")
+
+
+def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+    with observed(WORLD) as observer:
+        rows = [in_turn(observer) for _ in range(options.starts)]
+    names = ["first paint", "first bytes", *(f"python -c '{line}'" for line in FLOORS)]
+    figures = [
+        Figure(
+            name=name,
+            unit="s",
+            values=tuple(row[at] for row in rows),
+            at_most=AT_MOST_S if name == names[0] else None,
+        )
+        for at, name in enumerate(names)
+    ]
+    quotients = tuple(row[0] / row[3] for row in rows)
+    figures.append(Figure(name=f"first paint / '{FLOORS[1]}'", unit="x", values=quotients))
+    figures.append(
+        Figure(name="CPU time until the first paint", unit="s", values=tuple(r[4] for r in rows))
+    )
+    return figures, ["first paint: the whole screen, with the robot found; at 80x24"]
+
+
+def in_turn(observer: Observer) -> tuple[float, float, float, float, float]:
+    """Seconds to the paint and to any bytes, of both floors, and of CPU until the paint."""
+    with on_terminal(observer, SIZES[0]) as terminal:
+        painted_ns = terminal.shown(PAINTED, PATIENCE_S)
+        cost_s = terminal.reading().cpu_s
+        paint_s, first_s = (
+            (at_ns - terminal.begun_ns) / 1e9 for at_ns in (painted_ns, terminal.first_ns)
+        )
+    bare_s, textual_s = map(took_s, FLOORS)
+    return paint_s, first_s, bare_s, textual_s, cost_s
+
+
+def took_s(line: str) -> float:
+    """Python from its start to its end with one line to do."""
+    begun_ns = monotonic_ns()
+    subprocess.run([sys.executable, "-c", line], check=True)
+    return (monotonic_ns() - begun_ns) / 1e9

@@ -1,0 +1,145 @@
+"""Robot and plant as real processes, and an observer on their bus that keeps the robot driving."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from itertools import count, cycle
+from math import hypot
+from threading import Event
+from time import monotonic, monotonic_ns
+from typing import Any, Final
+
+from benchmarks.pingpong import free_port
+from benchmarks.processes import sidestep
+from plant.world_file import load
+from plant.world_types import World
+from protocol.bus import Bus, Network, open_bus
+from protocol.codec import decode
+from protocol.enums import AckResult, Command, GoalState, Mode, RunAction
+from protocol.errors import NoAnswer
+from protocol.message import Message
+from protocol.messages import (
+    CommandAck,
+    CommandRequest,
+    GoalRequest,
+    GroundTruth,
+    NavigatorStatus,
+    RunRequest,
+    WheelCommand,
+)
+from protocol.topics import COMMAND, DRIVE, RUN, STATUS, TRUTH, Role, Service, Topic
+from protocol.wire_goal import start_words, wire_goal
+
+PATIENCE_S: Final = 10.0
+POLL_S: Final = 0.002
+KEPT: Final = 2000
+ROBOT: Final = "r1"
+
+
+class Observer:
+    """Statuses, wheel commands and truth, each with the time of its arrival."""
+
+    def __init__(self, bus: Bus, world: World, endpoint: str) -> None:
+        self.bus, self.world, self.endpoint = bus, world, endpoint
+        self.robot = ROBOT
+        self.statuses: deque[tuple[NavigatorStatus, int]] = deque(maxlen=KEPT)
+        self.wheels: deque[tuple[WheelCommand, int]] = deque(maxlen=KEPT)
+        self.truths: deque[tuple[GroundTruth, int]] = deque(maxlen=KEPT)
+        self._requests = count(monotonic_ns())
+        heard: Final[tuple[tuple[Topic[Any], deque[Any]], ...]] = (
+            (STATUS, self.statuses),
+            (DRIVE, self.wheels),
+            (TRUTH, self.truths),
+        )
+        for topic, into in heard:
+            bus.stream(topic, keeper(into), ROBOT)
+
+    @property
+    def status(self) -> NavigatorStatus | None:
+        return self.statuses[-1][0] if self.statuses else None
+
+    @property
+    def speed_m_s(self) -> float:
+        return self.truths[-1][0].speed_m_s if self.truths else 0.0
+
+    @property
+    def on_its_way(self) -> bool:
+        status = self.status
+        return status is not None and GoalState.ACCEPTED <= status.goal <= GoalState.ALIGNING
+
+    def ask(self, service: Service, request: Callable[[int], Message]) -> None:
+        """Until it is accepted; RuntimeError when it is not in time."""
+        deadline_s, answer = monotonic() + PATIENCE_S, None
+        while monotonic() < deadline_s:
+            try:
+                answer = self.bus.ask(service, request(next(self._requests)), 0.5, self.robot)
+            except NoAnswer:
+                continue
+            if isinstance(answer, CommandAck) and answer.result == AckResult.ACCEPTED:
+                return
+        raise RuntimeError(f"{service.path}: {answer!r}")
+
+    def drive_to(self, x_m: float, y_m: float) -> None:
+        """Arm, and go there without an operator."""
+        arm, goal = Command.COMPONENT_ARM_DISARM, wire_goal(x_m, y_m, None, 0.1, 0.1)._asdict()
+        self.ask(
+            COMMAND, lambda n: CommandRequest(request_id=n, param1=1.0, param2=0.0, command=arm)
+        )
+        self.ask(COMMAND, lambda n: GoalRequest(request_id=n, mode=Mode.AUTO, **goal))
+
+    def pause(self) -> None:
+        """Simulated time stands still from now on."""
+        pause = RunRequest(action=RunAction.PAUSE, until_ns=0)
+        self.ask(RUN, lambda _: pause)
+
+
+def keeper(into: deque[tuple[Any, int]]) -> Callable[[str, bytes, int], None]:
+    def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
+        into.append((decode(frame).message, arrived_ns))
+
+    return keep
+
+
+def until(condition: Callable[[], object], what: str, within_s: float = PATIENCE_S) -> None:
+    """Wait for it; RuntimeError when it does not come true in time."""
+    deadline_s, pause = monotonic() + within_s, Event()
+    while not condition():
+        if monotonic() > deadline_s:
+            raise RuntimeError(f"not within {within_s:g} s: {what}")
+        pause.wait(POLL_S)
+
+
+@contextmanager
+def observed(file: str) -> Iterator[Observer]:
+    """Everything in this world but the ground station, which is what is measured."""
+    world, endpoint = load(file), f"tcp/127.0.0.1:{free_port()}"
+    start = start_words(world.start.x_m, world.start.y_m, world.start.heading_rad)
+    own = ("robot", "--id", ROBOT, "--listen", endpoint, "--start", *start)
+    plant = ("plant", "--world", file, "--robots", ROBOT, "--connect", endpoint)
+    with ExitStack() as scope:
+        scope.enter_context(sidestep(*own, ready="ready"))
+        scope.enter_context(sidestep(*plant, ready="plant:"))
+        network = Network(mode="client", connect=(endpoint,))
+        bus = scope.enter_context(open_bus(network, Role.GROUND, ROBOT))
+        observer = Observer(bus, world, endpoint)
+        until(lambda: observer.truths and observer.statuses, "truth and status")
+        yield observer
+
+
+class Shuttle:
+    """Keeps the robot going between the start of its world and the goal."""
+
+    def __init__(self, observer: Observer) -> None:
+        start, goal = observer.world.start, observer.world.goal
+        self._observer = observer
+        self._places = cycle([(goal.x_m, goal.y_m), (start.x_m, start.y_m)])
+
+    def keep_on(self) -> None:
+        """Set off again, when the last goal has ended."""
+        if not self._observer.on_its_way:
+            self._observer.drive_to(*next(self._places))
+            until(lambda: self._observer.on_its_way, "on its way")
+
+
+def apart_m(one: GroundTruth, other: GroundTruth) -> float:
+    return hypot(one.x_m - other.x_m, one.y_m - other.y_m)

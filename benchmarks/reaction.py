@@ -1,0 +1,120 @@
+"""From a key in the terminal to a robot that has acted, as an observer on its bus sees it.
+
+A hold has acted when the robot's mode is HOLD: in that tick its wheels begin to slow down, within
+what they may. An e-stop has acted when the wheels are commanded to stand, at once.
+"""
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import cycle
+from random import Random
+from threading import Event
+from typing import Final, TypeVar
+
+from benchmarks.observed import Observer, apart_m, until
+from benchmarks.terminal import Terminal
+from protocol.enums import Mode, Vehicle
+from protocol.message import Message
+from protocol.messages import GroundTruth, NavigatorStatus, WheelCommand
+
+M = TypeVar("M", bound=Message)
+PERIOD_S: Final = 0.05
+"""Keys are pressed at any moment of it: what the observer sees is in step with the robot."""
+FAST_M_S: Final = 0.28
+STILL_M_S: Final = 0.003
+AGAIN_S: Final = 2.0
+ATTEMPTS: Final = 10
+PLACES: Final = ((5.2, 2.4), (0.8, 1.6))
+"""Far apart in the open world."""
+
+
+@dataclass(slots=True)
+class Presses:
+    """Of each press: key to act, key to wheels commanded to stand (ms), and the way rolled (m)."""
+
+    acted_ms: list[float] = field(default_factory=list)
+    wheels_ms: list[float] = field(default_factory=list)
+    rolled_m: list[float] = field(default_factory=list)
+
+
+class Operator:
+    """Types what a person would, and sees what comes of it."""
+
+    def __init__(self, terminal: Terminal, observer: Observer) -> None:
+        self._terminal, self._observer = terminal, observer
+        self._places, self._random = cycle(PLACES), Random(1)
+
+    def presses(self, key: str, release: Callable[[], None], times: int) -> Presses:
+        """That key while the robot drives; then what makes it drive again."""
+        found = Presses()
+        for _ in range(times):
+            self.drive()
+            Event().wait(self._random.uniform(0.0, PERIOD_S))
+            at_ns = self._terminal.type(key)
+            self._note(found, at_ns, stopped if key == " " else held)
+            release()
+        return found
+
+    def resume(self) -> None:
+        self._terminal.type("r")
+        self._until(lambda status: status.mode == Mode.GUIDED, "resumed")
+
+    def clear(self) -> None:
+        self._terminal.type("DD")
+        self._until(lambda status: status.vehicle == Vehicle.STANDBY, "e-stop cleared")
+
+    def drive(self) -> None:
+        """At full speed; a goal that has ended is followed by another one."""
+        for _ in range(ATTEMPTS):
+            if not self._observer.on_its_way:
+                x_m, y_m = next(self._places)
+                self._terminal.type(f":goal {x_m:g} {y_m:g}\r")
+            with suppress(RuntimeError):
+                until(self._fast, "driving", AGAIN_S)
+                return
+        raise RuntimeError(f"it does not drive: {self._terminal.text()[-500:]!r}")
+
+    def _fast(self) -> bool:
+        return self._observer.speed_m_s > FAST_M_S
+
+    def _until(self, condition: Callable[[NavigatorStatus], bool], what: str) -> None:
+        def met() -> bool:
+            status = self._observer.status
+            return status is not None and condition(status)
+
+        until(met, what)
+
+    def _note(self, found: Presses, at_ns: int, acted: Callable[[Message], bool]) -> None:
+        seen = self._observer
+        until(lambda: first(seen.wheels, at_ns, stopped), "wheels commanded to stand")
+        until(lambda: first(seen.truths, at_ns, still), "standing")
+        acts = first([*seen.statuses, *seen.wheels], at_ns, acted)
+        wheels = first(seen.wheels, at_ns, stopped)
+        before = [truth for truth, arrived_ns in tuple(seen.truths) if arrived_ns <= at_ns][-1]
+        after = seen.truths[-1][0]
+        assert acts is not None
+        assert wheels is not None
+        found.acted_ms.append((acts - at_ns) / 1e6)
+        found.wheels_ms.append((wheels - at_ns) / 1e6)
+        found.rolled_m.append(apart_m(before, after))
+
+
+def first(
+    seen: Iterable[tuple[Message, int]], after_ns: int, condition: Callable[[Message], bool]
+) -> int | None:
+    """When the first such message after a moment arrived."""
+    arrivals = [at_ns for message, at_ns in tuple(seen) if at_ns > after_ns and condition(message)]
+    return min(arrivals, default=None)
+
+
+def held(message: Message) -> bool:
+    return isinstance(message, NavigatorStatus) and message.mode == Mode.HOLD
+
+
+def stopped(message: Message) -> bool:
+    return isinstance(message, WheelCommand) and not (message.left_mrad_s or message.right_mrad_s)
+
+
+def still(message: Message) -> bool:
+    return isinstance(message, GroundTruth) and abs(message.speed_m_s) < STILL_M_S

@@ -1,0 +1,166 @@
+"""A terminal for a process of ours: a pty of some size that counts what is written to it, and when.
+
+It may be slow: then it takes no more than so many bytes a second, as a serial line would.
+"""
+
+import os
+import subprocess
+import sys
+import termios
+from collections.abc import Mapping
+from dataclasses import dataclass
+from threading import Event, Lock, Thread
+from time import monotonic_ns
+from typing import Final, NamedTuple, Self
+
+from benchmarks.robot import cpu_s
+
+CHUNK: Final = 65_536
+SLOW_READ_S: Final = 0.05
+ENDS_WITHIN_S: Final = 10.0
+QUIET: Final = "\x11"
+"""ctrl+q, which leaves the ground station from everywhere."""
+USUAL: Final[Mapping[str, str]] = {"TERM": "xterm-256color", "COLORTERM": "truecolor"}
+
+
+class Reading(NamedTuple):
+    """What a process has cost and written until now."""
+
+    at_ns: int
+    cpu_s: float
+    written: int
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """Between two readings."""
+
+    cpu_percent: float
+    kb_per_s: float
+
+
+class Terminal:
+    """`sidestep WORDS` on a terminal of its own, until the block ends."""
+
+    def __init__(
+        self,
+        words: tuple[str, ...],
+        size: tuple[int, int],
+        environment: Mapping[str, str] | None = None,
+        *,
+        most_per_s: int | None = None,
+    ) -> None:
+        """`size` in columns and rows; `most_per_s` bytes are read of what it writes."""
+        self._words, self._size = words, size
+        self._environment = {**os.environ, **USUAL, **(environment or {})}
+        self._environment.pop("NO_COLOR", None)
+        self._pause_s = 0.0 if most_per_s is None else SLOW_READ_S
+        self._chunk = CHUNK if most_per_s is None else max(1, round(most_per_s * SLOW_READ_S))
+        self._lock, self._ended = Lock(), Event()
+        self._written = 0
+        self._seen = bytearray()
+        self._arrivals: list[tuple[int, int]] = []
+        self.begun_ns = 0
+
+    def __enter__(self) -> Self:
+        self._end, inner = os.openpty()
+        columns, rows = self._size
+        termios.tcsetwinsize(inner, (rows, columns))
+        self.begun_ns = monotonic_ns()
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "sidestep", *self._words],
+            stdin=inner,
+            stdout=inner,
+            stderr=inner,
+            env=self._environment,
+            start_new_session=True,
+        )
+        os.close(inner)
+        self._reader = Thread(target=self._read, daemon=True)
+        self._reader.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pause_s, self._chunk = 0.0, CHUNK
+        self.type(QUIET)
+        try:
+            self._process.wait(ENDS_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._ended.set()
+        self._reader.join(ENDS_WITHIN_S)
+        os.close(self._end)
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def type(self, keys: str) -> int:
+        """Press these; when that was, by the monotonic clock."""
+        at_ns = monotonic_ns()
+        os.write(self._end, keys.encode())
+        return at_ns
+
+    def reading(self) -> Reading:
+        with self._lock:
+            return Reading(monotonic_ns(), cpu_s(self.pid), self._written)
+
+    def spent(self, seconds: float) -> Spent:
+        """What the next so many seconds cost."""
+        before = self.reading()
+        Event().wait(seconds)
+        after = self.reading()
+        took_s = (after.at_ns - before.at_ns) / 1e9
+        return Spent(
+            100.0 * (after.cpu_s - before.cpu_s) / took_s,
+            (after.written - before.written) / took_s / 1e3,
+        )
+
+    def shown(self, words: str, patience_s: float) -> int:
+        """When the bytes that complete these words were read, since what was forgotten.
+
+        Raises RuntimeError when they do not come in time.
+        """
+        deadline_ns, pause = monotonic_ns() + round(patience_s * 1e9), Event()
+        while (found_ns := self._found(words.encode())) is None:
+            if monotonic_ns() > deadline_ns or self._process.poll() is not None:
+                raise RuntimeError(f"not on the screen: {words!r}; last: {self.text()[-300:]!r}")
+            pause.wait(0.002)
+        return found_ns
+
+    @property
+    def first_ns(self) -> int:
+        """When it wrote anything at all, since what was forgotten."""
+        with self._lock:
+            return self._arrivals[0][0]
+
+    def text(self) -> str:
+        with self._lock:
+            return self._seen.decode(errors="replace")
+
+    def forget(self) -> None:
+        """What was seen until now is looked through no more."""
+        with self._lock:
+            self._seen.clear()
+            self._arrivals.clear()
+
+    def _found(self, words: bytes) -> int | None:
+        with self._lock:
+            ends = self._seen.find(words) + len(words)
+            if ends < len(words):
+                return None
+            return next(at_ns for at_ns, upto in self._arrivals if upto >= ends)
+
+    def _read(self) -> None:
+        while not self._ended.is_set():
+            try:
+                data = os.read(self._end, self._chunk)
+            except OSError:  # the process has ended
+                return
+            with self._lock:
+                self._written += len(data)
+                self._seen += data
+                self._arrivals.append((monotonic_ns(), len(self._seen)))
+            if self._pause_s:
+                self._ended.wait(self._pause_s)

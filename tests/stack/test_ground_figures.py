@@ -1,0 +1,40 @@
+"""What the app costs beside a real robot. CPU and bytes are asserted with room, times are not."""
+
+import argparse
+
+import pytest
+
+from benchmarks import ground
+from benchmarks.figures import Figure
+
+pytestmark = pytest.mark.stack
+
+
+def figures(*words: str) -> dict[str, Figure]:
+    parser = argparse.ArgumentParser()
+    ground.add_options(parser)
+    report = ground.measure(parser.parse_args(words))
+    assert report.text()
+    return {figure.name: figure for figure in report.figures}
+
+
+def test_a_driving_robot_costs_little_a_paused_one_less_and_a_slow_line_is_not_flooded() -> None:
+    found = figures("--parts", "cost", "--seconds", "4", "--repetitions", "1")
+    for size, cpu, kb in (("80x24", 20.0, 90.0), ("140x40", 32.0, 180.0)):
+        assert found[f"CPU of one core, driving, {size}"].median < cpu
+        assert 1.0 < found[f"written, driving, {size}"].median < kb
+    assert found["written, paused, 80x24"].median < 15.0
+    assert found["written, slow line, 140x40"].median < 20.5
+
+
+def test_a_key_holds_the_robot_and_another_one_stops_it() -> None:
+    found = figures("--parts", "keys", "--presses", "2")
+    assert len(found["hold: key to robot acts"].values) == 2
+    assert found["e-stop: rolled"].median < found["hold: rolled"].median + 0.05
+
+
+def test_the_screen_is_painted_and_reacts_in_a_flood_of_lines() -> None:
+    words = ("--starts", "1", "--minutes", "0.05", "--lines", "2000")
+    found = figures("--parts", "paint", "crowd", *words)
+    assert found["first bytes"].median <= found["first paint"].median
+    assert len(found["key to screen, after it"].values) >= 20
