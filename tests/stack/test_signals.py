@@ -111,7 +111,7 @@ def test_up_ends_at_any_moment_of_its_start(tmp_path: Path, children: int) -> No
 def test_ctrl_c_in_a_terminal_ends_up_and_all_it_started(tmp_path: Path) -> None:
     """The terminal sends it to the whole process group."""
     ours, theirs = pty.openpty()
-    words = command(["up", "--record", str(tmp_path)], os.getpid())
+    words = command(["up", "--headless", "--record", str(tmp_path)], os.getpid())
     with Crew() as crew, os.fdopen(ours, "wb", buffering=0) as keyboard:
         up = crew.execute(sys.executable, "-c", OWN_TERMINAL, *words, terminal=theirs)
         os.close(theirs)
