@@ -1,5 +1,6 @@
 """The ground station on a terminal: it samples a station, draws what has changed, and asks."""
 
+import os
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -69,7 +70,9 @@ class GroundApp(App[int]):
         recording: "Recording | None" = None,
     ) -> None:
         """Without a `station` it is the player's that is shown on every screen."""
-        super().__init__()
+        # Textual takes colours away as the theme is at this moment, and that is not yet ours: what
+        # would be left of a terminal's own colours is black on black.
+        super().__init__(ansi_color=True if os.environ.get("NO_COLOR") else None)
         self.player = player
         self.recording = recording
         self.looks = looks or Looks()

@@ -2,6 +2,7 @@
 
 import pytest
 from textual import events
+from textual.filter import NoColor
 from textual.geometry import Size
 
 from ground.app.looks import speaks_ascii_only, usual_theme
@@ -116,6 +117,7 @@ def test_without_colours_nothing_has_any(theme: str, monkeypatch: pytest.MonkeyP
 
     async def story() -> None:
         async with staged((160, 50), theme=theme) as stage:
+            assert [type(one) for one in stage.app.get_line_filters()] == [NoColor]
             await stage.press("?", "escape", "v", "escape", "ctrl+p", "escape")
             await stage.press("2", "3", "4", "5")
 
