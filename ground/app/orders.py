@@ -39,6 +39,8 @@ LEASES: Final[Mapping[str, Callable[[Station], None]]] = MappingProxyType(
 )
 """Who holds the lease must beat for it: that is the station's."""
 
+REPLAYED: Final = "this is a replay: nothing can be commanded"
+
 Local = Callable[[argparse.Namespace, Says], int]
 
 
@@ -102,6 +104,9 @@ class Orders:
 
     def take_hand(self) -> bool:
         """MANUAL first; only what the robot then hears moves it."""
+        if self._bus is None:
+            self._station.note(REPLAYED, Severity.WARNING)
+            return False
         options = parse("mode manual")
         stick = Stick(self._link())
 
@@ -140,7 +145,7 @@ class Orders:
     def _link(self) -> Link:
         """To the robot that is shown now."""
         if self._bus is None:
-            raise UserError("this is a replay: nothing can be commanded")
+            raise UserError(REPLAYED)
         common = replace(self._common, robot=self._station.robot)
         return Link(self._bus, common, self._clock)
 

@@ -1,0 +1,118 @@
+"""Command lines of the app: done off the screen's thread, refused with reasons, copied as shell."""
+
+from pathlib import Path
+
+import pytest
+
+from ground.app.orders import Orders, moves
+from ground.console import History, parse
+from ground.options import Common
+from protocol.clock import ManualClock
+from protocol.network import Network
+from protocol.options import DEFAULT_ENDPOINT
+from tests.tui.fakes import FakeStation, driving
+
+ELSEWHERE = "tcp/10.0.0.7:7447"
+
+
+def orders(endpoint: str = DEFAULT_ENDPOINT) -> tuple[Orders, FakeStation]:
+    station = driving(FakeStation())
+    common = Common(network=Network(mode="client", connect=(endpoint,)), robot="r1")
+    return Orders(lambda: station, None, common, ManualClock(), History()), station
+
+
+def log(station: FakeStation) -> str:
+    return "\n".join(line.text for line in station.log)
+
+
+@pytest.mark.parametrize(
+    ("line", "moving"),
+    [
+        ("goal 1 2", True),
+        ("resume", True),
+        ("arm", True),
+        ("set d_obs_m 0.4", True),
+        ("mission start", True),
+        ("hold", False),
+        ("abort", False),
+        ("disarm", False),
+        ("get d_*", False),
+        ("doctor", False),
+        ("mission list", False),
+    ],
+)
+def test_what_can_move_the_robot_needs_it_to_be_ours(line: str, moving: bool) -> None:
+    assert moves(parse(line)) is moving
+
+
+def test_the_stop_goes_its_own_way() -> None:
+    taker, station = orders()
+    taker.give("estop")
+    taker.give("stop")
+    assert (station.stops, station.asked) == (2, [])
+
+
+def test_a_word_that_is_none_is_said_to_be_wrong_with_a_hint() -> None:
+    taker, station = orders()
+    taker.give("holdd")
+    assert "did you mean 'hold'" in log(station)
+    assert station.asked == []
+
+
+def test_an_empty_line_is_nothing() -> None:
+    taker, station = orders()
+    taker.give("")
+    assert len(station.log) == 0
+
+
+def test_the_last_line_is_a_command_for_a_shell() -> None:
+    taker, station = orders(ELSEWHERE)
+    station.ready_now = False
+    station.robot_now = "r2"
+    taker.give("goal 9 7 90")
+    assert taker.last == f"sidestep goto 9 7 90 --id r2 --connect {ELSEWHERE}"
+    assert "nothing is heard of r1" in log(station)
+
+
+def test_words_of_the_app_are_done_at_once_and_help_is_there() -> None:
+    taker, station = orders()
+    done: list[str] = []
+
+    def theme(options: object, says: object) -> int:
+        done.append("theme")
+        return 0
+
+    taker.local = {"theme": theme}
+    taker.give("theme light")
+    taker.give("help hold")
+    taker.give("zoom in")
+    assert done == ["theme"]
+    assert "hold" in log(station)
+    assert "is not there on this screen" in log(station)
+
+
+def test_a_draft_of_a_mission_is_made_line_by_line(tmp_path: Path) -> None:
+    taker, station = orders()
+    for line in ("wp add 1 2", "wp add 3 4 90", "wp list", f"wp save {tmp_path / 'm.toml'}"):
+        taker.give(line)
+    assert "(3, 4) at 90 deg" in log(station)
+    assert (tmp_path / "m.toml").exists()
+
+
+def test_lines_are_remembered_and_completed() -> None:
+    taker, _ = orders()
+    for line in ("help goto", "theme"):
+        taker.give(line)
+    assert taker.recall("", -1) == "theme"
+    assert taker.recall("theme", -1) == "help goto"
+    assert taker.recall("help goto", 1) == "theme"
+    assert "set guard_stop_m" in taker.complete("set gu")
+    assert taker.is_local("theme dark")
+    assert not taker.is_local("hold")
+
+
+def test_over_a_recording_nothing_can_be_taken_by_hand() -> None:
+    taker, station = orders()
+    taker.steer(1.0, 1.0)
+    assert not taker.take_hand()
+    assert "this is a replay" in log(station)

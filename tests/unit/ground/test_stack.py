@@ -1,0 +1,108 @@
+"""The processes of `up`: another world in their place, faults in it, and trouble for each."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from ground.children import Children
+from ground.cli import parse
+from ground.scenario import Scenario
+from ground.stack import PAUSED, Stack
+from protocol.clock import ManualClock
+from protocol.errors import UserError
+
+ENDPOINT = "tcp/127.0.0.1:7999"
+
+
+class Noted(Children):
+    """Starts nothing."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        super().__init__(clock)
+        self.started: list[tuple[str, list[str]]] = []
+        self.stops = 0
+
+    def start(self, role: str, arguments: Sequence[str]) -> None:
+        self.started.append((role, list(arguments)))
+
+    def stop(self) -> None:
+        self.stops += 1
+        self.started.clear()
+
+    @property
+    def roles(self) -> list[str]:
+        return [role for role, _ in self.started]
+
+    def send(self, role: str, number: int) -> bool:
+        return role in self.roles
+
+
+def stack_of(*words: str) -> tuple[Stack, Noted]:
+    options = parse(["up", *words])
+    clock = ManualClock()
+    first = Stack(options, EMPTY, ENDPOINT, clock)
+    children = Noted(clock)
+    first._children = children
+    first.scenario = first.scenario_in(options.world)
+    return first, children
+
+
+EMPTY = Scenario(
+    world="", name="", facts={}, entrants=(), navigator="", side="", seed=0, noise=None,
+    speed="1", router=False, record=None, timeout_s=1.0,
+)  # fmt: skip
+
+
+def test_all_processes_are_started_at_one_endpoint() -> None:
+    stack, children = stack_of("--world", "box")
+    stack.start()
+    assert stack.roles() == ["robot r1", "plant"]
+    assert all(ENDPOINT in words for _, words in children.started)
+    assert stack.common.endpoint == ENDPOINT
+
+
+def test_in_lockstep_time_waits_only_when_it_is_to() -> None:
+    stack, children = stack_of("--world", "box", "--speed", "4")
+    stack.start(paused=True)
+    assert PAUSED in children.started[-1][1]
+    stack.restarted(stack.scenario)
+    assert PAUSED not in children.started[-1][1]
+
+
+def test_another_world_takes_the_place_of_this_one() -> None:
+    stack, children = stack_of("--world", "box", "--goal", "1", "1")
+    stack.start()
+    stack.restarted(stack.scenario_in("disc"))
+    assert children.stops == 1
+    assert stack.scenario.name == "disc"
+    assert "disc" in children.started[-1][1]
+    assert stack.scenario.entrants[0].goal.x_m == pytest.approx(5.4)
+
+
+def test_a_world_that_is_none_is_refused() -> None:
+    stack, _ = stack_of("--world", "box")
+    with pytest.raises(UserError, match="nowhere"):
+        stack.scenario_in("nowhere")
+
+
+def test_a_fault_is_added_to_the_world_and_judged_by_the_plant() -> None:
+    stack, _ = stack_of("--world", "box")
+    fault = {"kind": "sonar_frozen", "target": "3", "value": 0.0, "start_s": 2.0}
+    with stack:
+        scenario = stack.scenario_in("box", [fault])
+        written = json.loads(Path(scenario.world).read_text(encoding="utf-8"))
+        assert [one["kind"] for one in written["faults"]] == ["sonar_frozen"]
+        assert scenario.name == "box"
+        with pytest.raises(UserError):
+            stack.scenario_in("box", [{**fault, "target": "9"}])
+    assert not Path(scenario.world).exists()
+
+
+def test_trouble_is_told_and_needs_a_process() -> None:
+    stack, _ = stack_of("--world", "box")
+    stack.start()
+    assert "stands still" in stack.trouble("robot r1", "hang")
+    with pytest.raises(UserError, match="not there"):
+        stack.trouble("robot r9", "end")
