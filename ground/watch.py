@@ -7,8 +7,9 @@ from queue import SimpleQueue
 from typing import Final
 
 from ground import web
+from ground.app.keymap import as_toml
 from ground.app.looks import add_looks
-from ground.app.start import has_screen
+from ground.app.start import has_screen, keymap_of
 from ground.app.start import run as run_app
 from ground.link import LISTEN_NS, Link, linked
 from ground.operator import BEAT_NS, Pace
@@ -40,11 +41,17 @@ def ground_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_recording(parser)
     add_looks(parser)
+    parser.add_argument("--print-keys", action="store_true", help="print the keys as such a file")
     web.arguments(parser)
 
 
 def run_ground(options: argparse.Namespace, says: Says) -> int:
     """In a browser, in this terminal, or as lines."""
+    if options.print_keys:
+        keymap = keymap_of(options)
+        found: dict[str, object] = {key.id: list(key.keys) for key in keymap.keys}
+        says.result(found, as_toml(keymap))
+        return 0
     if options.web is not None:
         return web.serve(options, says)
     with linked(common_of(options)) as link:

@@ -194,6 +194,15 @@ class GroundApp(App[int]):
         self.player = Player(path, WallClock())
         self.switch_mode("replay")
 
+    @property
+    def defect(self) -> Exception | None:
+        """What ended the app when that was none of the operator's doing."""
+        return self._exception
+
+    def _fatal_error(self) -> None:
+        """Textual would draw a page of our local variables; whoever runs the app tells it."""
+        self._close_messages_no_wait()
+
     # The round.
 
     def sample(self) -> None:

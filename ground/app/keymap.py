@@ -1,5 +1,6 @@
 """Which key does what, after the user's own file has been read: ids are stable, keys are not."""
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -123,3 +124,14 @@ def clashes(keymap: Keymap) -> list[tuple[Key, Key, str]]:
 def shown(words: Sequence[str]) -> str:
     """Keys as a person reads them."""
     return " ".join(SHOWN.get(word, word) for word in words)
+
+
+def as_toml(keymap: Keymap) -> str:
+    """A file with every id, its keys, and what it does: for whoever wants to change some."""
+    lines = ["# Ids and their keys; what is left out stays as it is."]
+    for layer in Layer:
+        lines += ["", f"# {layer.value}"]
+        for key in (key for key in keymap.keys if key.layer is layer):
+            words = ", ".join(json.dumps(word) for word in key.keys)
+            lines.append(f"{key.id} = [{words}]  # {key.says}")
+    return "\n".join(["[keys]", *lines])

@@ -91,7 +91,7 @@ def run_replay(options: argparse.Namespace, path: Path, robot: str | None, at_s:
 
 
 def show(app: "GroundApp") -> int:
-    """Until the operator leaves, or a signal ends it as it ends every verb.
+    """Until the operator leaves, or a signal ends it as it ends every verb; a defect is raised.
 
     A signal whose handler raises would only cancel Textual's tasks, and those go on.
     """
@@ -102,7 +102,10 @@ def show(app: "GroundApp") -> int:
             loop.add_signal_handler(number, leave, app, number)
         if sys.__stdin__ is not None and sys.__stdin__.isatty():
             keep_looking(loop, app, sys.__stdin__.fileno())
-        return await app.run_async() or 0
+        code = await app.run_async() or 0
+        if app.defect is not None:
+            raise app.defect
+        return code
 
     return asyncio.run(shown())
 

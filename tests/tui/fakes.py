@@ -89,6 +89,7 @@ class FakeStation(Station):
         self.lease_now = Lease()
         self.parameters_now: tuple[dict[str, object], ...] | None = ()
         self.streams_now: list[StreamRow] = []
+        self.items_now: tuple[Target, ...] = ()
         self.robots_now = ["r1"]
         self.robot_now = "r1"
         self.stopping_now = ""
@@ -167,6 +168,10 @@ class FakeStation(Station):
     @property
     def mission(self) -> MissionStatus | None:
         return None
+
+    @property
+    def mission_items(self) -> tuple[Target, ...]:
+        return self.items_now
 
     @property
     def parameters(self) -> tuple[dict[str, object], ...] | None:

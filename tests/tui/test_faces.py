@@ -6,11 +6,16 @@ import pytest
 
 from ground.app.faces.bars import bar, binned, spark
 from ground.app.faces.keybar import keybar_row
-from ground.app.faces.side import side_rows
+from ground.app.faces.mission import mission_rows
+from ground.app.faces.side import side_rows, whole
 from ground.app.faces.status import Setting, status_row
 from ground.app.keymap import Keymap
 from ground.app.keys import Layer
+from ground.map import Target
 from ground.widgets.rows import cut, in_ascii, row, width_of, words_of
+from protocol.enums import MissionState
+from protocol.messages import MissionStatus
+from protocol.topics import MISSION
 from tests.tui.fakes import MS, FakeStation, driving
 
 
@@ -100,3 +105,24 @@ def test_everything_has_a_likeness_in_ascii() -> None:
     text = in_ascii(side(driving(FakeStation())))
     assert text.isascii()
     assert "?" not in text
+
+
+def test_a_mission_is_listed_around_the_item_under_way() -> None:
+    station = driving(FakeStation())
+    assert mission_rows(station) == []
+    station.items_now = tuple(Target(float(k), 1.0, None if k else 0.0) for k in range(12))
+    running = MissionStatus(
+        time_ns=station.now_ns, mission_id=1, hold_left_ms=2000, count=12, current=7,
+        state=MissionState.RUNNING, reason=0,
+    )  # fmt: skip
+    station.air.put(MISSION, running, station.now_ns)
+    words = [words_of(one) for one in mission_rows(station)]
+    assert "RUNNING 8/12, holds 2 s" in words[0]
+    assert words[1].split()[0] == "7"
+    assert words[2].startswith("▶  8")
+    assert len(words) == 7
+
+
+def test_minus_zero_degrees_are_zero() -> None:
+    assert f"{whole(-0.2):.0f}" == "0"
+    assert f"{whole(-0.6):.0f}" == "-1"

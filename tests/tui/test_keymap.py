@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from ground.app.bindings import bindings_of
-from ground.app.keymap import Keymap, clashes, keymap_of, load
+from ground.app.keymap import Keymap, as_toml, clashes, keymap_of, load
 from ground.app.keys import KEYS, Layer
 from protocol.errors import ConfigError
 
@@ -96,3 +96,8 @@ def test_the_more_special_layer_comes_first_and_hides_a_key() -> None:
     found = {key.id: key.keys for key in Keymap().of(Layer.CURSOR, Layer.ROBOT)}
     assert "h" in found["cursor-left"]
     assert "hold" not in found
+
+
+def test_the_keys_are_printed_as_the_file_that_would_say_the_same(tmp_path: Path) -> None:
+    changed = of('[keys]\nhold = ["P", "\\\\"]\n', tmp_path)
+    assert of(as_toml(changed), tmp_path).keys == changed.keys

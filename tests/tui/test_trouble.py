@@ -166,3 +166,20 @@ def test_a_hundred_thousand_lines_are_shown_found_and_filtered() -> None:
             assert "line 99999" in stage.words("lines")
 
     play(story)
+
+
+def test_a_defect_is_raised_to_whoever_runs_the_app_and_no_page_is_drawn(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            stage.app.call_later(stumble)
+            await stage.pilot.pause()
+
+    with pytest.raises(ZeroDivisionError):
+        play(story)
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def stumble() -> None:
+    raise ZeroDivisionError("stumbled")

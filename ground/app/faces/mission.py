@@ -1,20 +1,41 @@
 """How far the mission is."""
 
+from math import degrees
+from typing import Final
+
 from ground.app.faces.aged import aged
+from ground.map import Target
 from ground.station.station import Station
-from ground.widgets.rows import Row, head, row
+from ground.widgets.rows import Row, Span, head, row
 from protocol.enums import MissionState
 from protocol.messages import MissionStatus
 from protocol.reasons import reason_text
 from protocol.topics import MISSION
 
+MOST: Final = 6
+
 
 def mission_rows(station: Station) -> list[Row]:
-    """Nothing while there is none."""
+    """How it stands, and the items around the current one; nothing while there is none."""
     seen = station.seen(MISSION)
-    if isinstance(seen.message, MissionStatus) and seen.message.state != MissionState.NONE:
-        return [row(head("mission "), aged(seen, mission_words, "mission"))]
-    return []
+    status = seen.message
+    if not isinstance(status, MissionStatus) or status.state == MissionState.NONE:
+        return []
+    items = list(enumerate(station.mission_items))
+    first = max(0, min(status.current - 1, len(items) - MOST))
+    return [
+        row(head("mission "), aged(seen, mission_words, "mission")),
+        *(item_row(number, item, status.current) for number, item in items[first : first + MOST]),
+    ]
+
+
+def item_row(number: int, item: Target, current: int) -> Row:
+    """Counted from 1; those behind us are faint, the one under way has a mark."""
+    heading = item.heading_rad
+    deg = "any" if heading is None else f"{degrees(heading):.0f}°"
+    words = f"{number + 1:>3}  {item.x_m:6.2f} {item.y_m:6.2f}  {deg:>5}"
+    role = "faint" if number < current else "mission" if number == current else "text"
+    return row(Span("▶" if number == current else " ", "mission"), Span(words, role))
 
 
 def mission_words(status: MissionStatus) -> str:

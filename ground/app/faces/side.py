@@ -60,14 +60,19 @@ def place_rows(station: Station) -> list[Row]:
 
 
 def pose_words(odometry: PlanarOdometry) -> str:
-    deg = degrees(odometry.heading_rad)
+    deg = whole(degrees(odometry.heading_rad))
     return f"{number(odometry.x_m, '6.2f')} {number(odometry.y_m, '6.2f')}  {number(deg, '4.0f')}°"
+
+
+def whole(deg: float) -> float:
+    """Zero is never written as minus zero."""
+    return round(deg) + 0.0 if isfinite(deg) else deg
 
 
 def goal_words(status: NavigatorStatus) -> str:
     if status.goal == GoalState.NONE:
         return "none"
-    heading = number(degrees(status.goal_heading_rad), "4.0f", " any")
+    heading = number(whole(degrees(status.goal_heading_rad)), "4.0f", " any")
     degree = "°" if isfinite(status.goal_heading_rad) else ""
     return f"{number(status.goal_x_m, '6.2f')} {number(status.goal_y_m, '6.2f')}  {heading}{degree}"
 

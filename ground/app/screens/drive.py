@@ -118,7 +118,8 @@ class DriveScreen(Sheet):
         sparks.show(spark_rows(station, max(24, sparks.size.width - 1)))
         mission = mission_rows(station)
         self.lines("mission").show(mission)
-        self.lines("mission").display = bool(mission)
+        panel = self.lines("mission")
+        panel.display, panel.styles.height = bool(mission), max(1, len(mission))
         self.lines("streams").show(stream_rows(station))
 
     def follow_station(self) -> None:
