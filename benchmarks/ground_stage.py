@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Final
 
 from benchmarks.observed import Observer
@@ -15,15 +16,23 @@ PATIENCE_S: Final = 30.0
 
 @contextmanager
 def on_terminal(
-    observer: Observer, size: tuple[int, int], *, most_per_s: int | None = None
+    observer: Observer,
+    size: tuple[int, int],
+    *,
+    most_per_s: int | None = None,
+    bytecode: Path | None = None,
 ) -> Iterator[Terminal]:
-    """`sidestep ground`, as it starts; it leaves nothing in the user's own folder."""
+    """`sidestep ground`, as it starts; it leaves nothing in the user's own folder.
+
+    With `bytecode` modules are kept there, compiled, as an installation has them.
+    """
     words = ("ground", "--id", observer.robot, "--connect", observer.endpoint)
-    with (
-        tempfile.TemporaryDirectory() as state,
-        Terminal(words, size, {"XDG_STATE_HOME": state}, most_per_s=most_per_s) as terminal,
-    ):
-        yield terminal
+    with tempfile.TemporaryDirectory() as state:
+        environment = {"XDG_STATE_HOME": state}
+        if bytecode is not None:
+            environment["PYTHONPYCACHEPREFIX"] = str(bytecode)
+        with Terminal(words, size, environment, most_per_s=most_per_s) as terminal:
+            yield terminal
 
 
 @contextmanager

@@ -55,8 +55,8 @@ class Observer:
             bus.stream(topic, keeper(into), ROBOT)
 
     @property
-    def status(self) -> NavigatorStatus | None:
-        return self.statuses[-1][0] if self.statuses else None
+    def status(self) -> NavigatorStatus:
+        return self.statuses[-1][0]
 
     @property
     def speed_m_s(self) -> float:
@@ -64,8 +64,7 @@ class Observer:
 
     @property
     def on_its_way(self) -> bool:
-        status = self.status
-        return status is not None and GoalState.ACCEPTED <= status.goal <= GoalState.ALIGNING
+        return GoalState.ACCEPTED <= self.status.goal <= GoalState.ALIGNING
 
     def ask(self, service: Service, request: Callable[[int], Message]) -> None:
         """Until it is accepted; RuntimeError when it is not in time."""

@@ -12,7 +12,7 @@ from random import Random
 from threading import Event
 from typing import Final, TypeVar
 
-from benchmarks.observed import Observer, apart_m, until
+from benchmarks.observed import PATIENCE_S, Observer, apart_m, until
 from benchmarks.terminal import Terminal
 from protocol.enums import Mode, Vehicle
 from protocol.message import Message
@@ -57,12 +57,14 @@ class Operator:
         return found
 
     def resume(self) -> None:
+        """Unless the goal was reached just then: `drive` gives another one."""
         self._terminal.type("r")
-        self._until(lambda status: status.mode == Mode.GUIDED, "resumed")
+        with suppress(RuntimeError):
+            self._until(lambda status: status.mode == Mode.GUIDED, "resumed", AGAIN_S)
 
     def clear(self) -> None:
         self._terminal.type("DD")
-        self._until(lambda status: status.vehicle == Vehicle.STANDBY, "e-stop cleared")
+        self._until(lambda status: status.vehicle == Vehicle.STANDBY, "e-stop cleared", PATIENCE_S)
 
     def drive(self) -> None:
         """At full speed; a goal that has ended is followed by another one."""
@@ -70,6 +72,8 @@ class Operator:
             if not self._observer.on_its_way:
                 x_m, y_m = next(self._places)
                 self._terminal.type(f":goal {x_m:g} {y_m:g}\r")
+            elif self._observer.status.mode == Mode.HOLD:
+                self._terminal.type("r")
             with suppress(RuntimeError):
                 until(self._fast, "driving", AGAIN_S)
                 return
@@ -78,12 +82,14 @@ class Operator:
     def _fast(self) -> bool:
         return self._observer.speed_m_s > FAST_M_S
 
-    def _until(self, condition: Callable[[NavigatorStatus], bool], what: str) -> None:
+    def _until(
+        self, condition: Callable[[NavigatorStatus], bool], what: str, within_s: float
+    ) -> None:
         def met() -> bool:
             status = self._observer.status
-            return status is not None and condition(status)
+            return condition(status)
 
-        until(met, what)
+        until(met, what, within_s)
 
     def _note(self, found: Presses, at_ns: int, acted: Callable[[Message], bool]) -> None:
         seen = self._observer

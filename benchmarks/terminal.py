@@ -22,6 +22,9 @@ QUIET: Final = "\x11"
 """ctrl+q, which leaves the ground station from everywhere."""
 USUAL: Final[Mapping[str, str]] = {"TERM": "xterm-256color", "COLORTERM": "truecolor"}
 
+UNWANTED: Final = ("NO_COLOR", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED")
+"""Set by those who test; not by those who use it."""
+
 
 class Reading(NamedTuple):
     """What a process has cost and written until now."""
@@ -53,7 +56,8 @@ class Terminal:
         """`size` in columns and rows; `most_per_s` bytes are read of what it writes."""
         self._words, self._size = words, size
         self._environment = {**os.environ, **USUAL, **(environment or {})}
-        self._environment.pop("NO_COLOR", None)
+        for name in UNWANTED:
+            self._environment.pop(name, None)
         self._pause_s = 0.0 if most_per_s is None else SLOW_READ_S
         self._chunk = CHUNK if most_per_s is None else max(1, round(most_per_s * SLOW_READ_S))
         self._lock, self._ended = Lock(), Event()

@@ -43,12 +43,18 @@ class Keymap:
     def __init__(self, keys: Iterable[Key] = KEYS) -> None:
         self.keys = tuple(keys)
         self._by_id = {key.id: key for key in self.keys}
+        self._found: dict[tuple[Layer, ...], tuple[Key, ...]] = {}
 
     def __getitem__(self, id: str) -> Key:
         return self._by_id[id]
 
     def of(self, *layers: Layer) -> list[Key]:
         """The keys that count when these layers do, the first layer first, each key once."""
+        if layers not in self._found:
+            self._found[layers] = tuple(self._of(layers))
+        return list(self._found[layers])
+
+    def _of(self, layers: Iterable[Layer]) -> list[Key]:
         taken: set[str] = set()
         found: list[Key] = []
         for layer in layers:

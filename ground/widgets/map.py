@@ -109,6 +109,8 @@ class MapWidget(Widget):
 
     def show(self, scene: Scene) -> None:
         """Draw this from now on. What looks as before costs the terminal nothing."""
+        if scene == self.scene:
+            return
         went_stale = scene.live != self.scene.live
         self.scene = scene
         self._draw()
