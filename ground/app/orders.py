@@ -27,7 +27,9 @@ STILL: Final = frozenset(
     ("hold", "abort", "disarm", "doctor", "watch", "export", "explain", "plot", "trial")
 )
 """Verbs that move nothing, and need neither the lease nor a robot that is ready."""
-LOOKS: Final = frozenset(("list", "get", "show", "save", "status", "download"))
+LOOKS: Final = frozenset(
+    ("list", "get", "diff", "show", "save", "status", "download", "check", "convert")
+)
 """Actions of other verbs of which the same is true."""
 
 LEASES: Final[Mapping[str, Callable[[Station], None]]] = MappingProxyType(
