@@ -1,10 +1,9 @@
 """A station that a test fills, and a taker of command lines that only remembers them."""
 
 from collections.abc import Callable
-from math import radians
 from typing import Any
 
-from ground.map import Outline, Robot, Scene, Target
+from ground.map import Scene, Target
 from ground.presence import Crew
 from ground.station import (
     History,
@@ -18,29 +17,18 @@ from ground.station import (
     WorldFacts,
 )
 from ground.station.log import Line
-from ground.telemetry import Age, Seen, Telemetry
+from ground.telemetry import Seen, Telemetry
 from protocol.clock import ManualClock
 from protocol.codec import Encoder
-from protocol.enums import Branch, GoalState, Mode, Navigator, Severity, Vehicle
+from protocol.enums import Severity
 from protocol.mailbox import Mailbox, Sample
 from protocol.message import Message
 from protocol.messages import (
     AvoidanceDecision,
-    CycleReport,
-    Heartbeat,
     MissionStatus,
-    NavigatorStatus,
-    PlanarOdometry,
-    SonarScan,
 )
 from protocol.topics import (
-    CYCLE,
-    DECISION,
     ENCODING,
-    HEARTBEAT,
-    ODOMETRY,
-    SONAR,
-    STATUS,
     TOPICS,
     Role,
     Topic,
@@ -269,88 +257,3 @@ class FakeOrders:
 
     def recall(self, text: str, step: int) -> str:
         return self.given[-1] if self.given and step < 0 else ""
-
-
-def driving(station: FakeStation, at_s: float = 0.0) -> FakeStation:
-    """A robot on its way round an obstacle, heard of at `at_s` after the beginning."""
-    now_ns = station.clock.now_ns() + round(at_s * S)
-    for topic, message in drive_messages(now_ns).items():
-        station.air.put(topic, message, now_ns)
-    station.world_now = WorldFacts(
-        "demo", (10.0, 8.0), (), (), (0.8, 1.0, 0.0), Target(9.0, 7.0, 0.0), 0.12, "{}"
-    )
-    station.scene_now = scene()
-    station.parameters_now = (
-        {"name": "guard_stop_m", "value": 0.10, "default": 0.10, "unit": "m"},
-        {"name": "sonar_max_m", "value": 3.0, "default": 3.0, "unit": "m"},
-    )
-    station.streams_now = [
-        StreamRow(topic, topic.rate_hz, 30 * MS, Age.LIVE, 178, 0, 0.0, 0, "")
-        for topic in (HEARTBEAT, STATUS, ODOMETRY, SONAR, CYCLE)
-    ]
-    return station
-
-
-def drive_messages(now_ns: int) -> dict[Topic[Any], Message]:
-    return {
-        HEARTBEAT: Heartbeat(type=10, autopilot=0, base_mode=0, custom_mode=0, system_status=4),
-        STATUS: status(now_ns),
-        ODOMETRY: PlanarOdometry(
-            time_ns=now_ns, x_m=4.12, y_m=2.84, heading_rad=radians(30), speed_m_s=0.31,
-            yaw_rate_rad_s=0.1, cov_xx_m2=1e-3, cov_xy_m2=2e-4, cov_xh_m_rad=0.0,
-            cov_yy_m2=2e-3, cov_yh_m_rad=0.0, cov_hh_rad2=1e-3,
-        ),
-        DECISION: AvoidanceDecision(
-            time_ns=now_ns, nearest_bearing_rad=radians(79), nearest_range_m=0.23, zone_m=0.30,
-            goal_bearing_rad=radians(10), rotation_rad=radians(64), virtual_x_m=5.1,
-            virtual_y_m=2.2, speed_m_s=0.25, yaw_rate_rad_s=-0.4, branch=Branch.PASS_RIGHT,
-            guard=0,
-        ),
-        CYCLE: CycleReport(
-            time_ns=now_ns, tick=178, missed=0, overruns=0, rejected=0, late_us=40,
-            sense_age_us=9000, budget_us=2500, stage_us=(80, 12, 140, 9, 171),
-        ),
-        SONAR: SonarScan(
-            time_ns=now_ns, seq=178, range_mm=(3000, 1800, 2030, 2120, 1370, 460, 230, 80),
-            ping_age_us=(0,) * 8, valid=0b1111_1101, echo=0b1111_1110,
-        ),
-    }  # fmt: skip
-
-
-def status(
-    now_ns: int, goal: int = GoalState.AVOIDING, vehicle: int = Vehicle.ACTIVE
-) -> NavigatorStatus:
-    return NavigatorStatus(
-        time_ns=now_ns,
-        goal_started_ns=now_ns - 8_900 * MS,
-        goal_ended_ns=0,
-        goal_id=7,
-        goal_x_m=9.0,
-        goal_y_m=7.0,
-        goal_heading_rad=0.0,
-        goal_distance_m=6.42,
-        vehicle=vehicle,
-        mode=Mode.GUIDED,
-        goal=goal,
-        vehicle_reason=0,
-        goal_reason=0,
-        navigator=Navigator.VGM,
-        side=1,
-    )
-
-
-def scene() -> Scene:
-    box = ((5.0, 3.5), (6.2, 3.5), (6.2, 5.2), (5.0, 5.2))
-    trail = tuple((0.8 + 0.11 * k, 1.0 + 0.06 * k + 0.0004 * k * k) for k in range(31))
-    return Scene(
-        size_m=(10.0, 8.0),
-        obstacles=(Outline(((0, 0), (10, 0), (10, 8), (0, 8))), Outline(box)),
-        trail=trail,
-        robot=Robot(4.12, 2.84, radians(30)),
-        covariance=(0.01, 0.002, 0.02),
-        ranges_m=(3.0, 1.8, 2.03, 2.12, 1.37, 0.46, 0.23, None),
-        zone_m=0.3,
-        goal=Target(9.0, 7.0, 0.0),
-        virtual_goal=(5.4, 2.6),
-        hits=((3.4, 2.3),),
-    )

@@ -12,7 +12,8 @@ from ground.app.keymap import Keymap
 from ground.app.looks import Looks
 from ground.widgets.lines import Lines
 from ground.widgets.rows import words_of
-from tests.tui.fakes import FakeOrders, FakeStation, driving
+from tests.tui.fakes import FakeOrders, FakeStation
+from tests.tui.underway import driving
 
 T = TypeVar("T")
 

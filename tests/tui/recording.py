@@ -9,7 +9,8 @@ from protocol.codec import Encoder
 from protocol.messages import PlanarOdometry, WheelCommand
 from protocol.sender import sender_of
 from protocol.topics import DRIVE, ODOMETRY, Role
-from tests.tui.fakes import MS, S, drive_messages
+from tests.tui.fakes import MS, S
+from tests.tui.underway import drive_messages
 
 BEGAN_US = 1_700_000_000_000_000
 PERIOD_MS = 50

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from ground.app.cursor import Cursor, step_of
 from ground.app.dead_man import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadMan
 from ground.app.pace import Pace
-from tests.tui.fakes import MS, FakeStation, S, driving
+from tests.tui.fakes import MS, FakeStation, S
+from tests.tui.underway import driving
 
 
 def test_one_press_lasts_until_a_keyboard_would_repeat_and_no_longer() -> None:

@@ -6,8 +6,9 @@ from ground.app.screens.drive import DriveScreen
 from ground.station import Loss, LossKind
 from ground.widgets.command_line import CommandLine
 from ground.widgets.lines import Lines
-from tests.tui.fakes import MS, FakeStation, S, driving
+from tests.tui.fakes import MS, FakeStation, S
 from tests.tui.pilot import NAMES, Stage, play, staged
+from tests.tui.underway import driving
 
 
 def drive_of(stage: Stage) -> DriveScreen:

@@ -16,7 +16,8 @@ from ground.widgets.rows import cut, in_ascii, row, width_of, words_of
 from protocol.enums import MissionState
 from protocol.messages import MissionStatus
 from protocol.topics import MISSION
-from tests.tui.fakes import MS, FakeStation, driving
+from tests.tui.fakes import MS, FakeStation
+from tests.tui.underway import driving
 
 
 def side(station: FakeStation, height: int = 16) -> str:

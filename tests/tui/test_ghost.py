@@ -12,8 +12,9 @@ from ground.link import Link
 from ground.says import Says
 from plant.world_json import as_json
 from plant.world_types import GoalPose, Start, World
-from tests.tui.fakes import FakeStation, driving
+from tests.tui.fakes import FakeStation
 from tests.tui.pilot import Stage, play, staged
+from tests.tui.underway import driving
 
 FLOOR = World(
     name="floor",

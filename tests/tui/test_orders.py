@@ -10,7 +10,8 @@ from ground.options import Common
 from protocol.clock import ManualClock
 from protocol.network import Network
 from protocol.options import DEFAULT_ENDPOINT
-from tests.tui.fakes import FakeStation, driving
+from tests.tui.fakes import FakeStation
+from tests.tui.underway import driving
 
 ELSEWHERE = "tcp/10.0.0.7:7447"
 

@@ -15,8 +15,9 @@ from ground.scenario import Scenario
 from ground.stack import Stack
 from protocol.clock import ManualClock
 from protocol.errors import UserError
-from tests.tui.fakes import FakeOrders, FakeStation, driving
+from tests.tui.fakes import FakeOrders, FakeStation
 from tests.tui.pilot import Stage, play, staged
+from tests.tui.underway import driving
 
 T = TypeVar("T")
 WORLD: dict[str, Any] = {

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from ground.station import Loss, LossKind
-from tests.tui.fakes import MS, FakeStation, S, driving
+from tests.tui.fakes import MS, FakeStation, S
 from tests.tui.pilot import Stage, play, staged
 from tests.tui.snapshots import ACTUAL, compare
+from tests.tui.underway import driving
 
 SIZES = ((80, 24), (110, 30), (160, 50), (40, 12))
 THEMES = ("dark", "light", "mono")

@@ -9,8 +9,9 @@ from ground.app.looks import speaks_ascii_only, usual_theme
 from ground.app.screens import SCREENS
 from ground.widgets.command_line import CommandLine, printable
 from ground.widgets.lines import Lines
-from tests.tui.fakes import FakeStation, driving
+from tests.tui.fakes import FakeStation
 from tests.tui.pilot import Stage, play, staged
+from tests.tui.underway import driving
 
 TINY = ((1, 1), (2, 1), (1, 24), (20, 5), (40, 12), (59, 17), (300, 90))
 GARBAGE = (

@@ -1,8 +1,9 @@
 """One key answers why it turned, another goes back to the time before."""
 
 from protocol.enums import Branch
-from tests.tui.fakes import MS, FakeStation, S, driving
+from tests.tui.fakes import MS, FakeStation, S
 from tests.tui.pilot import play, staged
+from tests.tui.underway import driving
 from tests.unit.ground.explain.told import decided
 
 TURNS = (Branch.TO_GOAL, Branch.PASS_RIGHT, Branch.PASS_LEFT)

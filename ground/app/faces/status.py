@@ -24,7 +24,6 @@ class Setting(NamedTuple):
     kind: str = "REAL"
     factor: float | None = None
     recording: str = ""
-    note: str = ""
 
 
 def status_row(station: Station, setting: Setting, width: int) -> Row:
@@ -61,7 +60,6 @@ def parts_of(station: Station, setting: Setting) -> list[Row]:
         else row(
             head("lease "), Span(station.lease.words, "caution" if station.lease.others else "text")
         ),
-        row(Span(setting.note, "caution")),
     ]
 
 
