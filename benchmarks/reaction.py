@@ -24,7 +24,7 @@ PERIOD_S: Final = 0.05
 FAST_M_S: Final = 0.28
 STILL_M_S: Final = 0.003
 AGAIN_S: Final = 2.0
-ATTEMPTS: Final = 10
+ATTEMPTS: Final = 20
 PLACES: Final = ((5.2, 2.4), (0.8, 1.6))
 """Far apart in the open world."""
 
@@ -69,6 +69,8 @@ class Operator:
     def drive(self) -> None:
         """At full speed; a goal that has ended is followed by another one."""
         for _ in range(ATTEMPTS):
+            if self._observer.status.vehicle == Vehicle.FAILSAFE:
+                self._leave_failsafe()
             if not self._observer.on_its_way:
                 x_m, y_m = next(self._places)
                 self._terminal.type(f":goal {x_m:g} {y_m:g}\r")
@@ -79,17 +81,19 @@ class Operator:
                 return
         raise RuntimeError(f"it does not drive: {self._terminal.text()[-500:]!r}")
 
+    def _leave_failsafe(self) -> None:
+        """A busy machine may keep a robot's senses from it for longer than it drives without."""
+        self._terminal.type("A")
+        with suppress(RuntimeError):
+            self._until(lambda status: status.vehicle == Vehicle.STANDBY, "disarmed", AGAIN_S)
+
     def _fast(self) -> bool:
         return self._observer.speed_m_s > FAST_M_S
 
     def _until(
         self, condition: Callable[[NavigatorStatus], bool], what: str, within_s: float
     ) -> None:
-        def met() -> bool:
-            status = self._observer.status
-            return condition(status)
-
-        until(met, what, within_s)
+        until(lambda: condition(self._observer.status), what, within_s)
 
     def _note(self, found: Presses, at_ns: int, acted: Callable[[Message], bool]) -> None:
         seen = self._observer
