@@ -7,7 +7,7 @@ from threading import Event, Thread
 from typing import Final
 
 from benchmarks.figures import Figure
-from benchmarks.ground_stage import SIZES, commanding
+from benchmarks.ground_stage import SIZES, commanding, replaying
 from benchmarks.observed import Observer, Shuttle, observed, until
 from benchmarks.terminal import Spent
 
@@ -30,10 +30,15 @@ def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
                 figures += shown(f"driving, {size[0]}x{size[1]}", found, cpu, kb)
             figures += on_a_slow_line(observer, seconds)
         figures += shown("standing, 80x24", readings(observer, SIZES[0], seconds, 1))
+        with replaying(observer, SIZES[0]) as terminal:
+            Event().wait(SETTLES_S)
+            still = [terminal.spent(seconds)]
+        figures += shown("nothing changes, 80x24", still, None, 0.0)
         observer.pause()
         figures += shown("paused, 80x24", readings(observer, SIZES[0], seconds, 1))
     notes = [
         f"10 frames a second; each reading {seconds:g} s; in {WORLD}, with noise",
+        "nothing changes: a recording that is shown and does not play",
         "paused: simulated time stands still; the robot goes on and reports what its cycles cost",
         f"slow line: {SLOW_LINE // 1000} kB/s are read of what the app writes; from the key that"
         " shows the goal cursor, or puts it away, until the key bar says so",

@@ -1,6 +1,5 @@
 """The ground station's app on a terminal of some size, as the parts of its benchmark open it."""
 
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +10,8 @@ from benchmarks.terminal import Terminal
 
 SIZES: Final = ((80, 24), (140, 40))
 READY: Final = "read: ready"
+REPLAYING: Final = "REPLAY"
+RECORDINGS: Final = Path("sidestep") / "recordings"
 PATIENCE_S: Final = 30.0
 
 
@@ -27,12 +28,11 @@ def on_terminal(
     With `bytecode` modules are kept there, compiled, as an installation has them.
     """
     words = ("ground", "--id", observer.robot, "--connect", observer.endpoint)
-    with tempfile.TemporaryDirectory() as state:
-        environment = {"XDG_STATE_HOME": state}
-        if bytecode is not None:
-            environment["PYTHONPYCACHEPREFIX"] = str(bytecode)
-        with Terminal(words, size, environment, most_per_s=most_per_s) as terminal:
-            yield terminal
+    environment = {"XDG_STATE_HOME": str(observer.folder)}
+    if bytecode is not None:
+        environment["PYTHONPYCACHEPREFIX"] = str(bytecode)
+    with Terminal(words, size, environment, most_per_s=most_per_s) as terminal:
+        yield terminal
 
 
 @contextmanager
@@ -42,4 +42,14 @@ def commanding(
     """The same, when it has read all that it needs."""
     with on_terminal(observer, size, most_per_s=most_per_s) as terminal:
         terminal.shown(READY, PATIENCE_S)
+        yield terminal
+
+
+@contextmanager
+def replaying(observer: Observer, size: tuple[int, int]) -> Iterator[Terminal]:
+    """What the app has recorded last, as it is shown before anybody lets it play."""
+    path = max((observer.folder / RECORDINGS).glob("*.mcap"), key=lambda path: path.stat().st_size)
+    environment = {"XDG_STATE_HOME": str(observer.folder)}
+    with Terminal(("replay", str(path)), size, environment) as terminal:
+        terminal.shown(REPLAYING, PATIENCE_S)
         yield terminal

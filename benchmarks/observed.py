@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import count, cycle
 from math import hypot
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Event
 from time import monotonic, monotonic_ns
 from typing import Any, Final
@@ -39,8 +41,9 @@ ROBOT: Final = "r1"
 class Observer:
     """Statuses, wheel commands and truth, each with the time of its arrival."""
 
-    def __init__(self, bus: Bus, world: World, endpoint: str) -> None:
-        self.bus, self.world, self.endpoint = bus, world, endpoint
+    def __init__(self, bus: Bus, world: World, endpoint: str, folder: Path) -> None:
+        """`folder` is where programs may leave what they leave at a user's home."""
+        self.bus, self.world, self.endpoint, self.folder = bus, world, endpoint, folder
         self.robot = ROBOT
         self.statuses: deque[tuple[NavigatorStatus, int]] = deque(maxlen=KEPT)
         self.wheels: deque[tuple[WheelCommand, int]] = deque(maxlen=KEPT)
@@ -118,9 +121,10 @@ def observed(file: str) -> Iterator[Observer]:
     with ExitStack() as scope:
         scope.enter_context(sidestep(*own, ready="ready"))
         scope.enter_context(sidestep(*plant, ready="plant:"))
+        folder = Path(scope.enter_context(TemporaryDirectory()))
         network = Network(mode="client", connect=(endpoint,))
         bus = scope.enter_context(open_bus(network, Role.GROUND, ROBOT))
-        observer = Observer(bus, world, endpoint)
+        observer = Observer(bus, world, endpoint, folder)
         until(lambda: observer.truths and observer.statuses, "truth and status")
         yield observer
 

@@ -24,6 +24,7 @@ def test_a_driving_robot_costs_little_a_paused_one_less_and_a_slow_line_is_not_f
         assert found[f"CPU of one core, driving, {size}"].median < cpu
         assert 1.0 < found[f"written, driving, {size}"].median < kb
     assert found["written, paused, 80x24"].median < 15.0
+    assert found["written, nothing changes, 80x24"].median == 0.0
     assert found["written, slow line, 140x40"].median < 20.5
 
 
