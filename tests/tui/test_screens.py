@@ -1,40 +1,14 @@
 """Params, Plots, Links, Worlds and Faults, by keys."""
 
-import argparse
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, TypeVar
-
 import pytest
 
-from ground.app.app import GroundApp
-from ground.app.looks import Looks
 from ground.app.screens.faults import FaultsScreen, Trouble, fault_of
 from ground.app.screens.worlds import WorldsScreen
-from ground.scenario import Scenario
-from ground.stack import Stack
-from protocol.clock import ManualClock
 from protocol.errors import UserError
-from tests.tui.fakes import FakeOrders, FakeStation
+from tests.tui.fakes import FakeStation
 from tests.tui.pilot import Stage, play, staged
+from tests.tui.plant_side import FakeStack, on
 from tests.tui.underway import driving
-
-T = TypeVar("T")
-WORLD: dict[str, Any] = {
-    "name": "box",
-    "size_m": [6.0, 4.0],
-    "start": {"x_m": 0.6, "y_m": 2.0, "heading_deg": 0.0},
-    "goal": {"x_m": 5.4, "y_m": 2.0, "heading_deg": 0.0},
-    "obstacles": [{"path_m": []}, {}],
-    "faults": [],
-    "shortest_path_m": 5.0,
-}
-FAULTS = {
-    "faults": [
-        {"kind": "sonar_frozen", "targets": ["0", "1", "all"], "unit": "", "says": "repeats"},
-        {"kind": "ticks_stopped", "targets": [""], "unit": "", "says": "no ticks"},
-    ]
-}
 
 
 def parameters() -> tuple[dict[str, object], ...]:
@@ -144,68 +118,9 @@ def test_links_tell_who_is_there_and_what_arrives() -> None:
     play(story)
 
 
-class FakeStack(Stack):
-    """Starts nothing and remembers what it was told."""
-
-    def __init__(self, folder: Path) -> None:
-        super().__init__(argparse.Namespace(), self.scenario_of("box"), "", ManualClock())
-        self.begun: list[str] = []
-        self.done: list[tuple[str, str]] = []
-
-    def scenario_of(self, world: str) -> Scenario:
-        return Scenario(
-            world=world, name=world, facts={}, entrants=(), navigator="vgm", side="left", seed=0,
-            noise=None, speed="1", router=False, record=None, timeout_s=1.0,
-        )  # fmt: skip
-
-    def roles(self) -> list[str]:
-        return ["robot r1", "plant"]
-
-    def check(self) -> None:
-        """All is well."""
-
-    def restarted(self, scenario: Scenario) -> None:
-        self.begun.append(scenario.name)
-
-    def scenario_in(self, world: str, faults: Any = ()) -> Scenario:
-        return self.scenario_of(" ".join([world, *(str(fault["kind"]) for fault in faults)]))
-
-    def trouble(self, role: str, what: str) -> str:
-        self.done.append((role, what))
-        return f"{what} {role}"
-
-
-class Prompt(GroundApp):
-    """Slow work is done at once, and the plant's side is this test."""
-
-    def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
-        done(job())
-
-
-@pytest.fixture
-def worlds(monkeypatch: pytest.MonkeyPatch) -> None:
-    def ask(*words: str) -> dict[str, Any]:
-        if words == ("list",):
-            return {"worlds": [{"name": name, "says": f"{name}."} for name in ("box", "wall")]}
-        return FAULTS if words == ("faults",) else {**WORLD, "name": words[1]}
-
-    monkeypatch.setattr("ground.app.screens.worlds.ask_worlds", ask)
-    monkeypatch.setattr("ground.app.screens.faults.ask_worlds", ask)
-
-
-async def on(screen: str, stack: Stack | None, story: Callable[[Stage], Any]) -> None:
-    station, orders = driving(FakeStation()), FakeOrders()
-    app = Prompt(station, orders, looks=Looks(hz=0.0), stack=stack)
-    async with app.run_test(size=(100, 28)) as pilot:
-        stage = Stage(app, pilot, station, orders)
-        await stage.press(screen)
-        await stage.look()
-        await story(stage)
-
-
 @pytest.mark.usefixtures("worlds")
-def test_another_world_is_started_when_the_processes_are_ours(tmp_path: Path) -> None:
-    stack = FakeStack(tmp_path)
+def test_another_world_is_started_when_the_processes_are_ours() -> None:
+    stack = FakeStack()
 
     async def story(stage: Stage) -> None:
         assert isinstance(stage.app.screen, WorldsScreen)
@@ -228,8 +143,8 @@ def test_the_processes_of_others_are_left_alone() -> None:
 
 
 @pytest.mark.usefixtures("worlds")
-def test_a_process_of_ours_is_hung_by_a_key(tmp_path: Path) -> None:
-    stack = FakeStack(tmp_path)
+def test_a_process_of_ours_is_hung_by_a_key() -> None:
+    stack = FakeStack()
 
     async def story(stage: Stage) -> None:
         assert isinstance(stage.app.screen, FaultsScreen)
@@ -240,8 +155,8 @@ def test_a_process_of_ours_is_hung_by_a_key(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("worlds")
-def test_a_fault_of_the_world_is_started_anew(tmp_path: Path) -> None:
-    stack = FakeStack(tmp_path)
+def test_a_fault_of_the_world_is_started_anew() -> None:
+    stack = FakeStack()
 
     async def story(stage: Stage) -> None:
         await stage.press("end", "up", "enter")

@@ -6,9 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from ground.app.app import GroundApp
+from ground.app.looks import Looks
+from ground.app.player import Player
 from ground.station import Loss, LossKind
-from tests.tui.fakes import MS, FakeStation, S
+from protocol.clock import ManualClock
+from tests.tui.fakes import MS, FakeOrders, FakeStation, S
 from tests.tui.pilot import Stage, play, staged
+from tests.tui.plant_side import FakeStack, on
+from tests.tui.recording import recorded
 from tests.tui.snapshots import ACTUAL, compare
 from tests.tui.underway import driving
 
@@ -94,6 +100,30 @@ def test_what_opens_above_it(name: str, keys: str, update_screens: bool) -> None
         async with staged(station=lived()) as stage:
             await stage.press(keys)
             check(stage, name, update=update_screens)
+
+    play(story)
+
+
+@pytest.mark.usefixtures("worlds")
+@pytest.mark.parametrize(("name", "key"), [("worlds", "6"), ("faults", "7")])
+def test_what_can_be_started(name: str, key: str, update_screens: bool) -> None:
+    async def story(stage: Stage) -> None:
+        await stage.press("down")
+        check(stage, name, update=update_screens)
+
+    play(lambda: on(key, FakeStack(), story))
+
+
+def test_a_recording(tmp_path: Path, update_screens: bool) -> None:
+    async def story() -> None:
+        player = Player(recorded(tmp_path), ManualClock())
+        player.seek(2.0)
+        orders = FakeOrders()
+        app = GroundApp(None, orders, looks=Looks(hz=0.0), player=player)
+        async with app.run_test(size=(80, 24)) as pilot:
+            stage = Stage(app, pilot, FakeStation(), orders)
+            await stage.look()
+            check(stage, "replay", update=update_screens)
 
     play(story)
 

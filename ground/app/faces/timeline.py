@@ -10,7 +10,7 @@ from ground.widgets.rows import Row, Span, cut, faint, head, row
 def timeline_rows(player: Player, width: int) -> list[Row]:
     """A line with its marks, and what the last of them says."""
     where = f"{player.position_s:7.2f} / {player.duration_s:.2f} s "
-    state = "▶ " if player.playing else "⏸ "
+    state = "▶  " if player.playing else "|| "
     line = line_spans(player, max(4, width - len(where) - 12))
     passed = [mark for mark in player.bus.marks if mark.time_s <= player.position_s]
     said = f" {passed[-1].time_s:.1f} s {passed[-1].kind}: {passed[-1].text}" if passed else ""

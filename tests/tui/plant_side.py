@@ -1,0 +1,79 @@
+"""Worlds and faults without a plant, and processes of ours that are none."""
+
+import argparse
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from ground.app.app import GroundApp
+from ground.app.looks import Looks
+from ground.scenario import Scenario
+from ground.stack import Stack
+from protocol.clock import ManualClock
+from tests.tui.fakes import FakeOrders, FakeStation
+from tests.tui.pilot import Stage
+from tests.tui.underway import driving
+
+T = TypeVar("T")
+WORLD: dict[str, Any] = {
+    "name": "box",
+    "size_m": [6.0, 4.0],
+    "start": {"x_m": 0.6, "y_m": 2.0, "heading_deg": 0.0},
+    "goal": {"x_m": 5.4, "y_m": 2.0, "heading_deg": 0.0},
+    "obstacles": [{"path_m": []}, {}],
+    "faults": [],
+    "shortest_path_m": 5.0,
+}
+FAULTS = {
+    "faults": [
+        {"kind": "sonar_frozen", "targets": ["0", "1", "all"], "unit": "", "says": "repeats"},
+        {"kind": "ticks_stopped", "targets": [""], "unit": "", "says": "no ticks"},
+    ]
+}
+
+
+class FakeStack(Stack):
+    """Starts nothing and remembers what it was told."""
+
+    def __init__(self) -> None:
+        super().__init__(argparse.Namespace(), self.scenario_of("box"), "", ManualClock())
+        self.begun: list[str] = []
+        self.done: list[tuple[str, str]] = []
+
+    def scenario_of(self, world: str) -> Scenario:
+        return Scenario(
+            world=world, name=world, facts={}, entrants=(), navigator="vgm", side="left", seed=0,
+            noise=None, speed="1", router=False, record=None, timeout_s=1.0,
+        )  # fmt: skip
+
+    def roles(self) -> list[str]:
+        return ["robot r1", "plant"]
+
+    def check(self) -> None:
+        """All is well."""
+
+    def restarted(self, scenario: Scenario) -> None:
+        self.begun.append(scenario.name)
+
+    def scenario_in(self, world: str, faults: Any = ()) -> Scenario:
+        return self.scenario_of(" ".join([world, *(str(fault["kind"]) for fault in faults)]))
+
+    def trouble(self, role: str, what: str) -> str:
+        self.done.append((role, what))
+        return f"{what} {role}"
+
+
+class Prompt(GroundApp):
+    """Slow work is done at once, and the plant's side is this test."""
+
+    def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+        done(job())
+
+
+async def on(screen: str, stack: Stack | None, story: Callable[[Stage], Any]) -> None:
+    station, orders = driving(FakeStation()), FakeOrders()
+    app = Prompt(station, orders, looks=Looks(hz=0.0), stack=stack)
+    async with app.run_test(size=(100, 28)) as pilot:
+        stage = Stage(app, pilot, station, orders)
+        await stage.press(screen)
+        await stage.look()
+        await story(stage)
