@@ -29,6 +29,7 @@ def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
                 found = readings(observer, size, seconds, times)
                 figures += shown(f"driving, {size[0]}x{size[1]}", found, cpu, kb)
             figures += on_a_slow_line(observer, seconds)
+        observer.stand()
         figures += shown("standing, 80x24", readings(observer, SIZES[0], seconds, 1))
         with replaying(observer, SIZES[0]) as terminal:
             Event().wait(SETTLES_S)

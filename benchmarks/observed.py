@@ -89,6 +89,13 @@ class Observer:
         )
         self.ask(COMMAND, lambda n: GoalRequest(request_id=n, mode=Mode.AUTO, **goal))
 
+    def stand(self) -> None:
+        """Whatever it was about."""
+        hold = Command.DO_PAUSE_CONTINUE
+        self.ask(
+            COMMAND, lambda n: CommandRequest(request_id=n, param1=0.0, param2=0.0, command=hold)
+        )
+
     def pause(self) -> None:
         """Simulated time stands still from now on."""
         pause = RunRequest(action=RunAction.PAUSE, until_ns=0)
