@@ -12,7 +12,8 @@ class Machine:
     `cause` is the failsafe that would trip right now, armed or not; `senses` and `operator` say
     whether fresh senses and a fresh operator's heartbeat were there in the last step.
     `replaced_serial` is the last goal that a newer one pushed out (ABORTED, REPLACED). `fence` is
-    what the robot must not leave, None where there is none.
+    what the robot must not leave, None where there is none. `pursuits` counts what is to be gone
+    about afresh: a new goal, or the same with another navigator.
     """
 
     __slots__ = (
@@ -27,6 +28,7 @@ class Machine:
         "mode",
         "navigator",
         "operator",
+        "pursuits",
         "replaced_serial",
         "resume_mode",
         "senses",
@@ -46,7 +48,7 @@ class Machine:
         self.goal_reason: int = reasons.OK
         self.goal_started_ms = 0
         self.goal_ended_ms = 0
-        self.serial = 0
+        self.serial = self.pursuits = 0
         self.replaced_serial = 0
         self.navigator: int = params.navigator
         self.side: int = params.side
@@ -76,6 +78,7 @@ def start_goal(machine: Machine, goal: Goal, mode: int, now_ms: int) -> None:
         end_goal(machine, states.ABORTED, reasons.REPLACED, now_ms)
         machine.replaced_serial = machine.serial
     machine.serial += 1
+    machine.pursuits += 1
     machine.goal = goal
     machine.goal_state = states.ACCEPTED
     machine.goal_reason = reasons.OK

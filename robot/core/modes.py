@@ -147,15 +147,16 @@ def set_fence(machine: Machine, fence: "Fence | None", pose: Pose) -> int:
 
 
 def set_navigator(machine: Machine, navigator: int, side: int) -> int:
-    """Choose the navigator and the side on which it passes obstacles; not while a goal lives."""
+    """Choose the navigator and the side on which it passes obstacles. A living goal goes on with
+    it from here, with nothing remembered of the way so far."""
     if navigator not in NAVIGATORS:
         return reasons.UNKNOWN_NAVIGATOR
     if side not in (states.LEFT, states.RIGHT):
         return reasons.PARAMETER_OUT_OF_RANGE
-    if machines.goal_lives(machine):
-        return reasons.BUSY_DRIVING
-    machine.navigator = navigator
-    machine.side = side
+    if navigator != machine.navigator or side != machine.side:
+        machine.navigator = navigator
+        machine.side = side
+        machine.pursuits += 1
     return reasons.OK
 
 

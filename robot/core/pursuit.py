@@ -70,10 +70,11 @@ def has_arrived(state: State, goal: Goal, distance_m: float, params: Params) -> 
 
 
 def begin(state: State, now_ms: int) -> None:
-    """A new goal starts with an empty memory; after a hold only the judging starts afresh."""
+    """A new goal, or another navigator, starts with an empty memory; after a hold only the judging
+    starts afresh."""
     machine = state.machine
-    if state.serial != machine.serial:
-        state.serial = machine.serial
+    if state.pursuits != machine.pursuits:
+        state.pursuits = machine.pursuits
         state.memory = navigators.fresh(machine.navigator, machine.side)
         state.arrived = False
         state.crowded = 0

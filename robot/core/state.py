@@ -18,10 +18,10 @@ from robot.core.values import Decision, Twist
 class State:
     """The whole memory of the core. `goal_distance_m`, `decision` and `guard` are there to be read.
 
-    `reported` is a failsafe reason that only the host can see (BUDGET); `serial` the goal being
-    driven to, `arrived` whether its place is reached, `twist` what the wheels were last told,
-    `crowded` for how many ticks something was near at the goal. `manual` is how an operator steers
-    in MANUAL, given by the host for each tick; None: nobody does.
+    `reported` is a failsafe reason that only the host can see (BUDGET); `pursuits` counts as the
+    machine's does, `arrived` is whether the goal's place is reached, `twist` what the wheels were
+    last told, `crowded` for how many ticks something was near at the goal. `manual` is how an
+    operator steers in MANUAL, given by the host for each tick; None: nobody does.
     """
 
     __slots__ = (
@@ -38,9 +38,9 @@ class State:
         "memory",
         "odometry",
         "progress",
+        "pursuits",
         "reported",
         "ring",
-        "serial",
         "slip",
         "stall",
         "trail",
@@ -61,7 +61,7 @@ class State:
         self.manual: Twist | None = None
         self.decision: Decision | None = None
         self.goal_distance_m = inf
-        self.serial = 0
+        self.pursuits = 0
         self.arrived = self.driving = False
         self.bumper = self.crowded = 0
         self.bumped = False

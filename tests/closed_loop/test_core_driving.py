@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.core import brain, states
+from robot.core import brain, modes, states
 from robot.core.geometry import wrap
+from robot.core.navigators import NAVIGATORS
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Outputs
 from tests.closed_loop.toy import Toy, box, drive_to
@@ -52,6 +53,25 @@ def test_it_gets_round_an_obstacle(toy: Toy, navigator: int, side: int) -> None:
     assert state.machine.goal_state == states.REACHED
     assert fresh.clearance_m > 0.05
     assert hypot(fresh.x_m - 4.8, fresh.y_m) < 0.06
+
+
+@pytest.mark.parametrize("first", NAVIGATORS)
+@pytest.mark.parametrize("second", NAVIGATORS)
+def test_another_navigator_takes_over_on_the_way_and_gets_there(first: int, second: int) -> None:
+    toy = Toy(discs=((2.4, -0.05, 0.4),))
+    in_force: list[int] = []
+
+    def switch(state: brain.State, outputs: Outputs) -> None:
+        within_limits(state, outputs)
+        if len(in_force) == 100:  # after 5 s, beside the disc
+            assert modes.set_navigator(state.machine, second, states.LEFT) == 0
+        in_force.append(state.machine.navigator)
+
+    state = drive_to(toy, Goal(4.8, 0.0, None, 0.05, 0.05), first, each=switch)
+    assert state.machine.goal_state == states.REACHED
+    assert (in_force[1], in_force[-1]) == (first, second)
+    assert toy.clearance_m > 0.02
+    assert state.machine.serial == 1
 
 
 @pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])

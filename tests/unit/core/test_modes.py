@@ -174,7 +174,7 @@ def test_manual_and_guided_need_an_operator() -> None:
         assert refusal == reasons.NO_OPERATOR
 
 
-def test_the_navigator_is_chosen_before_driving() -> None:
+def test_the_navigator_is_chosen_before_driving_or_on_the_way() -> None:
     driven = armed()
     machine = driven.machine
     assert modes.set_navigator(machine, states.BUG, states.RIGHT) == reasons.OK
@@ -182,8 +182,16 @@ def test_the_navigator_is_chosen_before_driving() -> None:
     assert modes.set_navigator(machine, 9, states.LEFT) == reasons.UNKNOWN_NAVIGATOR
     assert modes.set_navigator(machine, states.VGM, 0) == reasons.PARAMETER_OUT_OF_RANGE
     driven.goto()
-    assert modes.set_navigator(machine, states.VGM, states.LEFT) == reasons.BUSY_DRIVING
-    assert machine.navigator == states.BUG
+    driven.tick()
+    memory, serial = driven.state.memory, machine.serial
+    assert modes.set_navigator(machine, states.BUG, states.RIGHT) == reasons.OK
+    driven.tick()
+    assert driven.state.memory is memory, "the same again changes nothing"
+    assert modes.set_navigator(machine, states.VGM, states.LEFT) == reasons.OK
+    driven.tick()
+    assert driven.state.memory is not memory
+    assert (machine.navigator, machine.goal_state) == (states.VGM, states.DRIVING)
+    assert machine.serial == serial, "it is still the same goal"
 
 
 def test_the_way_back_needs_a_trail_and_an_armed_robot() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.enums import AckResult, Command, GoalState, Mode, Severity
+from protocol.enums import AckResult, Command, GoalState, Mode, Navigator, Severity
 from protocol.enums import Vehicle as VehicleState
 from protocol.message import Message
 from protocol.messages import CommandAck, CommandRequest, ParamRequestRead, ParamSet, ParamValue
@@ -232,12 +232,14 @@ def test_an_unknown_parameter_is_refused() -> None:
     assert refused(desk.vehicle.receive(request, 0)) == Reason.UNKNOWN_PARAMETER
 
 
-def test_the_navigator_does_not_change_under_a_living_goal() -> None:
+def test_the_navigator_is_a_parameter_that_changes_under_way_too() -> None:
     desk = Desk()
     desk.arm()
     desk.goto(2, 0)
-    assert refused(set_parameter(desk, "navigator", 1)) == Reason.DRIVING
-    assert desk.vehicle.params.navigator == DEFAULTS.navigator
+    assert DEFAULTS.navigator != Navigator.BUG
+    set_parameter(desk, "navigator", Navigator.BUG)
+    assert desk.vehicle.params.navigator == Navigator.BUG
+    assert desk.vehicle.state.machine.navigator == Navigator.BUG
 
 
 def test_a_value_that_cannot_be_saved_is_in_force_and_says_so(
