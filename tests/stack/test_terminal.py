@@ -56,8 +56,6 @@ def test_a_goal_by_the_cursor_a_navigator_an_estop_and_a_mission_by_keys_alone(
     with opened(tmp_path) as stack:
         tmux, witness = stack.tmux, stack.witness
         tmux.shows(READY)
-        choose_navigator(tmux)
-        tmux.shows("DISARMED", " vgm/")
         drive_to_the_cursor(tmux)
         until(lambda: witness.truth.speed_m_s > 0.2, what="driving")
         choose_navigator(tmux, "bug1", "jj")
