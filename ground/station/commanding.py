@@ -125,7 +125,8 @@ class Commanding:
     def _ended(self, pending: Pending, outcome: Outcome, now_ns: int) -> None:
         if pending.stage is Stage.RUNNING:
             self.last = f"{pending.words}: {outcome.text}"
-            self._told(outcome)
+            several = "\n" in outcome.text.strip()
+            self._told(outcome if several else outcome._replace(text=self.last))
             return
         if outcome.ok and pending.action is not LeaseAction.RELEASE:
             pending.tenure.granted(now_ns)

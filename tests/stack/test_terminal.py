@@ -173,7 +173,7 @@ def test_garbage_that_is_pasted_moves_nothing_and_breaks_nothing(tmp_path: Path)
         tmux.shows("W ground AAAA")
         tmux.type(":hold")
         tmux.press("Enter")
-        tmux.shows("I ground ok")
+        tmux.shows("I ground hold: ok")
         assert stack.witness.standing()
         assert "STOP" not in vehicle(stack.witness)
 

@@ -47,7 +47,7 @@ def test_what_moves_takes_the_lease_then_beats_then_is_sent() -> None:
     play.forward(0.3)
     assert done == ["ok 14 ms"]
     assert play.station.busy == ""
-    assert play.texts("ok 14 ms")
+    assert play.texts("goal 9 7: ok 14 ms")
     assert play.station.last_command == "goal 9 7: ok 14 ms"
 
 
