@@ -24,6 +24,8 @@ PERIOD_S: Final = 0.05
 FAST_M_S: Final = 0.28
 STILL_M_S: Final = 0.003
 AGAIN_S: Final = 2.0
+SETTLES_S: Final = 0.2
+"""Until the app has seen the answer too: it asks one thing at a time."""
 ATTEMPTS: Final = 20
 PLACES: Final = ((5.2, 2.4), (0.8, 1.6))
 """Far apart in the open world."""
@@ -65,6 +67,7 @@ class Operator:
     def clear(self) -> None:
         self._terminal.type("DD")
         self._until(lambda status: status.vehicle == Vehicle.STANDBY, "e-stop cleared", PATIENCE_S)
+        Event().wait(SETTLES_S)
 
     def drive(self) -> None:
         """At full speed; a goal that has ended is followed by another one."""
