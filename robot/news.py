@@ -61,10 +61,12 @@ class News:
         return self.text(Severity.ERROR if failed else Severity.INFO, words)
 
     def text(self, severity: int, words: str) -> list[Statustext]:
-        """A text of any length in numbered pieces of 50 bytes, as MAVLink has it."""
+        """A text of any length in numbered pieces of 50 bytes, as MAVLink has it: a shorter one,
+        empty if need be, is the last."""
         encoded = words.encode("ascii", "replace")
-        pieces = [encoded[at : at + TEXT_BYTES] for at in range(0, len(encoded), TEXT_BYTES)]
-        several = len(pieces) > 1
+        several = len(encoded) > TEXT_BYTES
+        end = len(encoded) + several
+        pieces = [encoded[at : at + TEXT_BYTES] for at in range(0, end, TEXT_BYTES)]
         if several:
             self._text_id = self._text_id % 65_535 + 1
         return [

@@ -1,0 +1,29 @@
+"""Texts of any length go through the pieces of MAVLink and come out whole."""
+
+import pytest
+
+from ground.texts import Texts
+from protocol.enums import Severity
+from robot.core.machine import Machine
+from robot.core.parameters import DEFAULTS
+from robot.mission.mission import Mission
+from robot.news import TEXT_BYTES, News
+
+
+def news() -> News:
+    machine = Machine(DEFAULTS)
+    return News(machine, Mission(machine))
+
+
+@pytest.mark.parametrize("length", [1, 49, 50, 51, 99, 100, 101, 150, 400])
+def test_a_text_of_any_length_is_whole_with_its_last_piece_and_not_before(length: int) -> None:
+    words = "".join(chr(97 + at % 26) for at in range(length))
+    pieces = news().text(Severity.INFO, words)
+    texts = Texts()
+    assert [texts.receive(piece) for piece in pieces] == [""] * (len(pieces) - 1) + [words]
+    assert len(pieces) == (1 if length <= TEXT_BYTES else length // TEXT_BYTES + 1)
+    assert {piece.id for piece in pieces} == {0 if length <= TEXT_BYTES else 1}
+
+
+def test_nothing_to_say_is_no_piece() -> None:
+    assert news().text(Severity.INFO, "") == []
