@@ -23,7 +23,8 @@ def test_a_driving_robot_costs_little_a_paused_one_less_and_a_slow_line_is_not_f
     for size, cpu, kb in (("80x24", 20.0, 90.0), ("140x40", 32.0, 180.0)):
         assert found[f"CPU of one core, driving, {size}"].median < cpu
         assert 1.0 < found[f"written, driving, {size}"].median < kb
-    assert found["written, paused, 80x24"].median < 15.0
+    paused, driving = (found[f"written, {what}, 80x24"].median for what in ("paused", "driving"))
+    assert paused < 0.5 * driving  # what its cycles cost goes on changing
     assert found["written, nothing changes, 80x24"].median == 0.0
     assert found["written, slow line, 140x40"].median < 20.5
 
