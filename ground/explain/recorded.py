@@ -1,6 +1,6 @@
 """Why a recorded robot turned, at any instant of its recording."""
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
@@ -37,7 +37,7 @@ class Recorded:
 
     def at(self, at_ns: int) -> tuple[int, Explanation] | None:
         """Of the last decision up to then, and when that was; None before the first."""
-        place = bisect_right(self._times_ns, at_ns) - 1
+        place = self._place(at_ns)
         if place < 0:
             return None
         decision = self._decisions[place]
@@ -45,6 +45,16 @@ class Recorded:
         stamp_ns = decision.time_ns
         status, cycle = self._statuses.get(stamp_ns), self._cycles.get(stamp_ns)
         return self._times_ns[place], explain(decision, status, cycle, before)
+
+    def _place(self, at_ns: int) -> int:
+        """Of several at one instant, as it may come, the first that turned; -1 before all."""
+        last = bisect_right(self._times_ns, at_ns) - 1
+        if last < 0:
+            return last
+        first = max(1, bisect_left(self._times_ns, self._times_ns[last]))
+        decisions = self._decisions
+        turned = (k for k in range(first, last) if changes(decisions[k - 1], decisions[k]))
+        return next(turned, last)
 
     def turns(self) -> Iterator[Turn]:
         """The turning points, in the order of the run."""

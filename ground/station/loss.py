@@ -115,8 +115,10 @@ def _heard_since(signs: Signs) -> bool:
 
 
 def _others(signs: Signs) -> bool:
-    """Somebody else is heard, so it is the robot that is silent, not the link."""
-    return signs.others_ns is not None and signs.others_ns < HEARTBEAT.stale_after_ns
+    """Somebody else is heard, also since the robot fell silent: it is not the link."""
+    if signs.others_ns is None or signs.others_ns > HEARTBEAT.stale_after_ns:
+        return False
+    return signs.alive_ns - signs.others_ns > BEHIND_NS
 
 
 def _unlinked(signs: Signs, hub: Hub) -> LossKind:

@@ -65,6 +65,20 @@ def test_its_turning_points_are_those_of_the_run(run: Recording) -> None:
     assert len(turns) > 5
 
 
+def test_of_two_decisions_at_one_instant_the_one_that_turned_is_told(run: Recording) -> None:
+    """Frames of two ticks may come at once."""
+    told = Recorded(Reel(run))
+    turn = list(told.turns())[1]
+    place = told._times_ns.index(turn.at_ns)
+    for other in (place + 1, place - 1):
+        before = told._times_ns[other]
+        told._times_ns[other] = turn.at_ns
+        found = told.at(turn.at_ns)
+        assert found is not None
+        assert any(turn.words in line for line in found[1].lines)
+        told._times_ns[other] = before
+
+
 def test_an_instant_is_told_in_words(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", log, "--at", "6"]) == 0
     head, *lines = capsys.readouterr().out.splitlines()
