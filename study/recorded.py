@@ -1,6 +1,7 @@
 """What a recording holds of the control loop: what each tick was given, and what came of it."""
 
 from collections.abc import Mapping
+from itertools import takewhile
 from typing import Final, NamedTuple
 
 from ground.blackbox.frames import Log
@@ -20,7 +21,7 @@ from protocol.messages import (
 )
 from protocol.reasons import Reason
 from protocol.topics import ANSWERED, COMMANDED, INPUTS
-from robot.telemetry import SCAN_THERE, WHEELS_THERE
+from robot.telemetry import SCAN_THERE, STEERED, WHEELS_THERE
 
 BYTE: Final = 0xFF
 OUTPUTS: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)
@@ -56,6 +57,7 @@ class Recorded:
         self.robot = log.robot
         self.damage = log.damage()
         self.requests = self._paired()
+        del self.ticks[: self._beginning()]
 
     def _take(self, key: str, frame: Frame) -> None:
         message, sequence = frame.message, frame.sequence
@@ -79,6 +81,15 @@ class Recorded:
             place + 1: Request(message, reason_in(answers.get(place)) != Reason.LEASE_HELD)
             for place, message in _unwrapped(self._asked)
         }
+
+    def _beginning(self) -> int:
+        """The first tick from which on all is there, while the robot has nothing to do.
+
+        A recorder may hear the robot before it hears the plant; nothing is lost with that.
+        """
+        idle = len(list(takewhile(at_rest, self.ticks)))
+        after = max((place + 1 for place in range(idle) if self.lack(place)), default=0)
+        return after if after < idle else 0
 
     def output(self, kind: type[Message], inputs: TickInputs, sequence: int) -> Message | None:
         """What came of a tick; None when it is not in the recording."""
@@ -107,6 +118,12 @@ class Recorded:
             n for n in range(asked_before + 1, inputs.requests + 1) if n not in self.requests
         ]
         return f"request {missing[0]}, which came before it" if missing else ""
+
+
+def at_rest(tick: tuple[TickInputs, int]) -> bool:
+    """Nobody had asked the robot anything, or steered it."""
+    inputs, _ = tick
+    return not inputs.requests and not inputs.flags & STEERED
 
 
 def reason_in(answer: Message | None) -> int:

@@ -171,6 +171,21 @@ def test_it_may_begin_while_the_robot_still_stands(drive: Drive, again: Again) -
     assert (code, told["compared"], told["differing"]) == (0, 158, 0)
 
 
+def test_it_begins_when_the_recorder_has_heard_the_plant_too(drive: Drive, again: Again) -> None:
+    for topic, number in ((WHEELS, 1), (SONAR, 1), (SONAR, 0)):
+        del drive.said[drive.on(topic)[number]]
+    code, told = again(drive)
+    assert (code, told["compared"], told["differing"]) == (0, 158, 0)
+
+
+def test_without_any_sense_it_says_what_it_lacks(drive: Drive, again: Again) -> None:
+    places = drive.on(WHEELS)
+    drive.said = [one for place, one in enumerate(drive.said) if place not in places]
+    code, told = again(drive)
+    assert (code, told["compared"]) == (1, 0)
+    assert told["lack"] == "wheel ticks 0, which it was given"
+
+
 def refusal(drive: Drive, tmp_path: Path, **facts: str) -> str:
     path = drive.written(tmp_path / "a.mcap", **facts)
     with pytest.raises(UserError) as caught:
