@@ -8,7 +8,7 @@ from typing import Final
 from protocol.config import load_shared
 from protocol.errors import UserError
 from protocol.network import Network
-from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, dialled, finite
+from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, dialled, finite, usual_endpoint
 from protocol.topics import robot_name
 
 DIAL_S: Final = 1.5
@@ -69,7 +69,7 @@ def listening_of(options: argparse.Namespace) -> Network:
     """The network of a process that routes for others."""
     config = Config() if options.config is None else load_shared(Path(options.config), Config)
     network = config.network or Network()
-    listen = network.listen or (DEFAULT_ENDPOINT,)
+    listen = network.listen or (usual_endpoint(network),)
     if options.listen is not None:
         listen = (options.listen,)
     return replace(network, mode="router", listen=listen)

@@ -32,7 +32,20 @@ def load_shared(path: Path | str, schema: type[T]) -> T:
         if key not in known and key not in SHARED:
             raise unknown_key(key, key, sorted({*known, *SHARED}), file=str(path))
     own = {key: value for key, value in table.items() if key in known}
-    return parse(own, schema, file=str(path))
+    return parse(beside(own, Path(path).parent), schema, file=str(path))
+
+
+def beside(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The same with the files of `[network.tls]` where they lie: beside the one naming them."""
+    network = table.get("network")
+    tls = network.get("tls") if isinstance(network, dict) else None
+    if not isinstance(network, dict) or not isinstance(tls, dict):
+        return table
+    placed = {
+        key: str(folder / value) if isinstance(value, str) and value else value
+        for key, value in tls.items()
+    }
+    return {**table, "network": {**network, "tls": placed}}
 
 
 def read_toml(path: Path | str) -> dict[str, Any]:

@@ -1,13 +1,16 @@
-"""Who dials whom: how a process finds the others, as configuration."""
+"""Who dials whom, and behind which lock: how a process finds the others, as configuration."""
 
 from dataclasses import dataclass
 from enum import Enum
 from typing import Literal
 
-from protocol.errors import BadEndpoint
+from protocol.errors import BadEndpoint, UserError
+from protocol.topic import robot_name
 
 Mode = Literal["client", "peer", "router"]
 EXAMPLE = "tcp/127.0.0.1:7447"
+LOCKED = "tls/"
+USUAL_ROBOTS = tuple(f"r{number}" for number in range(1, 21))
 
 
 class Hub(Enum):
@@ -25,18 +28,44 @@ class Hub(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Tls:
+    """The `[network.tls]` table: PEM files, in a configuration file relative to where it lies.
+
+    `ca` is whom to believe, `certificate` and `key` are who this process is.
+    """
+
+    ca: str
+    certificate: str
+    key: str
+
+    def __post_init__(self) -> None:
+        for name in ("ca", "certificate", "key"):
+            if not getattr(self, name):
+                raise UserError(f"{name} is empty: name the PEM file, as `sidestep keys new` does")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Network:
-    """The `[network]` table. On one machine the robot is a listening peer the others dial."""
+    """The `[network]` table. On one machine the robot is a listening peer the others dial.
+
+    With `tls` all links are locked, and whoever listens lets in what each certificate may do;
+    `robots` are then the names of the robots that there may be.
+    """
 
     mode: Mode = "peer"
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
     prefix: str = "sidestep"
     connect_timeout_s: float = 5.0
+    tls: Tls | None = None
+    robots: tuple[str, ...] = USUAL_ROBOTS
 
     def __post_init__(self) -> None:
         for endpoint in (*self.listen, *self.connect):
             check_endpoint(endpoint)
+            check_lock(endpoint, locked=self.tls is not None)
+        for robot in self.robots:
+            robot_name(robot)
         if self.mode == "client" and not self.connect:
             raise BadEndpoint(f"a client needs an endpoint to connect to, such as {EXAMPLE}")
         if self.mode == "router" and not self.listen:
@@ -56,6 +85,24 @@ def check_endpoint(endpoint: str) -> None:
     host, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
     if not (host and colon and port.isdecimal() and int(port) <= 65_535):
         raise BadEndpoint(f"endpoint {endpoint!r}: needs a host and a port, as in {EXAMPLE}")
+
+
+def check_lock(endpoint: str, *, locked: bool) -> None:
+    """Raise BadEndpoint for an open door among locked ones, or a lock without its key."""
+    if locked and not endpoint.startswith(LOCKED):
+        raise BadEndpoint(
+            f"endpoint {endpoint!r} is not locked, though [network.tls] is given: "
+            f"write it as {LOCKED}HOST:PORT, or leave [network.tls] out"
+        )
+    if locked and "#" in endpoint:
+        raise BadEndpoint(
+            f"endpoint {endpoint!r}: leave out what follows the '#', [network.tls] says it"
+        )
+    if not locked and endpoint.startswith(LOCKED):
+        raise BadEndpoint(
+            f"endpoint {endpoint!r} needs [network.tls] with ca, certificate and key: "
+            "`sidestep keys new DIR` makes them, --config DIR/ROLE.toml uses them"
+        )
 
 
 PROTOCOLS = ("tcp", "udp", "tls", "quic", "ws", "unixsock-stream")

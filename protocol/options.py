@@ -7,13 +7,15 @@ from dataclasses import replace
 from math import inf, isfinite
 from typing import Final
 
-from protocol.network import Mode, Network
+from protocol.network import LOCKED, Mode, Network
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
+LOCKED_ENDPOINT: Final = f"{LOCKED}127.0.0.1:7447"
 CONFIG_HELP: Final = (
     "TOML, one file for ground, robot and plant: robot = NAME, [network] with listen (where the"
     " robot waits), connect (where the others dial, if not there; everybody, with mode = 'client'),"
-    " prefix; [parameters] of the robot"
+    " prefix; [network.tls] with ca, certificate, key (`sidestep keys` makes them); [parameters] of"
+    " the robot"
 )
 ARGPARSE_TAKES: Final = re.compile(r"-\d+\Z|-\d*\.\d+\Z")
 
@@ -126,10 +128,15 @@ def _from_file(network: Network, *, listens: bool) -> tuple[Sequence[str], Seque
     if not listens:
         return (), dialled(network)
     if network.listen or not network.connect:
-        return network.listen or (DEFAULT_ENDPOINT,), ()
+        return network.listen or (usual_endpoint(network),), ()
     return (), network.connect
 
 
 def dialled(network: Network) -> tuple[str, ...]:
     """Where those dial who do not listen: unless it says where, the place where the other waits."""
-    return network.connect or network.listen or (DEFAULT_ENDPOINT,)
+    return network.connect or network.listen or (usual_endpoint(network),)
+
+
+def usual_endpoint(network: Network) -> str:
+    """On this machine, locked or not."""
+    return LOCKED_ENDPOINT if network.tls else DEFAULT_ENDPOINT

@@ -10,7 +10,7 @@ import robot.cli
 from ground.cli import parse
 from ground.options import common_of
 from protocol.errors import ConfigError
-from protocol.network import Network
+from protocol.network import Network, Tls
 from robot.vehicle import Vehicle
 
 FILE = """
@@ -95,3 +95,36 @@ def test_each_refuses_a_misspelt_name(tmp_path: Path, text: str) -> None:
             read(["--config", str(path)])
     with pytest.raises(ConfigError, match="unknown key"):
         common_of(parse(["hold", "--config", str(path)]))
+
+
+def test_keys_lie_beside_the_file_that_names_them(
+    tmp_path: Path, robot_runs: list[tuple[Vehicle, Network, str]]
+) -> None:
+    path = tmp_path / "robot-r1.toml"
+    path.write_text(
+        '[network.tls]\nca = "ca.pem"\ncertificate = "/run/r1.pem"\nkey = "own/r1.key"\n'
+    )
+    robot.cli.main(["--config", str(path)])
+    common = common_of(parse(["hold", "--config", str(path)]))
+    for network in (robot_runs[0][1], common.network):
+        assert network.tls == Tls(
+            ca=f"{tmp_path}/ca.pem", certificate="/run/r1.pem", key=f"{tmp_path}/own/r1.key"
+        )
+    assert common.endpoint == "tls/127.0.0.1:7447"
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ('ca = "ca.pem"', "network.tls.certificate"),
+        ('ca = "a"\ncertificate = "b"\nkey = 3', "network.tls.key"),
+        ('ca = "a"\ncertificate = "b"\nkey = ""', "network.tls"),
+        ('ca = "a"\ncertificate = "b"\nkeys = "c"', "network.tls.keys"),
+    ],
+)
+def test_a_lock_that_is_half_there_is_named(tmp_path: Path, text: str, key: str) -> None:
+    path = tmp_path / "half.toml"
+    path.write_text(f"[network.tls]\n{text}\n")
+    with pytest.raises(ConfigError) as caught:
+        common_of(parse(["hold", "--config", str(path)]))
+    assert caught.value.key == key

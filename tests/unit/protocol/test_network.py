@@ -2,8 +2,10 @@
 
 import pytest
 
-from protocol.errors import BadEndpoint
-from protocol.network import Network
+from protocol.errors import BadEndpoint, UserError
+from protocol.network import Network, Tls
+
+TLS = Tls(ca="ca.pem", certificate="ground.pem", key="ground.key")
 
 
 @pytest.mark.parametrize(
@@ -11,7 +13,6 @@ from protocol.network import Network
     [
         "tcp/127.0.0.1:7447",
         "tcp/[::]:0",
-        "tls/robot.local:7447#root_ca_certificate=ca.pem",
         "udp/10.0.0.1:7447",
         "unixsock-stream//run/sidestep.sock",
     ],
@@ -57,3 +58,38 @@ def test_a_router_has_to_be_told_where_to_listen() -> None:
 def test_a_prefix_that_is_no_plain_key_is_refused(prefix: str) -> None:
     with pytest.raises(BadEndpoint, match="prefix"):
         Network(prefix=prefix)
+
+
+def test_with_keys_all_links_are_locked() -> None:
+    network = Network(listen=("tls/[::]:7447",), connect=("tls/robot.local:7447",), tls=TLS)
+    assert network.tls is TLS
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7447", "udp/127.0.0.1:1", "unixsock-stream/x"])
+@pytest.mark.parametrize("where", ["listen", "connect"])
+def test_an_open_door_among_locked_ones_is_refused(where: str, endpoint: str) -> None:
+    with pytest.raises(BadEndpoint, match="is not locked") as caught:
+        Network(tls=TLS, **{where: ("tls/127.0.0.1:1", endpoint)})  # type: ignore[arg-type]
+    assert repr(endpoint) in str(caught.value)
+
+
+def test_a_lock_without_its_key_is_refused() -> None:
+    with pytest.raises(BadEndpoint, match=r"'tls/robot:7447' needs \[network\.tls\].*keys new"):
+        Network(connect=("tls/robot:7447",))
+
+
+def test_an_endpoint_cannot_open_the_lock_again() -> None:
+    with pytest.raises(BadEndpoint, match="leave out what follows the '#'"):
+        Network(listen=("tls/127.0.0.1:7447#enable_mtls=false",), tls=TLS)
+
+
+def test_a_file_that_is_not_named_is_refused() -> None:
+    with pytest.raises(UserError, match="key is empty"):
+        Tls(ca="ca.pem", certificate="ground.pem", key="")
+
+
+def test_a_listener_knows_twenty_robots_unless_told_which() -> None:
+    assert (Network().robots[0], Network().robots[-1], len(Network().robots)) == ("r1", "r20", 20)
+    assert Network(robots=("kitchen",)).robots == ("kitchen",)
+    with pytest.raises(UserError, match="robot name 'R 1'"):
+        Network(robots=("r1", "R 1"))

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.network import Network
+from protocol.network import Network, Tls
 from protocol.options import (
     DEFAULT_ENDPOINT,
+    LOCKED_ENDPOINT,
     add_param_option,
     finite,
     network_of,
@@ -132,3 +133,9 @@ def test_the_command_line_counts_more_than_the_file() -> None:
     said = argparse.Namespace(listen=None, connect=[THERE])
     found = network_of(said, Network(listen=(HERE,)), listens=True)
     assert (found.mode, found.listen, found.connect) == ("client", (), (THERE,))
+
+
+def test_who_has_keys_waits_and_dials_behind_a_lock() -> None:
+    table = Network(tls=Tls(ca="ca.pem", certificate="plant.pem", key="plant.key"))
+    assert network_of(NOTHING_SAID, table, listens=True).listen == (LOCKED_ENDPOINT,)
+    assert network_of(NOTHING_SAID, table, listens=False).connect == (LOCKED_ENDPOINT,)
