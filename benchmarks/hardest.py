@@ -55,9 +55,9 @@ class Body:
         rim_m = self.params.wheel_radius_m * 1e-3 * self.params.period_s
         self.move(outputs.left_mrad_s * rim_m, outputs.right_mrad_s * rim_m)
 
-    def wheels(self) -> Wheels:
+    def wheels(self, at_ms: int) -> Wheels:
         per_m = 1.0 / self.params.m_per_tick
-        return Wheels(round(self.left_m * per_m), round(self.right_m * per_m), 0)
+        return Wheels(round(self.left_m * per_m), round(self.right_m * per_m), 0, at_ms)
 
     def scan(self) -> Scan:
         range_mm = tuple([self.range_mm(i) for i in range(SONARS)])
@@ -137,7 +137,8 @@ def told(core: Core, state: Any, body: Body, ticks: int = TICKS) -> Iterator[Any
     """One story: whenever the goal has ended there is another one."""
     modes, machine = core["modes"], state.machine
     for tick in range(ticks):
-        inputs = Inputs(PERIOD_MS * tick, body.wheels(), body.scan(), 0)
+        now_ms = PERIOD_MS * tick
+        inputs = Inputs(now_ms, body.wheels(now_ms), body.scan(), 0)
         core.take()
         _, outputs = core["brain"].step(state, inputs, body.params)
         if state.driving:
@@ -145,7 +146,7 @@ def told(core: Core, state: Any, body: Body, ticks: int = TICKS) -> Iterator[Any
         body.drive(outputs)
         modes.arm(machine)
         if not core["machine"].goal_lives(machine) or body.luck.random() < 0.01:
-            modes.goto(machine, somewhere(state, body), core["states"].AUTO, inputs.now_ms)
+            modes.goto(machine, somewhere(state, body), core["states"].AUTO, now_ms)
 
 
 def somewhere(state: Any, body: Body) -> Goal:

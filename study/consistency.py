@@ -23,7 +23,8 @@ from robot.core import odometry as odometries
 from robot.core.geometry import wrap
 from robot.core.odometry import Odometry
 from robot.core.parameters import DEFAULTS, Params
-from robot.core.values import Outputs, Pose, Wheels
+from robot.core.senses import wheels_of
+from robot.core.values import Outputs, Pose
 from robot.parameters import with_values
 from study.calibration.runs import covariance_of
 from study.onboard import Onboard
@@ -130,8 +131,7 @@ def on_open_floor(
 
 def feel(odometry: Odometry, plant: Plant, params: Params) -> None:
     ticks, _ = plant.senses()
-    wheels = None if ticks is None else Wheels(ticks.left, ticks.right, ticks.bumper)
-    odometries.update(odometry, wheels, plant.now_ns // 1_000_000, params)
+    odometries.update(odometry, None if ticks is None else wheels_of(ticks), params)
 
 
 def among_obstacles(level: str, seed: int, random: np.random.Generator) -> tuple[Array, Array]:

@@ -47,7 +47,7 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
     now_ms, wheels, scan = inputs.now_ms, inputs.wheels, inputs.scan
     odometry, machine = state.odometry, state.machine
     heading_rad = odometry.pose.heading_rad
-    odometries.update(odometry, wheels, now_ms, params)
+    odometries.update(odometry, wheels, params)
     turned_rad = wrap(odometry.pose.heading_rad - heading_rad)
     rings.update(state.ring, scan, now_ms, params)
     if scan is not None:

@@ -33,12 +33,12 @@ class Odometry:
     """
 
     __slots__ = (
+        "at_ms",
         "bend_x_m",
         "bend_y_m",
         "cosine",
         "grain_rad2",
         "jumped",
-        "last_ms",
         "latched",
         "left",
         "left_m",
@@ -62,7 +62,7 @@ class Odometry:
         self.pxx = self.pxy = self.pxh = self.pyy = self.pyh = self.phh = 0.0
         self.bend_x_m = self.bend_y_m = self.grain_rad2 = 0.0
         self.speed_m_s = self.yaw_rate_rad_s = 0.0
-        self.left = self.right = self.last_ms = 0
+        self.left = self.right = self.at_ms = 0
         self.left_m = self.right_m = self.moved_m = self.sine = 0.0
         self.cosine = 1.0
         self.latched = self.jumped = False
@@ -77,8 +77,12 @@ def tick_difference(new: int, old: int) -> int:
     return difference - COUNTER if difference >= HALF_COUNTER else difference
 
 
-def update(odometry: Odometry, wheels: Wheels | None, now_ms: int, params: Params) -> None:
-    """One sample. None changes nothing: the next difference catches up. The first only latches."""
+def update(odometry: Odometry, wheels: Wheels | None, params: Params) -> None:
+    """One sample. None changes nothing: the next difference catches up. The first only latches.
+
+    Speeds are over the time between the two counts, however late each came; a sample that is read
+    again leaves them.
+    """
     odometry.moved_m = odometry.left_m = odometry.right_m = 0.0
     odometry.jumped = False
     if wheels is None:
@@ -90,7 +94,7 @@ def update(odometry: Odometry, wheels: Wheels | None, now_ms: int, params: Param
         m_per_tick, longest_s = params.m_per_tick, params.period_s
         left_m = tick_difference(wheels.left, odometry.left) * m_per_tick * left_share
         right_m = tick_difference(wheels.right, odometry.right) * m_per_tick * right_share
-        elapsed_s = (now_ms - odometry.last_ms) * 1e-3
+        elapsed_s = (wheels.at_ms - odometry.at_ms) * 1e-3
         if elapsed_s > longest_s:
             longest_s = elapsed_s
         reach_m = 2.0 * params.wheel_max_m_s * longest_s + JUMP_SLACK_M
@@ -102,7 +106,7 @@ def update(odometry: Odometry, wheels: Wheels | None, now_ms: int, params: Param
                 odometry.yaw_rate_rad_s = (right_m - left_m) / (params.track_m * elapsed_s)
     odometry.left = wheels.left
     odometry.right = wheels.right
-    odometry.last_ms = now_ms
+    odometry.at_ms = wheels.at_ms
     odometry.latched = True
 
 

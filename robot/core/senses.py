@@ -12,6 +12,8 @@ NS_PER_MS = 1_000_000
 
 class WheelMessage(Protocol):
     @property
+    def time_ns(self) -> int: ...
+    @property
     def left(self) -> int: ...
     @property
     def right(self) -> int: ...
@@ -36,7 +38,7 @@ def now_ms_of(time_ns: int) -> int:
 
 
 def wheels_of(message: WheelMessage) -> Wheels:
-    return Wheels(message.left, message.right, message.bumper)
+    return Wheels(message.left, message.right, message.bumper, now_ms_of(message.time_ns))
 
 
 def scan_of(message: ScanMessage, since_ms: int) -> Scan:

@@ -8,8 +8,9 @@ EVERY: Final = tuple(range(SONARS))
 
 Pose = NamedTuple("Pose", [("x_m", float), ("y_m", float), ("heading_rad", float)])
 
-Wheels = NamedTuple("Wheels", [("left", int), ("right", int), ("bumper", int)])
-"""Encoder counters (32 bits, they wrap) and pressed bumper sectors (1 left, 2 right, 4 rear)."""
+Wheels = NamedTuple("Wheels", [("left", int), ("right", int), ("bumper", int), ("at_ms", int)])
+"""Encoder counters (32 bits, they wrap), pressed bumper sectors (1 left, 2 right, 4 rear), and when
+that was by the clock of whoever counted."""
 
 Scan = NamedTuple(
     "Scan",

@@ -37,7 +37,7 @@ def believed(run: Run, params: Params) -> Odometry:
     """What the core's own odometry makes of the ticks with these parameters."""
     odometry = Odometry()
     for k, (left, right) in enumerate(run.ticks):
-        odometries.update(odometry, Wheels(left, right, 0), k * PERIOD_MS, params)
+        odometries.update(odometry, Wheels(left, right, 0, k * PERIOD_MS), params)
     return odometry
 
 

@@ -50,9 +50,9 @@ class Toy:
         self.right_m += right_m
         self.clearance_m = min(self.clearance_m, self.clearance_now_m())
 
-    def wheels(self) -> Wheels:
+    def wheels(self, at_ms: int) -> Wheels:
         per_m = 1.0 / self.params.m_per_tick
-        return Wheels(round(self.left_m * per_m), round(self.right_m * per_m), 0)
+        return Wheels(round(self.left_m * per_m), round(self.right_m * per_m), 0, at_ms)
 
     def scan(self) -> Scan:
         ranges_m = [self.sonar_m(i) for i in range(8)]
@@ -109,13 +109,14 @@ def drive_to(
     """Arm, send the goal between the first two ticks, and drive until the goal has ended."""
     state = brain.State(toy.params)
     for tick in range(int(limit_s * 1000) // PERIOD_MS):
-        inputs = Inputs(tick * PERIOD_MS, toy.wheels(), toy.scan(), None)
+        now_ms = tick * PERIOD_MS
+        inputs = Inputs(now_ms, toy.wheels(now_ms), toy.scan(), None)
         state, outputs = brain.step(state, inputs, toy.params)
         each(state, outputs)
         if tick == 0:
             assert modes.set_navigator(state.machine, navigator, side) == 0
             assert modes.arm(state.machine) == 0
-            assert modes.goto(state.machine, goal, states.AUTO, inputs.now_ms) == 0
+            assert modes.goto(state.machine, goal, states.AUTO, now_ms) == 0
         elif state.machine.goal_state >= states.REACHED:
             break
         toy.drive(outputs)

@@ -11,6 +11,7 @@ from robot.core.values import Scan, Wheels
 
 
 class TicksLike(NamedTuple):
+    time_ns: int
     left: int
     right: int
     bumper: int
@@ -32,7 +33,8 @@ def test_a_stamp_within_a_millisecond_belongs_to_the_millisecond_begun() -> None
 
 
 def test_wheels_pass_unchanged_whichever_way_they_turned() -> None:
-    assert wheels_of(TicksLike(-(2**31), 2**31 - 1, 5)) == Wheels(-(2**31), 2**31 - 1, 5)
+    ticks = TicksLike(150_900_000, -(2**31), 2**31 - 1, 5)
+    assert wheels_of(ticks) == Wheels(-(2**31), 2**31 - 1, 5, 150)
 
 
 def test_the_two_ping_groups_keep_their_ages() -> None:

@@ -30,7 +30,7 @@ class Driven:
         return self
 
     def tick(self) -> Outputs:
-        wheels = Wheels(round(self.left), round(self.right), self.bumper)
+        wheels = Wheels(round(self.left), round(self.right), self.bumper, self.now_ms)
         inputs = Inputs(
             self.now_ms, wheels if self.has_wheels else None, self.scan, self.operator_age_ms
         )

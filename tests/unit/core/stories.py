@@ -40,7 +40,8 @@ class Driver:
         wheels = None
         if tick.rolled is not None:
             self.left, self.right = self.left + tick.rolled[0], self.right + tick.rolled[1]
-            wheels = Wheels(self.left, self.right, tick.bumper)  # type: ignore[arg-type]
+            at_ms = PERIOD_MS * self.ticks
+            wheels = Wheels(self.left, self.right, tick.bumper, at_ms)  # type: ignore[arg-type]
             if self.left - self.left != 0.0 or self.right - self.right != 0.0:
                 self.left = self.right = 0
         scan = None

@@ -211,7 +211,7 @@ def test_whatever_the_senses_say_the_limits_hold(
         driven.goto()
         if moved is not None:
             left, right = left + moved[0], right + moved[1]
-        wheels = None if moved is None else Wheels(left, right, bumper)
+        wheels = None if moved is None else Wheels(left, right, bumper, 50 * k + 50)
         scan = None if ranges is None else Scan(tuple(ranges), AGES, valid, echo)
         _, outputs = brain.step(driven.state, Inputs(50 * k + 50, wheels, scan, 0), DEFAULTS)
         assert isinstance(outputs.left_mrad_s, int)

@@ -11,7 +11,7 @@ from robot.core.parameters import DEFAULTS, Params
 from robot.core.ring import Ring
 from robot.core.values import Scan, Wheels
 
-REST = Wheels(0, 0, 0)
+REST = Wheels(0, 0, 0, 0)
 anything = st.floats()  # NaN and infinity included
 ranges_mm = st.lists(st.one_of(st.none(), st.integers(1, 3000)), min_size=8, max_size=8)
 
@@ -35,7 +35,7 @@ def test_the_guard_never_adds_speed_and_never_steers(
     speed: float, yaw: float, ranges: list[int | None], valid: int, bumper: int
 ) -> None:
     seen = ring({i: mm for i, mm in enumerate(ranges) if mm is not None}, valid)
-    factor, reason = limit(speed, yaw, seen, Wheels(0, 0, bumper))
+    factor, reason = limit(speed, yaw, seen, Wheels(0, 0, bumper, 0))
     assert 0.0 <= factor <= 1.0
     assert (factor == 1.0) == (reason == reasons.OK)
     if factor > 0.0:
@@ -131,7 +131,7 @@ def test_a_turn_on_the_spot_and_backing_away_stay_possible_in_front_of_an_obstac
 
 def test_a_pressed_bumper_forbids_pressing_on() -> None:
     for sector in (1, 2, 3):
-        assert limit(0.1, 0.0, ring(), Wheels(0, 0, sector)) == (0.0, reasons.BUMPER)
-        assert limit(-0.1, 0.0, ring(), Wheels(0, 0, sector)) == (1.0, reasons.OK)
-    assert limit(-0.1, 0.0, ring(), Wheels(0, 0, 4)) == (0.0, reasons.BUMPER)
-    assert limit(0.1, 0.0, ring(), Wheels(0, 0, 4)) == (1.0, reasons.OK)
+        assert limit(0.1, 0.0, ring(), Wheels(0, 0, sector, 0)) == (0.0, reasons.BUMPER)
+        assert limit(-0.1, 0.0, ring(), Wheels(0, 0, sector, 0)) == (1.0, reasons.OK)
+    assert limit(-0.1, 0.0, ring(), Wheels(0, 0, 4, 0)) == (0.0, reasons.BUMPER)
+    assert limit(0.1, 0.0, ring(), Wheels(0, 0, 4, 0)) == (1.0, reasons.OK)

@@ -38,8 +38,8 @@ def at(pose: Pose, p: Array | None = None) -> Odometry:
     return odometry
 
 
-def wheels(left: int, right: int) -> Wheels:
-    return Wheels(left, right, 0)
+def wheels(left: int, right: int, at_ms: int = 0) -> Wheels:
+    return Wheels(left, right, 0, at_ms)
 
 
 @given(st.floats(-pi, pi), steps, steps)
@@ -127,15 +127,15 @@ def test_the_covariance_stays_positive_semi_definite(
 
 def test_the_first_sample_only_latches() -> None:
     odometry = Odometry()
-    odometries.update(odometry, wheels(123_456, -99), 0, DEFAULTS)
+    odometries.update(odometry, wheels(123_456, -99), DEFAULTS)
     assert odometry.pose == Pose(0.0, 0.0, 0.0)
     assert not odometry.jumped
 
 
 def test_speeds_are_those_of_the_wheels() -> None:
     odometry = Odometry()
-    odometries.update(odometry, wheels(0, 0), 0, DEFAULTS)
-    odometries.update(odometry, wheels(40, 60), 50, DEFAULTS)
+    odometries.update(odometry, wheels(0, 0), DEFAULTS)
+    odometries.update(odometry, wheels(40, 60, 50), DEFAULTS)
     assert odometry.speed_m_s == pytest.approx(0.2)
     assert odometry.yaw_rate_rad_s == pytest.approx(20 * M_PER_TICK / TRACK_M / 0.05)
     assert odometry.moved_m == pytest.approx(0.01)
@@ -143,10 +143,10 @@ def test_speeds_are_those_of_the_wheels() -> None:
 
 def test_a_missing_sample_keeps_the_pose_and_the_next_one_catches_up() -> None:
     patient, steady = Odometry(), Odometry()
-    for now_ms, count in ((0, 0), (50, 50), (100, 100), (150, 150)):
-        odometries.update(steady, wheels(count, count), now_ms, DEFAULTS)
-        sample = None if now_ms in (50, 100) else wheels(count, count)
-        odometries.update(patient, sample, now_ms, DEFAULTS)
+    for at_ms, count in ((0, 0), (50, 50), (100, 100), (150, 150)):
+        odometries.update(steady, wheels(count, count, at_ms), DEFAULTS)
+        sample = None if at_ms in (50, 100) else wheels(count, count, at_ms)
+        odometries.update(patient, sample, DEFAULTS)
         if sample is None:
             assert patient.pose == Pose(0.0, 0.0, 0.0)
     assert patient.pose == pytest.approx(steady.pose)
@@ -161,21 +161,41 @@ def test_a_counter_may_wrap_between_two_samples(count: int, moved: int) -> None:
 
 def test_a_jump_no_wheel_can_make_is_reported_and_ignored() -> None:
     odometry = Odometry()
-    odometries.update(odometry, wheels(0, 0), 0, DEFAULTS)
-    odometries.update(odometry, wheels(5000, 0), 50, DEFAULTS)
+    odometries.update(odometry, wheels(0, 0), DEFAULTS)
+    odometries.update(odometry, wheels(5000, 0, 50), DEFAULTS)
     assert odometry.jumped
     assert odometry.pose == Pose(0.0, 0.0, 0.0)
-    odometries.update(odometry, wheels(5050, 50), 100, DEFAULTS)
+    odometries.update(odometry, wheels(5050, 50, 100), DEFAULTS)
     assert not odometry.jumped
     assert odometry.pose.x_m == pytest.approx(0.01)
 
 
 def test_a_clock_that_stands_gives_no_new_speed() -> None:
     odometry = Odometry()
-    for now_ms, count in ((0, 0), (50, 50), (50, 60)):
-        odometries.update(odometry, wheels(count, count), now_ms, DEFAULTS)
+    for at_ms, count in ((0, 0), (50, 50), (50, 60)):
+        odometries.update(odometry, wheels(count, count, at_ms), DEFAULTS)
     assert odometry.pose.x_m == pytest.approx(0.012)
     assert odometry.speed_m_s == pytest.approx(0.2)
+
+
+def test_a_sample_that_is_read_again_leaves_the_speeds_and_the_next_one_is_over_its_own_time() -> (
+    None
+):
+    """A tick that comes before its sample, and one so late that two samples lie between."""
+    odometry, speeds = Odometry(), []
+    for at_ms in (0, 50, 50, 100, 200):
+        odometries.update(odometry, wheels(-at_ms, at_ms, at_ms), DEFAULTS)
+        speeds.append(odometry.yaw_rate_rad_s)
+    turned_rad_s = 2 * 50 * M_PER_TICK / TRACK_M / 0.05
+    assert speeds == pytest.approx([0.0, *[turned_rad_s] * 4])
+
+
+def test_counts_of_a_long_gap_are_no_jump_and_those_of_a_short_one_are() -> None:
+    for at_ms, jumped in ((50, True), (500, False)):
+        odometry = Odometry()
+        odometries.update(odometry, wheels(0, 0), DEFAULTS)
+        odometries.update(odometry, wheels(700, 700, at_ms), DEFAULTS)
+        assert odometry.jumped is jumped
 
 
 def driven(level_ticks: "list[tuple[int, int]]", params: Params = DEFAULTS) -> Odometry:
@@ -183,7 +203,7 @@ def driven(level_ticks: "list[tuple[int, int]]", params: Params = DEFAULTS) -> O
     left = right = 0
     for k, (more_left, more_right) in enumerate([(0, 0), *level_ticks]):
         left, right = left + more_left, right + more_right
-        odometries.update(odometry, wheels(left, right), 50 * k, params)
+        odometries.update(odometry, wheels(left, right, 50 * k), params)
     return odometry
 
 

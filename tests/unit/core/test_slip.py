@@ -29,9 +29,8 @@ class Drive:
         self.wheels()
 
     def wheels(self) -> None:
-        odometries.update(
-            self.odometry, Wheels(self.ticks, self.ticks, 0), 50 * self.tick, DEFAULTS
-        )
+        sample = Wheels(self.ticks, self.ticks, 0, 50 * self.tick)
+        odometries.update(self.odometry, sample, DEFAULTS)
         self.tick += 1
 
     def see(self) -> None:
@@ -158,10 +157,10 @@ def test_whatever_is_seen_the_covariance_stays_one(
 ) -> None:
     slip, odometry, ring = Slip(), Odometry(), Ring()
     left = right = 0
-    odometries.update(odometry, Wheels(0, 0, 0), 0, DEFAULTS)
+    odometries.update(odometry, Wheels(0, 0, 0, 0), DEFAULTS)
     for k, (more_left, more_right, seen) in enumerate(steps, 1):
         left, right = left + more_left, right + more_right
-        odometries.update(odometry, Wheels(left, right, 0), 50 * k, DEFAULTS)
+        odometries.update(odometry, Wheels(left, right, 0, 50 * k), DEFAULTS)
         ring.range_m = seen
         slips.watch(slip, odometry, ring, DEFAULTS)
         assert 0.0 <= slip.share <= 1.0

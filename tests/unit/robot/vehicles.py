@@ -30,7 +30,7 @@ class Desk:
 
     def step(self, scan: Scan | None = CLEAR) -> Outputs:
         """One tick on wheels that do as they are told."""
-        wheels = Wheels(round(self.left), round(self.right), 0)
+        wheels = Wheels(round(self.left), round(self.right), 0, self.now_ns // MS)
         if self.operator:
             self.vehicle.hear_operator(self.now_ns)
         age_ms = self.vehicle.operator_age_ms(self.now_ns)
