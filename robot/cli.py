@@ -63,7 +63,9 @@ def parser() -> argparse.ArgumentParser:
         help="where it stands, so that goals are places of the world (0 0 0)",
     )
     add_param_option(parser, "a parameter; the names are in `sidestep param list`")
-    parser.add_argument("--state", metavar="DIR", type=Path, help="keep parameters there")
+    parser.add_argument(
+        "--state", metavar="DIR", type=Path, help="keep parameters, fence and mission there"
+    )
     parser.add_argument(
         "--lockstep", action="store_true", help="simulated time, given by the plant"
     )

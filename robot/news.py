@@ -1,6 +1,7 @@
 """What changed since it was last told: a line of text each for vehicle, mode, goal and mission."""
 
-from typing import Final
+from collections.abc import Callable
+from typing import Final, TypeAlias
 
 from protocol.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.messages import Statustext
@@ -10,6 +11,9 @@ from robot.core.machine import Machine
 from robot.mission.mission import Mission
 
 TEXT_BYTES: Final = 50
+
+Say: TypeAlias = Callable[[int, str], None]
+"""Takes a severity and words for the operator."""
 
 LOUD: Final = {Vehicle.FAILSAFE: Severity.CRITICAL, Vehicle.EMERGENCY_STOP: Severity.CRITICAL}
 BAD: Final = {GoalState.STUCK: Severity.ERROR, GoalState.ABORTED: Severity.WARNING}

@@ -38,12 +38,15 @@ class Process:
         self._requests: SimpleQueue[Asked] = SimpleQueue()
 
     def serve(self, nudge: Callable[[], None] = lambda: None) -> None:
-        """Begin to take requests; `nudge` is called from the bus when there is one."""
+        """Have again what was kept, which is recorded as if asked for, and begin to take requests;
+        `nudge` is called from the bus when there is one."""
 
         def take(asked: Asked) -> None:
             self._requests.put(asked)
             nudge()
 
+        for request, answer in self.vehicle.restore():
+            self.reports.record(request, answer)
         for service in SERVICES:
             self._bus.serve(service, take)
 

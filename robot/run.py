@@ -42,6 +42,8 @@ def run(vehicle: Vehicle, network: Network, robot: str, options: Options) -> int
         begin = in_lockstep if options.lockstep else in_wall_time
         process, grid = begin(vehicle, bus)
         settle(vehicle, options)
+        for words in vehicle.restored:
+            print(f"robot {robot}: {words}", file=sys.stderr)
         print(f"robot {robot}: ready, disarmed", file=sys.stderr, flush=True)
         process.run(grid)
     return 0

@@ -14,6 +14,7 @@ class Store:
     """Keeps what an operator has set, in `directory`; without a directory it keeps nothing."""
 
     def __init__(self, directory: Path | None) -> None:
+        self.directory = directory
         self._path = None if directory is None else directory / FILE_NAME
         self._values: dict[str, float] = {}
         self._written: dict[str, float] = {}
@@ -24,11 +25,13 @@ class Store:
 
     def load(self, params: Params) -> tuple[Params, list[str]]:
         """Parameters with the saved values on top, and a warning for each that cannot be used."""
-        if self._path is None or not self._path.exists():
+        if self._path is None:
             return params, []
         try:
             saved = dict(json.loads(self._path.read_text(encoding="utf-8")))
-        except (OSError, ValueError, TypeError) as error:
+        except FileNotFoundError:
+            return params, []
+        except (OSError, ValueError, TypeError, RecursionError) as error:
             return params, [f"{self._path}: not readable ({error}); defaults in force"]
         warnings = []
         for name, value in saved.items():
@@ -41,15 +44,20 @@ class Store:
         return params, warnings
 
     def save(self, name: str, value: float) -> None:
-        """Write atomically: a crash leaves the old file or the new one. Raises OSError."""
+        """In force is what the caller says; this is what a restart finds. Raises OSError."""
         self._values[name] = value
         if self._path is None:
             return
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        draft = self._path.with_suffix(".part")
-        with draft.open("w", encoding="utf-8") as file:
-            json.dump(self._values, file, indent=1)
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(self._path)
+        replace_whole(self._path, json.dumps(self._values, indent=1))
         self._written = dict(self._values)
+
+
+def replace_whole(path: Path, text: str) -> None:
+    """Write atomically: a crash leaves the old file or the new one. Raises OSError."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_suffix(".part")
+    with draft.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(path)

@@ -1,7 +1,6 @@
 """The parameters in force: asked for, set, refused with a reason, and kept over a restart."""
 
 import json
-from collections.abc import Callable
 from typing import Final, TypeAlias
 
 from protocol.enums import PARAM_TYPE_INT32, PARAM_TYPE_REAL32, Severity
@@ -10,11 +9,11 @@ from robot.commands import ack
 from robot.core import modes, reasons
 from robot.core.machine import Machine
 from robot.core.parameters import Params
+from robot.news import Say
 from robot.parameters import SPECS, TABLE, OutOfRange, Unknown, described, with_value
 from robot.store import Store
 
 Answer: TypeAlias = CommandAck | ParamValue
-Say: TypeAlias = Callable[[int, str], None]
 
 NO_COMMAND: Final = 0
 """What an acknowledgement is about that is no command's."""

@@ -33,7 +33,9 @@ from robot.core.state import State
 from robot.core.values import Inputs, Outputs, Pose, Twist
 from robot.lease import Lease, open_to_all
 from robot.mission.fence_items import FenceItems
+from robot.mission.kept import Kept
 from robot.mission.mission import Mission
+from robot.mission.restored import Exchange, restored
 from robot.mission.transfer import Reply, Transfers
 from robot.news import News
 from robot.occasion import Occasion
@@ -68,7 +70,9 @@ class Vehicle:
         self.mission = Mission(self.state.machine)
         self.commands = Commands(self.state, self.mission)
         self.tuning = Tuning(params, store, self.state.machine, self.say)
-        self._transfers = Transfers(self.mission, FenceItems(self.state))
+        self._kept = Kept(store.directory)
+        fence = FenceItems(self.state)
+        self._transfers = Transfers(self.mission, fence, self._kept, self.say)
         self._news = News(self.state.machine, self.mission)
         self._texts = self._news.text(Severity.INFO, "started: disarmed, standing still")
         self._operator_ns: int | None = None
@@ -76,6 +80,8 @@ class Vehicle:
         self._leases = Occasion(SLOW_NS)
         self._missions = Occasion(SLOW_NS)
         self._slipping = False
+        self.restored: tuple[str, ...] = ()
+        """What there was to say of what an earlier run had kept."""
 
     @property
     def params(self) -> Params:
@@ -119,6 +125,14 @@ class Vehicle:
         if isinstance(request, Transfer):
             return self._transfers.receive(request, operator)
         return self._refused(request, reasons.UNKNOWN_COMMAND)
+
+    def restore(self) -> list[Exchange]:
+        """Before anybody asks anything: have the fence and the mission again that were kept."""
+        done = restored(self._kept, self._transfers, self.state)
+        for severity, words in done.words:
+            self.say(severity, words)
+        self.restored = tuple(words for _, words in done.words)
+        return done.exchange
 
     def step(self, inputs: Inputs, mark: Mark, manual: Twist | None = None) -> Outputs:
         """One tick of mission and core; `manual`: how an operator steers.

@@ -131,12 +131,15 @@ def set_mode(machine: Machine, trail: Trail, mode: int, now_ms: int) -> int:
 
 
 def set_fence(machine: Machine, fence: "Fence | None", pose: Pose) -> int:
-    """Put up a fence, or with None take it down. It must hold the robot and the goal it has."""
+    """Put up a fence, or with None take it down. It must hold the robot and the goal it has.
+
+    A robot that has sensed nothing yet takes one that leaves it out: it cannot be armed then.
+    """
     if fence is not None:
         refusal = fences.refusal_of(fence)
         if refusal != reasons.OK:
             return refusal
-        if not fences.inside(fence, pose.x_m, pose.y_m):
+        if machine.vehicle != states.BOOT and not fences.inside(fence, pose.x_m, pose.y_m):
             return reasons.FENCE_LEAVES_ROBOT_OUT
         goal = machine.goal
         kept = goal is None or fences.inside(fence, goal.x_m, goal.y_m)

@@ -18,6 +18,7 @@ from protocol.messages import (
 )
 from protocol.reasons import Reason
 from robot.core import reasons
+from robot.mission.kept import Kept
 from robot.mission.mission import MOST_ITEMS
 from robot.mission.transfer import NO_ITEM, Request, Transfers
 from tests.unit.robot.mission.items import circle, corners, item, line, ready, start, upload
@@ -246,7 +247,8 @@ def test_in_whatever_order_frames_come_what_is_held_came_as_a_whole(
     asked: list[tuple[Request, str]],
 ) -> None:
     shelf = Shelf()
-    transfers = Transfers(Desk().vehicle.mission, shelf)
+    desk = Desk()
+    transfers = Transfers(desk.vehicle.mission, shelf, Kept(None), desk.vehicle.say)
     for request, operator in asked:
         answer = transfers.receive(request, operator)
         assert getattr(answer, "mission_type", 0) == request.mission_type

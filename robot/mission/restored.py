@@ -1,0 +1,74 @@
+"""After a restart: what was kept is put up again by the requests that brought it, and it is said.
+
+A fence that cannot be had back is told as an error: the robot drives without it. A mission is there
+to be started; it never starts by itself.
+"""
+
+from typing import NamedTuple, TypeAlias
+
+from protocol.enums import MissionType, Severity
+from protocol.messages import MissionCount, MissionVerdict
+from protocol.reasons import reason_text
+from robot.core import fence as fences
+from robot.core import reasons
+from robot.core.state import State
+from robot.mission.kept import NAMES, Items, Kept, Unreadable
+from robot.mission.transfer import NO_ITEM, Reply, Request, Transfers
+
+Exchange: TypeAlias = tuple[Request, Reply]
+
+
+class Restored(NamedTuple):
+    """Each request and its answer, as if an operator had asked again, and what there is to say."""
+
+    exchange: list[Exchange]
+    words: list[tuple[Severity, str]]
+
+
+def restored(kept: Kept, transfers: Transfers, state: State) -> Restored:
+    done = Restored([], [])
+    for kind, name in NAMES.items():
+        try:
+            items = kept.found(kind)
+        except Unreadable as error:
+            done.words.append((Severity.ERROR, f"started WITHOUT the {name} of before: {error}"))
+            continue
+        if items:
+            exchange = asked_again(transfers, kind, items)
+            done.words.append(outcome(kind, items, exchange[-1][1], state))
+            done.exchange.extend(exchange)
+    return done
+
+
+def asked_again(transfers: Transfers, kind: int, items: Items) -> list[Exchange]:
+    """Up to the verdict, which ends a transfer."""
+    exchange: list[Exchange] = []
+    requests: list[Request] = [MissionCount(count=len(items), mission_type=kind), *items]
+    for request in requests:
+        exchange.append((request, transfers.receive(request)))
+        if isinstance(exchange[-1][1], MissionVerdict):
+            break
+    return exchange
+
+
+def outcome(kind: int, items: Items, answer: Reply, state: State) -> tuple[Severity, str]:
+    why = refusal(answer)
+    if why:
+        return Severity.ERROR, f"started WITHOUT the {NAMES[kind]} of before: {why}"
+    if kind == MissionType.MISSION:
+        count = f"{len(items)} item{'' if len(items) == 1 else 's'}"
+        return Severity.INFO, f"mission of before is there, {count}, not started"
+    fence, pose = state.machine.fence, state.odometry.pose
+    if fence is not None and not fences.inside(fence, pose.x_m, pose.y_m):
+        return Severity.WARNING, "fence of before is up, robot OUTSIDE of it: lift it to arm"
+    return Severity.INFO, "fence of before is up"
+
+
+def refusal(answer: Reply) -> str:
+    """Why it could not be put up; empty when it is."""
+    if not isinstance(answer, MissionVerdict):
+        return "an item is there twice"
+    if answer.reason == reasons.OK:
+        return ""
+    item = "" if answer.item == NO_ITEM else f"item {answer.item + 1}: "
+    return item + reason_text(answer.reason)

@@ -1,0 +1,229 @@
+"""What a robot that restarts still has: its fence, for safety, and its mission, to be started."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from protocol.enums import Command, GoalState, MissionState, MissionType, Severity
+from protocol.messages import MissionClearAll, MissionItemInt, MissionVerdict
+from protocol.reasons import Reason
+from robot.core.values import Pose
+from robot.store import Store
+from tests.unit.robot.mission.items import circle, corners, line, start, state, until, upload
+from tests.unit.robot.vehicles import Desk
+
+NEAR = corners((-1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (-1.0, 1.0))
+
+
+def restarted(folder: Path, at: Pose | None = None) -> Desk:
+    desk = Desk(Store(folder))
+    if at is not None:
+        desk.vehicle.state.odometry.pose = at
+    desk.vehicle.restore()
+    return desk
+
+
+def kept(folder: Path, *uploads: list[MissionItemInt]) -> None:
+    """Somebody uploads these to a robot, which ends."""
+    desk = restarted(folder)
+    desk.arm()
+    for items in uploads:
+        assert upload(desk, items).reason == Reason.NONE
+
+
+def told(desk: Desk) -> list[tuple[int, str]]:
+    """What was said, the pieces of each text together."""
+    lines: list[tuple[int, str]] = []
+    for text in desk.vehicle.texts():
+        if text.chunk_seq:
+            lines[-1] = (lines[-1][0], lines[-1][1] + text.text)
+        else:
+            lines.append((text.severity, text.text))
+    return lines
+
+
+def clear(desk: Desk, kind: int) -> int:
+    answer = desk.vehicle.receive(MissionClearAll(mission_type=kind), desk.now_ns)
+    assert isinstance(answer, MissionVerdict)
+    return answer.reason
+
+
+@pytest.mark.parametrize("fence", [NEAR, circle(0.5, 0.0, 1.5)], ids=["polygon", "circle"])
+def test_a_robot_that_restarts_keeps_its_fence_and_says_so(
+    tmp_path: Path, fence: list[MissionItemInt]
+) -> None:
+    kept(tmp_path / "state", fence)
+    desk = restarted(tmp_path / "state")
+    assert (Severity.INFO, "fence of before is up") in told(desk)
+    assert desk.vehicle.restored == ("fence of before is up",)
+    desk.arm()
+    assert desk.goto(3.0, 0.0) == Reason.OUTSIDE_FENCE
+    assert desk.goto(1.5, 0.0) == Reason.NONE
+
+
+def test_a_mission_is_offered_again_and_starts_only_when_it_is_told_to(tmp_path: Path) -> None:
+    kept(tmp_path, line(3))
+    desk = restarted(tmp_path)
+    assert state(desk) == (MissionState.READY, 0)
+    assert (Severity.INFO, "mission of before is there, 3 items, not started") in told(desk)
+    desk.arm()
+    for _ in range(40):
+        assert (desk.step().left_mrad_s, desk.step().right_mrad_s) == (0, 0)
+    assert desk.vehicle.state.machine.goal_state == GoalState.NONE
+    assert start(desk) == Reason.NONE
+    until(desk, MissionState.DONE)
+
+
+def test_a_mission_that_was_under_way_does_not_go_on_by_itself(tmp_path: Path) -> None:
+    before = restarted(tmp_path)
+    before.arm()
+    upload(before, line(3))
+    start(before)
+    until(before, MissionState.RUNNING)
+    before.step()
+    desk = restarted(tmp_path)
+    desk.arm()
+    desk.step()
+    assert state(desk) == (MissionState.READY, 0)
+
+
+def test_what_was_taken_away_is_not_there_again(tmp_path: Path) -> None:
+    kept(tmp_path, NEAR, line(2))
+    desk = restarted(tmp_path)
+    assert clear(desk, MissionType.FENCE) == clear(desk, MissionType.MISSION) == Reason.NONE
+    assert list(tmp_path.iterdir()) == []
+    again = restarted(tmp_path)
+    assert again.vehicle.state.machine.fence is None
+    assert state(again) == (MissionState.NONE, 0)
+    assert again.vehicle.restored == ()
+
+
+def test_without_a_directory_nothing_is_kept() -> None:
+    desk = Desk()
+    assert desk.vehicle.restore() == []
+    desk.arm()
+    assert upload(desk, NEAR).reason == Reason.NONE
+    assert clear(desk, MissionType.FENCE) == Reason.NONE
+
+
+def item_text(**changes: object) -> str:
+    row = {name: getattr(NEAR[0], name) for name in MissionItemInt.__struct_fields__}
+    return json.dumps([row | changes])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "{", "[", "null", "[]", "5", "[1]", '["seq"]', "\x00", "[" * 100_000),
+        pytest.param('[{"seq": 0, "x": 1}]', id="of an older version"),
+        pytest.param(item_text(radius=3.0), id="of a newer version"),
+        pytest.param(item_text(x="1"), id="text for a number"),
+        pytest.param(item_text(x=2**40), id="too large for the wire"),
+        pytest.param(item_text(mission_type=0), id="of another kind"),
+        pytest.param(item_text(seq=7), id="out of order"),
+        pytest.param(item_text(param1=3), id="three corners, one there"),
+        pytest.param(json.dumps(json.loads(item_text()) * 2), id="a corner twice"),
+    ],
+)
+def test_a_robot_starts_without_a_fence_that_cannot_be_read_and_says_so_loudly(
+    tmp_path: Path, text: str
+) -> None:
+    (tmp_path / "fence.json").write_text(text)
+    desk = restarted(tmp_path)
+    (words,) = desk.vehicle.restored
+    assert words.startswith("started WITHOUT the fence of before: ")
+    assert len(words) > len("started WITHOUT the fence of before: ")
+    assert (Severity.ERROR, words.encode("ascii", "replace").decode()) in told(desk)
+    desk.arm()
+    assert desk.goto(3.0, 0.0) == Reason.NONE
+    assert (tmp_path / "fence.json").read_text() == text, "somebody may want to look at it"
+
+
+def test_bytes_that_are_no_text_are_named_with_their_file(tmp_path: Path) -> None:
+    (tmp_path / "mission.json").write_bytes(b"\xff\xfe")
+    (words,) = restarted(tmp_path).vehicle.restored
+    assert str(tmp_path / "mission.json") in words
+    assert "utf-8" in words
+
+
+def test_a_folder_in_the_place_of_the_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "fence.json").mkdir()
+    (words,) = restarted(tmp_path).vehicle.restored
+    assert "fence.json" in words
+
+
+def test_a_mission_that_lies_outside_of_the_fence_is_left_out_with_its_reason(
+    tmp_path: Path,
+) -> None:
+    kept(tmp_path, line(12))
+    narrow = Desk(Store(tmp_path))
+    narrow.arm()
+    assert upload(narrow, NEAR).reason == Reason.NONE
+    desk = restarted(tmp_path)
+    assert "started WITHOUT the mission of before: item 7: goal is outside of the fence" in (
+        desk.vehicle.restored
+    )
+    assert state(desk) == (MissionState.NONE, 0)
+
+
+def test_a_robot_that_starts_outside_of_its_fence_keeps_it_and_cannot_be_armed(
+    tmp_path: Path,
+) -> None:
+    kept(tmp_path, NEAR)
+    desk = restarted(tmp_path, at=Pose(5.0, 0.0, 0.0))
+    assert desk.vehicle.restored == ("fence of before is up, robot OUTSIDE of it: lift it to arm",)
+    assert desk.arm() == Reason.FENCE_BREACHED
+    assert clear(desk, MissionType.FENCE) == Reason.NONE
+    assert desk.arm() == Reason.NONE
+
+
+def test_once_it_senses_a_fence_that_leaves_it_out_is_refused(tmp_path: Path) -> None:
+    desk = restarted(tmp_path, at=Pose(5.0, 0.0, 0.0))
+    desk.step()
+    assert upload(desk, NEAR).reason == Reason.FENCE_LEAVES_ROBOT_OUT
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_fence_that_cannot_be_saved_is_up_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("robot.store.os.fsync", full)
+    desk = restarted(tmp_path)
+    desk.arm()
+    told(desk)
+    assert upload(desk, NEAR).reason == Reason.NOT_SAVED
+    assert desk.goto(3.0, 0.0) == Reason.OUTSIDE_FENCE
+    assert (Severity.ERROR, "fence not saved: No space left on device") in told(desk)
+
+
+def test_what_is_kept_already_is_not_written_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept(tmp_path, circle(0.5, 0.0, 1.5), line(2))
+
+    def written(*_: object) -> None:
+        raise AssertionError("written once more")
+
+    monkeypatch.setattr("robot.mission.kept.replace_whole", written)
+    desk = restarted(tmp_path)
+    desk.arm()
+    assert upload(desk, circle(0.5, 0.0, 1.5)).reason == Reason.NONE
+    assert len(desk.vehicle.restored) == 2
+
+
+def test_the_requests_of_a_restart_make_the_same_of_another_robot(tmp_path: Path) -> None:
+    """So a recording of it, in which they are, can be executed again."""
+    kept(tmp_path, NEAR, line(3))
+    desk = Desk(Store(tmp_path))
+    exchange = desk.vehicle.restore()
+    other = Desk()
+    assert [repr(other.vehicle.receive(request, 0)) for request, _ in exchange] == [
+        repr(answer) for _, answer in exchange
+    ]
+    assert other.vehicle.state.machine.fence == desk.vehicle.state.machine.fence is not None
+    assert repr(other.vehicle.mission.items) == repr(desk.vehicle.mission.items)
+    assert other.command(Command.MISSION_START) == Reason.NOT_ARMED
