@@ -66,11 +66,23 @@ class Wires:
         return newest is not None and newest[0].sense_seq == plant.now_ns // PERIOD_NS
 
     def obey(self, plant: Plant) -> None:
-        """Hand a new command to the motor driver; one that answers too old senses is dead."""
+        """Hand a new command to the motor driver, for what is left of its time-to-live.
+
+        That counts from the senses it answers, on this clock: neither a command that was long on
+        its way nor a copy of it lets the wheels turn for longer. One overtaken by a newer is late.
+        """
         newest = self._command.latest()
         if newest is None or newest[0] is self._obeyed:
             return
-        command = self._obeyed = newest[0]
+        command, last = newest[0], self._obeyed
         age_ms = (plant.now_ns // PERIOD_NS - command.sense_seq) * PERIOD_MS
-        if age_ms <= command.ttl_ms:
-            plant.command(self._number, command.left_mrad_s, command.right_mrad_s, command.ttl_ms)
+        left_ms = command.ttl_ms - max(0, age_ms)
+        if left_ms <= 0 or (last is not None and overtaken(command, last)):
+            return
+        self._obeyed = command
+        plant.command(self._number, command.left_mrad_s, command.right_mrad_s, left_ms)
+
+
+def overtaken(command: WheelCommand, last: WheelCommand) -> bool:
+    """Was it sent before the last one? A robot that began anew counts from 0 again, later on."""
+    return (command.sense_seq, command.seq) < (last.sense_seq, last.seq)

@@ -6,6 +6,7 @@ from typing import Literal
 
 from protocol.errors import BadEndpoint, UserError
 from protocol.topic import robot_name
+from protocol.trouble import Trouble
 
 Mode = Literal["client", "peer", "router"]
 EXAMPLE = "tcp/127.0.0.1:7447"
@@ -59,6 +60,7 @@ class Network:
     connect_timeout_s: float = 5.0
     tls: Tls | None = None
     robots: tuple[str, ...] = USUAL_ROBOTS
+    trouble: Trouble | None = None
 
     def __post_init__(self) -> None:
         for endpoint in (*self.listen, *self.connect):

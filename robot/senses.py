@@ -1,6 +1,7 @@
 """What the robot senses and hears in this tick, and when on the plant's clock this tick is."""
 
 from collections.abc import Callable
+from typing import Final, TypeVar
 
 from protocol.bus import Bus
 from protocol.clock import Tick
@@ -10,6 +11,11 @@ from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from robot.core.senses import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Scan, Wheels
 from robot.vehicle import Vehicle
+
+Sense = TypeVar("Sense", WheelTicks, SonarScan)
+OVERTAKEN: Final = 20
+"""A sample up to so many behind the newest was overtaken on its way; one farther behind is of a
+plant that began anew."""
 
 
 class Senses:
@@ -35,6 +41,8 @@ class Senses:
         self._sonar = bus.mailbox(SONAR, notify=beat)
         self._operator = bus.mailbox(OPERATOR, accept=accept)
         self._teleop = bus.mailbox(TELEOP, accept=accept)
+        self._last_wheels: tuple[WheelTicks, int] | None = None
+        self._last_scan: tuple[SonarScan, int] | None = None
         self._heard_ns: int | None = None
         self._steered: tuple[Teleop, int] | None = None
         self.stamp_ns = self.sequence = self.ping_age_us = 0
@@ -43,11 +51,12 @@ class Senses:
     def read(self, tick: Tick, now_ns: int, vehicle: Vehicle) -> Inputs:
         """The senses of this tick; None where one is missing or stale."""
         self._listen(vehicle, now_ns)
-        newest = self._sonar.latest()
+        wheels = self._last_wheels = newer(self._wheels.latest(), self._last_wheels)
+        newest = self._last_scan = newer(self._sonar.latest(), self._last_scan)
         self._place(newest, tick, now_ns)
         return Inputs(
             now_ms_of(now_ns),
-            self._wheels_of(self._wheels.latest(), now_ns),
+            self._wheels_of(wheels, now_ns),
             self._scan_of(newest, now_ns),
             vehicle.operator_age_ms(now_ns),
         )
@@ -89,3 +98,12 @@ class Senses:
         if steered is not None and steered is not self._steered:
             self._steered = steered
             vehicle.hear_teleop(steered[0], now_ns if self.lockstep else steered[1])
+
+
+def newer(
+    newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None
+) -> tuple[Sense, int] | None:
+    """What was sent last, and not what came last: that may have been overtaken on its way."""
+    if newest is None or last is None:
+        return newest
+    return last if 0 < last[0].seq - newest[0].seq <= OVERTAKEN else newest

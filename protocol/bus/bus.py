@@ -16,6 +16,7 @@ from zenoh.handlers import Callback
 from protocol.bus.publisher import Publisher
 from protocol.bus.service import Asked, Desk, Handler, sender_in
 from protocol.bus.session import bound_endpoints, called, open_session
+from protocol.bus.trouble import Line
 from protocol.codec import Encoder, decode
 from protocol.errors import LocalError, NoAnswer
 from protocol.mailbox import Mailbox, Sample, foreign
@@ -56,6 +57,7 @@ class Bus:
         self._declared: list[object] = []
         self._watched: frozenset[Presence] | None = None
         self._desk = Desk()
+        self.line = Line(network.trouble, now_ns)
         self._session = open_session(network)
 
     def __enter__(self) -> Self:
@@ -74,6 +76,7 @@ class Bus:
         self._desk.close()
         session: Any = self._session
         session.close()
+        self.line.close()
 
     @property
     def zid(self) -> str:
@@ -253,7 +256,8 @@ class Bus:
         return Encoder(*sender_of(self.role, robot or self.robot))
 
     def _subscriber(self, key: str, callback: Callable[[zenoh.Sample], None]) -> Any:
-        return self._session.declare_subscriber(key, Callback(callback, indirect=False))
+        heard = Callback(self.line.through(callback), indirect=False)
+        return self._session.declare_subscriber(key, heard)
 
 
 def answer_in(sample: zenoh.Sample) -> Message | bytes:

@@ -2,11 +2,11 @@
 
 import pytest
 
+from benchmarks.cable import Cable
 from ground.station import LossKind
 from protocol.enums import AckResult, LeaseAction
 from protocol.messages import CommandAck, LeaseRequest
 from protocol.topics import LEASE_SERVICE, Role
-from tests.bus.cable import Cable
 from tests.bus.lively import Lively, watching
 
 

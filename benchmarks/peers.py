@@ -1,9 +1,9 @@
 """Plant, robot and operator as Zenoh peers in this process: started, killed, started again."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import Final
+from typing import Any, Final
 from uuid import uuid4
 
 from plant.desk import Desk
@@ -13,14 +13,27 @@ from plant.process import Wake
 from plant.wires import Wires
 from plant.world_file import load
 from plant.world_overrides import noise_of
-from protocol.bus import Bus, Network, open_bus
+from plant.world_types import World
+from protocol.bus import Bus, Network, Publisher, open_bus
 from protocol.clock import ManualClock
 from protocol.codec import decode
 from protocol.enums import Navigator
 from protocol.messages import Statustext
 from protocol.network import Mode
 from protocol.timing import PERIOD_NS
-from protocol.topics import CYCLE, OPERATOR, RUN, STATUS, TEXT, WORLD, Role
+from protocol.topics import (
+    CYCLE,
+    OPERATOR,
+    RUN,
+    SONAR,
+    STATUS,
+    TELEOP,
+    TEXT,
+    TOPICS,
+    WHEELS,
+    WORLD,
+    Role,
+)
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
 from robot.meter import Meter
@@ -32,16 +45,18 @@ from robot.vehicle import Vehicle
 
 FRAME_S: Final = 5.0
 TOLD: Final = "cycle report at the ground"
+MAILBOXES: Final = (SONAR, WHEELS, OPERATOR, TELEOP)
+"""Of the robot: to all else it listens only so that arrivals can be counted."""
 
 
 class Arrivals:
-    """Counts what arrives on a bus and lets a test wait for it, with a deadline."""
+    """Counts what arrives on a bus and lets others wait for it, with a deadline."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._counts: dict[str, int] = {}
 
-    def take(self, key: str, _frame: bytes = b"", _arrived_ns: int = 0) -> None:
+    def take(self, key: str) -> None:
         with self._changed:
             self._counts[key] = self._counts.get(key, 0) + 1
             self._changed.notify_all()
@@ -50,24 +65,30 @@ class Arrivals:
         return self._counts.get(key, 0)
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
+        """Raises RuntimeError when it does not come true in time."""
         with self._changed:
-            assert self._changed.wait_for(condition, FRAME_S), f"{what} did not arrive"
+            if not self._changed.wait_for(condition, FRAME_S):
+                raise RuntimeError(f"{what} did not arrive")
 
 
 class Peers:
-    """Who is on the bus; `operator` is whether the operator's heartbeat goes out."""
+    """Who is on the bus; `operator` is whether the operator's heartbeat goes out.
+
+    `enforced`: a robot that loses time is held to its budget, in simulated time.
+    """
 
     def __init__(
         self,
-        world: str = "open",
+        world: str | World = "open",
         *,
         navigator: str = "vgm_memory",
         noise: str = "none",
         seed: int = 0,
         router: bool = False,
         parameters: dict[str, float] | None = None,
+        enforced: bool = False,
     ) -> None:
-        self.world = load(world)
+        self.world = load(world) if isinstance(world, str) else world
         self.operator = self._listening = False
         self.texts: list[str] = []
         self.clock = ManualClock()
@@ -76,6 +97,7 @@ class Peers:
             self._params = with_value(self._params, name, value)
         self._noise = noise_of(self.world, noise)
         self._seed = seed
+        self._enforced = enforced
         self._router = router
         self._prefix = f"test-{uuid4().hex[:8]}"
         self._arrivals = Arrivals()
@@ -83,6 +105,7 @@ class Peers:
         self._hub = "tcp/127.0.0.1:0"
         self._ticks = 0
         self._commands = 0
+        self.buses: dict[str, Bus] = {}
         self.robot: RobotProcess | None = None
         self.plant: PlantProcess | None = None
 
@@ -107,23 +130,27 @@ class Peers:
         self.vehicle = Vehicle(
             self._params, Store(None), Pose(start.x_m, start.y_m, start.heading_rad)
         )
-        senses = Senses(bus, lockstep=True, accept=self.vehicle.lease.allows)
-        meter = Meter(self.clock, period_ns=PERIOD_NS, enforced=False)
+        senses = self._senses = Senses(bus, lockstep=True, accept=self.vehicle.lease.allows)
+        meter = Meter(self.clock, period_ns=PERIOD_NS, enforced=self._enforced)
         self.robot = RobotProcess(self.vehicle, bus, self.clock, senses, meter)
         self.robot.serve()
         bus.announce()
-        bus.stream(f"{self._prefix}/**", self._arrivals.take)
+        for topic in TOPICS:
+            if topic not in MAILBOXES:
+                bus.stream(topic, nothing)
+        bus.line.after = self._arrivals.take
 
     def _start_plant(self) -> None:
         bus = self._open("plant", Role.PLANT)
-        plant = Plant(self.world, self._seed, self._noise)
+        plant = Plant(self.world, self._seed, self._noise, at_ns=self.clock.now_ns())
         desk = Desk(running=True, world={}, nudge=lambda: None)
-        wires = Wires(bus, "r1", 0, lambda _: self._arrivals.take("command"), lockstep=True)
+        wires = Wires(bus, "r1", 0, nothing, lockstep=True)
+        bus.line.after = lambda key: self._arrivals.take(f"{key} at the plant")
         for service in (RUN, WORLD):
             bus.serve(service, lambda asked: desk.ask(0, asked))
         bus.announce()
         self.plant = PlantProcess(plant, [wires], desk, Wake())
-        assert bus.await_matched(wires.publishers[-1:], FRAME_S) == []
+        matched(bus, wires.publishers[-1:])
 
     def _start_ground(self) -> None:
         self.ground = self._open("ground", Role.GROUND)
@@ -147,17 +174,19 @@ class Peers:
             network = Network(mode=mode, listen=(self._hub,), prefix=self._prefix)
         else:
             network = Network(mode="client", connect=(self._hub,), prefix=self._prefix)
-        bus = self._scopes[name].enter_context(open_bus(network, role, "r1"))
+        bus = self._scopes[name].enter_context(open_bus(network, role, "r1", self.clock.now_ns))
+        bus.line.by_hand = True
+        self.buses[name] = bus
         if name == hub:
             self._hub = bus.locator()
         return bus
 
     def reconnect(self) -> None:
         """Wait until plant and operator have found a robot that was started again."""
-        assert self.plant is not None
-        assert self.robot is not None
+        if self.plant is None or self.robot is None:
+            raise RuntimeError("nobody is there to be found")
         publishers = [self.plant.wires[0].publishers[-1], self._beat, self.robot.reports.cycle]
-        assert self.ground.await_matched(publishers, FRAME_S) == []
+        matched(self.ground, publishers)
 
     def start_all(self) -> None:
         if self._router:
@@ -171,5 +200,16 @@ class Peers:
 
     def _hear(self, _key: str, frame: bytes, _arrived_ns: int) -> None:
         text = decode(frame).message
-        assert isinstance(text, Statustext)
-        self.texts.append(text.text)
+        if isinstance(text, Statustext):
+            self.texts.append(text.text)
+
+
+def matched(bus: Bus, publishers: Sequence[Publisher[Any]]) -> None:
+    """Wait until each of them has a reader; raises RuntimeError when one has none in time."""
+    missing = bus.await_matched(publishers, FRAME_S)
+    if missing:
+        raise RuntimeError(f"nobody listens to {', '.join(missing)}")
+
+
+def nothing(*_: object) -> None:
+    """Nobody looks."""

@@ -1,4 +1,4 @@
-"""A cable between a client and the hub that a test can cut: nothing comes back, not even a no."""
+"""A cable between a client and the hub that can be cut: nothing comes back, not even a no."""
 
 import socket
 import threading

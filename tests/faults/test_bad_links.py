@@ -1,0 +1,72 @@
+"""Bad links over the whole stack, in simulated time: late is not fresh, old is not obeyed."""
+
+import pytest
+
+from protocol.enums import Vehicle
+from protocol.reasons import Reason
+from protocol.trouble import Trouble
+from tests.harness import Stack
+
+STOPPING_S = 0.40
+
+
+def under_way(stack: Stack) -> None:
+    stack.forward(0.5)
+    stack.arm()
+    stack.goto_goal()
+    stack.until(stack.driving)
+
+
+@pytest.mark.parametrize(
+    "trouble",
+    [
+        Trouble(loss=0.01),
+        Trouble(loss=0.05),
+        Trouble(duplicate=0.3),
+        Trouble(reorder=0.3),
+        Trouble(delay_ms=50),
+    ],
+    ids=["1 % lost", "5 % lost", "30 % doubled", "30 % swapped", "50 ms late"],
+)
+def test_a_slightly_bad_link_does_not_keep_it_from_its_goal(trouble: Trouble) -> None:
+    with Stack("box", noise="default") as stack:
+        under_way(stack)
+        for name in ("robot", "plant"):
+            stack.buses[name].line.disturb(trouble)
+        stack.until(stack.reached)
+        stack.assert_near(5.4, 2.0, within_m=0.2)
+        assert stack.truth.contact == 0
+
+
+@pytest.mark.parametrize("delay_ms", [300, 500])
+def test_senses_that_are_long_on_their_way_are_as_good_as_lost(delay_ms: int) -> None:
+    with Stack("corridor", noise="default") as stack:
+        under_way(stack)
+        stack.buses["robot"].line.disturb(Trouble(delay_ms=delay_ms, paths=("sense/",)))
+        noticed_s = stack.until(lambda: stack.state == Vehicle.FAILSAFE, within_s=1.0)
+        assert noticed_s <= 0.25 + 1e-9
+        assert stack.why == Reason.TICKS_LOST
+        stack.forward(STOPPING_S)
+        assert stack.standing()
+
+
+def test_a_scan_that_was_overtaken_does_not_take_the_place_of_the_newer_one() -> None:
+    with Stack("open") as stack:
+        under_way(stack)
+        stack.buses["robot"].line.disturb(Trouble(jitter_ms=140, paths=("sense/",)))
+        stack.forward(0.05)
+        heard = []
+        for _ in range(60):
+            stack.forward(0.05)
+            heard.append(stack.senses_used)
+        assert heard == sorted(heard), "it never goes back to what it knew before"
+
+
+def test_neither_a_late_command_nor_its_copies_keep_the_wheels_of_a_dead_robot_turning() -> None:
+    with Stack("open") as stack:
+        under_way(stack)
+        late = Trouble(delay_ms=100, duplicate=1.0, jitter_ms=100)
+        stack.buses["plant"].line.disturb(late)
+        stack.forward(0.5)
+        stack.kill("robot")
+        assert stack.until(stack.standing, within_s=1.0) <= 0.2 + 1e-9

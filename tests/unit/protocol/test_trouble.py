@@ -1,0 +1,90 @@
+"""What a bad network does to samples: shares, delays and order, alike for the same seed."""
+
+from pathlib import Path
+
+import pytest
+
+from protocol import config
+from protocol.errors import ConfigError, UserError
+from protocol.network import Network
+from protocol.trouble import Rough, Trouble, earliest
+
+MS = 1_000_000
+MANY = 4000
+
+
+def sent(trouble: Trouble, samples: int = MANY, key: str = "sidestep/r1/sense/sonar") -> list[int]:
+    """One sample every 50 ms, numbered; what comes out until all are through."""
+    way: Rough[int] = Rough(trouble, key)
+    found = [one for number in range(samples) for one in way.take(number, number * 50 * MS)]
+    return found + way.due(samples * 100 * MS)
+
+
+def test_without_a_share_or_a_delay_all_pass_in_order() -> None:
+    assert sent(Trouble()) == list(range(MANY))
+
+
+def test_as_many_are_lost_as_was_asked_for() -> None:
+    assert len(sent(Trouble(loss=0.2))) == pytest.approx(0.8 * MANY, rel=0.03)
+    assert sent(Trouble(loss=1.0)) == []
+
+
+def test_the_same_seed_loses_the_same_and_another_seed_or_key_does_not() -> None:
+    first = sent(Trouble(loss=0.2, seed=1))
+    assert sent(Trouble(loss=0.2, seed=1)) == first
+    assert sent(Trouble(loss=0.2, seed=2)) != first
+    assert sent(Trouble(loss=0.2, seed=1), key="sidestep/r1/drive/wheels") != first
+
+
+def test_a_copy_comes_right_after_its_original() -> None:
+    found = sent(Trouble(duplicate=0.3))
+    assert found == sorted(found)
+    assert len(found) == pytest.approx(1.3 * MANY, rel=0.03)
+    assert set(found) == set(range(MANY))
+
+
+def test_one_that_is_overtaken_comes_after_the_next_and_none_is_lost() -> None:
+    found = sent(Trouble(reorder=0.3), 40)
+    assert found != sorted(found)
+    assert max(abs(at - number) for at, number in enumerate(found)) == 1
+    assert set(found) >= set(range(39)), "the very last may still be held back"
+
+
+def test_each_is_late_by_the_delay_and_by_no_more_than_the_jitter() -> None:
+    way: Rough[str] = Rough(Trouble(delay_ms=100, jitter_ms=50), "k")
+    assert way.take("a", 0) == []
+    assert way.due(100 * MS - 1) == []
+    assert way.next_ns is not None
+    assert 100 * MS <= way.next_ns <= 150 * MS
+    assert way.due(150 * MS) == ["a"]
+    assert way.next_ns is None
+
+
+def test_who_is_due_first_is_known_over_all_ways() -> None:
+    ways: list[Rough[int]] = [Rough(Trouble(delay_ms=ms), "k") for ms in (80, 20, 50)]
+    assert earliest(ways) is None
+    for way in ways:
+        way.take(1, 0)
+    assert earliest(ways) == 20 * MS
+
+
+def test_it_concerns_the_topics_it_names_and_without_names_all() -> None:
+    assert Trouble().concerns("tlm/text")
+    assert Trouble(paths=("sense/", "drive/wheels")).concerns("sense/sonar")
+    assert not Trouble(paths=("sense/", "drive/wheels")).concerns("tlm/text")
+
+
+@pytest.mark.parametrize("field", ["loss", "duplicate", "reorder", "delay_ms", "jitter_ms"])
+@pytest.mark.parametrize("value", [-0.1, 1e9])
+def test_what_cannot_be_is_refused_by_name(field: str, value: float) -> None:
+    with pytest.raises(UserError, match=field):
+        Trouble(**{field: value})  # type: ignore[arg-type]
+
+
+def test_it_is_a_table_of_the_configuration(tmp_path: Path) -> None:
+    file = tmp_path / "bad.toml"
+    file.write_text('connect = ["tcp/127.0.0.1:1"]\n[trouble]\nloss = 0.05\npaths = ["sense/"]\n')
+    assert config.load(file, Network).trouble == Trouble(loss=0.05, paths=("sense/",))
+    file.write_text("[trouble]\nlos = 0.05\n")
+    with pytest.raises(ConfigError, match="did you mean 'loss'"):
+        config.load(file, Network)
