@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
 from textual import events
 from textual.app import App
 from textual.command import Provider
+from textual.driver import Driver
 from textual.timer import Timer
 
 from ground.app.aside import Aside
@@ -202,6 +203,11 @@ class GroundApp(App[int]):
     def _fatal_error(self) -> None:
         """Textual would draw a page of our local variables; whoever runs the app tells it."""
         self._close_messages_no_wait()
+
+    def get_driver_class(self) -> type[Driver]:
+        from ground.app.driver import steady  # not where nobody has a terminal
+
+        return steady(super().get_driver_class())
 
     # The round.
 

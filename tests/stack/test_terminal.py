@@ -178,6 +178,46 @@ def test_garbage_that_is_pasted_moves_nothing_and_breaks_nothing(tmp_path: Path)
         assert "STOP" not in vehicle(stack.witness)
 
 
+HOSTILE = {
+    "escapes": "\x1b[2J\x1b]52;c;QQ==\x07\x1b[31m a R D D \x1b",
+    "nothing but NULs": "\x00" * 5000,
+    "a megabyte": "goal 9 7 " * 120_000,
+    "an end of its own": "x\x1b[201~ a R D D ",
+}
+
+
+@pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
+def test_whatever_is_pasted_presses_no_key_and_the_next_key_counts(
+    tmp_path: Path, text: str
+) -> None:
+    with opened(tmp_path) as stack:
+        tmux = stack.tmux
+        tmux.shows(READY)
+        tmux.paste(text)
+        tmux.press("F12")
+        tmux.shows("E-STOP acknowledged", within_s=10.0)
+        tmux.press("4")
+        screen = tmux.shows("Severity", "E-STOP acknowledged")
+        for word in ("arm", "rtl", "press again"):
+            assert f"ground {word}" not in screen
+
+
+def test_a_paste_that_never_ends_and_bytes_that_are_no_text_swallow_no_key(tmp_path: Path) -> None:
+    with opened(tmp_path) as stack:
+        tmux = stack.tmux
+        tmux.shows(READY)
+        tmux.send_bytes(b"\x1b[200~ D a R")
+
+        def counts() -> bool:
+            tmux.press("h")
+            return "hold: ok" in tmux.screen
+
+        until(counts, what="a key that counts")
+        tmux.send_bytes(b"\xff\xfe\x1b[99999999999u\x1b[48;;;;t")
+        tmux.press("F12")
+        tmux.shows("E-STOP acknowledged")
+
+
 def test_nothing_but_the_app_writes_to_the_terminal(tmp_path: Path) -> None:
     """The robot is the hub here: with it goes the link, of which libraries have a lot to say."""
     with opened(tmp_path) as stack:

@@ -72,6 +72,10 @@ class Tmux:
         """Letter by letter, as if it were typed."""
         self._tmux("send-keys", "-l", text)
 
+    def send_bytes(self, data: bytes) -> None:
+        """As they are, whatever a terminal would make of them."""
+        self._tmux("send-keys", "-H", *(f"{byte:02x}" for byte in data))
+
     def paste(self, text: str) -> None:
         """At once, as a terminal pastes for an app that has asked for brackets around it."""
         self._tmux("load-buffer", "-", stdin=text)

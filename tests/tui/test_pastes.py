@@ -1,0 +1,167 @@
+"""Keys and pastes of a terminal are told apart, also when the end of a paste never comes."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from textual import events
+
+from ground.app.driver import Ears
+from ground.app.pastes import END, HELD_S, LONGEST_KEY, MOST, SILENT_S, START, Pastes, Piece
+
+ESC = "\x1b"
+LATER_S = 10.0
+
+
+def told(*parts: str, apart_s: float = 0.0) -> list[Piece]:
+    """What came of these parts, each so long after the one before."""
+    pastes = Pastes()
+    found: list[Piece] = []
+    for number, part in enumerate(parts):
+        now_s = number * apart_s
+        found += [*pastes.due(now_s), *pastes.feed(part, now_s)]
+    return [*found, *pastes.due(len(parts) * apart_s + LATER_S)]
+
+
+def joined(pieces: list[Piece]) -> list[Piece]:
+    """Neighbouring keys in one piece."""
+    found: list[Piece] = []
+    for piece in pieces:
+        if found and not piece.pasted and not found[-1].pasted:
+            found[-1] = Piece(found[-1].text + piece.text)
+        else:
+            found.append(piece)
+    return found
+
+
+def test_a_paste_is_one_piece_between_the_keys() -> None:
+    assert told(f":{START}goal 1 2{END}\r") == [
+        Piece(":"), Piece("goal 1 2", pasted=True), Piece("\r"),
+    ]  # fmt: skip
+
+
+@given(st.lists(st.integers(0, 60), max_size=8))
+def test_it_does_not_matter_how_what_comes_is_cut(places: list[int]) -> None:
+    whole = f"{ESC}[A{ESC}x{START}a {ESC}[2Jb\n{END}q{START}{END}{ESC}[24~ {START}z{END}"
+    cuts = [0, *sorted(min(place, len(whole)) for place in places), len(whole)]
+    assert joined(told(*(whole[a:b] for a, b in pairwise(cuts)))) == joined(told(whole))
+
+
+def test_an_escape_within_a_paste_is_no_key() -> None:
+    assert told(f"{START}{ESC}[31mred{ESC} a{ESC}[A{END}") == [Piece("[31mred a[A", pasted=True)]
+
+
+def test_what_steers_a_terminal_is_taken_out_of_a_paste() -> None:
+    assert told(f"{START}a\x00\x07\tb\r\nc\rd\u202e{END}") == [Piece("a b\nc\nd", pasted=True)]
+
+
+def test_of_a_long_paste_the_beginning_is_kept_and_its_end_is_found() -> None:
+    chunks = ["x" * 4096] * 300
+    found = told(START, *chunks, f"y{END}h")
+    assert found == [Piece("x" * MOST, pasted=True), Piece("h")]
+
+
+def test_a_paste_without_an_end_is_over_when_nothing_more_comes() -> None:
+    pastes = Pastes()
+    assert pastes.feed(f"{START}abc", 0.0) == []
+    assert pastes.due(0.9 * SILENT_S) == []
+    assert pastes.due(SILENT_S) == [Piece("abc", pasted=True)]
+    assert pastes.feed(" ", SILENT_S) == [Piece(" ")]
+
+
+def test_a_paste_that_pauses_is_not_over() -> None:
+    parts = (f"{START}a", "b" * 80, "c" * 80, f"d{END}h")
+    pasted = f"a{'b' * 80}{'c' * 80}d"
+    assert told(*parts, apart_s=0.9 * SILENT_S) == [Piece(pasted, pasted=True), Piece("h")]
+
+
+def test_a_slow_line_sends_a_paste_letter_by_letter() -> None:
+    parts = [START, *"goal 1 2" * 20, END, "h"]
+    assert told(*parts, apart_s=0.001) == [Piece("goal 1 2" * 20, pasted=True), Piece("h")]
+
+
+@pytest.mark.parametrize("key", [" ", f"{ESC}[24~"])
+def test_who_beats_on_the_stop_is_heard_although_a_paste_has_no_end(key: str) -> None:
+    """A key that repeats, 30 times a second."""
+    keys = "".join(piece.text for piece in told(START, *[key] * 60, apart_s=0.033) if not piece[1])
+    assert keys.count(key) > 10
+
+
+@pytest.mark.parametrize("rest", [f"D D{END}", "D" * (LONGEST_KEY + 1)])
+def test_the_late_rest_of_a_paste_that_was_given_up_presses_no_keys(rest: str) -> None:
+    assert told(f"{START}a", rest, "h", apart_s=2 * SILENT_S) == [
+        Piece("a", pasted=True), Piece("h"),
+    ]  # fmt: skip
+
+
+def test_after_a_paste_without_an_end_another_one_is_whole() -> None:
+    found = told(f"{START}a", f"{START}{'b' * 99}{END}h", apart_s=2 * SILENT_S)
+    assert found == [Piece("a", pasted=True), Piece("b" * 99, pasted=True), Piece("h")]
+
+
+def test_an_end_that_is_pasted_too_ends_nothing() -> None:
+    assert told(f"{START}a{END} D D{END}") == [Piece("a[201~ D D", pasted=True)]
+    assert told(f"{START}a{END}h{START}b{END}") == [
+        Piece("a", pasted=True), Piece("h"), Piece("b", pasted=True),
+    ]  # fmt: skip
+
+
+def test_half_a_mark_waits_for_the_other_half_and_not_for_ever() -> None:
+    pastes = Pastes()
+    assert pastes.feed("a\x1b[2", 0.0) == [Piece("a")]
+    assert pastes.feed("4~", 0.05) == [Piece("\x1b[24~")]
+    assert pastes.feed(ESC, 1.0) == []
+    assert pastes.due(1.0 + HELD_S) == [Piece(ESC)]
+
+
+# As Textual is told.
+
+
+def heard(*parts: str, apart_s: float = 0.0) -> list[str]:
+    """Keys by name and pastes by text, when after the parts all is quiet."""
+    ears = Ears()
+    found = []
+    for number, part in enumerate(parts):
+        now_s = number * apart_s
+        found += [*ears.tick(now_s), *ears.feed(part, now_s)]
+    found += ears.tick(len(parts) * apart_s + LATER_S)
+    keys = [one for one in found if isinstance(one, events.Key | events.Paste)]
+    return [one.key if isinstance(one, events.Key) else f"<{one.text}>" for one in keys]
+
+
+def test_keys_are_those_that_textual_knows() -> None:
+    assert heard(f"a {ESC}[A{ESC}[24~\x00{ESC}") == ["a", "space", "up", "f12", "ctrl+@", "escape"]
+
+
+def test_escape_is_pressed_once_and_a_letter_after_it_is_its_own() -> None:
+    assert heard(ESC, "h", apart_s=1.0) == ["escape", "h"]
+    assert heard(ESC, ESC, apart_s=1.0) == ["escape", "escape"]
+
+
+@pytest.mark.parametrize(
+    "garbage",
+    [
+        f"{ESC}[99999999999u",
+        f"{ESC}[48;;;;t",
+        f"{ESC}[1114112u",
+        f"{START}{ESC}[48;;;;t{ESC}[O",
+        f"{START}{ESC}",
+        f"{ESC}[<1;1",
+        f"{ESC}]52;c;" + "A" * 500,
+    ],
+)
+def test_after_any_garbage_keys_are_keys_again(garbage: str) -> None:
+    assert heard(garbage, "h", f"{ESC}[24~", apart_s=1.0)[-2:] == ["h", "f12"]
+
+
+@given(st.lists(st.text(st.sampled_from(f"{ESC}[]0129;~?<uMtORA \x00"), max_size=40), max_size=6))
+def test_nothing_that_a_terminal_sends_stops_the_ears(parts: list[str]) -> None:
+    assert heard(*parts, "", "h", apart_s=1.0)[-1] == "h"
+
+
+@given(st.text(max_size=60))
+def test_nothing_that_is_pasted_presses_a_key(text: str) -> None:
+    found = heard(f"{START}{text}{END}")
+    assert len(found) == 1
+    assert found[0].startswith("<")
