@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from ground.app.faces.status import NAMES as NAVIGATOR_NAMES
-from ground.app.looks import NAMES
 from ground.app.screens import SCREENS
 from ground.app.screens.sheet import Action
 from ground.orders import NAVIGATORS, SIDES, USUAL_NAVIGATOR
+from ground.widgets.themes import THEMES
 from protocol.enums import Mode
 from protocol.topics import STATUS
 
@@ -130,8 +130,8 @@ class Helm:
         self._app.say(f"saved {path}")
 
     def next_theme(self) -> None:
-        at = NAMES.index(self._app.theme) if self._app.theme in NAMES else -1
-        self._app.theme = NAMES[(at + 1) % len(NAMES)]
+        at = THEMES.index(self._app.theme) if self._app.theme in THEMES else -1
+        self._app.theme = THEMES[(at + 1) % len(THEMES)]
 
 
 def shots() -> Iterator[Path]:

@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ground.app.looks import NAMES
 from ground.app.screens import SCREENS
 from ground.map import LAYERS
 from ground.says import Says
+from ground.widgets.themes import THEMES
 from protocol.errors import UserError
 
 if TYPE_CHECKING:
@@ -54,10 +54,10 @@ class Words:
 
     def theme(self, options: argparse.Namespace, says: Says) -> int:
         if options.name is None:
-            says.result({}, f"themes: {', '.join(NAMES)}; now {self._app.theme}")
+            says.result({}, f"themes: {', '.join(THEMES)}; now {self._app.theme}")
             return 0
-        if options.name not in NAMES:
-            raise UserError(f"no such theme: {options.name!r}; known: {', '.join(NAMES)}")
+        if options.name not in THEMES:
+            raise UserError(f"no such theme: {options.name!r}; known: {', '.join(THEMES)}")
         self._app.theme = options.name
         return 0
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-NAMES: Final = ("dark", "light", "contrast", "ansi", "mono")
+from ground.widgets.themes import THEMES
+
 FEW_COLOURS: Final = ("linux", "vt100", "vt220", "ansi", "dumb")
 LOCALES: Final = ("LC_ALL", "LC_CTYPE", "LANG")
 DRIVER: Final = "TEXTUAL_DRIVER"
@@ -27,7 +28,7 @@ class Looks:
 def add_looks(parser: argparse.ArgumentParser) -> None:
     """Options of whatever opens the app."""
     group = parser.add_argument_group("on a terminal")
-    group.add_argument("--theme", choices=NAMES, help="(dark; mono with NO_COLOR)")
+    group.add_argument("--theme", choices=THEMES, help="(dark; mono with NO_COLOR)")
     group.add_argument("--ascii", action="store_true", help="for fonts without braille")
     group.add_argument(
         "--hz", type=float, choices=RATES_HZ, default=10.0, help="drawn so often a second (10)"

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
 from ground.app.keymap import shown
-from ground.app.looks import NAMES
 from ground.console.helping import says_of
+from ground.widgets.themes import THEMES
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
@@ -39,7 +39,7 @@ class Commands(Provider):
         for key in app.keys_now():
             if key.id != "palette":
                 yield Entry(key.says, partial(app.action_do, key.id), shown(key.keys))
-        for name in NAMES:
+        for name in THEMES:
             yield Entry(f"theme {name}", partial(app.give, f"theme {name}"), "colours")
         for word, says in says_of().items():
             yield Entry(f": {word}", partial(app.begin_line, f"{word} "), says)

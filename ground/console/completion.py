@@ -7,12 +7,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from ground.app.looks import NAMES as THEMES
 from ground.console.aliases import unfolded
 from ground.console.reading import parser_for, subcommands_of, verbs
 from ground.console.typed import LONGEST, last_word
 from ground.map import LAYERS
 from ground.orders import NAVIGATORS
+from ground.widgets.themes import THEMES
 from protocol.errors import UserError
 
 MOST: Final = 200
