@@ -23,8 +23,6 @@ from ground.app.keys import Key, Layer
 from ground.app.looks import Looks
 from ground.app.pace import Pace, Takes
 from ground.app.screens import SCREENS, screen_of
-from ground.app.screens.drive import DriveScreen
-from ground.app.screens.log import LogScreen
 from ground.app.screens.sheet import Action, Sheet
 from ground.app.themes import THEMES
 from ground.station.station import Station
@@ -168,25 +166,6 @@ class GroundApp(App[int]):
     def last_line(self) -> str:
         """The last command, as one for a shell."""
         return self._orders.last
-
-    def switch_layer(self, name: str) -> None:
-        """Show something on the map of this screen, or hide it."""
-        if isinstance(self.sheet, DriveScreen):
-            self.sheet.switch_layer(name)
-
-    def haunt(self, navigator: str) -> None:
-        """Begin a ghost from what is shown now; UserError when that cannot be."""
-        if isinstance(self.sheet, DriveScreen):
-            self.sheet.haunt(navigator)
-
-    def find(self, words: str) -> None:
-        """In the log, on its screen."""
-        self.switch_mode("log")
-        self.call_later(self._find, words)
-
-    def _find(self, words: str) -> None:
-        if isinstance(self.sheet, LogScreen):
-            self.sheet.find(words)
 
     def open_replay(self, path: Path) -> None:
         """Show a recording; UserError when it cannot be played."""

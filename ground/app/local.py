@@ -1,11 +1,12 @@
 """Words of the command line that concern the screen: done by the app, at once."""
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from ground.app.screens import SCREENS
+from ground.console import Word
 from ground.map import LAYERS
 from ground.says import Says
 from ground.widgets.themes import THEMES
@@ -13,8 +14,9 @@ from protocol.errors import UserError
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
+    from ground.app.screens.drive import DriveScreen
 
-Word = Callable[[argparse.Namespace, Says], int]
+NO_MAP: Final = "that is for the map: go to the Drive screen with 1"
 
 
 def words_of_the_app(app: "GroundApp") -> Mapping[str, Word]:
@@ -84,7 +86,7 @@ class Words:
         for name in options.names:
             if name not in LAYERS:
                 raise UserError(f"no such layer: {name!r}; known: {', '.join(LAYERS)}")
-            self._app.switch_layer(name)
+            self.map_screen().switch_layer(name)
         return 0
 
     def zoom(self, options: argparse.Namespace, says: Says) -> int:
@@ -94,8 +96,16 @@ class Words:
         return self.do("follow")
 
     def find(self, options: argparse.Namespace, says: Says) -> int:
-        self._app.find(" ".join(options.text))
+        """On the screen of the log, once that is there."""
+        self._app.switch_mode("log")
+        self._app.call_later(self.find_there, " ".join(options.text))
         return 0
+
+    def find_there(self, words: str) -> None:
+        from ground.app.screens.log import LogScreen  # imported when it is first shown
+
+        if isinstance(self._app.sheet, LogScreen):
+            self._app.sheet.find(words)
 
     def select(self, options: argparse.Namespace, says: Says) -> int:
         self._app.station.select(options.robot)
@@ -126,13 +136,21 @@ class Words:
         """Of that navigator, or of one that is chosen."""
         if options.navigator is None:
             return self.do("ghost")
-        self._app.haunt(options.navigator.lower())
+        self.map_screen().haunt(options.navigator.lower())
         return 0
 
     def do(self, id: str) -> int:
         """What a key does, when it does anything here."""
         action = self._app.doable().get(id)
         if action is None:
-            raise UserError("that is for the map: go to the Drive screen with 1")
+            raise UserError(NO_MAP)
         action()
         return 0
+
+    def map_screen(self) -> "DriveScreen":
+        """The screen that is shown, when it has a map; UserError when it has none."""
+        from ground.app.screens.drive import DriveScreen  # imported when it is first shown
+
+        if not isinstance(self._app.sheet, DriveScreen):
+            raise UserError(NO_MAP)
+        return self._app.sheet

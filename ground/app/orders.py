@@ -8,7 +8,7 @@ from io import StringIO
 from types import MappingProxyType
 from typing import Final
 
-from ground.console import History, act, complete, help_text, parse
+from ground.console import History, Word, act, act_locally, complete, parse
 from ground.console.aliases import unfolded
 from ground.console.typed import words_of
 from ground.link import Link
@@ -20,7 +20,7 @@ from ground.teleop import Stick
 from protocol.bus import Bus
 from protocol.clock import Clock
 from protocol.enums import Severity
-from protocol.errors import RemoteError, UserError
+from protocol.errors import UserError
 from protocol.options import DEFAULT_ENDPOINT
 
 STILL: Final = frozenset(
@@ -43,8 +43,6 @@ LEASES: Final[Mapping[str, Callable[[Station], None]]] = MappingProxyType(
 
 REPLAYED: Final = "this is a replay: nothing can be commanded"
 
-Local = Callable[[argparse.Namespace, Says], int]
-
 
 class Orders:
     """`local`: the words that the app does itself; they are done at once."""
@@ -62,7 +60,7 @@ class Orders:
         self._bus, self._common, self._clock = bus, common, clock
         self._history = history
         self._stick: Stick | None = None
-        self.local: Mapping[str, Local] = {}
+        self.local: Mapping[str, Word] = {}
         self.draft = Draft()
         self.last = ""
 
@@ -139,8 +137,7 @@ class Orders:
 
     def _locally(self, options: argparse.Namespace) -> None:
         says, out, err = heard()
-        local = {"wp": self.draft.act, **self.local}
-        code = do_locally(options, says, local)
+        code = act_locally(options, says, {"wp": self.draft.act, **self.local})
         for text in told(out, err).splitlines():
             self._station.note(text, Severity.WARNING if code else Severity.INFO)
 
@@ -158,20 +155,6 @@ class Orders:
         if self._common.endpoint != DEFAULT_ENDPOINT:
             words += ["--connect", self._common.endpoint]
         return shlex.join(words)
-
-
-def do_locally(options: argparse.Namespace, says: Says, local: Mapping[str, Local]) -> int:
-    """Help is the console's own; the rest is the app's."""
-    if options.verb == "help":
-        says.result({}, help_text(options.word))
-        return 0
-    try:
-        if options.verb not in local:
-            raise UserError("is not there on this screen")
-        return local[options.verb](options, says)
-    except (UserError, RemoteError) as error:
-        says.note(f"{options.verb}: {error}")
-        return 1
 
 
 def moves(options: argparse.Namespace) -> bool:

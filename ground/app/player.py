@@ -11,7 +11,6 @@ from protocol.clock import Clock
 from protocol.errors import RemoteError
 from protocol.topics import WORLD
 
-TWICE: Final = 2.0
 NS_PER_S: Final = 1_000_000_000
 
 

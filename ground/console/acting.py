@@ -16,22 +16,16 @@ EXIT_NOT: Final = 1
 EXIT_USAGE: Final = 2
 
 
-def act(
-    options: argparse.Namespace,
-    link: Link,
-    says: Says,
-    local: Mapping[str, Callable[[argparse.Namespace, Says], int]] | None = None,
-    draft: Draft | None = None,
-) -> int:
+Word = Callable[[argparse.Namespace, Says], int]
+
+
+def act(options: argparse.Namespace, link: Link, says: Says, draft: Draft | None = None) -> int:
     """The exit code the command line would have ended with; errors are said, not raised.
 
-    `local` does the words that only the app knows; one that it has not is said to be missing.
     `draft` is what `mission upload -` sends, where a shell would have standard input.
     """
     try:
         options.typed = (draft or Draft()).text if getattr(options, "file", None) == DASH else None
-        if options.local:
-            return _locally(options, says, local or {})
         verb = VERBS[options.verb]
         return verb.run(options, says) if verb.act is None else verb.act(options, link, says)
     except UserError as error:
@@ -42,14 +36,15 @@ def act(
         return int(getattr(error, "exit_code", EXIT_NOT))
 
 
-def _locally(
-    options: argparse.Namespace,
-    says: Says,
-    local: Mapping[str, Callable[[argparse.Namespace, Says], int]],
-) -> int:
-    if options.verb in local:
-        return local[options.verb](options, says)
-    if options.verb == "help":
-        says.result({"help": options.word}, help_text(options.word))
-        return 0
-    raise UserError("is not there yet on this screen")
+def act_locally(options: argparse.Namespace, says: Says, words: Mapping[str, Word]) -> int:
+    """The same for what needs no robot: help is the console's own, the rest are the app's words."""
+    try:
+        if options.verb == "help":
+            says.result({"help": options.word}, help_text(options.word))
+            return 0
+        if options.verb not in words:
+            raise UserError("is not there on this screen")
+        return words[options.verb](options, says)
+    except (UserError, RemoteError) as error:
+        says.note(f"{options.verb}: {error}")
+        return EXIT_NOT

@@ -52,10 +52,6 @@ class Series:
             if point[0] >= since_s
         ]
 
-    def recent(self, count: int) -> list[float]:
-        """The newest values, for a sparkline."""
-        return [value for _, value in list(self._full)[-count:]]
-
     def _thin(self, point: Point) -> None:
         lowest, highest = self._lowest, self._highest
         if isnan(point[1]):
@@ -84,7 +80,3 @@ class History(dict[str, Series]):
 
     def __init__(self) -> None:
         super().__init__({name: Series() for name in SERIES})
-
-    def gap(self) -> None:
-        for series in self.values():
-            series.gap()

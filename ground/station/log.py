@@ -41,11 +41,6 @@ class Log:
         self._lines.append(line)
         self.total += 1
 
-    def cut(self, time_s: float) -> None:
-        """Take back what came after this time."""
-        while self._lines and self._lines[-1].time_s > time_s:
-            self._lines.pop()
-
     def __len__(self) -> int:
         return len(self._lines)
 

@@ -152,21 +152,6 @@ class Sight:
     def trail(self) -> tuple[Point, ...]:
         return self._shown.figures.trail.points()
 
-    @property
-    def seen_points(self) -> tuple[Point, ...]:
-        """Where sonars had echoes, thinned on a grid."""
-        return self._shown.figures.echoes.points()
-
-    @property
-    def hit(self) -> tuple[Point, ...]:
-        """Where it began to go round an obstacle on the way to this goal."""
-        return tuple(self._shown.figures.marks.hit)
-
-    @property
-    def leave(self) -> tuple[Point, ...]:
-        """Where it took up its way to the goal again."""
-        return tuple(self._shown.figures.marks.leave)
-
     def moment(self, time_ns: int | None = None) -> Moment | None:
         """What was decided at an instant of the station's clock (now, unless given) and around."""
         return self._shown.moments.at(self._now_ns if time_ns is None else time_ns)

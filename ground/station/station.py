@@ -24,15 +24,14 @@ NS_PER_S: Final = 1_000_000_000
 CLOSING_S: Final = 2.0
 REPLAYED: Final = "this is a replay: nothing can be commanded"
 
-Point = tuple[float, float]
-
 
 class Station(Sight):
     """All that one operator sees of one or several robots, and the way to command them.
 
     Nothing here waits: questions go out in threads of their own, and what comes of them is in the
     log after a later `poll`. Every method is called from one thread, that of who shows it.
-    A bus that only hears (a played log) makes a station that only looks.
+    A bus that only hears (a played log) makes a station that only looks; its time goes on, and who
+    turns the log back makes another one.
     """
 
     def __init__(
@@ -65,10 +64,7 @@ class Station(Sight):
 
         The operator's heart beats here and nowhere else: an app that hangs is no operator.
         """
-        now_ns = self._clock.now_ns()
-        if now_ns < self._now_ns:
-            self._turned_back(now_ns)
-        self._now_ns = now_ns
+        self._now_ns = now_ns = self._clock.now_ns()
         present = tuple(self._bus.present())
         self._crew = crew_of(present)
         for robot, watched in self._watched.items():
@@ -78,12 +74,6 @@ class Station(Sight):
         self._commanding.poll(now_ns)
         for operated in self._operated.values():
             operated.beat(now_ns)
-
-    def _turned_back(self, now_ns: int) -> None:
-        """A played log has been turned back: what was seen after that is not known yet."""
-        for watched in self._watched.values():
-            watched.begin(min(now_ns, watched.began_ns))
-        self.log.cut((now_ns - self._began_ns) / NS_PER_S)
 
     def close(self) -> None:
         """Release the lease and end the threads, within 2 s; call it in a thread."""

@@ -33,27 +33,21 @@ class Watched:
     def __init__(self, bus: Hears, robot: str, now_ns: int, tell: Tell, own: str = "") -> None:
         """`own`: our own identity on the bus."""
         self.robot = robot
-        self._comings = Comings(robot, own)
+        self.began_ns = self.gone_ns = now_ns
         self.telemetry = Telemetry(bus, robot, TOPICS)
         self.parameters = ParameterList()
-        self._inbox = Inbox()
-        self._tell = tell
-        for topic in TOPICS:
-            bus.stream(topic, self._inbox.taker(topic.path), robot)
-        self.begin(now_ns)
-
-    def begin(self, now_ns: int) -> None:
-        """Forget all that was seen: the time of a played log has been turned back."""
-        self.began_ns = now_ns
         self.streams = Streams(TOPICS)
         self.moments = Moments()
         self.figures = Figures(self.telemetry, now_ns)
         self.restarts = {Role.ROBOT: Restarts(), Role.PLANT: Restarts()}
         self.tokens: dict[Role, str] = {}
-        self.gone_ns = now_ns
         self.charts = Charts()
+        self._comings = Comings(robot, own)
         self._texts = Texts()
-        self._inbox.drain()
+        self._inbox = Inbox()
+        self._tell = tell
+        for topic in TOPICS:
+            bus.stream(topic, self._inbox.taker(topic.path), robot)
 
     def poll(self, now_ns: int, present: Collection[Token]) -> set[Role]:
         """Look once; who has been restarted since the last time."""

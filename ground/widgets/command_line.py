@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 from textual import events
-from textual.message import Message
 from textual.suggester import Suggester
 from textual.widgets import Input
 
@@ -21,10 +20,7 @@ class Completion(Suggester):
 
 
 class CommandLine(Input):
-    """Tells with `Left` that the operator is done with it, and with `Submitted` what was typed."""
-
-    class Left(Message):
-        """Escape, or an empty line."""
+    """Tells with `Submitted` what was typed; the app's keys complete it, and leave it."""
 
     def __init__(self, complete: Callable[[str], list[str]]) -> None:
         super().__init__(

@@ -1,0 +1,36 @@
+"""A process that begins anew under our eyes: it is told, and what was known is read again."""
+
+from ground.telemetry import Age
+from protocol.topics import HEARTBEAT, Role
+from tests.unit.station.play import Play
+
+
+def test_a_restart_between_two_polls_is_noticed_and_everything_read_again() -> None:
+    play = Play().forward(1.0)
+    play.robot.x_m = 1.0
+    play.forward(0.2)
+    assert len(play.station.trail) == 2
+    play.bus.go(Role.ROBOT)
+    play.bus.come(Role.ROBOT, zid="another")
+    play.robot.tick = 0
+    play.robot.x_m = 0.0
+    play.station.poll()
+    assert not play.station.ready
+    play.forward(1.0)
+    assert play.station.restarts(Role.ROBOT) == 1
+    assert play.texts("r1 has been restarted (1)")
+    assert list(play.station.trail) == [(0.0, 0.0)]
+    assert play.station.ready
+
+
+def test_a_restarted_plant_is_counted_apart_and_its_world_read_again() -> None:
+    play = Play().forward(1.0)
+    play.bus.answers["sim/world"] = lambda _: b'{"name": "none"}'
+    play.bus.go(Role.PLANT)
+    play.bus.come(Role.PLANT, zid="another")
+    play.robot.time_ns = 0
+    play.forward(2.0)
+    assert (play.station.restarts(Role.PLANT), play.station.restarts(Role.ROBOT)) == (1, 0)
+    assert play.station.world is not None
+    assert play.station.world.name == "box"
+    assert play.station.seen(HEARTBEAT).age is Age.LIVE

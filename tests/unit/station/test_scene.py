@@ -1,0 +1,74 @@
+"""What the map shows of a robot: all that is live, and where one that is not heard may be."""
+
+import pytest
+
+from protocol.enums import GoalState, Mode
+from protocol.topics import Role
+from tests.unit.station.play import Play
+from tests.unit.station.said import Robot
+
+
+def test_the_scene_shows_all_that_is_live_and_marks_what_is_not() -> None:
+    play = Play()
+    play.robot.goal_id, play.robot.goal = 4, GoalState.AVOIDING
+    scene = play.forward(1.0).station.scene()
+    assert scene.live
+    assert scene.robot is not None
+    assert scene.robot.radius_m == 0.15
+    assert scene.goal is not None
+    assert (scene.goal.x_m, scene.goal.heading_rad) == (5.0, None)
+    assert scene.zone_m == pytest.approx(0.3)
+    assert scene.virtual_goal is None
+    assert len(scene.ranges_m) == 8
+    assert (len(scene.hits), len(scene.movers)) == (1, 1)
+    assert len(scene.seen) >= 4
+    assert scene.current is None
+    play.hang()
+    scene = play.forward(2.0).station.scene()
+    assert not scene.live
+    assert scene.robot is not None
+    assert (scene.goal, scene.zone_m) == (None, None)
+
+
+def test_the_ellipse_of_a_robot_not_heard_grows_by_how_far_it_may_have_gone() -> None:
+    play = Play().forward(1.0)
+    heard = play.station.scene().covariance
+    play.hang()
+    play.forward(1.0)
+    later = play.station.scene().covariance
+    play.forward(9.0)
+    last = play.station.scene().covariance
+    assert heard is not None
+    assert later is not None
+    assert last is not None
+    assert heard[0] == pytest.approx(0.04)
+    assert 0.04 + 0.2**2 / 6 < later[0] < 0.04 + 0.26**2 / 6
+    assert last[0] == pytest.approx(0.04 + 0.5**2 / 6, rel=1e-2)
+    assert last[2] == pytest.approx(0.01 + 0.5**2 / 6, rel=1e-2)
+
+
+def test_on_a_mission_it_may_have_gone_on_without_us() -> None:
+    play = Play()
+    play.robot.mode = Mode.AUTO
+    play.forward(1.0)
+    play.hang()
+    play.forward(10.0)
+    covariance = play.station.scene().covariance
+    assert covariance is not None
+    assert covariance[0] > 0.04 + 2.4**2 / 6
+
+
+def test_of_several_robots_one_is_shown_and_commanded_and_the_others_are_on_its_map() -> None:
+    play = Play()
+    play.robots.append(Robot("r2", x_m=3.0))
+    play.bus.come(Role.ROBOT, "r2")
+    play.forward(0.5)
+    assert play.station.robots() == ["r1", "r2"]
+    play.station.select("r2")
+    play.forward(1.0)
+    assert play.station.robot == "r2"
+    assert play.station.scene().robot is not None
+    assert [other.name for other in play.station.scene().others] == ["r1"]
+    assert play.station.trail[0][0] == 3.0
+    play.station.select("r1")
+    assert play.station.trail[0][0] == 0.0
