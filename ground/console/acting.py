@@ -24,27 +24,36 @@ def act(options: argparse.Namespace, link: Link, says: Says, draft: Draft | None
 
     `draft` is what `mission upload -` sends, where a shell would have standard input.
     """
-    try:
-        options.typed = (draft or Draft()).text if getattr(options, "file", None) == DASH else None
+
+    def done() -> int:
+        drafted = getattr(options, "file", None) == DASH
+        options.typed = (draft or Draft()).text if drafted else None
         verb = VERBS[options.verb]
         return verb.run(options, says) if verb.act is None else verb.act(options, link, says)
-    except UserError as error:
-        says.note(f"{options.verb}: {error}")
-        return EXIT_USAGE
-    except RemoteError as error:
-        says.note(f"{options.verb}: {error}")
-        return int(getattr(error, "exit_code", EXIT_NOT))
+
+    return _said(options.verb, says, done)
 
 
 def act_locally(options: argparse.Namespace, says: Says, words: Mapping[str, Word]) -> int:
     """The same for what needs no robot: help is the console's own, the rest are the app's words."""
-    try:
+
+    def done() -> int:
         if options.verb == "help":
             says.result({"help": options.word}, help_text(options.word))
             return 0
         if options.verb not in words:
             raise UserError("is not there on this screen")
         return words[options.verb](options, says)
-    except (UserError, RemoteError) as error:
-        says.note(f"{options.verb}: {error}")
-        return EXIT_NOT
+
+    return _said(options.verb, says, done)
+
+
+def _said(verb: str, says: Says, done: Callable[[], int]) -> int:
+    try:
+        return done()
+    except UserError as error:
+        says.note(f"{verb}: {error}")
+        return EXIT_USAGE
+    except RemoteError as error:
+        says.note(f"{verb}: {error}")
+        return int(getattr(error, "exit_code", EXIT_NOT))

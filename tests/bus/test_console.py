@@ -132,8 +132,6 @@ def test_a_goal_that_needs_nobody_is_auto_here_too(stage: tuple[PlayedRobot, str
         ("mission upload nowhere.toml", 2, "mission: nowhere.toml: no such file"),
         ("wp upload", 2, "mission: the draft is empty"),
         ("teleop 0.1 0", 2, "say for how long"),
-        ("screen log", 2, "screen: is not there yet"),
-        ("help gotto", 2, "did you mean 'goto'"),
     ],
 )
 def test_what_goes_wrong_is_said_and_never_raised(
@@ -150,26 +148,6 @@ def test_a_robot_that_does_not_answer_is_explained(stage: tuple[PlayedRobot, str
     code, _, err = typed_in(endpoint, "hold --timeout 0.1")
     assert code == 1
     assert "its heart beats, but it does not answer" in err
-
-
-def test_the_app_does_its_own_words_with_its_own_hands() -> None:
-    did = []
-
-    def theme(options: object, says: Says) -> int:
-        did.append(options)
-        return 0
-
-    options = parse("theme dark")
-    nowhere: Link = None  # type: ignore[assignment]
-    assert act(options, nowhere, Says(as_json=False), {"theme": theme}) == 0
-    assert did == [options]
-
-
-def test_help_is_there_without_any_app() -> None:
-    out = StringIO()
-    nowhere: Link = None  # type: ignore[assignment]
-    assert act(parse("? goal"), nowhere, Says(as_json=False, out=out)) == 0
-    assert out.getvalue().startswith("goto [--tol")
 
 
 def test_the_lease_taken_here_is_kept_by_the_app(stage: tuple[PlayedRobot, str]) -> None:

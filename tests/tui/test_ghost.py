@@ -7,8 +7,7 @@ import pytest
 
 from ground.app.local import words_of_the_app
 from ground.app.screens.drive import DriveScreen
-from ground.console import act, parse
-from ground.link import Link
+from ground.console import act_locally, parse
 from ground.says import Says
 from plant.world_json import as_json
 from plant.world_types import GoalPose, Start, World
@@ -79,7 +78,7 @@ def test_the_typed_word_does_the_same_and_refuses_what_is_no_navigator() -> None
             words = words_of_the_app(stage.app)
 
             def typed(line: str) -> int:
-                return act(parse(line), NOBODY, Says(as_json=False), words)
+                return act_locally(parse(line), Says(as_json=False), words)
 
             assert typed("ghost vgm") == 0
             await ended(stage)
@@ -101,6 +100,3 @@ def test_nobody_is_left_driving_when_the_app_is_left() -> None:
         assert not screen.haunting.busy
 
     play(story)
-
-
-NOBODY: Link = None  # type: ignore[assignment]  # these words ask nobody

@@ -6,7 +6,8 @@ from collections.abc import Callable
 import pytest
 
 from ground.console import acting
-from ground.console.acting import act
+from ground.console.acting import act, act_locally
+from ground.console.reading import parse
 from ground.link import Link, Unanswered
 from ground.missions.draft import Draft
 from ground.missions.files import DASH
@@ -102,3 +103,33 @@ def test_a_verb_that_needs_no_robot_simply_runs(monkeypatch: pytest.MonkeyPatch)
     options = argparse.Namespace(verb="try", local=False)
     assert act(options, AnsweringLink().as_link(), says) == 0
     assert said()[1] == "done without anybody\n"
+
+
+def test_the_app_does_its_own_words_with_its_own_hands() -> None:
+    did: list[str] = []
+
+    def theme(options: argparse.Namespace, says: Says) -> int:
+        did.append(options.name)
+        return 0
+
+    assert act_locally(parse("theme dark"), speaking()[0], {"theme": theme}) == 0
+    assert did == ["dark"]
+
+
+def test_help_is_there_without_any_app() -> None:
+    says, said = speaking()
+    assert act_locally(parse("? goal"), says, {}) == 0
+    assert said()[0].startswith("goto [--tol")
+
+
+@pytest.mark.parametrize(
+    ("typed", "words"),
+    [
+        ("screen log", "screen: is not there on this screen"),
+        ("help gotto", "help: no such command: 'gotto'; did you mean 'goto'?"),
+    ],
+)
+def test_a_word_that_cannot_be_done_says_why(typed: str, words: str) -> None:
+    says, said = speaking()
+    assert act_locally(parse(typed), says, {}) == 2
+    assert said() == ("", f"{words}\n")
