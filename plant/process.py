@@ -50,7 +50,8 @@ def nothing() -> None:
 class Process:
     """The plant, its wires to each robot, the desk where requests are answered.
 
-    `look` is called once per period: somebody may want to see how it stands.
+    `look` is called once per period: somebody may want to see how it stands. `turn` is called at
+    each turn of the loop, which comes at least once a second, also while time stands still.
     """
 
     plant: Plant
@@ -59,6 +60,7 @@ class Process:
     wake: Wake
     patience_s: float = PATIENCE_S
     look: Callable[[], None] = nothing
+    turn: Callable[[], None] = nothing
 
     def publish(self) -> None:
         self.look()
@@ -76,7 +78,7 @@ class Process:
     def run_wall(self, clock: Clock) -> None:
         """One period of simulated time per period of wall time, paused or not."""
         for _ in ticks(clock, 1.0 / PERIOD_S):
-            self.desk.serve(self.plant)
+            self._serve()
             if self.wake.stopping:
                 return
             if self.desk.running:
@@ -96,22 +98,26 @@ class Process:
             self._await_due(due_s)
             self.advance()
 
+    def _serve(self) -> None:
+        self.turn()
+        self.desk.serve(self.plant)
+
     def _await_due(self, due_s: float) -> None:
         while (remaining_s := due_s - monotonic()) > 0 and not self.wake.stopping:
-            self.wake.wait(remaining_s)
-            self.desk.serve(self.plant)
+            self.wake.wait(min(remaining_s, self.patience_s))
+            self._serve()
 
     def _await_robots(self) -> None:
         """What is published before somebody listens is lost, and with it the first tick."""
         publishers = [publisher for wires in self.wires for publisher in wires.publishers]
         while not (self.wake.stopping or all(publisher.matched for publisher in publishers)):
             self.wake.wait(POLL_S)
-            self.desk.serve(self.plant)
+            self._serve()
 
     def _await(self, condition: Callable[[], bool]) -> None:
         deadline_s = monotonic() + self.patience_s
         while not self.wake.stopping:
-            self.desk.serve(self.plant)
+            self._serve()
             if condition():
                 return
             if not self.wake.wait(deadline_s - monotonic()):
@@ -120,4 +126,4 @@ class Process:
     def _await_start(self) -> None:
         while not (self.desk.running or self.wake.stopping):
             self.wake.wait(self.patience_s)
-            self.desk.serve(self.plant)
+            self._serve()

@@ -2,11 +2,12 @@
 
 import signal
 import sys
+from collections.abc import Callable
 from functools import partial
 
 from plant.desk import Desk
 from plant.plant import Plant
-from plant.process import Process, Wake
+from plant.process import Process, Wake, nothing
 from plant.shortest_path import known_length_m
 from plant.unreadable import Unreadable
 from plant.wires import Wires
@@ -16,6 +17,7 @@ from protocol.claim import claim
 from protocol.clock import WallClock
 from protocol.network import Network
 from protocol.topics import RUN, WORLD, Role
+from protocol.watchdog import Watchdog
 
 
 def run(
@@ -26,18 +28,29 @@ def run(
     with open_bus(network, Role.PLANT, robots[0]) as bus:
         for number in (signal.SIGINT, signal.SIGTERM):  # while dialling, they end it as ever
             signal.signal(number, lambda *_: wake.stop())
-        process = assemble(plant, bus, robots, wake, lockstep=lockstep, paused=paused)
+        watchdog = Watchdog()
+        process = assemble(
+            plant, bus, robots, wake, lockstep=lockstep, paused=paused, turn=watchdog.wind
+        )
         names = ", ".join(robots)
         tell(f"plant: world {plant.world.name} with {names}")
-        if lockstep:
-            process.run_lockstep(speed)
-        else:
-            process.run_wall(WallClock())
+        with watchdog:
+            if lockstep:
+                process.run_lockstep(speed)
+            else:
+                process.run_wall(WallClock())
     return 0
 
 
 def assemble(
-    plant: Plant, bus: Bus, robots: list[str], wake: Wake, *, lockstep: bool, paused: bool
+    plant: Plant,
+    bus: Bus,
+    robots: list[str],
+    wake: Wake,
+    *,
+    lockstep: bool,
+    paused: bool,
+    turn: Callable[[], None] = nothing,
 ) -> Process:
     """The wires to each robot, the services, and the announcement. Raises NameTaken."""
     world = as_json(plant.world, known_length_m(plant.world))
@@ -51,7 +64,7 @@ def assemble(
         bus.serve(WORLD, take, robot)
     claim(bus, robots)
     look = Unreadable(lambda: bus.rejected, tell).look
-    return Process(plant, wires, desk, wake, look=look)
+    return Process(plant, wires, desk, wake, look=look, turn=turn)
 
 
 def tell(line: str) -> None:

@@ -19,6 +19,7 @@ from protocol.options import (
 from protocol.topics import robot_name
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
+from robot.life import Life
 from robot.parameters import adjusted
 from robot.run import Options, run
 from robot.store import Store
@@ -41,9 +42,13 @@ def main(argv: Sequence[str]) -> int:
     network = network_of(arguments, settings.network, listens=True)
     vehicle = vehicle_of(arguments, settings)
     options = Options(
-        lockstep=arguments.lockstep, freeze=arguments.gc_freeze, fifo=arguments.realtime
+        lockstep=arguments.lockstep,
+        freeze=arguments.gc_freeze,
+        fifo=arguments.realtime,
+        after=arguments.after,
     )
-    return run(vehicle, network, robot_name(arguments.id or settings.robot), options)
+    name = robot_name(arguments.id or settings.robot)
+    return run(vehicle, network, name, options, Life(arguments.state))
 
 
 def parser() -> argparse.ArgumentParser:
@@ -64,7 +69,13 @@ def parser() -> argparse.ArgumentParser:
     )
     add_param_option(parser, "a parameter; the names are in `sidestep param list`")
     parser.add_argument(
-        "--state", metavar="DIR", type=Path, help="keep parameters, fence and mission there"
+        "--state",
+        metavar="DIR",
+        type=Path,
+        help="keep parameters, fence and mission there, and how it ended",
+    )
+    parser.add_argument(
+        "--after", metavar="WORDS", default="", help='how the one before ended: "signal SIGKILL"'
     )
     parser.add_argument(
         "--lockstep", action="store_true", help="simulated time, given by the plant"

@@ -16,6 +16,8 @@ from protocol.messages import SystemTime
 from protocol.pulse import Pulse
 from protocol.timing import CONTROL_HZ, PERIOD_NS
 from protocol.topics import CLOCK, Role
+from protocol.watchdog import Watchdog
+from robot.life import Life
 from robot.meter import Meter
 from robot.process import Process
 from robot.realtime import freeze_heap, use_fifo
@@ -28,28 +30,62 @@ IDLE_S: Final = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """How the loop runs: simulated time, a frozen heap, real-time scheduling."""
+    """How the loop runs: simulated time, a frozen heap, real-time scheduling.
+
+    `after`: how the robot before this one ended, where whoever starts this one knows.
+    """
 
     lockstep: bool = False
     freeze: bool = True
     fifo: bool = False
+    after: str = ""
 
 
-def run(vehicle: Vehicle, network: Network, robot: str, options: Options) -> int:
+def run(vehicle: Vehicle, network: Network, robot: str, options: Options, life: Life) -> int:
     """0 when told to stop. Raises NameTaken, and whatever brought the core down."""
     with open_bus(network, Role.ROBOT, robot) as bus:
         claim(bus, [robot])
+        tell_life(vehicle, robot, life, options.after)
         begin = in_lockstep if options.lockstep else in_wall_time
-        process, grid = begin(vehicle, bus)
+        watchdog = Watchdog(story=life.story)
+        process, grid = begin(vehicle, bus, watchdog.wind)
         settle(vehicle, options)
         for words in vehicle.restored:
-            print(f"robot {robot}: {words}", file=sys.stderr)
-        print(f"robot {robot}: ready, disarmed", file=sys.stderr, flush=True)
-        process.run(grid)
+            tell(f"robot {robot}: {words}")
+        tell(f"robot {robot}: ready, disarmed")
+        try:
+            with watchdog:
+                process.run(watchdog.wound_by(grid))
+        except Exception as error:
+            life.end(f"ended by a core exception ({in_brief(error)})")
+            raise
+        life.end()
     return 0
 
 
-def in_wall_time(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:
+def tell_life(vehicle: Vehicle, robot: str, life: Life, after: str) -> None:
+    """Why there was one before, if it did not end as it should."""
+    before = life.begin(after)
+    if before:
+        words = f"started again: the one before {before}"
+        vehicle.say(Severity.WARNING, words)
+        tell(f"robot {robot}: {words}")
+    if life.trouble:
+        vehicle.say(Severity.WARNING, life.trouble)
+
+
+def in_brief(error: Exception) -> str:
+    """Its name and the first line of what it says."""
+    return f"{type(error).__name__}: {error}".partition("\n")[0]
+
+
+def tell(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def in_wall_time(
+    vehicle: Vehicle, bus: Bus, _idle: Callable[[], None]
+) -> tuple[Process, Iterator[Tick]]:
     """The grid is phase-locked to the scans as they arrive."""
     clock, pulse = WallClock(), Pulse()
     senses = Senses(bus, lockstep=False, beat=pulse.beat, accept=vehicle.lease.allows)
@@ -61,9 +97,16 @@ def in_wall_time(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:
     return process, ticks(clock, CONTROL_HZ, Rehearsed(pulse, rehearsal, PERIOD_NS // SLACK))
 
 
-def in_lockstep(vehicle: Vehicle, bus: Bus) -> tuple[Process, Iterator[Tick]]:
-    """Time is the plant's; while it stands still, requests are answered."""
-    clock = LockstepClock(patience_s=IDLE_S, idle=lambda: process.idle())
+def in_lockstep(
+    vehicle: Vehicle, bus: Bus, idle: Callable[[], None]
+) -> tuple[Process, Iterator[Tick]]:
+    """Time is the plant's; while it stands still, requests are answered and `idle` is called."""
+
+    def between() -> None:
+        idle()
+        process.idle()
+
+    clock = LockstepClock(patience_s=IDLE_S, idle=between)
     senses = Senses(bus, lockstep=True, accept=vehicle.lease.allows)
     meter = Meter(clock, period_ns=PERIOD_NS, enforced=False)
     process = Process(vehicle, bus, clock, senses, meter)
@@ -91,7 +134,7 @@ def feed(clock: LockstepClock, bus: Bus) -> None:
             return
         stamp_ns = newest[0].time_unix_usec * 1000
         if stamp_ns < clock.now_ns():
-            print("robot: the plant was restarted, so this run is over", file=sys.stderr)
+            tell("robot: the plant was restarted, so this run is over")
             clock.stop()
         clock.advance_to(stamp_ns)
 
@@ -110,5 +153,5 @@ def settle(vehicle: Vehicle, options: Options) -> None:
     for wanted, apply in ((options.freeze, freeze_heap), (options.fifo, use_fifo)):
         warning = apply() if wanted else None
         if warning is not None:
-            print(f"robot: warning: {warning}", file=sys.stderr)
+            tell(f"robot: warning: {warning}")
             vehicle.say(Severity.WARNING, warning)

@@ -1,0 +1,69 @@
+"""How the robot before this one ended: a word on the disk, and what whoever starts it has seen."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from protocol.watchdog import HANGS
+from robot.store import replace_whole
+
+FILE_NAME: Final = "life.txt"
+HUNG_NAME: Final = "hung.txt"
+HUNG_BEFORE: Final = "hung-before.txt"
+RUNNING: Final = "running"
+STOPPED: Final = "was told to stop"
+NO_WORD: Final = "ended without a word"
+SIGNAL: Final = "signal "
+
+
+class Life:
+    """Marks a directory while this robot lives; without a directory it knows nothing."""
+
+    def __init__(self, directory: Path | None) -> None:
+        self._directory = directory
+        self.trouble = ""
+
+    @property
+    def story(self) -> Path | None:
+        """Where a loop that hangs leaves its place; None where that cannot be written."""
+        return None if self._directory is None or self.trouble else self._directory / HUNG_NAME
+
+    def begin(self, after: str = "") -> str:
+        """How the one before ended, ready to follow "the one before"; empty when all was well.
+
+        `after` is what whoever starts this one saw of it. `trouble` says when nothing can be kept.
+        """
+        word = self._last_word()
+        self._keep(RUNNING)
+        if word not in ("", RUNNING, STOPPED):
+            return word
+        return seen(after) or (NO_WORD if word == RUNNING else "")
+
+    def end(self, how: str = STOPPED) -> None:
+        """This one ends by itself, and how."""
+        self._keep(how)
+
+    def _last_word(self) -> str:
+        if self._directory is None:
+            return ""
+        hung = self._directory / HUNG_NAME
+        with suppress(OSError):
+            if hung.stat().st_size:
+                hung.replace(self._directory / HUNG_BEFORE)
+                return HANGS
+        with suppress(OSError, UnicodeDecodeError):
+            return (self._directory / FILE_NAME).read_text(encoding="utf-8").strip()
+        return ""
+
+    def _keep(self, word: str) -> None:
+        if self._directory is None:
+            return
+        try:
+            replace_whole(self._directory / FILE_NAME, word)
+        except OSError as error:
+            self.trouble = f"{self._directory}: how it ends cannot be kept ({error.strerror})"
+
+
+def seen(after: str) -> str:
+    """A bare signal, as `--after "signal SIGKILL"` has it, was a kill."""
+    return f"was killed ({after})" if after.startswith(SIGNAL) else after

@@ -1,0 +1,61 @@
+"""A process whose loop hangs is ended by the kernel, with Python's lock held or not."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from protocol.watchdog import Watchdog
+
+ROOT = Path(__file__).parents[3]
+LOOP = """
+import ctypes, sys, time
+from pathlib import Path
+from protocol.watchdog import Watchdog
+story = Path(sys.argv[2]) if len(sys.argv) > 2 else None
+with Watchdog(0.5, story) as watchdog:
+    for _ in watchdog.wound_by(range(4)):
+        time.sleep(0.2)
+    print("driven", flush=True)
+    {hang}
+print("ended")
+"""
+HANGS = {
+    "asleep": "time.sleep(30)",
+    "holding Python's lock": "ctypes.PyDLL(None).sleep(30)",
+    "busy": "[0 for _ in iter(int, 1)]",
+}
+
+
+def run(hang: str, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", LOOP.format(hang=hang), "x", *words],
+        cwd=ROOT, capture_output=True, text=True, timeout=20.0, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("hang", HANGS.values(), ids=HANGS)
+def test_a_loop_that_hangs_is_the_end_of_its_process_without_a_traceback(hang: str) -> None:
+    done = run(hang)
+    assert done.returncode == -signal.SIGALRM
+    assert (done.stdout, done.stderr) == ("driven\n", "")
+
+
+def test_the_place_where_it_hung_is_left_in_a_file(tmp_path: Path) -> None:
+    story = tmp_path / "hung.txt"
+    done = run(HANGS["holding Python's lock"], str(story))
+    assert done.returncode == -signal.SIGALRM
+    assert done.stderr == ""
+    assert "most recent call first" in story.read_text()
+
+
+def test_after_the_block_nobody_watches(tmp_path: Path) -> None:
+    done = run("pass")
+    assert (done.returncode, done.stdout) == (0, "driven\nended\n")
+    with Watchdog(60.0, tmp_path / "hung.txt") as watchdog:
+        watchdog.wind()
+        assert signal.getitimer(signal.ITIMER_REAL)[0] > 50.0
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+    assert (tmp_path / "hung.txt").read_text() == ""

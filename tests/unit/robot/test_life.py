@@ -1,0 +1,76 @@
+"""A robot knows how the one before it ended: by its own last word, or by what others saw."""
+
+from pathlib import Path
+
+import pytest
+
+from robot.life import FILE_NAME, HUNG_BEFORE, HUNG_NAME, NO_WORD, Life
+
+KILLED = "was killed (signal SIGKILL)"
+
+
+def test_the_first_one_has_nobody_before_it(tmp_path: Path) -> None:
+    life = Life(tmp_path / "new" / "state")
+    assert (life.begin(), life.trouble) == ("", "")
+
+
+def test_one_that_was_told_to_stop_is_no_news(tmp_path: Path) -> None:
+    first = Life(tmp_path)
+    first.begin()
+    first.end()
+    assert Life(tmp_path).begin() == ""
+
+
+def test_one_that_was_killed_leaves_no_word(tmp_path: Path) -> None:
+    Life(tmp_path).begin()
+    assert Life(tmp_path).begin() == NO_WORD == "ended without a word"
+
+
+def test_what_the_supervisor_saw_is_better_than_no_word(tmp_path: Path) -> None:
+    Life(tmp_path).begin()
+    assert Life(tmp_path).begin("signal SIGKILL") == KILLED
+
+
+def test_its_own_last_word_is_better_than_what_others_saw(tmp_path: Path) -> None:
+    first, last = Life(tmp_path), "ended by a core exception (ZeroDivisionError: x)"
+    first.begin()
+    first.end(last)
+    assert Life(tmp_path).begin("ended by itself (exit code 1)") == last
+
+
+def test_a_word_is_told_to_the_next_one_only(tmp_path: Path) -> None:
+    Life(tmp_path).begin()
+    second = Life(tmp_path)
+    second.begin()
+    second.end()
+    assert Life(tmp_path).begin() == ""
+
+
+@pytest.mark.parametrize("after", ["signal SIGKILL", KILLED])
+def test_without_a_directory_it_believes_who_starts_it(after: str) -> None:
+    life = Life(None)
+    assert life.begin(after) == KILLED
+    life.end()
+    assert (life.story, life.trouble, Life(None).begin()) == (None, "", "")
+
+
+def test_one_that_hung_has_left_its_place_which_is_kept(tmp_path: Path) -> None:
+    Life(tmp_path).begin()
+    (tmp_path / HUNG_NAME).write_text("Current thread ...")
+    assert Life(tmp_path).begin() == "hung (its loop did not run for 5 s)"
+    assert (tmp_path / HUNG_BEFORE).read_text() == "Current thread ..."
+    assert Life(tmp_path).begin() == NO_WORD
+
+
+def test_a_directory_that_cannot_be_written_is_told_and_stops_nobody(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    life = Life(tmp_path / "file")
+    assert life.begin("signal SIGKILL") == KILLED
+    assert "how it ends cannot be kept" in life.trouble
+    assert life.story is None
+    life.end()
+
+
+def test_noise_in_the_file_is_taken_for_no_word(tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).write_bytes(b"\xff\xfe\x00")
+    assert Life(tmp_path).begin() == ""
