@@ -51,7 +51,10 @@ class Senses:
     def read(self, tick: Tick, now_ns: int, vehicle: Vehicle) -> Inputs:
         """The senses of this tick; None where one is missing or stale."""
         self._listen(vehicle, now_ns)
-        wheels = self._last_wheels = newer(self._wheels.latest(), self._last_wheels)
+        arrived = self._wheels.latest()
+        if not self.lockstep and begun_anew(arrived, self._last_wheels):
+            vehicle.displaced(now_ns)
+        wheels = self._last_wheels = newer(arrived, self._last_wheels)
         newest = self._last_scan = newer(self._sonar.latest(), self._last_scan)
         self._place(newest, tick, now_ns)
         return Inputs(
@@ -107,3 +110,8 @@ def newer(
     if newest is None or last is None:
         return newest
     return last if 0 < last[0].seq - newest[0].seq <= OVERTAKEN else newest
+
+
+def begun_anew(newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None) -> bool:
+    """Was it sent by a plant that was started again?"""
+    return newest is not None and last is not None and last[0].seq - newest[0].seq > OVERTAKEN

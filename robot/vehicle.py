@@ -157,9 +157,14 @@ class Vehicle:
         self.state.reported = reason
 
     def stop(self, reason: int, now_ns: int) -> None:
-        """The host ends: no goal survives it; a failsafe that is on keeps its own reason."""
+        """For what the host knows: no goal survives it; a failsafe that is on keeps its reason."""
         if self.state.machine.vehicle == states.ACTIVE:
             failsafe.trip(self.state.machine, reason, now_ns // NS_PER_MS)
+
+    def displaced(self, now_ns: int) -> None:
+        """Its senses have begun anew: whatever they count from now on, the way was not driven."""
+        self.say(Severity.ERROR, "senses began anew: the place is not known any more")
+        self.stop(reasons.TICKS_LOST, now_ns)
 
     def say(self, severity: int, words: str) -> None:
         self._texts = (self._texts + self._news.text(severity, words))[-MOST_TEXTS:]

@@ -1,0 +1,87 @@
+"""A plant that was started again has put the robot elsewhere: it stops and says it is lost."""
+
+from collections.abc import Callable
+from typing import Any
+
+from protocol.bus import Bus
+from protocol.clock import Tick
+from protocol.enums import Severity
+from protocol.mailbox import Mailbox
+from protocol.messages import WheelTicks
+from protocol.topic import Topic
+from robot.core import reasons, states
+from robot.core.machine import start_goal
+from robot.core.parameters import DEFAULTS
+from robot.core.values import Goal
+from robot.senses import Senses
+from robot.store import Store
+from robot.vehicle import Vehicle
+
+PERIOD_NS = 50_000_000
+LOST = "senses began anew: the place is not known any more"
+
+
+class Box(Mailbox[Any]):
+    """Holds what the test puts in."""
+
+    newest: tuple[WheelTicks, int] | None = None
+
+    def latest(self) -> tuple[WheelTicks, int] | None:
+        return self.newest
+
+
+class Wired(Bus):
+    """Mailboxes without a wire."""
+
+    def __init__(self) -> None:
+        self.boxes: dict[str, Box] = {}
+
+    def mailbox(
+        self,
+        topic: Topic[Any],
+        robot: str | None = None,
+        notify: Callable[[int], None] | None = None,
+        accept: Callable[[str], bool] | None = None,
+    ) -> Box:
+        return self.boxes.setdefault(topic.path, Box(topic))
+
+
+def read(stamps: list[int], *, lockstep: bool) -> Vehicle:
+    """An armed robot with a goal that has sensed these ticks of its wheels."""
+    bus, vehicle = Wired(), Vehicle(DEFAULTS, Store(None))
+    senses = Senses(bus, lockstep=lockstep)
+    machine = vehicle.state.machine
+    machine.vehicle = states.ACTIVE
+    start_goal(machine, Goal(3.0, 1.0, None, 0.05, 0.05), states.AUTO, 0)
+    vehicle.texts()
+    for number, stamp in enumerate(stamps):
+        now_ns = number * PERIOD_NS
+        ticks = WheelTicks(
+            time_ns=stamp * PERIOD_NS, seq=stamp, left=0, right=0, bumper=0, expired=0
+        )
+        bus.boxes["sense/wheels"].newest = (ticks, now_ns)
+        senses.read(Tick(number, now_ns, 0, 0), now_ns, vehicle)
+    return vehicle
+
+
+def said(vehicle: Vehicle) -> list[str]:
+    return [text.text for text in vehicle.texts() if text.severity == Severity.ERROR]
+
+
+def test_it_stops_and_says_that_it_is_lost() -> None:
+    vehicle = read([*range(100, 120), *range(10)], lockstep=False)
+    machine = vehicle.state.machine
+    assert (machine.vehicle, machine.vehicle_reason) == (states.FAILSAFE, reasons.TICKS_LOST)
+    assert machine.goal_state == states.ABORTED
+    assert "".join(said(vehicle)).startswith(LOST)
+
+
+def test_as_long_as_time_goes_on_it_drives() -> None:
+    vehicle = read([*range(100, 120)], lockstep=False)
+    assert vehicle.state.machine.vehicle == states.ACTIVE
+    assert said(vehicle) == []
+
+
+def test_in_lockstep_it_is_the_clock_that_ends_the_run() -> None:
+    vehicle = read([*range(100, 120), *range(10)], lockstep=True)
+    assert vehicle.state.machine.vehicle == states.ACTIVE
