@@ -34,6 +34,14 @@ class ChildDied(RemoteError):
         self.exit_code = exit_code
 
 
+class Ended(NamedTuple):
+    """One that has ended by itself: its exit code, and the end of what it wrote."""
+
+    role: str
+    code: int
+    words: str
+
+
 class Child(NamedTuple):
     role: str
     process: subprocess.Popen[bytes]
@@ -100,6 +108,17 @@ class Children:
                 child.process.send_signal(number)
                 return True
         return False
+
+    def ended(self) -> list[Ended]:
+        """Those that have ended by themselves, each once: they are no children any more."""
+        found = []
+        for child in tuple(self._children):
+            code = child.process.poll()
+            if code is not None:
+                found.append(Ended(child.role, code, child.last_words()))
+                self._children.remove(child)
+                child.output.close()
+        return found
 
     def blame(self) -> None:
         """A silence is to be explained: raise ChildDied if a child is gone or about to be."""

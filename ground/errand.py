@@ -12,6 +12,7 @@ from ground.parts import Part
 from ground.scenario import Entrant, Scenario
 from ground.status_line import goal_line, short_line
 from ground.telemetry import Telemetry
+from ground.upkeep import Void
 from protocol.codec import decode
 from protocol.enums import Command, GoalState, Mode, RunAction
 from protocol.errors import RemoteError
@@ -36,18 +37,26 @@ class NotRun(RemoteError):
 class Errand:
     """One robot's part in a run; `outcome` is there when it has ended.
 
-    `check` raises when a process has died.
+    `check` raises when a process has died; `void` tells of one that was started again: then there
+    is no outcome, but `spoilt` says why.
     """
 
     def __init__(
-        self, link: Link, scenario: Scenario, entrant: Entrant, check: Callable[[], None]
+        self,
+        link: Link,
+        scenario: Scenario,
+        entrant: Entrant,
+        check: Callable[[], None],
+        void: Callable[[], Void | None] = lambda: None,
     ) -> None:
         self.link = link
         self.telemetry = Telemetry(link.bus, link.robot, (STATUS, ODOMETRY, DECISION, CYCLE))
         self.outcome: Outcome | None = None
+        self.spoilt = ""
         self._scenario = scenario
         self._goal = entrant.goal
         self._check = check
+        self._void = void
         self._goal_id = 0
         self._begun_ns = 0
         self._refusal: Answered | None = None
@@ -96,9 +105,17 @@ class Errand:
         timeout_ns = round(self._scenario.timeout_s * NS_PER_S)
         self._watch = GoalWatch(self._goal_id, self._begun_ns, timeout_ns, stamps_only=True)
 
+    @property
+    def over(self) -> bool:
+        return self.outcome is not None or bool(self.spoilt)
+
     def look(self) -> None:
         """See whether the goal has ended or its time is up; NotRun when the robot is lost."""
-        if self.outcome is not None or self._watch is None:
+        if self.over or self._watch is None:
+            return
+        void = self._void()
+        if void is not None:
+            self.spoilt = void.why if void.over else ""
             return
         newest = self.telemetry.latest(STATUS)
         if newest is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from ground.errand import Errand
+from ground.errand import Errand, NotRun
 from ground.parts import Part
 from protocol.clock import Clock
 from protocol.outcome import Outcome
@@ -27,9 +27,10 @@ class Outing:
         self._check = check
         self._show = show
 
-    def run(self, *, lockstep: bool) -> list[Outcome]:
+    def run(self, *, lockstep: bool, launched: Callable[[], None] = lambda: None) -> list[Outcome]:
         """The outcome of each. Raises NotRun when there is nothing to judge."""
         self.launch(lockstep=lockstep)
+        launched()
         for errand in self._errands:
             errand.begin()
         return self._follow()
@@ -51,16 +52,21 @@ class Outing:
         while True:
             for errand in self._errands:
                 errand.look()
-            outcomes = [errand.outcome for errand in self._errands if errand.outcome is not None]
             now_ns = self._clock.now_ns()
-            over = len(outcomes) == len(self._errands)
+            over = all(errand.over for errand in self._errands)
             if now_ns - shown_ns >= LOOK_NS or over:
                 shown_ns = now_ns
                 self._show(self._line())
             if over:
-                return outcomes
+                return self._outcomes()
             self._check()
             self._clock.sleep_until(now_ns + PAUSE_NS)
+
+    def _outcomes(self) -> list[Outcome]:
+        spoilt = dict.fromkeys(errand.spoilt for errand in self._errands if errand.spoilt)
+        if spoilt:
+            raise NotRun(f"no valid trial: {'; '.join(spoilt)}")
+        return [errand.outcome for errand in self._errands if errand.outcome is not None]
 
     def _line(self) -> list[Part]:
         if len(self._errands) == 1:

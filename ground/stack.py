@@ -6,18 +6,24 @@ import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType, TracebackType
 from typing import Any, Final, Self
 
 from ground.children import ChildDied, Children
+from ground.hearts import ROUTER, Hearts
 from ground.leash import command
 from ground.options import Common
 from ground.scenario import Scenario, cast, question, scenario_of, world_facts
+from ground.supervisor import Policy, Supervisor
+from ground.upkeep import Upkeep, Void
+from protocol.bus import Bus
 from protocol.clock import Clock
 from protocol.errors import UserError
 from protocol.network import Network
+from protocol.topics import HEARTBEAT, TRUTH
 
 TROUBLES: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyType(
     {
@@ -30,21 +36,33 @@ TROUBLES: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyType(
 
 
 PAUSED: Final = "--paused"
+PLANT: Final = "plant"
 DIAL_S: Final = 0.5
 
 
 class Stack:
-    """Has one endpoint all its life, so that whoever has dialled it finds the next one there."""
+    """Has one endpoint all its life, so that whoever has dialled it finds the next one there.
+
+    Until somebody looks after them, a process that ends is the end of all.
+    """
 
     def __init__(
-        self, options: argparse.Namespace, scenario: Scenario, endpoint: str, clock: Clock
+        self,
+        options: argparse.Namespace,
+        scenario: Scenario,
+        endpoint: str,
+        clock: Clock,
+        policy: Policy | None = None,
     ) -> None:
         self._options = options
         self.scenario = scenario
         self._endpoint = endpoint
+        self._clock = clock
+        self._policy = policy
         self._children = Children(clock)
         self._folder: TemporaryDirectory[str] | None = None
-        self._told: set[str] = set()
+        self._upkeep: Upkeep | None = None
+        self._hears: Bus | None = None
         self.logs_before: set[Path] = set()
 
     def __enter__(self) -> Self:
@@ -79,30 +97,69 @@ class Stack:
         waits = paused or PAUSED not in words
         self._children.start(role, words if waits else [w for w in words if w != PAUSED])
 
+    def look_after(self, bus: Bus) -> None:
+        """From now on who dies is started again, and who hangs is ended and started again."""
+        self._hears = bus
+        self._begin_upkeep()
+        for robot in self.scenario.robots:
+            bus.stream(HEARTBEAT, partial(self._heard, f"robot {robot}"), robot)
+            bus.stream(TRUTH, partial(self._heard, PLANT), robot)
+
     def check(self) -> None:
-        """Raise ChildDied when one has ended by itself."""
-        self._children.check()
+        """Look at all of them. Raise ChildDied when one has ended and will not come back."""
+        if self._upkeep is None:
+            self._children.check()
+            return
+        self._upkeep.round(self._clock.now_ns())
+        for why in self._upkeep.supervisor.given_up.values():
+            raise ChildDied(why, 1)
 
     def blame(self) -> None:
-        self._children.blame()
+        """Raise ChildDied when one has ended that nobody looks after, or is about to."""
+        if self._upkeep is None:
+            self._children.blame()
 
     def news(self) -> str:
-        """Why one of them has ended, once; empty when there is nothing new."""
-        try:
-            self.check()
-        except ChildDied as died:
-            words = str(died)
-            if words not in self._told:
-                self._told.add(words)
-                return words
-        return ""
+        """What has happened to one of them, each thing once; empty when there is nothing new."""
+        if self._upkeep is None:
+            return ""
+        self._upkeep.round(self._clock.now_ns())
+        return self._upkeep.news()
+
+    def void(self, robot: str) -> Void | None:
+        """Why a trial of this robot is none any more; None: it still counts."""
+        if self._upkeep is None:
+            return None
+        return self._upkeep.void((f"robot {robot}", PLANT), self._clock.now_ns())
 
     def restarted(self, scenario: Scenario) -> None:
         """End them all and start those of another scenario, within about a second."""
         self._children.stop()
-        self._told.clear()
         self.scenario = scenario
         self.start()
+        if self._upkeep is not None:
+            self._begin_upkeep()
+
+    def _begin_upkeep(self) -> None:
+        bus = self._hears
+        assert bus is not None, "somebody is heard"
+        robots = [f"robot {robot}" for robot in self.scenario.robots]
+        hub, now_ns = ROUTER if self.scenario.router else robots[0], self._clock.now_ns()
+        self._hearts = Hearts(hub, [*robots, PLANT], lambda: bus.hub().linked, now_ns)
+        self._upkeep = Upkeep(
+            self._children,
+            Supervisor(self._children.roles, self._policy),
+            None if self.scenario.lockstep else self._hearts,
+            self._arguments_of,
+        )
+
+    def _heard(self, role: str, _key: str, _frame: bytes, at_ns: int) -> None:
+        self._hearts.heard(role, at_ns)
+
+    def _arguments_of(self, role: str, cause: str) -> list[str]:
+        """Those of its first start; time goes on, and a robot tells why there was one before."""
+        words = [word for word in dict(cast(self.scenario, self._endpoint))[role] if word != PAUSED]
+        return [*words, "--after", cause] if words[0] == "robot" else words
 
     def scenario_in(self, world: str, faults: Sequence[Mapping[str, object]] = ()) -> Scenario:
         """What it would be in another world, with these faults added; UserError says why not."""

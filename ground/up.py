@@ -111,9 +111,11 @@ def rehearse(
         stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, says))
         with dialled(stack.common, clock, stack.check) as bus:
             errands = errands_of(stack, bus, says, clock)
-            outing = Outing(errands, clock, stack.check, shown(says, clock))
+            outing = Outing(errands, clock, partial(look, stack, says), shown(says, clock))
             try:
-                return outing.run(lockstep=scenario.lockstep)
+                return outing.run(
+                    lockstep=scenario.lockstep, launched=partial(look_after, stack, bus)
+                )
             except (Unanswered, RemoteError):
                 stack.blame()  # a process that has died explains silence best
                 raise
@@ -126,11 +128,26 @@ def show(options: argparse.Namespace, scenario: Scenario, says: Says, clock: Clo
         with dialled(stack.common, clock, stack.check) as bus:
             errands = errands_of(stack, bus, says, clock)
             Outing(errands, clock, stack.check, shown(says, clock)).launch(lockstep=False)
+            stack.look_after(bus)
             folder = Path(scenario.record or usual_folder())
             with Recording(folder, stack.common, clock, None) as recording:
                 if scenario.record is not None:
                     recording.watch(stack.logs_before)
                 return run_app(options, errands[0].link, stack.common, stack, recording)
+
+
+def look_after(stack: Stack, bus: Bus) -> None:
+    """In wall time who dies comes back, for the others and for the record. What is to be repeated
+    to the last bit is over with the first death."""
+    if not stack.scenario.lockstep:
+        stack.look_after(bus)
+
+
+def look(stack: Stack, says: Says) -> None:
+    """Tell what has happened to the processes; ChildDied when one will not come back."""
+    stack.check()
+    while news := stack.news():
+        says.note(news)
 
 
 def errands_of(stack: Stack, bus: Bus, says: Says, clock: Clock) -> list[Errand]:
@@ -144,6 +161,7 @@ def errands_of(stack: Stack, bus: Bus, says: Says, clock: Clock) -> list[Errand]
             scenario,
             entrant,
             stack.check,
+            partial(stack.void, entrant.robot),
         )
         for entrant in scenario.entrants
     ]

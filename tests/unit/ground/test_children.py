@@ -179,6 +179,18 @@ def test_a_verb_runs_from_any_directory_whatever_lies_there(tmp_path: Path) -> N
     assert "u_trap" in done.stdout
 
 
+def test_who_has_ended_is_named_once_and_is_no_child_any_more() -> None:
+    with Children(WallClock(), python) as children:
+        children.start("plant", ["print('last word'); raise SystemExit(7)"])
+        children.start("robot r1", [QUIET])
+        process = children._children[0].process
+        assert until(lambda: process.poll() is not None)
+        assert children.ended() == [("plant", 7, "  last word")]
+        assert children.ended() == []
+        assert children.roles == ["robot r1"]
+        children.check()
+
+
 def test_how_a_process_ended_is_said_in_words() -> None:
     assert how(3) == "exit code 3"
     assert how(-9) == "signal SIGKILL"

@@ -40,6 +40,7 @@ class Played(Errand):
     def __init__(self, name: str, looks: int, diary: list[str]) -> None:
         self.name = name
         self.outcome = None
+        self.spoilt = ""
         self._looks = looks
         self._diary = diary
 
@@ -118,6 +119,16 @@ def test_a_process_that_dies_ends_the_run() -> None:
 
     with pytest.raises(NotRun, match="gone"):
         outing(5, check=check)[0].run(lockstep=True)
+
+
+def test_a_trial_whose_robot_was_started_again_is_none_but_the_others_arrive() -> None:
+    run, diary, shown = outing(50, 3)
+    lost = run._errands[1]
+    lost.spoilt = "the robot r2 process was killed (signal SIGKILL)"
+    with pytest.raises(NotRun, match=r"no valid trial: .* \(signal SIGKILL\)"):
+        run.run(lockstep=False, launched=lambda: diary.append("launched"))
+    assert diary[5:] == ["launched", "begin r1", "begin r2"]
+    assert shown[-1][0].text == "r1 there"
 
 
 def test_one_robot_prints_what_it_always_did() -> None:

@@ -1,0 +1,90 @@
+"""Who is silent hangs, but never for the silence of the hub that it is heard through."""
+
+from ground.hearts import ROUTER, SILENT_NS, STARTING_NS, Hearts
+
+ROBOT, PLANT = "robot r1", "plant"
+MS = 1_000_000
+SECOND = 1000 * MS
+
+
+class Link:
+    """Whether there is one."""
+
+    def __init__(self) -> None:
+        self.there = True
+
+    def __call__(self) -> bool:
+        return self.there
+
+
+def hearts_of(hub: str, link: Link | None = None) -> Hearts:
+    """Everybody was heard at one second."""
+    hearts = Hearts(hub, [ROBOT, PLANT], link or Link(), 0)
+    for role in (ROBOT, PLANT):
+        hearts.heard(role, SECOND)
+    return hearts
+
+
+def test_who_is_heard_does_not_hang() -> None:
+    assert hearts_of(ROBOT).silent(SECOND + SILENT_NS) == []
+
+
+def test_a_silent_plant_hangs_and_is_named_once() -> None:
+    hearts = hearts_of(ROBOT)
+    hearts.heard(ROBOT, SECOND + SILENT_NS)
+    late_ns = SECOND + SILENT_NS + 1
+    assert hearts.silent(late_ns) == [PLANT]
+    assert hearts.silent(late_ns) == []
+
+
+def test_when_all_are_silent_it_is_the_hub() -> None:
+    assert hearts_of(ROBOT).silent(SECOND + SILENT_NS + 1) == [ROBOT]
+
+
+def test_a_router_hangs_when_there_is_no_link_to_it() -> None:
+    link = Link()
+    link.there = False
+    hearts = hearts_of(ROUTER, link)
+    assert hearts.silent(SECOND + SILENT_NS) == []
+    assert hearts.silent(SECOND + SILENT_NS + 1) == [ROUTER]
+
+
+def test_with_a_router_that_answers_everybody_speaks_for_himself() -> None:
+    hearts = hearts_of(ROUTER)
+    hearts.heard(PLANT, SECOND + SILENT_NS)
+    assert hearts.silent(SECOND + SILENT_NS + 1) == [ROBOT]
+
+
+def test_while_the_hub_is_gone_nobody_is_judged_and_after_it_they_may_dial_again() -> None:
+    hearts = hearts_of(ROBOT)
+    hearts.gone(ROBOT)
+    assert hearts.silent(60 * SECOND) == []
+    hearts.started(ROBOT, 60 * SECOND)
+    assert hearts.silent(60 * SECOND + SILENT_NS + 1) == []
+    hearts.heard(ROBOT, 61 * SECOND)
+    late_ns = 60 * SECOND + STARTING_NS + 1
+    hearts.heard(ROBOT, late_ns)
+    assert hearts.silent(late_ns) == [PLANT]
+
+
+def test_who_was_started_has_time_until_it_is_first_heard_and_no_more() -> None:
+    hearts = hearts_of(ROBOT)
+    hearts.gone(PLANT)
+    hearts.started(PLANT, 2 * SECOND)
+    begun_ns = 2 * SECOND + STARTING_NS
+    hearts.heard(ROBOT, begun_ns)
+    assert hearts.silent(begun_ns) == []
+    hearts.heard(ROBOT, begun_ns + 1)
+    assert hearts.silent(begun_ns + 1) == [PLANT]
+
+
+def test_what_was_still_on_its_way_from_the_one_before_is_no_sign_of_life() -> None:
+    hearts = hearts_of(ROBOT)
+    hearts.gone(ROBOT)
+    hearts.heard(ROBOT, 2 * SECOND)
+    assert hearts.back_ns(ROBOT) is None
+    hearts.started(ROBOT, 2 * SECOND)
+    hearts.heard(ROBOT, 2 * SECOND + MS)
+    assert hearts.back_ns(ROBOT) is None
+    hearts.heard(ROBOT, 3 * SECOND)
+    assert hearts.back_ns(ROBOT) == 3 * SECOND
