@@ -25,6 +25,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "robot": Verb("robot.cli", "the control loop of one robot, 20 Hz", False),
         "ground": Verb("ground.cli", "the ground station, in this terminal or in a browser"),
         "router": Verb("ground.cli", "a Zenoh router for more than one robot or machine"),
+        "keys": Verb("ground.cli", "who may join a locked bus: certificates made, and checked"),
     },
     "command": {
         "goto": Verb("ground.cli", "drive to X Y [DEG] and wait for the outcome"),

@@ -106,6 +106,7 @@ PLACES: Final[Mapping[str, Place]] = MappingProxyType(
         ),
         "doctor": both("say what is missing and what to do", "doctor"),
         "router": alone("a Zenoh router, until told to stop", "router"),
+        "keys": alone("who may join a locked bus: certificates made, and checked", "keys.verb"),
         "explain": both("why did it turn?", "explain.verb"),
         "ghost": both("another navigator from here on", "ghost.verb"),
         "record": alone("write every frame to .tlog and .mcap", "record"),

@@ -46,5 +46,17 @@ class PeerHangs(NoPeer):
     """Somebody listens where this process was told to connect, and does not answer."""
 
 
+class NotLetIn(NoPeer):
+    """Who listens where this process was told to connect does not let it in; `do` is the remedy."""
+
+    def __init__(self, why: str, do: str) -> None:
+        super().__init__(f"{why}: {do}")
+        self.why, self.do = why, do
+
+
+class BadKeys(UserError):
+    """A certificate, key or authority that cannot be used: which file, why, and what to do."""
+
+
 class Stopped(Exception):
     """Raised to whoever waits on a clock that will not go on; a loop simply ends."""

@@ -1,0 +1,106 @@
+"""What each certificate of a folder is good for and until when, and what is wrong with it."""
+
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.serialization import load_pem_private_key
+from cryptography.x509.oid import NameOID
+
+from ground.keys.folder import CA
+from protocol.bus.access import grant_of
+from protocol.errors import UserError
+
+SOON: Final = timedelta(days=30)
+OPEN_TO_OTHERS: Final = 0o077
+
+
+class Checked(NamedTuple):
+    """One certificate: whose, until when, what its holder does, what is wrong (nothing: good)."""
+
+    name: str
+    file: str
+    until: datetime
+    says: str
+    wrong: tuple[str, ...]
+    soon: bool
+
+    def line(self) -> str:
+        """For a person."""
+        end = f"{self.until:%Y-%m-%d %H:%M} UTC"
+        about = f"{self.name:<24} until {end}  {self.says}"
+        return "\n".join((about, *(f"  E {problem}" for problem in self.wrong)))
+
+
+def check(folder: Path, now: datetime) -> list[Checked]:
+    """The authority first; UserError names a folder or file that cannot be read."""
+    if not (folder / CA).is_file():
+        raise UserError(f"{folder} has no {CA}: name a folder that `sidestep keys new` has made")
+    authority = read(folder / CA)
+    first = checked(folder / CA, authority, now, "signs the others", ())
+    others = sorted(path for path in folder.glob("*.pem") if path.name != CA)
+    return [first, *(check_one(path, authority, now) for path in others)]
+
+
+def check_one(path: Path, authority: x509.Certificate, now: datetime) -> Checked:
+    certificate = read(path)
+    name = common_name(certificate)
+    grant = grant_of(name)
+    wrong = [] if grant else [f"no role is called {name!r}, so it is let in and may do nothing"]
+    try:
+        certificate.verify_directly_issued_by(authority)
+    except (ValueError, TypeError, InvalidSignature):
+        wrong.append(f"is not signed by {CA}: nobody here lets it in; make a new set")
+    wrong += key_trouble(path.with_suffix(".key"), certificate)
+    return checked(path, certificate, now, grant.says if grant else "", tuple(wrong))
+
+
+def checked(
+    path: Path, certificate: x509.Certificate, now: datetime, says: str, wrong: tuple[str, ...]
+) -> Checked:
+    until = certificate.not_valid_after_utc
+    wrong += tuple(times(certificate, now))
+    soon = now <= until < now + SOON
+    return Checked(common_name(certificate), path.name, until, says, wrong, soon)
+
+
+def times(certificate: x509.Certificate, now: datetime) -> Iterator[str]:
+    since, until = certificate.not_valid_before_utc, certificate.not_valid_after_utc
+    if now > until:
+        yield f"expired at {until:%Y-%m-%d %H:%M} UTC: make a new set with `sidestep keys new`"
+    if now < since:
+        yield f"is not valid before {since:%Y-%m-%d %H:%M} UTC: is this machine's clock right?"
+
+
+def key_trouble(path: Path, certificate: x509.Certificate) -> Iterator[str]:
+    """What is wrong with the key of a certificate. What is in it is never told."""
+    try:
+        mode = path.stat().st_mode
+        key = load_pem_private_key(path.read_bytes(), password=None)
+    except OSError as error:
+        yield f"{path.name}: {error.strerror}"
+        return
+    except (ValueError, TypeError):
+        yield f"{path.name} is not a key in PEM without a password"
+        return
+    if key.public_key() != certificate.public_key():
+        yield f"{path.name} is the key of another certificate"
+    if mode & OPEN_TO_OTHERS:
+        yield f"{path.name} can be read by others: chmod 600 {path.name}"
+
+
+def read(path: Path) -> x509.Certificate:
+    try:
+        return x509.load_pem_x509_certificate(path.read_bytes())
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}") from error
+    except ValueError as error:
+        raise UserError(f"{path} is not a certificate in PEM") from error
+
+
+def common_name(certificate: x509.Certificate) -> str:
+    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(names[0].value) if names else "(no name)"

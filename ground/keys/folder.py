@@ -1,0 +1,90 @@
+"""The folder of `keys new`: per role a certificate, its key and a configuration that names them."""
+
+import os
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Final
+
+from ground.keys.authority import Authority
+from protocol.errors import UserError
+
+CA: Final = "ca.pem"
+USUAL_HOSTS: Final = ("localhost", "127.0.0.1", "::1", "router", "robot")
+FOLDER_MODE: Final = 0o700
+SECRET_MODE: Final = 0o600
+PUBLIC_MODE: Final = 0o644
+CONFIG: Final = """\
+# Made by `sidestep keys new`: who a process is, and whom it believes. Use it with --config.
+robot = "{robot}"
+
+[network]
+robots = [{robots}]
+
+[network.tls]
+ca = "{ca}"
+certificate = "{role}.pem"
+key = "{role}.key"
+"""
+
+
+def make(
+    folder: Path, robots: Sequence[str], hosts: Sequence[str], since: datetime, until: datetime
+) -> list[str]:
+    """The roles that have a certificate now. Overwrites nothing: UserError names what is there."""
+    prepare(folder)
+    authority = Authority(since, until)
+    written: list[Path] = []
+    try:
+        put(folder / CA, authority.pem, PUBLIC_MODE, written)
+        for role, robot, dialled in cast(robots):
+            pair = authority.certify(role, (*USUAL_HOSTS, *hosts) if dialled else ())
+            put(folder / f"{role}.pem", pair.certificate, PUBLIC_MODE, written)
+            put(folder / f"{role}.key", pair.key, SECRET_MODE, written)
+            text = configuration(role, robot, robots)
+            put(folder / f"{role}.toml", text.encode(), PUBLIC_MODE, written)
+    except OSError as error:
+        for path in written:  # half a set is of no use, and would be in the way of the next
+            path.unlink(missing_ok=True)
+        raise UserError(f"{folder}: {error.strerror}: nothing was kept") from error
+    return [role for role, _, _ in cast(robots)]
+
+
+def cast(robots: Sequence[str]) -> Iterator[tuple[str, str, bool]]:
+    """Role, robots it is about as a configuration names them, and whether others dial it."""
+    yield "router", robots[0], True
+    yield "plant", ",".join(robots), False
+    yield "ground", robots[0], False
+    yield "viewer", robots[0], False
+    for robot in robots:
+        yield f"robot-{robot}", robot, True
+
+
+def configuration(role: str, robot: str, robots: Sequence[str]) -> str:
+    """TOML; the names of its files are relative, so that the folder can be moved."""
+    listed = ", ".join(f'"{name}"' for name in robots)
+    return CONFIG.format(role=role, robot=robot, robots=listed, ca=CA)
+
+
+def prepare(folder: Path) -> None:
+    """An empty folder that only its owner can look into."""
+    try:
+        folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
+        there = next(iter(sorted(folder.iterdir())), None)
+        if there is None:
+            folder.chmod(FOLDER_MODE)
+    except OSError as error:
+        raise UserError(f"{folder}: {error.strerror}: name a folder to be made") from error
+    if there is not None:
+        raise UserError(
+            f"{folder} is not empty (there is {there.name}), and nothing is overwritten: "
+            "name a new folder, or move the old one away"
+        )
+
+
+def put(path: Path, content: bytes, mode: int, written: list[Path]) -> None:
+    """A new file, never readable by more than `mode` says, not even for a moment."""
+    number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    written.append(path)
+    with open(number, "wb") as file:
+        file.write(content)

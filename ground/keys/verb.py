@@ -1,0 +1,119 @@
+"""`keys`: makes the certificates of a locked bus, and says what they are good for."""
+
+import argparse
+import re
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Final
+
+from ground.options import add_json
+from ground.says import Says
+from protocol.errors import UserError
+from protocol.options import whole
+from protocol.topics import robot_name
+
+LACKING: Final = "keys needs the library cryptography: pip install 'sidestep[keys]'"
+USUAL_DAYS: Final = 365
+MOST_DAYS: Final = 3650
+EARLY: Final = timedelta(minutes=5)
+"""Valid since then: clocks differ."""
+
+HOST: Final = re.compile(r"(?!-)[A-Za-z0-9-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9-]{1,63}(?<!-))*\Z")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    new = actions.add_parser("new", help="an authority, and certificate, key and config per role")
+    new.add_argument("folder", type=Path, metavar="DIR", help="to be made; nothing is overwritten")
+    new.add_argument(
+        "--robots", nargs="+", default=["r1"], metavar="NAME", help="that there will be (r1)"
+    )
+    new.add_argument(
+        "--host",
+        nargs="+",
+        type=host,
+        default=[],
+        metavar="NAME",
+        help="more names and addresses of those who are dialled, besides this machine's own",
+    )
+    new.add_argument(
+        "--days",
+        type=whole(1, MOST_DAYS),
+        default=USUAL_DAYS,
+        metavar="N",
+        help=f"for which they are valid ({USUAL_DAYS})",
+    )
+    check = actions.add_parser("check", help="until when each is valid, and what is wrong")
+    check.add_argument("folder", type=Path, metavar="DIR", help="as `keys new` made it")
+    for action in (new, check):
+        add_json(action)
+
+
+def host(text: str) -> str:
+    """A host name or an address, as a certificate has it."""
+    text = text.strip()
+    try:
+        return str(ip_address(text))
+    except ValueError:
+        if HOST.match(text) and len(text) < 254:
+            return text
+    raise argparse.ArgumentTypeError(f"{text!r} is neither a host name nor an address")
+
+
+def run(options: argparse.Namespace, says: Says) -> int:
+    """0 when made or good, 1 when something is wrong with a certificate."""
+    require_library()
+    return run_new(options, says) if options.action == "new" else run_check(options, says)
+
+
+def require_library() -> None:
+    """UserError says what to install where it is missing."""
+    try:
+        import cryptography  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise UserError(LACKING) from error
+
+
+def run_new(options: argparse.Namespace, says: Says) -> int:
+    from ground.keys.folder import make
+
+    robots = [robot_name(name) for name in options.robots]
+    if len(set(robots)) < len(robots):
+        raise UserError(f"--robots {' '.join(robots)}: each robot needs a name of its own")
+    now = datetime.now(UTC)
+    until = now + timedelta(days=options.days)
+    roles = make(options.folder, robots, options.host, now - EARLY, until)
+    found: dict[str, object] = {
+        "ok": True,
+        "folder": str(options.folder),
+        "roles": roles,
+        "until": until.isoformat(timespec="seconds"),
+    }
+    use = f"use them with --config, as in: sidestep ground --config {options.folder}/ground.toml"
+    made = f"{options.folder}: {', '.join(roles)}, until {until:%Y-%m-%d}"
+    says.result(found, f"{made}\n  {use}")
+    return 0
+
+
+def run_check(options: argparse.Namespace, says: Says) -> int:
+    from ground.keys.checking import check
+
+    all_checked = check(options.folder, datetime.now(UTC))
+    good = not any(one.wrong for one in all_checked)
+    found: dict[str, object] = {
+        "ok": good,
+        "certificates": [
+            {
+                "name": one.name,
+                "file": one.file,
+                "until": one.until.isoformat(timespec="seconds"),
+                "wrong": list(one.wrong),
+                "soon": one.soon,
+            }
+            for one in all_checked
+        ],
+    }
+    soon = [f"W {one.file} expires within 30 days" for one in all_checked if one.soon]
+    says.result(found, "\n".join([*(one.line() for one in all_checked), *soon]))
+    return 0 if good else 1

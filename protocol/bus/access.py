@@ -1,0 +1,148 @@
+"""Who may do what on the bus, out of the tables of topics and services; all else is refused.
+
+Whoever listens enforces it, on what comes in by each link and on what goes out. Rules name every
+robot and every key that may be put or asked, so no wildcard is ever covered by one.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from protocol.network import Network
+from protocol.topic import ROBOT_NAME
+from protocol.topics import SERVICES, TOPICS, Role, Service, Topic, robot_name
+
+ROUTER: Final = "router"
+PLANT: Final = "plant"
+GROUND: Final = "ground"
+VIEWER: Final = "viewer"
+ROBOT: Final = "robot-"
+ALL: Final = ("**",)
+PRESENCE: Final = ("*/alive/**",)
+DRIVE: Final = "drive/"
+TRUTH: Final = "truth/"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grant:
+    """What the holder of a certificate may do: key expressions below the prefix."""
+
+    says: str
+    puts: tuple[str, ...] = ()
+    hears: tuple[str, ...] = ()
+    asks: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()
+    shows: tuple[str, ...] = ()
+    """Liveliness tokens."""
+
+
+def grants(robots: Iterable[str]) -> dict[str, Grant]:
+    """By the common name of the certificate, for the robots that there may be."""
+    names = tuple(robot_name(robot) for robot in robots)
+    found = {
+        ROUTER: Grant(
+            says="passes on what it lets through",
+            puts=ALL,
+            hears=ALL,
+            asks=ALL,
+            answers=ALL,
+            shows=ALL,
+        ),
+        PLANT: granted("senses and drives the robots", Role.PLANT, names),
+        GROUND: granted("commands the robots", Role.GROUND, names),
+        VIEWER: Grant(says="only listens", hears=ALL, asks=keys(names, open_to_all())),
+    }
+    for name in names:
+        found[ROBOT + name] = granted(f"is the robot {name}", Role.ROBOT, (name,))
+    return found
+
+
+def grant_of(name: str) -> Grant | None:
+    """What the holder of such a certificate may do where its robot is known; None: nothing."""
+    robot = name.removeprefix(ROBOT)
+    return grants((robot,) if ROBOT_NAME.match(robot) else ()).get(name)
+
+
+def granted(says: str, role: Role, names: tuple[str, ...]) -> Grant:
+    """What the tables give to a role."""
+    ground = role is Role.GROUND
+    return Grant(
+        says=says,
+        puts=keys(names, (topic for topic in TOPICS if topic.publisher is role)),
+        hears=ALL if ground else keys(names, (topic for topic in TOPICS if told(topic, role))),
+        asks=keys(names, SERVICES) if ground else (),
+        answers=keys(names, (service for service in SERVICES if service.server is role)),
+        shows=tuple(f"{name}/alive/{role.value}/*" for name in names),
+    )
+
+
+def told(topic: Topic[Any], role: Role) -> bool:
+    """Is it for this role? Drive commands are for the plant, senses and operators for robots."""
+    if role is Role.PLANT:
+        return topic.path.startswith(DRIVE)
+    return topic.publisher is not Role.ROBOT and not topic.path.startswith(TRUTH)
+
+
+def open_to_all() -> tuple[Service, ...]:
+    """Questions that carry nothing change nothing."""
+    return tuple(service for service in SERVICES if not service.requests)
+
+
+def keys(names: Iterable[str], table: Iterable[Topic[Any] | Service]) -> tuple[str, ...]:
+    paths = [entry.path for entry in table]
+    return tuple(f"{name}/{path}" for name in names for path in paths)
+
+
+def access_control(network: Network) -> dict[str, object]:
+    """Zenoh's `access_control` for whoever listens: nothing, but for what is granted."""
+    found = grants(network.robots)
+    rules = {name: rules_of(name, grant, network.prefix) for name, grant in found.items()}
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [rule for of_one in rules.values() for rule in of_one],
+        "subjects": [{"id": name, "cert_common_names": [name]} for name in found],
+        "policies": [
+            {"subjects": [name], "rules": [rule["id"] for rule in of_one]}
+            for name, of_one in rules.items()
+        ],
+    }
+
+
+def rules_of(name: str, grant: Grant, prefix: str) -> list[dict[str, object]]:
+    """One rule for each kind of message that comes from the holder, or goes to it."""
+    put, heard = kept(grant.puts), kept(grant.hears)
+    presence = ("declare_liveliness_subscriber", "liveliness_query")
+    come: Mapping[tuple[str, ...], tuple[str, ...]] = {
+        ("put",): grant.puts + put,
+        ("declare_subscriber",): grant.hears + heard,
+        ("query",): grant.asks + heard,
+        ("declare_queryable",): grant.answers + put,
+        ("reply",): grant.answers + grant.puts + put,
+        ("liveliness_token",): grant.shows + put,
+        presence: PRESENCE + heard,
+    }
+    go: Mapping[tuple[str, ...], tuple[str, ...]] = {
+        ("put",): grant.hears + heard,
+        ("query",): grant.answers + put,
+        ("reply",): grant.asks + grant.hears + heard,
+        ("liveliness_token",): PRESENCE + heard,
+        ("declare_subscriber", "declare_queryable", *presence): ALL + kept(ALL),
+    }
+    return [
+        {
+            "id": f"{name} {flow} {messages[0]}",
+            "permission": "allow",
+            "flows": [flow],
+            "messages": list(messages),
+            "key_exprs": [f"{prefix}/{path}" for path in paths],
+        }
+        for flow, table in (("ingress", come), ("egress", go))
+        for messages, paths in table.items()
+        if paths
+    ]
+
+
+def kept(paths: Iterable[str]) -> tuple[str, ...]:
+    """Where Zenoh keeps the events of these keys for those who join late, and asks for them."""
+    return tuple(f"{path}/@adv/**" for path in paths)

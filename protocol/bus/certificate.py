@@ -1,0 +1,96 @@
+"""Our own certificate, as those see it to whom we show it."""
+
+import ssl
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from protocol.errors import BadKeys
+from protocol.network import Tls
+
+ROUNDS: Final = 4
+WHENEVER: Final = 0x200000
+"""OpenSSL's X509_V_FLAG_NO_CHECK_TIME, for which Python's `ssl` has no name."""
+
+NOT_YET_VALID: Final = 9
+EXPIRED: Final = 10
+NO_PASSWORD: Final = ""
+"""Said at once where a key has one: OpenSSL would ask at the terminal."""
+
+
+class Own(NamedTuple):
+    """Whose certificate it is, and why others refuse it: empty when they do not."""
+
+    name: str
+    trouble: str = ""
+
+
+def own(tls: Tls) -> Own:
+    """Show our certificate to ourselves. BadKeys names a file that is of no use."""
+    check_files(tls)
+    try:
+        return Own(name_in(shown(tls)))
+    except ssl.SSLCertVerificationError as error:
+        code, why = error.verify_code, error.verify_message
+    if code not in (NOT_YET_VALID, EXPIRED):
+        return Own("", f"{tls.certificate} is not signed by {tls.ca} ({why})")
+    seen = shown(tls, WHENEVER)
+    when = f"is not valid before {seen['notBefore']}"
+    if code == EXPIRED:
+        when = f"expired at {seen['notAfter']}"
+    return Own(name_in(seen), f"{tls.certificate} {when}")
+
+
+def check_files(tls: Tls) -> None:
+    """Raise BadKeys, with file and key of the configuration, unless all three can be used."""
+    for name in ("ca", "certificate", "key"):
+        path = getattr(tls, name)
+        try:
+            Path(path).open("rb").close()
+        except OSError as error:
+            raise BadKeys(
+                f"network.tls.{name}: {path}: {error.strerror}: check the path"
+            ) from error
+    try:
+        context(ssl.PROTOCOL_TLS_CLIENT, tls)
+    except ssl.SSLError as error:
+        raise BadKeys(
+            f"network.tls: {tls.ca}, {tls.certificate} and {tls.key} are of no use together "
+            f"({error.reason or error}): are they PEM, and of one set? `sidestep keys check` tells"
+        ) from error
+
+
+def context(side: int, tls: Tls) -> ssl.SSLContext:
+    """With our certificate, and the authority that we believe."""
+    made = ssl.SSLContext(side)
+    made.load_cert_chain(tls.certificate, tls.key, password=NO_PASSWORD)
+    made.load_verify_locations(tls.ca)
+    made.minimum_version = ssl.TLSVersion.TLSv1_2
+    return made
+
+
+def shown(tls: Tls, flags: int = 0) -> dict[str, Any]:
+    """What a listener that believes our authority sees of us; raises SSLCertVerificationError."""
+    listener, caller = (
+        context(ssl.PROTOCOL_TLS_SERVER, tls),
+        context(ssl.PROTOCOL_TLS_CLIENT, tls),
+    )
+    listener.verify_mode = ssl.CERT_REQUIRED
+    listener.verify_flags |= ssl.VerifyFlags(flags)
+    caller.check_hostname, caller.verify_mode = False, ssl.CERT_NONE
+    there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
+    door = listener.wrap_bio(there, back, server_side=True)
+    knock = caller.wrap_bio(back, there)
+    for _ in range(ROUNDS):
+        for end in (knock, door):
+            with suppress(ssl.SSLWantReadError):
+                end.do_handshake()
+    return door.getpeercert() or {}
+
+
+def name_in(seen: dict[str, Any]) -> str:
+    """The common name; empty when there is none."""
+    found = (
+        value for part in seen.get("subject", ()) for key, value in part if key == "commonName"
+    )
+    return next(found, "")

@@ -1,0 +1,193 @@
+"""`keys new` makes what a locked bus needs, keeps secrets secret, and overwrites nothing."""
+
+import os
+import stat
+import sys
+from pathlib import Path
+
+import pytest
+from cryptography import x509
+from cryptography.x509.oid import ExtendedKeyUsageOID
+
+from ground.cli import main, parse
+from ground.keys import folder as folder_module
+from ground.keys.authority import Pair
+from ground.options import common_of
+from protocol.bus.certificate import own
+from protocol.network import Tls
+
+NAMES = ("router", "plant", "ground", "viewer", "robot-r1", "robot-r2")
+
+
+@pytest.fixture
+def keys(tmp_path: Path) -> Path:
+    folder = tmp_path / "keys"
+    words = [
+        "keys",
+        "new",
+        str(folder),
+        "--robots",
+        "r1",
+        "r2",
+        "--host",
+        "rover.local",
+        "10.0.0.5",
+    ]
+    assert main(words) == 0
+    return folder
+
+
+def certificate(path: Path) -> x509.Certificate:
+    return x509.load_pem_x509_certificate(path.read_bytes())
+
+
+def test_each_role_gets_certificate_key_and_configuration(keys: Path) -> None:
+    ends = (".pem", ".key", ".toml")
+    assert {path.name for path in keys.iterdir()} == {
+        "ca.pem",
+        *(name + end for name in NAMES for end in ends),
+    }
+
+
+def test_only_the_owner_can_read_a_key(keys: Path) -> None:
+    assert stat.S_IMODE(keys.stat().st_mode) == 0o700
+    modes = {path.name: stat.S_IMODE(path.stat().st_mode) for path in keys.glob("*.key")}
+    assert set(modes.values()) == {0o600}
+
+
+def test_the_mask_of_the_shell_opens_nothing(tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        assert main(["keys", "new", str(tmp_path / "open")]) == 0
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "open").stat().st_mode) == 0o700
+    assert stat.S_IMODE((tmp_path / "open" / "ground.key").stat().st_mode) == 0o600
+
+
+def test_the_key_of_the_authority_is_not_kept(keys: Path) -> None:
+    authority = certificate(keys / "ca.pem").public_key()
+    assert not (keys / "ca.key").exists()
+    for name in NAMES:
+        assert certificate(keys / f"{name}.pem").public_key() != authority
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_certificate_is_believed_and_says_whose_it_is(keys: Path, name: str) -> None:
+    tls = Tls(ca=f"{keys}/ca.pem", certificate=f"{keys}/{name}.pem", key=f"{keys}/{name}.key")
+    assert own(tls) == (name, "")
+
+
+def test_who_is_dialled_has_the_names_of_where(keys: Path) -> None:
+    for name in ("router", "robot-r1"):
+        names = certificate(keys / f"{name}.pem").extensions.get_extension_for_class(
+            x509.SubjectAlternativeName
+        )
+        dns = set(names.value.get_values_for_type(x509.DNSName))
+        addresses = {str(one) for one in names.value.get_values_for_type(x509.IPAddress)}
+        assert dns == {"localhost", "router", "robot", "rover.local"}
+        assert addresses == {"127.0.0.1", "::1", "10.0.0.5"}
+
+
+def test_who_only_dials_cannot_pose_as_one_who_is_dialled(keys: Path) -> None:
+    for name in ("plant", "ground", "viewer"):
+        extensions = certificate(keys / f"{name}.pem").extensions
+        usage = extensions.get_extension_for_class(x509.ExtendedKeyUsage)
+        assert list(usage.value) == [ExtendedKeyUsageOID.CLIENT_AUTH]
+        with pytest.raises(x509.ExtensionNotFound):
+            extensions.get_extension_for_class(x509.SubjectAlternativeName)
+
+
+def test_a_configuration_serves_its_process_as_it_is(keys: Path) -> None:
+    common = common_of(parse(["hold", "--config", str(keys / "ground.toml")]))
+    assert common.robot == "r1"
+    assert common.endpoint == "tls/127.0.0.1:7447"
+    assert common.network.robots == ("r1", "r2")
+    assert common.network.tls is not None
+    assert common.network.tls.key == f"{keys}/ground.key"
+
+
+def test_the_folder_can_be_moved(keys: Path) -> None:
+    moved = keys.rename(keys.with_name("moved"))
+    common = common_of(parse(["hold", "--config", str(moved / "ground.toml")]))
+    assert common.network.tls is not None
+    assert own(common.network.tls).name == "ground"
+
+
+def test_nothing_is_overwritten(keys: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = {path.name: path.read_bytes() for path in keys.iterdir()}
+    assert main(["keys", "new", str(keys)]) == 2
+    assert "is not empty (there is ca.pem), and nothing is overwritten" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in keys.iterdir()} == before
+
+
+def test_an_empty_folder_is_taken_and_closed_to_others(tmp_path: Path) -> None:
+    folder = tmp_path / "mounted"
+    folder.mkdir(mode=0o755)
+    assert main(["keys", "new", str(folder)]) == 0
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+def test_half_a_set_is_not_left_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put = folder_module.put
+
+    def full(path: Path, content: bytes, mode: int, written: list[Path]) -> None:
+        put(path, content, mode, written)
+        if path.name == "ground.key":
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(folder_module, "put", full)
+    assert main(["keys", "new", str(tmp_path / "keys")]) == 2
+    assert "No space left on device: nothing was kept" in capsys.readouterr().err
+    assert list((tmp_path / "keys").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--robots", "R 1"), "robot name 'R 1'"),
+        (("--robots", "r1", "r1"), "each robot needs a name of its own"),
+        (("--host", "a b"), "'a b' is neither a host name nor an address"),
+        (("--host", "rover-"), "'rover-'"),
+        (("--days", "0"), "0 is not within 1 to 3650"),
+        (("--days", "many"), "'many' is not a whole number"),
+    ],
+)
+def test_what_cannot_be_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
+) -> None:
+    assert main(["keys", "new", str(tmp_path / "keys"), *words]) == 2
+    assert says in capsys.readouterr().err
+    assert not (tmp_path / "keys").exists()
+
+
+def test_a_place_that_is_no_folder_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("")
+    assert main(["keys", "new", str(file)]) == 2
+    assert f"{file}: File exists: name a folder to be made" in capsys.readouterr().err
+
+
+def test_without_the_library_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    assert main(["keys", "new", str(tmp_path / "keys")]) == 2
+    assert "pip install 'sidestep[keys]'" in capsys.readouterr().err
+
+
+def test_a_secret_does_not_show_in_a_message() -> None:
+    assert "secret" not in repr(Pair(b"open", b"secret"))
+
+
+def test_with_json_it_says_what_there_is_now(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["keys", "new", str(tmp_path / "keys"), "--days", "7", "--json"]) == 0
+    told = capsys.readouterr().out
+    assert '"roles": ["router", "plant", "ground", "viewer", "robot-r1"]' in told
+    assert "PRIVATE" not in told
