@@ -4,6 +4,7 @@ A batch is one `write`, so a kill leaves whole records and at most one torn tail
 full the frames wait in bounded memory and the newest are let go, counted, until there is room.
 """
 
+import fcntl
 import os
 from collections import deque
 from contextlib import suppress
@@ -18,21 +19,24 @@ NS_PER_US: Final = 1000
 
 
 class Form(Protocol):
-    """How frames are laid out in a file; what `batch` and `end` give is appended as it is."""
+    """How frames are laid out in a file; what `batch` and `end` give is appended as it is.
 
-    def add(self, key: str, frame: bytes, time_us: int) -> None: ...
+    `time_us` is when a frame arrived, which never goes back; `told_us` when it was told.
+    """
+
+    def add(self, key: str, frame: bytes, time_us: int, told_us: int) -> None: ...
     def know(self, name: str, text: str) -> None: ...
     def batch(self) -> bytes: ...
     def end(self) -> bytes: ...
 
 
 class TlogForm:
-    """A `.tlog`: one record after the other, and no place for facts."""
+    """A `.tlog`: one record after the other, no place for facts, nor for a second stamp."""
 
     def __init__(self) -> None:
         self._records: list[bytes] = []
 
-    def add(self, key: str, frame: bytes, time_us: int) -> None:
+    def add(self, key: str, frame: bytes, time_us: int, told_us: int) -> None:
         self._records.append(record_bytes(time_us, frame))
 
     def know(self, name: str, text: str) -> None:
@@ -62,6 +66,8 @@ class LogFile:
         self.path = path
         self._size = 0
         self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        with suppress(OSError):  # not every file system can
+            fcntl.flock(self._fd, fcntl.LOCK_EX)  # shows that it is being written
 
     def append(self, batch: bytes) -> None:
         try:
@@ -91,8 +97,12 @@ class Recorder:
         utc_offset_ns: int,
         held_bytes: int = HELD_BYTES,
         form: Form | None = None,
+        began_us: int = 0,
     ) -> None:
-        """`utc_offset_ns` is what must be added to a frame's time of arrival to get UTC."""
+        """`utc_offset_ns` is what must be added to a frame's time of arrival to get UTC.
+
+        What was told before `began_us` (UTC), and is fetched, arrives then.
+        """
         self._sink = sink
         self._utc_offset_ns = utc_offset_ns
         self._held_bytes = held_bytes
@@ -100,14 +110,15 @@ class Recorder:
         self._arrived: deque[tuple[str, bytes, int]] = deque()
         self._waiting = bytearray()
         self._waiting_frames = 0
+        self._newest_us = began_us
         self.written = 0
         self.dropped = 0
         self.rejected = 0
         self.trouble = ""
 
-    def take(self, key: str, frame: bytes, arrived_ns: int) -> None:
+    def take(self, key: str, frame: bytes, told_ns: int) -> None:
         """Called by the bus: keeps a reference, no more."""
-        self._arrived.append((key, frame, arrived_ns))
+        self._arrived.append((key, frame, told_ns))
 
     def know(self, name: str, text: str) -> None:
         """A fact beside the frames, where the form has a place for it."""
@@ -152,13 +163,15 @@ class Recorder:
 
     def _collect(self) -> None:
         for _ in range(len(self._arrived)):
-            key, frame, arrived_ns = self._arrived.popleft()
+            key, frame, told_ns = self._arrived.popleft()
             if not whole(frame):
                 self.rejected += 1  # written, it would put a reader out of step
             elif len(self._waiting) > self._held_bytes:
                 self.dropped += 1
             else:
-                self._form.add(key, frame, (arrived_ns + self._utc_offset_ns) // NS_PER_US)
+                told_us = (told_ns + self._utc_offset_ns) // NS_PER_US
+                self._newest_us = max(self._newest_us, told_us)
+                self._form.add(key, frame, self._newest_us, told_us)
                 self._waiting_frames += 1
 
 

@@ -6,6 +6,9 @@ from protocol.messages import Statustext
 
 PIECE_BYTES = 50
 MOST_PIECES = 20
+NS_PER_S = 1_000_000_000
+NEWS_NS = 2 * NS_PER_S
+"""What is no older is told as it comes."""
 
 
 class Texts:
@@ -48,3 +51,13 @@ def pieces_of(text: str, number: int) -> list[Statustext]:
         )
         for at in range(0, len(encoded) + 1, PIECE_BYTES)
     ]
+
+
+def aged(text: str, age_ns: int) -> str:
+    """A text that was fetched later says how long ago it was told."""
+    if age_ns <= NEWS_NS:
+        return text
+    age_s = age_ns // NS_PER_S
+    if age_s < 120:
+        return f"{text} ({age_s} s ago)"
+    return f"{text} ({age_s // 60} min ago)" if age_s < 7200 else f"{text} ({age_s // 3600} h ago)"

@@ -25,6 +25,12 @@ where the control loop is closed. The encoding of every sample is `{topics.ENCOD
 a sample with another is refused and named.
 """
 
+STREAMS: Final = """\
+A sample older than *stale after* is treated as missing. Of events the sender keeps the newest, and
+whoever comes late or was cut off is given them with the stamp that they carry; beside the key of
+each such topic there is `@adv/**` for that. What its sender had not got rid of when it was killed
+is lost."""
+
 
 def page(
     streams: Iterable[Topic[Message]], services: Iterable[Service], dialect: xml.Element
@@ -34,7 +40,7 @@ def page(
     service_head = ("key", "asked", "answered by", "what")
     lines = [
         HEAD.rstrip(),
-        *section("Streams", "A sample older than *stale after* is treated as missing."),
+        *section("Streams", STREAMS),
         *table(stream_head, map(stream_row, streams)),
         *section("Questions", "A question is a query; it is always answered, with a reason."),
         *table(service_head, map(service_row, services)),
@@ -53,7 +59,7 @@ def stream_row(topic: Topic[Message]) -> Sequence[str]:
         f"`{topic.path}`",
         wire_names(topic.messages),
         topic.publisher.value,
-        f"{topic.rate_hz:g} Hz" if topic.rate_hz else "event",
+        f"{topic.rate_hz:g} Hz" if topic.rate_hz else f"event, {topic.history} kept",
         f"{topic.stale_after_ns // topics.MS} ms" if topic.stale_after_ns else "never",
         topic.priority.name.lower().replace("_", " "),
         topic.doc,

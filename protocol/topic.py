@@ -44,7 +44,11 @@ def robot_name(name: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topic(Generic[M_co]):
-    """A pub/sub stream. `rate_hz` 0: an event; `stale_after_ns` 0: never stale."""
+    """A pub/sub stream. `rate_hz` 0: an event; `stale_after_ns` 0: never stale.
+
+    `history`: so many of the newest are kept by who sends them, for who comes later or was cut off.
+    Only events have one: a stream's next frame says more than its last one.
+    """
 
     path: str
     messages: tuple[type[M_co], ...]
@@ -52,6 +56,7 @@ class Topic(Generic[M_co]):
     rate_hz: float
     stale_after_ns: int
     priority: Priority = Priority.DATA
+    history: int = 0
     doc: str
 
     def key(self, robot: str, prefix: str = PREFIX) -> str:

@@ -138,6 +138,7 @@ TEXT: Final = Topic(
     publisher=Role.ROBOT,
     rate_hz=0.0,
     stale_after_ns=0,
+    history=128,
     doc="events in words",
 )
 LEASE: Final = Topic(
@@ -179,6 +180,7 @@ COMMANDED: Final[Topic[Message]] = Topic(
     publisher=Role.ROBOT,
     rate_hz=0.0,
     stale_after_ns=0,
+    history=512,
     doc="what was asked of the robot, for the record",
 )
 ANSWERED: Final[Topic[Message]] = Topic(
@@ -187,6 +189,7 @@ ANSWERED: Final[Topic[Message]] = Topic(
     publisher=Role.ROBOT,
     rate_hz=0.0,
     stale_after_ns=0,
+    history=512,
     doc="what the robot answered, for the record",
 )
 OPERATOR: Final = Topic(
@@ -212,6 +215,7 @@ MARK: Final = Topic(
     publisher=Role.GROUND,
     rate_hz=0.0,
     stale_after_ns=0,
+    history=128,
     doc="an operator's remark, for the record",
 )
 

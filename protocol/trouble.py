@@ -17,7 +17,8 @@ LONGEST_MS: Final = 60_000.0
 
 @dataclass(frozen=True, kw_only=True)
 class Trouble:
-    """The `[network.trouble]` table: what happens to samples on their way in. Answers are spared.
+    """The `[network.trouble]` table: what happens to samples on their way in. Answers are spared,
+    and so are events, which would be fetched again.
 
     `loss`, `duplicate` and `reorder` are shares of all samples, 0 to 1; one that is reordered is
     overtaken by the next of its key. Each, and each copy, is late by `delay_ms`, and by up to

@@ -79,9 +79,8 @@ class Reports:
         mission = vehicle.mission_status(stamp_ns, now_ns)
         if mission is not None:
             self.mission.put(mission)
-        if self.text.matched:  # what nobody hears would be lost: it waits
-            for text in vehicle.texts():
-                self.text.put(text)
+        for text in vehicle.texts():
+            self.text.put(text)
 
     def record(self, request: Message, answer: Message) -> None:
         """Put a request and its answer on the bus, for the black box, and count it."""

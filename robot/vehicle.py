@@ -52,7 +52,7 @@ Transfer: Final = (
     MissionClearAll,
 )
 
-MOST_TEXTS: Final = 100  # kept while nobody listens
+MOST_TEXTS: Final = 100  # from one look to the next
 HEARTBEAT_NS: Final = 200_000_000
 SLOW_NS: Final = 500_000_000
 NS_PER_MS: Final = 1_000_000

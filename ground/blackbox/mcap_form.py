@@ -49,15 +49,16 @@ class McapForm:
         self._writer.start(library=LIBRARY)
         self._writer.add_metadata(LIBRARY, {"robot": robot, **build})
 
-    def add(self, key: str, frame: bytes, time_us: int) -> None:
-        """A whole frame."""
+    def add(self, key: str, frame: bytes, time_us: int, told_us: int | None = None) -> None:
+        """A whole frame; its publish time is when it was told, None: as it arrived."""
         self._newest_ns = time_us * NS_PER_US
-        self._write(self._spread.add(key, frame, self._newest_ns))
+        pieces = self._spread.add(key, frame, self._newest_ns)
+        self._write(pieces, self._newest_ns if told_us is None else told_us * NS_PER_US)
 
     def know(self, name: str, text: str) -> None:
         """A fact as JSON text, such as the world; it may come at any time, and again."""
         self._writer.add_metadata(name, {FACT: text})
-        self._write(self._spread.know(name, text, self._newest_ns))
+        self._write(self._spread.know(name, text, self._newest_ns), self._newest_ns)
 
     def batch(self) -> bytes:
         """Everything since the last batch; whole chunks, so that it can be appended as it is."""
@@ -69,14 +70,14 @@ class McapForm:
         self._writer.finish()
         return self._outbox.take()
 
-    def _write(self, pieces: Iterable[Piece]) -> None:
+    def _write(self, pieces: Iterable[Piece], told_ns: int) -> None:
         for topic, schema, data in pieces:
             channel = self._channels.get(topic)
             if channel is None:
                 channel = self._channels[topic] = self._channel(topic, schema)
             count = self._counts.get(channel, 0)
             self._counts[channel] = (count + 1) & 0xFFFFFFFF
-            self._writer.add_message(channel, self._newest_ns, data, self._newest_ns, count)
+            self._writer.add_message(channel, self._newest_ns, data, told_ns, count)
 
     def _channel(self, topic: str, schema: Schema) -> int:
         if schema.name not in self._schemas:

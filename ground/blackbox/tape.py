@@ -35,12 +35,10 @@ class Tape:
         log = new_log(folder, robot, started)
         form = McapForm(robot, build())
         mcap = beside(log, ".mcap")
-        return cls(
-            (
-                Track(log.path, Recorder(log, utc_offset_ns), TLOG_EVERY),
-                Track(mcap.path, Recorder(mcap, utc_offset_ns, form=form), MCAP_EVERY),
-            )
-        )
+        began_us = round(started.timestamp() * 1e6)
+        as_tlog = Recorder(log, utc_offset_ns, began_us=began_us)
+        as_mcap = Recorder(mcap, utc_offset_ns, form=form, began_us=began_us)
+        return cls((Track(log.path, as_tlog, TLOG_EVERY), Track(mcap.path, as_mcap, MCAP_EVERY)))
 
     @property
     def path(self) -> Path:
@@ -51,9 +49,9 @@ class Tape:
         """What ails the first file that ails; empty when none does."""
         return next((t.recorder.trouble for t in self.tracks if t.recorder.trouble), "")
 
-    def take(self, key: str, frame: bytes, arrived_ns: int) -> None:
+    def take(self, key: str, frame: bytes, told_ns: int) -> None:
         for track in self.tracks:
-            track.recorder.take(key, frame, arrived_ns)
+            track.recorder.take(key, frame, told_ns)
 
     def know(self, name: str, text: str) -> None:
         for track in self.tracks:

@@ -14,10 +14,11 @@ from ground.station.parameters import ParameterList
 from ground.station.restarts import Restarts
 from ground.station.streams import Streams
 from ground.telemetry import Telemetry
-from ground.texts import Texts
+from ground.texts import Texts, aged
 from protocol.codec import decode
 from protocol.enums import Severity
 from protocol.errors import RemoteError
+from protocol.message import Message
 from protocol.messages import ParamValue, Statustext
 from protocol.topics import ANSWERED, COMMANDED, CYCLE, SONAR, TEXT, TOPICS, Role
 
@@ -60,22 +61,22 @@ class Watched:
         if overflowed:
             self.streams.skip()
         for arrival in arrivals:
-            self._take(arrival)
+            self._take(arrival, now_ns)
         self.figures.poll(now_ns)
         return again
 
-    def _take(self, arrival: Arrival) -> None:
+    def _take(self, arrival: Arrival, now_ns: int) -> None:
         self.streams.take(arrival)
         self.moments.take(arrival)
         if arrival.path in EVENTS:
             with suppress(RemoteError):  # the mailbox has counted it
-                self._event(decode(arrival.frame).message)
+                self._event(decode(arrival.frame).message, now_ns - arrival.arrived_ns)
 
-    def _event(self, message: object) -> None:
+    def _event(self, message: Message, age_ns: int) -> None:
         if isinstance(message, Statustext):
             text = self._texts.receive(message)
             if text:
-                self._tell(self.robot, text, message.severity)
+                self._tell(self.robot, aged(text, age_ns), message.severity)
         elif isinstance(message, ParamValue):
             self.parameters.changed(message)
         else:

@@ -1,6 +1,7 @@
 """The bus between processes, and the only import of Zenoh."""
 
-from protocol.bus.bus import Bus, Presence, open_bus
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.presence import Presence
 from protocol.bus.publisher import Publisher
 from protocol.bus.service import Asked, refusal
 from protocol.network import Network

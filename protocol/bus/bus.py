@@ -8,11 +8,13 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from types import TracebackType
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import zenoh
 from zenoh.handlers import Callback
 
+from protocol.bus.history import following, told_ns
+from protocol.bus.presence import Presence, presence_in
 from protocol.bus.publisher import Publisher
 from protocol.bus.service import Asked, Desk, Handler, sender_in
 from protocol.bus.session import bound_endpoints, called, open_session
@@ -23,20 +25,13 @@ from protocol.mailbox import Mailbox, Sample, foreign
 from protocol.message import Message
 from protocol.network import Hub, Network
 from protocol.sender import sender_of
-from protocol.topics import ENCODING, ENCODING_FAMILY, Role, Service, Topic, robot_name
+from protocol.topics import ENCODING, ENCODING_FAMILY, TOPICS, Role, Service, Topic, robot_name
+
+Take = Callable[[str, bytes, int], None]
+"""Key, frame, and when it came in ns; for an event fetched afterwards, when it was told."""
 
 M = TypeVar("M", bound=Message)
 POLL_S = 0.001
-PRESENCE_TRIES = 3  # a link that closes meanwhile can end a question with no answer
-PRESENCE_PAUSE_S = 0.01
-
-
-class Presence(NamedTuple):
-    """Somebody's liveliness token: the process and its link are there, its loop may hang."""
-
-    robot: str
-    role: str
-    zid: str
 
 
 class Bus:
@@ -131,20 +126,34 @@ class Bus:
         if subscriber is not None:
             subscriber.undeclare()
 
-    def stream(
-        self,
-        source: Topic[Any] | str,
-        handler: Callable[[str, bytes, int], None],
-        robot: str | None = None,
-    ) -> None:
-        """Every frame of a topic, or of a key expression such as `sidestep/**`: key, frame, ns."""
-        key = source if isinstance(source, str) else self.key(source.path, robot)
+    def stream(self, source: Topic[Any] | str, handler: Take, robot: str | None = None) -> None:
+        """Every frame of a topic, or of a key expression such as `sidestep/**`.
+
+        Of a topic with a history also what was told before, and while nothing came through.
+        """
         now_ns = self._now_ns
 
         def forward(sample: zenoh.Sample) -> None:
-            handler(str(sample.key_expr), sample.payload.to_bytes(), now_ns())
+            handler(str(sample.key_expr), sample.payload.to_bytes(), told_ns(sample, now_ns()))
 
-        self._declared.append(self._subscriber(key, forward))
+        if isinstance(source, str):
+            self._declared.append(self._subscriber(source, forward))
+        else:
+            key = self.key(source.path, robot)
+            self._declared.append(self._subscriber(key, forward, source.history))
+
+    def everything(self, handler: Take, robot: str | None = None) -> None:
+        """Every frame of one robot, once each, with all that its topics' histories hold."""
+        histories = [topic for topic in TOPICS if topic.history]
+        apart = frozenset(self.key(topic.path, robot) for topic in histories)
+
+        def rest(key: str, frame: bytes, arrived_ns: int) -> None:
+            if key not in apart:
+                handler(key, frame, arrived_ns)
+
+        self.stream(self.key("**", robot), rest)
+        for topic in histories:
+            self.stream(topic, handler, robot)
 
     def serve(self, service: Service, handler: Handler, robot: str | None = None) -> None:
         """Answer a service: `handler` runs in the bus's service thread, the reply in any."""
@@ -255,8 +264,12 @@ class Bus:
     def _encoder(self, robot: str | None) -> Encoder:
         return Encoder(*sender_of(self.role, robot or self.robot))
 
-    def _subscriber(self, key: str, callback: Callable[[zenoh.Sample], None]) -> Any:
+    def _subscriber(
+        self, key: str, callback: Callable[[zenoh.Sample], None], history: int = 0
+    ) -> Any:
         heard = Callback(self.line.through(callback), indirect=False)
+        if history:
+            return following(self._session, key, history, heard)
         return self._session.declare_subscriber(key, heard)
 
 
@@ -267,11 +280,6 @@ def answer_in(sample: zenoh.Sample) -> Message | bytes:
     if encoding != ENCODING:
         raise NoAnswer(f"{sample.key_expr}: {foreign(encoding)}")
     return decode(sample.payload.to_bytes()).message
-
-
-def presence_in(key: str) -> Presence:
-    robot, _, role, zid = key.split("/")[-4:]
-    return Presence(robot, role, zid)
 
 
 def open_bus(

@@ -4,6 +4,7 @@ from typing import Any, Final, Generic, TypeVar
 
 import zenoh
 
+from protocol.bus.history import TOLD, keeping
 from protocol.codec import Encoder
 from protocol.errors import LocalError
 from protocol.message import Message
@@ -20,7 +21,10 @@ PRIORITIES: Final = {
 
 
 class Publisher(Generic[M]):
-    """Puts messages of one topic on its key; an operator's carry who that is."""
+    """Puts messages of one topic on its key; an operator's carry who that is.
+
+    Those of a topic with a history carry when they were put, too.
+    """
 
     def __init__(
         self,
@@ -34,15 +38,19 @@ class Publisher(Generic[M]):
         self.key = key
         self._encoder = encoder
         self._operator = operator
+        self._session = session
         # Express loses samples under load, BLOCK can hold a loop for seconds: neither is used.
-        self._publisher = session.declare_publisher(
-            key,
-            encoding=ENCODING,
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=PRIORITIES[topic.priority],
-            express=False,
-            reliability=zenoh.Reliability.RELIABLE,
-        )
+        service: dict[str, Any] = {
+            "encoding": ENCODING,
+            "priority": PRIORITIES[topic.priority],
+            "express": False,
+            "reliability": zenoh.Reliability.RELIABLE,
+        }
+        plain = session.declare_publisher(key, congestion_control=TOLD, **service)
+        self._matching = plain  # an advanced publisher cannot be asked who listens
+        self._publisher: Any = plain
+        if topic.history:
+            self._publisher = keeping(session, key, topic.history, **service)
 
     def put(self, message: M) -> bytes:
         """Send and return the frame; LocalError when it does not belong here or does not fit."""
@@ -58,11 +66,12 @@ class Publisher(Generic[M]):
 
     def put_frame(self, frame: bytes) -> None:
         """Send bytes as they are: made before, replayed, or broken on purpose."""
-        self._publisher.put(frame, attachment=self._operator)
+        stamp = self._session.new_timestamp() if self.topic.history else None
+        self._publisher.put(frame, attachment=self._operator, timestamp=stamp)
 
     @property
     def matched(self) -> bool:
-        """Does anybody subscribe? What is put before is lost."""
+        """Does anybody subscribe? What is put before is lost, unless the topic has a history."""
         # Zenoh's stub says bool, but it is an object, and one that is always true.
-        status: Any = self._publisher.matching_status
+        status: Any = self._matching.matching_status
         return bool(status.matching)

@@ -7,11 +7,12 @@ from typing import Final, TypeAlias
 
 import zenoh
 
-from protocol.topics import CLOCK
+from protocol.topics import CLOCK, TOPICS
 from protocol.trouble import Rough, Trouble, earliest
 
 Take: TypeAlias = Callable[[zenoh.Sample], None]
 NS_PER_S: Final = 1_000_000_000
+SPARED: Final = frozenset(topic.path for topic in TOPICS if topic.history) | {CLOCK.path}
 
 
 class Line:
@@ -19,7 +20,8 @@ class Line:
 
     `by_hand`: simulated time does not go on by itself, so whoever owns it calls `release`.
     `after` is told the key of each sample when it has been dealt with: heard, lost or held back.
-    Lockstep's own clock is spared: it is no part of what is simulated.
+    Lockstep's own clock is spared: it is no part of what is simulated. So are events: what of them
+    is lost below is fetched again, so their listeners hear each one all the same.
     """
 
     def __init__(self, trouble: Trouble | None, now_ns: Callable[[], int]) -> None:
@@ -70,7 +72,7 @@ class Line:
         robot, *words = str(sample.key_expr).split("/")[-3:]
         path = "/".join(words)
         key = f"{robot}/{path}"
-        if trouble is None or path == CLOCK.path or not trouble.concerns(path):
+        if trouble is None or path in SPARED or not trouble.concerns(path):
             take(sample)
             return
         with self._changed:

@@ -1,0 +1,197 @@
+"""Events are told once each, in order, whatever was cut off, came later or began anew meanwhile."""
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from threading import Event
+from typing import Final, Literal
+
+import pytest
+
+from benchmarks.cable import Cable
+from ground.station.streams import Counter
+from ground.texts import aged
+from protocol.bus import Bus, open_bus
+from protocol.codec import decode
+from protocol.enums import Severity
+from protocol.messages import Statustext, WheelTicks
+from protocol.network import Network
+from protocol.topics import TEXT, TOPICS, WHEELS, Role
+from tests.bus.nets import TOPOLOGIES, Topology, net, prefixes, until
+
+CUT_S: Final = 3.0
+"""Three times what it takes until a silent link is given up."""
+EVERY_S: Final = 0.1
+CUTS: Final = 7
+"""At a time, in each of the three ways, so 21 in all."""
+LISTEN: Final = ("tcp/127.0.0.1:0",)
+TICKS: Final = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
+
+Way = Literal["hub", "router", "robot"]
+"""Whose link is cut: the recorder's to the robot, the recorder's to a router, the robot's to it."""
+
+
+def text(words: str) -> Statustext:
+    return Statustext(severity=Severity.INFO, text=words, id=0, chunk_seq=0)
+
+
+class Heard:
+    """What a recorder gets: words of events in order, and how old they were on arrival."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.words: list[str] = []
+        self.ages_s: list[float] = []
+        self.others = 0
+        self.counter = Counter(TEXT)
+        bus.everything(self._take)
+
+    def _take(self, _key: str, frame: bytes, told_ns: int) -> None:
+        message = decode(frame).message
+        if isinstance(message, Statustext):
+            self.words.append(message.text)
+            self.ages_s.append((time.monotonic_ns() - told_ns) / 1e9)
+            self.counter.take(frame, told_ns)
+        else:
+            self.others += 1
+
+
+class Line:
+    """A robot, a recorder, and a cable between them that can be cut."""
+
+    def __init__(self, stack: ExitStack, way: Way) -> None:
+        self._stack = stack
+        self._prefix = next(prefixes)
+        self._scope = stack.enter_context(ExitStack())
+        self.told: list[str] = []
+        if way == "hub":
+            self.begin(Network(mode="peer", listen=LISTEN, prefix=self._prefix))
+            self.cable = stack.enter_context(Cable(self.robot.locator()))
+            dialled = self.cable.endpoint
+        else:
+            router = Network(mode="router", listen=LISTEN, prefix=self._prefix)
+            hub = stack.enter_context(open_bus(router, None, "r1")).locator()
+            self.cable = stack.enter_context(Cable(hub))
+            robot, dialled = hub, self.cable.endpoint
+            if way == "robot":
+                robot, dialled = dialled, robot
+            self.begin(self._dialling(robot))
+        recorder = stack.enter_context(open_bus(self._dialling(dialled), None, "r1"))
+        self.heard = Heard(recorder)
+
+    def begin(self, network: Network) -> None:
+        """A robot, or another one after the first was killed."""
+        self._scope.close()
+        self.network = network
+        self.robot = self._scope.enter_context(open_bus(network, Role.ROBOT, "r1"))
+        self._publisher = self.robot.publisher(TEXT)
+
+    def tell(self, words: str) -> None:
+        self.told.append(words)
+        self._publisher.put(text(words))
+
+    def whole(self) -> bool:
+        return len(self.heard.words) >= len(self.told)
+
+    def _dialling(self, endpoint: str) -> Network:
+        return Network(mode="client", connect=(endpoint,), prefix=self._prefix)
+
+
+@contextmanager
+def lines(way: Way, count: int = CUTS) -> Iterator[list[Line]]:
+    with ExitStack() as stack:
+        found = [Line(stack, way) for _ in range(count)]
+        tell(found, "started")
+        until(lambda: all(line.whole() for line in found))
+        yield found
+
+
+def tell(found: Sequence[Line], *words: str) -> None:
+    pause = Event()
+    for word in words:
+        for line in found:
+            line.tell(word)
+        pause.wait(EVERY_S)
+
+
+def cut(found: Sequence[Line], word: str, seconds: float = CUT_S) -> None:
+    """For so long; meanwhile the robots tell something."""
+    for line in found:
+        line.cable.cut()
+    tell(found, *(f"{word} {number}" for number in range(round(seconds / EVERY_S))))
+    for line in found:
+        assert len(line.heard.words) < len(line.told), "it was not cut"
+
+
+@pytest.mark.parametrize("way", ["hub", "router", "robot"])
+def test_no_event_is_lost_or_doubled_over_a_cut(way: Way) -> None:
+    with lines(way) as found:
+        cut(found, "during")
+        for line in found:
+            line.cable.mend()
+        tell(found, *(f"after {number}" for number in range(5)))
+        until(lambda: all(line.whole() for line in found), 10.0)
+        for line in found:
+            assert line.heard.words == line.told
+            assert line.heard.counter.lost == 0, "what came late counts as lost"
+            assert max(line.heard.ages_s) > CUT_S / 2, "what is old looks new"
+
+
+def test_of_a_robot_that_was_killed_in_a_cut_the_log_lacks_only_what_died_with_it() -> None:
+    with lines("router") as found:
+        cut(found, "before it was killed", EVERY_S)
+        for line in found:
+            del line.told[1:]
+            line.begin(line.network)
+        tell(found, *(f"anew {number}" for number in range(round(CUT_S / EVERY_S))))
+        for line in found:
+            line.cable.mend()
+        until(lambda: all(line.whole() for line in found), 10.0)
+        for line in found:
+            assert line.heard.words == line.told
+
+
+def test_a_robot_that_begins_anew_is_heard_from_its_first_word_on() -> None:
+    """Twenty times in a row, with nobody waiting for anybody."""
+    with lines("router", 1) as (line,):
+        for life in range(20):
+            line.begin(line.network)
+            for number in range(10):
+                line.tell(f"{life}.{number}")
+            until(line.whole)
+        assert line.heard.words == line.told
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_who_comes_late_gets_the_newest_with_their_age(topology: Topology) -> None:
+    with net(topology) as bus:
+        publisher = bus.robot.publisher(TEXT)
+        for number in range(TEXT.history + 5):
+            publisher.put(text(f"{number}"))
+        Event().wait(0.5)
+        heard = Heard(bus.join(None))
+        until(lambda: len(heard.words) == TEXT.history)
+        publisher.put(text("live"))
+        until(lambda: heard.words[-1] == "live")
+        assert heard.words == [f"{number}" for number in range(5, TEXT.history + 5)] + ["live"]
+        assert min(heard.ages_s[:-1]) >= 0.5
+        assert heard.ages_s[-1] < 0.5
+
+
+def test_what_streams_is_never_fetched_and_comes_once_beside_the_events() -> None:
+    with net() as bus:
+        wheels, events = bus.plant.publisher(WHEELS), bus.robot.publisher(TEXT)
+        wheels.put(TICKS)
+        heard = Heard(bus.ground)
+        assert bus.plant.await_matched([wheels], 5.0) == []
+        for _ in range(10):
+            wheels.put(TICKS)
+            events.put(text("event"))
+        until(lambda: heard.others == 10 and len(heard.words) == 10)
+        assert not any(topic.history for topic in TOPICS if topic.rate_hz)
+
+
+def test_only_what_is_old_says_so() -> None:
+    ages_s = (0, 2, 12, 119, 130, 7300)
+    assert [aged("x", age_s * 10**9) for age_s in ages_s] == [
+        *("x", "x", "x (12 s ago)", "x (119 s ago)", "x (2 min ago)", "x (2 h ago)")
+    ]
