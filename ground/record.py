@@ -12,13 +12,16 @@ from ground.children import held_back
 from ground.link import Link, linked
 from ground.options import add_common, common_of
 from ground.recorder import Recorder
+from ground.recording import add_keep, kept_in
 from ground.says import Says
+from ground.shelf import Shelf
 from ground.texts import pieces_of
 from protocol.errors import UserError
 from protocol.topics import MARK
 
 FLUSH_NS: Final = 250_000_000
 SYNC_EVERY: Final = 4
+TIDY_EVERY: Final = 240
 COMPLAIN_NS: Final = 5_000_000_000
 MARK_PATIENCE_S: Final = 0.5
 
@@ -26,6 +29,7 @@ MARK_PATIENCE_S: Final = 0.5
 def arguments(parser: argparse.ArgumentParser) -> None:
     says = "where DIR/<time>-<robot>.tlog and .mcap are made"
     parser.add_argument("folder", metavar="DIR", help=says)
+    add_keep(parser)
     add_common(parser)
 
 
@@ -33,11 +37,14 @@ def run(options: argparse.Namespace, says: Says) -> int:
     """Until a signal ends it; 1 when something could not be written."""
     common = common_of(options)
     with linked(common) as link:
-        tape = tape_in(Path(options.folder), link)
-        link.bus.stream(f"{common.network.prefix}/{link.robot}/**", tape.take)
+        folder = Path(options.folder)
+        tape = tape_in(folder, link)
+        link.bus.everything(tape.take)
         says.note(f"recording {link.robot} to {tape.path} and .mcap")
+        shelf = Shelf(folder, kept_in(folder, options.keep))
+        note(says, shelf.warning())
         try:
-            keep_writing(link, tape, Facts(link.bus, link.robot), says)
+            keep_writing(link, tape, Facts(link.bus, link.robot), shelf, says)
         except KeyboardInterrupt:
             with held_back():
                 complete = tape.close()
@@ -52,12 +59,14 @@ def tape_in(folder: Path, link: Link) -> Tape:
         raise UserError(f"cannot record in {folder}: {error.strerror or error}") from error
 
 
-def keep_writing(link: Link, tape: Tape, facts: Facts, says: Says) -> None:
+def keep_writing(link: Link, tape: Tape, facts: Facts, shelf: Shelf, says: Says) -> None:
     """Four rounds a second, one of them down to the disk; trouble is told at once and again."""
     told_ns: int | None = None
     round_number = 0
     while True:
         due_ns = link.clock.now_ns() + FLUSH_NS
+        if round_number % TIDY_EVERY == 0:
+            note(says, shelf.tidy())
         round_number += 1
         with held_back():  # what a signal cut short would be half a chunk
             for name, text in facts.learned(link.clock.now_ns()).items():
@@ -70,6 +79,11 @@ def keep_writing(link: Link, tape: Tape, facts: Facts, says: Says) -> None:
             says.note(f"RECORDING IN TROUBLE: {tape.trouble}; the robot drives on")
             told_ns = due_ns
         link.clock.sleep_until(due_ns)
+
+
+def note(says: Says, words: str) -> None:
+    if words:
+        says.note(words)
 
 
 def tell(says: Says, tape: Tape, *, complete: bool) -> int:

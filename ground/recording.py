@@ -13,6 +13,7 @@ from typing import Final, Self
 from ground.blackbox.frames import robot_in
 from ground.children import ChildDied, Children
 from ground.options import Common
+from ground.shelf import size_in, size_of
 from protocol.clock import Clock
 from protocol.errors import UserError
 
@@ -24,6 +25,7 @@ NS_PER_S: Final = 1_000_000_000
 LOOK_NS: Final = NS_PER_S // 2
 PATIENCE_NS: Final = 3 * NS_PER_S
 FULL_BYTES: Final = 1 << 20
+USUAL_KEEP: Final = "2GB"
 
 
 def add_recording(parser: argparse.ArgumentParser) -> None:
@@ -32,11 +34,28 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
     says = f"a .tlog and an .mcap of every frame, there (on a terminal {usual_folder()})"
     both.add_argument("--record", metavar="DIR", help=says)
     both.add_argument("--no-record", action="store_true", help="write no recording")
+    add_keep(parser)
+
+
+def add_keep(parser: argparse.ArgumentParser) -> None:
+    """`--keep`: how much of older recordings survives."""
+    says = f"delete the oldest recordings there beyond so much (in {usual_folder()} {USUAL_KEEP};"
+    parser.add_argument("--keep", metavar="SIZE", help=f"{says} elsewhere all are kept)")
 
 
 def usual_folder() -> Path:
     state = os.environ.get("XDG_STATE_HOME")
     return (Path(state) if state else Path.home() / ".local" / "state") / FOLDER
+
+
+def kept_in(folder: Path, keep: str | None) -> int | None:
+    """How many bytes of recordings may be in a folder, None: any; UserError for what is none.
+
+    Nothing is deleted unasked where somebody has chosen to record.
+    """
+    usual = USUAL_KEEP if folder.resolve() == usual_folder().resolve() else None
+    wanted = keep or usual
+    return None if wanted is None else size_in(wanted)
 
 
 def folder_of(options: argparse.Namespace) -> Path | None:
@@ -49,8 +68,15 @@ def folder_of(options: argparse.Namespace) -> Path | None:
 class Recording:
     """`words` are for the status line. `poll` it often: twice a second it looks at the disk."""
 
-    def __init__(self, folder: Path, common: Common, clock: Clock, config: str | None) -> None:
-        """`config`: the file of `--config`, for a recorder that is started here."""
+    def __init__(
+        self,
+        folder: Path,
+        common: Common,
+        clock: Clock,
+        config: str | None,
+        keep: str | None = None,
+    ) -> None:
+        """`config` and `keep`: what was said, for a recorder that is started here."""
         self.words = ""
         self._folder = folder
         self._robot = common.robot
@@ -58,6 +84,7 @@ class Recording:
         self._children = Children(clock)
         self._command = ["record", str(folder), "--connect", common.endpoint, "--id", common.robot]
         self._command += [] if config is None else ["--config", config]
+        self._command += [] if keep is None else ["--keep", keep]
         self._before = self._files()
         self._last: Path | None = None
         self._size = 0
@@ -152,10 +179,3 @@ class Recording:
 
     def _files(self) -> set[Path]:
         return {path for path in self._folder.glob("*.tlog") if robot_in(path) == self._robot}
-
-
-def size_of(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0

@@ -48,6 +48,7 @@ class Scenario:
     record: str | None
     timeout_s: float
     calibrated: bool = True
+    keep: str | None = None
 
     @property
     def level(self) -> str:
@@ -98,6 +99,7 @@ def scenario_of(options: argparse.Namespace, facts: dict[str, Any]) -> Scenario:
         record=None if options.record is None else str(Path(options.record).resolve()),
         timeout_s=options.timeout,
         calibrated=not options.uncalibrated,
+        keep=options.keep,
     )
 
 
@@ -161,13 +163,9 @@ def cast(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
         (f"robot {one.robot}", robot(scenario, one, endpoint)) for one in scenario.entrants
     ]
     if scenario.record is not None:
-        everybody += [
-            (
-                f"recorder {name}",
-                ["record", scenario.record, "--connect", endpoint, "--id", name],
-            )
-            for name in scenario.robots
-        ]
+        keep = [] if scenario.keep is None else ["--keep", scenario.keep]
+        words = ["record", scenario.record, *keep, "--connect", endpoint, "--id"]
+        everybody += [(f"recorder {name}", [*words, name]) for name in scenario.robots]
     return [*everybody, ("plant", plant(scenario, endpoint))]
 
 

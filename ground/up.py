@@ -130,7 +130,7 @@ def show(options: argparse.Namespace, scenario: Scenario, says: Says, clock: Clo
             Outing(errands, clock, stack.check, shown(says, clock)).launch(lockstep=False)
             stack.look_after(bus)
             folder = Path(scenario.record or usual_folder())
-            with Recording(folder, stack.common, clock, None) as recording:
+            with Recording(folder, stack.common, clock, None, options.keep) as recording:
                 if scenario.record is not None:
                     recording.watch(stack.logs_before)
                 return run_app(options, errands[0].link, stack.common, stack, recording)

@@ -19,7 +19,7 @@ from ground.recording import Recording, add_recording, folder_of, usual_folder
 from ground.says import Says
 from ground.status_line import watch_line
 from ground.telemetry import LOOKED_AT, Telemetry
-from ground.texts import Texts
+from ground.texts import Texts, aged
 from protocol.codec import decode
 from protocol.errors import RemoteError
 from protocol.topics import HEARTBEAT, STATUS, TEXT
@@ -80,7 +80,8 @@ def act_ground(options: argparse.Namespace, link: Link, says: Says) -> int:
 def run_recorded(options: argparse.Namespace, link: Link) -> int:
     """The app, and beside it a recorder unless that is refused."""
     common, folder = common_of(options), folder_of(options)
-    with Recording(folder or usual_folder(), common, link.clock, options.config) as recording:
+    where = folder or usual_folder()
+    with Recording(where, common, link.clock, options.config, options.keep) as recording:
         if folder is not None:
             recording.begin()
         return run_app(options, link, common, recording=recording)
@@ -125,11 +126,11 @@ class Lookout:
         self._beats = beats
         self._telemetry = Telemetry(link.bus, link.robot, notify=link.pulse.beat)
         self._texts = Texts()
-        self._frames: SimpleQueue[bytes] = SimpleQueue()
+        self._frames: SimpleQueue[tuple[bytes, int]] = SimpleQueue()
         self._pace = Pace()
         self._silent = False
         self._began_ns = link.clock.now_ns()
-        link.bus.stream(TEXT, lambda _key, frame, _at: self._frames.put(frame), link.robot)
+        link.bus.stream(TEXT, lambda _key, *told: self._frames.put(told), link.robot)
 
     def run(self) -> None:
         every_ns = SHOW_NS if self._says.live else SHOW_PLAIN_NS
@@ -163,6 +164,8 @@ class Lookout:
     def _tell_texts(self) -> None:
         while not self._frames.empty():
             with suppress(RemoteError):
-                text = self._texts.receive(decode(self._frames.get()).message)
+                frame, told_ns = self._frames.get()
+                text = self._texts.receive(decode(frame).message)
                 if text:
-                    self._says.note(f"{self._link.robot}: {text}")
+                    words = aged(text, self._link.clock.now_ns() - told_ns)
+                    self._says.note(f"{self._link.robot}: {words}")

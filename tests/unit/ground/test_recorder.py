@@ -64,6 +64,17 @@ def test_frames_are_stamped_in_utc_and_kept_in_order() -> None:
     assert disk.closed
 
 
+def test_what_was_fetched_later_has_the_time_at_which_it_came() -> None:
+    """Time never goes back in a log; an event of before its beginning is at its beginning."""
+    disk = Disk()
+    recorder = Recorder(disk, OFFSET_NS, began_us=OFFSET_NS // 1000)
+    for told_ms in (-60_000, 10, 20, 12, 30):
+        recorder.take("k", frame(f"told at {told_ms}"), told_ms * 1_000_000)
+    recorder.flush()
+    stamps_us = [record.time_us - OFFSET_NS // 1000 for record in Reader(io.BytesIO(disk.data))]
+    assert stamps_us == [0, 10_000, 20_000, 20_000, 30_000]
+
+
 def test_what_is_no_frame_is_counted_and_not_written() -> None:
     disk = Disk()
     recorder = Recorder(disk, OFFSET_NS)

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 
 from ground.blackbox.mcap_form import McapForm
 from protocol.codec import Encoder
-from protocol.messages import AvoidanceDecision
+from protocol.messages import AvoidanceDecision, Statustext
 from tests.unit.ground.blackbox.json_schema import problem
 from tests.unit.ground.blackbox.made import Said, decision, mcap, run
 
@@ -121,3 +121,12 @@ def test_a_frame_of_a_newer_dialect_is_kept_though_it_cannot_be_shown() -> None:
     form.add("sidestep/r1/tlm/new", foreign, 1)
     reader = make_reader(io.BytesIO(form.end()))
     assert [channel.topic for _, channel, _ in reader.iter_messages()] == ["/mavlink"]
+
+
+def test_what_was_fetched_later_says_when_it_was_told() -> None:
+    form = McapForm("r1", {})
+    frame = Encoder(1, 1).encode(Statustext(severity=6, text="earlier"))
+    form.add("sidestep/r1/tlm/text", frame, 5_000_000, 2_000_000)
+    reader = make_reader(io.BytesIO(form.end()))
+    for _, _, message in reader.iter_messages():
+        assert (message.log_time, message.publish_time) == (5_000_000_000, 2_000_000_000)
