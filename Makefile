@@ -88,8 +88,9 @@ test: setup
 	step "lint" ruff check .
 	step "types" mypy --strict
 	step "import contracts" lint-imports
-	step "tests" pytest -q -n auto -m "not stack" $(if $(CI),--no-skips)
+	step "tests" pytest -q -n auto -m "not stack and not compose" $(if $(CI),--no-skips)
 	step "tests with processes" pytest -q -m stack $(if $(CI),--no-skips)
+	step "tests with containers" pytest -q -m compose $(if $(CI),--no-skips)
 	if [ -n "$$failed" ]; then
 		printf '\nmake test: FAILED:%s\n' "$${failed#,}" >&2
 		exit 1

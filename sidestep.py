@@ -26,6 +26,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "ground": Verb("ground.cli", "the ground station, in this terminal or in a browser"),
         "router": Verb("ground.cli", "a Zenoh router for more than one robot or machine"),
         "keys": Verb("ground.cli", "who may join a locked bus: certificates made, and checked"),
+        "berth": Verb("ground.cli", "a verb in a container: its robot, its start, its network"),
     },
     "command": {
         "goto": Verb("ground.cli", "drive to X Y [DEG] and wait for the outcome"),
@@ -48,6 +49,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
     "look": {
         "watch": Verb("ground.cli", "show what the robot says, line by line"),
         "doctor": Verb("ground.cli", "say what is missing and what to do"),
+        "health": Verb("ground.cli", "are the data of a role flowing? For health checks"),
         "explain": Verb("ground.cli", "why did it turn? now, or in a recording"),
         "ghost": Verb("ground.cli", "what another navigator would do from here on"),
         "record": Verb("ground.cli", "write every frame to a .tlog and an .mcap file"),

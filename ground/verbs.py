@@ -105,6 +105,8 @@ PLACES: Final[Mapping[str, Place]] = MappingProxyType(
             "ground_arguments",
         ),
         "doctor": both("say what is missing and what to do", "doctor"),
+        "health": both("are the data of a role flowing?", "health"),
+        "berth": alone("a verb in one of several containers", "berth"),
         "router": alone("a Zenoh router, until told to stop", "router"),
         "keys": alone("who may join a locked bus: certificates made, and checked", "keys.verb"),
         "explain": both("why did it turn?", "explain.verb"),

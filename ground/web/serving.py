@@ -26,6 +26,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help=f"in a browser instead of this terminal ({USUAL_HOST}:{USUAL_PORT})",
     )
     parser.add_argument(
+        "--shown",
+        metavar="HOST:PORT",
+        help="where browsers find it, when that is somewhere else, as with a container's port",
+    )
+    parser.add_argument(
         "--token-file", metavar="FILE", help="the token that a browser must bring; else a new one"
     )
 
@@ -36,6 +41,7 @@ def serve(options: argparse.Namespace, says: Says) -> int:
     Raises UserError when the address is taken or the library is not there.
     """
     address, token = address_of(options.web), token_of(options.token_file)
+    shown = address if options.shown is None else address_of(options.shown)
     try:
         from ground.web.server import WebServer
     except ImportError as error:
@@ -43,8 +49,8 @@ def serve(options: argparse.Namespace, says: Says) -> int:
     refuse_taken(address)
 
     def ready() -> None:
-        says.note(f"open {address.url(token)}")
-        if not address.local:
+        says.note(f"open {shown.url(token)}")
+        if not shown.local:
             says.note(
                 "anybody who can reach this address and has the token drives the robot, and plain"
                 " HTTP shows the token to the network: put TLS in front"

@@ -45,7 +45,7 @@ def test_every_verb_that_the_executable_sends_here_is_known() -> None:
 
 
 def test_whatever_talks_to_a_robot_can_act_over_a_link_that_is_there() -> None:
-    alone = {"up", "router", "keys", "record", "export", "plot", "replay"}
+    alone = {"up", "berth", "router", "keys", "record", "export", "plot", "replay"}
     assert {word for word, verb in VERBS.items() if verb.act is None} == alone
 
 

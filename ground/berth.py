@@ -1,0 +1,177 @@
+"""`berth`: a verb in its place among containers: which robot, where it stands, which network.
+
+Containers of one service are started alike and have to find out which of them they are. Each can
+be reached by a name that ends in its number, so it asks which of these names leads to itself:
+container 2 has the robot r2. What `up` would give to a process is added to the verb's own words.
+"""
+
+import argparse
+import os
+import socket
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import radians
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+from ground.leash import command
+from ground.says import Says
+from ground.scenario import question, world_facts
+from protocol.calibration import settings_of
+from protocol.errors import UserError
+from protocol.options import whole
+from protocol.wire_goal import start_words
+
+MOST_ROBOTS: Final = 20
+NAME: Final = "{id}"
+"""Stands for the robot's name in file names and in the verb's words."""
+
+Addresses = Callable[[str], frozenset[str]]
+
+
+class Place(NamedTuple):
+    """Which robot it is, counted from 1, and of how many."""
+
+    number: int
+    robots: int
+
+    @property
+    def robot(self) -> str:
+        return f"r{self.number}"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(json=False)
+    parser.add_argument(
+        "--config",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help=f"the network, for verbs that use it: the first of these files that is there; {NAME}"
+        " in it is the robot's name",
+    )
+    parser.add_argument(
+        "--replica", metavar="STEM", help="this is one of the containers STEM1, STEM2 and so on"
+    )
+    parser.add_argument(
+        "--crew", metavar="NAME", help="a name that leads to the robots' containers, to count them"
+    )
+    parser.add_argument("--world", metavar="W", default="box", help="(box)")
+    parser.add_argument("--noise", metavar="LEVEL", default="", help="as the world says")
+    parser.add_argument("--seed", metavar="S", default="0", help="(0)")
+    parser.add_argument(
+        "--robots",
+        type=whole(1, MOST_ROBOTS),
+        default=1,
+        metavar="K",
+        help="that so many drive, at least (1)",
+    )
+    parser.add_argument("words", nargs=argparse.REMAINDER, metavar="VERB ...")
+
+
+def run(options: argparse.Namespace, says: Says) -> int:
+    """Becomes the verb. Raises UserError when its place cannot be found out."""
+    words = ["sidestep", *words_of(options, addresses)]
+    try:
+        os.execvp(words[0], words)
+    except FileNotFoundError:
+        raise UserError("berth: there is no `sidestep` on the path") from None
+
+
+def words_of(options: argparse.Namespace, lookup: Addresses) -> list[str]:
+    """The verb with all that it is to be told."""
+    if not options.words:
+        raise UserError("berth: which verb? for example: berth --robots 2 plant")
+    place = place_of(options, lookup)
+    verb, *words = (word.replace(NAME, place.robot) for word in options.words)
+    added = [*PLACED[verb](options, place)] if verb in PLACED else []
+    if options.replica is not None and verb != "plant":
+        added += ["--id", place.robot]
+    if options.config and takes_config(verb):
+        added += ["--config", config_of(options.config, place)]
+    return [verb, *added, *words]
+
+
+def place_of(options: argparse.Namespace, lookup: Addresses) -> Place:
+    """Its number, 1 unless it is one of several, and how many there are at the moment."""
+    robots = options.robots
+    if options.crew is not None:
+        robots = max(robots, min(MOST_ROBOTS, len(lookup(options.crew))))
+    number = 1 if options.replica is None else number_of(options.replica, lookup)
+    return Place(number, max(robots, number))
+
+
+def number_of(stem: str, lookup: Addresses) -> int:
+    """Which of the names STEM1, STEM2 and so on leads here; UserError when none does."""
+    here = lookup(socket.gethostname())
+    for number in range(1, MOST_ROBOTS + 1):
+        if here & lookup(f"{stem}{number}"):
+            return number
+    raise UserError(
+        f"--replica {stem}: none of {stem}1 to {stem}{MOST_ROBOTS} leads to this container; "
+        "is it on a network of its own, and are there no more robots than that?"
+    )
+
+
+def addresses(name: str) -> frozenset[str]:
+    """Where a name leads; nowhere when nobody has it."""
+    try:
+        found = socket.getaddrinfo(name, None, type=socket.SOCK_STREAM)
+    except OSError:
+        return frozenset()
+    return frozenset(str(place[0]) for *_, place in found)
+
+
+def config_of(files: Sequence[str], place: Place) -> str:
+    """The first that is there; the last one otherwise, so that its reader says that it is not."""
+    named = [file.replace(NAME, place.robot) for file in files]
+    return next((file for file in named if Path(file).exists()), named[-1])
+
+
+def takes_config(verb: str) -> bool:
+    """Whether it talks to others."""
+    from ground.verbs import PLACES, VERBS, parser_of  # which know this verb
+
+    if verb not in PLACES:
+        return verb in ("robot", "plant")
+    return "--config" in parser_of(VERBS[verb], verb).format_usage()
+
+
+def as_robot(options: argparse.Namespace, place: Place) -> Iterator[str]:
+    """Where it stands, and the parameters that a robot of this world has."""
+    facts = facts_of(options, place)
+    start = facts["starts"][place.number - 1]
+    heading_rad = radians(start["heading_deg"])
+    yield from ("--start", *start_words(start["x_m"], start["y_m"], heading_rad))
+    level = options.noise or str(facts["noise"].get("level", "default"))
+    for name, value in settings_of(facts["robot"], level, calibrated=True).items():
+        yield from ("--param", f"{name}={value!r}")
+
+
+def as_plant(options: argparse.Namespace, place: Place) -> Iterator[str]:
+    """The world with all robots in it."""
+    names = ",".join(f"r{number}" for number in range(1, place.robots + 1))
+    yield from ("--world", options.world, "--seed", options.seed, "--robots", names)
+    if options.noise:
+        yield from ("--noise", options.noise)
+
+
+def as_driven(options: argparse.Namespace, place: Place) -> Iterator[str]:
+    """Without a destination of its own it goes where `up` would send this robot."""
+    if len(options.words) == 1:
+        facts = facts_of(options, place)
+        goal, own = facts["goal"], facts["goals"][place.number - 1]
+        yield from (repr(own["x_m"]), repr(own["y_m"]))
+        if goal["heading_deg"] is not None:
+            yield repr(goal["heading_deg"])
+
+
+PLACED: Final[Mapping[str, Callable[[argparse.Namespace, Place], Iterator[str]]]] = (
+    MappingProxyType({"robot": as_robot, "plant": as_plant, "goto": as_driven})
+)
+
+
+def facts_of(options: argparse.Namespace, place: Place) -> dict[str, Any]:
+    """What the plant's side says of the world; UserError with its words when it refuses."""
+    asked = argparse.Namespace(world=options.world, robots=place.robots, goal=None)
+    return world_facts(command(question(asked), os.getpid()))

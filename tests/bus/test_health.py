@@ -1,0 +1,152 @@
+"""A role is healthy when what it says is heard; that its process is there proves nothing."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from threading import Event, Thread
+
+import pytest
+
+from ground.cli import main
+from protocol.bus import Network, open_bus
+from protocol.topics import HEARTBEAT, Role
+from tests.bus.lively import Lively
+from tests.bus.nets import net
+from tests.bus.robots import played
+
+Ask = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture
+def ask(capsys: pytest.CaptureFixture[str]) -> Ask:
+    """`sidestep health`: its exit code and what it says on standard error."""
+
+    def run(*words: str) -> tuple[int, str]:
+        code = main(["health", *words])
+        return code, capsys.readouterr().err
+
+    return run
+
+
+def reach(stack: Lively, folder: Path) -> tuple[str, str]:
+    """How a stack of a test, which has a prefix of its own, is dialled."""
+    file = folder / "health.toml"
+    file.write_text(
+        f'[network]\nmode = "client"\nconnect = ["{stack._hub}"]\nprefix = "{stack._prefix}"\n'
+    )
+    return "--config", str(file)
+
+
+@contextmanager
+def page(status: int) -> Iterator[str]:
+    """Somebody who answers every browser with this status."""
+
+    class Answers(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(status)
+            self.end_headers()
+
+        def log_message(self, format: str, *args: object) -> None:
+            """Silent."""
+
+    with HTTPServer(("127.0.0.1", 0), Answers) as server:
+        Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        yield f"127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+@pytest.mark.parametrize("role", ["robot", "plant", "ground", "router"])
+def test_where_all_speak_every_role_is_healthy(role: str, tmp_path: Path, ask: Ask) -> None:
+    with Lively(router=True) as stack, stack.going():
+        assert ask(role, *reach(stack, tmp_path)) == (0, "")
+
+
+def test_a_robot_whose_loop_stands_is_not_healthy_though_its_token_lives(
+    tmp_path: Path, ask: Ask
+) -> None:
+    with Lively() as stack, stack.going():
+        stack.hung = True
+        code, why = ask("robot", *reach(stack, tmp_path))
+    assert code == 1
+    assert "nothing on tlm/heartbeat of r1 within 1300 ms" in why
+    assert "robot r1 hangs" in why
+
+
+def test_a_plant_that_is_there_and_says_nothing_is_not_healthy(tmp_path: Path, ask: Ask) -> None:
+    with Lively() as stack, stack.going():
+        stack.mute = True
+        code, why = ask("plant", *reach(stack, tmp_path))
+    assert code == 1
+    assert "nothing on sense/wheels of r1 within 450 ms: the plant hangs or is paused" in why
+
+
+def test_a_robot_that_no_plant_carries_makes_the_plant_unhealthy_for_it(
+    tmp_path: Path, ask: Ask
+) -> None:
+    with Lively() as stack, stack.going():
+        code, why = ask("plant", "--id", "r2", *reach(stack, tmp_path))
+    assert (code, "no plant carries it" in why) == (1, True), why
+
+
+def test_a_robot_of_another_name_is_named(ask: Ask) -> None:
+    with played("r7") as (_, endpoint):
+        code, why = ask("robot", "--connect", endpoint)
+    assert (code, "there is r7: use --id" in why) == (1, True), why
+
+
+def test_what_nobody_can_read_is_no_sign_of_health(ask: Ask) -> None:
+    network = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
+    with open_bus(network, Role.ROBOT, "r1") as bus:
+        heart, over = bus.publisher(HEARTBEAT), Event()
+
+        def babble() -> None:
+            while not over.wait(0.01):
+                heart.put_frame(b"noise")
+
+        noisy = Thread(target=babble)
+        noisy.start()
+        code, why = ask("robot", "--connect", bus.locator())
+        over.set()
+        noisy.join()
+    assert (code, "tlm/heartbeat of r1" in why, "nothing on" in why) == (1, True, False), why
+
+
+def test_a_robot_that_listens_is_no_router(ask: Ask) -> None:
+    with played() as (_, endpoint):
+        code, why = ask("router", "--connect", endpoint)
+    assert (code, "is a peer, no router" in why) == (1, True), why
+
+
+def test_a_router_is_healthy_before_anybody_speaks(ask: Ask) -> None:
+    with net("router") as found:
+        assert ask("router", "--connect", found.endpoint) == (0, "")
+
+
+@pytest.mark.parametrize("role", ["robot", "plant", "ground", "router"])
+def test_where_nobody_listens_nobody_is_healthy(role: str, ask: Ask) -> None:
+    code, why = ask(role, "--connect", "tcp/127.0.0.1:1")
+    assert (code, "nobody answers at tcp/127.0.0.1:1" in why) == (1, True), why
+
+
+def test_a_ground_station_whose_page_refuses_strangers_is_healthy(ask: Ask) -> None:
+    with played() as (_, endpoint), page(403) as web:
+        assert ask("ground", "--connect", endpoint, "--web", web) == (0, "")
+
+
+def test_a_ground_station_without_a_page_or_with_a_broken_one_is_not(ask: Ask) -> None:
+    with played() as (_, endpoint), page(500) as web:
+        code, why = ask("ground", "--connect", endpoint, "--web", web)
+        assert (code, "is broken: status 500" in why) == (1, True), why
+        code, why = ask("ground", "--connect", endpoint, "--web", "127.0.0.1:1")
+        assert (code, "no page at http://127.0.0.1:1/" in why) == (1, True), why
+
+
+def test_a_script_gets_one_object(capsys: pytest.CaptureFixture[str]) -> None:
+    with played() as (_, endpoint):
+        assert main(["health", "robot", "--json", "--connect", endpoint]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found == {"role": "robot", "robot": "r1", "ok": True}
+    assert main(["health", "robot", "--json", "--connect", "tcp/127.0.0.1:1"]) == 1
+    assert json.loads(capsys.readouterr().out)["ok"] is False

@@ -1,0 +1,1 @@
+"""Containers on networks of their own, as `docker compose` starts them."""

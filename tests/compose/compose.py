@@ -1,0 +1,163 @@
+"""`docker compose` as a person types it, in a project of its own that nothing is left of.
+
+with project(image) as compose:
+    compose.up()
+    compose.verb("goto", "2", "1")
+"""
+
+import json
+import os
+import re
+import subprocess
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+from uuid import uuid4
+
+from tests.stack.processes import free_endpoint, until
+
+ROOT: Final = Path(__file__).parents[2]
+BUILD_S: Final = 600.0
+WITHIN_S: Final = 120.0
+ADDRESS: Final = re.compile(r"open (http://\S+)")
+LAST_WORDS: Final = 4000
+
+
+@dataclass(frozen=True)
+class Done:
+    """What came of a command: its exit code, and all that it wrote on either output."""
+
+    code: int
+    said: str
+
+
+def docker(*words: str, within_s: float = WITHIN_S) -> str:
+    """What `docker` prints; AssertionError with its words when it fails."""
+    done = tried(["docker", *words], os.environ, within_s)
+    assert done.code == 0, f"docker {' '.join(words)}: {done.said}"
+    return done.said
+
+
+def tried(words: list[str], environment: Mapping[str, str], within_s: float) -> Done:
+    done = subprocess.run(
+        words,
+        cwd=ROOT,
+        env=dict(environment),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=within_s,
+        check=False,
+    )
+    return Done(done.returncode, done.stdout.decode(errors="replace"))
+
+
+def why_no_docker() -> str:
+    """Why containers cannot be tried on this machine; empty when they can."""
+    for words in (["docker", "info"], ["docker", "compose", "version"]):
+        try:
+            done = tried(words, os.environ, WITHIN_S)
+        except FileNotFoundError:
+            return "no docker on this machine"
+        if done.code:
+            lines = done.said.strip().splitlines()
+            return f"{' '.join(words)}: {lines[-1] if lines else 'fails'}"
+    return ""
+
+
+@dataclass
+class Compose:
+    """One project: its containers, networks and volumes have its name in theirs."""
+
+    image: str
+    settings: Mapping[str, str] = field(default_factory=dict)
+    profiles: tuple[str, ...] = ()
+    name: str = field(default_factory=lambda: f"sidestep-{uuid4().hex[:8]}")
+    port: str = field(default_factory=lambda: free_endpoint().rpartition(":")[2])
+
+    def command(self, *words: str) -> list[str]:
+        chosen = [word for profile in self.profiles for word in ("--profile", profile)]
+        return ["docker", "compose", "--ansi=never", "-p", self.name, *chosen, *words]
+
+    @property
+    def environment(self) -> dict[str, str]:
+        own = {"SIDESTEP_IMAGE": self.image, "PORT": self.port, **self.settings}
+        return {**os.environ, **own}
+
+    def tries(self, *words: str, within_s: float = WITHIN_S) -> Done:
+        """`docker compose` with these words, however it ends."""
+        return tried(self.command(*words), self.environment, within_s)
+
+    def does(self, *words: str, within_s: float = WITHIN_S) -> str:
+        """What it says; AssertionError with that when it fails."""
+        done = self.tries(*words, within_s=within_s)
+        assert done.code == 0, f"{' '.join(words)}: {done.said}\n{self.logs()[-LAST_WORDS:]}"
+        return done.said
+
+    def up(self, *words: str) -> None:
+        """Started, and healthy: the data of every one of them flow."""
+        self.does("up", "-d", "--no-build", "--wait", *words)
+
+    def verb(self, *words: str, within_s: float = WITHIN_S) -> Done:
+        """`sidestep` with these words in a container of its own, next to the others."""
+        return self.tries("run", "--rm", "-T", "ground", *words, within_s=within_s)
+
+    def logs(self, *services: str) -> str:
+        return self.tries("logs", "--no-log-prefix", *services).said
+
+    def container(self, service: str, number: int = 1) -> str:
+        """What docker calls one of the containers of a service."""
+        return f"{self.name}-{service}-{number}"
+
+    def network(self, name: str = "bus") -> str:
+        return f"{self.name}_{name}"
+
+    def inspected(self, service: str, number: int = 1) -> dict[str, Any]:
+        """All that docker knows of a container."""
+        found: list[dict[str, Any]] = json.loads(docker("inspect", self.container(service, number)))
+        return found[0]
+
+    def health(self, service: str, number: int = 1) -> str:
+        """`starting`, `healthy` or `unhealthy`; empty when it is not there or is not asked."""
+        done = tried(["docker", "inspect", self.container(service, number)], os.environ, WITHIN_S)
+        state = json.loads(done.said)[0]["State"] if done.code == 0 else {}
+        return str(state.get("Health", {}).get("Status", ""))
+
+    def becomes(self, health: str, service: str, number: int = 1, within_s: float = 60.0) -> None:
+        until(
+            lambda: self.health(service, number) == health,
+            within_s,
+            f"{service} {number} {health}; it is {self.health(service, number)!r}",
+        )
+
+    def inside(self, service: str, *words: str, number: int = 1) -> Done:
+        """A command within a container that runs."""
+        return self.tries("exec", "-T", "--index", str(number), service, *words)
+
+    @property
+    def address(self) -> str:
+        """What the ground station says to open in a browser."""
+        until(lambda: ADDRESS.search(self.logs("web")), 30.0, "an address in the log")
+        return str(ADDRESS.findall(self.logs("web"))[-1])
+
+    def down(self) -> None:
+        """Nothing is left of it."""
+        tried(
+            [*self.command("--profile", "*"), "down", "-v", "--remove-orphans", "-t", "5"],
+            self.environment,
+            WITHIN_S,
+        )
+
+
+@contextmanager
+def project(
+    image: str, *profiles: str, settings: Mapping[str, str] | None = None
+) -> Iterator[Compose]:
+    """A project that is taken down on the way out, whatever the way."""
+    compose = Compose(image, settings or {}, profiles)
+    try:
+        yield compose
+    finally:
+        compose.down()

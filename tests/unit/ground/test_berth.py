@@ -1,0 +1,156 @@
+"""A verb in a container finds out which robot it has, where that stands, and its network."""
+
+import argparse
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from ground import berth
+from ground.berth import addresses, words_of
+from ground.cli import main, parse
+from plant.lineup import starts
+from plant.world_file import load
+from plant.world_overrides import body_of
+from protocol.errors import UserError
+
+HERE = "172.19.0.4"
+NAMES = {
+    socket.gethostname(): {HERE, "172.20.0.9"},
+    "sidestep-robot-1": {"172.19.0.3"},
+    "sidestep-robot-2": {HERE},
+    "robot": {"172.19.0.3", HERE, "172.19.0.5"},
+}
+SECOND = ("--replica", "sidestep-robot-")
+
+
+def lookup(name: str) -> frozenset[str]:
+    return frozenset(NAMES.get(name, ()))
+
+
+def options(*words: str) -> argparse.Namespace:
+    return parse(["berth", *words])
+
+
+def became(*words: str) -> list[str]:
+    return words_of(options(*words), lookup)
+
+
+def after(words: list[str], option: str, count: int = 1) -> list[str]:
+    place = words.index(option) + 1
+    return words[place : place + count]
+
+
+def test_a_container_has_the_robot_of_its_number() -> None:
+    assert became(*SECOND, "record", "/recordings") == ["record", "--id", "r2", "/recordings"]
+
+
+def test_the_robots_name_stands_in_for_its_mark() -> None:
+    found = became(*SECOND, "--robots", "2", "robot", "--state", "/state/{id}")
+    assert after(found, "--state") == ["/state/r2"]
+
+
+def test_a_robot_is_told_the_place_of_its_number_in_the_world() -> None:
+    world = load("box")
+    places = starts(world, body_of(world), 2)
+    for words, place in (((), places[0]), (SECOND, places[1])):
+        told = after(became(*words, "--world", "box", "--robots", "2", "robot"), "--start", 3)
+        assert [float(word) for word in told[:2]] == pytest.approx(place[:2])
+
+
+def test_a_robot_has_the_calibration_of_its_worlds_noise() -> None:
+    noisy = became("--noise", "harsh", "robot")
+    clean = became("--noise", "none", "robot")
+    assert [w for w in noisy if "=" in w] != [w for w in clean if "=" in w]
+
+
+def test_the_plant_carries_as_many_as_are_wanted_or_as_there_are() -> None:
+    assert after(became("plant"), "--robots") == ["r1"]
+    assert after(became("--robots", "2", "plant"), "--robots") == ["r1,r2"]
+    assert after(became("--crew", "robot", "plant"), "--robots") == ["r1,r2,r3"]
+    assert after(became("--crew", "robot", "--robots", "4", "plant"), "--robots") == ["r1,r2,r3,r4"]
+    assert after(became("--crew", "nobody", "plant"), "--robots") == ["r1"]
+
+
+def test_the_plant_is_told_world_noise_and_seed() -> None:
+    found = became("--world", "open", "--noise", "lossy", "--seed", "7", "plant", "--lockstep")
+    told = ["--world", "open", "--seed", "7", "--robots", "r1", "--noise", "lossy", "--lockstep"]
+    assert found == ["plant", *told]
+    assert "--noise" not in became("plant")
+
+
+def test_a_drive_without_a_destination_goes_where_up_would_send_that_robot() -> None:
+    assert became("goto") == ["goto", "5.4", "2.0", "0.0"]
+    second = became(*SECOND, "--robots", "2", "goto")
+    assert second[:3] != ["goto", "5.4", "2.0"]
+    assert second[-2:] == ["--id", "r2"]
+    assert became("goto", "2", "1") == ["goto", "2", "1"]
+
+
+def test_the_first_file_that_is_there_is_the_network(tmp_path: Path) -> None:
+    keys, bus = tmp_path / "robot-{id}.toml", tmp_path / "bus.toml"
+    both = ("--config", str(keys), "--config", str(bus), *SECOND, "hold")
+    bus.write_text("")
+    assert after(became(*both), "--config") == [str(bus)]
+    (tmp_path / "robot-r2.toml").write_text("")
+    assert after(became(*both), "--config") == [str(tmp_path / "robot-r2.toml")]
+
+
+def test_where_no_file_is_there_the_verb_says_so(tmp_path: Path) -> None:
+    missing = str(tmp_path / "none.toml")
+    assert after(became("--config", missing, "hold"), "--config") == [missing]
+
+
+@pytest.mark.parametrize(
+    ("takes", "verb"),
+    [
+        *((True, verb) for verb in ("hold", "robot", "plant", "router", "ground", "health")),
+        *((False, verb) for verb in ("worlds", "trial", "export", "fly")),
+    ],
+)
+def test_a_verb_that_talks_to_nobody_is_told_no_network(takes: bool, verb: str) -> None:
+    assert ("--config" in became("--config", "bus.toml", verb)) is takes
+
+
+def test_a_container_that_is_none_of_the_robots_is_refused() -> None:
+    with pytest.raises(UserError, match="none of other-1 to other-20 leads to this container"):
+        became("--replica", "other-", "robot")
+
+
+def test_without_a_verb_it_says_how_it_is_used(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["berth"]) == 2
+    assert "which verb?" in capsys.readouterr().err
+
+
+def test_a_world_that_is_not_there_is_refused_in_its_own_words(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["berth", "--world", "atlantis", "robot"]) == 2
+    assert "atlantis" in capsys.readouterr().err
+
+
+def test_it_becomes_the_executable(monkeypatch: pytest.MonkeyPatch) -> None:
+    became: list[list[str]] = []
+    monkeypatch.setattr(os, "execvp", lambda _file, words: became.append(words))
+    main(["berth", "plant"])
+    assert became == [["sidestep", "plant", "--world", "box", "--seed", "0", "--robots", "r1"]]
+
+
+def test_without_the_executable_it_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PATH", "/nowhere")
+    assert main(["berth", "plant"]) == 2
+    assert "no `sidestep` on the path" in capsys.readouterr().err
+
+
+def test_a_name_that_nobody_has_leads_nowhere() -> None:
+    assert addresses("localhost") & {"127.0.0.1", "::1"}
+    assert addresses("no-such-name.invalid") == frozenset()
+
+
+def test_there_is_a_limit_to_how_many_are_counted() -> None:
+    crowd = frozenset(f"10.0.0.{number}" for number in range(30))
+    words = words_of(options("--crew", "robot", "plant"), lambda _name: crowd)
+    assert after(words, "--robots")[0].count(",") == berth.MOST_ROBOTS - 1
