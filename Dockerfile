@@ -14,15 +14,19 @@ RUN useradd --uid 10001 --user-group --create-home --shell /usr/sbin/nologin sid
 
 # The environment is made by a pip of its own, so that it ends up without one. Behind an index or a
 # certificate authority of your own: PIP_CONFIG_FILE and SSL_CERT_FILE, see docker-compose.yml.
-FROM base AS build
+FROM base AS wanted
 ENV PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1
 RUN python3 -m venv /pip && python3 -m venv --without-pip /opt/sidestep
 WORKDIR /source
 COPY docker/install docker/wanted pyproject.toml constraints.txt ./
 RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
-    ./install /pip/bin/python hatchling editables \
-    && ./wanted web >wanted.txt && ./install /opt/sidestep/bin/python -r wanted.txt
+    ./wanted web keys >wanted.txt && ./install -r wanted.txt
+
+FROM wanted AS built
+RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
+    --mount=type=cache,target=/root/.cache/pip \
+    /source/install --python /pip/bin/python hatchling
 COPY README.md LICENSE sidestep.py ./
 COPY protocol protocol
 COPY robot robot
@@ -31,30 +35,31 @@ COPY ground ground
 COPY study study
 COPY benchmarks benchmarks
 RUN /pip/bin/pip wheel --quiet --no-deps --no-build-isolation --wheel-dir /wheel . \
-    && ./install /opt/sidestep/bin/python --no-deps /wheel/*.whl
+    && ./install --no-deps /wheel/*.whl
 
-# The tests' environment has the tools as well; the tree lies beside it as in a checkout.
-FROM build AS tools
+# For tests: the tools as well, and the tree beside them as in a checkout.
+FROM wanted AS tools
 RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
-    ./wanted dev >wanted.txt && ./install /opt/sidestep/bin/python hatchling editables -r wanted.txt
+    ./wanted dev >wanted.txt && ./install hatchling editables -r wanted.txt \
+    && cp -r /pip/lib/python3.13/site-packages/pip /opt/sidestep/lib/python3.13/site-packages/
 
 FROM base AS tests
 RUN apt-get update -qq \
-    && apt-get install -y -qq --no-install-recommends tmux >/dev/null \
+    && apt-get install -y -qq --no-install-recommends make tmux >/dev/null \
     && rm -rf /var/lib/apt/lists/*
 COPY --from=tools /opt/sidestep /opt/sidestep
-COPY --from=tools /pip /pip
 WORKDIR /source
 COPY . .
-ENV PYTHONPATH=/source HYPOTHESIS_STORAGE_DIRECTORY=/tmp/hypothesis
+RUN python -m pip install --quiet --no-deps --no-build-isolation --no-index -e .
 USER 10001:10001
-ENTRYPOINT ["python3", "-m", "pytest", "-p", "no:cacheprovider"]
+ENV HYPOTHESIS_STORAGE_DIRECTORY=/tmp/hypothesis
+ENTRYPOINT ["python", "-m", "pytest", "-p", "no:cacheprovider"]
 CMD ["-q", "-n", "auto", "-m", "not compose"]
 
 FROM base AS runtime
 COPY docker/router.toml docker/bus.toml /etc/sidestep/
-COPY --from=build /opt/sidestep /opt/sidestep
+COPY --from=built /opt/sidestep /opt/sidestep
 WORKDIR /home/sidestep
 USER 10001:10001
 ENTRYPOINT ["sidestep"]

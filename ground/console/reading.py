@@ -23,6 +23,8 @@ ELSEWHERE: Final[Mapping[str, str]] = MappingProxyType(
         "router": "it runs until it is stopped: run it in another terminal",
         "bridge": "it runs until it is stopped: run it in another terminal",
         "ground": "this is it",
+        "berth": "it is for a process that begins in a container",
+        "health": "it is for the health checks of containers: doctor says more",
     }
 )
 """Verbs of the command line that make no sense inside of the app, and why."""

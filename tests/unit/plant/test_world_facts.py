@@ -70,7 +70,7 @@ def broken(**changes: object) -> str:
     ("text", "said"),
     [
         ("{", "-:1: json"),
-        ('{\n"name": "x",\n}', "-:3: json"),
+        ('{\n"name": "x"\n"}', "-:3: json"),
         ("{" + '"a":{' * 100_000, "nested too deeply"),
         ("{}", "size_m: missing"),
         (broken(obstacles=3), "obstacle: expected"),

@@ -99,7 +99,8 @@ def test_of_a_drive_past_a_disc_everything_fits_what_the_plant_says() -> None:
     assert outcome.reached
     assert watch.avoidances >= 1
     assert watch.ticks == outcome.ticks + 1 == len(truths)
-    assert watch.mean_clearance_m == sum(one.clearance_m for one in truths) / len(truths)
+    mean_m = sum(one.clearance_m for one in truths) / len(truths)
+    assert watch.mean_clearance_m == pytest.approx(mean_m)
     assert watch.turned_rad == pytest.approx(
         sum(abs(one.yaw_rate_rad_s) * 0.05 for one in truths), rel=0.05
     )
