@@ -24,6 +24,7 @@ BENCHMARKS = {
     "arrival": "pose and last turn at the goal in the open, go-then-align beside it",
     "map": "a frame of the map on 100 x 40 cells, textual-plotext beside it",
     "ground": "the app on a terminal: CPU, bytes, first paint, key to robot, a flood of log lines",
+    "restarts": "a process of `up` killed, until robot and plant are heard again",
     "digest": "the same trajectory in every way of running, another one for another seed",
 }
 

@@ -14,7 +14,7 @@ import zenoh
 from protocol.errors import BadEndpoint, EndpointInUse, NoPeer, PeerHangs, UserError
 from protocol.network import Hub, Network
 
-RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
+RETRY = {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 2}
 LEASE_MS = 1000
 OPEN_MS = 500  # a session that dials again behind our back closes only after that
 DIAL_S = 1.0  # while Zenoh dials, Python hears no signal

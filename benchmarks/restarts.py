@@ -1,0 +1,106 @@
+"""From a kill until all is heard again: `up` starts anew who was killed, and the others find it.
+
+The time counts from the signal. What a hub takes is the start of a Python process, and then the
+next attempt of those that dial it.
+"""
+
+import argparse
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Final
+
+from benchmarks.figures import Figure, Report
+from ground.cli import parse
+from ground.leash import command
+from ground.scenario import question, scenario_of, world_facts
+from ground.stack import Stack
+from ground.supervisor import Policy
+from ground.up import dialled, free_endpoint
+from protocol.bus import Bus
+from protocol.clock import WallClock
+from protocol.errors import RemoteError
+from protocol.topics import STATUS, TRUTH
+
+MS: Final = 1_000_000
+ECHO_NS: Final = 100 * MS
+"""What is heard so soon after a kill was still on its way."""
+LOOK_NS: Final = 2 * MS
+PATIENCE_NS: Final = 15_000 * MS
+SETTLED_NS: Final = 700 * MS
+ROUTER_S: Final = 1.0
+NO_PAUSE: Final = Policy(pause_ns=0, limit=1_000_000)
+ROLES: Final = (("robot r1", False), ("plant", False), ("robot r1", True), ("router", True))
+
+
+class Ears:
+    """When each of robot and plant was heard last."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._heard_ns = {STATUS.path: 0, TRUTH.path: 0}
+        for topic in (STATUS, TRUTH):
+            bus.stream(topic, partial(self._hear, topic.path))
+
+    def _hear(self, path: str, _key: str, _frame: bytes, at_ns: int) -> None:
+        self._heard_ns[path] = at_ns
+
+    def both_since(self, since_ns: int) -> bool:
+        return min(self._heard_ns.values()) > since_ns
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--repetitions", type=int, default=20)
+
+
+def measure(options: argparse.Namespace) -> Report:
+    figures = []
+    for role, router in ROLES:
+        with running(router=router) as (stack, ears, clock):
+            took = [recovery_s(stack, ears, clock, role) for _ in range(options.repetitions)]
+        name = role.partition(" ")[0] + (" behind a router" if router and role != "router" else "")
+        most = ROUTER_S if role == "router" else None
+        figures.append(
+            Figure(name=f"{name}, kill to all heard", unit="s", values=tuple(took), at_most=most)
+        )
+    return Report(
+        benchmark="restarts",
+        figures=tuple(figures),
+        notes=("SIGKILL; heard again: the robot's status and the plant's truth, from outside",),
+    )
+
+
+@contextmanager
+def running(*, router: bool) -> Iterator[tuple[Stack, Ears, WallClock]]:
+    """Robot and plant standing in the open, looked after as `up` does but without any limit."""
+    clock = WallClock()
+    options = parse(["up", "--world", "open", *(["--router"] if router else [])])
+    scenario = scenario_of(options, world_facts(command(question(options), os.getpid())))
+    with Stack(options, scenario, free_endpoint(), clock, NO_PAUSE) as stack:
+        stack.start()
+        with dialled(stack.common, clock, stack.check) as bus:
+            ears = Ears(bus)
+            await_both(stack, ears, clock, clock.now_ns())
+            stack.look_after(bus)
+            yield stack, ears, clock
+
+
+def recovery_s(stack: Stack, ears: Ears, clock: WallClock, role: str) -> float:
+    """Kill one of them; seconds until robot and plant are heard again."""
+    settled_ns = clock.now_ns() + SETTLED_NS
+    while clock.now_ns() < settled_ns:
+        stack.check()
+        clock.sleep_until(clock.now_ns() + LOOK_NS)
+    killed_ns = clock.now_ns()
+    stack.trouble(role, "end")
+    return (await_both(stack, ears, clock, killed_ns + ECHO_NS) - killed_ns) / 1e9
+
+
+def await_both(stack: Stack, ears: Ears, clock: WallClock, since_ns: int) -> int:
+    """When both had been heard since then."""
+    while not ears.both_since(since_ns):
+        stack.check()
+        if clock.now_ns() - since_ns > PATIENCE_NS:
+            raise RemoteError(f"not heard again within {PATIENCE_NS / 1e9:g} s")
+        clock.sleep_until(clock.now_ns() + LOOK_NS)
+    return clock.now_ns()
