@@ -71,12 +71,14 @@ def measure(options: argparse.Namespace) -> Report:
 
 
 @contextmanager
-def running(*, router: bool) -> Iterator[tuple[Stack, Ears, WallClock]]:
+def running(
+    *, router: bool, policy: Policy = NO_PAUSE
+) -> Iterator[tuple[Stack, Ears, WallClock]]:
     """Robot and plant standing in the open, looked after as `up` does but without any limit."""
     clock = WallClock()
     options = parse(["up", "--world", "open", *(["--router"] if router else [])])
     scenario = scenario_of(options, world_facts(command(question(options), os.getpid())))
-    with Stack(options, scenario, free_endpoint(), clock, NO_PAUSE) as stack:
+    with Stack(options, scenario, free_endpoint(), clock, policy) as stack:
         stack.start()
         with dialled(stack.common, clock, stack.check) as bus:
             ears = Ears(bus)

@@ -42,7 +42,7 @@ class Supervisor:
         what = f"the {role} process {cause}"
         if len(recent) >= policy.limit:
             times, seconds = len(recent) + 1, policy.window_ns // SECOND
-            self.given_up[role] = f"GIVEN UP: {what}, the {times}th time within {seconds} s"
+            self.given_up[role] = f"GIVEN UP: {what}, {times} times within {seconds} s"
             return self.given_up[role]
         pause_ns = 0
         if recent:

@@ -38,7 +38,7 @@ def test_a_pause_is_told() -> None:
 def test_the_sixth_death_within_a_minute_is_given_up_loudly_and_for_good() -> None:
     supervisor = Supervisor([ROLE, "plant"])
     words = deaths(supervisor, *(second * SECOND for second in range(6)))
-    assert words[5] == f"GIVEN UP: the robot r1 process {KILLED}, the 6th time within 60 s"
+    assert words[5] == f"GIVEN UP: the robot r1 process {KILLED}, 6 times within 60 s"
     assert supervisor.given_up == {ROLE: words[5]}
     supervisor.due(5 * SECOND)
     assert supervisor.due(1000 * SECOND) == []

@@ -1,0 +1,67 @@
+"""Real processes that hang with Python's lock held, or fail, when a file asks them to."""
+
+import ctypes
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+START: Final = (
+    "import sys; sys.path.insert(0, sys.argv.pop(1));"
+    " from tests.stack.spoilt import spoil; spoil({folder!r}, sys.argv[2]);"
+    " from ground.leash import main; sys.exit(main(sys.argv[1:]))"
+)
+"""In place of the one in `ground.leash`."""
+
+
+class Sabotage:
+    """Files in a folder: one with the name of a verb is taken away and done."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    @property
+    def start(self) -> str:
+        return START.format(folder=str(self._folder))
+
+    def hang(self, verb: str) -> None:
+        """For as long as nobody ends it; libraries with threads of their own go on."""
+        (self._folder / verb).write_text("hang")
+
+    def fail(self, verb: str) -> None:
+        (self._folder / verb).write_text("fail")
+
+
+def spoil(folder: str, verb: str) -> None:
+    """Let each round of this verb's loop look for its file."""
+    asked = Path(folder) / verb
+    if verb == "robot":
+        from robot.core import brain
+
+        before(brain, "step", asked)
+    elif verb == "plant":
+        from plant.plant import Plant
+
+        before(Plant, "advance", asked)
+    elif verb == "router":
+        from protocol.clock import WallClock
+
+        before(WallClock, "sleep_until", asked)
+
+
+def before(owner: Any, name: str, asked: Path) -> None:
+    whole: Callable[..., Any] = getattr(owner, name)
+
+    def first(*given: Any) -> Any:
+        if asked.exists():
+            do(asked)
+        return whole(*given)
+
+    setattr(owner, name, first)
+
+
+def do(asked: Path) -> None:
+    what = asked.read_text()
+    asked.unlink()
+    if what == "fail":
+        raise ZeroDivisionError("as the test wants it")
+    ctypes.PyDLL(None).sleep(60)

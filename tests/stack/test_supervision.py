@@ -1,0 +1,186 @@
+"""Who dies or hangs in `up` comes back: it stands, says why it was started again, and all heal."""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from benchmarks.restarts import NO_PAUSE, Ears, running
+from ground import leash
+from ground.children import ChildDied
+from ground.outing import Outing
+from ground.says import Says
+from ground.stack import Stack
+from ground.supervisor import Policy
+from ground.up import errands_of
+from protocol.clock import WallClock
+from protocol.enums import GoalState, Vehicle
+from protocol.reasons import Reason
+from tests.stack.processes import Crew, Witness, moved_not, until
+from tests.stack.spoilt import Sabotage
+
+pytestmark = pytest.mark.stack
+
+MS = 1_000_000
+STOPPED_MS = 200 + 50  # the truth comes once in a period
+HUNG = "hung (not heard for 2.5 s)"
+KILLED = "was killed (signal SIGKILL)"
+HEALED_S = 15.0
+
+
+@pytest.fixture
+def sabotage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sabotage:
+    """Every process that is started here can be spoilt."""
+    found = Sabotage(tmp_path)
+    monkeypatch.setattr(leash, "START", found.start)
+    return found
+
+
+class Stage:
+    """A stack that is looked after, and a witness."""
+
+    def __init__(self, stack: Stack, ears: Ears, witness: Witness) -> None:
+        self.stack, self.ears, self.witness = stack, ears, witness
+        self.told: list[str] = []
+
+    def look(self) -> None:
+        """One round, as `up` does it."""
+        self.stack.check()
+        while news := self.stack.news():
+            self.told.append(news)
+
+    def until(self, condition: Callable[[], object], what: str) -> None:
+        def there() -> bool:
+            self.look()
+            return bool(condition())
+
+        until(there, HEALED_S, what)
+
+    def drive(self) -> None:
+        """Armed, on its way."""
+        hears = self.stack._hears
+        assert hears is not None
+        says, clock = Says(as_json=False), WallClock()
+        errands = errands_of(self.stack, hears, says, clock)
+        Outing(errands, clock, self.look, lambda _: None).launch(lockstep=False)
+        self.witness.driving()
+
+    def hurt(self, role: str, how: str, sabotage: Sabotage) -> int:
+        """Kill it, stop it, or let it hang with Python's lock held; when that was."""
+        self.told.clear()
+        self.witness.texts.clear()
+        if how == "holds the lock":
+            sabotage.hang(role.partition(" ")[0])
+        else:
+            self.stack._children.send(role, signal.Signals[how])
+        return WallClock().now_ns()
+
+    def said(self, *pieces: str) -> bool:
+        """Did the robot say this? A text comes in pieces of 50 bytes."""
+        return all(piece in "".join(self.witness.texts) for piece in pieces)
+
+
+@contextmanager
+def stage_of(*, router: bool, policy: Policy = NO_PAUSE) -> Iterator[Stage]:
+    with ExitStack() as scope:
+        stack, ears, _ = scope.enter_context(running(router=router, policy=policy))
+        witness = scope.enter_context(Witness(stack.common.endpoint))
+        witness.ready()
+        yield Stage(stack, ears, witness)
+
+
+@pytest.mark.parametrize("how", ["SIGKILL", "SIGSTOP", "holds the lock"])
+def test_robot_plant_and_router_come_back_one_after_the_other(how: str, sabotage: Sabotage) -> None:
+    cause = KILLED if how == "SIGKILL" else HUNG
+    with stage_of(router=True) as stage:
+        the_robot_comes_back_disarmed(stage, how, cause, sabotage)
+        without_its_plant_the_robot_stays_where_it_is(stage, how, cause, sabotage)
+        the_others_find_the_router_again(stage, how, cause, sabotage)
+
+
+def the_robot_comes_back_disarmed(stage: Stage, how: str, cause: str, sabotage: Sabotage) -> None:
+    witness = stage.witness
+    stage.drive()
+    hurt_ns = stage.hurt("robot r1", how, sabotage)
+    before_ns, still_ns = witness.stopped_at_ns(hurt_ns + 50 * MS)
+    assert (still_ns - before_ns) / MS <= STOPPED_MS
+    stage.until(lambda: stage.said("started again: the one before", cause), "the cause")
+    assert stage.told == [f"the robot r1 process {cause}; it is started again"]
+    stage.until(lambda: witness.status.vehicle == Vehicle.STANDBY, "STANDBY")
+    assert witness.status.goal == GoalState.NONE
+    seen = len(witness.truths)
+    stage.until(lambda: len(witness.truths) > seen + 10, "half a second of truth")
+    assert all(moved_not(truth) for truth, _ in tuple(witness.truths)[seen:])
+
+
+def without_its_plant_the_robot_stays_where_it_is(
+    stage: Stage, how: str, cause: str, sabotage: Sabotage
+) -> None:
+    """In failsafe, although there are senses again, and it knows that its place is none."""
+    witness = stage.witness
+    stage.drive()
+    stage.hurt("plant", how, sabotage)
+    stage.until(lambda: witness.status.vehicle == Vehicle.FAILSAFE, "FAILSAFE")
+    assert witness.status.vehicle_reason == Reason.TICKS_LOST
+    stage.until(lambda: stage.said("senses began anew: the place is not known"), "its words")
+    assert stage.told == [f"the plant process {cause}; it is started again"]
+    assert witness.status.vehicle == Vehicle.FAILSAFE
+    assert witness.status.goal == GoalState.ABORTED
+    assert witness.speeds == (0, 0)
+
+
+def the_others_find_the_router_again(
+    stage: Stage, how: str, cause: str, sabotage: Sabotage
+) -> None:
+    """One that holds Python's lock routes on: nothing of that is Python's."""
+    hurt_ns = stage.hurt("router", how, sabotage)
+    until_ns = hurt_ns + (4_000 if how == "holds the lock" else 100) * MS
+    stage.until(lambda: stage.ears.both_since(until_ns), "robot and plant")
+    told = [] if how == "holds the lock" else [f"the router process {cause}; it is started again"]
+    assert stage.told == told
+    assert stage.witness.status.vehicle == Vehicle.FAILSAFE
+
+
+def test_a_robot_that_is_the_hub_comes_back_too_and_its_exception_is_told(
+    sabotage: Sabotage,
+) -> None:
+    with stage_of(router=False) as stage:
+        sabotage.fail("robot")
+        words = "ended by a core exception (ZeroDivisionError: as the test wants it"
+        stage.until(lambda: stage.said("started again: the one before", words[:40]), "the cause")
+        assert words in stage.told[0]
+        stage.until(lambda: stage.witness.status.vehicle == Vehicle.STANDBY, "STANDBY")
+
+
+def test_who_dies_again_and_again_is_given_up_and_up_ends(sabotage: Sabotage) -> None:
+    with stage_of(router=False, policy=Policy(limit=1)) as stage:
+        stage.hurt("robot r1", "SIGKILL", sabotage)
+        stage.until(lambda: stage.said("started again"), "it is back")
+        stage.hurt("robot r1", "SIGKILL", sabotage)
+        with pytest.raises(ChildDied, match=r"GIVEN UP: .* 2 times within 60 s"):
+            stage.until(lambda: False, "giving up")
+
+
+def test_a_robot_alone_ends_itself_when_it_hangs_and_the_next_one_says_so(
+    tmp_path: Path, sabotage: Sabotage
+) -> None:
+    """As in a container, where nobody but itself can know."""
+    state = ("--state", str(tmp_path / "state"))
+    with Crew() as crew:
+        robot = crew.robot(*state)
+        sabotage.hang("robot")
+        assert robot.ends() == -signal.SIGALRM
+        assert "Traceback" not in robot.said
+        assert "thread" not in robot.said
+        again = crew.robot(*state)
+        assert "started again: the one before hung (its loop did not run for 5 s)" in again.said
+        assert "most recent call" in (tmp_path / "state" / "hung-before.txt").read_text()
+        again.send(signal.SIGKILL)
+        again.ends()
+        third = crew.robot(*state)
+        assert "started again: the one before ended without a word" in third.said
+        third.send(signal.SIGTERM)
+        assert third.ends() == 0
+        assert "again" not in crew.robot(*state).said
