@@ -71,9 +71,7 @@ def measure(options: argparse.Namespace) -> Report:
 
 
 @contextmanager
-def running(
-    *, router: bool, policy: Policy = NO_PAUSE
-) -> Iterator[tuple[Stack, Ears, WallClock]]:
+def running(*, router: bool, policy: Policy = NO_PAUSE) -> Iterator[tuple[Stack, Ears, WallClock]]:
     """Robot and plant standing in the open, looked after as `up` does but without any limit."""
     clock = WallClock()
     options = parse(["up", "--world", "open", *(["--router"] if router else [])])

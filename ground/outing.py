@@ -65,7 +65,8 @@ class Outing:
     def _outcomes(self) -> list[Outcome]:
         spoilt = dict.fromkeys(errand.spoilt for errand in self._errands if errand.spoilt)
         if spoilt:
-            raise NotRun(f"no valid trial: {'; '.join(spoilt)}")
+            others = [one.short_line().text for one in self._errands if one.outcome is not None]
+            raise NotRun(f"no valid trial: {'; '.join([*spoilt, *others])}")
         return [errand.outcome for errand in self._errands if errand.outcome is not None]
 
     def _line(self) -> list[Part]:

@@ -60,6 +60,7 @@ class Stack:
         self._clock = clock
         self._policy = policy
         self._children = Children(clock)
+        self._roles: list[str] = []
         self._folder: TemporaryDirectory[str] | None = None
         self._upkeep: Upkeep | None = None
         self._hears: Bus | None = None
@@ -90,7 +91,8 @@ class Stack:
         if self.scenario.record is not None:
             make_folder(self.scenario.record)
             self.logs_before = set(Path(self.scenario.record).glob("*.tlog"))
-        *first, (role, words) = cast(self.scenario, self._endpoint)
+        *first, (role, words) = everybody = cast(self.scenario, self._endpoint)
+        self._roles = [name for name, _ in everybody]
         for before, its_words in first:
             self._children.start(before, its_words)
         ready()
@@ -148,7 +150,7 @@ class Stack:
         self._hearts = Hearts(hub, [*robots, PLANT], lambda: bus.hub().linked, now_ns)
         self._upkeep = Upkeep(
             self._children,
-            Supervisor(self._children.roles, self._policy),
+            Supervisor(self._roles, self._policy),
             None if self.scenario.lockstep else self._hearts,
             self._arguments_of,
         )
@@ -183,8 +185,8 @@ class Stack:
         return str(path)
 
     def roles(self) -> list[str]:
-        """The names of the processes."""
-        return self._children.roles
+        """The names of the processes, in the order in which they were started first."""
+        return self._roles
 
     def trouble(self, role: str, what: str) -> str:
         """Do something to one of them; what has been done, in words."""

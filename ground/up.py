@@ -199,8 +199,8 @@ def dialled(common: Common, clock: Clock, check: Callable[[], None]) -> Bus:
 
 
 def shown(says: Says, clock: Clock) -> Callable[[list[Part]], None]:
-    """A live line in a terminal, elsewhere a note every few seconds."""
-    told_ns = clock.now_ns()
+    """A live line in a terminal, elsewhere a note at once and then every few seconds."""
+    told_ns = clock.now_ns() - PLAIN_NS
 
     def show(parts: list[Part]) -> None:
         nonlocal told_ns

@@ -125,7 +125,7 @@ def test_a_trial_whose_robot_was_started_again_is_none_but_the_others_arrive() -
     run, diary, shown = outing(50, 3)
     lost = run._errands[1]
     lost.spoilt = "the robot r2 process was killed (signal SIGKILL)"
-    with pytest.raises(NotRun, match=r"no valid trial: .* \(signal SIGKILL\)"):
+    with pytest.raises(NotRun, match=r"no valid trial: .* \(signal SIGKILL\); r1 there"):
         run.run(lockstep=False, launched=lambda: diary.append("launched"))
     assert diary[5:] == ["launched", "begin r1", "begin r2"]
     assert shown[-1][0].text == "r1 there"

@@ -1,0 +1,150 @@
+"""`up` as a whole when a process of it dies: what it tells, what it ends with, what it leaves."""
+
+import json
+import os
+import shutil
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.stack.processes import Crew, Running, until
+from tests.stack.test_up import ROOT, children_of, cmdline, frames_in
+from tests.stack.tmux import Tmux
+from tests.unit.ground.test_children import alive
+
+pytestmark = pytest.mark.stack
+
+AT_ONCE_S = 2.0
+
+
+class Up:
+    """`up` under way, and the processes that it has started."""
+
+    def __init__(self, running: Running) -> None:
+        self.running = running
+
+    @property
+    def pids(self) -> list[int]:
+        return children_of(self.running.process.pid)
+
+    def pid(self, verb: str) -> int:
+        (found,) = [pid for pid in self.pids if f" {verb} --" in words_of(pid)]
+        return found
+
+    def has(self, verb: str, other_than: int) -> bool:
+        """Is there one of this verb that is another process?"""
+        return any(f" {verb} --" in words_of(pid) for pid in self.pids if pid != other_than)
+
+    def kill(self, verb: str) -> int:
+        victim = self.pid(verb)
+        os.kill(victim, signal.SIGKILL)
+        return victim
+
+    def says(self, words: str) -> None:
+        self.running.says(words)
+
+    def result(self) -> dict[str, object]:
+        """The one object at the end; nobody is left."""
+        pids = self.pids
+        self.running.ends(20.0)
+        assert not [pid for pid in pids if alive(pid)]
+        assert "Traceback" not in self.running.said
+        (line,) = [line for line in self.running.said.splitlines() if line.startswith("{")]
+        found: dict[str, object] = json.loads(line)
+        return found
+
+
+def words_of(pid: int) -> str:
+    """Empty for one that has ended meanwhile."""
+    try:
+        return cmdline(pid)
+    except (FileNotFoundError, ProcessLookupError):
+        return ""
+
+
+@contextmanager
+def under_way(*words: str) -> Iterator[Up]:
+    """In wall time, headless, with the goal given."""
+    with Crew() as crew:
+        up = Up(crew.start("up", "--headless", "--world", "open", "--json", *words))
+        up.says("driving")
+        yield up
+
+
+def test_without_its_robot_there_is_no_trial_but_the_other_one_arrives(tmp_path: Path) -> None:
+    with under_way("--robots", "2", "--goal", "1.8", "2", "--record", str(tmp_path)) as up:
+        victim = next(pid for pid in up.pids if " robot --id r2 " in words_of(pid))
+        os.kill(victim, signal.SIGKILL)
+        why = "the robot r2 process was killed (signal SIGKILL)"
+        up.says(f"{why}; it is started again")
+        found = up.result()
+    assert found["ok"] is False
+    back = "it is back, but has begun anew"
+    assert found["reason"] == f"no valid trial: {why}; {back}; r1 reached"
+
+
+def test_without_its_router_the_robot_stops_by_itself_and_that_is_the_outcome() -> None:
+    with under_way("--router") as up:
+        up.kill("router")
+        up.says("the router process was killed (signal SIGKILL); it is started again")
+        found = up.result()
+    assert (found["outcome"], found["reason"]) == ("aborted", "no fresh wheel ticks for 150 ms")
+
+
+def test_a_recorder_that_dies_is_followed_by_another_one_and_the_robot_drives_on(
+    tmp_path: Path,
+) -> None:
+    with under_way("--goal", "2", "2", "--record", str(tmp_path)) as up:
+        (first,) = tmp_path.glob("*.tlog")
+        up.kill("record " + str(tmp_path))
+        up.says("the recorder r1 process was killed (signal SIGKILL); it is started again")
+        found = up.result()
+        assert found["outcome"] == "reached"
+    (second,) = set(tmp_path.glob("*.tlog")) - {first}
+    second.rename(tmp_path / "elsewhere")
+    assert frames_in(tmp_path) > 20
+    assert (tmp_path / "elsewhere").stat().st_size > 2000
+
+
+@pytest.mark.parametrize("born", [False, True])
+def test_ctrl_c_while_one_is_started_again_leaves_nothing_behind(born: bool) -> None:
+    with under_way() as up:
+        before = up.pids
+        victim = up.kill("robot")
+        if born:
+            until(lambda: up.has("robot", other_than=victim), what="the next one")
+        after = up.pids
+        up.running.send(signal.SIGINT)
+        assert up.running.ends(AT_ONCE_S) == 130
+        until(lambda: not [pid for pid in {*before, *after} if alive(pid)], what="nobody")
+        assert "Traceback" not in up.running.said
+
+
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
+def test_the_app_tells_who_was_started_again_and_why(tmp_path: Path) -> None:
+    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--world", "open", "--no-record"]
+    with Tmux(tmp_path, words, (140, 30), {"COLUMNS": "140"}) as tmux:
+        tmux.shows("read: ready", within_s=20.0)
+        tmux.press("7")
+        tmux.shows("end robot r1", "hang plant")
+        tmux.press("j", "j", "Enter", "4")
+        tmux.shows(
+            "the robot r1 process was killed (signal SIGKILL); it is started again",
+            "started again: the one before was killed (signal SIGKILL)",
+            "r1 has been restarted (1)",
+        )
+        tmux.press("1")
+        tmux.shows("DISARMED")
+        tmux.press("7", "j", "Enter", "4")
+        tmux.shows(
+            "the plant process hung (not heard for 2.5 s); it is started again",
+            "senses began anew: the place is not known any more",
+            "the plant of r1 has been restarted (1)",
+            within_s=15.0,
+        )
+        tmux.press("C-q")
+        assert tmux.ends() == 0
