@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Iterable
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Final, NamedTuple, TextIO
 
@@ -67,6 +67,8 @@ def check(options: argparse.Namespace) -> None:
         if options.out is None:
             raise UserError("Parquet is no text: add --out FILE.parquet")
         parquet()
+    if options.out is not None and same_file(options.out, options.file):
+        raise UserError(f"--out {options.out} is the recording itself: give another name")
     if options.json and options.out is None:
         raise UserError("--json and the table cannot both be standard output: add --out FILE")
     if options.rate is not None:
@@ -75,6 +77,13 @@ def check(options: argparse.Namespace) -> None:
         within(options.rate, LOWEST_HZ, HIGHEST_HZ, "--rate", "Hz")
     if None not in (options.begin, options.end) and options.begin > options.end:
         raise UserError(f"--from {options.begin:g} is after --to {options.end:g}")
+
+
+def same_file(one: str, other: str) -> bool:
+    """By whatever names and links; what is not there is no file."""
+    with suppress(OSError):
+        return Path(one).samefile(other)
+    return False
 
 
 def axis_of(options: argparse.Namespace) -> Axis:

@@ -109,10 +109,14 @@ class Reader:
         return Record(time_us, frame)
 
     def _skip(self) -> None:
+        """On to the next byte at which a record may begin."""
         self.gaps += self._in_step
         self._in_step = False
-        self._at += 1
-        self.lost_bytes += 1
+        magic = self._buffer.find(MAGIC, self._at + 1 + STAMP.size)
+        nowhere = max(self._at + 1, len(self._buffer) - STAMP.size)
+        place = nowhere if magic < 0 else magic - STAMP.size
+        self.lost_bytes += place - self._at
+        self._at = place
 
     def damage(self) -> str:
         """What was lost, in words; empty when nothing was."""

@@ -1,6 +1,7 @@
 """One time for everything that was recorded: seconds of the robot's stamps.
 
-What carries no stamp of its own happened at the newest stamp before it.
+What carries no stamp of its own happened at the newest stamp before it. An operator's stamps are of
+another clock: they count as none.
 """
 
 from collections.abc import Iterator
@@ -10,8 +11,10 @@ from ground.blackbox.frames import Frame, Log
 from protocol.codec import decode
 from protocol.errors import RemoteError
 from protocol.message import Message
+from protocol.topics import TOPICS, Role
 
 NS_PER_S: Final = 1_000_000_000
+OF_OPERATORS: Final = tuple(f"/{one.path}" for one in TOPICS if one.publisher is Role.GROUND)
 
 
 class Timed(NamedTuple):
@@ -46,7 +49,9 @@ class Axis:
             except RemoteError:
                 self.unreadable += 1
                 continue
-            stamp_ns = getattr(message, "time_ns", newest_ns)
+            stamp_ns = newest_ns
+            if not frame.key.endswith(OF_OPERATORS):
+                stamp_ns = getattr(message, "time_ns", newest_ns)
             if stamp_ns is None:
                 unstamped.append((frame, message))
                 continue

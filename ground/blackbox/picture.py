@@ -45,6 +45,7 @@ from protocol.messages import (
     SonarScan,
     Statustext,
 )
+from protocol.topics import MARK
 
 M = TypeVar("M", bound=Message)
 WORLD: Final = "world"
@@ -85,17 +86,18 @@ class Picture:
         self._trail_due_ns = 0
         self._goal: tuple[float, float, float] | None = None
         self._virtual: Point | None = None
-        self._texts = Texts()
+        self._texts: dict[str, Texts] = {}
         self._draws: dict[type[Message], Callable[[Any, int], list[Drawn]]] = {
             PlanarOdometry: self._belief,
             GroundTruth: self._truth,
             SonarScan: self._sonar,
             NavigatorStatus: self._status,
             AvoidanceDecision: self._decision,
-            Statustext: self._text,
         }
 
     def see(self, key: str, message: Message, time_ns: int) -> list[Drawn]:
+        if isinstance(message, Statustext):
+            return self._text(key, message, time_ns)
         draw = self._draws.get(type(message))
         return [] if draw is None else draw(message, time_ns)
 
@@ -196,15 +198,16 @@ class Picture:
         zone = entity("zone", ROBOT, time_ns, lines=rings)
         return [Drawn("/goal/virtual", schemas.SCENE_UPDATE, scene(spheres, zone))]
 
-    def _text(self, text: Statustext, time_ns: int) -> list[Drawn]:
-        words = self._texts.receive(text)
+    def _text(self, key: str, text: Statustext, time_ns: int) -> list[Drawn]:
+        """What the robot says, and remarks: their pieces may come between each other."""
+        words = self._texts.setdefault(key, Texts()).receive(text)
         if not words:
             return []
         content: Json = {
             "timestamp": stamp(time_ns),
             "level": LEVELS.get(Severity(min(text.severity, Severity.DEBUG)), FATAL),
             "message": words,
-            "name": ROBOT,
+            "name": MARK.path if key.endswith(f"/{MARK.path}") else ROBOT,
             "file": "",
             "line": 0,
         }

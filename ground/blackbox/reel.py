@@ -18,6 +18,8 @@ from protocol.messages import SystemTime
 from protocol.topics import CLOCK
 
 NS_PER_US: Final = 1000
+LATEST_NS: Final = 1 << 62
+"""What a damaged time is held back to."""
 
 
 class Played(NamedTuple):
@@ -33,7 +35,7 @@ class Reel:
 
     def __init__(self, log: Log) -> None:
         self._keys: list[str] = []
-        self._key_of = array("H")
+        self._key_of = array("I")
         self._times_ns = array("q")
         self._ends = array("Q")
         self._blob = bytearray()
@@ -52,7 +54,7 @@ class Reel:
         arrived_ns = 0
         for place, one in enumerate(log):
             self.start_ns = self.start_ns or one.time_ns
-            arrived_ns = max(arrived_ns, one.time_ns - self.start_ns)
+            arrived_ns = min(max(arrived_ns, one.time_ns - self.start_ns), LATEST_NS)
             self._times_ns.append(arrived_ns)
             stamps_ns.append(plant.heard(one))
             self._key_of.append(numbers.setdefault(one.key, len(numbers)))
@@ -92,6 +94,15 @@ class Reel:
         found = 0 if places is None else bisect_left(places, before)
         return None if places is None or not found else self[places[found - 1]]
 
+    def times_ns(self, path: str) -> list[int]:
+        """Of everything on a topic's path, readable or not."""
+        return [
+            self._times_ns[place]
+            for key, places in self._places.items()
+            if key.endswith(f"/{path}")
+            for place in places
+        ]
+
     def on(self, path: str) -> Iterator[tuple[int, Message]]:
         """Time and message of everything readable on a topic's path."""
         for key, places in self._places.items():
@@ -124,4 +135,4 @@ class PlantClock:
     def _beat(self, stamp_ns: int) -> None:
         if not self.beats:
             self.beats, self._first_ns = True, stamp_ns
-        self._now_ns = max(self._now_ns, stamp_ns - self._first_ns)
+        self._now_ns = min(max(self._now_ns, stamp_ns - self._first_ns), LATEST_NS)

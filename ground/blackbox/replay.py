@@ -197,8 +197,7 @@ class ReplayBus:
 
     def _tick_times(self) -> list[int]:
         """The last instant of each tick: just before the robot's next wheel command."""
-        path = DRIVE.path if any(True for _ in self.reel.on(DRIVE.path)) else STATUS.path
-        begins = [time_ns for time_ns, _ in self.reel.on(path)]
+        begins = self.reel.times_ns(DRIVE.path) or self.reel.times_ns(STATUS.path)
         ends = [max(0, time_ns - 1) for time_ns in begins[1:]]
         return [*ends, self.reel.duration_ns] if begins else []
 

@@ -2,7 +2,8 @@
 
 Wide is sampled: at each instant of a fixed grid a column has the last value that had come, unless
 it is older than its topic's stale-after; then it is empty. What is an event, and so never stale,
-is in the one row after it came.
+is in the one row after it came. Where the stamps leap, as those of a plant that was started again
+do, another grid begins.
 """
 
 from collections.abc import Iterable, Iterator
@@ -19,6 +20,9 @@ STALE_S: Final = {topic.path: topic.stale_after_ns / MS / 1000.0 for topic in TO
 SEVERAL: Final = frozenset(topic.path for topic in TOPICS if len(topic.messages) > 1)
 USUAL_RATE_HZ: Final = 20.0
 EPSILON: Final = 1e-9
+BACK_S: Final = 1.0
+AHEAD_S: Final = 3600.0
+"""Farther apart than these, two stamps are of two runs."""
 
 
 class Column(NamedTuple):
@@ -90,6 +94,10 @@ def wide_rows(
     newest: dict[tuple[str, type[Message]], _Newest] = {}
     step: int | None = None
     for one in timed:
+        if step is not None and not -BACK_S < one.time_s - step / rate_hz < AHEAD_S:
+            yield _row(step / rate_hz, newest, len(columns))
+            newest.clear()
+            step = None
         if step is None:
             step = floor(one.time_s * rate_hz + EPSILON)
         while step / rate_hz < one.time_s - EPSILON:

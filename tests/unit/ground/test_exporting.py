@@ -104,6 +104,19 @@ def test_what_does_not_go_together_is_refused_with_the_reason(
     assert why in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_recording_is_not_overwritten_by_its_table(
+    tmp_path: Path, log: str, linked: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, before = Path(log), Path(log).read_bytes()
+    if linked:
+        out = tmp_path / "table.csv"
+        out.symlink_to(log)
+    assert main(["export", log, "--out", str(out)]) == 2
+    assert "is the recording itself" in capsys.readouterr().err
+    assert Path(log).read_bytes() == before
+
+
 def test_without_pyarrow_it_is_said_what_to_install(
     log: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

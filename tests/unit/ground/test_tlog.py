@@ -98,3 +98,17 @@ def test_a_frame_knows_its_own_size() -> None:
     assert not whole(frame + b"\0")
     assert not whole(b"")
     assert frame_size(bytes([0xFD, 4, 1])) == 10 + 4 + 2 + 13
+
+
+def test_what_lies_between_two_records_is_left_out_to_the_byte() -> None:
+    """Also where bytes of it look like the beginning of a frame."""
+    first, second = log(2)
+    for junk in (b"\xfd", b"\xfd" * 40, b"x" * 300, bytes(range(256)) * 3, first[:-1]):
+        records, reader = reading(first + junk + second)
+        assert [record.frame for record in records] == frames(2)
+        assert (reader.lost_bytes, reader.gaps) == (len(junk), 1)
+
+
+def test_a_large_file_that_is_no_log_is_given_up_in_moments() -> None:
+    records, reader = reading(bytes(30_000_000))
+    assert (records, reader.lost_bytes) == ([], 30_000_000)

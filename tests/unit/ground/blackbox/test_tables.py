@@ -17,8 +17,8 @@ from ground.blackbox.frames import opened
 from ground.blackbox.table_files import write_csv
 from ground.blackbox.tables import LONG, long_rows, wide_columns, wide_rows
 from protocol.enums import Severity
-from protocol.messages import CycleReport, Statustext
-from protocol.topics import COMMANDED, CYCLE, HEARTBEAT, ODOMETRY, TEXT, WHEELS
+from protocol.messages import CycleReport, Statustext, Teleop
+from protocol.topics import COMMANDED, CYCLE, HEARTBEAT, ODOMETRY, TELEOP, TEXT, WHEELS
 from tests.unit.ground.blackbox.made import (
     BEAT,
     GOAL,
@@ -44,6 +44,9 @@ CYCLE_REPORT = CycleReport(
     budget_us=2,
     stage_us=(1, 2, 3, 4, 5),
 )
+
+
+STICK = Teleop(time_ns=36_000 * 10**9, seq=1, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=250)
 
 
 @pytest.fixture
@@ -85,6 +88,22 @@ def test_what_has_no_stamp_happened_at_the_newest_one_before_it(path: Path) -> N
     times = {row[2]: row[0] for row in reversed(rows)}
     assert times["tlm/heartbeat"] == "3.000000", "the first stamp there is"
     assert times["tlm/commanded"] == "3.000000"
+
+
+def test_a_stamp_of_an_operators_clock_is_no_time_of_the_robot(path: Path) -> None:
+    speaker = Speaker()
+    said = [
+        speaker.say(WHEELS, wheels(3_000_000_000, 1), START_US),
+        speaker.say(TELEOP, STICK, START_US + 1),
+        speaker.say(COMMANDED, GOAL, START_US + 2),
+        speaker.say(WHEELS, wheels(3_050_000_000, 2), START_US + 3),
+    ]
+    assert {row[2]: row[0] for row in long_table(path, said)} == {
+        "sense/wheels": "3.050000",
+        "op/teleop": "3.000000",
+        "tlm/commanded": "3.000000",
+    }
+    assert len(wide_table(path, said, rate_hz=20.0)) == 2
 
 
 def test_a_part_of_the_time_can_be_taken(path: Path) -> None:
@@ -148,6 +167,29 @@ def test_a_slow_grid_shows_an_event_in_the_row_after_it(path: Path) -> None:
     rows = wide_table(path, said, rate_hz=1.0)
     name = "tlm/commanded.GOAL_REQUEST.mode"
     assert [row[name] for row in rows] == [None, "15", None]
+
+
+def test_a_plant_that_began_anew_begins_another_grid(path: Path) -> None:
+    speaker = Speaker()
+    stamps_ms = (5000, 5050, 0, 50, 100)
+    said = [
+        speaker.say(WHEELS, wheels(at_ms * 1_000_000, n), START_US + n)
+        for n, at_ms in enumerate(stamps_ms)
+    ]
+    rows = wide_table(path, said, rate_hz=20.0)
+    assert [row["time_s"] for row in rows] == [f"{at_ms / 1000:.6f}" for at_ms in stamps_ms]
+    assert [row["sense/wheels.left"] for row in rows] == ["0", "1", "2", "3", "4"]
+
+
+def test_a_stamp_of_another_age_does_not_fill_the_table_with_empty_rows(path: Path) -> None:
+    speaker = Speaker()
+    stamps_ns = (0, 10**18, 50_000_000)
+    said = [speaker.say(WHEELS, wheels(at, n), START_US + n) for n, at in enumerate(stamps_ns)]
+    assert [row["sense/wheels.left"] for row in wide_table(path, said, rate_hz=20.0)] == [
+        "0",
+        "1",
+        "2",
+    ]
 
 
 def test_columns_come_in_the_order_of_the_topics_whatever_came_first(path: Path) -> None:
