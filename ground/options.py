@@ -8,11 +8,13 @@ from typing import Final
 from protocol.config import load_shared
 from protocol.errors import UserError
 from protocol.network import Network
-from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, dialled, finite, usual_endpoint
+from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, above_zero, dialled, usual_endpoint
 from protocol.topics import robot_name
 
 DIAL_S: Final = 1.5
 LONGEST_S: Final = 7 * 24 * 3600.0
+positive: Final = above_zero()
+seconds: Final = above_zero(LONGEST_S)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,20 +75,6 @@ def listening_of(options: argparse.Namespace) -> Network:
     if options.listen is not None:
         listen = (options.listen,)
     return replace(network, mode="router", listen=listen)
-
-
-def positive(text: str) -> float:
-    value = finite(text)
-    if value <= 0.0:
-        raise argparse.ArgumentTypeError(f"{text.strip()!r} must be more than 0")
-    return value
-
-
-def seconds(text: str) -> float:
-    value = positive(text)
-    if value > LONGEST_S:
-        raise argparse.ArgumentTypeError(f"{text!r} is more than {LONGEST_S:g} s")
-    return value
 
 
 def within(value: float, low: float, high: float, what: str, unit: str) -> float:

@@ -1,13 +1,13 @@
 """Parameters in a file: `[parameters]` of NAME = VALUE, as the robot's own `--config` has them."""
 
-import os
 from collections.abc import Mapping, Sequence
 from math import isclose
 from pathlib import Path
 from typing import Any, Final
 
+from ground import whole_file
 from protocol.config import read_toml, unknown_key
-from protocol.errors import ConfigError, UserError
+from protocol.errors import ConfigError
 
 TABLE: Final = "parameters"
 
@@ -26,13 +26,7 @@ def write(path: Path, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Those that are not as they are by default; their names. UserError when it cannot be."""
     chosen = [row for row in rows if not is_usual(row)]
     lines = [f"{row['name']} = {row['value']!r}  # {row.get('doc', '')}" for row in chosen]
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        beside.write_text("\n".join([f"[{TABLE}]", *lines, ""]), encoding="utf-8")
-        os.replace(beside, path)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise UserError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error
+    whole_file.replace(path, "\n".join([f"[{TABLE}]", *lines, ""]))
     return [str(row["name"]) for row in chosen]
 
 

@@ -15,8 +15,9 @@ from ground.recorder import Recorder
 from ground.recording import add_keep, kept_in
 from ground.says import Says
 from ground.shelf import Shelf
-from ground.texts import pieces_of
+from protocol.enums import Severity
 from protocol.errors import UserError
+from protocol.texts import pieces_of
 from protocol.topics import MARK
 
 FLUSH_NS: Final = 250_000_000
@@ -121,7 +122,7 @@ def act_mark(options: argparse.Namespace, link: Link, says: Says) -> int:
     publisher = link.bus.publisher(MARK, link.robot)
     heard = not link.bus.await_matched([publisher], timeout_s=MARK_PATIENCE_S)
     if heard:
-        for piece in pieces_of(text, link.ids.next() & 0xFFFF or 1):
+        for piece in pieces_of(text, link.ids.next() & 0xFFFF or 1, Severity.NOTICE):
             publisher.put(piece)
     reason = "" if heard else "nobody records: sidestep record DIR"
     says.result({"ok": heard, "mark": text, "reason": reason}, reason or f"marked: {text}")

@@ -1,11 +1,9 @@
-"""A long STATUSTEXT in pieces, and together again."""
+"""The pieces of a long STATUSTEXT, together again."""
 
-from protocol.enums import Severity
 from protocol.message import Message
 from protocol.messages import Statustext
+from protocol.texts import MOST_PIECES, PIECE_BYTES
 
-PIECE_BYTES = 50
-MOST_PIECES = 20
 NS_PER_S = 1_000_000_000
 NEWS_NS = 2 * NS_PER_S
 """What is no older is told as it comes."""
@@ -31,26 +29,6 @@ class Texts:
             return ""
         text, self._pieces, self._id = "".join(self._pieces), [], 0
         return text
-
-
-def pieces_of(text: str, number: int) -> list[Statustext]:
-    """One message, or several under this number; beyond 50 bytes only ASCII survives.
-
-    The last piece is always shorter than the others, if need be empty: that is its mark.
-    """
-    encoded = text.encode(errors="replace").replace(b"\0", b" ")
-    if len(encoded) <= PIECE_BYTES:
-        return [Statustext(severity=Severity.NOTICE, text=encoded.decode(), id=0, chunk_seq=0)]
-    encoded = text.encode("ascii", "replace")[: PIECE_BYTES * MOST_PIECES - 1]
-    return [
-        Statustext(
-            severity=Severity.NOTICE,
-            text=encoded[at : at + PIECE_BYTES].decode("ascii"),
-            id=number,
-            chunk_seq=at // PIECE_BYTES,
-        )
-        for at in range(0, len(encoded) + 1, PIECE_BYTES)
-    ]
 
 
 def aged(text: str, age_ns: int) -> str:

@@ -50,6 +50,31 @@ def finite(text: str) -> float:
     return value
 
 
+def above_zero(high: float = inf) -> Callable[[str], float]:
+    """What reads a number above 0 and at most `high`."""
+
+    def read(text: str) -> float:
+        value = finite(text)
+        if not 0.0 < value <= high:
+            limits = f"above 0 and at most {high:g}" if high < inf else "above 0"
+            raise argparse.ArgumentTypeError(f"{text.strip()} is not {limits}")
+        return value
+
+    return read
+
+
+def up_to(high: float) -> Callable[[str], float]:
+    """What reads a number from 0 to `high`, both included."""
+
+    def read(text: str) -> float:
+        value = finite(text)
+        if not 0.0 <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text.strip()} is not within 0 to {high:g}")
+        return value
+
+    return read
+
+
 def whole(low: int, high: float = inf) -> Callable[[str], int]:
     """What reads a whole number from `low` to `high`, both included."""
 

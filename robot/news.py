@@ -6,11 +6,10 @@ from typing import Final, TypeAlias
 from protocol.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.messages import Statustext
 from protocol.reasons import reason_text
+from protocol.texts import pieces_of
 from robot.core import reasons
 from robot.core.machine import Machine
 from robot.mission.mission import Mission
-
-TEXT_BYTES: Final = 50
 
 Say: TypeAlias = Callable[[int, str], None]
 """Takes a severity and words for the operator."""
@@ -65,23 +64,9 @@ class News:
         return self.text(Severity.ERROR if failed else Severity.INFO, words)
 
     def text(self, severity: int, words: str) -> list[Statustext]:
-        """A text of any length in numbered pieces of 50 bytes, as MAVLink has it: a shorter one,
-        empty if need be, is the last."""
-        encoded = words.encode("ascii", "replace")
-        several = len(encoded) > TEXT_BYTES
-        end = len(encoded) + several
-        pieces = [encoded[at : at + TEXT_BYTES] for at in range(0, end, TEXT_BYTES)]
-        if several:
-            self._text_id = self._text_id % 65_535 + 1
-        return [
-            Statustext(
-                severity=severity,
-                text=piece.decode("ascii"),
-                id=self._text_id if several else 0,
-                chunk_seq=index,
-            )
-            for index, piece in enumerate(pieces)
-        ]
+        """Nothing for no words."""
+        self._text_id = self._text_id % 65_535 + 1
+        return pieces_of(words, self._text_id, severity) if words else []
 
 
 def line(what: str, state: str, reason: int) -> str:

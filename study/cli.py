@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import radians
 from typing import Final, TextIO
@@ -13,7 +13,14 @@ from plant.noise import LEVELS
 from plant.world_file import load
 from plant.world_types import GoalPose, Start
 from protocol.errors import UserError
-from protocol.options import add_param_option, finite, numbers_kept, whole
+from protocol.options import (
+    above_zero,
+    add_param_option,
+    finite,
+    numbers_kept,
+    up_to,
+    whole,
+)
 from protocol.outcome import Outcome
 from robot.parameters import OutOfRange, Unknown
 from study.trace import Trace
@@ -22,6 +29,8 @@ from study.trial import NAVIGATORS, SIDES, USUAL_NAVIGATOR, Trial, params_of, ru
 LONGEST_S: Final = 24 * 3600.0
 FULL_TURN_DEG: Final = 360.0
 STANDARD_OUTPUT: Final = "-"
+seconds: Final = above_zero(LONGEST_S)
+moment: Final = up_to(LONGEST_S)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -122,13 +131,17 @@ def parser() -> argparse.ArgumentParser:
         "--goal", type=finite, nargs="+", metavar="N", help="X Y [DEG] instead of the world's"
     )
     made.add_argument(
-        "--tolerance", type=tolerance(1.0), default=0.05, metavar="M", help="of --goal (0.05)"
+        "--tolerance", type=above_zero(1.0), default=0.05, metavar="M", help="of --goal (0.05)"
     )
     made.add_argument(
-        "--heading-tolerance", type=tolerance(180.0), default=3.0, metavar="DEG", help="(3)"
+        "--heading-tolerance", type=above_zero(180.0), default=3.0, metavar="DEG", help="(3)"
     )
     made.add_argument(
-        "--at", type=moment, default=0.0, metavar="S", help="time of the world at the start (0)"
+        "--at",
+        type=moment,
+        default=0.0,
+        metavar="S",
+        help="time of the world at the start (0)",
     )
     made.add_argument("--timeout", type=seconds, default=300.0, metavar="S", help="simulated (300)")
     add_param_option(made)
@@ -136,29 +149,3 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--trace", metavar="FILE", help="CSV, one line per tick; - is stdout")
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
     return made
-
-
-def seconds(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value <= LONGEST_S:
-        raise argparse.ArgumentTypeError(f"{text} is not above 0 and at most {LONGEST_S:g}")
-    return value
-
-
-def tolerance(most: float) -> Callable[[str], float]:
-    """What reads one that is above 0 and at most so much."""
-
-    def read(text: str) -> float:
-        value = finite(text)
-        if not 0.0 < value <= most:
-            raise argparse.ArgumentTypeError(f"{text.strip()} is not above 0 and at most {most:g}")
-        return value
-
-    return read
-
-
-def moment(text: str) -> float:
-    value = finite(text)
-    if not 0.0 <= value <= LONGEST_S:
-        raise argparse.ArgumentTypeError(f"{text.strip()} is not within 0 to {LONGEST_S:g}")
-    return value

@@ -22,24 +22,22 @@ PLACE: Final = record("foxglove.Point3", x=NUMBER, y=NUMBER, z=NUMBER)
 QUATERNION: Final = record("foxglove.Quaternion", x=NUMBER, y=NUMBER, z=NUMBER, w=NUMBER)
 POSE: Final = record("foxglove.Pose", position=VECTOR, orientation=QUATERNION)
 COLOUR: Final = record("foxglove.Color", r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
-CUBE: Final = record("foxglove.CubePrimitive", pose=POSE, size=VECTOR, color=COLOUR)
-SPHERE: Final = record("foxglove.SpherePrimitive", pose=POSE, size=VECTOR, color=COLOUR)
-CYLINDER: Final = record(
-    "foxglove.CylinderPrimitive",
-    pose=POSE,
-    size=VECTOR,
-    bottom_scale=NUMBER,
-    top_scale=NUMBER,
-    color=COLOUR,
-)
-ARROW: Final = record(
-    "foxglove.ArrowPrimitive",
-    pose=POSE,
+
+
+def solid(name: str, **sizes: Json) -> Json:
+    """Something of one colour that stands somewhere."""
+    return record(f"foxglove.{name}Primitive", pose=POSE, **sizes, color=COLOUR)
+
+
+CUBE: Final = solid("Cube", size=VECTOR)
+SPHERE: Final = solid("Sphere", size=VECTOR)
+CYLINDER: Final = solid("Cylinder", size=VECTOR, bottom_scale=NUMBER, top_scale=NUMBER)
+ARROW: Final = solid(
+    "Arrow",
     shaft_length=NUMBER,
     shaft_diameter=NUMBER,
     head_length=NUMBER,
     head_diameter=NUMBER,
-    color=COLOUR,
 )
 LINE: Final = record(
     "foxglove.LinePrimitive",

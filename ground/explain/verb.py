@@ -13,11 +13,12 @@ from ground.options import LONGEST_S, add_common, common_of
 from ground.says import Says
 from ground.telemetry import Telemetry
 from protocol.errors import UserError
-from protocol.options import finite
+from protocol.options import up_to
 from protocol.topics import CYCLE, DECISION, STATUS
 
 NS_PER_S: Final = 1_000_000_000
 NEXT_NS: Final = 200_000_000
+moment: Final = up_to(LONGEST_S)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,13 +28,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--turns", action="store_true", help="list its turning points")
     add_common(parser)
-
-
-def moment(text: str) -> float:
-    value = finite(text)
-    if not 0.0 <= value <= LONGEST_S:
-        raise argparse.ArgumentTypeError(f"{text.strip()} is not within 0 to {LONGEST_S:g}")
-    return value
 
 
 def run(options: argparse.Namespace, says: Says) -> int:

@@ -8,9 +8,9 @@ from ground.ghost.course import FAILED, Course
 from ground.ghost.ghost import Ghost
 from ground.ghost.ghosts import Ghosts
 from ground.ghost.instant import Instant, driving
-from ground.ghost.recorded import changed, goal_of
+from ground.ghost.recorded import changed, goal_of, side_of
 from ground.map import Ghost as Trail
-from ground.orders import NAVIGATORS, SIDES
+from ground.orders import NAVIGATORS
 from ground.station import Station
 from protocol.enums import GoalState, Severity
 from protocol.errors import UserError
@@ -44,7 +44,8 @@ class Haunting:
         if choice not in CHOICES:
             raise UserError(f"no navigator {choice!r}: {', '.join(CHOICES)}")
         station = self._shown()
-        instant, side = instant_of(station), side_of(station)
+        instant, status = instant_of(station), station.telemetry.live(STATUS, station.now_ns)
+        side = None if status is None else side_of(status)
         parameters = driving(changed(station.parameters or ()))
         self._world = world_of(station)
         for name in NAVIGATORS if choice == ALL else (choice,):
@@ -96,13 +97,6 @@ def instant_of(station: Station) -> Instant:
 def world_of(station: Station) -> str:
     """What tells one world from another; empty while none is known."""
     return "" if station.world is None else station.world.text
-
-
-def side_of(station: Station) -> str | None:
-    """On which the robot passes obstacles, if it says so."""
-    status = station.telemetry.live(STATUS, station.now_ns)
-    names = {number: name for name, number in SIDES.items()}
-    return None if status is None else names.get(status.side)
 
 
 def told(course: Course) -> str:

@@ -10,6 +10,7 @@ from ground.blackbox.reel import Reel
 from ground.destination import Destination
 from ground.ghost.course import Course, Point
 from ground.ghost.instant import Facts, Instant
+from ground.orders import SIDES
 from protocol.enums import GoalState
 from protocol.errors import UserError
 from protocol.messages import (
@@ -175,6 +176,11 @@ def goal_of(status: NavigatorStatus) -> Destination:
     if status.goal == GoalState.NONE or not (isfinite(x_m) and isfinite(y_m)):
         raise UserError("the robot has no goal at that instant: say which with --goal")
     return Destination(x_m=x_m, y_m=y_m, heading_rad=heading_rad if isfinite(heading_rad) else None)
+
+
+def side_of(status: NavigatorStatus) -> str | None:
+    """On which the robot passes obstacles, if it says so."""
+    return next((name for name, number in SIDES.items() if number == status.side), None)
 
 
 def wanted_of(asked: GoalRequest) -> Destination:

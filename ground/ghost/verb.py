@@ -13,7 +13,7 @@ from ground.ghost.ghost import Ghost
 from ground.ghost.ghosts import Ghosts
 from ground.ghost.instant import Instant, driving
 from ground.ghost.live import Present
-from ground.ghost.recorded import Footage, parameters_in
+from ground.ghost.recorded import Footage, parameters_in, side_of
 from ground.link import Link, linked
 from ground.options import add_common, common_of, seconds
 from ground.orders import NAVIGATORS, SIDES
@@ -21,6 +21,7 @@ from ground.parts import Part
 from ground.says import Says
 from protocol.clock import Clock, WallClock
 from protocol.errors import UserError
+from protocol.messages import NavigatorStatus
 from protocol.options import finite, whole
 
 ALL: Final = "all"
@@ -47,7 +48,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--world", metavar="FILE", help="instead of the recorded one")
     parser.add_argument("--goal", nargs="+", type=finite, metavar="N", help="X Y [DEG] instead")
-    parser.add_argument("--side", choices=list(SIDES), help="on which obstacles are passed")
+    parser.add_argument(
+        "--side", choices=list(SIDES), help="on which obstacles are passed (the robot's)"
+    )
     parser.add_argument("--noise", choices=NOISES, default="none", help="of the ghosts (none)")
     parser.add_argument("--seed", type=whole(0), default=0, help="of everything random (0)")
     parser.add_argument("--timeout", type=seconds, default=300.0, metavar="S", help="(300)")
@@ -68,9 +71,10 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
         return of_a_recording(options, says)
     refuse_without_a_recording(options)
     present = Present(link)
+    status = present.status
     instant = present.instant(options.world, goal_in(options))
-    courses = haunted(options, instant, present.parameters(), says, link.clock)
-    return tell(says, instant, name_of(present.status.navigator), present.rest(), courses)
+    courses = haunted(options, instant, status, present.parameters(), says, link.clock)
+    return tell(says, instant, name_of(status.navigator), present.rest(), courses)
 
 
 def refuse_without_a_recording(options: argparse.Namespace) -> None:
@@ -87,9 +91,9 @@ def of_a_recording(options: argparse.Namespace, says: Says) -> int:
     at_ns = footage.beginning_ns() if at_s is None else instant_ns(options.file, reel, at_s)
     instant = footage.instant(at_ns, options.world, goal_in(options))
     parameters = driving(parameters_in(footage.facts.get("parameters", "")))
-    courses = haunted(options, instant, parameters, says, WallClock())
-    navigator = name_of(footage.status_at(at_ns).navigator)
-    return tell(says, instant, navigator, footage.rest(at_ns), courses)
+    status = footage.status_at(at_ns)
+    courses = haunted(options, instant, status, parameters, says, WallClock())
+    return tell(says, instant, name_of(status.navigator), footage.rest(at_ns), courses)
 
 
 def goal_in(options: argparse.Namespace) -> Destination | None:
@@ -104,6 +108,7 @@ def name_of(number: int) -> str:
 def haunted(
     options: argparse.Namespace,
     instant: Instant,
+    status: NavigatorStatus,
     parameters: dict[str, float],
     says: Says,
     clock: Clock,
@@ -118,7 +123,7 @@ def haunted(
                 parameters,
                 options.noise,
                 options.seed,
-                side=options.side,
+                side=options.side or side_of(status),
                 timeout_s=options.timeout,
                 clock=clock,
             )

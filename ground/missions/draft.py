@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from ground.missions import files
 from ground.missions.mission import Mission, Waypoint
@@ -12,7 +13,8 @@ from ground.says import Says
 from protocol.config import parse
 from protocol.errors import ConfigError, UserError
 
-EMPTY = Mission(waypoints=())
+EMPTY: Final = Mission(waypoints=())
+NOTHING: Final = "the draft is empty: wp add X Y [DEG]"
 
 
 class Draft:
@@ -33,7 +35,7 @@ class Draft:
     def text(self) -> str:
         """As a mission file; UserError when there is nothing to send."""
         if not self.mission.waypoints:
-            raise UserError("the draft is empty: wp add X Y [DEG]")
+            raise UserError(NOTHING)
         return text_of(self.mission)
 
     def act(self, options: argparse.Namespace, says: Says) -> int:
@@ -60,7 +62,7 @@ class Draft:
         """A line for each."""
         rows = [f"{at}  {one}" for at, one in enumerate(self.mission.waypoints, start=1)]
         rows += [f"fence: {self.mission.fence}"] if self.mission.fence else []
-        return "\n".join(rows) or "the draft is empty: wp add X Y [DEG]"
+        return "\n".join(rows) or NOTHING
 
     def clear(self) -> str:
         self.mission = EMPTY
@@ -72,9 +74,8 @@ class Draft:
 
     def save(self, path: Path) -> str:
         if not self.mission.waypoints:
-            raise UserError("the draft is empty: wp add X Y [DEG]")
-        lost = files.write(path, self.mission)
-        return f"{path}: {self.mission}{''.join(f'; {what} is lost' for what in lost)}"
+            raise UserError(NOTHING)
+        return files.written(path, self.mission, files.write(path, self.mission))
 
 
 def waypoint_in(options: argparse.Namespace) -> Waypoint:

@@ -1,12 +1,12 @@
 """Mission files by their ending: `.toml` is ours, `.plan` and `.waypoints` are QGroundControl's."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from math import dist
 from pathlib import Path
 from typing import Final
 
+from ground import whole_file
 from ground.missions import plan_file, toml_file, waypoints_file
 from ground.missions.items import lost
 from ground.missions.mission import Circle, Fence, Home, Mission, Waypoint
@@ -84,8 +84,13 @@ def write(path: Path, mission: Mission) -> tuple[str, ...]:
         else:
             text = waypoints_file.text_of(mission, mission.home)
             without += ["the fence"] if mission.fence else []
-    _replace(path, text)
+    whole_file.replace(path, text)
     return tuple(without)
+
+
+def written(path: Path, mission: Mission, without: Sequence[str]) -> str:
+    """What has become of it, in words."""
+    return f"{path}: {mission}{''.join(f'; {what} is lost' for what in without)}"
 
 
 def ending_of(path: Path) -> str:
@@ -109,13 +114,3 @@ def _text(path: Path) -> str:
         raise UserError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
     except UnicodeDecodeError as error:
         raise UserError(f"{path}: is not UTF-8 text; save it as UTF-8") from error
-
-
-def _replace(path: Path, text: str) -> None:
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        os.replace(beside, path)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise UserError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error

@@ -170,7 +170,7 @@ def with_files(options: argparse.Namespace, says: Says) -> int:
             raise UserError(f"{options.out} would be overwritten: give another name")
         lost = files.write(options.out, found.mission)
         row |= {"file": str(options.out), "lost": list(lost)}
-        text = f"{options.out}: {found.mission}{''.join(f'; {what} is lost' for what in lost)}"
+        text = files.written(options.out, found.mission, lost)
     for what in found.dropped:
         says.note(f"left out: {what}")
     says.result(row, text)
@@ -199,9 +199,9 @@ def download(link: Link, says: Says, path: Path, home: Home | None) -> int:
         return tell_verdict(says, "mission download", link, mission, "")
     mission = replace(mission, home=home)
     lost = files.write(path, mission)
-    text = f"{path}: {mission}{''.join(f'; {what} is lost' for what in lost)}"
     row: dict[str, object] = {"verb": "mission download", "ok": True, "file": str(path)}
-    says.result(row | {"items": len(mission.waypoints), "lost": list(lost)}, text)
+    row |= {"items": len(mission.waypoints), "lost": list(lost)}
+    says.result(row, files.written(path, mission, lost))
     return 0
 
 

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from protocol.errors import UserError
 
 USUAL_HOST: Final = "127.0.0.1"
-USUAL_PORT: Final = 8765
+USUAL_PORT: Final = 8770
 TOKEN_BYTES: Final = 18
 LEAST_LETTERS: Final = 16
 LOOPBACK: Final = frozenset({"127.0.0.1", "::1", "localhost"})

@@ -13,10 +13,10 @@ from protocol.errors import UserError
 @pytest.mark.parametrize(
     ("text", "found"),
     [
-        ("", Address("127.0.0.1", 8765)),
+        ("", Address("127.0.0.1", 8770)),
         ("9000", Address("127.0.0.1", 9000)),
         (":9000", Address("127.0.0.1", 9000)),
-        ("0.0.0.0", Address("0.0.0.0", 8765)),
+        ("0.0.0.0", Address("0.0.0.0", 8770)),
         ("0.0.0.0:80", Address("0.0.0.0", 80)),
         ("ground.local:9000", Address("ground.local", 9000)),
         ("[::1]:9000", Address("::1", 9000)),

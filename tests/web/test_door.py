@@ -23,7 +23,7 @@ def with_client(
     """Tell the story to a server of our own in this process."""
 
     async def tell() -> None:
-        server = WebServer(command, Address("127.0.0.1", 8765), TOKEN, lambda: None)
+        server = WebServer(command, Address("127.0.0.1", 8770), TOKEN, lambda: None)
         server.initialize_logging()
         app = await server._make_app()
         jar = CookieJar(unsafe=True)  # cookies of addresses that are numbers

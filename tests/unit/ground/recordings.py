@@ -94,5 +94,5 @@ def recorded(trial: Trial) -> tuple[Recording, Outcome]:
     return recording, run_trial(trial, recording)
 
 
-def box(navigator: str = "vgm") -> tuple[Recording, Outcome]:
-    return recorded(Trial(world=load("box"), navigator=navigator, noise="none"))
+def box(navigator: str = "vgm", side: str = "left") -> tuple[Recording, Outcome]:
+    return recorded(Trial(world=load("box"), navigator=navigator, side=side, noise="none"))

@@ -9,8 +9,9 @@ from ground.blackbox.replay import ReplayBus
 from ground.cli import main, parse
 from ground.replay import show_lines
 from ground.says import Says
-from ground.texts import pieces_of
 from protocol.clock import ManualClock
+from protocol.enums import Severity
+from protocol.texts import pieces_of
 from protocol.topics import MARK
 from tests.unit.ground.blackbox.made import START_US, Speaker, mcap, run
 
@@ -18,7 +19,7 @@ from tests.unit.ground.blackbox.made import START_US, Speaker, mcap, run
 @pytest.fixture
 def log(tmp_path: Path) -> str:
     said = list(run(60))
-    (remark,) = pieces_of("a cart", 1)
+    (remark,) = pieces_of("a cart", 1, Severity.NOTICE)
     said.insert(200, Speaker().say(MARK, remark, said[199].time_us))
     return str(mcap(tmp_path / "a.mcap", said))
 

@@ -2,8 +2,10 @@
 
 import pytest
 
-from ground.texts import Texts, pieces_of
+from ground.texts import Texts
+from protocol.enums import Severity
 from protocol.messages import Statustext
+from protocol.texts import MOST_PIECES, PIECE_BYTES, pieces_of
 from tests.unit.ground.test_findings import CYCLE
 
 
@@ -42,6 +44,13 @@ def test_anything_else_is_no_text() -> None:
 @pytest.mark.parametrize("text", ["x", "Größe", "a" * 50, "b" * 51, "c" * 150, "d" * 999])
 def test_what_is_taken_to_pieces_comes_together_again(text: str) -> None:
     texts = Texts()
-    *before, last = [texts.receive(piece) for piece in pieces_of(text, 7)]
+    *before, last = [texts.receive(piece) for piece in pieces_of(text, 7, Severity.NOTICE)]
     assert not any(before)
     assert last == text
+
+
+def test_a_text_too_long_for_all_pieces_is_cut_and_still_ends() -> None:
+    texts = Texts()
+    *before, last = [texts.receive(piece) for piece in pieces_of("x" * 100_000, 7, Severity.ERROR)]
+    assert not any(before)
+    assert last == "x" * (MOST_PIECES * PIECE_BYTES - 1)

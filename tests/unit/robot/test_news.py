@@ -4,10 +4,11 @@ import pytest
 
 from ground.texts import Texts
 from protocol.enums import Severity
+from protocol.texts import PIECE_BYTES
 from robot.core.machine import Machine
 from robot.core.parameters import DEFAULTS
 from robot.mission.mission import Mission
-from robot.news import TEXT_BYTES, News
+from robot.news import News
 
 
 def news() -> News:
@@ -21,8 +22,8 @@ def test_a_text_of_any_length_is_whole_with_its_last_piece_and_not_before(length
     pieces = news().text(Severity.INFO, words)
     texts = Texts()
     assert [texts.receive(piece) for piece in pieces] == [""] * (len(pieces) - 1) + [words]
-    assert len(pieces) == (1 if length <= TEXT_BYTES else length // TEXT_BYTES + 1)
-    assert {piece.id for piece in pieces} == {0 if length <= TEXT_BYTES else 1}
+    assert len(pieces) == (1 if length <= PIECE_BYTES else length // PIECE_BYTES + 1)
+    assert {piece.id for piece in pieces} == {0 if length <= PIECE_BYTES else 1}
 
 
 def test_nothing_to_say_is_no_piece() -> None:

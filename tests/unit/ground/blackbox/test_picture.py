@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from ground.blackbox.picture import MOST_POSES, Drawn, Picture
-from ground.texts import pieces_of
 from protocol.enums import GoalState, Severity
 from protocol.message import Message
 from protocol.messages import Statustext
+from protocol.texts import pieces_of
 from protocol.topics import MARK, TEXT
 from tests.unit.ground.blackbox.made import (
     WORLD_TEXT,
@@ -122,7 +122,7 @@ def test_texts_have_the_viewers_level(severity: Severity, level: int) -> None:
 def test_pieces_of_what_the_robot_says_and_of_remarks_are_not_mixed() -> None:
     picture, logged = Picture(), []
     said, remark = "the robot says " * 5, "somebody remarks " * 5
-    for pieces in zip(pieces_of(said, 7), pieces_of(remark, 7), strict=True):
+    for pieces in zip(pieces_of(said, 7, 6), pieces_of(remark, 7, 5), strict=True):
         for topic, piece in zip((TEXT, MARK), pieces, strict=True):
             logged += [one.content for one in picture.see(topic.key("r1"), piece, 0)]
     assert [(one["name"], one["message"]) for one in logged] == [

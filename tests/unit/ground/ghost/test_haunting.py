@@ -9,7 +9,7 @@ from time import monotonic
 import pytest
 
 from ground.ghost import Course, Ghosts
-from ground.ghost.haunting import CHOICES, Haunting, instant_of, side_of, told
+from ground.ghost.haunting import CHOICES, Haunting, instant_of, told
 from ground.station import Station
 from protocol.codec import Encoder
 from protocol.enums import GoalState
@@ -52,7 +52,6 @@ def test_an_instant_that_is_shown_is_where_the_ghost_begins(show: Show) -> None:
     assert instant.world == WORLD.text
     assert (instant.goal.x_m, instant.goal.y_m) == pytest.approx((5.4, 2.0))
     assert 1.5 < instant.start[0] < 3.0
-    assert side_of(show.station) == "left"
 
 
 def test_a_ghost_is_drawn_and_told_when_it_has_ended(show: Show) -> None:

@@ -154,6 +154,20 @@ def test_the_verb_lays_the_ghosts_beside_the_real_run(
     assert found["ghosts"]["distbug"]["length_m"] != found["ghosts"]["bug"]["length_m"]
 
 
+def test_a_ghost_passes_on_the_side_of_the_robot_unless_another_is_asked_for(
+    tmp_path: Path, drive: tuple[Recording, Outcome], capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, outcome = box("bug", side="right")
+    log = run.written(tmp_path / "20260101T000000Z-r1.tlog")
+    lengths_m = []
+    for more in ([], ["--side", "left"]):
+        words = ["--from", log, "--world", "box", "--navigator", "bug", "--json", *more]
+        assert main(["ghost", *words]) == 0
+        lengths_m.append(json.loads(capsys.readouterr().out)["ghosts"]["bug"]["length_m"])
+    assert lengths_m == pytest.approx([outcome.path_m, drive[1].path_m])
+    assert outcome.path_m != pytest.approx(drive[1].path_m)
+
+
 def test_for_a_person_it_is_a_table(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--world", "box", "--at", "6", "--navigator", "vgm"]
     assert main(["ghost", "--from", log, *words]) == 0

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from protocol.enums import Command, GoalState, MissionState, MissionType, Severity
+from protocol.message import check
 from protocol.messages import MissionClearAll, MissionItemInt, MissionVerdict
 from protocol.reasons import Reason
 from robot.core.values import Pose
@@ -151,6 +152,14 @@ def test_a_folder_in_the_place_of_the_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "fence.json").mkdir()
     (words,) = restarted(tmp_path).vehicle.restored
     assert "fence.json" in words
+
+
+def test_however_long_a_warning_is_it_can_be_sent(tmp_path: Path) -> None:
+    (tmp_path / "fence.json").write_text(item_text(x="y" * 100_000))
+    desk = restarted(tmp_path)
+    desk.vehicle.say(Severity.WARNING, "z" * 100_000)
+    for text in desk.vehicle.texts():
+        check(text)
 
 
 def test_a_mission_that_lies_outside_of_the_fence_is_left_out_with_its_reason(
