@@ -69,7 +69,8 @@ class Wires:
         """Hand a new command to the motor driver, for what is left of its time-to-live.
 
         That counts from the senses it answers, on this clock: neither a command that was long on
-        its way nor a copy of it lets the wheels turn for longer. One overtaken by a newer is late.
+        its way nor a copy of it lets the wheels turn for longer. One overtaken by a newer is late;
+        one with no time to live brakes.
         """
         newest = self._command.latest()
         if newest is None or newest[0] is self._obeyed:
@@ -77,7 +78,7 @@ class Wires:
         command, last = newest[0], self._obeyed
         age_ms = (plant.now_ns // PERIOD_NS - command.sense_seq) * PERIOD_MS
         left_ms = command.ttl_ms - max(0, age_ms)
-        if left_ms <= 0 or (last is not None and overtaken(command, last)):
+        if left_ms < 0 or (last is not None and overtaken(command, last)):
             return
         self._obeyed = command
         plant.command(self._number, command.left_mrad_s, command.right_mrad_s, left_ms)

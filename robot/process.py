@@ -71,7 +71,7 @@ class Process:
     def _end(self, reason: int, now_ns: int) -> None:
         senses, reports = self._senses, self.reports
         self.vehicle.stop(reason, now_ns)
-        reports.command(senses.stamp_ns, senses.sequence, 0, 0)
+        reports.brake(senses.stamp_ns, senses.sequence)
         reports.state(self.vehicle, senses.stamp_ns, now_ns)
         reports.events(self.vehicle, senses.stamp_ns, now_ns)
 

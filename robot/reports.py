@@ -45,6 +45,15 @@ class Reports:
 
     def command(self, stamp_ns: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int) -> None:
         """Tell the wheels what to do for the next 150 ms."""
+        self._command(stamp_ns, sense_seq, left_mrad_s, right_mrad_s, TTL_MS)
+
+    def brake(self, stamp_ns: int, sense_seq: int) -> None:
+        """The last word: with no time to live it stops the wheels as silence does, sooner."""
+        self._command(stamp_ns, sense_seq, 0, 0, 0)
+
+    def _command(
+        self, stamp_ns: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int
+    ) -> None:
         self.drive.put(
             WheelCommand(
                 time_ns=stamp_ns,
@@ -52,7 +61,7 @@ class Reports:
                 sense_seq=sense_seq,
                 left_mrad_s=left_mrad_s,
                 right_mrad_s=right_mrad_s,
-                ttl_ms=TTL_MS,
+                ttl_ms=ttl_ms,
             )
         )
         self._commands = (self._commands + 1) & 0xFFFFFFFF

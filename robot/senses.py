@@ -81,7 +81,7 @@ class Senses:
         return scan_of(newest[0], self.scan_age_ms)
 
     def _age_ns(self, newest: tuple[WheelTicks | SonarScan, int], now_ns: int) -> int:
-        return now_ns - (newest[0].time_ns if self.lockstep else newest[1])
+        return max(0, now_ns - (newest[0].time_ns if self.lockstep else newest[1]))
 
     def _place(self, newest: tuple[SonarScan, int] | None, tick: Tick, now_ns: int) -> None:
         """This tick is at the stamp of its scan, or so much after the last one."""

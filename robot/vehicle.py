@@ -99,7 +99,8 @@ class Vehicle:
         self.lease.hear(now_ns)
 
     def operator_age_ms(self, now_ns: int) -> int | None:
-        return None if self._operator_ns is None else (now_ns - self._operator_ns) // NS_PER_MS
+        heard_ns = self._operator_ns
+        return None if heard_ns is None else max(0, now_ns - heard_ns) // NS_PER_MS
 
     def hear_teleop(self, teleop: Teleop, arrived_ns: int) -> None:
         """A frame of an operator who may command has arrived."""
