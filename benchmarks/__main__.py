@@ -25,6 +25,7 @@ BENCHMARKS = {
     "map": "a frame of the map on 100 x 40 cells, textual-plotext beside it",
     "ground": "the app on a terminal: CPU, bytes, first paint, key to robot, a flood of log lines",
     "restarts": "a process of `up` killed, until robot and plant are heard again",
+    "faults": "what the robot does when something breaks, the fault matrix (docs/faults.md)",
     "digest": "the same trajectory in every way of running, another one for another seed",
 }
 

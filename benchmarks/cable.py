@@ -63,7 +63,11 @@ class Cable:
         with suppress(OSError):
             while True:
                 near, _ = listener.accept()
-                far = socket.create_connection(self._far)
+                try:
+                    far = socket.create_connection(self._far)
+                except OSError:  # nobody is at home: so hears who calls
+                    hang_up(near)
+                    continue
                 for end in (near, far):
                     self._sockets.callback(hang_up, end)
                 for pair in ((near, far), (far, near)):

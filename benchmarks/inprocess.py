@@ -88,17 +88,18 @@ class InProcess(Peers):
         if self.robot is None or "robot" in self.hanging:
             return
         self.buses["robot"].line.release(self.clock.now_ns())
-        plant, ground = f"{self.buses['robot'].key(DRIVE.path)} at the plant", TOLD
+        plant, ground = self.key_at_plant, TOLD
         told = self._arrivals.count(plant), self._arrivals.count(ground)
-        self._run_robot(Tick(self._ticks, self.clock.now_ns(), 0, 0))
+        self.robot.cycle(Tick(self._ticks, self.clock.now_ns(), 0, 0))
         if self._listening:
             self._arrivals.wait(lambda: self._arrivals.count(ground) > told[1], CYCLE.path)
         if self.plant is not None:
             self._arrivals.wait(lambda: self._arrivals.count(plant) > told[0], DRIVE.path)
 
-    def _run_robot(self, tick: Tick) -> None:
-        assert self.robot is not None
-        self.robot.cycle(tick)
+    @property
+    def key_at_plant(self) -> str:
+        """By which arrivals of wheel commands at the plant are counted."""
+        return f"{self.buses['robot'].key(DRIVE.path)} at the plant"
 
     def _act(self) -> None:
         if self.plant is not None and "plant" not in self.hanging:

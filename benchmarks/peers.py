@@ -156,7 +156,7 @@ class Peers:
         self.ground = self._open("ground", Role.GROUND)
         self._status = self.ground.mailbox(STATUS)
         self._report = self.ground.mailbox(CYCLE)
-        self.ground.stream(CYCLE, lambda *_: self._arrivals.take(TOLD))
+        self.ground.line.after = self._hear_of
         self.ground.stream(TEXT, self._hear)
         self._beat = self.ground.publisher(OPERATOR)
         self.operator = self._listening = True
@@ -197,6 +197,11 @@ class Peers:
     def close_all(self) -> None:
         for name in ("ground", "plant", "robot", "router"):
             self._scopes[name].close()
+
+    def _hear_of(self, key: str) -> None:
+        """A cycle report ends a tick; counted as soon as its mailbox has it."""
+        if key.endswith(CYCLE.path):
+            self._arrivals.take(TOLD)
 
     def _hear(self, _key: str, frame: bytes, _arrived_ns: int) -> None:
         text = decode(frame).message

@@ -1,11 +1,18 @@
 """Every row of the failsafe table, over the whole stack: the robot stops, says why, and when."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import nan
 
 import pytest
 
+from benchmarks.matrix.lockstep import Breakable
+from benchmarks.matrix.table import FAULTS
 from protocol.enums import GoalState, Mode, Vehicle
 from protocol.reasons import Reason
+from robot.core import failsafe
+from robot.core.fence import Fence
+from robot.core.values import Pose
 from tests.harness import Stack
 
 STOPPING_S = 0.40
@@ -34,6 +41,71 @@ ROWS = [
     Row("sonar_fixed", "3", 9.0, Reason.SONAR_IMPOSSIBLE, 0.10),
     Row("bumper_stuck", "", 1.0, Reason.BUMPER, 0.10),
 ]
+
+
+def break_core(stack: Stack) -> None:
+    assert isinstance(stack, BreakableStack)
+    stack.breaks = True
+
+
+def lose_time(stack: Stack) -> None:
+    stack.hanging = frozenset({"robot"})
+    stack.forward(0.15)
+    stack.hanging = frozenset()
+
+
+def lose_operator(stack: Stack) -> None:
+    stack.operator = False
+
+
+def spoil_pose(stack: Stack) -> None:
+    stack.vehicle.state.odometry.pose = Pose(nan, 1.0, 0.0)
+
+
+def leave_fence(stack: Stack) -> None:
+    pose = stack.vehicle.state.odometry.pose
+    stack.vehicle.state.machine.fence = Fence((pose.x_m,), (pose.y_m,), 0.1)
+
+
+class BreakableStack(Stack, Breakable):
+    """A stack for whatever has no name in a world file."""
+
+
+CAUSES: dict[Reason, tuple[Callable[[Stack], None], float]] = {
+    Reason.CORE_EXCEPTION: (break_core, 0.05),
+    Reason.BUDGET: (lose_time, 0.05),
+    Reason.NOT_FINITE: (spoil_pose, 0.05),
+    Reason.OPERATOR_LOST: (lose_operator, 1.65),
+    Reason.FENCE_BREACHED: (leave_fence, 0.45),
+}
+"""What trips those rows that no fault of the body does, and when that must have been noticed."""
+
+
+@pytest.mark.parametrize("reason", CAUSES, ids=lambda reason: reason.name)
+def test_what_happens_to_the_robot_itself_stops_it_too(reason: Reason) -> None:
+    with BreakableStack("corridor", noise="default", enforced=True) as stack:
+        stack.arm()
+        stack.goto_goal()
+        stack.until(stack.driving)
+        cause, limit_s = CAUSES[reason]
+        cause(stack)
+        noticed_s = stack.until(lambda: stack.state == Vehicle.FAILSAFE, within_s=5.0)
+        assert stack.why == reason
+        assert noticed_s <= limit_s + 1e-9
+        assert stack.goal_state == GoalState.ABORTED
+        stack.forward(STOPPING_S)
+        assert stack.standing()
+
+
+def test_every_row_of_the_failsafe_table_is_tested_here() -> None:
+    tested = {row.reason for row in ROWS} | set(CAUSES)
+    assert {Reason(row.reason) for row in failsafe.ROWS} == tested
+
+
+def test_and_all_but_a_pose_that_is_no_number_and_the_fence_are_in_the_fault_matrix() -> None:
+    rows = {Reason(row.reason) for row in failsafe.ROWS}
+    measured = {reason for fault in FAULTS for reason in fault.reasons}
+    assert rows - measured == {Reason.NOT_FINITE, Reason.FENCE_BREACHED}
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.kind}-{row.target or 'all'}")

@@ -1,0 +1,101 @@
+"""What can be done to a running stack, as data; `lockstep` and `wall` each know how."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from protocol.trouble import Trouble
+
+
+@dataclass(frozen=True, slots=True)
+class Kill:
+    """SIGKILL. It is started again when the robot stands, or after `again_s`."""
+
+    role: str
+    again_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Hang:
+    """SIGSTOP, or with `gil` a C call that keeps the lock of its interpreter; then let go."""
+
+    role: str
+    gil: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """Nothing passes between these two, until it is mended."""
+
+    one: str
+    other: str
+
+
+@dataclass(frozen=True, slots=True)
+class Disturb:
+    """A bad network on the way into robot and plant."""
+
+    trouble: Trouble
+
+
+@dataclass(frozen=True, slots=True)
+class Sense:
+    """A fault of the robot's body, by the names of a world file's [[fault]]."""
+
+    kind: str
+    target: str = ""
+    value: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Wrap:
+    """Both encoder counters pass the end of their 32 bits on the way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """The robot's clock jumps."""
+
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Break:
+    """The control core raises an exception."""
+
+
+@dataclass(frozen=True, slots=True)
+class EmergencyStop:
+    """The operator's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fill:
+    """No more room on the disk for this process, while a parameter is set."""
+
+    role: str
+
+
+@dataclass(frozen=True, slots=True)
+class Squeeze:
+    """The robot gets no more memory than it has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Burn:
+    """As many processes as the machine has cores do nothing but use the processor."""
+
+
+Act: TypeAlias = (
+    Kill
+    | Hang
+    | Cut
+    | Disturb
+    | Sense
+    | Wrap
+    | Jump
+    | Break
+    | EmergencyStop
+    | Fill
+    | Squeeze
+    | Burn
+)

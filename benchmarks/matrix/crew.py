@@ -1,0 +1,119 @@
+"""Real processes around a router, each behind a cable of its own, started and ended by role."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from threading import Event
+from time import monotonic
+from typing import IO, Any, Final, Self
+
+from benchmarks.cable import Cable
+from benchmarks.pingpong import free_port
+from ground.leash import command
+
+PATIENCE_S: Final = 20.0
+POLL_S: Final = 0.005
+LAST_WORDS: Final = 300
+BURNS: Final = (sys.executable, "-c", "while True: pass")
+
+
+def until(condition: Callable[[], object], what: str, within_s: float = PATIENCE_S) -> None:
+    """Wait for it; RuntimeError when it does not come true in time."""
+    deadline_s, pause = monotonic() + within_s, Event()
+    while not condition():
+        if monotonic() > deadline_s:
+            raise RuntimeError(f"not within {within_s:g} s: {what}")
+        pause.wait(POLL_S)
+
+
+class Crew:
+    """`afflictions`: what happens to a role when it is told to, as `afflicted` reads it."""
+
+    def __init__(self, afflictions: Mapping[str, Mapping[str, Any]]) -> None:
+        self.router = f"tcp/127.0.0.1:{free_port()}"
+        self.truth = f"tcp/127.0.0.1:{free_port()}"
+        self.cables: dict[str, Cable] = {}
+        self._afflictions = afflictions
+        self._words: dict[str, Sequence[str]] = {}
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._outputs: dict[str, IO[bytes]] = {}
+        self._scope = ExitStack()
+
+    def __enter__(self) -> Self:
+        self.folder = Path(self._scope.enter_context(tempfile.TemporaryDirectory()))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for role in self._processes:
+            self.kill(role)
+        self._scope.close()
+
+    def start(self, role: str, *words: str) -> None:
+        """`sidestep` with these words; without words, as it was started before."""
+        self._words[role] = words or self._words[role]
+        afflicted = self._afflictions.get(role)
+        line = command(self._words[role], os.getpid())
+        if afflicted is not None:
+            module = (sys.executable, "-m", "benchmarks.matrix.afflicted")
+            line = [*module, str(os.getpid()), json.dumps(afflicted), *self._words[role]]
+        self._execute(role, line)
+
+    def burn(self) -> None:
+        """One process per core that does nothing but use it."""
+        for number in range(len(os.sched_getaffinity(0))):
+            self._execute(f"burner {number}", BURNS)
+
+    def dialling(self, role: str, *words: str) -> None:
+        """Through a cable of its own."""
+        cable = self.cables[role] = self._scope.enter_context(Cable(self.router))
+        self.start(role, *words, "--connect", cable.endpoint)
+
+    def says(self, role: str, words: str) -> None:
+        """Wait until it has said that; RuntimeError with what it did say when it does not."""
+        until(lambda: words in self.said(role) or not self.lives(role), f"{role}: {words}")
+        if words not in self.said(role):
+            raise RuntimeError(f"the {role} ended: {self.said(role)[-LAST_WORDS:]}")
+
+    def said(self, role: str) -> str:
+        return os.pread(self._outputs[role].fileno(), 1 << 20, 0).decode(errors="replace")
+
+    def lives(self, role: str) -> bool:
+        return role in self._processes and self._processes[role].poll() is None
+
+    def send(self, role: str, number: signal.Signals) -> None:
+        self._processes[role].send_signal(number)
+
+    def limit(self, role: str, what: int, size: int) -> None:
+        """From now on it gets no more of this than so much."""
+        resource.prlimit(self._processes[role].pid, what, (size, size))
+
+    def memory(self, role: str) -> int:
+        """Bytes of address space that it has."""
+        pages = Path(f"/proc/{self._processes[role].pid}/statm").read_text(encoding="utf-8")
+        return int(pages.split()[0]) * resource.getpagesize()
+
+    def kill(self, role: str) -> None:
+        self._processes[role].kill()
+        self._processes[role].wait()
+
+    def ends(self, role: str, within_s: float = PATIENCE_S) -> None:
+        """It was told to; one that does not is killed."""
+        try:
+            self._processes[role].wait(within_s)
+        except subprocess.TimeoutExpired:
+            self.kill(role)
+
+    def _execute(self, role: str, line: Sequence[str]) -> None:
+        output = tempfile.TemporaryFile()  # noqa: SIM115 - closed on the way out
+        self._scope.callback(output.close)
+        self._outputs[role] = output
+        self._processes[role] = subprocess.Popen(
+            line, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
+        )

@@ -1,0 +1,116 @@
+"""docs/faults.md: the matrix, with every row that misses its limit named first."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from statistics import median
+from typing import Final
+
+from benchmarks.matrix.results import Repetition, Results
+from benchmarks.matrix.table import GROUPS, Fault, Must, Way
+
+INTRODUCTION: Final = """\
+# Faults
+
+What the robot does when something breaks, measured by `sidestep bench faults --page docs/faults.md`
+on {date} ({machine}). **In lockstep** time is simulated and the whole stack is in one process, over
+real sockets; moment, phase of the control period and noise are drawn anew for each repetition. **In
+wall time** router, plant, robot, `goto` and recorder are real processes, and the machine is shared:
+times there are what a busy machine gives.
+
+- *known*: from the fault until the robot does not drive any more and gives the reason; *stands*:
+  until its wheels do not turn. Median and worst, in ms. The limit of *known* is that of the row in
+  the failsafe table plus 100 ms: until the next sample would have been due, and the tick that looks
+  for it. The limit of *stands* has 400 ms more, for braking from 0.3 m/s. Whatever becomes of the
+  robot's own process or of its link to the plant, its wheels stand within 200 ms.
+- *way*: how far it came after the fault, the worst. When it had stood the fault was ended (let go,
+  mended, started again), and it had to go on standing.
+- *log*: frames that were sent and that the recorder's log lacks, samples and events, the worst
+  repetition. Where it was cut off from who sent, nobody had them; events come later.
+- Loss, delay, copies and order are made by the bus's own fault injection (`[network.trouble]`), on
+  arrival of each sample: TCP itself hides loss, and shows it as delay. A pair is cut by dropping
+  whatever they publish, or, towards the router, by a cable on which nothing comes back any more.
+  `tests/compose` cuts, pauses and kills real containers.
+- A robot that hangs with the interpreter's lock held, or has been killed, is started again.
+"""
+HEAD: Final = (
+    "| fault | must | limit | lockstep: known, stands | way | wall: known, stands | way | log |\n"
+    "|---|---|---|---|---|---|---|---|"
+)
+
+
+def page(results: Results, machine: Mapping[str, object]) -> str:
+    """The page as Markdown."""
+    about = ", ".join(f"{key} {value}" for key, value in machine.items())
+    date = f"{datetime.now(UTC):%Y-%m-%d}"
+    parts = [INTRODUCTION.format(date=date, machine=about), *missed(results)]
+    for title, faults in GROUPS.items():
+        parts += [f"## {title}\n", HEAD]
+        parts += [row(fault, results) for fault in faults]
+        parts.append("")
+    return "\n".join(parts)
+
+
+def missed(results: Results) -> Iterable[str]:
+    """The rows that miss, by name and with what was not as it must be."""
+    yield "## Rows that miss their limit\n"
+    found = []
+    for faults in GROUPS.values():
+        for fault in faults:
+            for way in fault.ways:
+                repetitions = results.of(fault, way)
+                bad = [(one.number, miss) for one in repetitions for miss in one.misses(fault)]
+                if bad:
+                    times = len({number for number, _ in bad})
+                    words = "; ".join(sorted({miss for _, miss in bad}))
+                    found.append(
+                        f"- **{fault.name}** in {way.value}, {times} of {len(repetitions)}: {words}"
+                    )
+    yield from found or ["None."]
+    yield ""
+
+
+def row(fault: Fault, results: Results) -> str:
+    cells = [fault.name, fault.must.value, fault.limit or ""]
+    for way in Way:
+        found = results.of(fault, way)
+        cells += [times(fault, found, way), way_cm(found)]
+    cells.append(log(results.of(fault, Way.WALL)))
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def times(fault: Fault, found: Sequence[Repetition], way: Way) -> str:
+    """Medians and worst; for a robot that went on, how often it did."""
+    if not found:
+        return "" if way in fault.ways else "needs processes"
+    bad = sum(bool(one.misses(fault)) for one in found)
+    verdict = f" **{bad} of {len(found)} missed**" if bad else f" ({len(found)})"
+    if fault.must in (Must.STOP, Must.STAND, Must.SAY):
+        known = spread(one.known_s for one in found) if fault.within_s is not None else "–"
+        return f"{known}, {spread(one.stood_s for one in found)}{verdict}"
+    arrived = sum(one.reached for one in found)
+    reasons = sorted({one.reason for one in found if one.reason and not one.reached})
+    words = f"{arrived} arrived" + (f", else {', '.join(reasons)}" if reasons else "")
+    touched = sum(one.contacts > 0 for one in found)
+    return words + (f", {touched} touched" if touched else "") + verdict
+
+
+def spread(values_s: Iterable[float | None]) -> str:
+    found = [value for value in values_s if value is not None]
+    return f"{median(found) * 1e3:.0f} / {max(found) * 1e3:.0f}" if found else "–"
+
+
+def way_cm(found: Sequence[Repetition]) -> str:
+    ways = [one.distance_m for one in found if one.distance_m is not None]
+    return f"{max(ways) * 100:.1f} cm" if ways else ""
+
+
+def log(found: Sequence[Repetition]) -> str:
+    """The worst repetition; what a killed recorder had not written yet."""
+    known = [one for one in found if one.lost is not None]
+    if not known:
+        return ""
+    worst = max(known, key=lambda one: one.lost or 0)
+    events = max(one.lost_events or 0 for one in known)
+    text = f"{worst.lost} of {(worst.logged or 0) + (worst.lost or 0)}, {events} events"
+    unlogged_s = [one.unlogged_s for one in known if one.unlogged_s is not None]
+    return text + (f"; the last {max(unlogged_s):.2f} s" if unlogged_s else "")

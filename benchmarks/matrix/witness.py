@@ -1,0 +1,118 @@
+"""Sees the truth at the plant itself, and the rest at the router: what is cut off is still seen."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from time import monotonic_ns
+from typing import Any, Final, NamedTuple, Self
+
+from benchmarks.matrix.motion import Seen
+from protocol.bus import Bus, Network, open_bus
+from protocol.codec import decode
+from protocol.enums import PARAM_TYPE_REAL32, Command, Vehicle
+from protocol.errors import NoAnswer, RemoteError
+from protocol.message import Message
+from protocol.messages import CommandRequest, GroundTruth, NavigatorStatus, ParamSet
+from protocol.topics import COMMAND, PARAMETER, STATUS, TRUTH, Role, Service, Topic
+
+DIAL_S: Final = 20.0
+ROBOT: Final = "r1"
+
+
+class Heard(NamedTuple):
+    """A message and when it arrived, by the monotonic clock."""
+
+    message: Any
+    at_ns: int
+
+
+class Witness:
+    """Dials when it is entered; keeps all there is."""
+
+    def __init__(self, router: str, truth: str) -> None:
+        self._endpoints = (router, truth)
+        self._scope = ExitStack()
+        self.truths: list[Heard] = []
+        self.statuses: list[Heard] = []
+
+    def __enter__(self) -> Self:
+        router, truth = self._endpoints
+        self._bus = self._listen(router, STATUS, self.statuses)
+        self._listen(truth, TRUTH, self.truths)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._scope.close()
+
+    def _listen(self, endpoint: str, topic: Topic[Any], into: list[Heard]) -> Bus:
+        network = Network(mode="client", connect=(endpoint,), connect_timeout_s=DIAL_S)
+        bus = self._scope.enter_context(open_bus(network, Role.GROUND, ROBOT))
+
+        def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
+            try:
+                into.append(Heard(decode(frame).message, arrived_ns))
+            except RemoteError:
+                return
+
+        bus.stream(topic, keep)
+        return bus
+
+    @property
+    def status(self) -> NavigatorStatus | None:
+        newest: NavigatorStatus | None = self.statuses[-1].message if self.statuses else None
+        return newest
+
+    @property
+    def speed_m_s(self) -> float:
+        return float(self.truths[-1].message.speed_m_s) if self.truths else 0.0
+
+    def is_in(self, *vehicle: Vehicle) -> bool:
+        """Does the robot say that it is in one of these states?"""
+        return self.status is not None and self.status.vehicle in vehicle
+
+    def known_ns(self, since_ns: int) -> int | None:
+        """When it was first heard, after a moment, that the robot does not drive any more."""
+        heard = (one for one in tuple(self.statuses) if one.at_ns >= since_ns)
+        return next((one.at_ns for one in heard if one.message.vehicle != Vehicle.ACTIVE), None)
+
+    def seen(self, since_ns: int) -> list[Seen]:
+        """The truth from a moment on and the one before it, by the plant's own stamps: a truth
+        that was long on its way is no later for that."""
+        heard = tuple(self.truths)
+        early = [one for one in heard if one.at_ns < since_ns]
+        offset_ns = min((one.at_ns - one.message.time_ns for one in early), default=0)
+        return list(after(heard, offset_ns, since_ns))
+
+    def estop(self) -> None:
+        self._ask(
+            COMMAND,
+            CommandRequest(
+                request_id=monotonic_ns(),
+                param1=1.0,
+                param2=0.0,
+                command=Command.DO_FLIGHTTERMINATION,
+            ),
+        )
+
+    def set(self, name: str, value: float) -> None:
+        self._ask(
+            PARAMETER, ParamSet(param_value=value, param_id=name, param_type=PARAM_TYPE_REAL32)
+        )
+
+    def _ask(self, service: Service, request: Message) -> None:
+        try:
+            self._bus.ask(service, request, 2.0)
+        except NoAnswer as error:
+            raise RuntimeError(str(error)) from error
+
+
+def after(heard: tuple[Heard, ...], offset_ns: int, since_ns: int) -> Iterator[Seen]:
+    """With the last one before it, for the way since then."""
+    last: Seen | None = None
+    for message, _ in heard:
+        assert isinstance(message, GroundTruth)
+        one = Seen((message.time_ns + offset_ns - since_ns) / 1e9, message)
+        if one.at_s > 0.0:
+            if last is not None and last.at_s <= 0.0:
+                yield last
+            yield one
+        last = one

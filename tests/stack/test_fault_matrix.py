@@ -1,0 +1,50 @@
+"""The fault matrix in its short form, by the command that makes it in full."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmarks.matrix.table import FAULTS
+
+pytestmark = pytest.mark.stack
+
+LATE = re.compile(r", wall: (known|stood) after \d+ ms")
+"""In wall time a busy machine may be late; how late is in docs/faults.md."""
+
+
+def bench(*words: str, within_s: float = 120.0) -> tuple[int, str, str]:
+    line = [sys.executable, "-m", "benchmarks", "faults", *words]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=within_s, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_the_short_form_finds_each_row_as_it_must_be(tmp_path: Path) -> None:
+    code, said, told = bench("--short", "--json", "--page", str(tmp_path / "faults.md"))
+    report = json.loads(said)
+    assert [note for note in report["notes"] if not LATE.search(note)] == [], told
+    assert code == (0 if not report["notes"] else 1)
+    page = (tmp_path / "faults.md").read_text()
+    rows = [line for line in page.splitlines() if line.startswith("| ") and "must" not in line[:20]]
+    assert len(rows) == len(FAULTS)
+    assert not (tmp_path / "faults.jsonl").exists()
+
+
+def test_what_is_kept_is_not_measured_again(tmp_path: Path) -> None:
+    kept = tmp_path / "kept.jsonl"
+    words = ("--only", "emergency stop", "--lockstep", "2", "--wall", "0", "--keep", str(kept))
+    for measured in (2, 0):
+        code, said, told = bench(*words)
+        assert code == 0, said
+        assert told.count("as it must") == measured
+    assert len(kept.read_text().splitlines()) == 2
+
+
+def test_a_fault_that_there_is_not_is_refused_with_those_there_are() -> None:
+    code, _, told = bench("--only", "earthquake")
+    assert code != 0
+    assert "no fault is called earthquake" in told
+    assert "robot killed" in told

@@ -1,0 +1,60 @@
+"""docs/faults.md: misses first, medians and worst, and nothing left out."""
+
+from typing import Any
+
+from benchmarks.matrix.page import page
+from benchmarks.matrix.results import Repetition, Results
+from benchmarks.matrix.table import FAULTS
+
+
+def shown(*repetitions: Repetition) -> str:
+    results = Results(None)
+    for one in repetitions:
+        results.add(one)
+    return page(results, {"cores": 2})
+
+
+def killed(number: int, stood_s: float, **more: Any) -> Repetition:
+    return Repetition(
+        fault="robot killed", way="wall", number=number, stood_s=stood_s, distance_m=0.045, **more
+    )
+
+
+def test_every_fault_has_a_row() -> None:
+    text = shown()
+    for fault in FAULTS:
+        assert f"| {fault.name.replace('|', chr(92) + '|')} |" in text
+
+
+def test_nothing_missed_is_said_so() -> None:
+    assert "## Rows that miss their limit\n\nNone.\n" in shown(killed(0, 0.15))
+
+
+def test_a_row_that_misses_is_named_first_with_how_often_and_by_how_much() -> None:
+    text = shown(killed(0, 0.15), killed(1, 0.25))
+    named = "- **robot killed** in wall, 1 of 2: stood after 250 ms, not 200"
+    assert text.index(named) < text.index("## Processes")
+    assert "**1 of 2 missed**" in text
+
+
+def test_a_cell_has_the_median_and_the_worst_and_the_way() -> None:
+    row = next(
+        line
+        for line in shown(*map(killed, range(3), (0.1, 0.12, 0.18))).splitlines()
+        if line.startswith("| robot killed")
+    )
+    assert "120 / 180 (3)" in row
+    assert "4.5 cm" in row
+
+
+def test_the_log_is_that_of_the_worst_repetition() -> None:
+    text = shown(
+        killed(0, 0.1, logged=100, lost=0, lost_events=1), killed(1, 0.1, logged=90, lost=10)
+    )
+    assert "10 of 100, 1 events" in text
+
+
+def test_who_went_on_is_counted_with_the_reasons_of_the_others() -> None:
+    arrived = Repetition(fault="20 % lost", way="lockstep", number=0, reached=True)
+    stopped = Repetition(fault="20 % lost", way="lockstep", number=1, reason="TICKS_LOST")
+    assert "1 arrived, else TICKS_LOST (2)" in shown(arrived, stopped)
