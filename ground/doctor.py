@@ -1,6 +1,7 @@
 """`doctor`: listens for a moment, asks every service, and says what is missing and what to do."""
 
 import argparse
+from time import time
 from typing import Any, Final
 
 from ground.findings import Observed, Report, Stream, examine, lines
@@ -9,7 +10,9 @@ from ground.options import add_common, common_of, seconds
 from ground.presence import crew_of
 from ground.says import Says
 from ground.telemetry import Telemetry
-from protocol.errors import PeerHangs, RemoteError
+from protocol.bus.access import barred
+from protocol.bus.certificate import own
+from protocol.errors import NotLetIn, PeerHangs, RemoteError
 from protocol.mailbox import Mailbox
 from protocol.messages import CommandRequest
 from protocol.topics import COMMAND, CYCLE, PARAMETERS, STATUS, TOPICS, WORLD, Role, Service
@@ -33,12 +36,20 @@ def run(options: argparse.Namespace, says: Says) -> int:
         with linked(common) as link:
             return act(options, link, says)
     except Unanswered as error:
-        what, do = str(error), f"restart the process at {common.endpoint}, or use --connect"
-        if not isinstance(error.__cause__, PeerHangs):
-            do = f"start `sidestep robot` (or `sidestep router`) at {common.endpoint}, or --connect"
+        what, do = told(error, common.endpoint)
         found: dict[str, object] = {"what": what, "do": do, "bad": True}
         says.result({"ok": False, "findings": [found], "streams": {}}, f"E {what}\n  -> {do}")
         return 1
+
+
+def told(error: Unanswered, endpoint: str) -> tuple[str, str]:
+    """What keeps us out, and what to do about it."""
+    cause = error.__cause__
+    if isinstance(cause, NotLetIn):
+        return cause.why, cause.do
+    if isinstance(cause, PeerHangs):
+        return str(error), f"restart the process at {endpoint}, or use --connect"
+    return str(error), f"start `sidestep robot` (or `sidestep router`) at {endpoint}, or --connect"
 
 
 def act(options: argparse.Namespace, link: Link, says: Says) -> int:
@@ -68,8 +79,12 @@ def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
         answers=tuple(
             (service.path, why)
             for service, role in QUESTIONS
-            if crew.has(link.robot, role) and (why := unanswered(link, service))
+            if crew.has(link.robot, role)
+            and not barred(link.bus.holder, link.robot, service)
+            and (why := unanswered(link, service))
         ),
+        certified=own(link.bus.network.tls) if link.bus.network.tls else None,
+        clock_s=time(),
     )
 
 

@@ -8,15 +8,19 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from ground.presence import Crew, why_silent
+from protocol.bus.access import ALL, barred, grant_of
+from protocol.bus.certificate import Own
 from protocol.enums import Vehicle
 from protocol.messages import CycleReport, NavigatorStatus
 from protocol.reasons import Reason, reason_text
-from protocol.topics import CLOCK, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
+from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
 
 MS: Final = 1_000_000
 LATE_FACTOR: Final = 3
 PERIODS: Final = 1.5
 NS_PER_S: Final = 1000 * MS
+DAY_S: Final = 86_400.0
+SOON_S: Final = 30 * DAY_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +50,8 @@ class Observed:
     cycle: CycleReport | None = None
     answers: tuple[tuple[str, str], ...] = ()  # service path, why it did not answer
     listened_ns: int = 1000 * MS
+    certified: Own | None = None  # where doors are locked
+    clock_s: float = 0.0  # of this machine, since 1970
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +75,30 @@ class Report:
 def examine(seen: Observed) -> Report:
     """All findings, the most basic first."""
     return Report(
-        [*processes(seen), *streams(seen), *services(seen), *state(seen.status), *pace(seen.cycle)]
+        [
+            *certificate(seen),
+            *processes(seen),
+            *streams(seen),
+            *services(seen),
+            *state(seen.status),
+            *pace(seen.cycle),
+        ]
     )
+
+
+def certificate(seen: Observed) -> Iterator[Finding]:
+    """What ours lets us do, and for how long."""
+    own = seen.certified
+    if own is None:
+        return
+    grant = grant_of(own.name)
+    if why := barred(own.name, seen.robot, COMMAND):
+        hears = grant is not None and grant.hears == ALL
+        yield Finding(why, "use --config DIR/ground.toml to command", bad=not hears)
+    if own.until_s is not None and own.until_s - seen.clock_s < SOON_S:
+        days = max(0.0, (own.until_s - seen.clock_s) / DAY_S)
+        what = f"the certificate of {own.name} expires in {days:.0f} days"
+        yield Finding(what, "make a new set with `sidestep keys new`", bad=False)
 
 
 def processes(seen: Observed) -> Iterator[Finding]:

@@ -19,9 +19,10 @@ from ground.options import Common
 from ground.presence import crew_of, why_silent
 from ground.telemetry import Telemetry
 from protocol.bus import Bus, Publisher, open_bus
+from protocol.bus.access import barred
 from protocol.clock import Clock, Pulse, WallClock
 from protocol.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState
-from protocol.errors import NoPeer, PeerHangs, RemoteError
+from protocol.errors import NoPeer, NotLetIn, PeerHangs, RemoteError
 from protocol.message import Message
 from protocol.messages import CommandRequest, Heartbeat
 from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role, Service, Topic
@@ -88,6 +89,8 @@ class Link:
 
     def unanswered(self, outcome: GaveUp | None) -> Unanswered:
         """The error for a talk that has come to nothing."""
+        if why_not := barred(self.bus.holder, self.robot, COMMAND):
+            return Unanswered(f"{why_not}: use --config DIR/ground.toml")
         why = "no answer" if outcome is None else outcome.why
         return Unanswered(f"{self.diagnosis()} ({why})")
 
@@ -151,7 +154,7 @@ def linked(common: Common) -> Iterator[Link]:
     """Dial the robot; Unanswered when nobody listens at the endpoint."""
     try:
         bus = open_bus(common.network, Role.GROUND, common.robot)
-    except PeerHangs as error:
+    except (PeerHangs, NotLetIn) as error:
         raise Unanswered(str(error)) from error
     except NoPeer as error:
         raise Unanswered(f"no robot and no router: {error}") from error

@@ -63,6 +63,28 @@ def grant_of(name: str) -> Grant | None:
     return grants((robot,) if ROBOT_NAME.match(robot) else ()).get(name)
 
 
+def barred(name: str | None, robot: str, service: Service) -> str:
+    """Why the holder of a certificate may not ask a robot's service; empty when it may.
+
+    `name` is the common name; None where no door is locked.
+    """
+    if name is None:
+        return ""
+    grant = grant_of(name)
+    if grant is None:
+        return f"the certificate in use is that of {name!r}, which is no role: it may do nothing"
+    if f"{robot}/{service.path}" in grants((robot,)).get(name, grant).asks:
+        return ""
+    may_not = f"and may not ask {service.path}"
+    return f"the certificate in use is that of {name!r}, which {grant.says} {may_not}"
+
+
+def unanswered(name: str | None, robot: str, service: Service) -> str:
+    """Why a question came back empty at once."""
+    nobody = f"nobody serves it (is the {service.server.value} running?)"
+    return barred(name, robot, service) or nobody
+
+
 def granted(says: str, role: Role, names: tuple[str, ...]) -> Grant:
     """What the tables give to a role."""
     ground = role is Role.GROUND

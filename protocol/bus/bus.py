@@ -13,19 +13,22 @@ from typing import Any, Self, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
+from protocol.bus.access import unanswered
+from protocol.bus.answer import answer_in
+from protocol.bus.certificate import name_of
 from protocol.bus.history import following, told_ns
 from protocol.bus.presence import Presence, presence_in
 from protocol.bus.publisher import Publisher
 from protocol.bus.service import Asked, Desk, Handler, sender_in
 from protocol.bus.session import bound_endpoints, called, open_session
 from protocol.bus.trouble import Line
-from protocol.codec import Encoder, decode
+from protocol.codec import Encoder
 from protocol.errors import LocalError, NoAnswer
-from protocol.mailbox import Mailbox, Sample, foreign
+from protocol.mailbox import Mailbox, Sample
 from protocol.message import Message
 from protocol.network import Hub, Network
 from protocol.sender import sender_of
-from protocol.topics import ENCODING, ENCODING_FAMILY, TOPICS, Role, Service, Topic, robot_name
+from protocol.topics import ENCODING, TOPICS, Role, Service, Topic, robot_name
 
 Take = Callable[[str, bytes, int], None]
 """Key, frame, and when it came in ns; for an event fetched afterwards, when it was told."""
@@ -53,6 +56,7 @@ class Bus:
         self._watched: frozenset[Presence] | None = None
         self._desk = Desk()
         self.line = Line(network.trouble, now_ns)
+        self.holder = name_of(network.tls)  # of our certificate; None where no door is locked
         self._session = open_session(network)
 
     def __enter__(self) -> Self:
@@ -186,7 +190,7 @@ class Bus:
             if reply.ok is not None:
                 return answer_in(reply.ok)
             raise NoAnswer(f"{key}: no answer within {timeout_s:g} s")
-        raise NoAnswer(f"{key}: nobody serves it (is the {service.server.value} running?)")
+        raise NoAnswer(f"{key}: {unanswered(self.holder, robot or self.robot, service)}")
 
     def announce(self, robot: str | None = None) -> None:
         """Show that this process is there for a robot, until it closes or dies."""
@@ -271,15 +275,6 @@ class Bus:
         if history:
             return following(self._session, key, history, heard)
         return self._session.declare_subscriber(key, heard)
-
-
-def answer_in(sample: zenoh.Sample) -> Message | bytes:
-    encoding = str(sample.encoding)
-    if not encoding.startswith(ENCODING_FAMILY):
-        return sample.payload.to_bytes()
-    if encoding != ENCODING:
-        raise NoAnswer(f"{sample.key_expr}: {foreign(encoding)}")
-    return decode(sample.payload.to_bytes()).message
 
 
 def open_bus(

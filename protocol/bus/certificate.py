@@ -14,14 +14,18 @@ WHENEVER: Final = 0x200000
 
 NOT_YET_VALID: Final = 9
 EXPIRED: Final = 10
+CN: Final = "commonName"
 NO_PASSWORD: Final = ""
 """Said at once where a key has one: OpenSSL would ask at the terminal."""
 
 
 class Own(NamedTuple):
-    """Whose certificate it is, and why others refuse it: empty when they do not."""
+    """Whose certificate it is, until when, and why others refuse it: empty when they do not."""
 
     name: str
+    until_s: float | None = None
+    """Seconds since 1970; None where it cannot be told."""
+
     trouble: str = ""
 
 
@@ -29,16 +33,21 @@ def own(tls: Tls) -> Own:
     """Show our certificate to ourselves. BadKeys names a file that is of no use."""
     check_files(tls)
     try:
-        return Own(name_in(shown(tls)))
+        return own_in(shown(tls))
     except ssl.SSLCertVerificationError as error:
         code, why = error.verify_code, error.verify_message
     if code not in (NOT_YET_VALID, EXPIRED):
-        return Own("", f"{tls.certificate} is not signed by {tls.ca} ({why})")
+        return Own("", trouble=f"{tls.certificate} is not signed by {tls.ca} ({why})")
     seen = shown(tls, WHENEVER)
     when = f"is not valid before {seen['notBefore']}"
     if code == EXPIRED:
         when = f"expired at {seen['notAfter']}"
-    return Own(name_in(seen), f"{tls.certificate} {when}")
+    return own_in(seen)._replace(trouble=f"{tls.certificate} {when}")
+
+
+def name_of(tls: Tls | None) -> str | None:
+    """The common name of our certificate; None without one."""
+    return own(tls).name if tls else None
 
 
 def check_files(tls: Tls) -> None:
@@ -88,9 +97,8 @@ def shown(tls: Tls, flags: int = 0) -> dict[str, Any]:
     return door.getpeercert() or {}
 
 
-def name_in(seen: dict[str, Any]) -> str:
-    """The common name; empty when there is none."""
-    found = (
-        value for part in seen.get("subject", ()) for key, value in part if key == "commonName"
-    )
-    return next(found, "")
+def own_in(seen: dict[str, Any]) -> Own:
+    """Name and end of a certificate as `ssl` tells it."""
+    names = (value for part in seen.get("subject", ()) for key, value in part if key == CN)
+    until = seen.get("notAfter")
+    return Own(next(names, ""), None if until is None else ssl.cert_time_to_seconds(until))

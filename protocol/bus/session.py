@@ -1,6 +1,6 @@
 """Opens a Zenoh session the way this project wants it, and says in words why it could not.
 
-Zenoh's own log is never initialised: it can only write to standard output, which belongs to
+Zenoh's own log is not initialised here: it can only write to standard output, which belongs to
 `--json` and to the terminal interface.
 """
 
@@ -11,6 +11,7 @@ from time import monotonic
 
 import zenoh
 
+from protocol.bus.locks import lock, shut
 from protocol.errors import BadEndpoint, EndpointInUse, NoPeer, PeerHangs, UserError
 from protocol.network import Hub, Network
 
@@ -40,11 +41,12 @@ def settings(network: Network, dial_s: float) -> dict[str, object]:
         "transport/unicast/open_timeout": OPEN_MS,
         "transport/shared_memory/enabled": False,
         "adminspace/enabled": bool(network.listen),  # the only place that tells a bound port
+        **lock(network),
     }
 
 
 def open_session(network: Network) -> zenoh.Session:
-    """Raises EndpointInUse, NoPeer, PeerHangs or BadEndpoint, with the endpoint named.
+    """Raises EndpointInUse, NoPeer, PeerHangs, NotLetIn, BadEndpoint or BadKeys, with words.
 
     Dials in short turns: a signal that comes meanwhile is heard after at most one of them.
     """
@@ -86,8 +88,10 @@ def in_words(network: Network, text: str) -> UserError:
 
 
 def unconnected(there: str, network: Network) -> NoPeer:
-    """Nobody is there, or somebody who takes the call and says nothing."""
+    """Nobody is there, or somebody who lets nobody in, or takes the call and says nothing."""
     waited = f"(waited {network.connect_timeout_s:g} s)"
+    if not_let_in := shut(network):
+        return not_let_in
     if any(listens(endpoint) for endpoint in network.connect):
         return PeerHangs(
             f"a process listens at {there} but does not answer {waited}: "
@@ -105,10 +109,10 @@ def listens(endpoint: str) -> bool:
 
 
 def called(endpoint: str) -> Hub:
-    """What comes of a call there; only TCP can be called, elsewhere the process counts as ended."""
+    """What comes of a call there; what is not on TCP cannot be called, and counts as ended."""
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.partition("#")[0].partition("?")[0].rpartition(":")
-    if protocol != "tcp":
+    if protocol not in ("tcp", "tls"):
         return Hub.ENDED
     try:
         with socket.create_connection((host.strip("[]"), int(port)), timeout=PROBE_S):

@@ -1,0 +1,152 @@
+"""A small network behind locked doors, and somebody on it who tries what is not allowed."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import zenoh
+from zenoh.handlers import Callback
+
+from protocol.bus.session import bound_endpoints, open_session
+from protocol.network import Mode, Network, Tls
+from protocol.topics import SERVICES, TOPICS, Role
+from tests.bus.nets import Topology, prefixes, until
+from tests.keyring import Keyring
+
+ROBOTS = ("r1", "r2")
+FORGED = b"forged"
+
+
+class Locked:
+    """Robot r1, plant and ground; whoever listens is the robot, or a router."""
+
+    def __init__(self, stack: ExitStack, topology: Topology, ring: Keyring) -> None:
+        self.prefix = next(prefixes)
+        self.ring = ring
+        self._stack = stack
+        hub = topology == "hub"
+        listening = Network(
+            mode="peer" if hub else "router",
+            listen=("tls/127.0.0.1:0",),
+            prefix=self.prefix,
+            robots=ROBOTS,
+            tls=ring.tls("robot-r1" if hub else "router"),
+        )
+        first = self.opened(listening)
+        (self.endpoint,) = bound_endpoints(first)
+        self.robot = first if hub else self.join("robot-r1")
+        self.plant = self.join("plant")
+        self.ground = self.join("ground")
+
+    def network(self, tls: Tls, mode: Mode = "client") -> Network:
+        return Network(
+            mode=mode,
+            # A router has to listen somewhere, too.
+            listen=("tls/127.0.0.1:0",) if mode == "router" else (),
+            connect=(self.endpoint,),
+            prefix=self.prefix,
+            robots=ROBOTS,
+            tls=tls,
+            connect_timeout_s=2.0,
+        )
+
+    def join(self, name: str, mode: Mode = "client") -> zenoh.Session:
+        """As whoever has the certificate of that name."""
+        session = self.opened(self.network(self.ring.tls(name), mode))
+        until(lambda: list(session.info.peers_zid()) or list(session.info.routers_zid()))
+        return session
+
+    def opened(self, network: Network) -> zenoh.Session:
+        session = open_session(network)
+        closing: Any = session
+        self._stack.callback(closing.close)
+        return session
+
+    def key(self, path: str, robot: str = "r1") -> str:
+        return f"{self.prefix}/{robot}/{path}"
+
+
+@contextmanager
+def locked(topology: Topology, folder: Path) -> Iterator[Locked]:
+    with ExitStack() as stack:
+        yield Locked(stack, topology, Keyring(folder))
+
+
+class Watchful:
+    """Robot, plant and ground hear and answer all that concerns r1; `forged` is what came of it."""
+
+    def __init__(self, net: Locked) -> None:
+        self.forged: list[str] = []
+        self.good = 0
+        for topic in TOPICS:
+            for session in (net.robot, net.plant, net.ground):
+                session.declare_subscriber(
+                    net.key(topic.path), Callback(self._heard, indirect=False)
+                )
+        for service in SERVICES:
+            server = net.robot if service.server is Role.ROBOT else net.plant
+            server.declare_queryable(net.key(service.path), Callback(self._asked, indirect=False))
+
+    def _heard(self, sample: zenoh.Sample) -> None:
+        gone = sample.kind == zenoh.SampleKind.DELETE
+        self._count(str(sample.key_expr), sample.payload.to_bytes(), gone=gone)
+
+    def _asked(self, query: zenoh.Query) -> None:
+        with query:
+            payload = b"" if query.payload is None else query.payload.to_bytes()
+            self._count(str(query.key_expr), payload, gone=False)
+            query.reply(query.key_expr, b"done")
+
+    def _count(self, key: str, payload: bytes, *, gone: bool) -> None:
+        if gone or payload.startswith(FORGED):
+            self.forged.append(f"{key} {payload!r}")
+        else:
+            self.good += 1
+
+
+class Intruder:
+    """Has a certificate, and does what it is not for; counts what it tried."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self.tried = 0
+        self.answered: list[str] = []
+
+    def put(self, key: str) -> None:
+        self._session.put(key, FORGED, congestion_control=zenoh.CongestionControl.BLOCK)
+        self.tried += 1
+
+    def put_declared(self, key: str) -> None:
+        """By a publisher, whose key the listener has learnt before."""
+        publisher = self._session.declare_publisher(
+            key, congestion_control=zenoh.CongestionControl.BLOCK
+        )
+        publisher.put(FORGED)
+        self.tried += 1
+
+    def delete(self, key: str) -> None:
+        self._session.delete(key, congestion_control=zenoh.CongestionControl.BLOCK)
+        self.tried += 1
+
+    def ask(self, key: str) -> None:
+        for reply in self._session.get(key, payload=FORGED, timeout=2.0):
+            key = "" if reply.ok is None else str(reply.ok.key_expr)
+            if key and str(self._session.zid()) not in key:  # of itself it may know everything
+                self.answered.append(key)
+        self.tried += 1
+
+    def serve(self, key: str) -> None:
+        """In place of who should: answers would be forged."""
+
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                query.reply(query.key_expr, FORGED)
+
+        self._session.declare_queryable(key, Callback(answer, indirect=False))
+        self.tried += 1
+
+    @property
+    def ways(self) -> tuple[Callable[[str], None], ...]:
+        """All of its ways to reach a key, each of which can be refused."""
+        return self.put, self.put_declared, self.delete, self.ask

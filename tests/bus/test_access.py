@@ -1,0 +1,187 @@
+"""Behind locked doors a certificate lets nobody do more than its role: no wildcard, no forgery."""
+
+from functools import partial
+from pathlib import Path
+
+import pytest
+import zenoh
+from zenoh.handlers import Callback
+
+from protocol.topics import (
+    COMMAND,
+    DRIVE,
+    OPERATOR,
+    SERVICES,
+    SONAR,
+    STATUS,
+    TOPICS,
+    TRUTH,
+    Role,
+)
+from tests.bus.locked import Intruder, Locked, Watchful, locked
+from tests.bus.nets import TOPOLOGIES, Topology, until
+
+AT_LEAST = 1000
+OURS = {
+    "ground": ("op/",),
+    "plant": ("sense/", "truth/"),
+    "viewer": (),
+    "robot-r2": (),
+    "stranger": (),
+}
+"""What each may publish of robot r1, by the beginning of its path."""
+
+MAY_ASK = {"ground": ("srv/", "sim/"), "viewer": ("srv/parameters", "sim/world")}
+WILD = (
+    "{p}/**",
+    "**",
+    "*/**",
+    "{p}/*/**",
+    "{p}/r1/**",
+    "{p}/r1/*/*",
+    "{p}/*/op/heartbeat",
+    "{p}/r1/op/*",
+    "{p}/*/sense/*",
+    "{p}/$*1/sense/sonar",
+    "{p}/r1/**/wheels",
+    "{p}/**/command",
+    "{p}/*/srv/command",
+    "{p}/r1/srv/*",
+    "{p}/r1/s$*/**",
+    "*/r1/tlm/status",
+    "@/**",
+)
+
+
+def barred_puts(name: str) -> list[str]:
+    return [topic.path for topic in TOPICS if not topic.path.startswith(OURS[name] or ("-",))]
+
+
+def barred_asks(name: str) -> list[str]:
+    may = MAY_ASK.get(name, ())
+    return [one.path for one in SERVICES if not any(one.path.startswith(ask) for ask in may)]
+
+
+def intrude(net: Locked, name: str, intruder: Intruder) -> None:
+    """Everything that the holder of this certificate may not do to robot r1."""
+    for path in barred_puts(name):
+        intruder.put(net.key(path))
+        intruder.put_declared(net.key(path))
+        intruder.delete(net.key(path))
+    for path in barred_asks(name):
+        intruder.put(net.key(path))
+        intruder.ask(net.key(path))
+    for pattern in WILD:
+        key = pattern.format(p=net.prefix)
+        for way in intruder.ways:
+            way(key)
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_of_a_thousand_forgeries_none_arrives(topology: Topology, tmp_path: Path) -> None:
+    tried = 0
+    with locked(topology, tmp_path / "ring") as net:
+        watchful = Watchful(net)
+        for name in OURS:
+            for mode in ("client", "peer"):
+                intruder = Intruder(net.join(name, mode))
+                intrude(net, name, intruder)
+                intruder.ask(net.key(COMMAND.path, "r2"))  # answered when all before is done with
+                assert intruder.answered == [], f"{name} as {mode}"
+                tried += intruder.tried
+        assert watchful.forged == []
+        what_is_allowed_arrives(net, watchful)
+    assert tried >= AT_LEAST
+
+
+def what_is_allowed_arrives(net: Locked, watchful: Watchful) -> None:
+    before = watchful.good
+    net.ground.put(net.key(OPERATOR.path), b"beat")
+    net.plant.put(net.key(SONAR.path), b"scan")
+    net.robot.put(net.key(STATUS.path), b"status")
+    assert answers(net) == [b"done"]
+    until(lambda: watchful.good >= before + 4)
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+@pytest.mark.parametrize("name", ["viewer", "plant", "robot-r2", "stranger"])
+def test_nobody_answers_in_place_of_the_robot(
+    topology: Topology, name: str, tmp_path: Path
+) -> None:
+    with locked(topology, tmp_path / "ring") as net:
+        intruder = Intruder(net.join(name))
+        for key in (net.key(COMMAND.path), net.key("srv/*"), f"{net.prefix}/**", "**"):
+            intruder.serve(key)
+        intruder.ask(net.key(COMMAND.path, "r2"))
+        assert answers(net) == []
+        Watchful(net)
+        until(lambda: answers(net) == [b"done"])
+
+
+def answers(net: Locked) -> list[bytes]:
+    """What the ground station is told when it asks the robot."""
+    replies = net.ground.get(net.key(COMMAND.path), payload=b"go", timeout=2.0)
+    return [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_nobody_shows_itself_as_somebody_else(topology: Topology, tmp_path: Path) -> None:
+    with locked(topology, tmp_path / "ring") as net:
+        tokens = [
+            net.join(name).liveliness().declare_token(net.key(f"alive/{role}/1"))
+            for name, role in (
+                ("viewer", "robot"),
+                ("robot-r2", "robot"),
+                ("plant", "robot"),
+                ("ground", "plant"),
+                ("stranger", "robot"),
+            )
+        ]
+        tokens.append(net.plant.liveliness().declare_token(net.key("alive/plant/2")))
+        everybody = f"{net.prefix}/*/alive/*/*"
+        until(lambda: list(net.ground.liveliness().get(everybody, timeout=1.0)))
+        seen = [reply.ok for reply in net.ground.liveliness().get(everybody, timeout=1.0)]
+        assert [str(one.key_expr) for one in seen if one] == [net.key("alive/plant/2")]
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_each_hears_only_what_is_for_it(topology: Topology, tmp_path: Path) -> None:
+    with locked(topology, tmp_path / "ring") as net:
+        heard: dict[str, set[str]] = {}
+        for name in ("viewer", "robot-r2", "stranger", "plant"):
+            hears = heard.setdefault(name, set())
+            session = net.join(name)
+            for key in (f"{net.prefix}/**", "**", *(net.key(topic.path) for topic in TOPICS)):
+                listening = Callback(partial(note, hears), indirect=False)
+                session.declare_subscriber(key, listening)
+            Intruder(session).ask(net.key(COMMAND.path, "r2"))
+        senders = {Role.ROBOT: net.robot, Role.PLANT: net.plant, Role.GROUND: net.ground}
+        all_keys = {net.key(topic.path) for topic in TOPICS}
+
+        def everybody_heard() -> bool:
+            for topic in TOPICS:
+                senders[topic.publisher].put(net.key(topic.path), b"x")
+            return heard["viewer"] == all_keys and bool(heard["plant"])
+
+        until(everybody_heard)
+        assert heard["robot-r2"] == heard["stranger"] == set()
+        assert heard["plant"] == {net.key(DRIVE.path)}
+
+
+def note(keys: set[str], sample: zenoh.Sample) -> None:
+    keys.add(str(sample.key_expr))
+
+
+def test_a_robot_does_not_hear_the_truth_about_itself(tmp_path: Path) -> None:
+    with locked("router", tmp_path / "ring") as net:
+        heard: set[str] = set()
+        for key in (net.key("**"), *(net.key(topic.path) for topic in TOPICS)):
+            net.robot.declare_subscriber(key, Callback(partial(note, heard), indirect=False))
+
+        def scan_heard() -> bool:
+            for path in (TRUTH.path, SONAR.path):
+                net.plant.put(net.key(path), b"x")
+            return net.key(SONAR.path) in heard
+
+        until(scan_heard)
+        assert heard == {net.key(SONAR.path)}

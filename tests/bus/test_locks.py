@@ -1,0 +1,211 @@
+"""A locked door says why it stays shut, on the side that stands before it."""
+
+import json
+import socket
+from pathlib import Path
+
+import pytest
+
+from ground.cli import main
+from protocol.bus import open_bus
+from protocol.errors import BadKeys, NotLetIn, PeerHangs, UserError
+from protocol.network import Network, Tls
+from protocol.topics import COMMAND, Role
+from tests.bus.nets import until
+from tests.keyring import Keyring
+
+DIAL_S = 0.4
+
+
+@pytest.fixture
+def ring(tmp_path: Path) -> Keyring:
+    return Keyring(tmp_path / "ring")
+
+
+def door(tls: Tls | None, host: str = "127.0.0.1") -> Network:
+    """Of a robot that waits, locked or not."""
+    protocol = "tls" if tls else "tcp"
+    return Network(mode="peer", listen=(f"{protocol}/{host}:0",), tls=tls)
+
+
+def dialling(endpoint: str, tls: Tls | None) -> Network:
+    return Network(mode="client", connect=(endpoint,), tls=tls, connect_timeout_s=DIAL_S)
+
+
+def refusal(ring: Keyring, tls: Tls | None, protocol: str = "tls") -> NotLetIn:
+    """What who dials a locked robot is told."""
+    with open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot:
+        endpoint = robot.locator().replace("tls/", f"{protocol}/")
+        with pytest.raises(NotLetIn) as caught:
+            open_bus(dialling(endpoint, tls), Role.GROUND, "r1")
+        assert endpoint in caught.value.why
+    return caught.value
+
+
+def test_who_has_a_key_is_let_in(ring: Keyring) -> None:
+    with (
+        open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot,
+        open_bus(dialling(robot.locator(), ring.tls("ground")), Role.GROUND, "r1") as ground,
+    ):
+        robot.announce()
+        until(lambda: [who.role for who in ground.present()] == ["robot"])
+
+
+def test_an_expired_certificate_is_named_with_its_end(ring: Keyring) -> None:
+    tls = ring.expired("ground")
+    assert f"{tls.certificate} expired at" in refusal(ring, tls).why
+
+
+def test_a_certificate_of_tomorrow_is_named_with_its_beginning(ring: Keyring) -> None:
+    tls = ring.early("ground")
+    assert f"{tls.certificate} is not valid before" in refusal(ring, tls).why
+
+
+def test_another_authority_is_named(ring: Keyring, tmp_path: Path) -> None:
+    tls = Keyring(tmp_path / "other").tls("ground")
+    assert f"signed by another authority than {tls.ca}" in refusal(ring, tls).why
+
+
+def test_a_stranger_who_believes_the_robot_is_not_believed(ring: Keyring, tmp_path: Path) -> None:
+    stranger = Keyring(tmp_path / "other").tls("ground")
+    tls = Tls(ca=ring.tls("ground").ca, certificate=stranger.certificate, key=stranger.key)
+    assert f"{tls.certificate} is not signed by {tls.ca}" in refusal(ring, tls).why
+
+
+def test_plain_tcp_against_a_lock_is_told_how_to_use_a_key(ring: Keyring) -> None:
+    told = refusal(ring, None, "tcp")
+    assert "takes only TLS, and this one dials it in plain TCP" in told.why
+    assert "--config" in told.do
+
+
+def test_a_lock_against_plain_tcp_is_told(ring: Keyring) -> None:
+    with open_bus(door(None), Role.ROBOT, "r1") as robot:
+        endpoint = robot.locator().replace("tcp/", "tls/")
+        with pytest.raises(NotLetIn, match="speaks plain TCP, and this one only TLS"):
+            open_bus(dialling(endpoint, ring.tls("ground")), Role.GROUND, "r1")
+
+
+def test_a_door_dialled_by_a_name_it_does_not_have_is_told(ring: Keyring) -> None:
+    with open_bus(door(ring.tls("robot-r1"), "0.0.0.0"), Role.ROBOT, "r1") as robot:
+        port = robot.locator().rpartition(":")[2]
+        with pytest.raises(NotLetIn, match=r"is not for 127\.0\.0\.2.*--host 127\.0\.0\.2"):
+            open_bus(dialling(f"tls/127.0.0.2:{port}", ring.tls("ground")), Role.GROUND, "r1")
+
+
+def test_who_only_dials_is_not_believed_when_it_listens(ring: Keyring) -> None:
+    """A viewer that poses as the robot."""
+    with open_bus(door(ring.tls("viewer")), Role.ROBOT, "r1") as posing:
+        network = dialling(posing.locator(), ring.tls("ground"))
+        with pytest.raises(NotLetIn, match="shows a certificate that"):
+            open_bus(network, Role.GROUND, "r1")
+
+
+def test_who_hangs_behind_a_lock_is_told_from_who_does_not_let_in(ring: Keyring) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        endpoint = f"tls/127.0.0.1:{mute.getsockname()[1]}"
+        with pytest.raises(PeerHangs, match="does not answer"):
+            open_bus(dialling(endpoint, ring.tls("ground")), Role.GROUND, "r1")
+
+
+def test_a_listener_whom_nobody_would_believe_does_not_start(ring: Keyring) -> None:
+    tls = ring.expired("robot-r1")
+    with pytest.raises(BadKeys, match=f"{tls.certificate} expired at .* nobody would believe it"):
+        open_bus(door(tls), Role.ROBOT, "r1")
+
+
+def test_keys_of_different_sets_are_named(ring: Keyring) -> None:
+    tls = Tls(
+        ca=ring.tls("ground").ca,
+        certificate=ring.tls("ground").certificate,
+        key=ring.tls("viewer").key,
+    )
+    with pytest.raises(BadKeys, match="of no use together") as caught:
+        open_bus(dialling("tls/127.0.0.1:1", tls), Role.GROUND, "r1")
+    assert "PRIVATE" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_named_by_its_key(ring: Keyring) -> None:
+    good = ring.tls("ground")
+    tls = Tls(ca=good.ca, certificate=good.certificate, key="nowhere.key")
+    with pytest.raises(UserError, match=r"network\.tls\.key: nowhere\.key: No such file"):
+        open_bus(dialling("tls/127.0.0.1:1", tls), Role.GROUND, "r1")
+
+
+def config(folder: Path, tls: Tls | None, endpoint: str) -> str:
+    """The file for `--config`."""
+    path = folder / "verb.toml"
+    text = f'[network]\nconnect = ["{endpoint}"]\n'
+    if tls:
+        text += (
+            f'[network.tls]\nca = "{tls.ca}"\n'
+            f'certificate = "{tls.certificate}"\nkey = "{tls.key}"\n'
+        )
+    path.write_text(text)
+    return str(path)
+
+
+def test_a_verb_of_a_viewer_says_that_it_may_not_command(
+    ring: Keyring, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot:
+        acted: list[object] = []
+        robot.serve(COMMAND, acted.append)
+        robot.announce()
+        file = config(tmp_path, ring.tls("viewer"), robot.locator())
+        assert main(["estop", "--config", file]) == 1
+        said = capsys.readouterr().err
+        assert "'viewer', which only listens and may not ask srv/command" in said
+        assert "--config DIR/ground.toml" in said
+        assert acted == []
+
+
+@pytest.mark.parametrize(
+    ("name", "healthy", "says"),
+    [
+        ("viewer", True, "'viewer', which only listens and may not ask srv/command"),
+        ("plant", False, "'plant', which senses and drives the robots and may not ask"),
+        ("stranger", False, "'stranger', which is no role: it may do nothing"),
+    ],
+)
+def test_the_doctor_says_what_a_certificate_may_do(
+    ring: Keyring,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    healthy: bool,
+    says: str,
+) -> None:
+    with open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot:
+        file = config(tmp_path, ring.tls(name), robot.locator())
+        main(["doctor", "--timeout", "0.1", "--json", "--config", file])
+        found = json.loads(capsys.readouterr().out)["findings"]
+        (finding,) = [one for one in found if says in one["what"]]
+        assert finding["bad"] is not healthy
+        assert "ground.toml" in finding["do"]
+
+
+@pytest.mark.parametrize(
+    ("label", "says"),
+    [
+        ("expired", "expired at"),
+        ("early", "is not valid before"),
+        ("foreign", "signed by another authority"),
+        ("plain", "takes only TLS, and this one dials it in plain TCP"),
+    ],
+)
+def test_the_doctor_says_why_the_door_stays_shut(
+    ring: Keyring, tmp_path: Path, capsys: pytest.CaptureFixture[str], label: str, says: str
+) -> None:
+    shown: dict[str, Tls | None] = {
+        "expired": ring.expired("ground"),
+        "early": ring.early("ground"),
+        "foreign": Keyring(tmp_path / "other").tls("ground"),
+        "plain": None,
+    }
+    with open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot:
+        tls = shown[label]
+        endpoint = robot.locator() if tls else robot.locator().replace("tls/", "tcp/")
+        assert main(["doctor", "--json", "--config", config(tmp_path, tls, endpoint)]) == 1
+        (finding,) = json.loads(capsys.readouterr().out)["findings"]
+        assert says in finding["what"]
+        assert finding["do"]

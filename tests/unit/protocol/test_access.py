@@ -1,0 +1,127 @@
+"""The tables of topics and services say who may do what; what they do not say is refused."""
+
+from typing import Any
+
+import pytest
+
+from protocol.bus.access import access_control, barred, grant_of, grants, unanswered
+from protocol.errors import UserError
+from protocol.network import Network
+from protocol.topics import (
+    COMMAND,
+    PARAMETERS,
+    RUN,
+    SERVICES,
+    TOPICS,
+    WORLD,
+    Role,
+)
+
+ALL_ROLES = {"router", "plant", "ground", "viewer", "robot-r1", "robot-r2"}
+
+
+def rules(network: Network | None = None) -> dict[str, Any]:
+    return access_control(network or Network(robots=("r1", "r2")))
+
+
+def test_there_is_a_grant_for_each_role_and_each_robot() -> None:
+    assert set(grants(("r1", "r2"))) == ALL_ROLES
+
+
+@pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.path)
+def test_a_topic_has_one_kind_of_publisher(topic: Any) -> None:
+    puts = {
+        name for name, grant in grants(("r1", "r2")).items() if f"r1/{topic.path}" in grant.puts
+    }
+    publisher = {Role.PLANT: "plant", Role.ROBOT: "robot-r1", Role.GROUND: "ground"}
+    assert puts == {publisher[topic.publisher]}
+
+
+@pytest.mark.parametrize("service", SERVICES, ids=lambda service: service.path)
+def test_only_the_ground_station_asks_what_changes_something(service: Any) -> None:
+    asks = {name for name, grant in grants(("r1",)).items() if f"r1/{service.path}" in grant.asks}
+    assert asks == ({"ground"} if service.requests else {"ground", "viewer"})
+
+
+def test_the_plant_is_told_to_drive_and_nothing_else() -> None:
+    assert grants(("r1",))["plant"].hears == ("r1/drive/wheels",)
+
+
+def test_a_robot_is_told_what_is_sensed_and_wanted_and_not_what_is_true() -> None:
+    families = {path.split("/")[1] for path in grants(("r1", "r2"))["robot-r1"].hears}
+    assert families == {"sense", "op"}
+
+
+def test_a_robot_may_nothing_under_the_name_of_another() -> None:
+    grant = grants(("r1", "r2"))["robot-r2"]
+    for paths in (grant.puts, grant.hears, grant.answers, grant.shows):
+        assert all(path.startswith("r2/") for path in paths)
+
+
+def test_all_that_is_not_granted_is_denied() -> None:
+    found = rules()
+    assert (found["enabled"], found["default_permission"]) == (True, "deny")
+    assert {rule["permission"] for rule in found["rules"]} == {"allow"}
+
+
+def test_no_rule_but_the_routers_lets_a_wildcard_be_put_or_asked() -> None:
+    """A wildcard is covered only by a rule with one; below @adv nobody acts on what comes."""
+    for rule in rules()["rules"]:
+        name, flow, *_ = rule["id"].split()
+        if name == "router" or flow == "egress":
+            continue
+        if {"put", "query", "reply", "declare_queryable"} & set(rule["messages"]):
+            plain = [key.partition("/@adv/")[0] for key in rule["key_exprs"]]
+            commands = [key for key in rule["key_exprs"] if "/@adv/" not in key]
+            assert all("*" not in key for key in commands), rule["id"]
+            assert name in ("ground", "viewer") or all("*" not in key for key in plain), rule["id"]
+
+
+def test_nobody_but_who_has_a_certificate_of_a_role_is_named() -> None:
+    subjects = rules()["subjects"]
+    assert {name for one in subjects for name in one["cert_common_names"]} == ALL_ROLES
+    assert all(set(one) == {"id", "cert_common_names"} for one in subjects)
+
+
+def test_rules_have_names_of_their_own_and_each_belongs_to_one() -> None:
+    found = rules()
+    ids = [rule["id"] for rule in found["rules"]]
+    used = [one for policy in found["policies"] for one in policy["rules"]]
+    assert len(set(ids)) == len(ids)
+    assert sorted(used) == sorted(ids)
+
+
+def test_all_keys_are_below_the_prefix() -> None:
+    found = rules(Network(prefix="yard", robots=("r1",)))
+    keys = [key for rule in found["rules"] for key in rule["key_exprs"]]
+    assert all(key.startswith("yard/") for key in keys)
+
+
+def test_a_name_says_what_its_holder_does() -> None:
+    robot, viewer = grant_of("robot-r7"), grant_of("viewer")
+    assert robot is not None
+    assert viewer is not None
+    assert (robot.says, viewer.says) == ("is the robot r7", "only listens")
+    for nobody in ("", "stranger", "robot-", "robot-R 1", "Ground"):
+        assert grant_of(nobody) is None
+
+
+def test_who_may_not_ask_is_told_why() -> None:
+    assert barred("ground", "r1", COMMAND) == ""
+    assert barred("viewer", "r1", WORLD) == barred("viewer", "r1", PARAMETERS) == ""
+    assert barred("viewer", "r1", RUN) == (
+        "the certificate in use is that of 'viewer', which only listens and may not ask sim/run"
+    )
+    assert "'robot-r2', which is the robot r2 and may not ask" in barred("robot-r2", "r1", COMMAND)
+    assert "no role" in barred("stranger", "r1", COMMAND)
+
+
+def test_without_a_lock_everybody_may_ask() -> None:
+    assert barred(None, "r1", COMMAND) == ""
+    assert unanswered(None, "r1", COMMAND) == "nobody serves it (is the robot running?)"
+    assert "only listens" in unanswered("viewer", "r1", COMMAND)
+
+
+def test_a_robot_that_cannot_be_is_refused() -> None:
+    with pytest.raises(UserError, match="robot name"):
+        grants(("R 1",))

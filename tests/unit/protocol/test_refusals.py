@@ -1,0 +1,154 @@
+"""Zenoh's log of whom it kept out becomes sentences: who, from where, what, and why."""
+
+from collections.abc import Iterable
+
+import pytest
+
+from protocol.bus.refusals import AT_ONCE, QUIET_NS, REMEMBERED, UNKNOWN, Caller, Refusals, in_words
+
+ZID = "8c120e5a285b3f0ac3672d47388fa857"
+HEAD = "2026-11-21T22:13:59.056613Z \x1b[35mTRACE\x1b[0m  rx-0 ThreadId(09) demux{zid=7dc0 src=x}: "
+ACCESS = f"{HEAD}\x1b[2mzenoh::net::routing::interceptor::access_control\x1b[0m\x1b[2m:\x1b[0m "
+SUBJECT = f"{ZID} on Interface(lo)+CertCommonName(viewer)+Transport(Tls)+{ZID}"
+HANDSHAKE = "2026-11-21T22:13:20.385349Z  WARN acc-0 ThreadId(06) zenoh_link_tls::unicast: "
+HINT = ". Hint: increase the system open file limit.\n"
+
+
+def cached(what: str, key: str) -> str:
+    return f"{ACCESS}Using cached result: {ZID} is unauthorized to {what} on {key}\n"
+
+
+def judged(what: str, key: str, allowed: str = "unauthorized") -> str:
+    return f"{ACCESS}{SUBJECT} is {allowed} to {what} on {key}\n"
+
+
+def failed(why: str) -> str:
+    return f"{HANDSHAKE}{why}{HINT}"
+
+
+def viewer(zid: str) -> Caller:
+    return Caller("viewer", "tls/10.0.0.7:50000") if zid == ZID else UNKNOWN
+
+
+def heard(log: str, strangers: Iterable[str] = (), at_ns: int = 0) -> list[str]:
+    return Refusals().heard(log, viewer, strangers, at_ns)
+
+
+def test_a_forged_sample_is_told_with_who_where_what_and_why() -> None:
+    assert heard(cached("Put (ingress)", "sidestep/r1/op/teleop")) == [
+        "refused: viewer at tls/10.0.0.7:50000 may not put on sidestep/r1/op/teleop: "
+        "viewer only listens"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("what", "says"),
+    [
+        ("Query", "may not ask k"),
+        ("Delete", "may not delete k"),
+        ("Reply", "may not answer on k"),
+        ("Declare Queryable", "may not serve k"),
+        ("Declare Subscriber", "may not listen to k"),
+        ("Liveliness Token", "may not show itself as k"),
+        ("Liveliness Query", "may not look who is at k"),
+    ],
+)
+def test_each_kind_of_attempt_has_its_words(what: str, says: str) -> None:
+    (told,) = heard(judged(f"{what} (ingress)", "k"))
+    assert says in told
+
+
+def test_a_wildcard_is_told_as_it_was_put() -> None:
+    (told,) = heard(judged("Put (ingress)", "sidestep/**"))
+    assert "may not put on sidestep/**" in told
+
+
+def test_what_is_allowed_is_not_told() -> None:
+    assert heard(judged("Put (ingress)", "k", "authorized")) == []
+
+
+def test_what_does_not_go_out_is_not_told() -> None:
+    """A sample is kept from those whom it is not for all the time."""
+    assert heard(cached("Put (egress)", "k")) == []
+
+
+def test_that_a_key_was_worked_out_is_no_refusal() -> None:
+    learnt = [
+        judged("Query (ingress)", "k"),
+        judged("Put (ingress)", "k"),
+        judged("Declare/Undeclare Queryable (ingress)", "k"),
+    ]
+    assert heard("".join(learnt)) == []
+    (told,) = heard("".join([*learnt, cached("Put (ingress)", "k")]))
+    assert "may not put on k" in told
+
+
+def test_a_name_without_a_role_is_told() -> None:
+    def stranger(_zid: str) -> Caller:
+        return Caller("stranger", "there")
+
+    (told,) = Refusals().heard(cached("Put (ingress)", "k"), stranger, (), 0)
+    assert told == (
+        "refused: stranger at there may not put on k: no role has the name of its certificate"
+    )
+
+
+@pytest.mark.parametrize(
+    ("why", "says"),
+    [
+        ("received corrupt message of type InvalidContentType", "it speaks plain TCP"),
+        ("peer sent no certificates", "it shows no certificate"),
+        ("invalid peer certificate: UnknownIssuer", "signed by another authority"),
+        ("invalid peer certificate: BadSignature", "signed by another authority"),
+        ("received fatal alert: UnknownCA", "it does not believe the certificate"),
+        (
+            "invalid peer certificate: certificate expired: verification time 1795299203 (UNIX), "
+            "but certificate is not valid after 1795212798 (86405 seconds ago)",
+            "its certificate expired at 2026-11-20 22:13 UTC",
+        ),
+        (
+            "invalid peer certificate: certificate not valid yet: verification time 1795299204 "
+            "(UNIX), but certificate is not valid before 1795385598 (86394 seconds in future)",
+            "its certificate is not valid before 2026-11-22 22:13 UTC; compare the clocks",
+        ),
+        ("something nobody has thought of", "something nobody has thought of"),
+    ],
+)
+def test_each_failed_handshake_has_its_words(why: str, says: str) -> None:
+    (told,) = heard(failed(why), ["10.0.0.9"])
+    assert told.startswith("not let in: somebody at 10.0.0.9: ")
+    assert says in told
+
+
+def test_whoever_only_looks_is_not_told() -> None:
+    assert (
+        heard(failed("tls handshake eof") + failed("Connection reset by peer (os error 104)")) == []
+    )
+
+
+def test_where_a_stranger_was_is_said_to_be_unknown() -> None:
+    (told,) = heard(failed("peer sent no certificates"))
+    assert "somebody at an unknown address" in told
+
+
+def test_the_same_is_told_again_only_after_a_while_and_then_with_how_often() -> None:
+    refusals = Refusals()
+    line = cached("Put (ingress)", "k")
+    assert len(refusals.heard(line * 3, viewer, (), 0)) == 1
+    assert refusals.heard(line * 5, viewer, (), QUIET_NS - 1) == []
+    (told,) = refusals.heard(line, viewer, (), QUIET_NS)
+    assert told.endswith("(7 more times since it was told)")
+
+
+def test_a_flood_of_different_ones_is_told_in_few_lines_and_little_memory() -> None:
+    refusals = Refusals()
+    log = "".join(cached("Put (ingress)", f"key/{number}") for number in range(1000))
+    told = refusals.heard(log, viewer, (), 0)
+    assert len(told) == AT_ONCE + 1
+    assert told[-1] == f"refused: {1000 - AT_ONCE} others at the same time"
+    assert len(refusals._told) <= REMEMBERED
+
+
+def test_what_is_no_log_is_nothing() -> None:
+    assert heard("") == heard("\x00\xff\n\n is unauthorized to ") == []
+    assert in_words("") == ""
