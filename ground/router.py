@@ -6,6 +6,7 @@ from typing import Final
 from ground.options import add_common, listening_of
 from ground.says import Says
 from protocol.bus import open_bus
+from protocol.bus.doors import watched_doors
 from protocol.clock import WallClock
 
 NOBODY: Final = "router"
@@ -21,8 +22,9 @@ def run(options: argparse.Namespace, says: Says) -> int:
     with open_bus(network, None, NOBODY) as bus:
         says.note(f"router at {bus.locator()}")
         try:
-            while True:
-                clock.sleep_until(clock.now_ns() + PAUSE_NS)
+            with watched_doors(bus, says.note):
+                while True:
+                    clock.sleep_until(clock.now_ns() + PAUSE_NS)
         except KeyboardInterrupt:
             says.note("router ends")
     return 0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from protocol.bus import Bus, Network, open_bus
+from protocol.bus.doors import watched_doors
 from protocol.claim import claim
 from protocol.clock import SLACK, Tick, WallClock, ticks
 from protocol.enums import Severity
@@ -54,7 +55,7 @@ def run(vehicle: Vehicle, network: Network, robot: str, options: Options, life: 
             tell(f"robot {robot}: {words}")
         tell(f"robot {robot}: ready, disarmed")
         try:
-            with watchdog:
+            with watchdog, watched_doors(bus, lambda line: tell(f"robot {robot}: {line}")):
                 process.run(watchdog.wound_by(grid))
         except Exception as error:
             life.end(f"ended by a core exception ({in_brief(error)})")

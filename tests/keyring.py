@@ -38,6 +38,16 @@ class Keyring:
             key=str(self._folder / f"{label}.key"),
         )
 
+    def config(self, name: str, tls: Tls | None = None) -> Path:
+        """The file for `--config` of a role, with its own certificate or with another."""
+        tls = tls or self.tls(name)
+        path = self._folder / f"{name}.toml"
+        path.write_text(
+            f'[network.tls]\nca = "{tls.ca}"\n'
+            f'certificate = "{tls.certificate}"\nkey = "{tls.key}"\n'
+        )
+        return path
+
     def expired(self, name: str) -> Tls:
         return self.tls(name, NOW - 2 * DAY, NOW - DAY, f"{name}-expired")
 

@@ -246,6 +246,18 @@ class Bus:
         watcher = self._session.liveliness().declare_subscriber(key, callback, history=True)
         self._declared.append(watcher)
 
+    def on_caller(self, handler: Callable[[str, str | None, str], None]) -> None:
+        """Who is linked to us (session id, name of the certificate, address), from now on."""
+
+        def forward(event: zenoh.LinkEvent) -> None:
+            if event.kind == zenoh.SampleKind.PUT:
+                link = event.link
+                handler(str(link.zid), link.auth_identifier, link.dst)
+
+        callback = Callback(forward, indirect=False)
+        listening = self._session.info.declare_link_events_listener(callback, history=True)
+        self._declared.append(listening)
+
     def await_matched(self, publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:
         """Wait until somebody subscribes to each; the keys nobody subscribed to in time."""
         waiting = [publisher for publisher in publishers if not publisher.matched]

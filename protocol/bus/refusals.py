@@ -68,12 +68,12 @@ class Refusals:
         self,
         log: str,
         caller: Callable[[str], Caller],
-        strangers: Iterable[str],
+        strangers: Callable[[], Iterable[str]],
         now_ns: int,
     ) -> list[str]:
         """What there is to tell of a piece of the log, in whole lines.
 
-        `caller` knows who has a session id; `strangers` are addresses that came to nothing.
+        `caller` knows who has a session id; `strangers` looks where calls came to nothing.
         """
         plain = COLOURS.sub("", log)
         known = (*denials(plain, caller), *unwelcome(plain, strangers))
@@ -107,11 +107,11 @@ def denials(log: str, caller: Callable[[str], Caller]) -> Iterator[str]:
         yield f"refused: {name} at {address} may not {WOULD[one['what']]} {one['key']}: {may}"
 
 
-def unwelcome(log: str, strangers: Iterable[str]) -> Iterator[str]:
+def unwelcome(log: str, strangers: Callable[[], Iterable[str]]) -> Iterator[str]:
     """Who was not let in at all. Of these Zenoh does not tell the address."""
     found = [one["why"] for one in UNWELCOME.finditer(log)]
     whys = [why for why in found if not any(words in why for words in NOBODY)]
-    address = ", ".join(sorted(set(strangers))) or UNKNOWN.address
+    address = (", ".join(strangers()) if whys else "") or UNKNOWN.address
     for why in whys:
         yield f"not let in: {UNKNOWN.name} at {address}: {in_words(why)}"
 

@@ -31,7 +31,7 @@ def viewer(zid: str) -> Caller:
 
 
 def heard(log: str, strangers: Iterable[str] = (), at_ns: int = 0) -> list[str]:
-    return Refusals().heard(log, viewer, strangers, at_ns)
+    return Refusals().heard(log, viewer, lambda: strangers, at_ns)
 
 
 def test_a_forged_sample_is_told_with_who_where_what_and_why() -> None:
@@ -87,7 +87,7 @@ def test_a_name_without_a_role_is_told() -> None:
     def stranger(_zid: str) -> Caller:
         return Caller("stranger", "there")
 
-    (told,) = Refusals().heard(cached("Put (ingress)", "k"), stranger, (), 0)
+    (told,) = Refusals().heard(cached("Put (ingress)", "k"), stranger, list, 0)
     assert told == (
         "refused: stranger at there may not put on k: no role has the name of its certificate"
     )
@@ -134,16 +134,16 @@ def test_where_a_stranger_was_is_said_to_be_unknown() -> None:
 def test_the_same_is_told_again_only_after_a_while_and_then_with_how_often() -> None:
     refusals = Refusals()
     line = cached("Put (ingress)", "k")
-    assert len(refusals.heard(line * 3, viewer, (), 0)) == 1
-    assert refusals.heard(line * 5, viewer, (), QUIET_NS - 1) == []
-    (told,) = refusals.heard(line, viewer, (), QUIET_NS)
+    assert len(refusals.heard(line * 3, viewer, list, 0)) == 1
+    assert refusals.heard(line * 5, viewer, list, QUIET_NS - 1) == []
+    (told,) = refusals.heard(line, viewer, list, QUIET_NS)
     assert told.endswith("(7 more times since it was told)")
 
 
 def test_a_flood_of_different_ones_is_told_in_few_lines_and_little_memory() -> None:
     refusals = Refusals()
     log = "".join(cached("Put (ingress)", f"key/{number}") for number in range(1000))
-    told = refusals.heard(log, viewer, (), 0)
+    told = refusals.heard(log, viewer, list, 0)
     assert len(told) == AT_ONCE + 1
     assert told[-1] == f"refused: {1000 - AT_ONCE} others at the same time"
     assert len(refusals._told) <= REMEMBERED

@@ -1,0 +1,74 @@
+"""Watches whom a process that listens behind a lock keeps out, and tells it in that one's log."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from protocol.bus.bus import Bus
+from protocol.bus.refusals import UNKNOWN, Caller, Refusals
+from protocol.bus.strangers import Strangers, end_in
+from protocol.bus.zenoh_log import ZenohLog
+
+LOOK_S: Final = 0.25
+CALLERS: Final = 1000
+NAMELESS: Final = "somebody whose certificate has no name"
+
+
+class Doors:
+    """Looks a few times a second, whatever happens: a flood of refusals costs little more."""
+
+    def __init__(self, bus: Bus, log: ZenohLog, tell: Callable[[str], None]) -> None:
+        self._log = log
+        self._tell = tell
+        self._refusals = Refusals()
+        self._strangers = Strangers([end_in(bus.locator()).port])
+        self._callers: dict[str, Caller] = {}
+        bus.on_caller(self._came)
+
+    def look(self) -> None:
+        """Tell what there is to tell since the last look."""
+        log, now_ns = self._log.take(), time.monotonic_ns()
+        for line in self._refusals.heard(log, self._caller, self._came_to_nothing, now_ns):
+            self._tell(line)
+
+    def _came(self, zid: str, name: str | None, address: str) -> None:
+        self._callers[zid] = Caller(name or NAMELESS, address.partition("/")[2])
+        while len(self._callers) > CALLERS:
+            del self._callers[next(iter(self._callers))]
+
+    def _caller(self, zid: str) -> Caller:
+        return self._callers.get(zid, UNKNOWN)
+
+    def _came_to_nothing(self) -> list[str]:
+        known = [end_in(caller.address) for caller in tuple(self._callers.values())]
+        return self._strangers.new(known)
+
+
+@contextmanager
+def watched_doors(bus: Bus, tell: Callable[[str], None]) -> Iterator[None]:
+    """While the block runs, tell who was kept out; nothing for a process without locked doors.
+
+    It takes the place of standard output, where Zenoh writes: for processes that say nothing there.
+    """
+    if not (bus.network.tls and bus.network.listen):
+        yield
+        return
+    ends = threading.Event()
+    with ZenohLog() as log:
+        doors = Doors(bus, log, tell)
+
+        def watch() -> None:
+            while not ends.wait(LOOK_S):
+                doors.look()
+
+        watching = threading.Thread(target=watch, name="doors", daemon=True)
+        watching.start()
+        try:
+            yield
+        finally:
+            ends.set()
+            watching.join()
+            for _ in range(2):  # what came last is told by the look after the next
+                doors.look()

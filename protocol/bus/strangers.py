@@ -1,0 +1,72 @@
+"""From where those came whose call came to nothing: Zenoh does not tell, Linux does."""
+
+import sys
+from collections.abc import Iterable, Iterator
+from ipaddress import IPv4Address, IPv6Address
+from pathlib import Path
+from typing import Final, NamedTuple
+
+TABLES: Final = (Path("/proc/net/tcp"), Path("/proc/net/tcp6"))
+ESTABLISHED: Final = "01"
+CONNECTING: Final = ("02", "03")
+LISTENING: Final = "0A"
+
+
+class End(NamedTuple):
+    """One end of a connection."""
+
+    host: str
+    port: int
+
+
+class Strangers:
+    """Looks through the system's connections for those to our ports that are being closed."""
+
+    def __init__(self, ports: Iterable[int], tables: Iterable[Path] = TABLES) -> None:
+        self._ports = frozenset(ports)
+        self._tables = tuple(tables)
+        self._seen: frozenset[End] = frozenset()
+
+    def new(self, known: Iterable[End]) -> list[str]:
+        """Hosts that are there since the last look and are none of the known ones."""
+        closing = frozenset(self._closing())
+        found = closing - self._seen - frozenset(known)
+        self._seen = closing
+        return sorted({end.host for end in found})
+
+    def _closing(self) -> Iterator[End]:
+        for table in self._tables:
+            try:
+                lines = table.read_text().splitlines()[1:]
+            except OSError:
+                continue
+            yield from self._of(lines)
+
+    def _of(self, lines: Iterable[str]) -> Iterator[End]:
+        for line in lines:
+            _, local, remote, state, *_ = line.split()
+            if state in (ESTABLISHED, LISTENING, *CONNECTING):
+                continue
+            here, there = end_of(local), end_of(remote)
+            if here.port in self._ports:
+                yield there
+            elif there.port in self._ports:  # the other end of it, on this machine
+                yield here
+
+
+def end_of(text: str) -> End:
+    """`0100007F:4427`, words in the byte order of the machine, as 127.0.0.1 and 17447."""
+    address, _, port = text.partition(":")
+    raw = bytes.fromhex(address)
+    if sys.byteorder == "little":
+        raw = b"".join(raw[at : at + 4][::-1] for at in range(0, len(raw), 4))
+    if len(raw) == 4:
+        return End(str(IPv4Address(raw)), int(port, 16))
+    long = IPv6Address(raw)
+    return End(str(long.ipv4_mapped or long), int(port, 16))
+
+
+def end_in(address: str) -> End:
+    """The same out of `10.0.0.7:50000` or `[::1]:50000`."""
+    host, _, port = address.rpartition(":")
+    return End(host.strip("[]"), int(port) if port.isdecimal() else 0)

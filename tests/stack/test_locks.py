@@ -1,0 +1,181 @@
+"""Real processes behind locked doors: they drive, and say in their log whom they keep out."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from ground.keys.folder import make
+from protocol.bus import Bus, open_bus
+from protocol.codec import Encoder
+from protocol.enums import Command
+from protocol.errors import NotLetIn
+from protocol.messages import CommandRequest
+from protocol.network import Network, Tls
+from protocol.topics import COMMAND, ENCODING, TEXT, Role
+from tests.keyring import DAY, NOW, Keyring
+from tests.stack.processes import Crew, Running, until
+
+pytestmark = pytest.mark.stack
+EACH = 10
+
+
+class Locked(Crew):
+    """A crew that listens and dials with the keys of a folder."""
+
+    def __init__(self, keys: Path, *, router: bool = False) -> None:
+        super().__init__(router=router)
+        self.endpoint = self.endpoint.replace("tcp/", "tls/")
+        self._keys = keys
+
+    def start(self, *words: str, role: str = "") -> Running:
+        owner = {"robot": "robot-r1", "plant": "plant", "router": "router"}
+        role = role or owner.get(words[0], "ground")
+        return super().start(*words, "--config", str(self._keys / f"{role}.toml"))
+
+    def verb(self, role: str, *words: str) -> tuple[int, str]:
+        """A verb to its end, as the holder of that role's certificate."""
+        running = self.start(*words, "--connect", self.endpoint, role=role)
+        return running.ends(30.0), running.said
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("locks") / "keys"
+    make(folder, ["r1", "r2"], [], NOW - DAY, NOW + DAY)
+    return folder
+
+
+def tls_of(keys: Path, role: str) -> Tls:
+    return Tls(ca=f"{keys}/ca.pem", certificate=f"{keys}/{role}.pem", key=f"{keys}/{role}.key")
+
+
+def dialling(endpoint: str, tls: Tls | None) -> Network:
+    return Network(
+        mode="client",
+        connect=(endpoint if tls else endpoint.replace("tls/", "tcp/"),),
+        tls=tls,
+        connect_timeout_s=0.3,
+    )
+
+
+@pytest.mark.parametrize("router", [False, True], ids=["hub", "router"])
+def test_a_stack_behind_locks_drives_and_only_the_ground_station_commands_it(
+    keys: Path, router: bool
+) -> None:
+    with Locked(keys, router=router) as crew:
+        robot = crew.robot()
+        crew.plant()
+        listener = crew.router if router else robot
+        code, said = crew.verb("viewer", "arm")
+        assert (code, "'viewer', which only listens" in said) == (1, True), said
+        listener.says("viewer only listens")
+        code, said = crew.verb("ground", "goto", "0.9", "2")
+        assert code == 0, said
+        code, said = crew.verb("viewer", "doctor")
+        assert "healthy" in said, said
+        everything = robot.said + listener.said + said
+        assert "PRIVATE KEY" not in everything
+
+
+@pytest.mark.parametrize("role", ["viewer", "plant", "robot-r2"])
+def test_a_robot_does_nothing_of_what_others_command(keys: Path, role: str) -> None:
+    with Locked(keys) as crew:
+        robot = crew.robot()
+        crew.plant()
+        with (
+            open_bus(dialling(crew.endpoint, tls_of(keys, role)), None, "r1") as intruder,
+            open_bus(dialling(crew.endpoint, tls_of(keys, "ground")), Role.GROUND, "r1") as ground,
+        ):
+            happened: list[bytes] = []
+            ground.stream(TEXT, lambda _key, frame, _at: happened.append(frame))
+            until(lambda: happened, what="what it said when it started")
+            before = len(happened)
+            assert forge(intruder) == 2 * EACH
+            robot.says("may not ask sidestep/r1/srv/command")
+            robot.says("may not put on sidestep/r1/op/teleop")
+            assert len(happened) == before, "nothing came of it"
+            assert "is no role" not in robot.said
+
+
+def forge(bus: Bus) -> int:
+    """An emergency stop, again and again, and the operator's wheel; how many of these."""
+    frames = Encoder(255, 190)
+    session = bus._session
+    for number in range(EACH):
+        stop = CommandRequest(
+            request_id=number + 1, param1=1.0, param2=0.0, command=Command.DO_FLIGHTTERMINATION
+        )
+        replies = session.get(
+            bus.key(COMMAND.path), payload=frames.encode(stop), encoding=ENCODING, timeout=2.0
+        )
+        assert list(replies) == []
+        session.put(bus.key("op/teleop"), frames.encode(stop), encoding=ENCODING)
+    return 2 * EACH
+
+
+@contextmanager
+def listening(keys: Path) -> Iterator[tuple[Locked, Running]]:
+    with Locked(keys, router=True) as crew:
+        yield crew, crew.router
+
+
+def test_whoever_is_not_let_in_is_told_why_on_both_sides(tmp_path: Path) -> None:
+    ring = Keyring(tmp_path / "ring")
+    ring.config("router")
+    other = Keyring(tmp_path / "other").tls("ground")
+    believing = Tls(ca=ring.tls("ground").ca, certificate=other.certificate, key=other.key)
+    kept_out: tuple[tuple[Tls | None, str, str], ...] = (
+        (ring.expired("ground"), "expired at", "its certificate expired at"),
+        (ring.early("ground"), "is not valid before", "its certificate is not valid before"),
+        (other, "signed by another authority", "it does not believe the certificate"),
+        (believing, "is not signed by", "its certificate is signed by another authority"),
+        (None, "takes only TLS", "it speaks plain TCP"),
+    )
+    with listening(tmp_path / "ring") as (crew, router):
+        for tls, told_there, told_here in kept_out:
+            with pytest.raises(NotLetIn, match=told_there):
+                open_bus(dialling(crew.endpoint, tls), Role.GROUND, "r1")
+            router.says(f"not let in: somebody at 127.0.0.1: {told_here}")
+        router.says("it shows no certificate")  # the knock of who has none
+
+
+def test_a_listener_with_an_expired_certificate_says_so_and_ends(tmp_path: Path) -> None:
+    ring = Keyring(tmp_path / "ring")
+    ring.config("router", ring.expired("router"))
+    with Locked(tmp_path / "ring") as crew:
+        router = crew.listening("router")
+        assert router.ends() == 2
+        assert "expired at" in router.said
+        assert "nobody would believe it" in router.said
+
+
+LOGGED = """
+import sys, zenoh
+from protocol.bus.zenoh_log import ZenohLog
+print("before")
+with ZenohLog("debug") as log:
+    print("python's own goes on")
+    quiet = "{mode: 'peer', scouting: {multicast: {enabled: false}}}"
+    with zenoh.open(zenoh.Config.from_json5(quiet)):
+        pass
+    log.take()
+    sys.stderr.write(str(len(log.take()) > 100))
+print("after")
+"""
+
+
+def test_zenohs_log_is_caught_and_standard_output_stays_pythons() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LOGGED],
+        capture_output=True,
+        text=True,
+        timeout=20.0,
+        check=True,
+        env={"PYTHONPATH": ":".join(sys.path), "RUST_LOG": "off"},
+    )
+    assert done.stdout == "before\npython's own goes on\nafter\n"
+    assert done.stderr == "True"
