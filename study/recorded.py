@@ -1,7 +1,7 @@
 """What a recording holds of the control loop: what each tick was given, and what came of it."""
 
 from collections.abc import Mapping
-from itertools import takewhile
+from itertools import count, takewhile
 from typing import Final, NamedTuple
 
 from ground.blackbox.frames import Log
@@ -11,8 +11,15 @@ from protocol.message import Message
 from protocol.messages import (
     AvoidanceDecision,
     CommandAck,
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionRequestList,
     MissionVerdict,
     NavigatorStatus,
+    ParamRequestRead,
+    ParamSet,
     PlanarOdometry,
     SonarScan,
     TickInputs,
@@ -24,6 +31,16 @@ from protocol.topics import ANSWERED, COMMANDED, INPUTS
 from robot.telemetry import SCAN_THERE, STEERED, WHEELS_THERE
 
 BYTE: Final = 0xFF
+PREPARES: Final = (
+    *(MissionCount, MissionItemInt, MissionClearAll, MissionRequestList, MissionRequestInt),
+    *(ParamRequestRead, ParamSet),
+)
+"""Requests that change no more than what a robot begins with, whenever they come before it moves:
+as those by which one that starts has its fence and its mission again."""
+
+IGNORED: Final = (Reason.LEASE_HELD, Reason.FENCE_LEAVES_ROBOT_OUT)
+"""Refused for what an execution does not know, or knows only later."""
+
 OUTPUTS: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)
 
 Key = tuple[int, int]
@@ -31,7 +48,7 @@ Key = tuple[int, int]
 
 
 class Request(NamedTuple):
-    """What was asked, and whether the robot acted on it: not when another held the lease."""
+    """What was asked, and whether the robot acted on it."""
 
     message: Message
     acted_on: bool
@@ -57,6 +74,8 @@ class Recorded:
         self.robot = log.robot
         self.damage = log.damage()
         self.requests = self._paired()
+        self.prepared = len(list(takewhile(self._prepares, count(1))))
+        """So many requests, from the first on, only prepare it."""
         del self.ticks[: self._beginning()]
 
     def _take(self, key: str, frame: Frame) -> None:
@@ -78,7 +97,7 @@ class Recorded:
         """Requests by their number from 1, which is what the sequence of their frames counts."""
         answers = dict(_unwrapped(self._answers))
         return {
-            place + 1: Request(message, reason_in(answers.get(place)) != Reason.LEASE_HELD)
+            place + 1: Request(message, reason_in(answers.get(place)) not in IGNORED)
             for place, message in _unwrapped(self._asked)
         }
 
@@ -87,9 +106,18 @@ class Recorded:
 
         A recorder may hear the robot before it hears the plant; nothing is lost with that.
         """
-        idle = len(list(takewhile(at_rest, self.ticks)))
+        idle = len(list(takewhile(self._at_rest, self.ticks)))
         after = max((place + 1 for place in range(idle) if self.lack(place)), default=0)
         return after if after < idle else 0
+
+    def _prepares(self, number: int) -> bool:
+        request = self.requests.get(number)
+        return request is not None and isinstance(request.message, PREPARES)
+
+    def _at_rest(self, tick: tuple[TickInputs, int]) -> bool:
+        """Nobody had asked the robot to do anything, or steered it."""
+        inputs, _ = tick
+        return inputs.requests <= self.prepared and not inputs.flags & STEERED
 
     def output(self, kind: type[Message], inputs: TickInputs, sequence: int) -> Message | None:
         """What came of a tick; None when it is not in the recording."""
@@ -118,12 +146,6 @@ class Recorded:
             n for n in range(asked_before + 1, inputs.requests + 1) if n not in self.requests
         ]
         return f"request {missing[0]}, which came before it" if missing else ""
-
-
-def at_rest(tick: tuple[TickInputs, int]) -> bool:
-    """Nobody had asked the robot anything, or steered it."""
-    inputs, _ = tick
-    return not inputs.requests and not inputs.flags & STEERED
 
 
 def reason_in(answer: Message | None) -> int:

@@ -202,7 +202,7 @@ def refuse_unless_whole(recorded: Recorded) -> None:
         fix = "record with `sidestep record` or `up --record` of this version"
         raise UserError(f"it cannot be executed again: {why}; {fix}")
     first, sequence = recorded.ticks[0]
-    if first.requests and (first.tick or sequence):
+    if first.requests > recorded.prepared and (first.tick or sequence):
         asked = f"{first.requests} requests" if first.requests > 1 else "a request"
         why = f"it begins after {asked} to the robot, and what came of that is not in it"
         raise UserError(f"it cannot be executed again: {why}; record from the robot's start")

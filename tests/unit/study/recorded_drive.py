@@ -1,6 +1,7 @@
 """A drive in this process, recorded as the robot's process would have it recorded."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import pi
 from pathlib import Path
@@ -63,7 +64,9 @@ class Drive:
         return [place for place, (key, _) in enumerate(self.said) if key == topic.key("r1")]
 
     def ask(self, vehicle: Vehicle, request: Message, now_ns: int) -> None:
-        answer = vehicle.receive(request, now_ns)
+        self.tell(request, vehicle.receive(request, now_ns))
+
+    def tell(self, request: Message, answer: Message) -> None:
         self._requests += 1
         self.say(COMMANDED, request)
         self.say(ANSWERED, answer)
@@ -72,11 +75,22 @@ class Drive:
         goal = wire_goal_of(self.world)._asdict()
         return GoalRequest(request_id=2, mode=10, **goal)
 
-    def run(self, ticks: int = 160, wait: int = 4) -> "Drive":
-        """It stands for some ticks before it is armed and given the world's goal."""
+    def run(
+        self,
+        ticks: int = 160,
+        wait: int = 4,
+        store: Store | None = None,
+        asked: Sequence[Message] = (),
+    ) -> "Drive":
+        """It stands for some ticks before it is armed and given the world's goal; `asked`: of it
+        after the first of them."""
         plant = Plant(self.world, 0, LEVELS["default"])
-        vehicle = Vehicle(self.params, Store(None), start_of(self.world))
+        vehicle = Vehicle(self.params, store or Store(None), start_of(self.world))
+        for request, answer in vehicle.restore():
+            self.tell(request, answer)
         for tick in range(ticks):
+            for one in asked if tick == 1 else ():
+                self.ask(vehicle, one, plant.now_ns)
             if tick == wait:
                 self.ask(vehicle, ARM, plant.now_ns)
                 self.ask(vehicle, self.goal(), plant.now_ns + 3 * NS_PER_MS)
