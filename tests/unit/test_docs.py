@@ -52,7 +52,7 @@ def test_a_page_holds_each_stream_question_message_and_name() -> None:
     service = Service(path="q", requests=(), server=Role.ROBOT, doc="Ask.")
     lines = docs.page([stream, event], [service], DIALECT).splitlines()
     assert "| `a/b` | SONAR_SCAN | plant | 20 Hz | 250 ms | data | Light. |" in lines
-    assert "| `c` | SONAR_SCAN | robot | event | never | data | Now. |" in lines
+    assert "| `c` | SONAR_SCAN | robot | event, 0 kept | never | data | Now. |" in lines
     assert "| `q` | nothing | robot | Ask. |" in lines
     assert "| `lamp` | uint8 |  | Which. (LAMP) |" in lines
     assert "| 1 | `ON` | On \\| lit. |" in lines
