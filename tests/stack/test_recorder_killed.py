@@ -1,0 +1,135 @@
+"""A recorder that is killed, or whose disk is full for a while, as a process of its own."""
+
+import os
+import resource
+import signal
+import threading
+import time
+from bisect import bisect_left
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from random import Random
+from typing import Final
+
+import pytest
+
+from ground.blackbox.frames import opened
+from protocol.bus import Network, open_bus
+from protocol.codec import decode
+from protocol.messages import WheelTicks
+from protocol.topics import WHEELS, Role
+from tests.stack.processes import Crew, Running, until
+
+pytestmark = pytest.mark.stack
+
+KILLS: Final = 20
+AT_ONCE: Final = 10
+EVERY_S: Final = 0.02
+LOST_AT_MOST_S: Final = 1.0
+
+
+class Speaker:
+    """Says a number fifty times a second, and remembers when it said which."""
+
+    def __init__(self, network: Network) -> None:
+        self.said_s: list[float] = []
+        self.bus = open_bus(network, Role.PLANT, "r1")
+        self._wheels = self.bus.publisher(WHEELS)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._speak, daemon=True)
+
+    def _speak(self) -> None:
+        while not self._stop.wait(EVERY_S):
+            number = len(self.said_s)
+            self._wheels.put(
+                WheelTicks(time_ns=number, seq=number, left=0, right=0, bumper=0, expired=0)
+            )
+            self.said_s.append(time.monotonic())
+
+    @contextmanager
+    def speaking(self) -> Iterator["Speaker"]:
+        with self.bus:
+            self._thread.start()
+            yield self
+            self._stop.set()
+            self._thread.join()
+
+
+def numbers_in(path: Path) -> list[int]:
+    messages = [decode(one.frame).message for one in opened(path)]
+    return [one.seq for one in messages if isinstance(one, WheelTicks)]
+
+
+def logs_in(folder: Path) -> tuple[Path, Path]:
+    (tlog,) = folder.glob("*.tlog")
+    return tlog, tlog.with_suffix(".mcap")
+
+
+@contextmanager
+def stage() -> Iterator[tuple[Crew, Speaker]]:
+    """Nobody but who speaks; recorders dial it."""
+    with Crew() as crew:
+        network = Network(mode="peer", listen=(crew.endpoint,))
+        with Speaker(network).speaking() as speaker:
+            yield crew, speaker
+
+
+def recorder(crew: Crew, folder: Path) -> Running:
+    return crew.dialling("record", str(folder), "--id", "r1")
+
+
+def test_killed_with_its_group_at_any_moment_a_recorder_loses_the_last_second_at_most(
+    tmp_path: Path,
+) -> None:
+    random, lost_s = Random(1), []
+    with stage() as (crew, speaker):
+        for first in range(0, KILLS, AT_ONCE):
+            folders = [tmp_path / f"{first + place}" for place in range(AT_ONCE)]
+            running = [recorder(crew, folder) for folder in folders]
+            for folder, one in zip(folders, running, strict=True):
+                until(lambda folder=folder: recorded(folder), what="both files")  # type: ignore[misc]
+                threading.Event().wait(random.uniform(0.0, 0.6))
+                killed_s = time.monotonic()
+                os.killpg(one.process.pid, signal.SIGKILL)
+                one.ends()
+                lost_s += [lost(path, speaker, killed_s) for path in logs_in(folder)]
+    assert len(lost_s) == 2 * KILLS
+    assert max(lost_s) <= LOST_AT_MOST_S, sorted(lost_s)
+
+
+def recorded(folder: Path) -> bool:
+    return sum(path.stat().st_size > 4000 for path in folder.glob("*.*")) == 2
+
+
+def lost(path: Path, speaker: Speaker, killed_s: float) -> float:
+    """How long before the kill the first frame was said that is not there; nothing else lacks."""
+    numbers = numbers_in(path)
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))
+    said = bisect_left(speaker.said_s, killed_s)
+    missing = speaker.said_s[numbers[-1] + 1 : said]
+    return killed_s - missing[0] if missing else 0.0
+
+
+def test_a_disk_that_was_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
+    with stage() as (crew, speaker):
+        running = recorder(crew, tmp_path)
+        until(lambda: recorded(tmp_path), what="both files")
+        full = max(path.stat().st_size for path in logs_in(tmp_path)) + 2000
+        limits = (full, resource.RLIM_INFINITY)
+        resource.prlimit(running.process.pid, resource.RLIMIT_FSIZE, limits)
+        running.says("RECORDING IN TROUBLE: File too large; the robot drives on")
+        anywhere = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+        resource.prlimit(running.process.pid, resource.RLIMIT_FSIZE, anywhere)
+        running.says("RECORDING goes on")
+        said = len(speaker.said_s)
+        until(lambda: len(speaker.said_s) > said + 10)
+        running.send(signal.SIGINT)
+        assert running.ends() == 0, running.said
+    for path in logs_in(tmp_path):
+        numbers = numbers_in(path)
+        assert numbers == list(range(numbers[0], numbers[-1] + 1))
+        assert numbers[-1] > said
+        log = opened(path)
+        assert len(list(log)) == len(numbers)
+        assert log.damage() == ""
