@@ -23,6 +23,7 @@ BENCHMARKS = {
     "nees": "whether the odometry's covariance fits its errors, per noise level",
     "arrival": "pose and last turn at the goal in the open, go-then-align beside it",
     "map": "a frame of the map on 100 x 40 cells, textual-plotext beside it",
+    "soak": "a fleet with faults for a long time: what grows, what slows, what is lost",
     "ground": "the app on a terminal: CPU, bytes, first paint, key to robot, a flood of log lines",
     "restarts": "a process of `up` killed, until robot and plant are heard again",
     "faults": "what the robot does when something breaks, the fault matrix (docs/faults.md)",

@@ -1,0 +1,87 @@
+"""Keeps a robot driving, whatever happens to it, also where it does not know any more where it is.
+
+Each goal is some way from where it believes to be: on when it has reached the last one, else
+elsewhere. So a robot that was started again in the middle of the way goes on like the others.
+"""
+
+from math import cos, sin
+from typing import Final
+
+from benchmarks.soak_ears import Heard
+from ground.destination import Destination, goal_request
+from ground.operator import RequestIds
+from protocol.bus import Bus
+from protocol.enums import AckResult, Command, GoalState, Mode, Vehicle
+from protocol.errors import RemoteError
+from protocol.message import Message
+from protocol.messages import CommandAck, CommandRequest, PlanarOdometry
+from protocol.topics import COMMAND
+
+PATIENCE_S: Final = 0.2
+EVERY_NS: Final = 1_000_000_000
+STEP_M: Final = 1.2
+BACK_RAD: Final = 2.6
+"""Not quite back: to and fro between two walls would lead nowhere else."""
+LONGEST_NS: Final = 12_000_000_000
+UNDER_WAY: Final = (
+    GoalState.ACCEPTED,
+    GoalState.DRIVING,
+    GoalState.AVOIDING,
+    GoalState.ALIGNING,
+)
+
+
+class Driver:
+    """Gives the next goal when the last has ended or takes too long; arms what was disarmed."""
+
+    def __init__(self, bus: Bus, robot: str) -> None:
+        self.robot = robot
+        self.goals = self.reached = 0
+        self._bus = bus
+        self._ids = RequestIds()
+        self._due_ns = 0
+        self._given_ns = 0
+        self._turn_rad = 0.0
+
+    def poll(self, heard: Heard, now_ns: int) -> None:
+        """At most once a second, and not while the robot is silent."""
+        status, pose = heard.status, heard.pose
+        if status is None or pose is None or now_ns < self._due_ns:
+            return
+        self._due_ns = now_ns + EVERY_NS
+        if heard.silent_since(now_ns - EVERY_NS):
+            return
+        under_way = status.vehicle == Vehicle.ACTIVE and status.goal in UNDER_WAY
+        if under_way and now_ns - self._given_ns < LONGEST_NS:
+            return
+        arrived = status.goal == GoalState.REACHED
+        begins = self._given_ns == 0
+        self.reached += arrived and not begins
+        self._turn_rad = 0.0 if arrived or begins else self._turn_rad + BACK_RAD
+        if status.vehicle != Vehicle.ACTIVE:
+            self._command(Command.COMPONENT_ARM_DISARM)
+        if self._ask(self._goal(pose)):
+            self.goals += 1
+            self._given_ns = now_ns
+
+    def _goal(self, pose: PlanarOdometry) -> Message:
+        heading_rad = pose.heading_rad + self._turn_rad
+        there = Destination(
+            x_m=pose.x_m + STEP_M * cos(heading_rad),
+            y_m=pose.y_m + STEP_M * sin(heading_rad),
+            heading_rad=None,
+        )
+        return goal_request(there.on_the_wire(), self._ids.next(), Mode.AUTO)
+
+    def _command(self, command: Command) -> None:
+        self._ask(
+            CommandRequest(request_id=self._ids.next(), param1=1.0, param2=0.0, command=command)
+        )
+
+    def _ask(self, request: Message) -> bool:
+        """Was it accepted?"""
+        try:
+            answer = self._bus.ask(COMMAND, request, PATIENCE_S, robot=self.robot)
+        except RemoteError:
+            return False
+        return isinstance(answer, CommandAck) and answer.result == AckResult.ACCEPTED

@@ -1,0 +1,129 @@
+"""The fleet that is soaked: what `up` starts, with two operators and a recorder; some on cables."""
+
+import os
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Final, NamedTuple, Self
+
+from benchmarks.cable import Cable
+from benchmarks.soak_faults import CUT, Fault
+from ground.children import Children
+from ground.cli import parse
+from ground.leash import command
+from ground.scenario import Scenario, cast, question, scenario_of, world_facts
+from ground.supervisor import Supervisor
+from ground.up import free_endpoint
+from ground.upkeep import Upkeep
+from protocol.bus import Bus, Network, open_bus
+from protocol.clock import Clock
+from protocol.topics import Role
+
+LISTENS_S: Final = 15.0
+PAGE_MB: Final = os.sysconf("SC_PAGESIZE") / 1e6
+
+
+class Size(NamedTuple):
+    """What the kernel says a process has: resident memory, open files, threads."""
+
+    rss_mb: float
+    files: float
+    threads: float
+
+
+class Fleet:
+    """`up` with a router, without its recorders; who ends is started again as `up` does it."""
+
+    def __init__(self, world: str, robots: int, seed: int, folder: Path, clock: Clock) -> None:
+        words = ["up", "--headless", "--router", "--world", world, "--robots", str(robots)]
+        options = parse([*words, "--seed", str(seed)])
+        facts = world_facts(command(question(options), os.getpid()))
+        self.scenario: Scenario = scenario_of(options, facts)
+        self.endpoint = free_endpoint()
+        self._folder = folder
+        self._clock = clock
+        self._scope = ExitStack()
+        self._cables: dict[str, Cable] = {}
+        self._words: dict[str, list[str]] = {}
+
+    def __enter__(self) -> Self:
+        with self._scope:
+            self._children = self._scope.enter_context(Children(self._clock))
+            self._words = self._cast()
+            for role, words in self._words.items():
+                self._children.start(role, words)
+            supervisor = Supervisor(self._words)
+            self._upkeep = Upkeep(self._children, supervisor, None, self._again)
+            network = Network(mode="client", connect=(self.endpoint,), connect_timeout_s=LISTENS_S)
+            self.bus: Bus = self._scope.enter_context(open_bus(network, Role.GROUND, "r1"))
+            self._scope = self._scope.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._scope.close()
+
+    @property
+    def roles(self) -> list[str]:
+        return list(self._words)
+
+    @property
+    def given_up(self) -> list[str]:
+        """What is said of those that ended too often."""
+        return list(self._upkeep.supervisor.given_up.values())
+
+    def look_after(self) -> None:
+        """Start again who has ended."""
+        self._upkeep.round(self._clock.now_ns())
+
+    def do(self, fault: Fault) -> None:
+        if fault.first is None:
+            self._cables[fault.role].cut()
+        else:
+            self._children.send(fault.role, fault.first)
+
+    def undo(self, fault: Fault) -> None:
+        if fault.first is None:
+            self._cables[fault.role].mend()
+        elif fault.then is not None:
+            self._children.send(fault.role, fault.then)
+
+    def sizes(self) -> dict[tuple[str, int], Size]:
+        """By role and process id; who is just ending is left out."""
+        found = {}
+        for role, pid in zip(self._children.roles, self._children.pids, strict=True):
+            size = size_of(pid)
+            if size is not None:
+                found[role, pid] = size
+        return found
+
+    def _cast(self) -> dict[str, list[str]]:
+        words = dict(cast(self.scenario, self.endpoint))
+        dials = ["--connect", self.endpoint, "--id"]
+        words["recorder r1"] = ["record", str(self._folder), *dials, "r1"]
+        for robot in self.scenario.robots[:2]:
+            words[f"ground {robot}"] = ["ground", "--plain", *dials, robot]
+        for role in CUT:
+            cable = self._cables[role] = self._scope.enter_context(Cable(self.endpoint))
+            place = words[role].index(self.endpoint)
+            words[role] = [*words[role][:place], cable.endpoint, *words[role][place + 1 :]]
+        return words
+
+    def _again(self, role: str, cause: str) -> list[str]:
+        words = self._words[role]
+        return [*words, "--after", cause] if words[0] == "robot" else words
+
+
+def size_of(pid: int) -> Size | None:
+    """None when it has ended, or is not ours to look at."""
+    place = Path(f"/proc/{pid}")
+    try:
+        pages = int((place / "statm").read_text().split()[1])
+        files, threads = (len(list((place / name).iterdir())) for name in ("fd", "task"))
+    except (OSError, IndexError):
+        return None
+    return Size(pages * PAGE_MB, files, threads)
