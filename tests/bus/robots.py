@@ -35,6 +35,9 @@ from protocol.topics import (
 )
 from tests.bus.played_desk import PlayedDesk
 
+Say = Callable[..., tuple[int, str, str]]
+"""Runs a verb: exit code, standard output, standard error."""
+
 BEAT = Heartbeat(
     type=10, autopilot=3, base_mode=1, custom_mode=0, system_status=3, mavlink_version=3
 )

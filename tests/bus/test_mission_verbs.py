@@ -1,23 +1,18 @@
-"""Missions, fences, the lease and driving by hand over a bus, with a robot that is played."""
+"""Missions and fences over a bus, with a robot that is played."""
 
 import json
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from math import isnan, radians
+from math import isnan
 from pathlib import Path
 
 import pytest
 
 from ground.cli import main
 from ground.missions.files import read
-from protocol.enums import Command, LeaseAction, MissionState, MissionType, Mode, Vehicle
+from protocol.enums import Command, MissionState, MissionType, Vehicle
 from protocol.messages import CommandRequest, MissionCount
 from protocol.reasons import Reason
-from tests.bus.robots import PlayedRobot, played
+from tests.bus.robots import PlayedRobot, Say
 
-Say = Callable[..., tuple[int, str, str]]
 MISSION = """
 [[waypoint]]
 x_m = 1.2345
@@ -29,30 +24,9 @@ hold_s = 1.5
 x_m = 3
 y_m = 0
 """
+
+
 FENCE = "\n[fence.circle]\nx_m = 0\ny_m = 0\nradius_m = 9\n"
-
-
-@pytest.fixture
-def stage() -> Iterator[tuple[PlayedRobot, str]]:
-    with played() as found:
-        yield found
-
-
-@pytest.fixture
-def robot(stage: tuple[PlayedRobot, str]) -> PlayedRobot:
-    return stage[0]
-
-
-@pytest.fixture
-def say(stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]) -> Say:
-    """Run a verb against the robot: exit code, standard output, standard error."""
-
-    def run(*words: str) -> tuple[int, str, str]:
-        code = main([*words, "--connect", stage[1]])
-        said = capsys.readouterr()
-        return code, said.out, said.err
-
-    return run
 
 
 @pytest.fixture
@@ -243,22 +217,6 @@ def test_what_is_no_fence_is_refused_at_once(
     assert why in capsys.readouterr().err
 
 
-def test_goto_holds_the_lease_while_it_runs(robot: PlayedRobot, say: Say) -> None:
-    say("goto", "1", "2", "--timeout", "0.2")
-    kinds = [request.action for request in robot.desk.actions]
-    assert kinds == [LeaseAction.TAKE, LeaseAction.RELEASE]
-    assert robot.desk.held is None
-
-
-def test_goto_says_who_commands_the_robot_when_it_may_not(robot: PlayedRobot, say: Say) -> None:
-    robot.desk.held = ("beef", "anna")
-    code, out, err = say("goto", "1", "2", "--json")
-    assert code == 1
-    assert ": anna" in json.loads(out)["reason"]
-    assert "commands the robot: anna (sidestep lease seize)" in err
-    assert robot.asked == []
-
-
 def test_whoever_is_refused_because_of_the_lease_is_told_of_whom(
     robot: PlayedRobot, say: Say, mission: str
 ) -> None:
@@ -268,69 +226,3 @@ def test_whoever_is_refused_because_of_the_lease_is_told_of_whom(
     refusal = "refused: another operator commands the robot: anna (sidestep lease seize)\n"
     assert say("hold")[1] == refusal
     assert say("mission", "upload", mission)[1] == refusal
-
-
-def test_the_lease_is_taken_kept_and_given_back(robot: PlayedRobot, say: Say) -> None:
-    assert say("lease", "show")[1] == "nobody holds the lease\n"
-    code, _, err = say("lease", "take", "--name", "anna", "--for", "0.3")
-    assert code == 0
-    assert "anna commands r1" in err
-    assert robot.beats >= 2
-    kinds = [request.action for request in robot.desk.actions]
-    assert kinds == [LeaseAction.TAKE, LeaseAction.RELEASE]
-
-
-def test_a_lease_that_another_holds_can_be_seen_and_seized(robot: PlayedRobot, say: Say) -> None:
-    robot.desk.held = ("beef", "anna")
-    assert say("lease", "show")[1] == "anna commands r1, for 2.5 s more unless heard\n"
-    assert "anna" in say("lease", "take")[1]
-    assert say("lease", "release")[0] == 1
-    assert say("lease", "seize", "--for", "0.1")[0] == 0
-    assert robot.desk.held is None
-
-
-def test_ctrl_c_gives_the_lease_back(robot: PlayedRobot, say: Say) -> None:
-    threading.Timer(0.4, os.kill, (os.getpid(), signal.SIGINT)).start()
-    assert say("lease", "take")[0] == 130
-    assert robot.desk.actions[-1].action == LeaseAction.RELEASE
-
-
-def test_driving_by_hand_sends_speeds_at_20_hz_and_ends_standing(
-    robot: PlayedRobot, say: Say
-) -> None:
-    code, out, err = say("teleop", "0.2", "-30", "--for", "0.5")
-    assert (code, out) == (0, "done, the robot holds\n")
-    assert "armed" in err
-    assert robot.vehicle is Vehicle.ACTIVE
-    speeds = {(frame.speed_mm_s, frame.yaw_rate_mrad_s) for frame in robot.driven[:-1]}
-    assert speeds == {(200, round(radians(-30) * 1000))}
-    assert 8 <= len(robot.driven) <= 13
-    assert [frame.seq for frame in robot.driven] == list(range(1, len(robot.driven) + 1))
-    assert (robot.driven[-1].speed_mm_s, robot.driven[-1].yaw_rate_mrad_s) == (0, 0)
-    assert robot.mode is Mode.HOLD
-    assert robot.desk.held is None
-    assert robot.beats >= 2
-
-
-def test_ctrl_c_stops_a_robot_that_is_driven_by_hand(robot: PlayedRobot, say: Say) -> None:
-    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
-    assert say("teleop", "0.2", "0")[0] == 130
-    assert robot.driven[-1].speed_mm_s == 0
-    assert robot.mode is Mode.HOLD
-
-
-def test_driving_by_hand_ends_when_the_robot_is_stopped(robot: PlayedRobot, say: Say) -> None:
-    def stop() -> None:
-        robot.vehicle = Vehicle.EMERGENCY_STOP
-
-    threading.Timer(0.8, stop).start()
-    code, out, _ = say("teleop", "0.2", "0", "--for", "9")
-    assert code == 1
-    assert out.startswith("stopped: ")
-
-
-def test_a_speed_no_robot_has_is_refused_before_anybody_is_dialled(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert main(["teleop", "50", "0", "--connect", "tcp/127.0.0.1:1"]) == 2
-    assert "speed 50 m/s is out of range" in capsys.readouterr().err

@@ -1,0 +1,31 @@
+"""What tests of verbs share: a robot that is played, and a command line that talks to it."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from ground.cli import main
+from tests.bus.robots import PlayedRobot, Say, played
+
+
+@pytest.fixture
+def stage() -> Iterator[tuple[PlayedRobot, str]]:
+    with played() as found:
+        yield found
+
+
+@pytest.fixture
+def robot(stage: tuple[PlayedRobot, str]) -> PlayedRobot:
+    return stage[0]
+
+
+@pytest.fixture
+def say(stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]) -> Say:
+    """Run a verb against the robot: exit code, standard output, standard error."""
+
+    def run(*words: str) -> tuple[int, str, str]:
+        code = main([*words, "--connect", stage[1]])
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run

@@ -1,0 +1,140 @@
+"""`goto` over a real bus: it arms, waits, tells how it ended, and leaves no goal behind."""
+
+import json
+import os
+import signal
+import threading
+from math import pi
+from typing import Any
+
+import pytest
+
+from ground import goto
+from ground.parts import Part, in_words
+from ground.status_line import goal_line
+from protocol.enums import Command, GoalState, LeaseAction, Mode, Vehicle
+from protocol.messages import GoalRequest
+from protocol.reasons import Reason
+from tests.bus.robots import PlayedRobot, Say
+
+
+def test_goto_arms_a_robot_that_stands_by_and_waits_for_the_end(
+    robot: PlayedRobot, say: Say
+) -> None:
+    def arrive() -> None:
+        robot.goal = GoalState.REACHED
+
+    robot.answers = [Reason.NOT_ARMED]
+    robot.after_goal = arrive
+    code, out, err = say("goto", "1", "2", "90")
+    assert code == 0
+    assert out.startswith("reached after ")
+    assert "armed" in err
+    assert robot.vehicle is Vehicle.ACTIVE
+    assert robot.beats >= 1
+    goals = [message for message in robot.asked if isinstance(message, GoalRequest)]
+    assert [(goal.x_mm, goal.y_mm, goal.mode) for goal in goals] == [(1000, 2000, Mode.GUIDED)] * 2
+
+
+def test_goto_does_not_show_the_end_of_the_goal_before(
+    robot: PlayedRobot, say: Say, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[str] = []
+
+    def line(*arguments: Any) -> list[Part]:
+        parts = goal_line(*arguments)
+        shown.append(in_words(parts))
+        if "set off" in shown[-1]:
+            robot.stale = None
+        if "driving" in shown[-1]:
+            robot.goal = GoalState.REACHED
+        return parts
+
+    monkeypatch.setattr(goto, "goal_line", line)
+    monkeypatch.setattr(goto, "SHOW_PLAIN_NS", 1_000_000)
+    robot.vehicle, robot.goal_id, robot.goal = Vehicle.ACTIVE, 7, GoalState.REACHED
+    robot.stale = robot.status()
+    assert say("goto", "1", "2", "--timeout", "20")[0] == 0
+    first = next(text for text in shown if "robot's status" not in text)
+    assert first == "waiting for the robot to set off"
+    assert any("driving" in text for text in shown)
+
+
+def test_goto_never_arms_out_of_a_failsafe(robot: PlayedRobot, say: Say) -> None:
+    robot.vehicle = Vehicle.FAILSAFE
+    robot.answers = [Reason.NOT_ARMED]
+    code, out, _ = say("goto", "1", "2")
+    assert code == 1
+    assert "arm first" in out
+    assert Command.COMPONENT_ARM_DISARM not in robot.commands
+
+
+def test_goto_ends_with_1_and_the_reason_when_stuck(robot: PlayedRobot, say: Say) -> None:
+    def get_stuck() -> None:
+        robot.goal, robot.goal_reason = GoalState.STUCK, Reason.NO_PROGRESS
+
+    robot.after_goal = get_stuck
+    code, out, _ = say("goto", "1", "2", "--json")
+    found = json.loads(out)
+    assert code == 1
+    assert (found["outcome"], found["reason"]) == ("stuck", "has come no closer for too long")
+
+
+def test_goto_aborts_when_its_time_is_up(robot: PlayedRobot, say: Say) -> None:
+    code, out, _ = say("goto", "1", "2", "--timeout", "0.3", "--json")
+    assert code == 1
+    assert json.loads(out)["outcome"] == "timeout"
+    assert robot.commands[-1] == Command.SIDESTEP_ABORT_GOAL
+
+
+def test_ctrl_c_aborts_the_goal_first(robot: PlayedRobot, say: Say) -> None:
+    robot.after_goal = lambda: threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+    code, _, err = say("goto", "1", "2")
+    assert code == 130
+    assert "goal aborted" in err
+    assert robot.commands[-1] == Command.SIDESTEP_ABORT_GOAL
+
+
+def test_goto_without_waiting_leaves_the_robot_to_itself(robot: PlayedRobot, say: Say) -> None:
+    code, out, _ = say("goto", "1", "2", "--no-wait")
+    assert code == 0
+    assert out.startswith("ok ")
+    (goal,) = robot.asked
+    assert isinstance(goal, GoalRequest)
+    assert (goal.mode, goal.heading_free) == (Mode.AUTO, 1)
+    assert robot.beats == 0
+
+
+def test_a_goal_seen_from_the_robot_becomes_a_place_of_the_world(
+    robot: PlayedRobot, say: Say
+) -> None:
+    robot.pose = (1.0, 2.0, pi / 2)
+    assert say("goto", "2", "-0.5", "90", "--frame", "body", "--no-wait")[0] == 0
+    (goal,) = robot.asked
+    assert isinstance(goal, GoalRequest)
+    assert (goal.x_mm, goal.y_mm, abs(goal.heading_urad)) == (1500, 4000, round(pi * 1e6))
+
+
+def test_a_robot_that_does_not_say_where_it_is_cannot_be_sent_from_there(
+    robot: PlayedRobot, say: Say
+) -> None:
+    code, _, err = say("goto", "1", "0", "--frame", "body", "--no-wait")
+    assert code == 1
+    assert "does not say where it is" in err
+    assert robot.asked == []
+
+
+def test_goto_holds_the_lease_while_it_runs(robot: PlayedRobot, say: Say) -> None:
+    say("goto", "1", "2", "--timeout", "0.2")
+    kinds = [request.action for request in robot.desk.actions]
+    assert kinds == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert robot.desk.held is None
+
+
+def test_goto_says_who_commands_the_robot_when_it_may_not(robot: PlayedRobot, say: Say) -> None:
+    robot.desk.held = ("beef", "anna")
+    code, out, err = say("goto", "1", "2", "--json")
+    assert code == 1
+    assert ": anna" in json.loads(out)["reason"]
+    assert "commands the robot: anna (sidestep lease seize)" in err
+    assert robot.asked == []

@@ -1,0 +1,78 @@
+"""The lease and driving by hand over a bus, with a robot that is played."""
+
+import os
+import signal
+import threading
+from math import radians
+
+import pytest
+
+from ground.cli import main
+from protocol.enums import LeaseAction, Mode, Vehicle
+from tests.bus.robots import PlayedRobot, Say
+
+
+def test_the_lease_is_taken_kept_and_given_back(robot: PlayedRobot, say: Say) -> None:
+    assert say("lease", "show")[1] == "nobody holds the lease\n"
+    code, _, err = say("lease", "take", "--name", "anna", "--for", "0.3")
+    assert code == 0
+    assert "anna commands r1" in err
+    assert robot.beats >= 2
+    kinds = [request.action for request in robot.desk.actions]
+    assert kinds == [LeaseAction.TAKE, LeaseAction.RELEASE]
+
+
+def test_a_lease_that_another_holds_can_be_seen_and_seized(robot: PlayedRobot, say: Say) -> None:
+    robot.desk.held = ("beef", "anna")
+    assert say("lease", "show")[1] == "anna commands r1, for 2.5 s more unless heard\n"
+    assert "anna" in say("lease", "take")[1]
+    assert say("lease", "release")[0] == 1
+    assert say("lease", "seize", "--for", "0.1")[0] == 0
+    assert robot.desk.held is None
+
+
+def test_ctrl_c_gives_the_lease_back(robot: PlayedRobot, say: Say) -> None:
+    threading.Timer(0.4, os.kill, (os.getpid(), signal.SIGINT)).start()
+    assert say("lease", "take")[0] == 130
+    assert robot.desk.actions[-1].action == LeaseAction.RELEASE
+
+
+def test_driving_by_hand_sends_speeds_at_20_hz_and_ends_standing(
+    robot: PlayedRobot, say: Say
+) -> None:
+    code, out, err = say("teleop", "0.2", "-30", "--for", "0.5")
+    assert (code, out) == (0, "done, the robot holds\n")
+    assert "armed" in err
+    assert robot.vehicle is Vehicle.ACTIVE
+    speeds = {(frame.speed_mm_s, frame.yaw_rate_mrad_s) for frame in robot.driven[:-1]}
+    assert speeds == {(200, round(radians(-30) * 1000))}
+    assert 8 <= len(robot.driven) <= 13
+    assert [frame.seq for frame in robot.driven] == list(range(1, len(robot.driven) + 1))
+    assert (robot.driven[-1].speed_mm_s, robot.driven[-1].yaw_rate_mrad_s) == (0, 0)
+    assert robot.mode is Mode.HOLD
+    assert robot.desk.held is None
+    assert robot.beats >= 2
+
+
+def test_ctrl_c_stops_a_robot_that_is_driven_by_hand(robot: PlayedRobot, say: Say) -> None:
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    assert say("teleop", "0.2", "0")[0] == 130
+    assert robot.driven[-1].speed_mm_s == 0
+    assert robot.mode is Mode.HOLD
+
+
+def test_driving_by_hand_ends_when_the_robot_is_stopped(robot: PlayedRobot, say: Say) -> None:
+    def stop() -> None:
+        robot.vehicle = Vehicle.EMERGENCY_STOP
+
+    threading.Timer(0.8, stop).start()
+    code, out, _ = say("teleop", "0.2", "0", "--for", "9")
+    assert code == 1
+    assert out.startswith("stopped: ")
+
+
+def test_a_speed_no_robot_has_is_refused_before_anybody_is_dialled(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["teleop", "50", "0", "--connect", "tcp/127.0.0.1:1"]) == 2
+    assert "speed 50 m/s is out of range" in capsys.readouterr().err
