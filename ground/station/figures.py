@@ -4,6 +4,7 @@ from collections.abc import Callable
 from math import sqrt
 from typing import Any, Final
 
+from ground.station.dearest import Dearest
 from ground.station.history import History
 from ground.station.tracks import RADIUS_M, Echoes, Marks, Trail
 from ground.telemetry import Age, Telemetry, age_of
@@ -44,6 +45,7 @@ class Figures:
         self.trail = Trail()
         self.echoes = Echoes()
         self.marks = Marks()
+        self.dearest = Dearest()
 
     def poll(self, now_ns: int) -> None:
         takes: tuple[tuple[Topic[Any], Callable[[Any, float], None]], ...] = (
@@ -82,6 +84,7 @@ class Figures:
     def _cycle(self, cycle: CycleReport, time_s: float) -> None:
         self.history["cycle_us"].add(time_s, float(sum(cycle.stage_us)))
         self.history["late_us"].add(time_s, float(cycle.late_us))
+        self.dearest.add(cycle, time_s)
 
     def _sonar(self, scan: SonarScan, time_s: float) -> None:
         pose = self._telemetry.latest(ODOMETRY)

@@ -15,7 +15,7 @@ from ground.station.streams import StreamRow
 from ground.station.watched import Watched
 from ground.station.world import WorldFacts
 from ground.telemetry import Age, Seen, Telemetry
-from protocol.messages import AvoidanceDecision, LeaseStatus, MissionStatus
+from protocol.messages import AvoidanceDecision, CycleReport, LeaseStatus, MissionStatus
 from protocol.topics import LEASE, MISSION, Role, Topic
 
 NS_PER_S: Final = 1_000_000_000
@@ -147,6 +147,11 @@ class Sight:
     @property
     def history(self) -> History:
         return self._shown.figures.history
+
+    @property
+    def dearest_cycle(self) -> CycleReport | None:
+        """Of the last second; how old the newest one is, is told by `seen`."""
+        return self._shown.figures.dearest.cycle
 
     @property
     def trail(self) -> tuple[Point, ...]:

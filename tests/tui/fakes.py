@@ -25,9 +25,11 @@ from protocol.mailbox import Mailbox, Sample
 from protocol.message import Message
 from protocol.messages import (
     AvoidanceDecision,
+    CycleReport,
     MissionStatus,
 )
 from protocol.topics import (
+    CYCLE,
     ENCODING,
     TOPICS,
     Role,
@@ -172,6 +174,11 @@ class FakeStation(Station):
     @property
     def world(self) -> WorldFacts | None:
         return self.world_now
+
+    @property
+    def dearest_cycle(self) -> CycleReport | None:
+        newest = self.telemetry.latest(CYCLE)
+        return None if newest is None else newest[0]
 
     @property
     def history(self) -> History:

@@ -8,6 +8,7 @@ from ground.app.faces.bars import bar, binned, spark
 from ground.app.faces.keybar import keybar_row
 from ground.app.faces.mission import mission_rows
 from ground.app.faces.side import side_rows, whole
+from ground.app.faces.sparks import FIGURES, figure_rows
 from ground.app.faces.status import Setting, status_row
 from ground.app.keymap import Keymap
 from ground.app.keys import Layer
@@ -94,6 +95,24 @@ def test_values_stay_in_their_bin_while_the_window_moves_on() -> None:
     points = [(1.0, 1.0), (2.0, 2.0)]
     assert binned(points, 4, 3.9, 4.0)[1:3] == [1.0, 2.0]
     assert binned(points, 4, 4.0, 4.0)[0:2] == [1.0, 2.0]
+
+
+def test_of_what_is_told_as_a_peak_each_bin_keeps_the_greatest() -> None:
+    points = [(0.2, 3.0), (0.4, 9.0), (0.6, 5.0), (1.5, 4.0)]
+    assert binned(points, 2, 1.9, 2.0, peak=True) == [9.0, 4.0]
+    assert binned(points, 2, 1.9, 2.0) == [5.0, 4.0]
+
+
+def test_the_cost_of_a_standing_robot_is_not_drawn_anew_with_each_cycle() -> None:
+    station = driving(FakeStation())
+    spent_us = (300.0, 412.0, 280.0, 350.0, 411.0)
+    cost = next(figure for figure in FIGURES if figure.series == "cycle_us")
+    shown = []
+    for tick, us in enumerate(spent_us):
+        station.history["cycle_us"].add(station.time_s + 0.05 * tick, us)
+        shown.append([words_of(one) for one in figure_rows(station, cost, 32)])
+    assert "cycle≤  412 us" in shown[1][0]
+    assert [rows[0].split("us")[0] for rows in shown[1:]] == [shown[1][0].split("us")[0]] * 4
 
 
 def test_a_row_is_cut_with_a_mark() -> None:

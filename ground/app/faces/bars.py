@@ -38,9 +38,15 @@ def height(value: float, low: float, span: float) -> str:
 
 
 def binned(
-    points: Iterable[tuple[float, float]], cells: int, now_s: float, window_s: float
+    points: Iterable[tuple[float, float]],
+    cells: int,
+    now_s: float,
+    window_s: float,
+    *,
+    peak: bool = False,
 ) -> list[float]:
-    """The newest value of each of so many equal times up to now, NaN where there is none.
+    """The newest value (`peak`: the greatest) of each of so many equal times up to now, NaN where
+    there is none.
 
     The times are on a fixed grid, so that a value stays in its bin while the window moves on.
     """
@@ -49,6 +55,6 @@ def binned(
     bins = [nan] * cells
     for time_s, value in points:
         place = int(time_s // step_s) - newest + cells - 1
-        if 0 <= place < cells:
+        if 0 <= place < cells and not (peak and bins[place] > value):
             bins[place] = value
     return bins

@@ -30,7 +30,7 @@ STAGES: Final = "rongw"
 
 def side_rows(station: Station, height: int, width: int = WIDTH) -> list[Row]:
     """Blank rows only where there is room for them; where there is little, sonars side by side."""
-    cycle = cycle_rows(station.seen(CYCLE))
+    cycle = cycle_rows(station.seen(CYCLE), station.dearest_cycle)
     parts = [place_rows(station), sonar_rows(station), cycle]
     if height < sum(map(len, parts)):
         parts = [place_rows(station)[:4], dense_sonar_rows(station), cycle[:1]]
@@ -172,20 +172,20 @@ def parameter(station: Station, name: str, otherwise: float) -> float:
     return otherwise
 
 
-def cycle_rows(seen: Seen) -> list[Row]:
-    """What a control cycle cost against its budget, and each stage's share in microseconds."""
-    report: CycleReport | None = live(seen)
-    if report is None:
+def cycle_rows(seen: Seen, report: CycleReport | None) -> list[Row]:
+    """What the dearest control cycle of the last second cost against its budget, and each stage's
+    share in microseconds."""
+    if live(seen) is None or report is None:
         return [row(head("cycle "), aged(seen, lambda _: "")), ()]
     spent, budget = sum(report.stage_us), report.budget_us
     over = "danger" if spent > budget else "mission"
-    gauge = Span(bar(spent / budget if budget else 1.0, 9), role_of(seen, over))
+    gauge = Span(bar(spent / budget if budget else 1.0, 8), role_of(seen, over))
     marks = Span(" !", "danger") if spent > budget else Span("")
     stages = zip(STAGES, report.stage_us, strict=True)
     shares = (
         piece for name, us in stages for piece in (head(f"{name}"), Span(f"{us} ", role_of(seen)))
     )
     return [
-        row(head("cycle "), gauge, Span(f" {spent}/{budget} us", role_of(seen)), marks),
+        row(head("cycle≤ "), gauge, Span(f" {spent}/{budget} us", role_of(seen)), marks),
         row(*shares),
     ]

@@ -1,6 +1,6 @@
 """The third column: the last minute as sparklines, each with its present value and its range."""
 
-from math import isfinite
+from math import inf, isfinite, nan
 from typing import Final, NamedTuple
 
 from ground.app.faces.aged import MISSING, number
@@ -14,7 +14,10 @@ FRESH_S: Final = 1.0
 
 
 class Figure(NamedTuple):
-    """A series of the history, its name for people, its unit and its colour."""
+    """A series of the history, its name for people, its unit and its colour.
+
+    `peak`: of what is told together the greatest is shown, so that it does not change each time.
+    """
 
     series: str
     says: str
@@ -22,15 +25,16 @@ class Figure(NamedTuple):
     role: str
     form: str = ".2f"
     factor: float = 1.0
+    peak: bool = False
 
 
 FIGURES: Final = (
     Figure("goal_distance", "to go", "m", "virtual"),
     Figure("speed", "speed", "m/s", "goal"),
     Figure("nearest_range", "nearest", "m", "echo"),
-    Figure("cycle_us", "cycle", "us", "mission", ".0f"),
+    Figure("cycle_us", "cycle", "us", "mission", ".0f", peak=True),
     Figure("uncertainty_m", "σ pose", "mm", "ellipse", ".0f", 1000.0),
-    Figure("late_us", "late", "us", "mission", ".0f"),
+    Figure("late_us", "late", "us", "mission", ".0f", peak=True),
 )
 
 
@@ -41,15 +45,17 @@ def spark_rows(station: Station, width: int = WIDTH) -> list[Row]:
 def figure_rows(station: Station, figure: Figure, width: int) -> list[Row]:
     series, now_s = station.history[figure.series], station.time_s
     points = series.points(now_s - WINDOW_S)
-    values = binned(points, width, now_s, WINDOW_S)
-    last = series.last
-    fresh = last is not None and now_s - last[0] <= FRESH_S and isfinite(last[1])
-    value = last[1] * figure.factor if last is not None and fresh else None
+    values = binned(points, width, now_s, WINDOW_S, peak=figure.peak)
+    time_s, newest = series.last or (-inf, nan)
+    fresh = now_s - time_s <= FRESH_S and isfinite(newest)
+    peaks = [one for one in values if isfinite(one)] if figure.peak else []
+    value = (peaks or [newest])[-1] * figure.factor if fresh else None
     there = [one * figure.factor for one in values if isfinite(one)]
     ends = f"{min(there):{figure.form}}..{max(there):{figure.form}}" if there else MISSING
     words = f"{number(value, figure.form)} {figure.unit}"
     role = figure.role if fresh else "faint"
+    says = f"{figure.says}≤" if figure.peak else figure.says
     return [
-        row(head(f"{figure.says:<8}"), Span(f"{words:<12}", role), faint(f"{ends:>{width - 20}}")),
+        row(head(f"{says:<8}"), Span(f"{words:<12}", role), faint(f"{ends:>{width - 20}}")),
         row(Span(spark(values, width), role)),
     ]

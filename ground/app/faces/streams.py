@@ -35,8 +35,12 @@ def rate(line: StreamRow) -> str:
 
 
 def age(line: StreamRow) -> str:
-    """To a tenth of a second: a figure that changes with every look cannot be read."""
-    return MISSING if line.age_ns is None else f"{line.age_ns / 1e9:.1f} s"
+    """A word while it is live: a figure that changes with every look cannot be read."""
+    if line.age_ns is None:
+        return MISSING
+    if not line.topic.rate_hz:
+        return f"{line.age_ns / 1e9:.0f} s"
+    return "live" if line.age is Age.LIVE else f"{line.age_ns / 1e9:.1f} s"
 
 
 def long(line: StreamRow) -> Row:
