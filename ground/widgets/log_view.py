@@ -31,7 +31,7 @@ class LogView(Lines, can_focus=True):
         self._top = last_top if self.following else max(0, min(self._top, last_top))
         self.show(map(paint, lines[self._top : self._top + self.size.height]))
 
-    def scroll(self, rows: int) -> None:
+    def move(self, rows: int) -> None:
         """Up or down; at the end it follows again."""
         last_top = max(0, self._count - self.size.height)
         self._top = max(0, min(last_top, self._top + rows))
@@ -44,8 +44,8 @@ class LogView(Lines, can_focus=True):
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
         event.stop()
-        self.scroll(-3)
+        self.move(-3)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
         event.stop()
-        self.scroll(3)
+        self.move(3)

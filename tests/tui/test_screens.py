@@ -118,6 +118,19 @@ def test_links_tell_who_is_there_and_what_arrives() -> None:
     play(story)
 
 
+def test_on_a_low_screen_the_links_are_rolled_to_their_end_and_back() -> None:
+    async def story() -> None:
+        async with staged((80, 12)) as stage:
+            await stage.press("5")
+            assert "silent" not in stage.words("lines")
+            await stage.press("end")
+            assert "silent" in stage.words("lines")
+            await stage.press("home")
+            assert "robot   ● there" in stage.words("lines")
+
+    play(story)
+
+
 @pytest.mark.usefixtures("worlds")
 def test_another_world_is_started_when_the_processes_are_ours() -> None:
     stack = FakeStack()

@@ -1,18 +1,52 @@
-"""Lines of the log as rows: when, how bad as a letter, who, what."""
+"""Lines of the log as rows: when, how bad as a letter, who, what; as many as it takes."""
 
+from textwrap import wrap
 from typing import Final
 
-from ground.station.log import Line
-from ground.widgets.rows import Row, Span, faint, head, row
+from ground.station.log import Line, Log
+from ground.widgets.rows import Row, Span, faint, head, row, width_of
 
 ROLES: Final = {"E": "danger", "W": "caution", "I": "text", "D": "faint"}
+LEAST: Final = 20
+"""Columns of text, in however narrow a panel: there rows are cut rather than very many."""
+MOST_LATELY: Final = 3
+"""Rows of a line where only the last ones are shown."""
 
 
-def log_row(line: Line, found: bool = False) -> Row:
+def log_rows(line: Line, width: int, *, found: bool = False, most: int | None = None) -> list[Row]:
+    """What does not fit goes on below where the text begins, in at most so many rows."""
+    lead = lead_of(line)
     role = "reverse" if found else ROLES[line.letter]
+    pieces = pieces_of(line, width, most)
+    indent = " " * width_of(lead)
+    return [
+        row(*(lead if number == 0 else (Span(indent),)), Span(piece, role))
+        for number, piece in enumerate(pieces)
+    ]
+
+
+def lead_of(line: Line) -> Row:
     return row(
         faint(f"{line.time_s:8.1f} "),
         Span(line.letter, ROLES[line.letter]),
         head(f" {line.source} "),
-        Span(line.text, role),
     )
+
+
+def pieces_of(line: Line, width: int, most: int | None = None) -> list[str]:
+    """The text, wrapped only when it must be: there may be ten thousand lines."""
+    room = max(LEAST, width - width_of(lead_of(line)))
+    if len(line.text) <= room:
+        return [line.text]
+    pieces = wrap(line.text, room, break_on_hyphens=False, max_lines=most, placeholder="…")
+    return pieces or [""]
+
+
+def latest_rows(log: Log, height: int, width: int) -> list[Row]:
+    """The end of the log, in so many rows; of a very long line only its beginning."""
+    rows: list[Row] = []
+    for line in reversed(log.last(height)):
+        rows = [*log_rows(line, width, most=MOST_LATELY), *rows]
+        if len(rows) >= height:
+            break
+    return rows[len(rows) - height :] if len(rows) > height else rows

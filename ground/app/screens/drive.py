@@ -11,7 +11,7 @@ from textual.containers import Horizontal, Vertical
 
 from ground.app.by_hand import ByHand
 from ground.app.deck import Deck
-from ground.app.faces.log import log_row
+from ground.app.faces.log import latest_rows
 from ground.app.faces.mission import mission_rows
 from ground.app.faces.side import side_rows
 from ground.app.faces.sparks import spark_rows
@@ -87,7 +87,7 @@ class DriveScreen(Sheet):
         station = self.deck.station
         side, log = self.lines("side"), self.lines("log")
         side.show(side_rows(station, side.size.height, side.size.width))
-        log.show(map(log_row, station.log.last(log.size.height)))
+        log.show(latest_rows(station.log, log.size.height, log.size.width))
         self.draw_why()
         if self.map.size:
             self.draw_maps()

@@ -64,12 +64,12 @@ class FaultsScreen(Listing):
     @property
     def chosen(self) -> Trouble | None:
         found = self.troubles()
-        return found[self.table.at] if self.table.at < len(found) else None
+        return found[self.listed.at] if self.listed.at < len(found) else None
 
     def draw(self) -> None:
         own = "" if self.deck.stack else "these processes are not ours: start them with sidestep up"
         self.lines("heading").show([row(" what can go wrong", faint(f"   {own}"))])
-        self.table.window(self.troubles(), trouble_row)
+        self.listed.window(self.troubles(), trouble_row)
         self.lines("about").show(about_rows(self.chosen))
 
     def actions(self) -> Mapping[str, Action]:

@@ -32,13 +32,13 @@ class ParamsScreen(Listing):
     @property
     def chosen(self) -> Parameter | None:
         found = self.found()
-        return found[self.table.at] if self.table.at < len(found) else None
+        return found[self.listed.at] if self.listed.at < len(found) else None
 
     def draw(self) -> None:
         station, found = self.deck.station, self.found()
         heading = heading_row(station, len(found), self._words, self._only_different)
         self.lines("heading").show([heading])
-        self.table.window(found, parameter_row)
+        self.listed.window(found, parameter_row)
         about = self.lines("about")
         about.styles.height = ABOUT_ROWS + 1
         about.show(about_rows(self.chosen))
@@ -56,11 +56,11 @@ class ParamsScreen(Listing):
     def find(self, words: str) -> None:
         """An empty search is one for all."""
         self._words = words.strip()
-        self.table.at = 0
+        self.listed.at = 0
 
     def differing(self) -> None:
         self._only_different = not self._only_different
-        self.table.at = 0
+        self.listed.at = 0
 
     def choose(self) -> None:
         one = self.chosen

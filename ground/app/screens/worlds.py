@@ -41,14 +41,14 @@ class WorldsScreen(Listing):
 
     @property
     def chosen(self) -> str:
-        return self._worlds[self.table.at]["name"] if self._worlds else ""
+        return self._worlds[self.listed.at]["name"] if self._worlds else ""
 
     def draw(self) -> None:
         world = self.deck.station.world
         here = "" if world is None else world.name
         own = "Enter starts another one" if self.deck.stack else "these processes are not ours"
         self.lines("heading").show([row(f" {len(self._worlds)} worlds", faint(f"   {own}"))])
-        self.table.window(self._worlds, lambda one, chosen: world_row(one, here, chosen))
+        self.listed.window(self._worlds, lambda one, chosen: world_row(one, here, chosen))
         self.inquire()
         self.lines("about").show(fact_rows(self._facts.get(self.chosen)))
 

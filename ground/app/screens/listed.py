@@ -1,0 +1,40 @@
+"""A screen with something longer than itself: arrows, pages and ends move through it."""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from functools import partial
+from typing import Final
+
+from ground.app.keys import Layer
+from ground.app.screens.sheet import Action, Sheet
+from ground.widgets.log_view import LogView
+from ground.widgets.table import Table
+
+TO_THE_END: Final = 1_000_000
+
+
+class Listed(Sheet):
+    @property
+    @abstractmethod
+    def listed(self) -> Table | LogView:
+        """What the keys move through."""
+
+    def choose(self) -> None:
+        """Enter."""
+
+    def key_layers(self) -> tuple[Layer, ...]:
+        above = super().key_layers()
+        return above if self.typing else (Layer.LIST, *above)
+
+    def actions(self) -> Mapping[str, Action]:
+        move, page = self.listed.move, max(1, self.listed.size.height - 1)
+        return {
+            **super().actions(),
+            "row-up": partial(move, -1),
+            "row-down": partial(move, 1),
+            "page-up": partial(move, -page),
+            "page-down": partial(move, page),
+            "row-first": partial(move, -TO_THE_END),
+            "row-last": partial(move, TO_THE_END),
+            "row-choose": self.choose,
+        }
