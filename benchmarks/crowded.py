@@ -11,6 +11,7 @@ from textual.pilot import Pilot
 from benchmarks.robot import resident_mb
 from ground.app.app import GroundApp
 from ground.app.looks import Looks
+from ground.map import Target
 from ground.station import Station
 from protocol.clock import ManualClock
 from protocol.codec import Encoder
@@ -99,6 +100,7 @@ class Nobody:
     """Takes no command line."""
 
     last = ""
+    drafted: tuple[Target, ...] = ()
 
     def give(self, line: str) -> None:
         """Nothing comes of it."""

@@ -25,6 +25,7 @@ from ground.app.pace import Pace, Takes
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.sheet import Action, Sheet
 from ground.app.themes import THEMES
+from ground.map import Target
 from ground.station.station import Station
 from ground.telemetry import Age
 from protocol.clock import WallClock
@@ -133,6 +134,10 @@ class GroundApp(App[int]):
 
     def is_local(self, line: str) -> bool:
         return self._orders.is_local(line)
+
+    @property
+    def drafted(self) -> tuple[Target, ...]:
+        return self._orders.drafted
 
     def complete(self, text: str) -> list[str]:
         return self._orders.complete(text)

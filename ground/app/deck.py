@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ground.app.faces.status import Setting
 from ground.app.keys import Key
+from ground.map import Target
 from ground.station.station import Station
 
 if TYPE_CHECKING:
@@ -35,6 +36,10 @@ class Deck(Protocol):
 
     def give(self, line: str) -> None:
         """Do what a command line says; what comes of it is in the log."""
+
+    @property
+    def drafted(self) -> tuple[Target, ...]:
+        """The waypoints of the mission that is being made."""
 
     def complete(self, text: str) -> list[str]: ...
     def recall(self, text: str, step: int) -> str:

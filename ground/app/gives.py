@@ -2,6 +2,8 @@
 
 from typing import Protocol
 
+from ground.map import Target
+
 
 class Gives(Protocol):
     """Takes command lines, and knows those that were taken before."""
@@ -9,6 +11,10 @@ class Gives(Protocol):
     @property
     def last(self) -> str:
         """The last line as a command for a shell; empty when there was none."""
+
+    @property
+    def drafted(self) -> tuple[Target, ...]:
+        """The waypoints of the mission that is being made."""
 
     def give(self, line: str) -> None:
         """Do it off this thread; refusals and outcomes are lines in the log."""

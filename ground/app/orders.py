@@ -12,10 +12,12 @@ from ground.console import History, Word, act, act_locally, complete, parse
 from ground.console.aliases import unfolded
 from ground.console.typed import words_of
 from ground.link import Link
+from ground.map import Target
 from ground.missions.draft import Draft
 from ground.options import Common
 from ground.says import Says
 from ground.station import Outcome, Station
+from ground.station.items import target_of
 from ground.teleop import Stick
 from protocol.bus import Bus
 from protocol.clock import Clock
@@ -92,6 +94,10 @@ class Orders:
             return bool(parse(line).local)
         except UserError:
             return True  # it is only said to be wrong
+
+    @property
+    def drafted(self) -> tuple[Target, ...]:
+        return tuple(map(target_of, self.draft.mission.waypoints))
 
     def complete(self, text: str) -> list[str]:
         names = [str(line["name"]) for line in self._station.parameters or ()]

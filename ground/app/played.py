@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 from ground.app.faces.status import Setting
 from ground.app.keys import Key
 from ground.app.player import Player
+from ground.map import Target
 from ground.stack import Stack
 from ground.station import Station
 
@@ -55,6 +56,10 @@ class PlayedDeck:
             self.say(REFUSED)
             return
         self._app.give(line)
+
+    @property
+    def drafted(self) -> tuple[Target, ...]:
+        return self._app.drafted
 
     def complete(self, text: str) -> list[str]:
         return self._app.complete(text)

@@ -107,6 +107,11 @@ def _mission(scene: Scene) -> Iterator[str]:
             f"mission item {index + 1} of {len(scene.mission)}:"
             f" at {place(item.x_m, item.y_m, item.heading_rad)}{now}"
         )
+    for index, item in enumerate(scene.draft):
+        yield (
+            f"draft item {index + 1} of {len(scene.draft)}:"
+            f" at {place(item.x_m, item.y_m, item.heading_rad)}"
+        )
 
 
 def _around(scene: Scene) -> Iterator[str]:

@@ -22,6 +22,7 @@ from ground.map.moving import (
 from ground.map.pen import Pen
 from ground.map.scene import LAYERS, Scene
 from ground.map.standing import (
+    draw_draft,
     draw_fence,
     draw_ghosts,
     draw_marks,
@@ -45,6 +46,7 @@ MOVING: Final[tuple[tuple[str, Layer], ...]] = (
     ("zone", draw_zone),
     ("sonars", draw_sonars),
     ("marks", draw_marks),
+    ("draft", draw_draft),
     ("mission", draw_mission),
     ("virtual", draw_virtual),
     ("goal", draw_goal),

@@ -17,6 +17,7 @@ MARKS: Final = {
     "hit": ("H", "H"),
     "leave": ("L", "L"),
     "waypoint": ("•", "*"),
+    "draft": ("◦", "%"),
     "other": ("◆", "r"),
     "mover": ("●", "@"),
     "lost": ("?", "?"),

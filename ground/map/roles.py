@@ -15,6 +15,7 @@ ROLES: Final = (
     "echo",
     "leave",
     "hit",
+    "draft",
     "mission",
     "virtual",
     "goal",

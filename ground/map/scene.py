@@ -17,6 +17,7 @@ LAYERS: Final = (
     "zone",
     "sonars",
     "marks",
+    "draft",
     "mission",
     "virtual",
     "goal",
@@ -90,7 +91,7 @@ class Scene:
     heard lately: then its mark is a question mark. `ranges_m` are by sonar from right to left,
     measured from the robot's rim: inf for no echo, None for a sonar that is missing. `zone_m` is
     measured from the rim too. `covariance` is xx, xy, yy in m2. `current` is the mission item
-    under way, `note` a word for the legend.
+    under way, `draft` a mission that the robot does not have yet, `note` a word for the legend.
     """
 
     size_m: Point | None = None
@@ -110,6 +111,7 @@ class Scene:
     fence: Shape | None = None
     mission: Sequence[Target] = ()
     current: int | None = None
+    draft: Sequence[Target] = ()
     movers: Sequence[Disc] = ()
     others: Sequence[Robot] = ()
     ghosts: Sequence[Ghost] = ()
@@ -133,8 +135,8 @@ class Scene:
             for shape in shapes:
                 yield from _corners(shape)
             yield from (*self.seen, *self.trail)
-        places = [place for place in (self.robot, self.goal, *self.mission) if place is not None]
-        for place in places:
+        targets = (self.robot, self.goal, *self.mission, *self.draft)
+        for place in (place for place in targets if place is not None):
             yield from _corners(Disc(place.x_m, place.y_m, RADIUS_M))
 
 

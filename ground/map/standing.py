@@ -1,5 +1,6 @@
-"""What does not move with the robot: walls, fence, mission, other runs."""
+"""What does not move with the robot: walls, fence, mission and its draft, other runs."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import cos, hypot, isfinite, sin
 from typing import Final
@@ -53,13 +54,27 @@ def draw_marks(pen: Pen, scene: Scene) -> None:
 
 def draw_mission(pen: Pen, scene: Scene) -> None:
     """Items from 1 on; the one under way is marked as such."""
-    places = [(item.x_m, item.y_m) for item in scene.mission]
-    for a, b in pairwise(places):
-        pen.dotted(a, b, "mission", 2 * EDGE_EVERY)
-    for index, item in enumerate(scene.mission):
-        draw_heading(pen, item, "mission")
-        number = f">{index + 1}" if index == scene.current else f"{index + 1}"
+    numbers = [f"{number}" for number in range(1, len(scene.mission) + 1)]
+    if scene.current is not None and 0 <= scene.current < len(numbers):
+        numbers[scene.current] = f">{numbers[scene.current]}"
+    draw_legs(pen, scene.mission, "mission", 2 * EDGE_EVERY)
+    for number, item in zip(numbers, scene.mission, strict=True):
         pen.mark((item.x_m, item.y_m), "waypoint", "mission", number)
+
+
+def draw_draft(pen: Pen, scene: Scene) -> None:
+    """What is only planned: hollow marks, numbers with a `d`, and fewer dots between them."""
+    draw_legs(pen, scene.draft, "draft", 4 * EDGE_EVERY)
+    for number, item in enumerate(scene.draft, start=1):
+        pen.mark((item.x_m, item.y_m), "draft", "draft", f"d{number}")
+
+
+def draw_legs(pen: Pen, items: Sequence[Target], role: str, every: int) -> None:
+    """From place to place, and how to arrive at each."""
+    for a, b in pairwise([(item.x_m, item.y_m) for item in items]):
+        pen.dotted(a, b, role, every)
+    for item in items:
+        draw_heading(pen, item, role)
 
 
 def draw_heading(pen: Pen, target: Target, role: str) -> None:

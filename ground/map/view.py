@@ -68,12 +68,6 @@ class View:
         centre_x_m = x_m + (self.centre_x_m - x_m) * share
         return self._at(centre_x_m, y_m + (self.centre_y_m - y_m) * share, scale_m)
 
-    def panned(self, columns: float, rows: float) -> "View":
-        """Moved over the world by so many cells, to the right and down."""
-        right_m = columns * DOTS_WIDE * self.m_per_dot
-        down_m = rows * DOTS_HIGH * self.m_per_dot
-        return self.centred(self.centre_x_m + right_m, self.centre_y_m - down_m)
-
     def centred(self, x_m: float, y_m: float) -> "View":
         return self._at(x_m, y_m, self.m_per_dot)
 

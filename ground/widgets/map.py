@@ -21,7 +21,7 @@ PAPER = ""
 class MapWidget(Widget):
     """Draws the scene last shown. `styles_by_role` colours ink; paper is the widget's own.
 
-    While it is `fitted` all of the scene is on the map; zooming, panning and centring end that.
+    While it is `fitted` all of the scene is on the map; zooming and centring end that.
     While it is `following` the robot is kept well inside. The keys are the app's.
     """
 
@@ -127,13 +127,13 @@ class MapWidget(Widget):
         """Larger by a factor about a place, or about the middle."""
         self.view = self._view.zoomed(factor, about)
 
-    def pan(self, columns: float, rows: float) -> None:
-        """Over the world by so many cells, to the right and down."""
-        self._following = False
-        self.view = self._view.panned(columns, rows)
-
     def centre(self, x_m: float, y_m: float) -> None:
         self.view = self._view.centred(x_m, y_m)
+
+    def reveal(self, x_m: float, y_m: float) -> None:
+        """Go there when it is near the edge or beyond, unless the map goes by something else."""
+        if not (self._fitted or self._following):
+            self.view = self._view.following(x_m, y_m)
 
     def render_line(self, y: int) -> Strip:
         strip = self._strips.get(y)

@@ -44,6 +44,7 @@ PAINTS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "leave":    ("bold #a6e3a1",  "bold #176f2c",   "bold #00ff66",   "bold green",    "none"),
         "fence":    ("#ff6f6f",       "#b3121d",        "bold #ff4040",   "red",           "none"),
         "mission":  ("#b7a3f5",       "#5b3fb5",        "bold #cc99ff",   "magenta",       "none"),
+        "draft":    ("#9a8fd0",       "#7a66c2",        "#cc99ff",        "magenta",       "none"),
         "ghost":    ("#7b8896",       "#8b95a1",        "#b8b8b8",        "bright_black",  "dim"),
         "other":    ("bold #ecc46a",  "bold #8a5a00",   "#ffffff",        "default",       "none"),
         "cursor":   (

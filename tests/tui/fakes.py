@@ -238,6 +238,7 @@ class FakeOrders:
         self.steered: list[tuple[float, float]] = []
         self.hand = False
         self.last = ""
+        self.drafted: tuple[Target, ...] = ()
 
     def give(self, line: str) -> None:
         if not line:

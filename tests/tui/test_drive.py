@@ -1,8 +1,10 @@
 """The Drive screen, by keys alone."""
 
+import pytest
 from textual import events
 
 from ground.app.screens.drive import DriveScreen
+from ground.map import Target
 from ground.station import Loss, LossKind
 from ground.widgets.command_line import CommandLine
 from ground.widgets.lines import Lines
@@ -81,6 +83,37 @@ def test_with_the_cursor_h_is_left_and_without_it_h_holds() -> None:
             assert stage.orders.given == []
             await stage.press("escape", "h")
             assert stage.orders.given == ["hold"]
+
+    play(story)
+
+
+def test_a_draft_of_a_mission_is_on_the_map_until_it_is_what_the_robot_has() -> None:
+    async def story() -> None:
+        ways = (Target(1.0, 2.0), Target(3.0, 4.0, 0.0))
+        async with staged((110, 30)) as stage:
+            assert drive_of(stage).map.scene.draft == ()
+            stage.orders.drafted = ways
+            await stage.look()
+            assert drive_of(stage).map.scene.draft == ways
+            assert "2 waypoints; send: wp upload" in stage.words("mission")
+            stage.station.items_now = ways
+            await stage.look()
+            assert drive_of(stage).map.scene.draft == ()
+            assert stage.words("mission") == ""
+
+    play(story)
+
+
+def test_a_map_that_is_zoomed_goes_with_the_cursor() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("+", "+", "+", "+", "+", "+", "+", "G", "L", "L")
+            shown, cursor = drive_of(stage).map, drive_of(stage).pointing.cursor
+            assert cursor is not None
+            assert shown.view.centre_x_m == pytest.approx(cursor.x_m)
+            await stage.press("0", "L", "L", "L", "L")
+            assert shown.fitted
+            assert shown.view.centre_x_m == pytest.approx(5.0)
 
     play(story)
 

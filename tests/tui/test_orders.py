@@ -1,11 +1,13 @@
 """Command lines of the app: done off the screen's thread, refused with reasons, copied as shell."""
 
+from math import pi
 from pathlib import Path
 
 import pytest
 
 from ground.app.orders import Orders, moves
 from ground.console import History, parse
+from ground.map import Target
 from ground.options import Common
 from protocol.clock import ManualClock
 from protocol.network import Network
@@ -96,6 +98,7 @@ def test_a_draft_of_a_mission_is_made_line_by_line(tmp_path: Path) -> None:
     taker, station = orders()
     for line in ("wp add 1 2", "wp add 3 4 90", "wp list", f"wp save {tmp_path / 'm.toml'}"):
         taker.give(line)
+    assert taker.drafted == (Target(1.0, 2.0, None, 0.05), Target(3.0, 4.0, pi / 2.0, 0.05))
     assert "(3, 4) at 90 deg" in log(station)
     assert (tmp_path / "m.toml").exists()
 

@@ -1,4 +1,4 @@
-"""How far the mission is."""
+"""How far the mission is, and that there is a draft of one."""
 
 from math import degrees
 from typing import Final
@@ -27,6 +27,12 @@ def mission_rows(station: Station) -> list[Row]:
         row(head("mission "), aged(seen, mission_words, "mission")),
         *(item_row(number, item, status.current) for number, item in items[first : first + MOST]),
     ]
+
+
+def draft_rows(count: int) -> list[Row]:
+    """How many waypoints wait to be sent; nothing when none does."""
+    waypoints = f"{count} waypoint{'' if count == 1 else 's'}"
+    return [row(head("draft   "), Span(f"{waypoints}; send: wp upload", "draft"))] if count else []
 
 
 def item_row(number: int, item: Target, current: int) -> Row:

@@ -12,7 +12,7 @@ from textual.containers import Horizontal, Vertical
 from ground.app.by_hand import ByHand
 from ground.app.deck import Deck
 from ground.app.faces.log import latest_rows
-from ground.app.faces.mission import mission_rows
+from ground.app.faces.mission import draft_rows, mission_rows
 from ground.app.faces.side import side_rows
 from ground.app.faces.sparks import spark_rows
 from ground.app.faces.streams import stream_rows
@@ -21,7 +21,7 @@ from ground.app.keys import Layer
 from ground.app.pointing import Pointing
 from ground.app.screens.sheet import Action, Sheet
 from ground.explain import Why
-from ground.map import LAYERS
+from ground.map import LAYERS, Target
 from ground.widgets.lines import Lines
 from ground.widgets.map import PAPER, MapWidget
 from ground.widgets.paint import styles_of
@@ -96,11 +96,16 @@ class DriveScreen(Sheet):
 
     def draw_maps(self) -> None:
         ghosts = () if self._haunting is None else self._haunting.trails()
-        scene = replace(self.deck.station.scene(), ghosts=ghosts)
+        scene = replace(self.deck.station.scene(), ghosts=ghosts, draft=self.draft())
         self.map.show(replace(scene, cursor=self.pointing.place))
         inset = self.query_one("#inset", MapWidget)
         if inset.size:
             inset.show(scene)
+
+    def draft(self) -> tuple[Target, ...]:
+        """The mission that is being made, until it is what the robot has."""
+        drafted = self.deck.drafted
+        return () if drafted == self.deck.station.mission_items else drafted
 
     def draw_why(self) -> None:
         """Where there is room the decision of now, and on demand the last one that changed it."""
@@ -116,7 +121,7 @@ class DriveScreen(Sheet):
         station = self.deck.station
         sparks = self.lines("sparks")
         sparks.show(spark_rows(station, max(24, sparks.size.width - 1)))
-        mission = mission_rows(station)
+        mission = [*mission_rows(station), *draft_rows(len(self.draft()))]
         self.lines("mission").show(mission)
         panel = self.lines("mission")
         panel.display, panel.styles.height = bool(mission), max(1, len(mission))
@@ -216,8 +221,10 @@ class DriveScreen(Sheet):
     # The map.
 
     def tell(self, words: str) -> None:
-        """What Enter would send, where the prompt is."""
+        """What Enter would send, where the prompt is; a map that shows a part goes there."""
         self.prompt(words, self.deck.give)
+        if self.pointing.place is not None:
+            self.map.reveal(*self.pointing.place)
 
     def centre(self) -> None:
         place = self.robot_place()

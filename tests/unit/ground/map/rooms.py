@@ -31,6 +31,7 @@ EVERYTHING: Final = replace(
     fence=Disc(3.0, 2.0, 1.9),
     mission=(Target(0.6, 0.6), Target(4.4, 0.8, 0.0, 0.3)),
     current=1,
+    draft=(Target(2.4, 0.4), Target(5.6, 0.4, pi / 2.0)),
     movers=(Disc(4.0, 2.6, 0.3),),
     others=(Robot(5.2, 1.6, pi, name="r2"),),
     ghosts=(Ghost("bug", ((0.5, 0.5), (2.5, 0.6)), "stuck"),),

@@ -36,6 +36,8 @@ def test_everything_has_its_line() -> None:
         "sonars, left to right: 1.60, no echo, no echo, 0.90, 0.90, missing, no echo, no echo",
         "mission item 1 of 2: at 0.60 0.60",
         "mission item 2 of 2: at 4.40 0.80 heading 0 deg, under way",
+        "draft item 1 of 2: at 2.40 0.40",
+        "draft item 2 of 2: at 5.60 0.40 heading 90 deg",
         "robot r2: at 5.20 1.60 heading 180 deg, 3.32 m away, 7 deg to the right",
         "moving obstacle (simulation truth): at 4.00 2.60, 2.18 m away, 16 deg to the left",
         "ghost bug: stuck at 2.50 0.60",

@@ -1,8 +1,9 @@
 """The map as it looks. What a picture should show is in the name above it."""
 
 from dataclasses import replace
+from math import pi
 
-from ground.map import Canvas, Scene, View, draw
+from ground.map import Canvas, Scene, Target, View, draw
 from tests.unit.ground.map.rooms import EVERYTHING, ROOM
 
 SEEN = tuple((2.9, 1.0 + 0.1 * step) for step in range(20))
@@ -132,9 +133,9 @@ def test_everything_at_once_is_crowded_but_not_lost() -> None:
            ⠄        ⢀⠎  ⢁   L             ⢀                    ⡈             ⠄
            ⠂       ⢀⠎    ⠠                               ⡠⠔⠒⠢⡀⠄              ⠂
            ⡁      ⢀⠎      ⠁⡀              ⠈             ⡎   ⢀⠈⢆              ⡁
-           ⠄     ⢀⠎       ⢀ ⠂⣀  ⢀  ⠠  ⠠  ⠄  ⠂  ⠂  ⠂  ⠂  ⡇ ⢀•⠉>2⠉             ⠄
-           ⠂    ⢀•⣀1⡨⠤⠤⠬⠤⠤⠤⠤⠒⠒⠒⡒⠒⠒⠒⠉⠉⠉■ bug stuck       ⢈⠒⠤⠤⠤⠊               ⠂
-           ⡁                    ⠐⠠                    ⠄⠂                     ⡁
+           ⠄     ⢀⠎       ⢀ ⠂⣀  ⢀  ⠠  ⠠  ⠄  ⠂  ⠂  ⠂  ⠂  ⡇ ⢀•⠉>2⠉        ⢸    ⠄
+           ⠂    ⢀•⣀1⡨⠤⠤⠬⠤⠤⠤⠤⠒⠒⠒⡒⠒⠒⠒⠉⠉⠉■ bug stuck       ⢈⠒⠤⠤⠤⠊          ⢸    ⠂
+           ⡁                    ⠐⠠   ◦ d1  ⠂     ⠂    ⠄⠂    ⠐     ⠐     ◦ d2 ⡁
            ⠄                       ⠁⠐ ⠄⠠ ⡀⢀⢀ ⡀⢀ ⠄⠠ ⠂⠈                        ⠄
            ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠄ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠄⠠ ⠠ ⠄⠄ ⠄⠄ ⠄⠠⠠ ⠠⠠ ⠄ ⠄⠠ ⠄⠠ ⠄⠠ ⠄
     ├─────────┤ 1 m                                                           t 12 s
@@ -147,3 +148,12 @@ def test_a_few_cells_still_have_the_robot() -> None:
      ⡇▶⠶⡧⠤ ⡇
      ⠷⠥⠤⠥⠤⠤⠇
     """)
+
+
+def test_a_draft_is_told_from_the_mission_without_any_colour() -> None:
+    ways = (Target(1.0, 1.0), Target(3.0, 1.0, pi / 2.0))
+    sent = fitted(Scene(size_m=(4.0, 2.0), mission=ways), 40, 9, ascii_only=True)
+    made = fitted(Scene(size_m=(4.0, 2.0), draft=ways), 40, 9, ascii_only=True)
+    assert ("* 1" in sent, "% d1" in sent) == (True, False)
+    assert ("* 1" in made, "% d1" in made) == (False, True)
+    assert made.count("|") == sent.count("|")

@@ -30,7 +30,6 @@ def test_there_and_back_is_the_same_place(view: View, x_m: float, y_m: float) ->
 @settings(deadline=None)
 def test_any_numbers_give_a_usable_view(view: View, a: float, b: float, c: float) -> None:
     assert usable(view.zoomed(a, (b, c)))
-    assert usable(view.panned(a, b))
     assert usable(view.centred(a, b))
     assert usable(view.following(a, b))
     assert usable(View.fit((a, b, c, a), view.columns, view.rows))
@@ -87,11 +86,6 @@ def test_zooming_stops_at_the_ends() -> None:
     for _ in range(300):
         view = view.zoomed(0.5)
     assert view.m_per_dot == FURTHEST_M
-
-
-def test_panning_to_the_right_and_down_shows_what_is_there() -> None:
-    view = View(80, 24, 0.0, 0.0, 0.05).panned(10, 5)
-    assert view.middle() == pytest.approx((1.0, -1.0))
 
 
 def test_following_leaves_the_map_in_peace_until_the_robot_nears_the_rim() -> None:

@@ -138,7 +138,7 @@ def test_zooming_ends_the_fit_and_fitting_ends_the_zoom() -> None:
         app.map.zoom(2.0, (2.0, 2.0))
         assert not app.map.fitted
         assert app.map.view.m_per_dot == fitted.m_per_dot / 2.0
-        app.map.pan(3, 0)
+        app.map.centre(3.0, 0.0)
         app.map.fit()
         assert app.map.view == fitted
 
