@@ -49,8 +49,10 @@ class PlayedBus:
         encoder = self._encoders.setdefault((robot, topic.path), Encoder(1, 1))
         self.say_frame(topic, encoder.encode(message), robot)
 
-    def say_frame(self, topic: Topic[Any], frame: bytes, robot: str = "r1") -> None:
-        now_ns = self._clock.now_ns()
+    def say_frame(
+        self, topic: Topic[Any], frame: bytes, robot: str = "r1", age_ns: int = 0
+    ) -> None:
+        now_ns = self._clock.now_ns() - age_ns
         for name, path, handler in self._handlers:
             if (name, path) == (robot, topic.path):
                 handler(topic.key(robot), frame, now_ns)

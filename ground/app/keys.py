@@ -40,7 +40,7 @@ def _keys(layer: Layer, *rows: tuple[str, str, str, str]) -> tuple[Key, ...]:
 KEYS: Final[tuple[Key, ...]] = (
     *_keys(
         Layer.ALWAYS,
-        ("estop", "f12 ctrl+space", "emergency stop, until the robot acknowledges", ""),
+        ("estop", "f12 ctrl+space", "emergency stop, until it is acknowledged", ""),
         ("quit", "ctrl+q", "leave the ground station", ""),
     ),
     *_keys(Layer.STOP, ("estop-here", "space", "emergency stop", "E-STOP")),

@@ -79,6 +79,16 @@ class Sight:
         return self._shown.restarts[role].count if role in self._shown.restarts else 0
 
     @property
+    def restarted(self) -> str:
+        """A restart that is news, and its cause as far as it is known; empty when there is none."""
+        return self._shown.again.words(self._now_ns)
+
+    @property
+    def restart_cause(self) -> str:
+        """What the robot last told of how the one before it ended; empty when it told nothing."""
+        return self._shown.again.cause
+
+    @property
     def round_trip_ms(self) -> float | None:
         """Of a small question to the robot's loop, asked each second; None: not answered."""
         took_ns = None if self._own is None else self._own.vigil.round_trip_ns

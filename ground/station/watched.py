@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from typing import Final
 
+from ground.station.again import Again
 from ground.station.comings import Comings
 from ground.station.figures import Figures
 from ground.station.hears import Hears, Token
@@ -40,6 +41,7 @@ class Watched:
         self.streams = Streams(TOPICS)
         self.moments = Moments()
         self.figures = Figures(self.telemetry, now_ns)
+        self.again = Again(robot)
         self.restarts = {Role.ROBOT: Restarts(), Role.PLANT: Restarts()}
         self.tokens: dict[Role, str] = {}
         self.charts = Charts()
@@ -56,7 +58,7 @@ class Watched:
             self._tell("ground", coming.text, coming.severity)
         again = self._see_tokens(present, now_ns) | self._see_counts()
         for role in again:
-            self._restarted(role)
+            self._restarted(role, now_ns)
         arrivals, overflowed = self._inbox.drain()
         if overflowed:
             self.streams.skip()
@@ -70,13 +72,15 @@ class Watched:
         self.moments.take(arrival)
         if arrival.path in EVENTS:
             with suppress(RemoteError):  # the mailbox has counted it
-                self._event(decode(arrival.frame).message, now_ns - arrival.arrived_ns)
+                self._event(decode(arrival.frame).message, arrival.arrived_ns, now_ns)
 
-    def _event(self, message: Message, age_ns: int) -> None:
+    def _event(self, message: Message, told_ns: int, now_ns: int) -> None:
+        """What was told before we came, or while we were cut off, says how long ago that was."""
         if isinstance(message, Statustext):
             text = self._texts.receive(message)
             if text:
-                self._tell(self.robot, aged(text, age_ns), message.severity)
+                self.again.hear(text, told_ns)
+                self._tell(self.robot, aged(text, now_ns - told_ns), message.severity)
         elif isinstance(message, ParamValue):
             self.parameters.changed(message)
         else:
@@ -103,9 +107,8 @@ class Watched:
             again.add(Role.PLANT)
         return again
 
-    def _restarted(self, role: Role) -> None:
-        times = self.restarts[role].count
-        whose = self.robot if role is Role.ROBOT else f"the plant of {self.robot}"
-        self._tell("ground", f"{whose} has been restarted ({times})", Severity.WARNING)
+    def _restarted(self, role: Role, now_ns: int) -> None:
+        words = self.again.begun(role, self.restarts[role].count, now_ns)
+        self._tell("ground", words, Severity.WARNING)
         if role is Role.ROBOT:
             self.figures.restart()

@@ -30,7 +30,10 @@ from protocol.messages import (
 )
 from protocol.topics import (
     CYCLE,
+    DECISION,
     ENCODING,
+    ODOMETRY,
+    STATUS,
     TOPICS,
     Role,
     Topic,
@@ -83,6 +86,8 @@ class FakeStation(Station):
         self.robots_now = ["r1"]
         self.robot_now = "r1"
         self.stopping_now = ""
+        self.restarts_now: dict[Role, int] = {}
+        self.restarted_now = self.cause_now = ""
         self.last_now = ""
         self.live_now = True
         self.closed = False
@@ -130,7 +135,15 @@ class FakeStation(Station):
         return self.streams_now
 
     def restarts(self, role: Role) -> int:
-        return 0
+        return self.restarts_now.get(role, 0)
+
+    @property
+    def restarted(self) -> str:
+        return self.restarted_now
+
+    @property
+    def restart_cause(self) -> str:
+        return self.cause_now
 
     @property
     def round_trip_ms(self) -> float | None:
@@ -188,7 +201,12 @@ class FakeStation(Station):
         self.log.add(Line(self.time_s, severity, "ground", text))
 
     def moment(self, time_ns: int | None = None) -> Moment | None:
-        return None
+        heard, now_ns = self.telemetry, self.now_ns
+        decision = heard.live(DECISION, now_ns)
+        if decision is None:
+            return None
+        status, cycle = heard.live(STATUS, now_ns), heard.live(CYCLE, now_ns)
+        return Moment(now_ns, decision, None, status, cycle, heard.live(ODOMETRY, now_ns))
 
     def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
         return [pair for pair in self.decisions_now if pair[0] > after_ns]

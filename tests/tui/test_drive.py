@@ -157,3 +157,18 @@ def test_nothing_is_drawn_again_when_nothing_has_changed() -> None:
             assert after == before
 
     play(story)
+
+
+def test_a_restart_is_told_below_the_status_and_a_loss_comes_first() -> None:
+    async def story() -> None:
+        station = driving(FakeStation())
+        async with staged(station=station) as stage:
+            station.restarted_now = "r1 has been restarted (1): the one before was killed"
+            await stage.look()
+            assert station.restarted_now in stage.words("alarm")
+            station.loss_now = Loss(LossKind.HUNG, "r1", "no beat", "stops", station.now_ns)
+            await stage.look()
+            assert "ROBOT HUNG" in stage.words("alarm")
+            assert "restarted" not in stage.words("alarm")
+
+    play(story)

@@ -5,30 +5,18 @@ import pytest
 from ground.app.screens.faults import FaultsScreen, Trouble, fault_of
 from ground.app.screens.worlds import WorldsScreen
 from protocol.errors import UserError
+from protocol.topics import Role
 from tests.tui.fakes import FakeStation
 from tests.tui.pilot import Stage, play, staged
 from tests.tui.plant_side import FakeStack, on
-from tests.tui.underway import driving
+from tests.tui.underway import driving, parameter
 
 
 def parameters() -> tuple[dict[str, object], ...]:
-    return tuple(
-        {
-            "name": name,
-            "value": value,
-            "default": default,
-            "unit": "m",
-            "minimum": 0.0,
-            "maximum": 1.0,
-            "integer": False,
-            "doc": doc,
-            "saved": True,
-        }
-        for name, value, default, doc in (
-            ("d_obs_m", 0.4, 0.3, "avoidance zone"),
-            ("radius_m", 0.12, 0.12, "radius of the robot"),
-            ("track_m", 0.2, 0.2, "distance between the wheels"),
-        )
+    return (
+        parameter("d_obs_m", 0.3, 0.4, "avoidance zone"),
+        parameter("radius_m", 0.12, 0.12, "radius of the robot"),
+        parameter("track_m", 0.2, 0.2, "distance between the wheels"),
     )
 
 
@@ -114,6 +102,39 @@ def test_links_tell_who_is_there_and_what_arrives() -> None:
             assert "robot   ● there" in words
             assert "100.0 % of the robot's frames" in words
             assert "tlm/status" in words
+
+    play(story)
+
+
+def test_links_tell_a_restart_and_its_cause() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("5")
+            assert "restarted" not in stage.words("lines")
+            stage.station.restarts_now = {Role.ROBOT: 1, Role.PLANT: 2}
+            stage.station.cause_now = "the one before was killed (signal SIGKILL)"
+            await stage.look()
+            rows = stage.words("lines").splitlines()
+            assert rows[0].endswith("restarted 1 time; the one before was killed (signal SIGKILL)")
+            assert rows[1].endswith("restarted 2 times")
+
+    play(story)
+
+
+def test_columns_of_the_links_stand_below_their_names() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("5")
+            rows = stage.words("lines").splitlines()
+            first = next(at for at, one in enumerate(rows) if one.startswith(" stream"))
+            for name, value in (
+                ("Hz", "20"),
+                ("age", "live"),
+                ("frames", "178"),
+                ("lost%", "0.0%"),
+            ):
+                ends = rows[first].index(name) + len(name)
+                assert rows[first + 2][:ends].endswith(value), name
 
     play(story)
 

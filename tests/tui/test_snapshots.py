@@ -11,6 +11,7 @@ from ground.app.looks import Looks
 from ground.app.player import Player
 from ground.station import Loss, LossKind
 from protocol.clock import ManualClock
+from protocol.reasons import Reason, reason_text
 from tests.tui.fakes import MS, FakeOrders, FakeStation, S
 from tests.tui.pilot import Stage, play, staged
 from tests.tui.plant_side import FakeStack, on
@@ -26,15 +27,30 @@ OTHERS = {"plots": "2", "params": "3", "log": "4", "links": "5"}
 def lived() -> FakeStation:
     """Twenty seconds of a drive, with figures and lines in the log."""
     station = FakeStation()
-    station.note("robot r1 online (liveliness)")
+    station.note("robot r1 is there")
+    station.note("r1: state, lease and 41 parameters read: ready")
     for tick in range(400):
-        time_s = tick * 0.05
-        for number, series in enumerate(station.history.values()):
-            series.add(time_s, abs(sin(time_s / 3 + number)) * (number + 1))
-    station.clock.advance(20 * S)
-    station.note("sonar 3 quality low", 4)
+        for name, value in figures_at(tick * 0.05).items():
+            station.history[name].add(tick * 0.05, value)
+    station.clock.advance(11 * S)
+    station.note(f"goal 19 7: refused: {reason_text(Reason.OUTSIDE_FENCE)}", 4)
     station.note("goal 9 7: ok 14 ms")
+    station.clock.advance(9 * S)
     return driving(station)
+
+
+def figures_at(time_s: float) -> dict[str, float]:
+    """As on the way to where `driving` has the robot: it sets off at 11 s, and turns at 18 s."""
+    driven_s = max(0.0, time_s - 11.1)
+    wiggle = sin(3.0 * time_s)
+    return {
+        "speed": min(0.31, 0.4 * driven_s) + (0.01 * wiggle if driven_s else 0.0),
+        "goal_distance": 8.78 - 0.265 * driven_s,
+        "nearest_range": max(0.23, 2.2 - 0.24 * driven_s),
+        "cycle_us": 380.0 + 31.0 * wiggle,
+        "uncertainty_m": 0.02 + 0.003 * driven_s,
+        "late_us": 45.0 + 20.0 * wiggle,
+    }
 
 
 def check(stage: Stage, name: str, *, update: bool) -> None:

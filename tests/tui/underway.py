@@ -30,14 +30,22 @@ def driving(station: FakeStation, at_s: float = 0.0) -> FakeStation:
     )
     station.scene_now = scene()
     station.parameters_now = (
-        {"name": "guard_stop_m", "value": 0.10, "default": 0.10, "unit": "m"},
-        {"name": "sonar_max_m", "value": 3.0, "default": 3.0, "unit": "m"},
+        parameter("d_obs_m", 0.3, 0.4, "sonars nearer than this make it avoid"),
+        parameter("guard_stop_m", 0.1, 0.1, "nearer than this it does not drive ahead"),
+        parameter("sonar_max_m", 3.0, 3.0, "farther than this there is no echo"),
     )
     station.streams_now = [
         StreamRow(topic, topic.rate_hz, 30 * MS, Age.LIVE, 178, 0, 0.0, 0, "")
         for topic in (HEARTBEAT, STATUS, ODOMETRY, SONAR, CYCLE)
     ]
     return station
+
+
+def parameter(name: str, default: float, value: float, doc: str) -> dict[str, object]:
+    return {
+        "name": name, "value": value, "default": default, "unit": "m", "minimum": 0.0,
+        "maximum": 5.0, "integer": False, "doc": doc, "saved": True,
+    }  # fmt: skip
 
 
 def drive_messages(now_ns: int) -> dict[Topic[Any], Message]:
@@ -90,7 +98,7 @@ def status(
 
 def scene() -> Scene:
     box = ((5.0, 3.5), (6.2, 3.5), (6.2, 5.2), (5.0, 5.2))
-    trail = tuple((0.8 + 0.11 * k, 1.0 + 0.06 * k + 0.0004 * k * k) for k in range(31))
+    trail = tuple((0.8 + 0.11 * k, 1.0 + 0.061 * k) for k in range(31))
     return Scene(
         size_m=(10.0, 8.0),
         obstacles=(Outline(((0, 0), (10, 0), (10, 8), (0, 8))), Outline(box)),
@@ -101,5 +109,5 @@ def scene() -> Scene:
         zone_m=0.3,
         goal=Target(9.0, 7.0, 0.0),
         virtual_goal=(5.4, 2.6),
-        hits=((3.4, 2.3),),
+        hits=((3.33, 2.40),),
     )

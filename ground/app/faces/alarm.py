@@ -1,4 +1,4 @@
-"""The line under the status: what is lost, or an e-stop that is not acknowledged; else nothing."""
+"""The line under the status: what is lost, what waits, who was restarted; else nothing."""
 
 from textwrap import wrap
 from typing import Final
@@ -21,7 +21,7 @@ def alarm_rows(station: Station, width: int) -> list[Row]:
     if station.live and not station.ready:
         words = f"reading {station.waiting_for} before commands are taken"
         return across(words, "caution", width)
-    return []
+    return across(station.restarted, "caution", width) if station.restarted else []
 
 
 def across(words: str, role: str, width: int) -> list[Row]:

@@ -1,7 +1,7 @@
 """Who is there, how well they are heard, who commands, and every stream with what it lost."""
 
 from ground.app.faces.aged import MISSING, number
-from ground.app.faces.streams import long
+from ground.app.faces.streams import long, long_head
 from ground.station.station import Station
 from ground.widgets.rows import Row, Span, faint, head, row
 from protocol.topics import Role
@@ -15,7 +15,7 @@ def link_rows(station: Station) -> list[Row]:
         (),
         *link_lines(station),
         (),
-        row(head(f" {'stream':<16}  wants     Hz      age    frames   lost    lost%  refused")),
+        row(" ", long_head()),
         *(row(" ", *long(line)) for line in streams),
         row(head(" silent  "), faint(", ".join(silent) or "none")),
     ]
@@ -27,12 +27,22 @@ def process_rows(station: Station) -> list[Row]:
     for role in (Role.ROBOT, Role.PLANT, Role.GROUND):
         there = crew.has(robot, role)
         mark = Span("● there ", "ok") if there else Span("○ gone  ", "danger")
-        again = "" if role is Role.GROUND else f"restarted {station.restarts(role)} times"
-        rows.append(row(head(f" {role.value:<8}"), mark, faint(again)))
+        rows.append(
+            row(head(f" {role.value:<8}"), mark, Span(again_words(station, role), "caution"))
+        )
     others = [name for name in station.robots() if name != robot]
     if others:
         rows.append(row(head(" others  "), ", ".join(others)))
     return rows
+
+
+def again_words(station: Station, role: Role) -> str:
+    """How often it was restarted, and why it was the last time; nothing when it was not."""
+    times = station.restarts(role)
+    words = [f"restarted {times} {'time' if times == 1 else 'times'}"] if times else []
+    if role is Role.ROBOT and station.restart_cause:
+        words.append(station.restart_cause)
+    return "; ".join(words)
 
 
 def link_lines(station: Station) -> list[Row]:

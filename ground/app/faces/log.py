@@ -43,10 +43,11 @@ def pieces_of(line: Line, width: int, most: int | None = None) -> list[str]:
 
 
 def latest_rows(log: Log, height: int, width: int) -> list[Row]:
-    """The end of the log, in so many rows; of a very long line only its beginning."""
+    """The end of the log, in so many rows; of a long line only its beginning."""
     rows: list[Row] = []
     for line in reversed(log.last(height)):
-        rows = [*log_rows(line, width, most=MOST_LATELY), *rows]
-        if len(rows) >= height:
+        room = min(MOST_LATELY, height - len(rows))
+        if not room:
             break
-    return rows[len(rows) - height :] if len(rows) > height else rows
+        rows = [*log_rows(line, width, most=room), *rows]
+    return rows

@@ -6,7 +6,7 @@ from ground.app.faces.aged import MISSING, aged, live, number, role_of
 from ground.orders import NAVIGATORS, SIDES
 from ground.station.station import Station
 from ground.status_line import name_of
-from ground.telemetry import Age
+from ground.telemetry import Age, Seen
 from ground.widgets.rows import Row, Span, cut, faint, head, row, width_of
 from protocol.enums import Mode, Vehicle
 from protocol.messages import NavigatorStatus
@@ -48,19 +48,33 @@ def parts_of(station: Station, setting: Setting) -> list[Row]:
     status = station.seen(STATUS)
     return [
         row(presence(station), Span(f" {station.robot}", "accent")),
+        *state_parts(status),
+        link_part(station),
+        row(head("t+ "), aged(status, driven_words)) if live(status) else (),
+        kind_part(setting),
+        row(Span(setting.recording, "danger" if setting.recording.endswith("!") else "ok")),
+        lease_part(station),
+    ]
+
+
+def state_parts(status: Seen) -> list[Row]:
+    """Mode, vehicle and navigator; of what is too old its age, once."""
+    if live(status) is None:
+        return [row(aged(status, mode_words))]
+    return [
         row(aged(status, mode_words)),
         row(aged(status, vehicle_words, vehicle_role(live(status)))),
         row(aged(status, navigator_words)),
-        link_part(station),
-        row(head("t+ "), aged(status, driven_words)),
-        kind_part(setting),
-        row(Span(setting.recording, "danger" if setting.recording.endswith("!") else "ok")),
-        ()
-        if not station.live
-        else row(
-            head("lease "), Span(station.lease.words, "caution" if station.lease.others else "text")
-        ),
     ]
+
+
+def lease_part(station: Station) -> Row:
+    """Whose the robot is; of a recording it does not matter."""
+    if not station.live:
+        return ()
+    return row(
+        head("lease "), Span(station.lease.words, "caution" if station.lease.others else "text")
+    )
 
 
 def presence(station: Station) -> Span:

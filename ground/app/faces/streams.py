@@ -43,6 +43,12 @@ def age(line: StreamRow) -> str:
     return "live" if line.age is Age.LIVE else f"{line.age_ns / 1e9:.1f} s"
 
 
+def long_head() -> Span:
+    """What stands above the columns of `long`."""
+    first = f"{'stream':<16}{'wants':>6}{'Hz':>7}{'age':>9}"
+    return head(f"{first}{'frames':>9}{'lost':>7}{'lost%':>7}  refused")
+
+
 def long(line: StreamRow) -> Row:
     """For the Links screen: with what was expected, counted and refused."""
     expected = f"{line.topic.rate_hz:g}" if line.topic.rate_hz else MISSING

@@ -1,7 +1,7 @@
 """The keys that count at this moment, and nothing else."""
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -11,6 +11,8 @@ from ground.app.keymap import shown
 from ground.app.keys import Key
 from ground.widgets.lines import Lines
 from ground.widgets.rows import Row, Span, faint, row
+
+WIDTH: Final = 72
 
 
 class Help(ModalScreen[None]):
@@ -43,7 +45,7 @@ class Help(ModalScreen[None]):
     def show(self) -> None:
         box = self.query_one(Lines)
         box.styles.height = min(len(self._rows) + 2, max(3, self.size.height - 2))
-        box.styles.width = min(66, max(10, self.size.width - 2))
+        box.styles.width = min(WIDTH, max(10, self.size.width - 2))
         self.query_one(Lines).show(self._rows[self._top :])
 
     def action_move(self, step: int) -> None:

@@ -19,9 +19,6 @@ class Listed(Sheet):
     def listed(self) -> Table | LogView:
         """What the keys move through."""
 
-    def choose(self) -> None:
-        """Enter."""
-
     def key_layers(self) -> tuple[Layer, ...]:
         above = super().key_layers()
         return above if self.typing else (Layer.LIST, *above)
@@ -36,5 +33,4 @@ class Listed(Sheet):
             "page-down": partial(move, page),
             "row-first": partial(move, -TO_THE_END),
             "row-last": partial(move, TO_THE_END),
-            "row-choose": self.choose,
         }

@@ -3,9 +3,13 @@
 from collections.abc import Callable
 from typing import Self
 
+import msgspec
+
 from ground.station import Outcome, Station, WorldFacts
 from ground.station.requests import Job, outcome_of
+from ground.texts import pieces_of
 from protocol.clock import ManualClock
+from protocol.codec import Encoder
 from protocol.enums import AckResult, LeaseAction
 from protocol.errors import NoAnswer
 from protocol.message import Message
@@ -146,7 +150,13 @@ class Play:
         self.bus.go(Role.PLANT)
 
     def say(self, text: str, severity: int = 6) -> None:
-        self.bus.say(TEXT, Statustext(severity=severity, text=text, id=0, chunk_seq=0))
+        for piece in pieces_of(text, 7):
+            self.bus.say(TEXT, msgspec.structs.replace(piece, severity=severity))
+
+    def say_earlier(self, text: str, age_ns: int) -> None:
+        """A text that was said so long ago and has been fetched now."""
+        frame = Encoder(1, 1).encode(Statustext(severity=6, text=text, id=0, chunk_seq=0))
+        self.bus.say_frame(TEXT, frame, age_ns=age_ns)
 
     # The robot's services.
 
