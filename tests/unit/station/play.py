@@ -3,11 +3,8 @@
 from collections.abc import Callable
 from typing import Self
 
-import msgspec
-
 from ground.station import Outcome, Station, WorldFacts
 from ground.station.requests import Job, outcome_of
-from ground.texts import pieces_of
 from protocol.clock import ManualClock
 from protocol.codec import Encoder
 from protocol.enums import AckResult, LeaseAction
@@ -22,6 +19,7 @@ from protocol.messages import (
 )
 from protocol.network import Hub
 from protocol.reasons import Reason
+from protocol.texts import pieces_of
 from protocol.timing import PERIOD_NS
 from protocol.topics import (
     COMMAND,
@@ -150,8 +148,8 @@ class Play:
         self.bus.go(Role.PLANT)
 
     def say(self, text: str, severity: int = 6) -> None:
-        for piece in pieces_of(text, 7):
-            self.bus.say(TEXT, msgspec.structs.replace(piece, severity=severity))
+        for piece in pieces_of(text, 7, severity):
+            self.bus.say(TEXT, piece)
 
     def say_earlier(self, text: str, age_ns: int) -> None:
         """A text that was said so long ago and has been fetched now."""
