@@ -8,8 +8,10 @@ their senses must be heard again within ten seconds, and the recorder lack no ev
 """
 
 import argparse
+import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -37,9 +39,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(options: argparse.Namespace) -> Report:
-    """Ctrl-C ends it early; the report is of what there was until then."""
+    """Ctrl-C or SIGTERM ends it early; the report is of what there was until then."""
     clock = WallClock()
-    with TemporaryDirectory(prefix="sidestep-soak-") as folder:
+    with TemporaryDirectory(prefix="sidestep-soak-") as folder, interruptible():
         course = Course(robots=options.robots)
         fleet = Fleet(options.world, options.robots, options.seed, Path(folder), clock)
         with fleet:
@@ -47,10 +49,22 @@ def measure(options: argparse.Namespace) -> Report:
             try:
                 soak.run(progress())
             except KeyboardInterrupt:
-                course.notes.append(f"ended by Ctrl-C after {course.seconds:.0f} s")
+                course.notes.append(f"ended by a signal after {course.seconds:.0f} s")
             course.given_up = fleet.given_up
         course.read_log(Path(folder))
     return report_of(course)
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Also where a shell that started it in the background has it ignore Ctrl-C."""
+    ends = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, signal.default_int_handler) for number in ends]
+    try:
+        yield
+    finally:
+        for number, handler in zip(ends, before, strict=True):
+            signal.signal(number, handler)
 
 
 def progress() -> Callable[[float, str], None]:

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import signal
 from itertools import pairwise
 from math import inf
 from pathlib import Path
@@ -196,13 +197,16 @@ class NoFleet:
     ) -> None: ...
 
 
-def test_ctrl_c_gives_the_report_of_what_there_was(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_gives_the_report_of_what_there_was(
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def interrupted(self: soak.Soak, _tell: object) -> None:
         self._course.seconds = 42.0
-        raise KeyboardInterrupt
+        signal.raise_signal(number)
 
     monkeypatch.setattr(soak, "Fleet", NoFleet)
     monkeypatch.setattr(soak.Soak, "run", interrupted)
     options = argparse.Namespace(minutes=30.0, robots=3, world="open", seed=0)
     report = soak.measure(options)
-    assert "ended by Ctrl-C after 42 s" in report.text()
+    assert "ended by a signal after 42 s" in report.text()
