@@ -6,6 +6,7 @@ hang, be ended, or have no room left on its disk, and it is told in the same way
 
 import argparse
 import os
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
@@ -13,7 +14,7 @@ from typing import Final, Self
 from ground.blackbox.frames import robot_in
 from ground.children import ChildDied, Children
 from ground.options import Common
-from ground.shelf import size_in, size_of
+from ground.shelf import Shelf, size_in, size_of
 from protocol.clock import Clock
 from protocol.errors import UserError
 
@@ -90,6 +91,8 @@ class Recording:
         self._size = 0
         self._grew_ns = self._look_ns = clock.now_ns()
         self._on = self._ours = False
+        self._keep = keep
+        self._news: list[str] = []
 
     def __enter__(self) -> Self:
         return self
@@ -107,6 +110,7 @@ class Recording:
         if self.words == ON:
             raise UserError("it is recorded already: record stop ends that")
         self._children.stop()
+        self._tidy()
         self._before = self._files()
         self._children.start(ROLE, self._command)
         self._ours = True
@@ -141,8 +145,9 @@ class Recording:
         `heard`: is there something to record? A robot that is silent is no trouble of ours.
         """
         now_ns = self._clock.now_ns()
+        news, self._news = self._news, []
         if not self._on or now_ns < self._look_ns:
-            return []
+            return news
         self._look_ns = now_ns + LOOK_NS
         size = self._size_now()
         if size != self._size:
@@ -151,10 +156,16 @@ class Recording:
             self._grew_ns = now_ns
         was, self.words = self.words, ON if now_ns - self._grew_ns < PATIENCE_NS else TROUBLE
         if was == self.words:
-            return []
+            return news
         if self.words == ON:
-            return ["RECORDING goes on"]
-        return [f"RECORDING HAS STOPPED: {self._why()}; the robot drives on"]
+            return [*news, "RECORDING goes on"]
+        return [*news, f"RECORDING HAS STOPPED: {self._why()}; the robot drives on"]
+
+    def _tidy(self) -> None:
+        """Here and not by the recorder, whose words nobody would see."""
+        shelf = Shelf(self._folder, kept_in(self._folder, self._keep))
+        with suppress(OSError):  # a folder that is not there yet is made by the recorder
+            self._news += filter(None, (shelf.tidy(), shelf.warning()))
 
     def _size_now(self) -> int:
         """Another file is only looked for when this one does not grow: there may be very many."""

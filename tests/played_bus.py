@@ -45,9 +45,10 @@ class PlayedBus:
 
     # The others.
 
-    def say(self, topic: Topic[Any], message: Message, robot: str = "r1") -> None:
+    def say(self, topic: Topic[Any], message: Message, robot: str = "r1", age_ns: int = 0) -> None:
+        """`age_ns`: it is fetched so long after it was told."""
         encoder = self._encoders.setdefault((robot, topic.path), Encoder(1, 1))
-        self.say_frame(topic, encoder.encode(message), robot)
+        self.say_frame(topic, encoder.encode(message), robot, age_ns)
 
     def say_frame(
         self, topic: Topic[Any], frame: bytes, robot: str = "r1", age_ns: int = 0

@@ -216,7 +216,8 @@ class GroundApp(App[int]):
             return
         heard = self._station.seen(HEARTBEAT).age is Age.LIVE
         for words in self.recording.poll(heard=heard):
-            self._station.note(words, Severity.CRITICAL)
+            loud = words.startswith("RECORDING")
+            self._station.note(words, Severity.CRITICAL if loud else Severity.WARNING)
 
     def paced_by(self, terminal: Takes) -> None:
         """Draw no more than this takes."""

@@ -114,3 +114,25 @@ def test_it_is_on_unless_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 
 def options(*words: str) -> Namespace:
     return parse(words)
+
+
+def test_beginning_one_deletes_the_oldest_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = tmp_path / "20260101T000000Z-r1.tlog"
+    old.write_bytes(b"x" * 2_000_000)
+    clock = ManualClock()
+    recording = Recording(tmp_path, COMMON, clock, None, keep="1MB")
+    started: list[list[str]] = []
+    monkeypatch.setattr(recording._children, "start", lambda _role, words: started.append(words))
+    recording.begin()
+    assert not old.exists()
+    assert started[0][-2:] == ["--keep", "1MB"]
+    assert "deleted the oldest recording in" in " ".join(recording.poll(heard=True))
+    assert recording.poll(heard=True) == []
+
+
+def test_a_bound_that_cannot_be_read_is_refused_before_anything_is_started(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="write it as 2GB or 500MB"):
+        Recording(tmp_path, COMMON, ManualClock(), None, keep="lots").begin()
+    assert list(tmp_path.iterdir()) == []

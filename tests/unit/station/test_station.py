@@ -66,6 +66,18 @@ def test_a_long_text_is_one_line() -> None:
     assert play.texts("end") == ["x" * 50 + "end"]
 
 
+def test_what_was_told_before_we_listened_says_how_long_ago() -> None:
+    play = Play().forward(0.5)
+    for words, age_ns in (("started", 40_000_000_000), ("obstacle ahead", 0)):
+        text = Statustext(severity=6, text=words, id=0, chunk_seq=0)
+        play.bus.say(TEXT, text, age_ns=age_ns)
+    play.forward(0.1)
+    assert [line.text for line in play.station.log.last(2)] == [
+        "started (40 s ago)",
+        "obstacle ahead",
+    ]
+
+
 def test_a_parameter_that_anybody_sets_is_shown_at_once() -> None:
     play = Play().forward(1.0)
     value = ParamValue(
