@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -26,6 +27,8 @@ from protocol.options import finite
 from protocol.topics import TEXT
 
 EVERY_S: Final = 1.0
+LARGE_BYTES: Final = 20_000_000
+"""So much takes a second or two to read."""
 REEXECUTE: Final = "reexecute"
 
 
@@ -51,9 +54,18 @@ def run(options: argparse.Namespace, says: Says) -> int:
         return reexecute(options)
     if options.navigator is not None:
         raise UserError("--navigator needs --re-execute; another one's way is `sidestep ghost`")
+    announce(Path(options.file), says)
     if has_screen() and not (options.plain or options.json):
         return run_replay(options, Path(options.file), options.id, options.at)
     return show_lines(options, says, WallClock())
+
+
+def announce(file: Path, says: Says) -> None:
+    """What takes seconds to read is named first."""
+    with suppress(OSError):
+        size = file.stat().st_size
+        if size > LARGE_BYTES:
+            says.note(f"reading {file}, {size / 1e6:.0f} MB")
 
 
 def reexecute(options: argparse.Namespace) -> int:

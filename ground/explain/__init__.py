@@ -1,7 +1,7 @@
 """Why did it turn? The decision of one tick in plain words, and the instants that decided a run."""
 
 from ground.explain.explanation import Explanation, explain
-from ground.explain.turning import TurningPoint, turning_points
+from ground.explain.turning import TurningPoint, turning_point
 from ground.explain.why import Turned, Why, explained
 
 __all__ = [
@@ -11,5 +11,5 @@ __all__ = [
     "Why",
     "explain",
     "explained",
-    "turning_points",
+    "turning_point",
 ]

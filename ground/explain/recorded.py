@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ground.blackbox.reel import Reel
 from ground.explain.explanation import Explanation, explain
-from ground.explain.turning import changes
+from ground.explain.turning import turning_point
 from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from protocol.topics import CYCLE, DECISION, STATUS
 
@@ -53,13 +53,13 @@ class Recorded:
             return last
         first = max(1, bisect_left(self._times_ns, self._times_ns[last]))
         decisions = self._decisions
-        turned = (k for k in range(first, last) if changes(decisions[k - 1], decisions[k]))
+        turned = (k for k in range(first, last) if turning_point(decisions[k - 1], decisions[k]))
         return next(turned, last)
 
     def turns(self) -> Iterator[Turn]:
         """The turning points, in the order of the run."""
         pairs = pairwise(self._decisions)
         for at_ns, (before, after) in zip(self._times_ns[1:], pairs, strict=True):
-            found = changes(before, after)
-            if found:
-                yield Turn(at_ns, "; ".join(found))
+            point = turning_point(before, after)
+            if point is not None:
+                yield Turn(at_ns, point.words)

@@ -1,7 +1,5 @@
 """The turning points of a run: where the branch, the side or the guard became another one."""
 
-from collections.abc import Iterable
-from itertools import pairwise
 from typing import Final, NamedTuple
 
 from ground.explain.names import branch_words
@@ -21,13 +19,10 @@ class TurningPoint(NamedTuple):
     decision: AvoidanceDecision
 
 
-def turning_points(decisions: Iterable[AvoidanceDecision]) -> list[TurningPoint]:
-    """In the order of the run; none for the first decision, which nothing came before."""
-    return [
-        TurningPoint(after.time_ns, "; ".join(found), before, after)
-        for before, after in pairwise(decisions)
-        if (found := changes(before, after))
-    ]
+def turning_point(before: AvoidanceDecision, after: AvoidanceDecision) -> TurningPoint | None:
+    """None where all is as it was."""
+    found = changes(before, after)
+    return TurningPoint(after.time_ns, "; ".join(found), before, after) if found else None
 
 
 def changes(before: AvoidanceDecision, after: AvoidanceDecision) -> list[str]:

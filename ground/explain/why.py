@@ -4,7 +4,7 @@ from collections import deque
 from typing import Final, NamedTuple, Protocol
 
 from ground.explain.explanation import Explanation, explain
-from ground.explain.turning import TurningPoint, changes
+from ground.explain.turning import TurningPoint, turning_point
 from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 
 MOST: Final = 200
@@ -73,9 +73,8 @@ class Why:
 
     def _take(self, at_ns: int, decision: AvoidanceDecision) -> None:
         before, self._newest, self._seen_ns = self._newest, decision, at_ns
-        found = [] if before is None else changes(before, decision)
-        if before is not None and found:
-            point = TurningPoint(decision.time_ns, "; ".join(found), before, decision)
+        point = None if before is None else turning_point(before, decision)
+        if point is not None:
             self._points.append(Turned(at_ns, point))
 
     @property

@@ -91,3 +91,16 @@ def test_execution_is_a_process_of_its_own_with_its_own_words(
 
 def test_the_start_of_the_log_is_that_of_its_first_frame(log: str) -> None:
     assert ReplayBus(Path(log), ManualClock()).reel.start_ns == START_US * 1000
+
+
+@pytest.mark.parametrize(("large", "said"), [(0, True), (1 << 40, False)])
+def test_a_large_file_is_named_before_it_is_read(
+    log: str,
+    large: int,
+    said: bool,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("ground.replay.LARGE_BYTES", large)
+    assert main(["replay", log, "--json"]) == 0
+    assert capsys.readouterr().err.startswith(f"reading {log}, ") is said

@@ -7,11 +7,12 @@ import pytest
 
 from ground.blackbox.reel import Reel
 from ground.cli import main
-from ground.explain import explain, turning_points
+from ground.explain import explain
 from ground.explain.recorded import Recorded
 from protocol.codec import decode
 from protocol.messages import AvoidanceDecision
 from protocol.topics import CYCLE, DECISION, STATUS
+from tests.unit.ground.explain.told import turning_points
 from tests.unit.ground.recordings import BEGAN_NS, Recording, box
 
 S = 1_000_000_000

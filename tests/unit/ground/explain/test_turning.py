@@ -1,10 +1,9 @@
 """The instants that decided a run, for a timeline and for one key that jumps to the last."""
 
-from ground.explain import turning_points
 from protocol.enums import Branch
 from protocol.messages import AvoidanceDecision
 from protocol.reasons import Reason
-from tests.unit.ground.explain.told import decided
+from tests.unit.ground.explain.told import decided, turning_points
 
 TICK_NS = 50_000_000
 

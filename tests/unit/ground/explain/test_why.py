@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from ground.explain import Why, explained, turning_points
+from ground.explain import Why, explained
 from ground.explain.why import MANY
 from ground.station.moments import AT_ONCE
 from protocol.codec import decode
 from protocol.enums import Branch
 from protocol.messages import AvoidanceDecision
-from tests.unit.ground.explain.told import decided
+from tests.unit.ground.explain.told import decided, turning_points
 from tests.unit.ground.recordings import Recording, box
 from tests.unit.ground.shown import Show
 

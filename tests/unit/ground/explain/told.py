@@ -1,7 +1,10 @@
 """Messages as a robot tells them, made up for a test."""
 
+from collections.abc import Iterable
+from itertools import pairwise
 from math import radians
 
+from ground.explain import TurningPoint, turning_point
 from protocol.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 
@@ -59,3 +62,9 @@ def cycle(**changes: int) -> CycleReport:
         "budget_us": 10_000,
     }
     return CycleReport(**(fields | changes), stage_us=(50, 100, 200, 40, 10))
+
+
+def turning_points(decisions: Iterable[AvoidanceDecision]) -> list[TurningPoint]:
+    """In the order of the run; none for the first decision, which nothing came before."""
+    found = (turning_point(before, after) for before, after in pairwise(decisions))
+    return [point for point in found if point is not None]
