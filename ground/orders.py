@@ -30,6 +30,7 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.DRIVING: "sidestep abort",
         Reason.LEASE_HELD: "sidestep lease seize",
         Reason.OUTSIDE_FENCE: "sidestep fence show",
+        Reason.FENCE_BREACHED: "sidestep fence off",
         Reason.NO_MISSION: "sidestep mission upload FILE",
     }
 )

@@ -31,6 +31,9 @@ from protocol.topics import ANSWERED, COMMANDED, INPUTS
 from robot.telemetry import SCAN_THERE, STEERED, WHEELS_THERE
 
 BYTE: Final = 0xFF
+OVERTAKEN: Final = 20
+"""Samples may come out of order by so many."""
+
 PREPARES: Final = (
     *(MissionCount, MissionItemInt, MissionClearAll, MissionRequestList, MissionRequestInt),
     *(ParamRequestRead, ParamSet),
@@ -61,12 +64,16 @@ class Recorded:
         self.facts: Mapping[str, str] = log.facts
         self.ticks: list[tuple[TickInputs, int]] = []
         """What each tick was given, and its frame's sequence."""
+        self.ends = ""
+        """Why it cannot go on behind the last of them; empty when there is no more."""
         self._wheels: dict[int, WheelTicks] = {}
         self._scans: dict[int, SonarScan] = {}
         self._outputs: dict[tuple[type[Message], Key], Message] = {}
         self._asked: list[tuple[int, Message]] = []
         self._answers: list[tuple[int, Message]] = []
         for one in log:
+            if self.ends:
+                continue  # to its end, where the log knows what it has lost
             try:
                 self._take(one.key, decode(one.frame))
             except RemoteError:
@@ -81,11 +88,14 @@ class Recorded:
     def _take(self, key: str, frame: Frame) -> None:
         message, sequence = frame.message, frame.sequence
         if isinstance(message, WheelTicks):
-            self._wheels[message.seq] = message
+            self._wheels.setdefault(message.seq, message)
         elif isinstance(message, SonarScan):
-            self._scans[message.seq] = message
+            self._scans.setdefault(message.seq, message)
         elif isinstance(message, TickInputs) and key.endswith(INPUTS.path):
-            self.ticks.append((message, sequence))
+            if self.ticks and begun_anew(self.ticks[-1][0], message):
+                self.ends = "the rest: robot or plant was started again"
+            else:
+                self.ticks.append((message, sequence))
         elif isinstance(message, OUTPUTS):
             self._outputs.setdefault((type(message), (message.time_ns, sequence)), message)
         elif key.endswith(COMMANDED.path):
@@ -146,6 +156,15 @@ class Recorded:
             n for n in range(asked_before + 1, inputs.requests + 1) if n not in self.requests
         ]
         return f"request {missing[0]}, which came before it" if missing else ""
+
+
+def begun_anew(before: TickInputs, now: TickInputs) -> bool:
+    """Has its robot or its plant begun to count again?"""
+    return (
+        now.tick < before.tick
+        or before.wheels_seq - now.wheels_seq > OVERTAKEN
+        or before.scan_seq - now.scan_seq > OVERTAKEN
+    )
 
 
 def reason_in(answer: Message | None) -> int:

@@ -159,6 +159,8 @@ def reexecuted(recorded: Recorded, params: Params, start: Pose, *, other: bool =
         verdict.first = verdict.first or found
         if not other:
             break
+    else:
+        verdict.lack = recorded.ends
     return verdict
 
 

@@ -53,8 +53,12 @@ def test_a_refusal_gives_the_reason_and_what_to_do(robot: PlayedRobot, say: Say)
     found = json.loads(out)
     assert code == 1
     assert (found["ok"], found["reason_code"]) == (False, Reason.EMERGENCY_STOPPED)
-    robot.answers = [Reason.EMERGENCY_STOPPED]
-    assert "sidestep clear-estop" in say("arm")[1]
+    for reason, hint in (
+        (Reason.EMERGENCY_STOPPED, "sidestep clear-estop"),
+        (Reason.FENCE_BREACHED, "sidestep fence off"),
+    ):
+        robot.answers = [reason]
+        assert hint in say("arm")[1]
 
 
 def test_a_dropped_command_is_repeated_with_the_same_id(robot: PlayedRobot, say: Say) -> None:

@@ -178,6 +178,21 @@ def test_it_begins_when_the_recorder_has_heard_the_plant_too(drive: Drive, again
     assert (code, told["compared"], told["differing"]) == (0, 158, 0)
 
 
+@pytest.mark.parametrize("both", [False, True])
+def test_it_ends_where_a_plant_or_all_was_started_again(
+    drive: Drive, again: Again, both: bool
+) -> None:
+    """What they count from then on has been counted before."""
+    anew = Drive().run(ticks=40)
+    if not both:
+        for number in range(len(anew.on(INPUTS))):
+            changed(anew, INPUTS, number, tick=160 + number)
+    drive.said += anew.said
+    code, told = again(drive)
+    assert (code, told["ticks"], told["compared"], told["differing"]) == (1, 160, 160, 0)
+    assert told["lack"] == "the rest: robot or plant was started again"
+
+
 def test_without_any_sense_it_says_what_it_lacks(drive: Drive, again: Again) -> None:
     places = drive.on(WHEELS)
     drive.said = [one for place, one in enumerate(drive.said) if place not in places]
