@@ -6,10 +6,14 @@ Sign = Literal["token", "count"]
 
 
 class Restarts:
-    """Both signs of one restart count once, in whichever order they come."""
+    """Both signs of one restart count once, in whichever order they come.
 
-    def __init__(self) -> None:
+    A number up to `overtaken` behind the highest only came late.
+    """
+
+    def __init__(self, overtaken: int = 0) -> None:
         self.count = 0
+        self._overtaken = overtaken
         self._token = ""
         self._number = -1
         self._owed: Sign | None = None
@@ -23,8 +27,11 @@ class Restarts:
 
     def number(self, number: int) -> bool:
         """Its tick or its time; True when that shows a restart."""
-        back, self._number = number < self._number, number
-        return self._counted("count") if back else False
+        behind = self._number - number
+        if 0 < behind <= self._overtaken:
+            return False
+        self._number = number
+        return behind > 0 and self._counted("count")
 
     def _counted(self, sign: Sign) -> bool:
         if self._owed is not None and self._owed != sign:

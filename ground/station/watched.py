@@ -21,7 +21,11 @@ from protocol.enums import Severity
 from protocol.errors import RemoteError
 from protocol.message import Message
 from protocol.messages import ParamValue, Statustext
+from protocol.timing import PERIOD_NS
 from protocol.topics import ANSWERED, COMMANDED, CYCLE, SONAR, TEXT, TOPICS, Role
+
+OVERTAKEN: Final = 20
+"""A frame up to so many periods behind the newest was overtaken on its way."""
 
 EVENTS: Final = frozenset((TEXT.path, COMMANDED.path, ANSWERED.path))
 
@@ -42,7 +46,10 @@ class Watched:
         self.moments = Moments()
         self.figures = Figures(self.telemetry, now_ns)
         self.again = Again(robot)
-        self.restarts = {Role.ROBOT: Restarts(), Role.PLANT: Restarts()}
+        self.restarts = {
+            Role.ROBOT: Restarts(OVERTAKEN),
+            Role.PLANT: Restarts(OVERTAKEN * PERIOD_NS),
+        }
         self.tokens: dict[Role, str] = {}
         self.charts = Charts()
         self._comings = Comings(robot, own)
