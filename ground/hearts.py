@@ -14,6 +14,8 @@ STARTING_NS: Final = 15 * SECOND
 """As long as this may pass from a start to the first sign of life."""
 ECHO_NS: Final = 100 * MS
 """What comes so soon after a start was still on its way from the one before."""
+DEAF_NS: Final = 500 * MS
+"""Who has not looked for so long has not listened either."""
 ROUTER: Final = "router"
 SILENT: Final = f"hung (not heard for {SILENT_NS / SECOND:g} s)"
 
@@ -31,6 +33,7 @@ class Hearts:
         self._heard = dict.fromkeys(roles, now_ns)
         self._started = dict.fromkeys(self._heard, now_ns)
         self._gone: set[str] = set()
+        self._looked_ns = self._listening_ns = now_ns
 
     def heard(self, role: str, now_ns: int) -> None:
         self._heard[role] = now_ns
@@ -54,6 +57,9 @@ class Hearts:
 
     def silent(self, now_ns: int) -> list[str]:
         """Those that hang, each once until it was started again."""
+        if now_ns - self._looked_ns > DEAF_NS:  # it was us who hung, or were stopped
+            self._listening_ns = now_ns
+        self._looked_ns = now_ns
         if self._hub in self._gone:
             return []
         overdue = [role for role in self._heard if self._overdue(role, now_ns)]
@@ -67,5 +73,5 @@ class Hearts:
             return False
         heard_ns = self.back_ns(role)
         if heard_ns is None:
-            return now_ns - self._started[role] > STARTING_NS
-        return now_ns - heard_ns > SILENT_NS
+            return now_ns - max(self._started[role], self._listening_ns) > STARTING_NS
+        return now_ns - max(heard_ns, self._listening_ns) > SILENT_NS

@@ -57,6 +57,11 @@ class Stage:
             lambda role, cause: [role, cause],
         )
 
+    def wait(self, now_ns: int) -> None:
+        """Rounds until then."""
+        for at_ns in (*range(0, now_ns, SECOND // 10), now_ns):
+            self.upkeep.round(at_ns)
+
     def kill(self, role: str, now_ns: int) -> None:
         self.children.send(role, signal.SIGKILL)
         self.upkeep.round(now_ns)
@@ -72,7 +77,7 @@ def test_who_dies_is_started_again_with_the_cause_and_told_once() -> None:
 
 def test_who_is_silent_is_killed_and_called_hung() -> None:
     stage = Stage()
-    stage.upkeep.round(SILENT_NS + 1)
+    stage.wait(SILENT_NS + 1)
     assert stage.children.started == [(ROBOT, [ROBOT, SILENT])]
     assert "hung (not heard for 2.5 s)" in stage.upkeep.news()
 
