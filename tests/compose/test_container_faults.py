@@ -4,12 +4,18 @@ What is seen is seen at the router, by its address on the network of the contain
 """
 
 from collections.abc import Iterator
-from itertools import cycle
+from contextlib import suppress
+from math import hypot
+from time import monotonic_ns
 
 import pytest
 
-from protocol.enums import GoalState, Vehicle
+from protocol.enums import Command, GoalState, Mode, Vehicle
+from protocol.errors import NoAnswer
+from protocol.messages import CommandRequest, GoalRequest
 from protocol.reasons import Reason
+from protocol.topics import COMMAND
+from protocol.wire_goal import wire_goal
 from tests.compose.compose import Compose, docker
 from tests.stack.processes import Witness, moved_not, until
 
@@ -17,7 +23,10 @@ pytestmark = pytest.mark.compose
 
 MS = 1_000_000
 PERIOD_MS = 50
-PLACES = cycle((("5.4", "3.0"), ("0.6", "2.0")))
+SILENCE_MS = 500
+PLACES = ((5.4, 3.2), (0.6, 2.0))
+FAST_M_S = 0.25
+LIVING = range(GoalState.ACCEPTED, GoalState.ALIGNING + 1)
 LOST = (Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.BUDGET)
 
 
@@ -27,10 +36,28 @@ def witness(stack: Compose) -> Iterator[Witness]:
     networks = stack.inspected("router")["NetworkSettings"]["Networks"]
     address = networks[stack.network()]["IPAddress"]
     with Witness(f"tcp/{address}:7447") as found:
-        done = stack.verb("goto", *next(PLACES), "--no-wait")
-        assert done.code == 0, done.said
-        found.driving()
+        until(lambda: found.truths and found.statuses, what="what plant and robot say")
+        set_off(found)
         yield found
+
+
+def set_off(witness: Witness) -> None:
+    """Armed, in AUTO, fast, to the place that is farther away: again and again, for a busy machine
+    may stop it with a failsafe."""
+    here = witness.truth
+    x_m, y_m = max(PLACES, key=lambda place: hypot(place[0] - here.x_m, place[1] - here.y_m))
+    arm, goal = Command.COMPONENT_ARM_DISARM, wire_goal(x_m, y_m, None, 0.1, 0.1)._asdict()
+
+    def under_way() -> bool:
+        if not drives(witness.status.vehicle) or witness.status.goal not in LIVING:
+            number = monotonic_ns()
+            armed = CommandRequest(request_id=number, param1=1.0, param2=0.0, command=arm)
+            for request in (armed, GoalRequest(request_id=number + 1, mode=Mode.AUTO, **goal)):
+                with suppress(NoAnswer):
+                    witness.bus.ask(COMMAND, request)
+        return witness.truth.speed_m_s > FAST_M_S
+
+    until(under_way, 60.0, "driving")
 
 
 def stood_in_time(witness: Witness) -> None:
@@ -88,6 +115,7 @@ def test_a_plant_whose_network_is_cut(stack: Compose, witness: Witness) -> None:
 
 def test_a_router_that_is_paused(stack: Compose, witness: Witness) -> None:
     docker("pause", stack.container("router"))
+    until(lambda: monotonic_ns() - witness.truths[-1][1] > SILENCE_MS * MS, what="silence")
     docker("unpause", stack.container("router"))
     until(lambda: not drives(witness.status.vehicle) and witness.standing(), 30.0, "standing")
     stays(witness, *LOST)
