@@ -79,10 +79,14 @@ class Crew:
         """Wait until it has said that; RuntimeError with what it did say when it does not."""
         until(lambda: words in self.said(role) or not self.lives(role), f"{role}: {words}")
         if words not in self.said(role):
-            raise RuntimeError(f"the {role} ended: {self.said(role)[-LAST_WORDS:]}")
+            raise RuntimeError(f"the {role} ended: {self.last_words(role)}")
 
     def said(self, role: str) -> str:
         return os.pread(self._outputs[role].fileno(), 1 << 20, 0).decode(errors="replace")
+
+    def last_words(self, role: str) -> str:
+        """The end of what it said; empty when it was never started."""
+        return self.said(role)[-LAST_WORDS:] if role in self._outputs else ""
 
     def lives(self, role: str) -> bool:
         return role in self._processes and self._processes[role].poll() is None

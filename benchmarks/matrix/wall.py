@@ -50,6 +50,7 @@ WATCHED_S: Final = 2.5
 RUNS_OUT_S: Final = 0.5
 LONGEST_S: Final = {True: 15.0, False: 60.0}
 WRAPS_AFTER: Final = 2500
+ATTEMPTS: Final = 3
 PATHS: Final[Mapping[str, tuple[str, ...]]] = {
     "robot": ("tlm/", "drive/"),
     "plant": ("sense/", "truth/"),
@@ -81,6 +82,10 @@ def afflictions_of(act: Act, seed: int) -> dict[str, Mapping[str, Any]]:
             return {}
 
 
+class NotUnderWay(RuntimeError):
+    """A busy machine kept the robot from driving, before anything was done to it."""
+
+
 class Drill:
     """A crew under way, one fault, and what came of it."""
 
@@ -97,9 +102,12 @@ class Drill:
     def run(self) -> Repetition:
         with ExitStack() as scope:
             scope.enter_context(self._crew)
-            self._begin()
-            scope.enter_context(self._witness)
-            self._set_off()
+            try:
+                self._begin()
+                scope.enter_context(self._witness)
+                self._set_off()
+            except RuntimeError as error:
+                raise NotUnderWay(f"{error}; {self._crew.last_words('ground')}") from error
             self._at_ns = monotonic_ns()
             self._act(self._fault.act)
             until(self._over, "an end", 2.0 * LONGEST_S[self._stops])
@@ -143,9 +151,11 @@ class Drill:
         until(lambda: witness.is_in(Vehicle.STANDBY) and witness.truths, "a robot in STANDBY")
         goto = ("goto", *PLACES[self._world], *(() if waits else ("--no-wait",)))
         self._crew.dialling("ground", *goto)
-        until(lambda: witness.speed_m_s > FAST_M_S, f"driving: {self._crew.said('ground')[-200:]}")
+        until(lambda: witness.speed_m_s > FAST_M_S, "driving")
         moment_ns = monotonic_ns() + round(self._random.uniform(0.0, SET_OFF_S) * 1e9)
         until(lambda: monotonic_ns() >= moment_ns, "the moment")
+        if not witness.is_in(Vehicle.ACTIVE):
+            raise RuntimeError("it stopped before anything was done to it")
 
     def _act(self, act: Act) -> None:
         crew = self._crew
@@ -266,9 +276,14 @@ class Drill:
 
 
 def run(fault: Fault, number: int) -> Repetition:
-    """A repetition that breaks down is told, not lost."""
-    try:
-        return Drill(fault, number).run()
-    except Exception as error:
-        why = f"{type(error).__name__}: {error}"
-        return Repetition(fault=fault.name, way=Way.WALL.value, number=number, trouble=why[:200])
+    """A repetition that breaks down is told, not lost; one that never began is begun again."""
+    why = ""
+    for _ in range(ATTEMPTS):
+        try:
+            return Drill(fault, number).run()
+        except NotUnderWay as error:
+            why = str(error)
+        except Exception as error:
+            why = f"{type(error).__name__}: {error}"
+            break
+    return Repetition(fault=fault.name, way=Way.WALL.value, number=number, trouble=why[:200])
