@@ -8,6 +8,7 @@ fault of the plant. What a module looks up when it starts is replaced here befor
 
 import ctypes
 import json
+import runpy
 import signal
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +22,6 @@ from plant.process import Process
 from protocol.bus import Bus
 from protocol.clock import WallClock
 from protocol.trouble import Trouble
-from sidestep import main as sidestep
 
 FOREVER_S: Final = 1_000_000
 
@@ -111,7 +111,9 @@ def main(argv: Sequence[str]) -> int:
     ((name, told),) = json.loads(affliction).items()
     act = AFFLICTIONS[name](told)
     signal.signal(signal.SIGUSR1, lambda *_: act())
-    return sidestep(words)
+    sys.argv[:] = ["sidestep", *words]
+    runpy.run_module("sidestep", run_name="__main__")  # the executable, which nobody imports
+    return 0
 
 
 if __name__ == "__main__":
