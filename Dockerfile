@@ -7,6 +7,7 @@ FROM python:3.13-slim-trixie AS base
 ENV PATH=/opt/sidestep/bin:$PATH \
     PYTHONDONTWRITEBYTECODE=1 \
     PYTHONUNBUFFERED=1 \
+    XDG_STATE_HOME=/tmp/state \
     LANG=C.UTF-8
 # The directories that volumes are mounted at: a new volume takes their owner.
 RUN useradd --uid 10001 --user-group --create-home --shell /usr/sbin/nologin sidestep \

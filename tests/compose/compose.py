@@ -104,6 +104,22 @@ class Compose:
         """`sidestep` with these words in a container of its own, next to the others."""
         return self.tries("run", "--rm", "-T", "ground", *words, within_s=within_s)
 
+    @contextmanager
+    def running(self, *words: str) -> Iterator[subprocess.Popen[bytes]]:
+        """`docker compose` with these words while something else is done; read its `stdout`."""
+        with subprocess.Popen(
+            self.command(*words),
+            cwd=ROOT,
+            env=self.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        ) as process:
+            try:
+                yield process
+            finally:
+                process.terminate()
+
     def logs(self, *services: str) -> str:
         return self.tries("logs", "--no-log-prefix", *services).said
 

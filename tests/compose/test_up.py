@@ -1,19 +1,107 @@
-"""`docker compose up`: a robot that drives, with no more rights than it needs."""
+"""`docker compose up`: a robot that drives, seen in a browser, with few rights."""
+
+import asyncio
+import json
+from typing import Any
 
 import pytest
 
-from tests.compose.compose import Compose
+from tests.compose.compose import Compose, docker
+from tests.compose.web import asked, token_in
+from tests.stack.browser import browsing, chromium
+from tests.stack.test_browser import DRAWN, drawn, keep, sees
 
 pytestmark = pytest.mark.compose
 
 PARTS = ("router", "plant", "robot", "web")
+USER = "10001"
 
 
-def test_the_data_of_every_part_flow(stack: Compose) -> None:
-    assert {part: stack.health(part) for part in PARTS} == dict.fromkeys(PARTS, "healthy")
+@pytest.fixture(params=PARTS)
+def part(request: pytest.FixtureRequest) -> str:
+    name: str = request.param
+    return name
+
+
+def test_the_data_of_every_part_flow(stack: Compose, part: str) -> None:
+    assert stack.health(part) == "healthy"
 
 
 def test_a_script_sends_the_robot_to_a_place(stack: Compose) -> None:
     done = stack.verb("goto", "1.2", "2.0", "--json")
     assert done.code == 0, done.said
     assert '"outcome": "reached"' in done.said
+
+
+def test_every_verb_finds_its_way_from_a_container_of_its_own(stack: Compose) -> None:
+    assert "healthy: plant of r1, robot of r1" in stack.verb("doctor").said
+    assert "u_trap" in stack.verb("worlds", "list").said
+    refused = stack.verb("fly")
+    assert (refused.code, "no such verb: 'fly'" in refused.said) == (2, True), refused.said
+
+
+def test_whoever_runs_in_a_container_is_nobody_there(stack: Compose, part: str) -> None:
+    assert stack.inside(part, "id", "-u").said.strip() == USER
+    limits = stack.inspected(part)["HostConfig"]
+    assert limits["CapDrop"] == ["ALL"]
+    assert not limits["CapAdd"]
+    assert limits["SecurityOpt"] == ["no-new-privileges:true"]
+    assert limits["ReadonlyRootfs"]
+    assert limits["Init"]
+    assert not limits["Privileged"]
+
+
+def test_nothing_can_be_written_but_to_memory(stack: Compose, part: str) -> None:
+    for place in ("/", "/opt/sidestep", "/home/sidestep", "/etc/sidestep", "/keys"):
+        done = stack.inside(part, "touch", f"{place}/x")
+        assert (done.code, "Read-only file system" in done.said) == (1, True), done.said
+    assert stack.inside(part, "touch", "/tmp/x").code == 0
+
+
+def test_only_the_page_is_there_for_the_machine_and_for_nobody_else(stack: Compose) -> None:
+    published = {part: stack.inspected(part)["HostConfig"]["PortBindings"] for part in PARTS}
+    assert published.pop("web") == {"8765/tcp": [{"HostIp": "127.0.0.1", "HostPort": stack.port}]}
+    assert not any(published.values())
+    bus = json.loads(docker("network", "inspect", stack.network()))[0]
+    assert (bus["Internal"], bus["Driver"]) == (True, "bridge")
+
+
+def test_without_its_token_the_page_refuses(stack: Compose) -> None:
+    there = stack.address.partition("?")[0]
+    for path in ("/", "/?token=", "/?token=guessed"):
+        answer = asked(there, path)
+        assert (answer.status, "wants its token" in answer.text) == (403, True), answer
+
+
+def test_with_its_token_the_page_is_there(stack: Compose) -> None:
+    assert stack.address.startswith(f"http://127.0.0.1:{stack.port}/?token=")
+    first = asked(stack.address, f"/?token={token_in(stack.address)}")
+    assert first.status == 303
+    page = asked(stack.address, "/", first.cookie)
+    assert (page.status, "Sidestep" in page.text) == (200, True)
+
+
+def test_the_token_is_in_the_log_and_nowhere_else(stack: Compose) -> None:
+    token = token_in(stack.address)
+    assert token not in json.dumps(stack.inspected("web"))
+    assert token not in stack.inside("web", "env").said
+
+
+@pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine")
+def test_the_browser_shows_the_robot(stack: Compose) -> None:
+    async def story() -> bytes:
+        async with browsing(stack.address) as page:
+            return await sees(page)
+
+    png = asyncio.run(story())
+    keep(png, "compose.png")
+    assert drawn(png) >= DRAWN
+
+
+def test_nobody_is_told_more_than_he_needs(stack: Compose, part: str) -> None:
+    found: dict[str, Any] = stack.inspected(part)["Config"]
+    names = {entry.partition("=")[0] for entry in found["Env"]}
+    own = {"PATH", "LANG", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED", "XDG_STATE_HOME"}
+    of_the_base = {"PIP_CERT", "SSL_CERT_FILE", "GPG_KEY", "PYTHON_VERSION", "PYTHON_SHA256"}
+    assert own <= names
+    assert names <= own | of_the_base
