@@ -11,7 +11,8 @@ ENV PATH=/opt/sidestep/bin:$PATH \
     LANG=C.UTF-8
 # The directories that volumes are mounted at: a new volume takes their owner.
 RUN useradd --uid 10001 --user-group --create-home --shell /usr/sbin/nologin sidestep \
-    && install -d -o sidestep -g sidestep -m 0700 /keys /keys/all /state /recordings
+    && install -d -o sidestep -g sidestep -m 0700 /keys /state /recordings \
+        /forge/all /forge/router /forge/plant /forge/robot /forge/ground /forge/record
 
 # The environment is made by a pip of its own, so that it ends up without one. Behind an index or a
 # certificate authority of your own: PIP_CONFIG_FILE and SSL_CERT_FILE, see docker-compose.yml.
@@ -59,7 +60,7 @@ ENTRYPOINT ["python", "-m", "pytest", "-p", "no:cacheprovider"]
 CMD ["-q", "-n", "auto", "-m", "not compose"]
 
 FROM base AS runtime
-COPY docker/router.toml docker/bus.toml /etc/sidestep/
+COPY docker/router.toml docker/bus.toml docker/keys /etc/sidestep/
 COPY --from=built /opt/sidestep /opt/sidestep
 WORKDIR /home/sidestep
 USER 10001:10001

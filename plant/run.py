@@ -39,6 +39,7 @@ def run(
                 process.run_lockstep(speed)
             else:
                 process.run_wall(WallClock())
+    tell("plant: ends")
     return 0
 
 

@@ -61,6 +61,7 @@ def run(vehicle: Vehicle, network: Network, robot: str, options: Options, life: 
             life.end(f"ended by a core exception ({in_brief(error)})")
             raise
         life.end()
+    tell(f"robot {robot}: ends")
     return 0
 
 

@@ -59,6 +59,7 @@ def serve(options: argparse.Namespace, says: Says) -> int:
     # exec: the shell that textual-serve starts must not stand between us and the app.
     line = "exec " + shlex.join(command(words_of(options), os.getpid()))
     WebServer(line, address, token, ready).serve()
+    says.note("ground station ends")
     return 0
 
 

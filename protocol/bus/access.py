@@ -99,7 +99,12 @@ def granted(says: str, role: Role, names: tuple[str, ...]) -> Grant:
 
 
 def told(topic: Topic[Any], role: Role) -> bool:
-    """Is it for this role? Drive commands are for the plant, senses and operators for robots."""
+    """Is it for this role? Drive commands are for the plant, senses and operators for robots.
+
+    What a role says itself it may hear, too: that is how it is asked whether it is well.
+    """
+    if topic.publisher is role:
+        return True
     if role is Role.PLANT:
         return topic.path.startswith(DRIVE)
     return topic.publisher is not Role.ROBOT and not topic.path.startswith(TRUTH)

@@ -23,6 +23,9 @@ BUILD_S: Final = 600.0
 WITHIN_S: Final = 120.0
 ADDRESS: Final = re.compile(r"open (http://\S+)")
 LAST_WORDS: Final = 4000
+TRIES: Final = 6
+BUSY: Final = ("control cycle over its budget", "not armed", "no fresh", "no answer")
+"""What becomes of a drive where others take the processor away."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,15 @@ class Done:
 
     code: int
     said: str
+
+    @property
+    def object(self) -> dict[str, Any]:
+        """The one that `--json` promises, after what docker had to say."""
+        lines = self.said.strip().splitlines()
+        assert lines
+        assert lines[-1].startswith("{"), self.said
+        found: dict[str, Any] = json.loads(lines[-1])
+        return found
 
 
 def docker(*words: str, within_s: float = WITHIN_S) -> str:
@@ -103,6 +115,14 @@ class Compose:
     def verb(self, *words: str, within_s: float = WITHIN_S) -> Done:
         """`sidestep` with these words in a container of its own, next to the others."""
         return self.tries("run", "--rm", "-T", "ground", *words, within_s=within_s)
+
+    def goes(self, x_m: str, y_m: str) -> Done:
+        """Sends the robot there, and again when it stops because the machine is busy."""
+        for _ in range(TRIES):
+            done = self.verb("goto", x_m, y_m, "--json")
+            if done.code == 0 or not any(words in done.said for words in BUSY):
+                break
+        return done
 
     @contextmanager
     def running(self, *words: str) -> Iterator[subprocess.Popen[bytes]]:

@@ -1,6 +1,5 @@
 """Several robots, the black box, measurements and tests: what a profile adds."""
 
-import json
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +14,7 @@ MANY: Final = ("r1", "r2", "r3")
 
 def status_of(compose: Compose, robot: str) -> dict[str, object]:
     """What a robot says of itself; nothing when it is not heard."""
-    seen = json.loads(compose.verb("watch", "--json", "--id", robot).said)
+    seen = compose.verb("watch", "--json", "--id", robot).object
     found: dict[str, object] = seen["streams"]["tlm/odometry"]["message"] or {}
     return found
 

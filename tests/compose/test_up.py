@@ -28,9 +28,8 @@ def test_the_data_of_every_part_flow(stack: Compose, part: str) -> None:
 
 
 def test_a_script_sends_the_robot_to_a_place(stack: Compose) -> None:
-    done = stack.verb("goto", "1.2", "2.0", "--json")
-    assert done.code == 0, done.said
-    assert '"outcome": "reached"' in done.said
+    done = stack.goes("1.2", "2.0")
+    assert (done.code, done.object["outcome"]) == (0, "reached"), done.said
 
 
 def test_every_verb_finds_its_way_from_a_container_of_its_own(stack: Compose) -> None:

@@ -1,0 +1,69 @@
+"""Locked doors between containers: who has no key, or another's, gets nowhere."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from protocol.enums import Vehicle
+from tests.compose.compose import Compose, docker, project
+
+pytestmark = pytest.mark.compose
+
+SERVICES = ("router", "plant", "robot", "web")
+OPEN_DOOR = ("--connect", "tcp/router:7447")
+
+
+@pytest.fixture(scope="module")
+def locked(image: str) -> Iterator[Compose]:
+    with project(image, "secure") as compose:
+        compose.does("up", "-d", "--no-build")
+        for service in SERVICES:
+            compose.becomes("healthy", service)
+        yield compose
+
+
+def test_a_script_commands_a_robot_behind_locked_doors(locked: Compose) -> None:
+    assert "router at tls/" in locked.logs("router")
+    done = locked.goes("1.0", "2.0")
+    assert (done.code, done.object["outcome"]) == (0, "reached"), done.said
+
+
+def test_who_comes_without_a_key_gets_nowhere_and_is_told_why(locked: Compose) -> None:
+    words = ("run", "--rm", "--network", locked.network(), locked.image, "hold", *OPEN_DOOR)
+    with pytest.raises(AssertionError, match="takes only TLS, and this one dials it in plain TCP"):
+        docker(*words)
+
+
+def test_a_robots_key_commands_nobody_and_is_told_why(locked: Compose) -> None:
+    done = locked.inside("robot", "sidestep", "estop", "--config", "/keys/bus-r1.toml")
+    assert (done.code, "is the robot r1 and may not" in done.said) == (1, True), done.said
+    seen = locked.verb("watch", "--json").object["streams"]["tlm/status"]["message"]
+    assert seen["vehicle"] != Vehicle.EMERGENCY_STOP
+
+
+def test_each_service_has_its_own_keys_and_no_others(locked: Compose) -> None:
+    keys = {
+        service: sorted(
+            name
+            for name in locked.inside(service, "ls", "/keys").said.split()
+            if name.endswith(".key")
+        )
+        for service in SERVICES
+    }
+    assert keys.pop("robot") == sorted(f"robot-r{number}.key" for number in range(1, 21))
+    assert keys == {"router": ["router.key"], "plant": ["plant.key"], "web": ["ground.key"]}
+
+
+def test_no_key_is_in_a_log_an_environment_or_the_image(locked: Compose) -> None:
+    for service in SERVICES:
+        told = locked.inside(service, "env").said + str(locked.inspected(service)) + locked.logs()
+        assert "PRIVATE KEY" not in told
+    done = locked.inside("web", "find", "/", "-name", "*.key", "-not", "-path", "/proc/*")
+    found = [line for line in done.said.splitlines() if line.endswith(".key")]
+    assert found == ["/keys/ground.key"]
+
+
+def test_once_locked_the_doors_stay_locked(locked: Compose) -> None:
+    locked.profiles = ()
+    locked.up("--force-recreate")
+    assert "router at tls/" in locked.logs("router")
