@@ -71,7 +71,7 @@ def test_what_is_shown_of_a_standing_robot_stays_the_same(seconds: float) -> Non
 def test_a_robot_that_begins_anew_begins_with_its_own_cycles() -> None:
     play = Play()
     play.robots = [Jittery()]
-    play.forward(1.0)
+    play.forward(2.0)
     play.robots = [Robot()]
     play.forward(0.05)
     found = play.station.dearest_cycle
