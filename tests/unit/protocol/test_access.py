@@ -43,13 +43,21 @@ def test_only_the_ground_station_asks_what_changes_something(service: Any) -> No
     assert asks == ({"ground"} if service.requests else {"ground", "viewer"})
 
 
-def test_the_plant_is_told_to_drive_and_nothing_else() -> None:
-    assert grants(("r1",))["plant"].hears == ("r1/drive/wheels",)
+def test_the_plant_is_told_to_drive_and_else_what_it_says_itself() -> None:
+    plant = grants(("r1",))["plant"]
+    assert set(plant.hears) - set(plant.puts) == {"r1/drive/wheels"}
 
 
 def test_a_robot_is_told_what_is_sensed_and_wanted_and_not_what_is_true() -> None:
-    families = {path.split("/")[1] for path in grants(("r1", "r2"))["robot-r1"].hears}
+    robot = grants(("r1", "r2"))["robot-r1"]
+    families = {path.split("/")[1] for path in set(robot.hears) - set(robot.puts)}
     assert families == {"sense", "op"}
+
+
+def test_who_says_something_may_hear_whether_it_arrives() -> None:
+    for name in ("plant", "robot-r1"):
+        grant = grants(("r1",))[name]
+        assert set(grant.puts) < set(grant.hears)
 
 
 def test_a_robot_may_nothing_under_the_name_of_another() -> None:
