@@ -54,6 +54,11 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
             " what is near by 5 deg left",
         ),
         (
+            decided(**TO_GOAL, goal_bearing_rad=radians(2.0), yaw_rate_rad_s=-0.5),
+            standing(goal_heading_rad=1.0),
+            "turns right at 29 deg/s: the goal is 2 deg left, 3.20 m to go",
+        ),
+        (
             decided(**TO_GOAL, yaw_rate_rad_s=-0.5),
             standing(goal_heading_rad=1.0),
             "turns right at 29 deg/s: the goal is 10 deg left, 3.20 m to go, on a bend into its"
@@ -191,6 +196,12 @@ def line(
             decided(),
             None,
             "gamma -66 deg: the way to the goal is turned 66 deg to the right",
+        ),
+        (
+            "rotation",
+            decided(rotation_rad=radians(-0.04)),
+            None,
+            "gamma 0: the way to the goal is taken as it is",
         ),
         (
             "rotation",

@@ -83,6 +83,7 @@ def test_a_yaw_of_zero_means_none_as_everybody_writes_it(
         (simple(16, 0, 0, 0, 0, None, 8.5, 0), "has no place"),
         (simple(16, 0, 0, 0, 0, 0, 0, 0), "are 0"),
         (simple(16, 0, 0, 0, 0, 95, 8.5, 0), "is no latitude"),
+        (simple(16, 0, 0, 0, 0, 47.4, 181, 0), "is no latitude"),
         (simple(16, 0, 0, 0, 0, 57.4, 8.5, 0), "y_m 1.11319e+06: expected"),
         (simple(16, 0, 2.0, 0, 0, 47.4, 8.5, 0), "position_tolerance_m 2: expected"),
         (simple(16, 0, 0, 5, 0, 47.4, 8.5, 0), "param3 5"),
