@@ -170,12 +170,16 @@ def test_a_robot_alone_ends_itself_when_it_hangs_and_the_next_one_says_so(
     state = ("--state", str(tmp_path / "state"))
     with Crew() as crew:
         robot = crew.robot(*state)
+        watch = crew.dialling("watch")
+        watch.says("BOOT")
         sabotage.hang("robot")
         assert robot.ends() == -signal.SIGALRM
         assert "Traceback" not in robot.said
         assert "thread" not in robot.said
         again = crew.robot(*state)
-        assert "started again: the one before hung (its loop did not run for 5 s)" in again.said
+        words = "started again: the one before hung (its loop did not run for 5 s)"
+        assert words in again.said
+        watch.says(f"r1: {words}")
         assert "most recent call" in (tmp_path / "state" / "hung-before.txt").read_text()
         again.send(signal.SIGKILL)
         again.ends()

@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from ground.tlog import Reader
+from protocol.codec import decode
+from protocol.messages import Statustext
 from tests.stack.processes import Crew, Running, until
 from tests.stack.test_up import ROOT, children_of, cmdline, frames_in
 from tests.stack.tmux import Tmux
@@ -85,6 +88,15 @@ def test_without_its_robot_there_is_no_trial_but_the_other_one_arrives(tmp_path:
     assert found["ok"] is False
     back = "it is back, but has begun anew"
     assert found["reason"] == f"no valid trial: {why}; {back}; r1 reached"
+    (log,) = tmp_path.glob("*-r2.tlog")
+    assert "started again: the one before was killed (signal SIGKILL)" in texts_in(log)
+
+
+def texts_in(log: Path) -> str:
+    """All that the robot said, its pieces put together."""
+    with log.open("rb") as source:
+        messages = [decode(record.frame).message for record in Reader(source)]
+    return "".join(one.text for one in messages if isinstance(one, Statustext))
 
 
 def test_without_its_router_the_robot_stops_by_itself_and_that_is_the_outcome() -> None:

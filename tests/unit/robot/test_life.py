@@ -4,7 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from protocol.enums import Severity
+from robot.core.parameters import DEFAULTS
 from robot.life import FILE_NAME, HUNG_BEFORE, HUNG_NAME, NO_WORD, Life
+from robot.run import in_brief, tell_life
+from robot.store import Store
+from robot.vehicle import Vehicle
 
 KILLED = "was killed (signal SIGKILL)"
 
@@ -74,3 +79,25 @@ def test_a_directory_that_cannot_be_written_is_told_and_stops_nobody(tmp_path: P
 def test_noise_in_the_file_is_taken_for_no_word(tmp_path: Path) -> None:
     (tmp_path / FILE_NAME).write_bytes(b"\xff\xfe\x00")
     assert Life(tmp_path).begin() == ""
+
+
+def test_it_is_told_to_everybody_and_on_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
+    vehicle = Vehicle(DEFAULTS, Store(None))
+    tell_life(vehicle, "r1", Life(None), "signal SIGKILL")
+    texts = vehicle.texts()
+    words = f"started again: the one before {KILLED}"
+    assert words in "".join(text.text for text in texts)
+    assert max(text.severity for text in texts) == Severity.INFO
+    assert min(text.severity for text in texts) == Severity.WARNING
+    assert capsys.readouterr().err == f"robot r1: {words}\n"
+
+
+def test_the_first_one_has_nothing_to_tell(capsys: pytest.CaptureFixture[str]) -> None:
+    vehicle = Vehicle(DEFAULTS, Store(None))
+    tell_life(vehicle, "r1", Life(None), "")
+    assert [text.text for text in vehicle.texts()] == ["started: disarmed, standing still"]
+    assert capsys.readouterr().err == ""
+
+
+def test_of_a_long_exception_the_first_line_is_kept() -> None:
+    assert in_brief(ValueError("one\ntwo")) == "ValueError: one"

@@ -1,0 +1,60 @@
+"""The plant's loop shows that it turns, also while time stands still: else it would be ended."""
+
+import threading
+from collections.abc import Callable
+from math import inf
+
+import pytest
+
+from plant.desk import Desk
+from plant.noise import LEVELS
+from plant.plant import Plant
+from plant.process import Process, Wake
+from plant.world_file import load
+from protocol.clock import WallClock
+
+PATIENCE_S = 0.02
+TURNS = 20
+SLOW = 0.0005
+"""Times real time: a hundred seconds from one tick to the next."""
+
+
+class Turns:
+    """Ends the loop after some turns."""
+
+    def __init__(self, wake: Wake) -> None:
+        self.count = 0
+        self._wake = wake
+
+    def __call__(self) -> None:
+        self.count += 1
+        if self.count >= TURNS:
+            self._wake.stop()
+
+
+def ended(*, running: bool, drive: Callable[[Process], None]) -> int:
+    """How often it turned until it ended; fails when it does not."""
+    wake = Wake()
+    turns = Turns(wake)
+    desk = Desk(running=running, world={}, nudge=wake)
+    plant = Plant(load("open"), 0, LEVELS["none"])
+    process = Process(plant, [], desk, wake, PATIENCE_S, turn=turns)
+    loop = threading.Thread(target=drive, args=(process,))
+    loop.start()
+    loop.join(10.0)
+    stuck = loop.is_alive()
+    wake.stop()
+    loop.join()
+    assert not stuck
+    return turns.count
+
+
+@pytest.mark.parametrize("running", [True, False])
+@pytest.mark.parametrize("speed", [inf, SLOW])
+def test_in_lockstep_paused_or_slow(running: bool, speed: float) -> None:
+    assert ended(running=running, drive=lambda process: process.run_lockstep(speed)) >= TURNS
+
+
+@pytest.mark.parametrize("running", [True, False])
+def test_in_wall_time(running: bool) -> None:
+    assert ended(running=running, drive=lambda process: process.run_wall(WallClock())) >= TURNS
