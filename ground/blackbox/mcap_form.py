@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from io import BytesIO
 from typing import Any, Final
 
+from mcap.data_stream import RecordBuilder
+from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
 from ground.blackbox.mcap_file import FACT
@@ -14,6 +16,8 @@ from ground.blackbox.schemas import Schema
 from ground.blackbox.spread import Piece, Spread
 
 LIBRARY: Final = "sidestep"
+ENTRIES: Final = "_Writer__chunk_indices"
+"""Where the writer collects the index that it writes at the end."""
 NS_PER_US: Final = 1000
 
 
@@ -33,6 +37,20 @@ class Outbox(BytesIO):
         self.seek(0)
         self.truncate()
         return data
+
+
+class Entry:
+    """One chunk's entry in the index, as its bytes: a fifth of what the writer would hold."""
+
+    __slots__ = ("_record",)
+
+    def __init__(self, index: Any) -> None:
+        builder: Any = RecordBuilder()
+        index.write(builder)
+        self._record: bytes = builder.end()
+
+    def write(self, out: Any) -> None:
+        out.write(self._record)
 
 
 class McapForm:
@@ -63,12 +81,24 @@ class McapForm:
     def batch(self) -> bytes:
         """Everything since the last batch; whole chunks, so that it can be appended as it is."""
         self._writer.flush()
+        self._pack()
         return self._outbox.take()
 
     def end(self) -> bytes:
         """The rest, with the index that makes opening it fast."""
         self._writer.finish()
         return self._outbox.take()
+
+    def _pack(self) -> None:
+        """Two chunks a second over days are many entries; what there is of new ones is made small.
+
+        With a writer that keeps them elsewhere they only stay as large as they were.
+        """
+        entries: list[Any] = getattr(self._writer, ENTRIES, [])
+        place = len(entries) - 1
+        while place >= 0 and isinstance(entries[place], ChunkIndex):
+            entries[place] = Entry(entries[place])
+            place -= 1
 
     def _write(self, pieces: Iterable[Piece], told_ns: int) -> None:
         for topic, schema, data in pieces:

@@ -1,7 +1,9 @@
 """An MCAP of ours is what its own library reads, and what Foxglove and Lichtblick know."""
 
+import gc
 import io
 import json
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -130,3 +132,27 @@ def test_what_was_fetched_later_says_when_it_was_told() -> None:
     reader = make_reader(io.BytesIO(form.end()))
     for _, _, message in reader.iter_messages():
         assert (message.log_time, message.publish_time) == (5_000_000_000, 2_000_000_000)
+
+
+def test_a_recorder_that_runs_for_days_holds_little_of_what_it_has_written(
+    said: list[Said],
+) -> None:
+    """Half a kilobyte for each batch, which is 3.5 MB an hour."""
+    form = McapForm("r1", {})
+
+    def batches(count: int) -> None:
+        for _ in range(count):
+            for one in said[:70]:
+                form.add(one.key, one.frame, one.time_us)
+            form.batch()
+        gc.collect()
+
+    tracemalloc.start()
+    try:
+        batches(20)
+        before, _ = tracemalloc.get_traced_memory()
+        batches(100)
+        after, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert (after - before) / 100 < 500
