@@ -14,10 +14,10 @@ from ground.ghost.recorded import Footage, changed, parameters_in
 from plant.world_file import load
 from plant.world_types import GoalPose
 from protocol.errors import UserError
-from protocol.messages import SystemTime
+from protocol.messages import GoalRequest, SystemTime
 from protocol.outcome import Outcome
 from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH
-from study.trial import Trial
+from study.trial import Trial, wire_goal_of
 from tests.unit.ground.recordings import Recording, box, recorded
 
 S = 1_000_000_000
@@ -72,6 +72,15 @@ def test_the_goal_has_the_tolerances_that_it_was_asked_for_with() -> None:
     assert asked.heading_rad == pytest.approx(radians(90), abs=1e-6)
     told = footage(run.without(COMMANDED)).goal_at(2 * S)
     assert (told.x_m, told.y_m, told.position_tolerance_m) == (2.0, 1.0, 0.05)
+
+
+def test_of_two_requests_for_one_place_the_one_of_that_time_counts() -> None:
+    run, _ = recorded(Trial(world=load("box"), noise="none"))
+    asked = wire_goal_of(load("box"))._asdict() | {"position_tolerance_mm": 500}
+    run.put(COMMANDED, GoalRequest(request_id=8, mode=10, **asked), 5 * S)
+    run.found.sort(key=lambda one: one.time_ns)
+    told = footage(run)
+    assert [told.goal_at(at_s * S).position_tolerance_m for at_s in (4, 5)] == [0.05, 0.5]
 
 
 def test_the_rest_of_the_drive_is_measured_to_its_end(drive: tuple[Recording, Outcome]) -> None:
