@@ -181,7 +181,7 @@ def new_log(folder: Path, robot: str, started: datetime) -> LogFile:
     stem = f"{started.astimezone(UTC):%Y%m%dT%H%M%SZ}-{robot}"
     for number in range(1000):
         with suppress(FileExistsError):
-            return LogFile(folder / f"{stem}{f'-{number}' if number else ''}.tlog")
+            return LogFile(folder / f"{stem}{f'.{number}' if number else ''}.tlog")
     raise FileExistsError("a thousand logs of this second exist already")
 
 

@@ -18,7 +18,7 @@ from protocol.topics import PREFIX, TOPICS
 
 NS_PER_US: Final = 1000
 MCAP_BEGINS: Final = b"\x89MCAP"
-NAMED: Final = re.compile(r"\d{8}T\d{6}Z-(?P<robot>[a-z0-9_-]{1,16}?)(-\d{1,3})?\Z")
+NAMED: Final = re.compile(r"\d{8}T\d{6}Z-(?P<robot>[a-z0-9_-]{1,16})(\.\d{1,3})?\Z")
 USUAL_ROBOT: Final = "r1"
 UNKNOWN_PATH: Final = "unknown"
 PATH_OF: Final[Mapping[tuple[int, int], str]] = MappingProxyType(

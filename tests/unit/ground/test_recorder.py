@@ -143,7 +143,7 @@ def test_the_file_is_named_after_time_and_robot_and_never_overwritten(tmp_path: 
     first = new_log(tmp_path / "deep" / "down", "r1", NOON)
     second = new_log(tmp_path / "deep" / "down", "r1", NOON)
     assert first.path.name == "20260304T120005Z-r1.tlog"
-    assert second.path.name == "20260304T120005Z-r1-1.tlog"
+    assert second.path.name == "20260304T120005Z-r1.1.tlog"
     first.close()
     second.close()
 

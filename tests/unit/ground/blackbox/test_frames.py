@@ -97,7 +97,8 @@ def test_a_file_that_is_not_there_is_the_users_mistake(tmp_path: Path) -> None:
 
 def test_the_robot_is_in_the_name_of_the_file() -> None:
     assert robot_in(Path("20260304T120005Z-r7.tlog")) == "r7"
-    assert robot_in(Path("20260304T120005Z-r7-1.mcap")) == "r7"
+    assert robot_in(Path("20260304T120005Z-r7.1.mcap")) == "r7", "another of that second"
+    assert robot_in(Path("20260304T120005Z-r-1.tlog")) == "r-1"
     assert robot_in(Path("20260304T120005Z-left-arm.mcap")) == "left-arm"
     assert robot_in(Path("mine.tlog")) == "r1"
 
