@@ -30,7 +30,7 @@ TOGETHER: Final = (
     (Layer.STOP, Layer.DRIVE, Layer.REPLAY, Layer.ROBOT, Layer.STATION),
     *(
         (Layer.STOP, Layer.LIST, layer, Layer.ROBOT, Layer.STATION)
-        for layer in (Layer.PLOTS, Layer.PARAMS, Layer.LOG, Layer.WORLDS)
+        for layer in (Layer.PLOTS, Layer.PARAMS, Layer.LOG, Layer.WORLDS, Layer.FAULTS)
     ),
 )
 """Layers that count at the same time. The cursor and teleop hide what is below them: they are

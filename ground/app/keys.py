@@ -19,6 +19,7 @@ class Layer(Enum):
     PARAMS = "parameters"
     LOG = "log"
     WORLDS = "worlds"
+    FAULTS = "faults"
     ROBOT = "robot"
     STATION = "station"
 
@@ -87,7 +88,7 @@ KEYS: Final[tuple[Key, ...]] = (
         ("page-down", "pagedown ctrl+f", "a page down", ""),
         ("row-first", "home", "the first row", ""),
         ("row-last", "end", "the last row", ""),
-        ("row-choose", "enter", "choose this row", "Choose"),
+        ("row-choose", "enter", "change the value", ""),
     ),
     *_keys(
         Layer.DRIVE,
@@ -139,6 +140,10 @@ KEYS: Final[tuple[Key, ...]] = (
     *_keys(
         Layer.WORLDS,
         ("world-start", "s", "end what runs, and start this world", "Start"),
+    ),
+    *_keys(
+        Layer.FAULTS,
+        ("fault-begin", "s", "let this go wrong", "Begin"),
     ),
     *_keys(
         Layer.ROBOT,

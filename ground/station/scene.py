@@ -61,6 +61,18 @@ def scene_of(
     )
 
 
+def preview_of(world: WorldFacts) -> Scene:
+    """A world in which nobody drives yet: its robot at the start."""
+    x_m, y_m, heading_rad = world.start
+    return Scene(
+        size_m=world.size_m,
+        obstacles=world.obstacles,
+        movers=tuple(mover.at(0.0) for mover in world.movers),
+        robot=Robot(x_m, y_m, heading_rad, world.radius_m),
+        goal=world.goal,
+    )
+
+
 def grown(
     odometry: tuple[PlanarOdometry, int], now_ns: int, status: NavigatorStatus | None
 ) -> tuple[float, float, float]:

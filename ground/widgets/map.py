@@ -13,6 +13,7 @@ from textual.widget import Widget
 
 from ground.map import LAYERS, ROLES, Canvas, Scene, View, draw_moving, draw_standing, standing
 from ground.map.view import Point
+from ground.widgets.paint import styles_of
 
 WHEEL_FACTOR = 1.25
 PAPER = ""
@@ -51,6 +52,7 @@ class MapWidget(Widget):
         self.scene = Scene()
         self._canvas = Canvas(0, 0, ascii_only)
         self._ground = self._canvas
+        self._theme = ""
         self._drawn: tuple[object, ...] = ()
         self._fitted_for: tuple[object, ...] = ()
         self._strips: dict[int, Strip] = {}
@@ -100,6 +102,13 @@ class MapWidget(Widget):
     def ascii_only(self, ascii_only: bool) -> None:
         self._ascii_only = ascii_only
         self._draw()
+
+    def paint(self, theme: str) -> None:
+        """In the colours of a theme, when it is another one."""
+        if theme != self._theme:
+            self._theme, paper = theme, self.rich_style
+            inks = styles_of(theme).items()
+            self.colour({PAPER: paper, **{role: paper + style for role, style in inks}})
 
     def colour(self, styles_by_role: Mapping[str, Style]) -> None:
         """Another theme."""

@@ -6,7 +6,7 @@ from typing import TypeVar
 from textual import events
 
 from ground.widgets.lines import Lines
-from ground.widgets.rows import Row
+from ground.widgets.rows import Row, cut
 
 T = TypeVar("T")
 
@@ -28,7 +28,8 @@ class Table(Lines, can_focus=True):
         self._top = max(0, min(self._top, self.at, self._count - height))
         self._top = max(self._top, self.at - height + 1)
         shown = enumerate(items[self._top : self._top + height], start=self._top)
-        self.show(paint(item, number == self.at) for number, item in shown)
+        width = self.size.width
+        self.show(cut(paint(item, number == self.at), width) for number, item in shown)
 
     def move(self, rows: int) -> None:
         """Up or down; it stops at the ends."""

@@ -14,10 +14,15 @@ def update_screens(request: pytest.FixtureRequest) -> bool:
 
 @pytest.fixture
 def worlds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The plant's side is not asked, and the study has found this."""
+
     def ask(*words: str) -> dict[str, Any]:
         if words == ("list",):
-            return {"worlds": [{"name": name, "says": f"{name}."} for name in ("box", "wall")]}
+            says = {"box": "One box across the straight way.", "wall": "A wall, and a walker."}
+            return {"worlds": [{"name": name, "says": what} for name, what in says.items()]}
         return FAULTS if words == ("faults",) else {**WORLD, "name": words[1]}
 
     monkeypatch.setattr("ground.app.screens.worlds.ask_worlds", ask)
     monkeypatch.setattr("ground.app.screens.faults.ask_worlds", ask)
+    reached = {"wall": {"bug left": 0, "vgm": 7, "vgm_memory": 10}}
+    monkeypatch.setattr("ground.app.screens.worlds.reached_in", lambda: reached)

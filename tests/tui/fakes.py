@@ -19,10 +19,7 @@ from ground.station import (
 from ground.station.log import Line
 from ground.telemetry import Seen, Telemetry
 from protocol.clock import ManualClock
-from protocol.codec import Encoder
 from protocol.enums import Severity
-from protocol.mailbox import Mailbox, Sample
-from protocol.message import Message
 from protocol.messages import (
     AvoidanceDecision,
     CycleReport,
@@ -31,35 +28,16 @@ from protocol.messages import (
 from protocol.topics import (
     CYCLE,
     DECISION,
-    ENCODING,
     ODOMETRY,
     STATUS,
     TOPICS,
     Role,
     Topic,
 )
+from tests.air import Air
 
 MS = 1_000_000
 S = 1_000 * MS
-
-
-class Air:
-    """Mailboxes that a test fills."""
-
-    def __init__(self) -> None:
-        self.boxes: dict[str, Mailbox[Any]] = {}
-        self._encoder = Encoder(1, 1)
-
-    def mailbox(
-        self,
-        topic: Topic[Any],
-        robot: str | None = None,
-        notify: Callable[[int], None] | None = None,
-    ) -> Mailbox[Any]:
-        return self.boxes.setdefault(topic.path, Mailbox(topic, notify))
-
-    def put(self, topic: Topic[Any], message: Message, at_ns: int) -> None:
-        self.boxes[topic.path].store(Sample(ENCODING, self._encoder.encode(message)), at_ns)
 
 
 class FakeStation(Station):

@@ -19,7 +19,14 @@ WORLD: dict[str, Any] = {
     "size_m": [6.0, 4.0],
     "start": {"x_m": 0.6, "y_m": 2.0, "heading_deg": 0.0},
     "goal": {"x_m": 5.4, "y_m": 2.0, "heading_deg": 0.0},
-    "obstacles": [{"path_m": []}, {}],
+    "obstacles": [
+        {"polygon_m": [[2.5, 1.6], [3.3, 1.6], [3.3, 2.4], [2.5, 2.4]]},
+        {
+            "circle_m": {"x": 4.5, "y": 3.0, "radius": 0.15},
+            "path_m": [[4.5, 3.0], [4.5, 1.0]],
+            "speed_m_s": 0.1,
+        },
+    ],
     "faults": [],
     "shortest_path_m": 5.0,
 }

@@ -1,9 +1,14 @@
 """Params, Plots, Links, Worlds and Faults, by keys."""
 
+from pathlib import Path
+
 import pytest
 
-from ground.app.screens.faults import FaultsScreen, Trouble, fault_of
-from ground.app.screens.worlds import WorldsScreen
+from ground.app.faces.faults import Trouble
+from ground.app.screens.faults import FaultsScreen, fault_of
+from ground.app.screens.worlds import WorldsScreen, looked_up
+from ground.app.worlds import ask_worlds, reached_in, reached_of
+from ground.widgets.map import MapWidget
 from protocol.errors import UserError
 from protocol.topics import Role
 from tests.tui.fakes import FakeStation
@@ -159,18 +164,62 @@ def test_another_world_is_started_when_the_processes_are_ours() -> None:
     async def story(stage: Stage) -> None:
         assert isinstance(stage.app.screen, WorldsScreen)
         await stage.press("down")
-        assert "wall" in stage.words("about")
+        assert "wall  A wall, and a walker." in stage.words("about")
         assert "6 x 4 m, 2 obstacles, 1 moving" in stage.words("about")
+        assert "reached of 10 seeds: bug left 0, vgm 7, vgm_memory 10" in stage.words("about")
         await stage.press("enter")
+        assert stack.begun == []
+        await stage.press("s")
         assert stack.begun == ["wall"]
 
     play(lambda: on("6", stack, story))
 
 
 @pytest.mark.usefixtures("worlds")
+def test_a_world_is_seen_on_the_map_before_it_is_started() -> None:
+    async def story(stage: Stage) -> None:
+        shown = stage.app.screen.query_one("#preview", MapWidget)
+        assert shown.scene.size_m == (6.0, 4.0)
+        assert shown.scene.robot is not None
+        assert (shown.scene.robot.x_m, shown.scene.robot.y_m) == (0.6, 2.0)
+        assert shown.scene.goal is not None
+        assert (len(shown.scene.obstacles), len(shown.scene.movers)) == (2, 1)
+        assert any(strip.text.strip() for strip in map(shown.render_line, range(9)))
+
+    play(lambda: on("6", None, story))
+
+
+def test_the_plant_tells_its_worlds_as_they_are_previewed() -> None:
+    facts, scene = looked_up("corridor")
+    assert scene.size_m == tuple(facts["size_m"])
+    assert scene.goal is not None
+    assert scene.goal.x_m == facts["goal"]["x_m"]
+
+
+def test_the_study_has_an_end_for_every_world_and_navigator() -> None:
+    reached = reached_in()
+    assert {one["name"] for one in ask_worlds("list")["worlds"]} == set(reached)
+    assert {len(ends) for ends in reached.values()} == {7}
+    assert all(0 <= count <= 10 for ends in reached.values() for count in ends.values())
+    assert 10 in reached["box"].values()
+
+
+@pytest.mark.parametrize(
+    ("ends", "count"),
+    [("10 reached", 10), ("6 reached, 4 stuck", 6), ("9 stuck, 1 timeout", 0), ("-", 0)],
+)
+def test_of_the_ends_those_at_the_goal_are_counted(ends: str, count: int) -> None:
+    assert reached_of(ends) == count
+
+
+def test_where_the_study_is_not_there_nothing_is_told_of_it(tmp_path: Path) -> None:
+    assert reached_in(tmp_path / "outcomes.md") == {}
+
+
+@pytest.mark.usefixtures("worlds")
 def test_the_processes_of_others_are_left_alone() -> None:
     async def story(stage: Stage) -> None:
-        await stage.press("enter")
+        await stage.press("s")
         assert "sidestep up --world box" in stage.log()
 
     play(lambda: on("6", None, story))
@@ -183,6 +232,8 @@ def test_a_process_of_ours_is_hung_by_a_key() -> None:
     async def story(stage: Stage) -> None:
         assert isinstance(stage.app.screen, FaultsScreen)
         await stage.press("enter")
+        assert stack.done == []
+        await stage.press("s")
         assert stack.done == [("robot r1", "hang")]
 
     play(lambda: on("7", stack, story))
@@ -193,13 +244,15 @@ def test_a_fault_of_the_world_is_started_anew() -> None:
     stack = FakeStack()
 
     async def story(stage: Stage) -> None:
-        await stage.press("end", "up", "enter")
+        await stage.press("end", "up")
+        assert "what runs ends, and the world starts anew" in stage.words("about")
+        await stage.press("s")
         assert stage.words("prompt").startswith("sonar_frozen")
         await stage.press("ctrl+u")
         await stage.type("9")
         await stage.press("enter")
         assert "'9' is none of 0, 1, all" in stage.log()
-        await stage.press("enter", "enter")
+        await stage.press("s", "enter")
         assert stack.begun == ["box sonar_frozen"]
 
     play(lambda: on("7", stack, story))

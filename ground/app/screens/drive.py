@@ -23,8 +23,7 @@ from ground.app.screens.sheet import Action, Sheet
 from ground.explain import Why
 from ground.map import LAYERS, Target
 from ground.widgets.lines import Lines
-from ground.widgets.map import PAPER, MapWidget
-from ground.widgets.paint import styles_of
+from ground.widgets.map import MapWidget
 from ground.widgets.rows import faint, row
 from protocol.errors import UserError
 
@@ -39,7 +38,6 @@ class DriveScreen(Sheet):
     key_layer = Layer.DRIVE
     focus_first: ClassVar[str] = "#map"
 
-    painted = ""
     back = 0
 
     def __init__(self, deck: Deck) -> None:
@@ -80,7 +78,8 @@ class DriveScreen(Sheet):
         return self.query_one("#map", MapWidget)
 
     def draw(self) -> None:
-        self.paint()
+        for one in self.query(MapWidget):
+            one.paint(self.app.theme)
         self.follow_station()
         if self._haunting is not None:
             self._haunting.poll()
@@ -132,15 +131,6 @@ class DriveScreen(Sheet):
         if self._station is not self.deck.station:
             self._station = self.deck.station
             self.why = Why()
-
-    def paint(self) -> None:
-        """In the colours of the theme, when it has changed."""
-        if self.painted != self.app.theme:
-            self.painted = self.app.theme
-            for one in self.query(MapWidget):
-                paper = one.rich_style
-                inks = styles_of(self.painted).items()
-                one.colour({PAPER: paper, **{role: paper + style for role, style in inks}})
 
     def key_layers(self) -> tuple[Layer, ...]:
         if self.hand.held:

@@ -2,35 +2,23 @@
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, Final
 
 from ground.app.deck import Deck
+from ground.app.faces.faults import HOW, Trouble, about_rows, heading_row, trouble_row
 from ground.app.keys import Layer
 from ground.app.screens.listing import Listing
 from ground.app.screens.sheet import Action
-from ground.app.screens.worlds import ask_worlds
+from ground.app.worlds import ask_worlds
 from ground.scenario import Scenario
 from ground.stack import TROUBLES
-from ground.widgets.rows import Row, Span, faint, head, row
 from protocol.errors import UserError
 
-HOW = "TARGET [VALUE] [FROM_S]"
-USUAL_START_S = 3.0
-
-
-class Trouble(NamedTuple):
-    """`kind` of the plant, or what happens to the process of a `role`."""
-
-    name: str
-    says: str
-    role: str = ""
-    kind: str = ""
-    targets: tuple[str, ...] = ()
-    unit: str = ""
+USUAL_START_S: Final = 3.0
 
 
 class FaultsScreen(Listing):
-    key_layer = Layer.WORLDS
+    key_layer = Layer.FAULTS
 
     def __init__(self, deck: Deck) -> None:
         super().__init__(deck)
@@ -67,15 +55,14 @@ class FaultsScreen(Listing):
         return found[self.listed.at] if self.listed.at < len(found) else None
 
     def draw(self) -> None:
-        own = "" if self.deck.stack else "these processes are not ours: start them with sidestep up"
-        self.lines("heading").show([row(" what can go wrong", faint(f"   {own}"))])
+        self.lines("heading").show([heading_row(self.deck.stack is not None)])
         self.listed.window(self.troubles(), trouble_row)
         self.lines("about").show(about_rows(self.chosen))
 
     def actions(self) -> Mapping[str, Action]:
-        return {**super().actions(), "world-start": self.choose}
+        return {**super().actions(), "fault-begin": self.let}
 
-    def choose(self) -> None:
+    def let(self) -> None:
         one = self.chosen
         if one is None:
             return
@@ -114,24 +101,3 @@ def fault_of(one: Trouble, words: list[str]) -> dict[str, object]:
     except ValueError:
         raise UserError(f"write {HOW}, in numbers") from None
     return {"kind": one.kind, "target": target, "value": value, "start_s": start_s}
-
-
-def trouble_row(one: Trouble, chosen: bool) -> Row:
-    when = "now  " if one.role else "anew "
-    return row(
-        faint(f" {when}"), Span(f"{one.name:<18}", "reverse" if chosen else "text"), one.says
-    )
-
-
-def about_rows(one: Trouble | None) -> list[Row]:
-    if one is None:
-        return [row(faint(" reading ..."))]
-    first = row(Span(f" {one.name}", "accent"), f"  {one.says}")
-    if one.role:
-        return [first, row(faint(" Enter does it now"))]
-    targets = ", ".join(one.targets) or "no target"
-    return [
-        first,
-        row(head(" targets "), targets, head("   value in "), one.unit or "no unit"),
-        row(faint(f" Enter asks for {HOW} and starts the world anew with it")),
-    ]

@@ -1,13 +1,10 @@
 """A screen that is a heading, a list to choose from, and something about what is chosen."""
 
-from abc import abstractmethod
-from collections.abc import Mapping
 from typing import ClassVar
 
 from textual.app import ComposeResult
 
 from ground.app.screens.listed import Listed
-from ground.app.screens.sheet import Action
 from ground.widgets.lines import Lines
 from ground.widgets.table import Table
 
@@ -23,10 +20,3 @@ class Listing(Listed):
     @property
     def listed(self) -> Table:
         return self.query_one(Table)
-
-    @abstractmethod
-    def choose(self) -> None:
-        """Enter, on the chosen row."""
-
-    def actions(self) -> Mapping[str, Action]:
-        return {**super().actions(), "row-choose": self.choose}

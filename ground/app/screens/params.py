@@ -47,7 +47,7 @@ class ParamsScreen(Listing):
         return {
             **super().actions(),
             "find": partial(self.ask, "find", self._words, self.find),
-            "param-edit": self.choose,
+            **dict.fromkeys(("param-edit", "row-choose"), self.change),
             "param-default": self.reset,
             "param-diff": self.differing,
             "param-read": self.deck.station.reread,
@@ -62,7 +62,7 @@ class ParamsScreen(Listing):
         self._only_different = not self._only_different
         self.listed.at = 0
 
-    def choose(self) -> None:
+    def change(self) -> None:
         one = self.chosen
         if one is not None:
             name = str(one["name"])

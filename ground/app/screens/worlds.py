@@ -1,20 +1,27 @@
 """Worlds: those that come with the program; when the processes are ours, another one is started."""
 
-import os
+import json
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
+from textual.app import ComposeResult
+from textual.containers import Horizontal
+
 from ground.app.deck import Deck
-from ground.app.faces.worlds import fact_rows, world_row
+from ground.app.faces.worlds import ends_rows, fact_rows, world_row
 from ground.app.keys import Layer
 from ground.app.screens.listing import Listing
 from ground.app.screens.sheet import Action
-from ground.leash import command
-from ground.scenario import Scenario, world_facts
+from ground.app.worlds import Reached, ask_worlds, reached_in
+from ground.map import Scene
+from ground.scenario import Scenario
+from ground.station.scene import preview_of
+from ground.station.world import world_in
+from ground.widgets.lines import Lines
+from ground.widgets.map import MapWidget
 from ground.widgets.rows import faint, row
-
-FACT_ROWS = 3
+from ground.widgets.table import Table
 
 
 class WorldsScreen(Listing):
@@ -24,46 +31,74 @@ class WorldsScreen(Listing):
         super().__init__(deck)
         self._worlds: list[dict[str, str]] = []
         self._facts: dict[str, Mapping[str, Any]] = {}
+        self._scenes: dict[str, Scene] = {}
         self._asked: set[str] = set()
+        self._reached: Reached = {}
+
+    def middle(self) -> ComposeResult:
+        yield Lines(id="heading")
+        with Horizontal(id="worlds"):
+            yield Table(id="rows")
+            yield MapWidget(ascii_only=self.deck.ascii_only, id="preview")
+        yield Lines(id="about")
 
     def on_mount(self) -> None:
-        self.lines("about").styles.height = FACT_ROWS + 1
         self.deck.aside(partial(ask_worlds, "list"), self.take_list)
+        self.deck.aside(reached_in, self.take_reached)
         super().on_mount()
 
     def take_list(self, found: dict[str, Any]) -> None:
         self._worlds = found["worlds"]
         self.look()
 
-    def take_facts(self, found: dict[str, Any]) -> None:
-        self._facts[found["name"]] = found
+    def take_reached(self, reached: Reached) -> None:
+        self._reached = reached
+        self.look()
+
+    def take_world(self, found: tuple[dict[str, Any], Scene]) -> None:
+        facts, scene = found
+        self._facts[facts["name"]], self._scenes[facts["name"]] = facts, scene
         self.look()
 
     @property
-    def chosen(self) -> str:
-        return self._worlds[self.listed.at]["name"] if self._worlds else ""
+    def chosen(self) -> dict[str, str]:
+        """Its name and what it is, both empty while no world is known."""
+        return self._worlds[self.listed.at] if self._worlds else {"name": "", "says": ""}
 
     def draw(self) -> None:
         world = self.deck.station.world
         here = "" if world is None else world.name
-        own = "Enter starts another one" if self.deck.stack else "these processes are not ours"
+        own = "s ends what runs and starts one" if self.deck.stack else "these are not ours to end"
         self.lines("heading").show([row(f" {len(self._worlds)} worlds", faint(f"   {own}"))])
         self.listed.window(self._worlds, lambda one, chosen: world_row(one, here, chosen))
         self.inquire()
-        self.lines("about").show(fact_rows(self._facts.get(self.chosen)))
+        self.draw_chosen()
+
+    def draw_chosen(self) -> None:
+        name, about, preview = self.chosen["name"], self.lines("about"), self.preview
+        preview.paint(self.app.theme)
+        preview.show(self._scenes.get(name, Scene()))
+        rows = fact_rows(self._facts.get(name), self.chosen["says"])
+        rows += ends_rows(self._reached.get(name), about.size.width)
+        about.styles.height = len(rows) + 1
+        about.show(rows)
+
+    @property
+    def preview(self) -> MapWidget:
+        return self.query_one("#preview", MapWidget)
 
     def inquire(self) -> None:
         """The facts of the chosen one, once."""
-        name = self.chosen
+        name = self.chosen["name"]
         if name and name not in self._asked:
             self._asked.add(name)
-            self.deck.aside(partial(ask_worlds, "show", name), self.take_facts)
+            self.deck.aside(partial(looked_up, name), self.take_world)
 
     def actions(self) -> Mapping[str, Action]:
-        return {**super().actions(), "world-start": self.choose}
+        return {**super().actions(), "world-start": self.begin}
 
-    def choose(self) -> None:
-        stack, name = self.deck.stack, self.chosen
+    def begin(self) -> None:
+        stack, name = self.deck.stack, self.chosen["name"]
         if stack is None:
             self.deck.say(f"not ours to end; in another terminal: sidestep up --world {name}")
         elif name:
@@ -77,6 +112,7 @@ class WorldsScreen(Listing):
             stack.restarted(scenario)
 
 
-def ask_worlds(*words: str) -> dict[str, Any]:
-    """What `sidestep worlds` says about worlds, which are the plant's."""
-    return world_facts(command(["worlds", *words, "--json"], os.getpid()))
+def looked_up(name: str) -> tuple[dict[str, Any], Scene]:
+    """The facts of a world, and how it looks; UserError or RemoteError when it cannot be read."""
+    facts = ask_worlds("show", name)
+    return facts, preview_of(world_in(json.dumps(facts)))

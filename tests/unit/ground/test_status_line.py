@@ -1,8 +1,6 @@
 """What is shown is live or said to be old; never an old number as if it were new."""
 
-from collections.abc import Callable
 from math import inf, nan
-from typing import Any
 
 import pytest
 
@@ -10,34 +8,13 @@ from ground.operator import Pace
 from ground.parts import fitted, in_words
 from ground.status_line import doing, echo_of, goal_line, metres, short_line, state_of, watch_line
 from ground.telemetry import Age, Telemetry, age_of
-from protocol.codec import Encoder
 from protocol.enums import GoalState, Mode, Navigator, Vehicle
-from protocol.mailbox import Mailbox, Sample
-from protocol.message import Message
 from protocol.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
 from protocol.reasons import Reason
-from protocol.topics import DECISION, ENCODING, HEARTBEAT, ODOMETRY, STATUS, TEXT, Topic
+from protocol.topics import DECISION, HEARTBEAT, ODOMETRY, STATUS, TEXT
+from tests.air import Air
 
 MS = 1_000_000
-
-
-class Air:
-    """Mailboxes that a test fills."""
-
-    def __init__(self) -> None:
-        self.boxes: dict[str, Mailbox[Any]] = {}
-        self._encoder = Encoder(1, 1)
-
-    def mailbox(
-        self,
-        topic: Topic[Any],
-        robot: str | None = None,
-        notify: Callable[[int], None] | None = None,
-    ) -> Mailbox[Any]:
-        return self.boxes.setdefault(topic.path, Mailbox(topic, notify))
-
-    def put(self, topic: Topic[Any], message: Message, at_ns: int) -> None:
-        self.boxes[topic.path].store(Sample(ENCODING, self._encoder.encode(message)), at_ns)
 
 
 def status(
