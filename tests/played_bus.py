@@ -42,6 +42,7 @@ class PlayedBus:
         self.answers: dict[str, Callable[[Message | None], Message | bytes]] = {}
         self.asked: list[tuple[str, str, Message | None]] = []
         self.linked_by = Hub.PEER
+        self.shut = ""
 
     # The others.
 
@@ -122,3 +123,6 @@ class PlayedBus:
 
     def hub(self) -> Hub:
         return self.linked_by
+
+    def kept_out(self) -> str:
+        return self.shut

@@ -55,6 +55,8 @@ class Signs(NamedTuple):
     """How long ago the hub was looked at."""
     by_router: bool = False
     """A router was what linked us last."""
+    kept_out: bool = False
+    """Who takes our call does not let us in."""
     gone_ns: int | None = None
     """How long ago the robot's token went; None: it is there."""
     beat_ns: int | None = None
@@ -122,7 +124,7 @@ def _others(signs: Signs) -> bool:
 
 
 def _unlinked(signs: Signs, hub: Hub) -> LossKind:
-    if hub is Hub.UNREACHABLE:
+    if hub is Hub.UNREACHABLE or signs.kept_out:
         return LossKind.TRANSPORT
     if signs.by_router:
         return LossKind.ROUTER_GONE

@@ -27,10 +27,14 @@ SMALL: Final = ParamRequestRead(param_id="radius_m", param_index=-1)
 
 
 class Probe(NamedTuple):
-    """`hub` is who links us; the round trip is None when the robot's loop did not answer."""
+    """`hub` is who links us; the round trip is None when the robot's loop did not answer.
+
+    `kept_out`: why who takes our call lets us not in; empty when that is not what is wrong.
+    """
 
     hub: Hub
     round_trip_ns: int | None
+    kept_out: str = ""
 
 
 class Parameters(NamedTuple):
@@ -72,6 +76,7 @@ class Reader:
         self._wanted = {"probe", "parameters", "mission", "fence"}
         self._probe_ns = PROBE_NS
         self._probed_ns = 0
+        self._hangs = False
 
     def want(self, what: str) -> None:
         """Read it, now and until it is there."""
@@ -122,6 +127,9 @@ class Reader:
 
     def _probe(self) -> Probe:
         hub = self._bus.hub()
+        again, self._hangs = self._hangs, hub is Hub.HANGS
+        if self._hangs and again:  # to find out takes a while, so the news come first
+            return Probe(hub, None, self._bus.kept_out())
         if not hub.linked:
             return Probe(hub, None)
         asked_ns = self._clock.now_ns()

@@ -44,6 +44,7 @@ class Vigil:
         self._tell = tell
         self._hub: Hub | None = None
         self._linked_by: Hub | None = None
+        self._kept_out = ""
         self._hub_seen_ns: int | None = None
         self._lease = Lease()
         self._was_ready = False
@@ -94,6 +95,7 @@ class Vigil:
         match found:
             case Probe():
                 self._hub, self._hub_seen_ns = found.hub, now_ns
+                self._kept_out = found.kept_out
                 self.round_trip_ns = found.round_trip_ns
                 if found.hub.linked:
                     self._linked_by = found.hub
@@ -147,6 +149,7 @@ class Vigil:
         return Known(
             robot=self._watched.robot,
             hub=self._hub,
+            kept_out=self._kept_out,
             linked_by_robot=self._linked_by is not Hub.ROUTER,
             plant_there=bool(self._watched.tokens.get(Role.PLANT)),
             status=None if newest is None else newest[0],
@@ -164,6 +167,7 @@ class Vigil:
             hub=self._hub,
             hub_ns=None if self._hub_seen_ns is None else now_ns - self._hub_seen_ns,
             by_router=self._linked_by is Hub.ROUTER,
+            kept_out=bool(self._kept_out),
             gone_ns=None if there else now_ns - watched.gone_ns,
             beat_ns=self._age_ns(HEARTBEAT, now_ns),
             loop_ns=self._age_ns(STATUS, now_ns),

@@ -21,6 +21,7 @@ class Known(NamedTuple):
     robot: str
     hub: Hub | None
     linked_by_robot: bool
+    kept_out: str
     plant_there: bool
     status: NavigatorStatus | None
     lease: Lease
@@ -34,6 +35,8 @@ def what(kind: LossKind, known: Known) -> str:
             return "the router takes calls but hangs"
         case LossKind.ROUTER_GONE:
             return "the router has ended; dialling it again"
+        case LossKind.TRANSPORT if known.kept_out:
+            return known.kept_out
         case LossKind.TRANSPORT:
             return "nothing comes back: the network in between is cut; dialling again"
         case LossKind.PROCESS_DEAD if known.status is None:

@@ -17,6 +17,7 @@ from protocol.bus.access import unanswered
 from protocol.bus.answer import answer_in
 from protocol.bus.certificate import name_of
 from protocol.bus.history import following, told_ns
+from protocol.bus.locks import shut
 from protocol.bus.presence import Presence, presence_in
 from protocol.bus.publisher import Publisher
 from protocol.bus.service import Asked, Desk, Handler, sender_in
@@ -221,9 +222,19 @@ class Bus:
         calls = {called(endpoint) for endpoint in self.network.connect}
         return next(hub for hub in (Hub.HANGS, Hub.ENDED, Hub.UNREACHABLE) if hub in calls)
 
+    def kept_out(self) -> str:
+        """Why those it dialled do not let it in; empty when that is not what is wrong.
+
+        Takes most of a second for each of them that takes the call and says nothing.
+        """
+        why = shut(self.network)
+        return "" if why is None else str(why)
+
     def lost(self) -> str:
-        """Why nobody can be heard: the hub is gone or hangs. Empty while there is a link."""
+        """Why nobody can be heard: the hub is gone, hangs or lets nobody in. Empty while linked."""
         hub, there = self.hub(), ", ".join(self.network.connect)
+        if hub is Hub.HANGS and (why := self.kept_out()):
+            return why
         if hub is Hub.HANGS:
             return f"the process at {there} does not answer any more, but it is there: it hangs"
         if hub is Hub.UNREACHABLE:

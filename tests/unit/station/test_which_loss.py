@@ -96,6 +96,25 @@ def test_a_hub_that_takes_calls_and_is_silent_hangs() -> None:
     assert loss.kind is LossKind.HUNG
 
 
+@pytest.mark.parametrize("linked_by", [Hub.ROUTER, Hub.PEER])
+def test_a_door_that_is_shut_is_no_hub_that_hangs(linked_by: Hub) -> None:
+    play = Play()
+    play.bus.linked_by = linked_by
+    play.forward(1.0)
+    play.bus.shut = "the process at tls/r:7447 does not let us in: ground.pem expired yesterday"
+    play.cut(Hub.HANGS)
+    play.forward(4.0)
+    loss = play.station.loss()
+    assert loss is not None
+    assert loss.kind is LossKind.TRANSPORT
+    assert loss.what == play.bus.shut
+    play.bus.shut = ""
+    play.forward(3.0)
+    loss = play.station.loss()
+    assert loss is not None
+    assert loss.kind is not LossKind.TRANSPORT
+
+
 def test_a_silent_robot_alone_hangs_only_once_the_link_is_known_to_stand() -> None:
     play = Play().forward(1.0)
     play.robot.senses = False
