@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from threading import Event
 from typing import Final, Literal
 
@@ -15,9 +16,10 @@ from protocol.bus import Bus, open_bus
 from protocol.codec import decode
 from protocol.enums import Severity
 from protocol.messages import Statustext, WheelTicks
-from protocol.network import Network
-from protocol.topics import TEXT, TOPICS, WHEELS, Role
+from protocol.network import Mode, Network
+from protocol.topics import MARK, TEXT, TOPICS, WHEELS, Role
 from tests.bus.nets import TOPOLOGIES, Topology, net, prefixes, until
+from tests.keyring import Keyring
 
 CUT_S: Final = 3.0
 """Three times what it takes until a silent link is given up."""
@@ -175,6 +177,39 @@ def test_who_comes_late_gets_the_newest_with_their_age(topology: Topology) -> No
         assert heard.words == [f"{number}" for number in range(5, TEXT.history + 5)] + ["live"]
         assert min(heard.ages_s[:-1]) >= 0.5
         assert heard.ages_s[-1] < 0.5
+
+
+@pytest.mark.parametrize("listener", ["router", "robot-r1"])
+def test_behind_locked_doors_who_may_listen_gets_them_too(listener: str, tmp_path: Path) -> None:
+    ring, prefix = Keyring(tmp_path), next(prefixes)
+
+    def doors(name: str, connect: tuple[str, ...] = ()) -> Network:
+        mode: Mode = "client" if connect else "router" if name == "router" else "peer"
+        listen = () if connect else ("tls/127.0.0.1:0",)
+        tls = ring.tls(name)
+        return Network(
+            mode=mode, listen=listen, connect=connect, prefix=prefix, robots=("r1",), tls=tls
+        )
+
+    with ExitStack() as stack:
+        hub_role = None if listener == "router" else Role.ROBOT
+        hub = open_bus(doors(listener), hub_role, "r1")
+        stack.enter_context(hub)
+
+        def join(name: str, role: Role | None) -> Bus:
+            there = doors(name, (hub.locator(),))
+            return stack.enter_context(open_bus(there, role, "r1"))
+
+        robot = hub if hub_role else join("robot-r1", Role.ROBOT)
+        publisher = robot.publisher(TEXT)
+        mark = join("ground", Role.GROUND).publisher(MARK)
+        publisher.put(text("started"))
+        mark.put(text("a remark"))
+        heard = Heard(join("viewer", None))
+        until(lambda: len(heard.words) == 2)
+        publisher.put(text("live"))
+        until(lambda: heard.words[-1] == "live")
+        assert sorted(heard.words) == ["a remark", "live", "started"]
 
 
 def test_what_streams_is_never_fetched_and_comes_once_beside_the_events() -> None:
