@@ -1,5 +1,7 @@
 """One run, written to two files at once: the `.tlog` that every MAVLink tool reads, and MCAP."""
 
+import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -23,11 +25,45 @@ class Track:
     every: int
 
 
+class Syncing:
+    """Has the disk keep what was written, in a thread of its own: a slow disk holds up no batch,
+    and what was written survives the end of this process."""
+
+    def __init__(self, recorders: Sequence[Recorder]) -> None:
+        self._recorders = recorders
+        self._due = threading.Event()
+        self._ending = False
+        self._thread: threading.Thread | None = None
+
+    def ask(self) -> None:
+        """As soon as it has done with the last time."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="sync", daemon=True)
+            self._thread.start()
+        self._due.set()
+
+    def close(self) -> None:
+        """No more, so that the files can be closed."""
+        self._ending = True
+        self._due.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        while self._due.wait():
+            self._due.clear()
+            if self._ending:  # looked at last: what was set before it is not waited for again
+                return
+            for recorder in self._recorders:
+                recorder.sync()
+
+
 class Tape:
     """Takes frames from any thread, writes them from one. Each file has its own trouble."""
 
     def __init__(self, tracks: tuple[Track, ...]) -> None:
         self.tracks = tracks
+        self._syncing = Syncing([track.recorder for track in tracks])
 
     @classmethod
     def new(cls, folder: Path, robot: str, started: datetime, utc_offset_ns: int) -> Self:
@@ -60,11 +96,12 @@ class Tape:
     def flush(self, round_number: int, sync_every: int) -> None:
         """Write what is due in this round, and have the disk keep it every so many rounds."""
         for track in self.tracks:
-            if round_number % track.every or not track.recorder.flush():
-                continue
-            if round_number % sync_every == 0:
-                track.recorder.sync()
+            if round_number % track.every == 0:
+                track.recorder.flush()
+        if round_number % sync_every == 0:
+            self._syncing.ask()
 
     def close(self) -> bool:
+        self._syncing.close()
         complete = [track.recorder.close() for track in self.tracks]
         return all(complete)

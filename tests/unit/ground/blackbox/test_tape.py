@@ -6,6 +6,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -67,8 +68,45 @@ def test_a_disk_full_for_a_while_costs_nothing(
         assert log.damage() == ""
 
 
+def test_a_disk_that_takes_its_time_holds_up_no_batch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, done = threading.Event(), threading.Event()
+
+    def slow(_log: LogFile) -> None:
+        asked.set()
+        done.wait(10.0)
+
+    monkeypatch.setattr(LogFile, "sync", slow)
+    tape, said = tape_in(tmp_path), list(run())
+    fed(tape, said[:100])
+    assert asked.wait(10.0)
+    fed(tape, said[100:])
+    tape.flush(2, sync_every=4)
+    for track in tape.tracks:
+        assert len(list(frames(track.path))) == len(said)
+    done.set()
+    assert tape.close()
+
+
+def test_what_the_disk_cannot_keep_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told = threading.Event()
+
+    def broken(_log: LogFile) -> None:
+        told.set()
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(LogFile, "sync", broken)
+    tape = tape_in(tmp_path)
+    tape.flush(4, sync_every=4)
+    assert told.wait(10.0)
+    tape.close()
+    assert tape.trouble == "Input/output error"
+
+
 WRITER = """
 import sys
+import threading
 from datetime import UTC, datetime
 from pathlib import Path
 from ground.blackbox.tape import Tape
