@@ -24,7 +24,8 @@ from tests.stack.processes import Crew, Running, until
 pytestmark = pytest.mark.stack
 
 KILLS: Final = 20
-AT_ONCE: Final = 10
+AT_ONCE: Final = 5
+STARTS_S: Final = 30.0
 EVERY_S: Final = 0.02
 LOST_AT_MOST_S: Final = 1.0
 
@@ -51,9 +52,11 @@ class Speaker:
     def speaking(self) -> Iterator["Speaker"]:
         with self.bus:
             self._thread.start()
-            yield self
-            self._stop.set()
-            self._thread.join()
+            try:
+                yield self
+            finally:
+                self._stop.set()
+                self._thread.join()
 
 
 def numbers_in(path: Path) -> list[int]:
@@ -88,7 +91,7 @@ def test_killed_with_its_group_at_any_moment_a_recorder_loses_the_last_second_at
             folders = [tmp_path / f"{first + place}" for place in range(AT_ONCE)]
             running = [recorder(crew, folder) for folder in folders]
             for folder, one in zip(folders, running, strict=True):
-                until(lambda folder=folder: recorded(folder), what="both files")  # type: ignore[misc]
+                until(lambda folder=folder: recorded(folder), STARTS_S, "both files")  # type: ignore[misc]
                 threading.Event().wait(random.uniform(0.0, 0.6))
                 killed_s = time.monotonic()
                 os.killpg(one.process.pid, signal.SIGKILL)
@@ -114,7 +117,7 @@ def lost(path: Path, speaker: Speaker, killed_s: float) -> float:
 def test_a_disk_that_was_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
     with stage() as (crew, speaker):
         running = recorder(crew, tmp_path)
-        until(lambda: recorded(tmp_path), what="both files")
+        until(lambda: recorded(tmp_path), STARTS_S, "both files")
         full = max(path.stat().st_size for path in logs_in(tmp_path)) + 2000
         limits = (full, resource.RLIM_INFINITY)
         resource.prlimit(running.process.pid, resource.RLIMIT_FSIZE, limits)
