@@ -39,6 +39,11 @@ class Verdict:
         return self.reason == Reason.NONE
 
     @property
+    def in_force(self) -> bool:
+        """Also what will not survive a restart of the robot."""
+        return self.reason in (Reason.NONE, Reason.NOT_SAVED)
+
+    @property
     def text(self) -> str:
         where = "" if self.item is None else f"item {self.item}: "
         return f"{where}{reason_text(self.reason)}"

@@ -45,7 +45,8 @@ def tell_verdict(
 ) -> int:
     """0 when the robot agrees; else which item is wrong and why. `what`: what it is about."""
     hint, who = HINTS.get(verdict.reason), who_refuses(link, verdict.reason)
-    refused = f"refused: {what}{verdict.text}{f': {who}' if who else ''}"
+    no = "not saved" if verdict.in_force else "refused"
+    refused = f"{no}: {what}{verdict.text}{f': {who}' if who else ''}"
     refused += f" ({hint})" if hint else ""
     found: dict[str, object] = {
         "verb": verb,

@@ -184,8 +184,10 @@ def upload(link: Link, says: Says, found: Foreign) -> int:
     mission = found.mission
     if mission.fence is not None:
         verdict = send_fence(link, mission.fence)
-        if not verdict.ok:
+        if not verdict.in_force:
             return tell_verdict(says, "mission upload", link, verdict, "", "the fence: ")
+        if not verdict.ok:
+            says.note(f"the fence: {verdict.text}")
     items = items_of(mission.waypoints)
     verdict = send(link, Upload(items, MissionType.MISSION, link.clock.now_ns()))
     text = f"ok, the robot has {mission}"

@@ -77,7 +77,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     12: "there is no trail to follow back",
     13: "this mode needs an operator's heartbeat and none is heard",
     14: "not while driving",
-    15: "the value is in force but could not be saved",
+    15: "it is in force but could not be saved",
     16: "the frame could not be read",
     17: "another operator commands the robot",
     18: "goal is outside of the fence",

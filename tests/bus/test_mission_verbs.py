@@ -75,6 +75,19 @@ def test_a_refused_fence_keeps_the_mission_here(robot: PlayedRobot, say: Say, mi
     } == {MissionType.FENCE}
 
 
+def test_what_the_robot_has_but_could_not_save_is_told_and_the_mission_follows_its_fence(
+    robot: PlayedRobot, say: Say, mission: str
+) -> None:
+    Path(mission).write_text(MISSION + FENCE)
+    robot.desk.verdict = (Reason.NOT_SAVED, 65_535)
+    code, out, err = say("mission", "upload", mission)
+    assert code == 1
+    assert out == "not saved: it is in force but could not be saved\n"
+    assert err == "the fence: it is in force but could not be saved\n"
+    kinds = [frame.mission_type for frame in robot.desk.frames if isinstance(frame, MissionCount)]
+    assert kinds == [MissionType.FENCE, MissionType.MISSION]
+
+
 def test_frames_that_are_lost_are_sent_again(robot: PlayedRobot, say: Say, mission: str) -> None:
     robot.desk.lost = 2
     assert say("mission", "upload", mission)[0] == 0

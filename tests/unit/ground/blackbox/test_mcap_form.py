@@ -156,3 +156,12 @@ def test_a_recorder_that_runs_for_days_holds_little_of_what_it_has_written(
     finally:
         tracemalloc.stop()
     assert (after - before) / 100 < 500
+
+
+def test_messages_of_a_topic_are_numbered_one_after_the_other(tmp_path: Path) -> None:
+    data = mcap(tmp_path / "a.mcap", list(run(20))).read_bytes()
+    numbers: dict[str, list[int]] = {}
+    for _, channel, message in make_reader(io.BytesIO(data)).iter_messages(log_time_order=False):
+        numbers.setdefault(channel.topic, []).append(message.sequence)
+    assert len(numbers["/mavlink"]) > 100
+    assert all(found == list(range(len(found))) for found in numbers.values())
