@@ -46,6 +46,19 @@ def test_an_svg_is_well_formed_and_names_what_it_shows(tmp_path: Path, said: lis
         assert f"<!-- {words}" in text
 
 
+def test_of_very_many_echoes_a_part_is_drawn(
+    tmp_path: Path, said: list[Said], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A picture of two hours has to be opened, too."""
+    log, drawn = mcap(tmp_path / "a.mcap", said), []
+    for most in (4000, 10):
+        monkeypatch.setattr("ground.blackbox.plot.MOST_ECHOES", most)
+        out = tmp_path / f"{most}.svg"
+        assert main(["plot", str(log), "--out", str(out)]) == 0
+        drawn.append(out.read_text().count("<use "))
+    assert 60 < drawn[0] - drawn[1] < 120, "two echoes a tick, or hardly any"
+
+
 def test_a_tlog_is_drawn_without_its_world_or_with_one_that_is_named(
     tmp_path: Path, said: list[Said], capsys: pytest.CaptureFixture[str]
 ) -> None:
