@@ -15,7 +15,7 @@ from ground.telemetry import Telemetry
 from ground.upkeep import Void
 from protocol.codec import decode
 from protocol.enums import Command, GoalState, Mode, RunAction
-from protocol.errors import RemoteError
+from protocol.errors import NoAnswer, RemoteError
 from protocol.messages import CommandAck, NavigatorStatus, PlanarOdometry, RunRequest, RunScore
 from protocol.outcome import Ended, Outcome, judged
 from protocol.reasons import Reason
@@ -24,6 +24,7 @@ from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS
 READY_NS: Final = 15 * NS_PER_S
 RETRY_NS: Final = 20_000_000
 ASK_S: Final = 2.0
+PATIENCE_NS: Final = 5 * NS_PER_S
 REMEMBERED: Final = 20_000
 WORTH_WAITING: Final = (Reason.NO_SENSES, Reason.TICKS_LOST, Reason.SCAN_LOST)
 
@@ -53,12 +54,13 @@ class Errand:
         self.telemetry = Telemetry(link.bus, link.robot, (STATUS, ODOMETRY, DECISION, CYCLE))
         self.outcome: Outcome | None = None
         self.spoilt = ""
+        self._waiting = ""
         self._scenario = scenario
         self._goal = entrant.goal
         self._check = check
         self._void = void
         self._goal_id = 0
-        self._begun_ns = 0
+        self._begun_ns = self._lost_ns = 0
         self._refusal: Answered | None = None
         self._watch: GoalWatch | None = None
         self._poses: deque[bytes] = deque(maxlen=REMEMBERED)
@@ -115,6 +117,7 @@ class Errand:
             return
         void = self._void()
         if void is not None:
+            self._waiting = void.why
             self.spoilt = void.why if void.over else ""
             return
         newest = self.telemetry.latest(STATUS)
@@ -124,14 +127,27 @@ class Errand:
         end = self._watch.end
         if end is None:
             return
-        if newest is not None and (end.outcome == "timeout" or newest[0].goal_ended_ns):
-            self._end(newest[0])
+        if newest is None or not (end.outcome == "timeout" or newest[0].goal_ended_ns):
+            self._lost(lambda: f"{end.reason}: {self.link.diagnosis()}")
             return
+        try:
+            self._end(newest[0])
+        except NoAnswer as error:
+            why = str(error)
+            self._lost(lambda: why)
+
+    def _lost(self, why: Callable[[], str]) -> None:
+        """Raise NotRun, but where somebody may be started again only when nobody was."""
+        now_ns = self.link.clock.now_ns()
+        self._lost_ns = self._lost_ns or now_ns
         self._check()
-        raise NotRun(f"{end.reason}: {self.link.diagnosis()}")
+        if self._scenario.lockstep or now_ns - self._lost_ns > PATIENCE_NS:
+            raise NotRun(why())
 
     def line(self) -> list[Part]:
         """How it stands, for a line."""
+        if self._waiting:
+            return [Part(self._waiting)]
         now_ns = self.link.clock.now_ns()
         silent_ns = 0 if self._watch is None else self._watch.silent_ns(now_ns)
         return goal_line(self.telemetry, now_ns, silent_ns, self._goal_id)

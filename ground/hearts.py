@@ -26,12 +26,12 @@ class Hearts:
     def __init__(
         self, hub: str, roles: Iterable[str], linked: Callable[[], bool], now_ns: int
     ) -> None:
-        """`roles` are those with a heart; a router has none and is known by `linked`: is there a
-        link at all?"""
+        """`roles` are those with a heart, which beats; a router has none and is known by `linked`:
+        is there a link at all?"""
         self._hub = hub
         self._linked = linked
         self._heard = dict.fromkeys(roles, now_ns)
-        self._started = dict.fromkeys(self._heard, now_ns)
+        self._started = dict.fromkeys(self._heard, now_ns - 2 * ECHO_NS)
         self._gone: set[str] = set()
         self._looked_ns = self._listening_ns = now_ns
 

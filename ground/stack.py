@@ -141,6 +141,8 @@ class Stack:
         self.start()
         if self._upkeep is not None:
             self._begin_upkeep()
+            for role in self._roles:
+                self._hearts.started(role, self._clock.now_ns())
 
     def _begin_upkeep(self) -> None:
         bus = self._hears

@@ -1,0 +1,142 @@
+"""One robot's run when somebody it needs is gone: it waits whether they come back, and says so."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from ground.destination import destination
+from ground.errand import PATIENCE_NS, Errand, NotRun
+from ground.link import Link
+from ground.options import Common
+from ground.scenario import Entrant, Scenario
+from ground.upkeep import Void
+from protocol.bus import Bus
+from protocol.clock import ManualClock
+from protocol.enums import GoalState
+from protocol.errors import NoAnswer
+from protocol.mailbox import Mailbox
+from protocol.message import Message
+from protocol.messages import NavigatorStatus
+from protocol.network import Network
+from protocol.reasons import Reason
+from protocol.topic import Service, Topic
+from protocol.topics import STATUS
+
+SECOND = 1_000_000_000
+SILENT = "nobody serves it"
+SCENARIO = Scenario(
+    world="open", name="open", facts={}, entrants=(), navigator="vgm", side="left", seed=0,
+    noise=None, speed="1", router=False, record=None, timeout_s=100.0,
+)  # fmt: skip
+WHY = "the plant process was killed (signal SIGKILL)"
+
+
+class Box(Mailbox[Any]):
+    """Holds what the test puts in."""
+
+    newest: tuple[Any, int] | None = None
+
+    def latest(self) -> tuple[Any, int] | None:
+        return self.newest
+
+
+class Wired(Bus):
+    """Mailboxes without a wire, and a plant that does not answer."""
+
+    def __init__(self) -> None:
+        self.boxes: dict[str, Box] = {}
+
+    def mailbox(
+        self,
+        topic: Topic[Any],
+        robot: str | None = None,
+        notify: Callable[[int], None] | None = None,
+        accept: Callable[[str], bool] | None = None,
+    ) -> Box:
+        return self.boxes.setdefault(topic.path, Box(topic))
+
+    def stream(self, *_: Any) -> None:
+        """Nothing comes."""
+
+    def ask(
+        self,
+        service: Service,
+        message: Message | None = None,
+        timeout_s: float = 0.5,
+        robot: str | None = None,
+    ) -> Message | bytes:
+        raise NoAnswer(SILENT)
+
+
+class Dialled(Link):
+    def diagnosis(self) -> str:
+        return "it hangs"
+
+
+class Stage:
+    """An errand under way, and what it hears."""
+
+    def __init__(self, *, lockstep: bool = False) -> None:
+        self.bus, self.clock = Wired(), ManualClock(SECOND)
+        self.void: Void | None = None
+        network = Network(mode="client", connect=("tcp/127.0.0.1:1",))
+        link = Dialled(self.bus, Common(network=network, robot="r1"), self.clock)
+        goal = destination([3.0, 2.0])
+        entrant = Entrant(robot="r1", start=(0.0, 0.0, 0.0), goal=goal)
+        scenario = replace(SCENARIO, speed="max") if lockstep else SCENARIO
+        self.errand = Errand(link, scenario, entrant, lambda: None, lambda: self.void)
+        self.errand.begin()
+
+    def hear(self, goal: GoalState, ended_ns: int = 0) -> None:
+        status = NavigatorStatus(
+            time_ns=self.clock.now_ns(), goal_started_ns=SECOND, goal_ended_ns=ended_ns, goal_id=0,
+            goal_x_m=3.0, goal_y_m=2.0, goal_heading_rad=0.0, goal_distance_m=1.0, vehicle=2,
+            mode=10, goal=goal, vehicle_reason=0, goal_reason=Reason.TICKS_LOST, navigator=1,
+            side=1,
+        )  # fmt: skip
+        self.bus.boxes[STATUS.path].newest = (status, self.clock.now_ns())
+
+    def wait(self, seconds: float) -> None:
+        for _ in range(round(seconds * 10)):
+            self.clock.advance(SECOND // 10)
+            self.errand.look()
+
+
+def test_a_plant_that_does_not_score_may_come_back_and_then_the_run_is_void() -> None:
+    stage = Stage()
+    stage.hear(GoalState.ABORTED, ended_ns=2 * SECOND)
+    stage.wait(3.0)
+    stage.void = Void(WHY, over=False)
+    stage.wait(1.0)
+    assert not stage.errand.over
+    assert [part.text for part in stage.errand.line()] == [WHY]
+    stage.void = Void(f"{WHY}; it is back", over=True)
+    stage.wait(0.1)
+    assert stage.errand.over
+    assert stage.errand.spoilt == f"{WHY}; it is back"
+    assert stage.errand.outcome is None
+
+
+def test_one_that_does_not_come_back_is_not_waited_for_for_ever() -> None:
+    stage = Stage()
+    stage.hear(GoalState.ABORTED, ended_ns=2 * SECOND)
+    stage.wait(PATIENCE_NS / SECOND)
+    with pytest.raises(NotRun, match=SILENT):
+        stage.wait(0.2)
+
+
+def test_a_silent_robot_is_given_the_time_to_be_started_again() -> None:
+    stage = Stage()
+    stage.hear(GoalState.DRIVING)
+    stage.wait(3.0 + PATIENCE_NS / SECOND)
+    with pytest.raises(NotRun, match="silent for 3"):
+        stage.wait(0.2)
+
+
+def test_in_lockstep_nobody_comes_back_and_nobody_waits() -> None:
+    stage = Stage(lockstep=True)
+    stage.hear(GoalState.ABORTED, ended_ns=2 * SECOND)
+    with pytest.raises(NotRun, match=SILENT):
+        stage.wait(0.1)
