@@ -17,6 +17,7 @@ from protocol.reasons import Reason
 from protocol.topics import MISSION_SERVICE
 
 PATIENCE_S = 0.5
+IN_FORCE = (Reason.NONE, Reason.NOT_SAVED)
 KINDS = frozenset(MissionType)
 MOST = 4096
 """More items than any robot takes."""
@@ -46,7 +47,9 @@ class Charts:
                 self._uploads[kind] = {}
             case MissionItemInt(mission_type=kind, seq=seq) if seq < MOST:
                 self._uploads.setdefault(kind, {})[seq] = message
-            case MissionVerdict(reason=Reason.NONE, mission_type=kind) if kind in self._uploads:
+            case MissionVerdict(reason=reason, mission_type=kind) if (
+                reason in IN_FORCE and kind in self._uploads
+            ):
                 found = self._uploads.pop(kind)
                 self.take(Items(MissionType(kind), tuple(found[at] for at in sorted(found))))
 

@@ -100,6 +100,14 @@ def test_what_the_robot_refuses_changes_nothing() -> None:
     assert charts.fence is None
 
 
+def test_a_fence_that_could_not_be_saved_is_up_and_shown() -> None:
+    charts = Charts()
+    for item in fence_items_of(CORNERS):
+        charts.hear(item)
+    charts.hear(verdict(MissionType.FENCE, Reason.NOT_SAVED))
+    assert charts.fence == Outline(CORNERS.corners)
+
+
 def test_a_fence_of_corners_is_an_outline_and_can_be_taken_away() -> None:
     charts = Charts()
     for item in fence_items_of(CORNERS):
