@@ -132,6 +132,10 @@ class GroundApp(App[int]):
     def give(self, line: str) -> None:
         self._orders.give(line)
 
+    @property
+    def last(self) -> str:
+        return self._orders.last
+
     def is_local(self, line: str) -> bool:
         return self._orders.is_local(line)
 
@@ -166,11 +170,6 @@ class GroundApp(App[int]):
             self.look()
 
         self.push_screen(Choose(title, choices), take)
-
-    @property
-    def last_line(self) -> str:
-        """The last command, as one for a shell."""
-        return self._orders.last
 
     def open_replay(self, path: Path) -> None:
         """Show a recording; UserError when it cannot be played."""

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ground.app.faces.status import Setting
+from ground.app.gives import Gives
 from ground.app.keys import Key
-from ground.map import Target
 from ground.station.station import Station
 
 if TYPE_CHECKING:
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class Deck(Protocol):
-    """The app, as its screens see it."""
+class Deck(Gives, Protocol):
+    """The app, as its screens see it: it takes command lines, too."""
 
     @property
     def station(self) -> Station: ...
@@ -33,26 +33,6 @@ class Deck(Protocol):
 
     def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
         """Do something slow in a thread; `done` gets the result, an error goes to the log."""
-
-    def give(self, line: str) -> None:
-        """Do what a command line says; what comes of it is in the log."""
-
-    @property
-    def drafted(self) -> tuple[Target, ...]:
-        """The waypoints of the mission that is being made."""
-
-    def complete(self, text: str) -> list[str]: ...
-    def recall(self, text: str, step: int) -> str:
-        """An earlier command line (step -1) or a later one (1)."""
-
-    def take_hand(self) -> bool:
-        """Begin to drive by hand; False, with the reason in the log, when that may not be."""
-
-    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
-        """Drive like this for a moment."""
-
-    def drop_hand(self) -> None:
-        """Stand, and hold."""
 
     def say(self, text: str) -> None:
         """A line in the log."""

@@ -22,8 +22,17 @@ class Gives(Protocol):
     def is_local(self, line: str) -> bool:
         """Whether it concerns the screen, and no robot."""
 
-    def complete(self, text: str) -> list[str]: ...
-    def recall(self, text: str, step: int) -> str: ...
-    def take_hand(self) -> bool: ...
-    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None: ...
-    def drop_hand(self) -> None: ...
+    def complete(self, text: str) -> list[str]:
+        """How the line could go on."""
+
+    def recall(self, text: str, step: int) -> str:
+        """An earlier command line (step -1) or a later one (1)."""
+
+    def take_hand(self) -> bool:
+        """Begin to drive by hand; False, with the reason in the log, when that may not be."""
+
+    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Drive like this for a moment."""
+
+    def drop_hand(self) -> None:
+        """Stand, and hold."""

@@ -114,7 +114,7 @@ class Helm:
         self._app.push_screen(Help(self._app.keys_now()))
 
     def copy(self) -> None:
-        line = self._app.last_line
+        line = self._app.last
         if line:
             self._app.copy_to_clipboard(line)
         self._app.say(f"copied: {line}" if line else "nothing has been asked yet")

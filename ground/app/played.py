@@ -58,6 +58,13 @@ class PlayedDeck:
         self._app.give(line)
 
     @property
+    def last(self) -> str:
+        return self._app.last
+
+    def is_local(self, line: str) -> bool:
+        return self._app.is_local(line)
+
+    @property
     def drafted(self) -> tuple[Target, ...]:
         return self._app.drafted
 
