@@ -18,6 +18,7 @@ BENCHMARKS = {
     "codec": "encode and decode, pymavlink beside it",
     "lockstep": "plant, robot and ground over Zenoh as fast as they can, x real time",
     "latency": "sense published to wheel command received, a bare ping-pong beside it",
+    "mtls": "what mutual TLS and access control cost the closed loop, without them beside it",
     "robot": "the robot process at 20 Hz: CPU, memory, growth, import time",
     "jitter": "wall-clock driving: missed ticks and lateness, with and without SCHED_FIFO",
     "nees": "whether the odometry's covariance fits its errors, per noise level",

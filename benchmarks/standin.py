@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from itertools import count
+from pathlib import Path
 from threading import Event
 from time import monotonic_ns
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from plant.world_types import World
 from protocol.bus import Bus, Network, open_bus
 from protocol.enums import AckResult, Command, GoalState, Mode
 from protocol.messages import CommandAck, CommandRequest, GoalRequest
+from protocol.network import Tls
 from protocol.topics import COMMAND, STATUS, Role
 from protocol.wire_goal import WireGoal, start_words, wire_goal
 from study.trial import wire_goal_of
@@ -125,13 +127,21 @@ class RobotProcess(NamedTuple):
 
 
 @contextmanager
-def robot_process(world: World, *options: str) -> Iterator[RobotProcess]:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+def robot_process(world: World, *options: str, keys: Path | None = None) -> Iterator[RobotProcess]:
+    """With `keys`, a folder of `sidestep keys new`, it is locked, and the stand-in let in."""
+    endpoint = f"{'tls' if keys else 'tcp'}/127.0.0.1:{free_port()}"
     start = start_words(world.start.x_m, world.start.y_m, world.start.heading_rad)
-    arguments = ("robot", "--id", ROBOT, "--listen", endpoint, "--start", *start, *options)
+    locked = ("--config", str(keys / f"robot-{ROBOT}.toml")) if keys else ()
+    arguments = ("robot", "--id", ROBOT, "--listen", endpoint, "--start", *start, *locked, *options)
     with sidestep(*arguments, ready="ready") as robot:
-        network = Network(mode="client", connect=(endpoint,))
+        network = Network(mode="client", connect=(endpoint,), tls=tls_of(keys) if keys else None)
         yield RobotProcess(robot.pid, robot.said, network)
+
+
+def tls_of(keys: Path) -> Tls:
+    """The router's: one certificate for the plant and the operator that a stand-in is."""
+    certificate, key = str(keys / "router.pem"), str(keys / "router.key")
+    return Tls(ca=str(keys / "ca.pem"), certificate=certificate, key=key)
 
 
 @contextmanager
