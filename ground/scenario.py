@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from ground.destination import Destination, destination
+from ground.locked import locked, with_locks
 from protocol.calibration import settings_of
 from protocol.errors import RemoteError, UserError
 from protocol.outcome import Asked
@@ -49,6 +50,8 @@ class Scenario:
     timeout_s: float
     calibrated: bool = True
     keep: str | None = None
+    locks: str | None = None
+    """The folder of the certificates; without one the doors are open."""
 
     @property
     def level(self) -> str:
@@ -100,6 +103,7 @@ def scenario_of(options: argparse.Namespace, facts: dict[str, Any]) -> Scenario:
         timeout_s=options.timeout,
         calibrated=not options.uncalibrated,
         keep=options.keep,
+        locks=options.locks,
     )
 
 
@@ -156,6 +160,12 @@ def world_facts(command: list[str]) -> dict[str, Any]:
 
 def cast(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
     """Role and arguments of each process, in the order in which they are started."""
+    everybody = unlocked_cast(scenario, locked(scenario.locks, endpoint))
+    return [(role, with_locks(scenario.locks, role, words)) for role, words in everybody]
+
+
+def unlocked_cast(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
+    """The same without their certificates."""
     everybody: list[tuple[str, list[str]]] = []
     if scenario.router:
         everybody.append(("router", ["router", "--listen", endpoint]))

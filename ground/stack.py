@@ -15,6 +15,7 @@ from typing import Any, Final, Self
 from ground.children import ChildDied, Children
 from ground.hearts import ROUTER, Hearts
 from ground.leash import command
+from ground.locked import check, dialling
 from ground.options import Common
 from ground.scenario import Scenario, cast, question, scenario_of, world_facts
 from ground.supervisor import Policy, Supervisor
@@ -83,7 +84,8 @@ class Stack:
     def common(self) -> Common:
         """How its first robot is dialled."""
         network = Network(mode="client", connect=(self._endpoint,), connect_timeout_s=DIAL_S)
-        return Common(network=network, robot=self.scenario.robots[0])
+        locks = self.scenario.locks
+        return Common(network=dialling(locks, network), robot=self.scenario.robots[0])
 
     def start(self, *, paused: bool = False, ready: Callable[[], None] = lambda: None) -> None:
         """`paused`: in lockstep, time waits until it is told to go on. `ready` is called when all
@@ -93,6 +95,7 @@ class Stack:
             self.logs_before = set(Path(self.scenario.record).glob("*.tlog"))
         *first, (role, words) = everybody = cast(self.scenario, self._endpoint)
         self._roles = [name for name, _ in everybody]
+        check(self.scenario.locks, self._roles)
         for before, its_words in first:
             self._children.start(before, its_words)
         ready()

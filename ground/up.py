@@ -16,6 +16,7 @@ from ground.app.start import run as run_app
 from ground.errand import Errand
 from ground.leash import command
 from ground.link import NS_PER_S, Link, Unanswered
+from ground.locked import ground_file
 from ground.options import Common, add_json, positive, seconds
 from ground.orders import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.outing import Outing, as_json, in_words
@@ -80,6 +81,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_recording(parser)
     add_looks(parser)
     parser.add_argument("--router", action="store_true", help="a router between the processes")
+    parser.add_argument(
+        "--locks", metavar="DIR", help="locked doors, with the certificates of `sidestep keys new`"
+    )
     add_json(parser)
 
 
@@ -130,7 +134,8 @@ def show(options: argparse.Namespace, scenario: Scenario, says: Says, clock: Clo
             Outing(errands, clock, stack.check, shown(says, clock)).launch(lockstep=False)
             stack.look_after(bus)
             folder = Path(scenario.record or usual_folder())
-            with Recording(folder, stack.common, clock, None, options.keep) as recording:
+            config = ground_file(scenario.locks)
+            with Recording(folder, stack.common, clock, config, options.keep) as recording:
                 if scenario.record is not None:
                     recording.watch(stack.logs_before)
                 return run_app(options, errands[0].link, stack.common, stack, recording)
