@@ -11,7 +11,7 @@ from protocol.bus.refusals import UNKNOWN, Caller, Refusals
 from protocol.bus.strangers import Strangers, end_in
 from protocol.bus.zenoh_log import ZenohLog
 
-LOOK_S: Final = 0.25
+LOOK_S: Final = 0.5
 CALLERS: Final = 1000
 NAMELESS: Final = "somebody whose certificate has no name"
 

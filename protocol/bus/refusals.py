@@ -13,7 +13,9 @@ QUIET_NS: Final = 60_000_000_000
 
 AT_ONCE: Final = 10
 REMEMBERED: Final = 500
-COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")
+SIGNS: Final = (b"is unauthorized to", b". Hint: ")
+"""Of a line that counts. Most of the log says what was allowed, and is not looked at closer."""
+
 DENIED: Final = re.compile(
     r"access_control: (?P<known>Using cached result: )?(?P<zid>[0-9a-f]{1,32})"
     r"(?: on \S*)? is unauthorized to (?P<what>[A-Z][A-Za-z/ ]+) \(ingress\) on (?P<key>\S+)"
@@ -66,7 +68,7 @@ class Refusals:
 
     def heard(
         self,
-        log: str,
+        log: bytes,
         caller: Callable[[str], Caller],
         strangers: Callable[[], Iterable[str]],
         now_ns: int,
@@ -75,7 +77,7 @@ class Refusals:
 
         `caller` knows who has a session id; `strangers` looks where calls came to nothing.
         """
-        plain = COLOURS.sub("", log)
+        plain = telling(log)
         known = (*denials(plain, caller), *unwelcome(plain, strangers))
         fresh = [told for sentence in known if (told := self._once(sentence, now_ns))]
         while len(self._told) > REMEMBERED:
@@ -92,6 +94,14 @@ class Refusals:
             return ""
         self._told[sentence] = now_ns, 0
         return f"{sentence} ({again} more times since it was told)" if again else sentence
+
+
+def telling(log: bytes) -> str:
+    """The lines that tell of a refusal."""
+    if not any(sign in log for sign in SIGNS):
+        return ""
+    lines = (line for line in log.splitlines() if any(sign in line for sign in SIGNS))
+    return b"\n".join(lines).decode(errors="replace")
 
 
 def denials(log: str, caller: Callable[[str], Caller]) -> Iterator[str]:

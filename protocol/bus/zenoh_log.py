@@ -5,13 +5,16 @@ It is caught in memory, never in a pipe: a full one would stall what arrives on 
 
 import os
 import sys
-from types import TracebackType
+from collections.abc import Mapping
+from types import MappingProxyType, TracebackType
 from typing import Final, Self
 
 import zenoh
 
 DOORS: Final = "zenoh::net::routing::interceptor::access_control=trace,zenoh_link_tls=debug"
-OVERRIDES: Final = "RUST_LOG"
+ENVIRONMENT: Final[Mapping[str, str | None]] = MappingProxyType({"RUST_LOG": None, "NO_COLOR": "1"})
+"""What Zenoh's log would heed, and what it is to find."""
+
 STDOUT: Final = 1
 
 
@@ -38,13 +41,13 @@ class ZenohLog:
     ) -> None:
         self.close()
 
-    def take(self) -> str:
+    def take(self) -> bytes:
         """What was written up to the call before this one: whoever was writing then has ended."""
         read, self._full, self._filling = self._full, self._filling, caught()
         os.dup2(self._filling, STDOUT)
         with os.fdopen(read, "rb") as file:
             file.seek(0)
-            return file.read().decode(errors="replace")
+            return file.read()
 
     def close(self) -> None:
         """Give standard output back; what Zenoh writes from now on goes there, too."""
@@ -62,9 +65,17 @@ def caught() -> int:
 
 def initialise(wanted: str) -> None:
     """Once for each process, whatever the environment says."""
-    set_outside = os.environ.pop(OVERRIDES, None)
+    before = {name: os.environ.get(name) for name in ENVIRONMENT}
+    set_all(ENVIRONMENT)
     try:
         zenoh.init_log_from_env_or(wanted)
     finally:
-        if set_outside is not None:
-            os.environ[OVERRIDES] = set_outside
+        set_all(before)
+
+
+def set_all(values: Mapping[str, str | None]) -> None:
+    for name, value in values.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
