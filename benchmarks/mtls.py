@@ -1,11 +1,13 @@
-"""What locked doors cost the closed loop: a locked robot and an open one in the same run.
+"""What locked doors cost the closed loop: locked robots and an open one in the same run.
 
-Two robot processes, each with a stand-in for plant and operator, twenty times a second and half a
-period apart, so both meet the same machine. The locked one has mutual TLS, access control on every
-sample, and the watch on whom it keeps out. Which of the two comes first changes with each block.
+Three robot processes, each with a stand-in for plant and operator, twenty times a second and a
+third of a period apart, so all meet the same machine: an open one, a locked one with mutual TLS and
+access control on every sample, and one that also tells in its log whom it keeps out, as is usual.
+Which comes first changes with each block.
 """
 
 import argparse
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +21,8 @@ from plant.world_file import load
 
 AT_MOST: Final = 1.10
 WARM_UP: Final = 60
+PATIENCE: Final = 0.9  # of the time until it is the next door's turn
+KINDS: Final = ("open", "locked", "telling")
 VALID: Final = timedelta(days=1)
 
 
@@ -33,73 +37,72 @@ def measure(options: argparse.Namespace) -> Report:
     with (
         TemporaryDirectory(prefix="sidestep-") as folder,
         robot_process(world) as plain,
-        robot_process(world, keys=made_keys(Path(folder))) as locked,
+        robot_process(world, keys=made_keys(Path(folder) / "silent", tells=False)) as locked,
+        robot_process(world, keys=made_keys(Path(folder) / "telling", tells=True)) as telling,
         driving(world, plain, lockstep=False) as open_door,
         driving(world, locked, lockstep=False) as locked_door,
+        driving(world, telling, lockstep=False) as telling_door,
     ):
-        doors = (open_door, locked_door)
-        in_turn(doors, WARM_UP, swapped=False)
-        spent_before = [cpu_s(plain.pid), cpu_s(locked.pid)]
-        blocks = [
-            in_turn(doors, options.ticks, swapped=bool(block % 2))
-            for block in range(options.blocks)
-        ]
-        spent = [
-            cpu_s(robot.pid) - before
-            for robot, before in zip((plain, locked), spent_before, strict=True)
-        ]
+        pids = (plain.pid, locked.pid, telling.pid)
+        doors = (open_door, locked_door, telling_door)
+        in_turn(doors, WARM_UP, first=0)
+        before = [cpu_s(pid) for pid in pids]
+        blocks = [in_turn(doors, options.ticks, first=block) for block in range(options.blocks)]
+        spent = [cpu_s(pid) - was for pid, was in zip(pids, before, strict=True)]
     ticks = options.blocks * options.ticks
-    lost = [sum(options.ticks - len(block[door]) for block in blocks) for door in (0, 1)]
+    lost = [sum(options.ticks - len(block[door]) for block in blocks) for door in range(len(KINDS))]
     figures = [*compared(blocks, "p50", 0.5, AT_MOST), *compared(blocks, "p99", 0.99)]
     figures += [
-        Figure(
-            name=f"CPU of the robot for each tick, {name}", unit="us", values=(cpu / ticks * 1e6,)
-        )
-        for name, cpu in zip(("open", "locked"), spent, strict=True)
+        Figure(name=f"CPU of the robot per tick, {name}", unit="us", values=(cpu / ticks * 1e6,))
+        for name, cpu in zip(KINDS, spent, strict=True)
     ]
+    missing = ", ".join(f"{count} {name}" for name, count in zip(KINDS, lost, strict=True))
     notes = (
         f"{options.blocks} blocks of {options.ticks} ticks at 20 Hz, in turn",
-        f"commands not in time: {lost[0]} open, {lost[1]} locked",
+        f"commands not in time: {missing}",
     )
     return Report(benchmark="mtls", figures=tuple(figures), notes=notes)
 
 
-def made_keys(folder: Path) -> Path:
+def made_keys(folder: Path, *, tells: bool) -> Path:
     """A set of this run's own."""
     from ground.keys.folder import make  # its library need not be there for other measurements
 
     now = datetime.now(UTC)
-    make(folder / "keys", [ROBOT], [], now - VALID, now + VALID)
-    return folder / "keys"
+    make(folder, [ROBOT], [], now - VALID, now + VALID)
+    if not tells:
+        with (folder / f"robot-{ROBOT}.toml").open("a", encoding="utf-8") as config:
+            config.write("tell_refusals = false\n")
+    return folder
 
 
-def in_turn(
-    doors: tuple[Standin, Standin], ticks: int, *, swapped: bool
-) -> tuple[list[float], list[float]]:
-    """Microseconds from senses to command, open and locked."""
-    took: tuple[list[float], list[float]] = ([], [])
-    order = (1, 0) if swapped else (0, 1)
+def in_turn(doors: Sequence[Standin], ticks: int, *, first: int) -> list[list[float]]:
+    """Microseconds from senses to command at each door."""
+    took: list[list[float]] = [[] for _ in doors]
+    share_ns = PERIOD_NS // len(doors)
     for due_ns in paced(ticks):
-        for place, door in enumerate(order):
-            wait_until(due_ns + place * PERIOD_NS // 2)
-            ns = doors[door].tick(patience_s=PERIOD_NS / 2.5e9)
+        for place in range(len(doors)):
+            wait_until(due_ns + place * share_ns)
+            door = (first + place) % len(doors)
+            ns = doors[door].tick(patience_s=share_ns * PATIENCE / 1e9)
             if ns is not None:
                 took[door].append(ns / 1e3)
     return took
 
 
 def compared(
-    blocks: list[tuple[list[float], list[float]]],
-    name: str,
-    share: float,
-    at_most: float | None = None,
+    blocks: Sequence[Sequence[list[float]]], name: str, share: float, at_most: float | None = None
 ) -> list[Figure]:
-    plain = [percentile(block[0], share) for block in blocks]
-    locked = [percentile(block[1], share) for block in blocks]
+    """The ratios, of which that of mutual TLS is judged, and what they are made of."""
+    values = [[percentile(block[door], share) for block in blocks] for door in range(len(KINDS))]
+    plain, locked, telling = values
+    ratio = f"locked / open, {name}"
+    tells = f"locked and told of refusals / open, {name}"
     return [
-        Figure(
-            name=f"locked / open, {name}", unit="x", values=ratios(locked, plain), at_most=at_most
+        Figure(name=ratio, unit="x", values=ratios(locked, plain), at_most=at_most),
+        Figure(name=tells, unit="x", values=ratios(telling, plain)),
+        *(
+            Figure(name=f"sense to command, {kind}, {name}", unit="us", values=tuple(found))
+            for kind, found in zip(KINDS, values, strict=True)
         ),
-        Figure(name=f"sense to command, open, {name}", unit="us", values=tuple(plain)),
-        Figure(name=f"sense to command, locked, {name}", unit="us", values=tuple(locked)),
     ]

@@ -79,6 +79,17 @@ def barred(name: str | None, robot: str, service: Service) -> str:
     return f"the certificate in use is that of {name!r}, which {grant.says} {may_not}"
 
 
+def misfit(name: str | None, role: Role | None, robot: str) -> str:
+    """Why a certificate is none for a process of this role; empty when it is one."""
+    needed = {Role.PLANT: PLANT, Role.ROBOT: ROBOT + robot}.get(role or Role.GROUND)
+    if name is None or needed is None or name in (needed, ROUTER):
+        return ""
+    return (
+        f"the certificate in use is that of {name!r}, and this process needs that of {needed!r}: "
+        f"use --config DIR/{needed}.toml"
+    )
+
+
 def unanswered(name: str | None, robot: str, service: Service) -> str:
     """Why a question came back empty at once."""
     nobody = f"nobody serves it (is the {service.server.value} running?)"

@@ -15,7 +15,7 @@ from zenoh.handlers import Callback
 
 from protocol.bus.access import unanswered
 from protocol.bus.answer import answer_in
-from protocol.bus.certificate import name_of
+from protocol.bus.certificate import holder
 from protocol.bus.history import following, told_ns
 from protocol.bus.locks import shut
 from protocol.bus.presence import Presence, presence_in
@@ -57,7 +57,7 @@ class Bus:
         self._watched: frozenset[Presence] | None = None
         self._desk = Desk()
         self.line = Line(network.trouble, now_ns)
-        self.holder = name_of(network.tls)  # of our certificate; None where no door is locked
+        self.holder = holder(network.tls, role, robot)
         self._session = open_session(network)
 
     def __enter__(self) -> Self:

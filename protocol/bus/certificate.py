@@ -5,8 +5,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from protocol.bus.access import misfit
 from protocol.errors import BadKeys
 from protocol.network import Tls
+from protocol.topics import Role
 
 ROUNDS: Final = 4
 WHENEVER: Final = 0x200000
@@ -45,9 +47,12 @@ def own(tls: Tls) -> Own:
     return own_in(seen)._replace(trouble=f"{tls.certificate} {when}")
 
 
-def name_of(tls: Tls | None) -> str | None:
-    """The common name of our certificate; None without one."""
-    return own(tls).name if tls else None
+def holder(tls: Tls | None, role: Role | None, robot: str) -> str | None:
+    """The common name of our certificate, None without one; BadKeys when it is not for us."""
+    name = own(tls).name if tls else None
+    if why := misfit(name, role, robot):
+        raise BadKeys(why)
+    return name
 
 
 def check_files(tls: Tls) -> None:

@@ -52,7 +52,8 @@ def watched_doors(bus: Bus, tell: Callable[[str], None]) -> Iterator[None]:
 
     It takes the place of standard output, where Zenoh writes: for processes that say nothing there.
     """
-    if not (bus.network.tls and bus.network.listen):
+    tls = bus.network.tls
+    if tls is None or not tls.tell_refusals or not bus.network.listen:
         yield
         return
     ends = threading.Event()

@@ -94,7 +94,7 @@ def test_a_door_dialled_by_a_name_it_does_not_have_is_told(ring: Keyring) -> Non
 
 def test_who_only_dials_is_not_believed_when_it_listens(ring: Keyring) -> None:
     """A viewer that poses as the robot."""
-    with open_bus(door(ring.tls("viewer")), Role.ROBOT, "r1") as posing:
+    with open_bus(door(ring.tls("viewer")), None, "r1") as posing:
         network = dialling(posing.locator(), ring.tls("ground"))
         with pytest.raises(NotLetIn, match="shows a certificate that"):
             open_bus(network, Role.GROUND, "r1")
@@ -111,6 +111,21 @@ def test_a_listener_whom_nobody_would_believe_does_not_start(ring: Keyring) -> N
     tls = ring.expired("robot-r1")
     with pytest.raises(BadKeys, match=f"{tls.certificate} expired at .* nobody would believe it"):
         open_bus(door(tls), Role.ROBOT, "r1")
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "needs"),
+    [
+        ("ground", Role.PLANT, "plant"),
+        ("plant", Role.ROBOT, "robot-r1"),
+        ("robot-r2", Role.ROBOT, "robot-r1"),
+    ],
+)
+def test_a_process_with_the_certificate_of_another_role_does_not_start(
+    ring: Keyring, name: str, role: Role, needs: str
+) -> None:
+    with pytest.raises(BadKeys, match=f"{name}.*needs that of '{needs}': use --config"):
+        open_bus(dialling("tls/127.0.0.1:1", ring.tls(name)), role, "r1")
 
 
 def test_keys_of_different_sets_are_named(ring: Keyring) -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from protocol.bus.access import access_control, barred, grant_of, grants, unanswered
+from protocol.bus.access import access_control, barred, grant_of, grants, misfit, unanswered
 from protocol.errors import UserError
 from protocol.network import Network
 from protocol.topics import (
@@ -128,6 +128,13 @@ def test_without_a_lock_everybody_may_ask() -> None:
     assert barred(None, "r1", COMMAND) == ""
     assert unanswered(None, "r1", COMMAND) == "nobody serves it (is the robot running?)"
     assert "only listens" in unanswered("viewer", "r1", COMMAND)
+
+
+def test_a_process_needs_the_certificate_of_its_role() -> None:
+    assert misfit(None, Role.PLANT, "r1") == misfit("router", Role.PLANT, "r1") == ""
+    assert misfit("plant", Role.PLANT, "r1") == misfit("robot-r1", Role.ROBOT, "r1") == ""
+    assert misfit("viewer", Role.GROUND, "r1") == misfit("stranger", None, "r1") == ""
+    assert "needs that of 'robot-r2'" in misfit("robot-r1", Role.ROBOT, "r2")
 
 
 def test_a_robot_that_cannot_be_is_refused() -> None:
