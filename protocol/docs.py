@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from protocol import topics
+from protocol.bus.access import grants
 from protocol.layout import LAYOUT, class_name
 from protocol.message import Message
 from protocol.topics import Service, Topic
@@ -31,12 +32,20 @@ whoever comes late or was cut off is given them with the stamp that they carry; 
 each such topic there is `@adv/**` for that. What its sender had not got rid of when it was killed
 is lost."""
 
+SOME_ROBOT: Final = "r1"
+ACCESS: Final = """\
+Where doors are locked (`[network.tls]`), whoever listens lets in what the certificate of the other
+side may do, by its common name, and refuses all else. `robot-NAME` may so of that robot only, the
+others of all robots in `[network] robots`. Behind a router only the router filters. Everybody sees
+who is there (`alive/`); events kept for who joins late (`@adv/`) go with their key."""
+
 
 def page(
     streams: Iterable[Topic[Message]], services: Iterable[Service], dialect: xml.Element
 ) -> str:
     """The whole page as Markdown."""
     stream_head = ("key", "messages", "from", "rate", "stale after", "priority", "what")
+    access_head = ("certificate", "puts", "hears", "asks", "answers")
     service_head = ("key", "asked", "answered by", "what")
     lines = [
         HEAD.rstrip(),
@@ -44,6 +53,8 @@ def page(
         *table(stream_head, map(stream_row, streams)),
         *section("Questions", "A question is a query; it is always answered, with a reason."),
         *table(service_head, map(service_row, services)),
+        *section("Who may do what", ACCESS),
+        *table(access_head, access_rows()),
         *section("Messages of our own"),
         *flat(map(message_lines, dialect.iterfind("messages/message"))),
         *section("Messages of MAVLink's common dialect that the codec knows"),
@@ -52,6 +63,29 @@ def page(
         *flat(map(enum_lines, dialect.iterfind("enums/enum"))),
     ]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).rstrip() + "\n"
+
+
+def access_rows() -> Iterator[Sequence[str]]:
+    """What each certificate is granted, without the robot that each key begins with."""
+    for name, grant in grants((SOME_ROBOT,)).items():
+        lists = (grant.puts, grant.hears, grant.asks, grant.answers)
+        yield f"`{name.replace(SOME_ROBOT, 'NAME')}`", *(families(paths) for paths in lists)
+
+
+def families(paths: Iterable[str]) -> str:
+    """All keys below one beginning are told as one, where the tables have no more of them."""
+    short = [path.partition("/")[2] or "everything" for path in paths]
+    whole = {one.path for one in topics.TOPICS} | {one.path for one in topics.SERVICES}
+    found: list[str] = []
+    for path in short:
+        family = path.partition("/")[0] + "/"
+        complete = {one for one in whole if one.startswith(family)} <= set(short)
+        told = f"`{family}*`" if complete and path in whole else f"`{path}`"
+        if path == "everything":
+            told = path
+        if told not in found:
+            found.append(told)
+    return ", ".join(found) or "nothing"
 
 
 def stream_row(topic: Topic[Message]) -> Sequence[str]:

@@ -14,7 +14,7 @@ from protocol.bus.certificate import Own, context, own
 from protocol.errors import BadKeys, NotLetIn
 from protocol.network import LOCKED, Network, Tls
 
-KNOCK_S: Final = 0.7
+KNOCK_S: Final = 1.5
 MAKE_NEW: Final = "make a new set with `sidestep keys new`, or use the one of that authority"
 EXPIRED_THERE: Final = (9, 10)
 WRONG_NAME: Final = (62, 64)

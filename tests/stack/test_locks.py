@@ -21,6 +21,7 @@ from tests.stack.processes import Crew, Running, until
 
 pytestmark = pytest.mark.stack
 EACH = 10
+PATIENCE_S = 20.0
 
 
 class Locked(Crew):
@@ -39,7 +40,7 @@ class Locked(Crew):
     def verb(self, role: str, *words: str) -> tuple[int, str]:
         """A verb to its end, as the holder of that role's certificate."""
         running = self.start(*words, "--connect", self.endpoint, role=role)
-        return running.ends(30.0), running.said
+        return running.ends(3 * PATIENCE_S), running.said
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +73,7 @@ def test_a_stack_behind_locks_drives_and_only_the_ground_station_commands_it(
         listener = crew.router if router else robot
         code, said = crew.verb("viewer", "arm")
         assert (code, "'viewer', which only listens" in said) == (1, True), said
-        listener.says("viewer only listens")
+        listener.says("viewer only listens", PATIENCE_S)
         code, said = crew.verb("ground", "goto", "0.9", "2")
         assert code == 0, said
         code, said = crew.verb("viewer", "doctor")
@@ -95,8 +96,8 @@ def test_a_robot_does_nothing_of_what_others_command(keys: Path, role: str) -> N
             until(lambda: happened, what="what it said when it started")
             before = len(happened)
             assert forge(intruder) == 2 * EACH
-            robot.says("may not ask sidestep/r1/srv/command")
-            robot.says("may not put on sidestep/r1/op/teleop")
+            robot.says("may not ask sidestep/r1/srv/command", PATIENCE_S)
+            robot.says("may not put on sidestep/r1/op/teleop", PATIENCE_S)
             assert len(happened) == before, "nothing came of it"
             assert "is no role" not in robot.said
 
@@ -139,8 +140,20 @@ def test_whoever_is_not_let_in_is_told_why_on_both_sides(tmp_path: Path) -> None
         for tls, told_there, told_here in kept_out:
             with pytest.raises(NotLetIn, match=told_there):
                 open_bus(dialling(crew.endpoint, tls), Role.GROUND, "r1")
-            router.says(f"not let in: somebody at 127.0.0.1: {told_here}")
-        router.says("it shows no certificate")  # the knock of who has none
+            router.says(told_here, PATIENCE_S)
+        router.says("it shows no certificate", PATIENCE_S)  # the knock of who has none
+        assert "not let in: somebody at 127.0.0.1: " in router.said
+
+
+def test_up_runs_behind_locks(keys: Path) -> None:
+    """All its processes, the recorder too, in simulated time."""
+    with Crew() as crew:
+        record = str(keys.parent / "record")
+        words = ("--headless", "--world", "open", "--speed", "max", "--locks", str(keys))
+        up = crew.start("up", *words, "--record", record)
+        assert up.ends(60.0) == 0, up.said
+        (log,) = Path(record).glob("*.tlog")
+        assert log.stat().st_size > 10_000
 
 
 def test_a_listener_with_an_expired_certificate_says_so_and_ends(tmp_path: Path) -> None:

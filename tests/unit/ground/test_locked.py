@@ -1,0 +1,57 @@
+"""`up --locks DIR`: each process gets its own certificate, and all of the set must be there."""
+
+from pathlib import Path
+
+import pytest
+
+from ground.keys.folder import make
+from ground.locked import check, dialling, file_of, ground_file, locked, with_locks
+from protocol.errors import UserError
+from protocol.network import Network
+from tests.keyring import DAY, NOW
+
+ROLES = ("router", "robot r1", "robot r2", "recorder r1", "plant")
+
+
+@pytest.fixture
+def keys(tmp_path: Path) -> str:
+    make(tmp_path / "keys", ["r1", "r2"], [], NOW - DAY, NOW + DAY)
+    return str(tmp_path / "keys")
+
+
+def test_each_process_has_the_certificate_of_its_role() -> None:
+    assert [file_of("keys", role).name for role in ROLES] == [
+        "router.toml",
+        "robot-r1.toml",
+        "robot-r2.toml",
+        "ground.toml",
+        "plant.toml",
+    ]
+
+
+def test_without_locks_nothing_is_different() -> None:
+    network = Network(mode="client", connect=("tcp/127.0.0.1:1",))
+    assert with_locks(None, "plant", ["plant"]) == ["plant"]
+    assert dialling(None, network) is network
+    assert locked(None, "tcp/127.0.0.1:1") == "tcp/127.0.0.1:1"
+    assert ground_file(None) is None
+    check(None, ROLES)
+
+
+def test_with_locks_a_process_is_told_where_its_keys_are(keys: str) -> None:
+    words = with_locks(keys, "robot r2", ["robot", "--id", "r2"])
+    assert words == ["robot", "--id", "r2", "--config", f"{keys}/robot-r2.toml"]
+
+
+def test_the_ground_dials_behind_the_lock(keys: str) -> None:
+    found = dialling(keys, Network(mode="client", connect=("tcp/127.0.0.1:1",)))
+    assert found.connect == ("tls/127.0.0.1:1",)
+    assert found.robots == ("r1", "r2")
+    assert found.tls is not None
+    assert found.tls.certificate == f"{keys}/ground.pem"
+
+
+def test_a_robot_without_a_certificate_is_named_before_anything_is_started(keys: str) -> None:
+    check(keys, ROLES)
+    with pytest.raises(UserError, match=r"there is no robot-r3\.toml for the robot r3: make a set"):
+        check(keys, (*ROLES, "robot r3"))
