@@ -53,9 +53,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--replica", metavar="STEM", help="this is one of the containers STEM1, STEM2 and so on"
     )
-    parser.add_argument(
-        "--crew", metavar="NAME", help="a name that leads to the robots' containers, to count them"
-    )
     parser.add_argument("--world", metavar="W", default="box", help="(box)")
     parser.add_argument("--noise", metavar="LEVEL", default="", help="as the world says")
     parser.add_argument("--seed", metavar="S", default="0", help="(0)")
@@ -64,7 +61,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=whole(1, MOST_ROBOTS),
         default=1,
         metavar="K",
-        help="that so many drive, at least (1)",
+        help="how many there are (1)",
     )
     parser.add_argument("words", nargs=argparse.REMAINDER, metavar="VERB ...")
 
@@ -93,12 +90,11 @@ def words_of(options: argparse.Namespace, lookup: Addresses) -> list[str]:
 
 
 def place_of(options: argparse.Namespace, lookup: Addresses) -> Place:
-    """Its number, 1 unless it is one of several, and how many there are at the moment."""
-    robots = options.robots
-    if options.crew is not None:
-        robots = max(robots, min(MOST_ROBOTS, len(lookup(options.crew))))
+    """Its number: 1 unless it is one of several. UserError when there are not so many."""
     number = 1 if options.replica is None else number_of(options.replica, lookup)
-    return Place(number, max(robots, number))
+    if number > options.robots:
+        raise UserError(f"this is container {number} of --robots {options.robots}: set ROBOTS")
+    return Place(number, options.robots)
 
 
 def number_of(stem: str, lookup: Addresses) -> int:

@@ -21,6 +21,7 @@ from tests.stack.processes import free_endpoint, until
 ROOT: Final = Path(__file__).parents[2]
 BUILD_S: Final = 600.0
 WITHIN_S: Final = 120.0
+HEALTHY_S: Final = 180.0
 ADDRESS: Final = re.compile(r"open (http://\S+)")
 LAST_WORDS: Final = 4000
 TRIES: Final = 6
@@ -110,7 +111,13 @@ class Compose:
 
     def up(self, *words: str) -> None:
         """Started, and healthy: the data of every one of them flow."""
-        self.does("up", "-d", "--no-build", "--wait", *words)
+        self.does("up", "-d", "--no-build", *words)
+        until(lambda: not self.ailing(), HEALTHY_S, f"all healthy; not yet: {self.ailing()}")
+
+    def ailing(self) -> list[str]:
+        """Containers whose health is asked for and is not good, or not yet."""
+        lines = self.does("ps", "--format", "{{.Name}} {{.Health}}").splitlines()
+        return [line for line in lines if not line.endswith((" ", " healthy")) and " " in line]
 
     def verb(self, *words: str, within_s: float = WITHIN_S) -> Done:
         """`sidestep` with these words in a container of its own, next to the others."""
@@ -161,7 +168,9 @@ class Compose:
         state = json.loads(done.said)[0]["State"] if done.code == 0 else {}
         return str(state.get("Health", {}).get("Status", ""))
 
-    def becomes(self, health: str, service: str, number: int = 1, within_s: float = 60.0) -> None:
+    def becomes(
+        self, health: str, service: str, number: int = 1, within_s: float = HEALTHY_S
+    ) -> None:
         until(
             lambda: self.health(service, number) == health,
             within_s,

@@ -1,51 +1,67 @@
 """Several robots, the black box, measurements and tests: what a profile adds."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import pytest
 
 from tests.compose.compose import BUILD_S, Compose, docker, project
+from tests.stack.processes import until
 
 pytestmark = pytest.mark.compose
 
-MANY: Final = ("r1", "r2", "r3")
+TRIES: Final = 4
 
 
-def status_of(compose: Compose, robot: str) -> dict[str, object]:
-    """What a robot says of itself; nothing when it is not heard."""
+@pytest.fixture(scope="module")
+def fleet(image: str) -> Iterator[Compose]:
+    """Two robots and a recorder for each."""
+    settings = {"ROBOTS": "2", "WORLD": "open"}
+    with project(image, "record", settings=settings) as compose:
+        compose.up()
+        yield compose
+
+
+def pose_of(compose: Compose, robot: str) -> tuple[float, float]:
+    """Where a robot believes it is, in whole centimetres."""
     seen = compose.verb("watch", "--json", "--id", robot).object
-    found: dict[str, object] = seen["streams"]["tlm/odometry"]["message"] or {}
-    return found
+    pose = seen["streams"]["tlm/odometry"]["message"]
+    return round(pose["x_m"], 2), round(pose["y_m"], 2)
 
 
-def test_scaled_robots_have_names_and_places_of_their_own_in_one_world(image: str) -> None:
-    with project(image) as compose:
-        compose.up("--scale", "robot=3")
-        for number, name in enumerate(MANY, start=1):
-            log = docker("logs", compose.container("robot", number))
-            assert f"robot {name}: ready" in log
-        assert "plant: world box with r1, r2, r3" in compose.logs("plant")
-        places = {(seen["x_m"], seen["y_m"]) for seen in (status_of(compose, r) for r in MANY)}
-        assert len(places) == len(MANY)
-        # Back after a death, it is whom it was.
-        compose.inside("robot", "sh", "-c", "kill -9 -1", number=2)
-        compose.becomes("healthy", "robot", 2)
-        assert "robot r2: ready" in docker("logs", compose.container("robot", 2))
+def test_robots_of_one_world_have_names_and_places_of_their_own(fleet: Compose) -> None:
+    assert "plant: world open with r1, r2" in fleet.logs("plant")
+    for number in (1, 2):
+        said = docker("logs", fleet.container("robot", number))
+        assert f"robot r{number}: ready" in said
+    assert pose_of(fleet, "r1") != pose_of(fleet, "r2")
 
 
-def test_a_fleet_drives_each_robot_to_its_goal_and_all_is_recorded(
-    image: str, tmp_path: Path
-) -> None:
-    with project(image, "fleet", "record", settings={"ROBOTS": "2", "WORLD": "open"}) as compose:
-        compose.does("up", "-d", "--no-build")
-        for number in (1, 2):
-            assert docker("wait", compose.container("drive", number)).strip() == "0"
-            assert "reached" in docker("logs", compose.container("drive", number))
-        compose.does("stop", "record")
-        compose.does("cp", "record:/recordings", str(tmp_path))
-        robots = sorted(path.stem.rpartition("-")[2] for path in tmp_path.rglob("*.mcap"))
-    assert robots == ["r1", "r2"]
+def test_who_comes_back_is_whom_he_was(fleet: Compose) -> None:
+    fleet.inside("robot", "sh", "-c", "kill -9 -1", number=2)
+    until(lambda: fleet.inspected("robot", 2)["RestartCount"] == 1, 30.0, "another r2")
+    fleet.becomes("healthy", "robot", 2)
+    assert docker("logs", fleet.container("robot", 2)).count("robot r2: ready") == 2
+
+
+def test_each_robot_of_a_fleet_drives_to_its_goal(fleet: Compose) -> None:
+    drivers = [fleet.container("drive", number) for number in (1, 2)]
+    for _ in range(TRIES):  # a busy machine may keep a robot from driving
+        fleet.does("--profile", "fleet", "up", "-d", "--no-build", "drive")
+        codes = [docker("wait", driver).strip() for driver in drivers]
+        if codes == ["0", "0"]:
+            break
+    assert codes == ["0", "0"], [docker("logs", driver) for driver in drivers]
+
+
+def test_what_each_robot_did_is_recorded(fleet: Compose, tmp_path: Path) -> None:
+    fleet.does("stop", "record")
+    for number in (1, 2):
+        fleet.does("cp", "--index", str(number), "record:/recordings", str(tmp_path))
+    robots = {path.stem.rpartition("-")[2] for path in tmp_path.rglob("*.mcap")}
+    assert robots == {"r1", "r2"}
+    assert min(path.stat().st_size for path in tmp_path.rglob("*.tlog")) > 10_000
 
 
 def test_measurements_run_in_the_image(image: str) -> None:

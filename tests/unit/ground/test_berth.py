@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from ground import berth
 from ground.berth import addresses, words_of
 from ground.cli import main, parse
 from plant.lineup import starts
@@ -20,9 +19,8 @@ NAMES = {
     socket.gethostname(): {HERE, "172.20.0.9"},
     "sidestep-robot-1": {"172.19.0.3"},
     "sidestep-robot-2": {HERE},
-    "robot": {"172.19.0.3", HERE, "172.19.0.5"},
 }
-SECOND = ("--replica", "sidestep-robot-")
+SECOND = ("--replica", "sidestep-robot-", "--robots", "2")
 
 
 def lookup(name: str) -> frozenset[str]:
@@ -47,7 +45,7 @@ def test_a_container_has_the_robot_of_its_number() -> None:
 
 
 def test_the_robots_name_stands_in_for_its_mark() -> None:
-    found = became(*SECOND, "--robots", "2", "robot", "--state", "/state/{id}")
+    found = became(*SECOND, "robot", "--state", "/state/{id}")
     assert after(found, "--state") == ["/state/r2"]
 
 
@@ -55,7 +53,7 @@ def test_a_robot_is_told_the_place_of_its_number_in_the_world() -> None:
     world = load("box")
     places = starts(world, body_of(world), 2)
     for words, place in (((), places[0]), (SECOND, places[1])):
-        told = after(became(*words, "--world", "box", "--robots", "2", "robot"), "--start", 3)
+        told = after(became(*words, "--world", "box", "robot"), "--start", 3)
         assert [float(word) for word in told[:2]] == pytest.approx(place[:2])
 
 
@@ -65,12 +63,14 @@ def test_a_robot_has_the_calibration_of_its_worlds_noise() -> None:
     assert [w for w in noisy if "=" in w] != [w for w in clean if "=" in w]
 
 
-def test_the_plant_carries_as_many_as_are_wanted_or_as_there_are() -> None:
+def test_the_plant_carries_as_many_as_there_are() -> None:
     assert after(became("plant"), "--robots") == ["r1"]
-    assert after(became("--robots", "2", "plant"), "--robots") == ["r1,r2"]
-    assert after(became("--crew", "robot", "plant"), "--robots") == ["r1,r2,r3"]
-    assert after(became("--crew", "robot", "--robots", "4", "plant"), "--robots") == ["r1,r2,r3,r4"]
-    assert after(became("--crew", "nobody", "plant"), "--robots") == ["r1"]
+    assert after(became("--robots", "3", "plant"), "--robots") == ["r1,r2,r3"]
+
+
+def test_a_robot_more_than_there_are_is_refused() -> None:
+    with pytest.raises(UserError, match="container 2 of --robots 1: set ROBOTS"):
+        became("--replica", "sidestep-robot-", "robot")
 
 
 def test_the_plant_is_told_world_noise_and_seed() -> None:
@@ -82,7 +82,7 @@ def test_the_plant_is_told_world_noise_and_seed() -> None:
 
 def test_a_drive_without_a_destination_goes_where_up_would_send_that_robot() -> None:
     assert became("goto") == ["goto", "5.4", "2.0", "0.0"]
-    second = became(*SECOND, "--robots", "2", "goto")
+    second = became(*SECOND, "goto")
     assert second[:3] != ["goto", "5.4", "2.0"]
     assert second[-2:] == ["--id", "r2"]
     assert became("goto", "2", "1") == ["goto", "2", "1"]
@@ -148,9 +148,3 @@ def test_without_the_executable_it_says_so(
 def test_a_name_that_nobody_has_leads_nowhere() -> None:
     assert addresses("localhost") & {"127.0.0.1", "::1"}
     assert addresses("no-such-name.invalid") == frozenset()
-
-
-def test_there_is_a_limit_to_how_many_are_counted() -> None:
-    crowd = frozenset(f"10.0.0.{number}" for number in range(30))
-    words = words_of(options("--crew", "robot", "plant"), lambda _name: crowd)
-    assert after(words, "--robots")[0].count(",") == berth.MOST_ROBOTS - 1
