@@ -24,6 +24,13 @@ WITHIN_S: Final = 120.0
 HEALTHY_S: Final = 180.0
 ADDRESS: Final = re.compile(r"open (http://\S+)")
 LAST_WORDS: Final = 4000
+LEFTOVERS: Final = (
+    (("ps", "--all"), ("rm", "--force")),
+    (("network", "ls"), ("network", "rm")),
+    (("volume", "ls"), ("volume", "rm")),
+)
+"""How to list them, and how to remove them."""
+
 TRIES: Final = 6
 BUSY: Final = ("control cycle over its budget", "not armed", "no fresh", "no answer")
 """What becomes of a drive where others take the processor away."""
@@ -188,12 +195,13 @@ class Compose:
         return str(ADDRESS.findall(self.logs("web"))[-1])
 
     def down(self) -> None:
-        """Nothing is left of it."""
-        tried(
-            [*self.command("--profile", "*"), "down", "-v", "--remove-orphans", "-t", "5"],
-            self.environment,
-            WITHIN_S,
-        )
+        """Nothing is left of it; what docker would rather keep is removed all the same."""
+        self.tries("--profile", "*", "down", "-v", "--remove-orphans", "-t", "5")
+        label = f"label=com.docker.compose.project={self.name}"
+        for kind, remove in LEFTOVERS:
+            left = docker(*kind, "--quiet", "--filter", label).split()
+            if left:
+                docker(*remove, *left)
 
 
 @contextmanager

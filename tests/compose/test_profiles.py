@@ -11,7 +11,7 @@ from tests.stack.processes import until
 
 pytestmark = pytest.mark.compose
 
-TRIES: Final = 4
+TRIES: Final = 6
 
 
 @pytest.fixture(scope="module")
