@@ -3,6 +3,7 @@
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,7 @@ STOPPED_MS = 200 + 50  # the truth comes once in a period
 HUNG = "hung (not heard for 2.5 s)"
 KILLED = "was killed (signal SIGKILL)"
 HEALED_S = 15.0
+TRIES = 3
 
 
 @pytest.fixture
@@ -59,13 +61,30 @@ class Stage:
         until(there, HEALED_S, what)
 
     def drive(self) -> None:
-        """Armed, on its way."""
-        hears = self.stack._hears
+        """Armed, on its way; on a busy machine it may stop for its budget, and is sent again."""
+        hears, witness = self.stack._hears, self.witness
         assert hears is not None
         says, clock = Says(as_json=False), WallClock()
         errands = errands_of(self.stack, hears, says, clock)
-        Outing(errands, clock, self.look, lambda _: None).launch(lockstep=False)
-        self.witness.driving()
+        outing = Outing(errands, clock, self.look, lambda _: None)
+        for _ in range(TRIES):
+            outing.launch(lockstep=False)
+            stopped = len(witness.statuses)
+            self.until(partial(self.under_way, stopped), "driving")
+            if self.moves():
+                return
+        raise AssertionError(f"it did not drive, {TRIES} times")
+
+    def under_way(self, before: int) -> bool:
+        return self.moves() or self.failed(before)
+
+    def moves(self) -> bool:
+        return self.witness.truth.speed_m_s > 0.25
+
+    def failed(self, before: int) -> bool:
+        """Has it been in failsafe since it was sent?"""
+        since = tuple(self.witness.statuses)[before:]
+        return any(status.vehicle == Vehicle.FAILSAFE for status, _ in since)
 
     def hurt(self, role: str, how: str, sabotage: Sabotage) -> int:
         """Kill it, stop it, or let it hang with Python's lock held; when that was."""
