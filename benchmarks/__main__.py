@@ -28,6 +28,7 @@ BENCHMARKS = {
     "ground": "the app on a terminal: CPU, bytes, first paint, key to robot, a flood of log lines",
     "restarts": "a process of `up` killed, until robot and plant are heard again",
     "faults": "what the robot does when something breaks, the fault matrix (docs/faults.md)",
+    "fuzz": "broken inputs for every decoder: none may crash, hang or take much memory",
     "digest": "the same trajectory in every way of running, another one for another seed",
 }
 

@@ -1,7 +1,6 @@
 """`param`: the robot's own list of parameters, one of them, or a new value for one."""
 
 import argparse
-import json
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
@@ -16,6 +15,7 @@ from ground.options import add_common
 from ground.says import Says
 from protocol.enums import PARAM_TYPE_REAL32
 from protocol.errors import RemoteError, UserError
+from protocol.json_text import value_in
 from protocol.messages import CommandAck, ParamSet, ParamValue
 from protocol.options import finite
 from protocol.reasons import Reason, reason_text
@@ -83,7 +83,7 @@ def fetch(link: Link) -> list[Row]:
 
 def rows_in(answer: bytes) -> list[Row]:
     try:
-        rows = json.loads(answer)
+        rows = value_in(answer)
     except ValueError as error:
         raise RemoteError(f"the robot's list of parameters cannot be read: {error}") from error
     if not isinstance(rows, list) or not all(

@@ -10,6 +10,8 @@ from protocol.config import read_toml, unknown_key
 from protocol.errors import ConfigError
 
 TABLE: Final = "parameters"
+HUGE: Final = 1e300
+"""A whole number in TOML may be longer than a float can be."""
 
 
 def is_usual(row: Mapping[str, Any]) -> bool:
@@ -41,7 +43,7 @@ def read(path: Path, rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
         key = f"{TABLE}.{name}"
         if name not in known:
             raise unknown_key(key, name, list(known), file=str(path))
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > HUGE:
             raise ConfigError(file=str(path), key=key, reason="is no number", fix="write one")
         _judge_range(str(path), key, float(value), known[name])
     return {name: float(value) for name, value in table.items()}

@@ -5,7 +5,6 @@ What `worlds show --json` prints is taken as well, from a file or, as "-", from 
 
 import re
 import sys
-import tomllib
 from difflib import get_close_matches
 from os.path import isfile
 from pathlib import Path
@@ -27,6 +26,7 @@ from plant.world_types import (
     World,
 )
 from protocol.toml_lines import key_lines
+from protocol.toml_text import LARGEST_BYTES, TooDeep, table_in
 
 __all__ = [
     "SHIPPED_DIR",
@@ -50,7 +50,6 @@ __all__ = [
 
 STANDARD_INPUT: Final = "-"
 SHIPPED_DIR: Final = Path(__file__).parent / "worlds"
-LARGEST_BYTES: Final = 1_000_000
 PARSER_PLACE: Final = re.compile(
     r"(.*) \(at (?:line (\d+), column \d+|end of document)\)", re.DOTALL
 )
@@ -86,12 +85,12 @@ def loads(text: str, file: str = "world") -> World:
     if is_json(text):
         return from_json(text, file)
     try:
-        raw = tomllib.loads(text)
+        raw = table_in(text)
         lines = key_lines(text)
+    except TooDeep as error:
+        raise WorldError([_refusal(file, "toml", str(error), "use fewer [", 1)]) from None
     except ValueError as error:
         raise WorldError([_invalid_toml(error, text, file)]) from None
-    except RecursionError:
-        raise WorldError([_refusal(file, "toml", "nested too deeply", "use fewer [", 1)]) from None
     report = Report(file, lines)
     world = read_world(raw, report)
     if world is None:
@@ -139,7 +138,7 @@ def _decoded(data: bytes, file: str) -> str:
 def _invalid_toml(error: ValueError, text: str, file: str) -> Problem:
     """What the TOML parser says, with its line and the key on that line."""
     match = PARSER_PLACE.fullmatch(str(error))
-    reason = match[1] if match else "a number is too long"
+    reason = match[1] if match else str(error)
     lines = text.split("\n")
     line = int(match[2]) if match and match[2] else len(lines) if match else 1
     key = KEY_ON_LINE.match(lines[min(line, len(lines)) - 1])

@@ -1,7 +1,6 @@
 """TOML configuration: typed, ranged, and a misspelt key is refused by name."""
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import is_dataclass
 from difflib import get_close_matches
@@ -12,6 +11,7 @@ from typing import Any, Final, Literal, TypeVar, get_args, get_origin, get_type_
 import msgspec
 
 from protocol.errors import ConfigError, UserError
+from protocol.toml_text import LARGEST_BYTES, table_in
 
 T = TypeVar("T")
 PLACE: Final = re.compile(r"^(?P<reason>.*?)(?: - at `\$\.?(?P<key>.*)`)?$", re.DOTALL)
@@ -51,14 +51,16 @@ def beside(table: dict[str, Any], folder: Path) -> dict[str, Any]:
 def read_toml(path: Path | str) -> dict[str, Any]:
     """The tables of a TOML file, unjudged."""
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        with Path(path).open("rb") as file:
+            data = file.read(LARGEST_BYTES + 1)
+        return table_in(data.decode())
     except OSError as error:
         reason = (error.strerror or "cannot be read").lower()
         raise ConfigError(file=str(path), key="", reason=reason, fix="check the path") from error
     except UnicodeDecodeError as error:
         fix = "save it as UTF-8"
         raise ConfigError(file=str(path), key="", reason="is not UTF-8 text", fix=fix) from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         fix = "correct the TOML syntax there"
         raise ConfigError(file=str(path), key="", reason=str(error), fix=fix) from error
 

@@ -4,6 +4,7 @@ import json
 import os
 from pathlib import Path
 
+from protocol.json_text import value_in
 from robot.core.parameters import Params
 from robot.parameters import OutOfRange, Unknown, with_value
 
@@ -28,10 +29,10 @@ class Store:
         if self._path is None:
             return params, []
         try:
-            saved = dict(json.loads(self._path.read_text(encoding="utf-8")))
+            saved = dict(value_in(self._path.read_text(encoding="utf-8")))
         except FileNotFoundError:
             return params, []
-        except (OSError, ValueError, TypeError, RecursionError) as error:
+        except (OSError, ValueError, TypeError) as error:
             return params, [f"{self._path}: not readable ({error}); defaults in force"]
         warnings = []
         for name, value in saved.items():

@@ -12,6 +12,7 @@ from typing import Any
 from ground.blackbox.fields import shortest_single
 from ground.blackbox.frames import opened
 from protocol.errors import UserError
+from protocol.json_text import value_in
 from protocol.messages import PlanarOdometry
 from protocol.wire_goal import told_heading_rad
 from robot.core.parameters import DEFAULTS, Params
@@ -61,7 +62,7 @@ def params_of(recorded: Recorded) -> Params:
         why = "the robot's parameters are not in it, nor in an .mcap of the same name beside it"
         raise UserError(f"it cannot be executed again: {why}")
     try:
-        values = {str(row["name"]): float(row["value"]) for row in json.loads(text)}
+        values = {str(row["name"]): float(row["value"]) for row in value_in(text)}
     except (ValueError, TypeError, KeyError) as error:
         raise UserError(f"the recorded parameters cannot be read: {error}") from None
     return adjusted(DEFAULTS, values, "the recorded parameters")
@@ -91,7 +92,7 @@ def candidates(world: str, heard: Pose) -> Iterator[Pose]:
 
 def starts_in(world: str) -> list[dict[str, Any]]:
     try:
-        facts = json.loads(world)
+        facts = value_in(world)
         return [*facts.get("starts", ()), facts["start"]]
     except (ValueError, KeyError, AttributeError, TypeError):
         return []

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from protocol.errors import UserError
+from protocol.json_text import value_in
 from study.plan import Settings
 from study.provenance import Code, Machine
 from study.sources import Listed
@@ -43,7 +44,7 @@ def settle(directory: Path, wanted: Mapping[str, Any], code: Code, *, mixed: boo
     Raises UserError, naming what differs, when it is not.
     """
     file = directory / FILE
-    there = _read(file)
+    there = told_in(file)
     differing = [] if there is None else differences(there, wanted)
     if differing and not mixed:
         raise UserError(
@@ -82,11 +83,12 @@ def _short(value: object) -> str:
     return " ".join(map(str, value)) if isinstance(value, list) else json.dumps(value)
 
 
-def _read(file: Path) -> dict[str, Any] | None:
+def told_in(file: Path) -> dict[str, Any] | None:
+    """What the file holds; None when it is not there. Raises UserError when it cannot be read."""
     if not file.exists():
         return None
     try:
-        there = json.loads(file.read_text(encoding="utf-8"))
+        there = value_in(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise UserError(
             f"{file}: cannot be read: {error}; remove it, and the settings given now are taken "

@@ -17,7 +17,8 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata
-from mcap.stream_reader import get_chunk_data_stream
+
+from ground.blackbox.mcap_chunk import unpacked
 
 RAW_TOPIC: Final = "/mavlink"
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -111,8 +112,7 @@ class McapFile:
         """All or nothing: a chunk whose checksum does not match is left out."""
         try:
             chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-            stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-            found = list(self._messages(stream.read(size)))
+            found = list(self._messages(unpacked(chunk)))
         except UNREADABLE:
             self._lose(RECORD.size + len(content))
             return

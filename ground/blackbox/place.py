@@ -1,6 +1,5 @@
 """A world's facts, as they were asked for and recorded: what of it can be drawn, and where."""
 
-import json
 from collections.abc import Iterator
 from itertools import pairwise
 from math import atan2, hypot, radians
@@ -8,6 +7,7 @@ from typing import Any, Final
 
 from ground.blackbox.schemas import Json
 from ground.blackbox.shapes import Colour, Point, colour, disc, pose, vector
+from protocol.json_text import value_in
 
 HEIGHT_M: Final = 0.3
 SKIN_M: Final = 0.02
@@ -20,10 +20,13 @@ BEARINGS_RAD: Final = tuple(radians((sonar - 3.5) * 22.5) for sonar in range(8))
 def facts_of(text: str) -> dict[str, Any]:
     """What the plant said of its world; empty when that cannot be read."""
     try:
-        facts = json.loads(text)
-    except ValueError:
+        facts: dict[str, Any] = value_in(text)
+        radius_of(facts)
+        for part in (start_of, outlines, discs):
+            list(part(facts))
+    except (ValueError, TypeError, KeyError, AttributeError):
         return {}
-    return facts if isinstance(facts, dict) else {}
+    return facts
 
 
 def radius_of(facts: dict[str, Any]) -> float:

@@ -14,6 +14,7 @@ from ground.blackbox.frames import opened
 from ground.blackbox.marks import Mark, marks_of
 from ground.blackbox.reel import Reel
 from ground.blackbox.timeline import Timeline
+from ground.param import rows_in
 from protocol.clock import Clock
 from protocol.errors import LocalError, NoAnswer, UserError
 from protocol.mailbox import Mailbox, Sample
@@ -202,8 +203,8 @@ class ReplayBus:
         return [*ends, self.reel.duration_ns] if begins else []
 
     def _parameters_now(self, text: str) -> str:
-        """The list as recorded, with the values that were set since."""
-        rows = json.loads(text)
+        """The list as recorded, with the values that were set since; RemoteError: it is none."""
+        rows = rows_in(text.encode())
         for time_ns, answer in self.reel.on(ANSWERED.path):
             if isinstance(answer, ParamValue) and time_ns <= self.timeline.position_ns:
                 value = float(f"{answer.param_value:.7g}")  # float32 carries seven digits

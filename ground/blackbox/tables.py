@@ -21,7 +21,7 @@ SEVERAL: Final = frozenset(topic.path for topic in TOPICS if len(topic.messages)
 USUAL_RATE_HZ: Final = 20.0
 EPSILON: Final = 1e-9
 BACK_S: Final = 1.0
-AHEAD_S: Final = 3600.0
+AHEAD_S: Final = 600.0
 """Farther apart than these, two stamps are of two runs."""
 
 
@@ -89,7 +89,8 @@ class _Newest(NamedTuple):
 def wide_rows(
     timed: Iterable[Timed], columns: list[Column], rate_hz: float = USUAL_RATE_HZ
 ) -> Iterator[Row]:
-    """A row for each instant of the grid from the first to the last that something came in."""
+    """A row for each instant of the grid from the first to the last that something came in.
+    """
     place_of = {column.name: place for place, column in enumerate(columns)}
     newest: dict[tuple[str, type[Message]], _Newest] = {}
     step: int | None = None

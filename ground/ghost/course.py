@@ -1,9 +1,10 @@
 """What a ghost's process writes: its path tick by tick, and at the end how it came out."""
 
-import json
 from collections.abc import Iterable
 from math import dist, isfinite
 from typing import Any, Final, NamedTuple, TypeAlias
+
+from protocol.json_text import value_in
 
 Point: TypeAlias = tuple[float, float]
 
@@ -70,8 +71,8 @@ class Reading:
     def _take_outcome(self, line: bytes) -> None:
         """The path ends where it ended, however near that is to the point before."""
         try:
-            found = json.loads(line)
-        except (ValueError, RecursionError):
+            found = value_in(line)
+        except ValueError:
             return
         if isinstance(found, dict) and isinstance(found.get("outcome"), str):
             self.outcome = found

@@ -1,6 +1,5 @@
 """The present instant of a robot in a simulation, asked of it and of its plant."""
 
-import json
 from typing import Any, Final
 
 from ground.destination import Destination
@@ -10,6 +9,7 @@ from ground.ghost.recorded import DRIVING, NS_PER_S, changed, goal_of
 from ground.link import LISTEN_NS, Link, Unanswered
 from ground.param import fetch
 from protocol.errors import RemoteError, UserError
+from protocol.json_text import value_in
 from protocol.messages import NavigatorStatus
 from protocol.topics import STATUS, TRUTH, WORLD
 
@@ -41,7 +41,7 @@ class Present:
     def world(self) -> Facts:
         answer = self._link.bus.ask(WORLD, timeout_s=ASK_S, robot=self._link.robot)
         try:
-            facts: Any = json.loads(answer) if isinstance(answer, bytes) else None
+            facts: Any = value_in(answer) if isinstance(answer, bytes) else None
         except ValueError:
             facts = None
         if not isinstance(facts, dict):

@@ -1,6 +1,5 @@
 """An instant of a recording, and what the robot itself made of the rest of that drive."""
 
-import json
 from collections.abc import Iterable
 from itertools import pairwise
 from math import dist, isfinite
@@ -13,6 +12,7 @@ from ground.ghost.instant import Facts, Instant
 from ground.orders import SIDES
 from protocol.enums import GoalState
 from protocol.errors import UserError
+from protocol.json_text import value_in
 from protocol.messages import (
     GoalRequest,
     GroundTruth,
@@ -146,7 +146,7 @@ class Footage:
     def world(self) -> Facts:
         """What the plant told; UserError when the recording does not hold it."""
         try:
-            facts: Any = json.loads(self.facts.get("world", ""))
+            facts: Any = value_in(self.facts.get("world", ""))
         except ValueError:
             facts = None
         if not isinstance(facts, dict):
@@ -197,7 +197,7 @@ def wanted_of(asked: GoalRequest) -> Destination:
 def parameters_in(text: str) -> dict[str, float]:
     """What differs from the robot's defaults, of its list of parameters as JSON."""
     try:
-        rows = json.loads(text)
+        rows = value_in(text)
     except ValueError:
         return {}
     return changed(rows if isinstance(rows, list) else ())

@@ -16,7 +16,7 @@ from ground.missions.sift import Foreign
 from protocol.errors import UserError
 
 ENDINGS: Final = (".toml", ".plan", ".waypoints")
-LARGEST_BYTES: Final = 4_000_000
+LARGEST_BYTES: Final = 1_000_000
 DASH: Final = Path("-")
 """Stands for a .toml that is no file: standard input, or the draft of a console."""
 

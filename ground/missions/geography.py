@@ -4,7 +4,7 @@ x points east and y north. Both maps are linear and use one radius, that of WGS 
 so what is written and read again is the same place to far less than the wire's 0.1 mm.
 """
 
-from math import cos, radians
+from math import cos, isfinite, radians
 from typing import Final
 
 from ground.missions.mission import Home
@@ -28,8 +28,12 @@ def to_global(home: Home, x_m: float, y_m: float) -> tuple[float, float]:
 
 
 def on_the_wire(metres: float) -> float:
-    """The same length in whole tenths of a millimetre, which is what the wire carries."""
-    return round(metres * 1e4) / 1e4
+    """The same length in whole tenths of a millimetre, which is what the wire carries.
+
+    What is too long for that comes back as it is; it is refused where ranges are judged.
+    """
+    tenths = metres * 1e4
+    return round(tenths) / 1e4 if isfinite(tenths) else metres
 
 
 def heading_of(yaw_deg: float) -> float:

@@ -6,7 +6,9 @@ docs.qgroundcontrol.com, "Plan File Format", version 1.
 import json
 from collections.abc import Iterator
 from math import isfinite, nan
-from typing import Any, Final
+from typing import Any, Final, TypeVar
+
+import msgspec
 
 from ground.missions.geography import to_global, to_local
 from ground.missions.items import NAV_WAYPOINT, Item, home_at, item_of
@@ -16,7 +18,9 @@ from ground.missions.problems import MissionError, Problem
 from ground.missions.sift import DROP, Foreign, Sieve
 from protocol.enums import TYPE_GROUND_ROVER
 from protocol.errors import UserError
+from protocol.json_text import value_in
 
+T = TypeVar("T")
 PLAN_VERSION: Final = 1
 PART_VERSION: Final = 2
 FIRMWARE_ARDUPILOT: Final = 3
@@ -43,8 +47,8 @@ def read_text(text: str, file: str, *, home: Home | None = None, drop: bool = Fa
 
 def _object(text: str, file: str) -> dict[str, Any]:
     try:
-        plan = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        plan = value_in(text)
+    except ValueError as error:
         problem = Problem("", f"is not JSON: {error}", "save it again in QGroundControl")
         raise MissionError(file, [problem]) from error
     return plan if isinstance(plan, dict) else {}
@@ -130,10 +134,10 @@ def _circle(shape: dict[str, Any], home: Home) -> Circle | None:
     circle = shape["circle"]
     centre = _numbers(circle.get("center")) if isinstance(circle, dict) else []
     radius_m = _number(circle.get("radius")) if isinstance(circle, dict) else nan
-    if len(centre) < 2 or not all(map(isfinite, (*centre[:2], radius_m))) or radius_m <= 0.0:
+    if len(centre) < 2 or not all(map(isfinite, (*centre[:2], radius_m))):
         return None
     x_m, y_m = to_local(home, *centre[:2])
-    return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
+    return _fitting({"x_m": x_m, "y_m": y_m, "radius_m": radius_m}, Circle)
 
 
 def _polygon(shape: dict[str, Any], home: Home) -> Polygon | None:
@@ -141,7 +145,15 @@ def _polygon(shape: dict[str, Any], home: Home) -> Polygon | None:
     corners = [_numbers(one)[:2] for one in listed] if isinstance(listed, list) else []
     if any(len(corner) != 2 or not all(map(isfinite, corner)) for corner in corners):
         return None
-    return Polygon(corners=tuple(to_local(home, *corner) for corner in corners))
+    return _fitting({"corners": [to_local(home, *corner) for corner in corners]}, Polygon)
+
+
+def _fitting(table: dict[str, Any], schema: type[T]) -> T | None:
+    """None when something of it is out of its range."""
+    try:
+        return msgspec.convert(table, schema)
+    except msgspec.ValidationError:
+        return None
 
 
 def text_of(mission: Mission, home: Home) -> str:

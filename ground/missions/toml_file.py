@@ -1,7 +1,6 @@
 """Our own mission files: TOML with `[[waypoint]]` tables, and `[fence]` and `[home]` if wanted."""
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, Final, TypeVar
@@ -12,6 +11,7 @@ from ground.missions.problems import MissionError, Problem, line_of
 from protocol.config import parse, unknown_key
 from protocol.errors import ConfigError
 from protocol.toml_lines import Key, key_lines
+from protocol.toml_text import table_in
 
 T = TypeVar("T")
 PART: Final = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
@@ -27,10 +27,10 @@ def read_text(text: str, file: str, *, bare: bool = False) -> Mission:
     `bare`: it needs no waypoints.
     """
     try:
-        table = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        fix = "correct the TOML syntax there"
-        raise MissionError(file, [Problem("", str(error) or "nested too deeply", fix)]) from error
+        table = table_in(text)
+    except ValueError as error:
+        problem = Problem("", str(error), "correct the TOML syntax there")
+        raise MissionError(file, [problem]) from error
     return _Reader(file, key_lines(text)).mission(table, bare=bare)
 
 

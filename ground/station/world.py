@@ -1,6 +1,5 @@
 """The world as the plant describes it: simulation truth, for the map only."""
 
-import json
 from collections.abc import Sequence
 from itertools import pairwise
 from math import dist, radians
@@ -8,6 +7,7 @@ from typing import Any, NamedTuple
 
 from ground.map import Disc, Outline, Shape, Target
 from protocol.errors import RemoteError
+from protocol.json_text import value_in
 
 Point = tuple[float, float]
 RADIUS_M = 0.12
@@ -55,7 +55,7 @@ def world_in(answer: bytes | str) -> WorldFacts:
     """Reads the answer of the WORLD service; RemoteError when it cannot be read."""
     text = answer.decode(errors="replace") if isinstance(answer, bytes) else answer
     try:
-        found = json.loads(text)
+        found = value_in(text)
         return _facts(found, text)
     except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
         raise RemoteError(f"the plant's world cannot be read: {error!r}") from error

@@ -31,7 +31,7 @@ class Address(NamedTuple):
 def address_of(text: str) -> Address:
     """HOST:PORT, PORT or HOST; what is left out is as usual. UserError says what is wrong."""
     host, _, port = text.strip().rpartition(":") if ":" in text else ("", "", text.strip())
-    if port and not port.isdigit():
+    if port and not (port.isascii() and port.isdigit()):
         host, port = text.strip(), ""
     number = int(port) if port else USUAL_PORT
     if not 0 < number < 65536:

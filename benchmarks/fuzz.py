@@ -1,0 +1,155 @@
+"""Fuzzing of every decoder: broken inputs by the million, and none may crash, hang or eat memory.
+
+`--again FILE` runs one input that was kept, and shows what it does. The same `--seed` gives the
+same inputs.
+"""
+
+import argparse
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic
+from typing import Final, NamedTuple
+
+from benchmarks.figures import Figure, Report
+from benchmarks.fuzz_hunt import Find, Tally, hunt
+from benchmarks.fuzz_target import Target
+from benchmarks.fuzz_targets import TARGETS
+from protocol.errors import UserError
+
+USUAL_INPUTS: Final = 100_000
+BLOCK_COST: Final = 4000
+"""So many inputs of weight 1000 make a block, fewer of a slower decoder."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--inputs", type=int, default=USUAL_INPUTS, metavar="N", help="in total")
+    parser.add_argument("--seconds", type=float, metavar="S", help="no new ones after that")
+    parser.add_argument("--targets", nargs="+", choices=TARGETS, metavar="NAME", help="only these")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=2, metavar="K", help="processes (2)")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="where what crashes is kept")
+    parser.add_argument("--again", type=Path, metavar="FILE", help="one that was kept, once more")
+
+
+def measure(options: argparse.Namespace) -> Report:
+    if options.again is not None:
+        return again(options.again)
+    names = options.targets or list(TARGETS)
+    blocks = shared_out([TARGETS[name] for name in names], options.inputs, options.seed)
+    deadline_s = monotonic() + options.seconds if options.seconds else float("inf")
+    tallies = hunted(blocks, options.jobs, deadline_s)
+    finds = [find for tally in tallies for find in tally.finds]
+    keep(finds, options.keep)
+    return report_of(tallies, finds, options.inputs if options.seconds is None else None)
+
+
+def again(file: Path) -> Report:
+    """Lets through what it raises, for `sidestep --traceback bench fuzz --again FILE`."""
+    name = file.name.rpartition("-")[0]
+    if name not in TARGETS:
+        raise UserError(f"{file}: name it as it was kept, TARGET-NUMBER; {', '.join(TARGETS)}")
+    with TemporaryDirectory() as folder:
+        taken = TARGETS[name].accepts(file.read_bytes(), Path(folder))
+    figure = Figure(name=f"{name}, taken", unit="", values=(float(taken),))
+    return Report(benchmark="fuzz", figures=(figure,))
+
+
+class Block(NamedTuple):
+    """Inputs of one decoder, by their numbers."""
+
+    name: str
+    seed: int
+    begin: int
+    end: int
+
+
+def shared_out(targets: Sequence[Target], inputs: int, seed: int) -> Iterator[Block]:
+    """Blocks of all targets in turn, by weight; the order is the same for the same numbers."""
+    whole = sum(target.weight for target in targets)
+    wanted = {target.name: -(-inputs * target.weight // whole) for target in targets}
+    done = Counter[str]()
+    while any(done[name] < count for name, count in wanted.items()):
+        for target in targets:
+            name, begin = target.name, done[target.name]
+            end = min(begin + max(20, BLOCK_COST * target.weight // 1000), wanted[target.name])
+            if begin < end:
+                done[name] = end
+                yield Block(name, seed, begin, end)
+
+
+def hunted(blocks: Iterator[Block], jobs: int, deadline_s: float) -> list[Tally]:
+    """A block that takes its process with it is a find; the others go on in a new one."""
+    tallies: list[Tally] = []
+    idle = [new_process() for _ in range(jobs)]
+    running: dict[Future[Tally], tuple[Block, ProcessPoolExecutor]] = {}
+    try:
+        for one in blocks:
+            if monotonic() > deadline_s:
+                break
+            process = idle.pop()
+            running[process.submit(hunt, *one)] = one, process
+            if not idle:
+                idle += collected(running, tallies)
+        while running:
+            idle += collected(running, tallies)
+    finally:
+        for process in (*idle, *(process for _, process in running.values())):
+            process.shutdown(cancel_futures=True)
+    return tallies
+
+
+def new_process() -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+
+
+def collected(
+    running: dict[Future[Tally], tuple[Block, ProcessPoolExecutor]], tallies: list[Tally]
+) -> Iterator[ProcessPoolExecutor]:
+    """Waits for a block at least; the processes that are free again, new ones for dead ones."""
+    for future in wait(running, return_when=FIRST_COMPLETED).done:
+        one, process = running.pop(future)
+        try:
+            tallies.append(future.result())
+            yield process
+        except BrokenProcessPool:
+            where = f"inputs {one.begin} to {one.end}"
+            find = Find(one.name, one.begin, "the process died", where, b"")
+            tallies.append(Tally(one.name, finds=[find]))
+            yield new_process()
+
+
+def keep(finds: Sequence[Find], folder: Path | None) -> None:
+    """One input of each defect."""
+    if folder is None or not finds:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    for find in {(find.target, find.where): find for find in reversed(finds)}.values():
+        (folder / f"{find.target}-{find.number}").write_bytes(find.data)
+
+
+def report_of(tallies: Sequence[Tally], finds: Sequence[Find], wanted: int | None) -> Report:
+    inputs, accepted, cpu_s = Counter[str](), Counter[str](), Counter[str]()
+    for tally in tallies:
+        inputs[tally.target] += tally.inputs
+        accepted[tally.target] += tally.accepted
+        cpu_s[tally.target] += round(tally.cpu_s * 1e6)
+    figures = [
+        Figure(name="inputs", unit="", values=(float(inputs.total()),), at_least=wanted),
+        Figure(name="crashes, hangs, memory", unit="", values=(float(len(finds)),), at_most=0.0),
+    ]
+    notes = [
+        f"{name}: {count} inputs, {accepted[name]} taken, {cpu_s[name] / count:.0f} us each"
+        for name, count in inputs.items()
+        if count
+    ]
+    told = Counter((find.target, find.where, find.what) for find in finds)
+    first = {(find.target, find.where): find for find in reversed(finds)}
+    for (target, where), find in first.items():
+        times = sum(n for key, n in told.items() if key[:2] == (target, where))
+        notes.append(f"FOUND {times} x {target} {find.number}: {where}: {find.what}")
+    return Report(benchmark="fuzz", figures=tuple(figures), notes=tuple(notes))

@@ -1,0 +1,158 @@
+"""Inputs through a decoder, one after the other: what crashes, hangs or eats memory is kept."""
+
+import faulthandler
+import os
+import resource
+import signal
+import sys
+import traceback
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from math import inf
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic
+from types import FrameType
+from typing import Final, NamedTuple
+
+from benchmarks.fuzz_target import Target
+from benchmarks.fuzz_targets import TARGETS
+
+LONGEST_S: Final = 5.0
+"""CPU time of one input; a megabyte of TOML takes its parser two of them."""
+
+MOST_MB: Final = 256.0
+DEAD_S: Final = 60.0
+"""Of wall time: then not even the alarm got through, and the process is ended from outside."""
+
+ARMED_S: Final = 5.0
+KB: Final = 1024.0
+
+
+class TooLong(BaseException):
+    """Nothing in between may take it for an error of its own."""
+
+
+class Find(NamedTuple):
+    """What went wrong, with which input; `where` is the same for the same defect."""
+
+    target: str
+    number: int
+    what: str
+    where: str
+    data: bytes
+
+
+@dataclass(slots=True)
+class Tally:
+    """What became of the inputs of one block."""
+
+    target: str
+    inputs: int = 0
+    accepted: int = 0
+    cpu_s: float = 0.0
+    finds: list[Find] = field(default_factory=list)
+
+
+def hunt(name: str, seed: int, begin: int, end: int) -> Tally:
+    """The inputs of these numbers; called in a process of its own."""
+    target, tally = TARGETS[name], Tally(name)
+    begun_s, armed_s = cpu_s(), -inf
+    with TemporaryDirectory() as folder, silence(), watch():
+        for index in range(begin, end):
+            if monotonic() - armed_s > ARMED_S:
+                faulthandler.dump_traceback_later(DEAD_S, exit=True)
+                armed_s = monotonic()
+            data = target.input(seed, index)
+            what, where = tried(target, data, Path(folder), tally)
+            tally.inputs += 1
+            if what:
+                tally.finds.append(Find(name, index, what, where, data))
+    tally.cpu_s = cpu_s() - begun_s
+    faulthandler.cancel_dump_traceback_later()
+    return tally
+
+
+def tried(target: Target, data: bytes, folder: Path, tally: Tally) -> tuple[str, str]:
+    """What is wrong, and where; empty when the input was taken, or refused as it should be."""
+    before_mb = peak_mb()
+    try:
+        with limited(LONGEST_S):
+            tally.accepted += target.accepts(data, folder)
+    except KeyboardInterrupt:
+        raise
+    except TooLong as error:
+        return f"hangs: more than {LONGEST_S:g} s of CPU", place_of(error)
+    except BaseException as error:
+        return f"{type(error).__name__}: {error}"[:300], place_of(error)
+    grown_mb = peak_mb() - before_mb
+    return (f"takes {grown_mb:.0f} MB", "memory") if grown_mb > MOST_MB else ("", "")
+
+
+def place_of(error: BaseException) -> str:
+    """The innermost line of ours, and the kind of the error."""
+    root = str(Path(__file__).parent.parent)
+    ours = [
+        one
+        for one in traceback.extract_tb(error.__traceback__)
+        if one.filename.startswith(root) and one.filename != __file__
+    ]
+    last = ours[-1] if ours else None
+    place = "nowhere" if last is None else f"{Path(last.filename).relative_to(root)}:{last.lineno}"
+    return f"{place} {type(error).__name__}"
+
+
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """CPU time: a machine that is busy otherwise makes no hang."""
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+
+
+@contextmanager
+def watch() -> Iterator[None]:
+    """The alarm raises, warnings are errors, and nothing may have all of the machine's memory."""
+
+    def too_long(_number: int, _frame: FrameType | None) -> None:
+        raise TooLong
+
+    before = signal.signal(signal.SIGVTALRM, too_long)
+    limits = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.setrlimit(resource.RLIMIT_DATA, (4 << 30, limits[1]))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, limits)
+        signal.signal(signal.SIGVTALRM, before)
+
+
+@contextmanager
+def silence() -> Iterator[None]:
+    """What decoders print is for people."""
+    sys.stdout.flush()
+    before, nowhere = (os.dup(1), os.dup(2)), os.open(os.devnull, os.O_WRONLY)
+    try:
+        for number in (1, 2):
+            os.dup2(nowhere, number)
+        yield
+    finally:
+        for number, old in enumerate(before, start=1):
+            os.dup2(old, number)
+            os.close(old)
+        os.close(nowhere)
+
+
+def cpu_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+def peak_mb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / KB

@@ -1,0 +1,299 @@
+"""Recordings, and all that is made of them: replay, tables, marks, explanations, the run again."""
+
+import json
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from functools import cache
+from io import BytesIO, StringIO
+from pathlib import Path
+from typing import Any, Final
+
+from mcap.writer import CompressionType, Writer
+
+from benchmarks.fuzz_messages import packed, pieces
+from benchmarks.fuzz_target import REFUSALS, Target
+from benchmarks.fuzz_wire import ARM, GOAL, SCAN, TEXT, TICKS
+from benchmarks.fuzz_words import JSON_WORDS
+from ground import exporting
+from ground.blackbox.axis import Axis
+from ground.blackbox.frames import opened
+from ground.blackbox.mcap_file import FACT, RAW_TOPIC
+from ground.blackbox.mcap_form import McapForm
+from ground.blackbox.place import discs, facts_of, outlines, radius_of, start_of
+from ground.blackbox.reel import Reel
+from ground.blackbox.replay import ReplayBus
+from ground.blackbox.run import gathered
+from ground.explain.recorded import Recorded as Decided
+from ground.ghost.recorded import Footage, parameters_in
+from ground.map import Canvas, View, draw
+from ground.replay import lines
+from ground.says import Says
+from ground.station import Station
+from ground.tlog import record_bytes
+from plant.world_file import load
+from plant.world_json import as_json
+from protocol.clock import ManualClock
+from protocol.message import Message
+from protocol.messages import (
+    AvoidanceDecision,
+    NavigatorStatus,
+    PlanarOdometry,
+    SystemTime,
+    TickInputs,
+    WheelCommand,
+)
+from protocol.topics import PREFIX, TOPICS
+from robot.core.parameters import DEFAULTS
+from robot.parameters import described
+from robot.telemetry import SCAN_THERE, WHEELS_THERE
+from study.recorded import Recorded
+from study.reexecute import reexecuted, refuse_unless_whole
+from study.reexecute_cli import params_of
+from study.reexecute_cli import start_of as started_at
+
+BEGUN_US: Final = 1_790_000_000_000_000
+MOST_ROWS: Final = 20_000
+NAME: Final = "20261121T190000Z-r1"
+NAN: Final = float("nan")
+
+
+def said() -> tuple[Message, ...]:
+    """What a robot says in one tick."""
+    status = NavigatorStatus(
+        time_ns=50_000_000,
+        goal_started_ns=1,
+        goal_ended_ns=0,
+        goal_id=2,
+        goal_x_m=4.0,
+        goal_y_m=1.0,
+        goal_heading_rad=NAN,
+        goal_distance_m=3.0,
+        vehicle=2,
+        mode=10,
+        goal=2,
+        vehicle_reason=0,
+        goal_reason=0,
+        navigator=2,
+        side=1,
+    )
+    odometry = PlanarOdometry(
+        time_ns=50_000_000,
+        x_m=0.6,
+        y_m=2.0,
+        heading_rad=0.0,
+        speed_m_s=0.2,
+        yaw_rate_rad_s=0.0,
+        cov_xx_m2=0.01,
+        cov_xy_m2=0.0,
+        cov_xh_m_rad=0.0,
+        cov_yy_m2=0.01,
+        cov_yh_m_rad=0.0,
+        cov_hh_rad2=0.01,
+    )
+    decision = AvoidanceDecision(
+        time_ns=50_000_000,
+        nearest_bearing_rad=0.2,
+        nearest_range_m=0.5,
+        zone_m=0.3,
+        goal_bearing_rad=0.1,
+        rotation_rad=0.0,
+        virtual_x_m=4.0,
+        virtual_y_m=1.0,
+        speed_m_s=0.2,
+        yaw_rate_rad_s=0.1,
+        branch=2,
+        guard=0,
+    )
+    inputs = TickInputs(
+        time_ns=50_000_000,
+        now_ms=50,
+        tick=1,
+        wheels_seq=1,
+        scan_seq=1,
+        requests=0,
+        scan_age_ms=20,
+        operator_age_ms=0,
+        speed_mm_s=0,
+        yaw_rate_mrad_s=0,
+        flags=SCAN_THERE | WHEELS_THERE,
+    )
+    command = WheelCommand(
+        time_ns=50_000_000, seq=1, sense_seq=1, left_mrad_s=5, right_mrad_s=5, ttl_ms=150
+    )
+    return SCAN, TICKS, inputs, command, odometry, status, decision, TEXT
+
+
+def spoken() -> Sequence[bytes]:
+    """In wall time, in lockstep, and with requests in between."""
+    clock = SystemTime(time_unix_usec=50_000, time_boot_ms=50)
+    return [packed(*said() * 2), packed(clock, *said(), clock), packed(*said(), ARM, GOAL, *said())]
+
+
+def facts() -> dict[str, str]:
+    return {
+        "world": json.dumps(as_json(load("moving"), 5.0)),
+        "parameters": json.dumps(described(DEFAULTS)),
+    }
+
+
+def timed(data: bytes) -> Iterator[tuple[int, str, bytes]]:
+    """Time in us, key and frame of each of its messages, each on the first topic that takes it."""
+    time_us = BEGUN_US
+    for piece in pieces(data):
+        time_us += piece.after_ns // 1000
+        path = next((one.path for one in TOPICS if type(piece.message) in one.messages), "x")
+        yield time_us, f"{PREFIX}/r1/{path}", piece.frame
+
+
+@cache
+def tlogs() -> tuple[bytes, ...]:
+    return tuple(
+        b"".join(record_bytes(time_us, frame) for time_us, _, frame in timed(data))
+        for data in spoken()
+    )
+
+
+@cache
+def mcaps() -> tuple[bytes, ...]:
+    """As our recorder writes it; and plain, so that changed bytes get through."""
+    form = McapForm("r1", {})
+    for name, text in facts().items():
+        form.know(name, text)
+    for time_us, key, frame in timed(spoken()[0]):
+        form.add(key, frame, time_us)
+    return (form.batch() + form.end(), *(plain(data) for data in spoken()))
+
+
+def plain(data: bytes) -> bytes:
+    out = BytesIO()
+    writer: Any = Writer(out, compression=CompressionType.NONE, enable_crcs=False)
+    writer.start(library="sidestep")
+    writer.add_metadata("sidestep", {"robot": "r1"})
+    for name, text in facts().items():
+        writer.add_metadata(name, {FACT: text})
+    channel = writer.register_channel(RAW_TOPIC, "json", writer.register_schema("raw", "", b""))
+    for time_us, key, frame in timed(data):
+        import base64
+
+        raw = json.dumps({"key": key, "frame": base64.b64encode(frame).decode()}).encode()
+        writer.add_message(channel, time_us * 1000, raw, time_us * 1000, 0)
+    writer.finish()
+    found: bytes = out.getvalue()
+    return found
+
+
+def mcap_bombs() -> Sequence[bytes]:
+    """Little that becomes much."""
+    return [bomb(1 << 30, 9), bomb(1 << 26, 0), bomb(1 << 26, 9, announced=1 << 60)]
+
+
+def bomb(size: int, opcode: int, announced: int | None = None) -> bytes:
+    """A chunk of so many bytes, compressed to nearly none: empty records, one after the other."""
+    import zstandard
+
+    block = bytes((0x80 + opcode, *bytes(8))) * (1 << 16)
+    squeezer = zstandard.ZstdCompressor().compressobj(size=size // len(block) * len(block))
+    data = b"".join(squeezer.compress(block) for _ in range(size // len(block))) + squeezer.flush()
+    head = (0).to_bytes(16, "little") + (announced or size).to_bytes(8, "little") + bytes(4)
+    content = head + (4).to_bytes(4, "little") + b"zstd" + len(data).to_bytes(8, "little") + data
+    return b"\x89MCAP0\r\n\x06" + len(content).to_bytes(8, "little") + content
+
+
+def look(name: str) -> Callable[[bytes, Path], None]:
+    """Everything that somebody may do with a recording of this name."""
+
+    def run(data: bytes, folder: Path) -> None:
+        path = folder / name
+        path.write_bytes(data)
+        for use in (play, tell, tabulate, gather, haunt, again):
+            with suppress(*REFUSALS):
+                use(path)
+
+    return run
+
+
+def play(path: Path) -> None:
+    bus = ReplayBus(path, ManualClock())
+    station = Station(bus, bus.robot, bus.timeline)
+    duration_s = bus.timeline.duration_ns / 1e9
+    for share in (0.0, 0.5, 1.0):
+        bus.seek(duration_s * share)
+        station.poll()
+        scene = station.scene()
+        draw(scene, View.fit(scene.box(), 20, 10), Canvas(20, 10))
+        station.streams()
+        station.moment()
+
+
+def tell(path: Path) -> None:
+    bus = ReplayBus(path, ManualClock())
+    list(lines(bus, 0.0, max(1.0, bus.timeline.duration_ns / 5e9)))
+    decided = Decided(bus.reel)
+    list(decided.turns())
+    found = decided.at(bus.reel.duration_ns)
+    if found is not None:
+        found[1].text()
+
+
+def tabulate(path: Path) -> None:
+    for words in ((), ("--shape", "wide")):
+        parser = ArgumentParser()
+        exporting.arguments(parser)
+        out = path.with_suffix(".csv")
+        options = parser.parse_args([str(path), *words, "--out", str(out)], Namespace())
+        exporting.run(options, Says(as_json=True, out=StringIO(), err=StringIO()))
+
+
+def gather(path: Path) -> None:
+    log = opened(path)
+    frames = list(log)
+    text = log.facts.get("world", "")
+    known = facts_of(text)
+    gathered(Axis(opened(path)), radius_of(known))
+    list(start_of(known)), list(outlines(known)), list(discs(known))
+    form = McapForm("r1", {})
+    form.know("world", text)
+    for frame in frames:
+        form.add(frame.key, frame.frame, frame.time_ns // 1000)
+    form.end()
+
+
+def haunt(path: Path) -> None:
+    reel = Reel(opened(path))
+    parameters_in(reel.facts.get("parameters", ""))
+    footage = Footage(reel)
+    at_ns = footage.beginning_ns()
+    footage.rest(at_ns)
+    footage.instant(at_ns, None, None)
+
+
+def again(path: Path) -> None:
+    recorded = Recorded(opened(path))
+    refuse_unless_whole(recorded)
+    start, _ = started_at(recorded)
+    reexecuted(recorded, params_of(recorded), start, other=False)
+
+
+def recording(data: bytes, folder: Path) -> None:
+    """Whole frames with anything in them, and the facts of the run beside it."""
+    beside = folder / f"{NAME}.mcap"
+    if not beside.exists():
+        beside.write_bytes(mcaps()[0])
+    log = b"".join(record_bytes(time_us, frame) for time_us, _, frame in timed(data))
+    look(f"{NAME}.tlog")(log, folder)
+
+
+LOGS: Final = (
+    Target(name="tlog", samples=tlogs, run=look("run.tlog"), allowed=(), weight=5),
+    Target(
+        name="mcap",
+        samples=mcaps,
+        run=look("run.mcap"),
+        allowed=(),
+        weight=5,
+        words=JSON_WORDS,
+        bombs=mcap_bombs,
+    ),
+    Target(name="recording", samples=spoken, run=recording, allowed=(), weight=8),
+)

@@ -1,0 +1,71 @@
+"""Bytes as a row of messages: whatever they are, each piece of them is a frame that can be read.
+
+So it is what the fields say that is strange, and not the frame around them.
+"""
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from fastcrc.crc16 import mcrf4xx
+
+from protocol.codec import CHECKSUM, HEAD, MAGIC_BYTE, WIRE_OF_TYPE, decode
+from protocol.errors import RemoteError
+from protocol.message import Message
+from protocol.sender import COMPONENT
+from protocol.topics import SERVICES, TOPICS, Role
+from protocol.wire import Wire
+
+MOST: Final = 60
+STEP_NS: Final = 5_000_000
+
+
+class Kind(NamedTuple):
+    """A message as it may be said by somebody."""
+
+    message: type[Message]
+    sender: Role
+
+
+SAID: Final = tuple(Kind(one, topic.publisher) for topic in TOPICS for one in topic.messages)
+ASKED: Final = tuple(Kind(one, Role.GROUND) for service in SERVICES for one in service.requests)
+KINDS: Final = (*SAID, *ASKED)
+NUMBER_OF: Final = {kind.message: number for number, kind in reversed(list(enumerate(KINDS)))}
+
+
+class Piece(NamedTuple):
+    """A message that could be read, its frame, and how long after the one before it came."""
+
+    message: Message
+    frame: bytes
+    after_ns: int
+
+
+def packed(*messages: Message, after: int = 10) -> bytes:
+    """The bytes that `pieces` reads as these."""
+    return b"".join(
+        bytes((NUMBER_OF[type(one)], after)) + WIRE_OF_TYPE[type(one)].pack(one) for one in messages
+    )
+
+
+def pieces(data: bytes) -> Iterator[Piece]:
+    """Each begins with a byte for its kind and one for the time since the piece before."""
+    at = 0
+    for sequence in range(MOST):
+        if at + 2 > len(data):
+            return
+        kind, after = KINDS[data[at] % len(KINDS)], data[at + 1]
+        wire = WIRE_OF_TYPE[kind.message]
+        frame = frame_of(wire, data[at + 2 : at + 2 + wire.size], kind.sender, sequence)
+        at += 2 + wire.size
+        try:
+            yield Piece(decode(frame).message, frame, after * STEP_NS)
+        except RemoteError:  # a text that is none
+            continue
+
+
+def frame_of(wire: Wire, payload: bytes, sender: Role, sequence: int) -> bytes:
+    """With the checksum that it must have."""
+    payload = payload.rstrip(b"\0") or b"\0"
+    low, high = wire.number_low, wire.number_high
+    body = HEAD(len(payload), 0, 0, sequence & 0xFF, 1, COMPONENT[sender], low, high) + payload
+    return MAGIC_BYTE + body + CHECKSUM(mcrf4xx(body + wire.crc_extra))

@@ -1,0 +1,92 @@
+"""Missions and fences, in our own files and in QGroundControl's."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final
+
+from benchmarks.fuzz_target import Target
+from benchmarks.fuzz_words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
+from ground.missions import files, plan_file, toml_file, waypoints_file
+from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
+from ground.missions.wire import fence_items_of, items_of
+from protocol.codec import Encoder
+from protocol.messages import MissionItemInt
+
+HOME: Final = Home(latitude_deg=48.1, longitude_deg=11.5)
+WAYPOINTS: Final = (
+    Waypoint(x_m=2.0, y_m=1.0, heading_deg=90.0),
+    Waypoint(x_m=1.0, y_m=-2.0, hold_s=3.0, position_tolerance_m=0.2),
+)
+AROUND: Final = ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0))
+MISSIONS: Final = (
+    Mission(waypoints=WAYPOINTS, fence=Circle(x_m=0.0, y_m=0.0, radius_m=9.0), home=HOME),
+    Mission(waypoints=WAYPOINTS, fence=Polygon(corners=AROUND), home=HOME),
+)
+
+
+def texts(text_of: Callable[[Mission], str]) -> Callable[[], Sequence[bytes]]:
+    return lambda: [text_of(one).encode() for one in MISSIONS]
+
+
+def read_mission(path: Path) -> None:
+    """What can be read can be sent, and written in each of the ways there are."""
+    found = files.read(path).mission
+    str(found)
+    send(items_of(found.waypoints))
+    if found.fence is not None:
+        send(fence_items_of(found.fence))
+    for ending in files.ENDINGS:
+        if found.home is not None or ending == ".toml":
+            files.write(path.with_name(f"again{ending}"), found)
+
+
+def read_fence(path: Path) -> None:
+    send(fence_items_of(files.read_fence(path)))
+
+
+def send(items: Sequence[MissionItemInt]) -> None:
+    """As frames; what does not fit the wire should have been refused before."""
+    for item in items:
+        Encoder(255, 190).encode(item)
+
+
+def plan_bombs() -> Sequence[bytes]:
+    """More corners than anybody needs, and more items."""
+    corner = b"[48.1, 11.5],[48.2, 11.5],[48.2, 11.6],"
+    home = (
+        b'{"fileType": "Plan", "mission": {"plannedHomePosition": [48.1, 11.5, 0], "items": [%s]},'
+    )
+    fence = b'"geoFence": {"polygons": [{"inclusion": true, "polygon": [%s[48,11]]}]}}'
+    many = home % (b"{}," * 100_000 + b"{}") + fence % corner
+    return [*json_bombs(), home % b"" + fence % (corner * 5_000), many]
+
+
+MISSION: Final = (
+    Target(
+        name="mission_toml",
+        samples=texts(toml_file.text_of),
+        run=kept("mission.toml", read_mission),
+        words=TOML_WORDS,
+        bombs=toml_bombs,
+    ),
+    Target(
+        name="mission_plan",
+        samples=texts(lambda one: plan_file.text_of(one, HOME)),
+        run=kept("mission.plan", read_mission),
+        words=JSON_WORDS,
+        bombs=plan_bombs,
+    ),
+    Target(
+        name="mission_waypoints",
+        samples=texts(lambda one: waypoints_file.text_of(one, HOME)),
+        run=kept("mission.waypoints", read_mission),
+        words=(b"\t", b"\n", b"QGC WPL 110\n", b"nan", b"1e308"),
+    ),
+    Target(
+        name="fence",
+        samples=texts(toml_file.text_of),
+        run=kept("fence.toml", read_fence),
+        words=TOML_WORDS,
+        bombs=toml_bombs,
+    ),
+)

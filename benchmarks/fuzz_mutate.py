@@ -1,0 +1,184 @@
+"""Broken inputs out of good ones: bits, bytes, pieces, words of the format, numbers at limits.
+
+The same sample, seed and number give the same bytes, so that whatever is found can be had again.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from random import Random
+from struct import pack
+from typing import Final, NamedTuple
+
+MOST_BYTES: Final = 1_000_000
+MOST_COPIES: Final = 40
+MOST_NESTED: Final = 3000
+SELDOM: Final = 0.004
+"""Of all inputs so many are blown up: they cost as much as a thousand others."""
+
+NUMBER: Final = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+NUMBERS: Final = (
+    *(b"0", b"-0", b"1", b"-1", b"0.5", b"-0.0", b"1e-320", b"1e308", b"-1e308", b"1e999", b"nan"),
+    *(b"inf", b"-inf", b"true", b"null", b"''", b"[]", b"{}", b"127", b"128", b"255", b"256"),
+    *(b"32767", b"32768", b"65535", b"65536", b"2147483647", b"2147483648", b"-2147483649"),
+    *(b"4294967295", b"4294967296", b"9223372036854775807", b"9223372036854775808"),
+    *(
+        b"18446744073709551615",
+        b"18446744073709551616",
+        b"1" + b"0" * 30,
+        b"9" * 400,
+        b"0x" + b"f" * 400,
+    ),
+)
+WHOLE: Final = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
+WIDE: Final = (*WHOLE, 0x7FFFFFFFFFFFFFFF, 0x8000000000000000, 0xFFFFFFFFFFFFFFFF)
+SINGLES: Final = (
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    1e-45,
+    3.4e38,
+    -3.4e38,
+    float("nan"),
+    float("inf"),
+    float("-inf"),
+)
+OPENING: Final = (b"[", b"{", b"(", b'{"a":', b"[[", b"a.", b'"', b"'", b"-", b"\\", b"\n", b" ")
+
+
+class Material(NamedTuple):
+    """What mutations are made of: good samples, and words that the format knows."""
+
+    samples: Sequence[bytes]
+    words: Sequence[bytes] = ()
+
+
+Way = Callable[[bytes, Material, Random], bytes]
+
+
+def mutated(material: Material, random: Random) -> bytes:
+    """A sample, changed in one to eight ways."""
+    data = random.choice(material.samples)
+    for _ in range(1 + min(int(random.expovariate(0.9)), 7)):
+        data = random.choice(WAYS)(data, material, random)
+    if random.random() < SELDOM:
+        data = blown_up(data, random)
+    return data[:MOST_BYTES]
+
+
+def _place(data: bytes, random: Random) -> int:
+    return random.randrange(len(data) + 1)
+
+
+def _piece(data: bytes, random: Random) -> tuple[int, int]:
+    """Mostly a short one."""
+    begin = _place(data, random)
+    return begin, begin + 1 + int(random.expovariate(1.0 / random.choice((3, 30, 300))))
+
+
+def flip_a_bit(data: bytes, _: Material, random: Random) -> bytes:
+    if not data:
+        return b"\x01"
+    at = random.randrange(len(data))
+    return data[:at] + bytes([data[at] ^ 1 << random.randrange(8)]) + data[at + 1 :]
+
+
+def set_a_byte(data: bytes, _: Material, random: Random) -> bytes:
+    at = _place(data, random)
+    return data[:at] + bytes([random.randrange(256)]) + data[at + 1 :]
+
+
+def cut_off(data: bytes, _: Material, random: Random) -> bytes:
+    return data[: _place(data, random)]
+
+
+def cut_out(data: bytes, _: Material, random: Random) -> bytes:
+    begin, end = _piece(data, random)
+    return data[:begin] + data[end:]
+
+
+def extend(data: bytes, _: Material, random: Random) -> bytes:
+    return data + random.randbytes(1 + random.randrange(20))
+
+
+def put_noise(data: bytes, _: Material, random: Random) -> bytes:
+    at = _place(data, random)
+    return data[:at] + random.randbytes(1 + random.randrange(8)) + data[at:]
+
+
+def put_a_word(data: bytes, material: Material, random: Random) -> bytes:
+    at = _place(data, random)
+    word = random.choice(material.words or OPENING)
+    over = random.choice((0, len(word)))
+    return data[:at] + word + data[at + over :]
+
+
+def repeat(data: bytes, _: Material, random: Random) -> bytes:
+    begin, end = _piece(data, random)
+    return data[:begin] + data[begin:end] * (1 + random.randrange(MOST_COPIES)) + data[end:]
+
+
+def splice(data: bytes, material: Material, random: Random) -> bytes:
+    """Its beginning, and the end of another one."""
+    other = random.choice(material.samples)
+    return data[: _place(data, random)] + other[_place(other, random) :]
+
+
+def move(data: bytes, _: Material, random: Random) -> bytes:
+    begin, end = _piece(data, random)
+    rest = data[:begin] + data[end:]
+    at = _place(rest, random)
+    return rest[:at] + data[begin:end] + rest[at:]
+
+
+def put_a_number(data: bytes, _: Material, random: Random) -> bytes:
+    """Instead of one that is written there in digits, one at a limit."""
+    found = list(NUMBER.finditer(data[:20_000]))
+    if not found:
+        return put_limit(data, Material(()), random)
+    match = random.choice(found)
+    return data[: match.start()] + random.choice(NUMBERS) + data[match.end() :]
+
+
+def put_limit(data: bytes, _: Material, random: Random) -> bytes:
+    """Over what is there, the bytes of a number at a limit."""
+    code = random.choice("BHIQfd") if random.random() < 0.8 else "f"
+    order = random.choice("<<>")
+    limits = SINGLES if code in "fd" else WIDE
+    size = {"B": 1, "H": 2, "I": 4, "Q": 8}.get(code, 0)
+    value = random.choice(limits)
+    packed = pack(order + code, value if not size else int(value) & ((1 << 8 * size) - 1))
+    at = _place(data, random)
+    return data[:at] + packed + data[at + len(packed) :]
+
+
+def nest(data: bytes, _: Material, random: Random) -> bytes:
+    at = _place(data, random)
+    return data[:at] + random.choice(OPENING) * (1 + random.randrange(60)) + data[at:]
+
+
+def blown_up(data: bytes, random: Random) -> bytes:
+    """A piece of it very often, or something that opens and never closes."""
+    at = _place(data, random)
+    begin, end = _piece(data, random)
+    piece = random.choice((random.choice(OPENING), data[begin:end] or b"0"))
+    return data[:at] + piece * random.randrange(MOST_NESTED) + data[at:]
+
+
+WAYS: Final[tuple[Way, ...]] = (
+    flip_a_bit,
+    set_a_byte,
+    cut_off,
+    cut_out,
+    extend,
+    put_noise,
+    put_a_word,
+    put_a_word,
+    repeat,
+    splice,
+    move,
+    put_a_number,
+    put_a_number,
+    put_limit,
+    nest,
+)

@@ -1,0 +1,153 @@
+"""Settings and what else is read from files: configuration, parameters, calibrations, keys."""
+
+from argparse import Namespace
+from collections.abc import Sequence
+from math import pi
+from pathlib import Path
+from typing import Final
+
+from benchmarks.fuzz_target import Target
+from benchmarks.fuzz_words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
+from ground.app.keymap import Keymap, as_toml
+from ground.app.keymap import load as keymap_in
+from ground.console.history import History
+from ground.ghost.course import Reading
+from ground.options import Config
+from ground.param_files import read as parameters_in
+from protocol.calibration import FOLDER, Calibration
+from protocol.config import load, load_shared
+from robot.cli import Settings
+from robot.core.parameters import DEFAULTS
+from robot.parameters import adjusted, described
+from robot.store import FILE_NAME, Store
+from study.calibration.cli import SIDE_M, from_log
+from study.settled import FILE as SETTLED
+from study.settled import differences, told_in
+
+CHUNK: Final = 97
+STEPS: Final = 4
+SETTINGS: Final = b"""robot = "r1"
+[network]
+mode = "client"
+listen = ["tcp/127.0.0.1:7447"]
+connect = ["tcp/[::1]:7447", "unixsock-stream//tmp/x"]
+prefix = "sidestep"
+connect_timeout_s = 2.5
+[parameters]
+d_obs_m = 0.4
+navigator = 2
+"""
+GHOST: Final = (
+    b"tick,true_x_m,true_y_m\n0,1.0,2.0\n1,1.1,2.0\n"
+    b'{"outcome": "reached", "reason": "ok", "time_s": 3.5, "path_m": 1.1, "contacts": 0}\n'
+)
+WANTED: Final = {"worlds": {"box": "1"}, "code": "2", "seeds": 3}
+
+
+def settings(path: Path) -> None:
+    load_shared(path, Config)
+    adjusted(DEFAULTS, load_shared(path, Settings).parameters, str(path))
+
+
+def calibration(path: Path) -> None:
+    adjusted(DEFAULTS, load(path, Calibration).parameters, str(path))
+
+
+def runs(path: Path) -> None:
+    from_log(Namespace(log=str(path), side=SIDE_M), DEFAULTS).as_json()
+
+
+def driven() -> Sequence[bytes]:
+    """Squares both ways round, each side and each corner in steps, and where the robot ended."""
+    lines = ["run,direction,left,right,x_m,y_m,heading_deg"]
+    side = SIDE_M / DEFAULTS.m_per_tick / STEPS
+    corner = DEFAULTS.track_m * pi / 4.0 / DEFAULTS.m_per_tick / STEPS
+    for run, turn in enumerate((-1, -1, 1, 1)):
+        left = right = 0.0
+        direction = "cw" if turn < 0 else "ccw"
+        for step in range(8 * STEPS + 1):
+            end = f"0.02,-0.0{run},1.{run}" if step == 8 * STEPS else ",,"
+            lines.append(f"{run},{direction},{round(left)},{round(right)},{end}")
+            straight = step // STEPS % 2 == 0
+            left += side if straight else -turn * corner
+            right += side if straight else turn * corner
+    return ["\n".join(lines).encode()]
+
+
+def study_settings(path: Path) -> None:
+    differences(told_in(path) or {}, WANTED)
+
+
+def course(data: bytes, _: Path) -> None:
+    """The output of a process of ours, cut anywhere."""
+    reading = Reading()
+    for at in range(0, len(data), CHUNK):
+        reading.take(data[at : at + CHUNK])
+    reading.course("never said")
+
+
+SETTING: Final = (
+    Target(
+        name="settings",
+        samples=lambda: [SETTINGS],
+        run=kept("sidestep.toml", settings),
+        words=TOML_WORDS,
+        bombs=toml_bombs,
+    ),
+    Target(
+        name="parameter_file",
+        samples=lambda: [b"[parameters]\nd_obs_m = 0.4\nside = -1\n"],
+        run=kept("own.toml", lambda path: parameters_in(path, described(DEFAULTS))),
+        words=TOML_WORDS,
+        bombs=toml_bombs,
+    ),
+    Target(
+        name="stored_parameters",
+        samples=lambda: [b'{"d_obs_m": 0.4, "side": -1}', b'[["d_obs_m", 0.4]]'],
+        run=kept(FILE_NAME, lambda path: Store(path.parent).load(DEFAULTS)),
+        allowed=(),
+        words=JSON_WORDS,
+        bombs=json_bombs,
+    ),
+    Target(
+        name="calibration",
+        samples=lambda: [path.read_bytes() for path in sorted(FOLDER.glob("*.toml"))],
+        run=kept("level.toml", calibration),
+        words=TOML_WORDS,
+        bombs=toml_bombs,
+    ),
+    Target(
+        name="calibration_log",
+        samples=driven,
+        run=kept("runs.csv", runs),
+        words=(b",", b"\n", b'"', b"cw", b"ccw", b"nan", b"inf"),
+    ),
+    Target(
+        name="keys",
+        samples=lambda: [as_toml(Keymap()).encode(), b'[keys]\nhold = ["h", "f3"]\n'],
+        run=kept("keys.toml", keymap_in),
+        words=TOML_WORDS,
+        bombs=toml_bombs,
+    ),
+    Target(
+        name="history",
+        samples=lambda: [b"goto 1 2\nparam set d_obs_m 0.4\n"],
+        run=kept("history", lambda path: History(path).previous("")),
+        allowed=(),
+    ),
+    Target(
+        name="study_settings",
+        samples=lambda: [b'{"seeds": 2, "worlds": {"box": "1"}, "code": "3", "commit": "4"}'],
+        run=kept(SETTLED, study_settings),
+        words=JSON_WORDS,
+        bombs=json_bombs,
+    ),
+    Target(
+        name="ghost_output",
+        samples=lambda: [GHOST],
+        run=course,
+        allowed=(),
+        words=(*JSON_WORDS, b'"contacts": ', b'"time_s": '),
+        bombs=json_bombs,
+    ),
+)

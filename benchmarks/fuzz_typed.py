@@ -1,0 +1,184 @@
+"""What is typed, or asked by a browser: the console, command lines, endpoints, the door."""
+
+import shlex
+from argparse import ArgumentParser
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final
+
+from aiohttp import web
+from aiohttp.test_utils import make_mocked_request
+
+from benchmarks.fuzz_target import REFUSALS, Target
+from ground.console.completion import complete
+from ground.console.reading import parse
+from ground.fence import outlined
+from ground.verbs import VERBS, parser_of
+from ground.web.address import address_of, token_of
+from ground.web.door import Door
+from plant.cli import parser as plant_parser
+from protocol.network import Network
+from protocol.options import numbers_kept
+from protocol.topics import robot_name
+from robot.cli import parser as robot_parser
+from study.calibration.cli import parser as calibrate_parser
+
+TOKEN: Final = "0123456789abcdefgh"
+DOOR: Final = Door(TOKEN, 8765)
+LINES: Final = (
+    *("goto 5.4 2 -90", "param set d_obs_m 0.4", "mission send 'my file.toml'", "teleop 0.2 30"),
+    *("fence polygon 0 0 4 0 4 4", "mode manual", "export run.mcap --shape wide --out x.csv"),
+    *("lease take", "replay run.tlog", "explain --turns run.mcap", "help goto", "find arm"),
+)
+WORDS: Final = (
+    *(
+        b"'",
+        b'"',
+        b"\\",
+        b" -- ",
+        b" --json",
+        b" --at ",
+        b" -1e3",
+        b" nan",
+        b" inf",
+        b"=",
+        b"@",
+        b"%",
+    ),
+    *(
+        b" --id ",
+        b" --config ",
+        b"goto ",
+        b"param ",
+        b"mission ",
+        b"~",
+        b"/",
+        b"\xe2\x80\xae",
+        b"\0",
+    ),
+)
+COMMAND_LINES: Final = (
+    b"robot\0--id\0r1\0--listen\0tcp/127.0.0.1:7447\0--start\x000\x000\x0090\0--param\0d_obs_m=0.4",
+    b"plant\0--world\0box\0--robots\0r1,r2\0--seed\x007\0--noise\0lossy\0--speed\x0010",
+    b"calibrate\0--runs\x005\0--side\x004\0--plot\0x.svg",
+    b"goto\x001\x002\0-90\0--json",
+    b"up\0--world\0box\0--goal\x001\x002\0--robots\x003\0--speed\0max\0--headless",
+    b"export\0run.mcap\0--rate\x0010\0--from\x00-1",
+)
+PARSERS: Final[dict[str, Callable[[], ArgumentParser]]] = {
+    "robot": robot_parser,
+    "plant": plant_parser,
+    "calibrate": calibrate_parser,
+}
+REQUESTS: Final = (
+    f"/?token={TOKEN}\n".encode(),
+    f"/ws?width=80\nCookie: sidestep_8765={TOKEN}\nOrigin: http://127.0.0.1:8765\n".encode(),
+    b"/static/js/textual.js\nCookie: sidestep_8765=wrong\nHost: [::1]:8765\n",
+    b"/?token=%ff%fe\nOrigin: http://[\nCookie: a=b; sidestep_8765=\n",
+)
+
+
+def text_of(data: bytes) -> str:
+    """As Python makes text of what a terminal sends."""
+    return data.decode("utf-8", "surrogateescape")
+
+
+def console(data: bytes, folder: Path) -> None:
+    text = text_of(data)
+    for line in complete(text, ("d_obs_m", "side"), folder)[:3]:
+        shlex.split(line)
+    parse(text)
+
+
+def command_line(data: bytes, _: Path) -> None:
+    """Arguments with a zero byte between them, as the system has them."""
+    word, *rest = text_of(data).split("\0")
+    if word in PARSERS:
+        PARSERS[word]().parse_args(numbers_kept(rest))
+    elif word in VERBS:
+        parser_of(VERBS[word], word).parse_args(numbers_kept(rest))
+
+
+def endpoint(data: bytes, _: Path) -> None:
+    first, second = text_of(data).partition("\n")[::2]
+    robot_name(second or "r1")
+    Network(mode="client", connect=(first,), prefix=second or "sidestep")
+
+
+def address(data: bytes, folder: Path) -> None:
+    token = folder / "token"
+    token.write_bytes(data)
+    address_of(text_of(data)).url("t" * 16)
+    token_of(str(token))
+
+
+def fence_words(data: bytes, _: Path) -> None:
+    outlined(text_of(data).split())
+
+
+def door(data: bytes, _: Path) -> None:
+    """First line: what is asked for; then headers. Nobody comes in without the token."""
+    first, *lines = data.decode("latin-1").split("\n")
+    pairs = (line.partition(":")[::2] for line in lines if ":" in line)
+    headers = {name.strip(): value.strip() for name, value in pairs if name.strip()}
+    try:
+        request = make_mocked_request("GET", first or "/", headers=headers)
+    except ValueError:  # refused before it gets here
+        return
+    inside: list[web.Request] = []
+
+    async def handler(asked: web.Request) -> web.Response:
+        inside.append(asked)
+        return web.Response(text="in")
+
+    answer = finished(DOOR.middleware()(request, handler))
+    if inside and TOKEN not in headers.get("Cookie", request.headers.get("Cookie", "")):
+        raise AssertionError("somebody came in without the token")
+    if answer.status not in (200, 303, 403):
+        raise AssertionError(f"the door answers {answer.status}")
+
+
+def finished(waiting: object) -> web.StreamResponse:
+    """What a coroutine returns that waits for nothing."""
+    try:
+        waiting.send(None)  # type: ignore[attr-defined]
+    except StopIteration as done:
+        found: web.StreamResponse = done.value
+        return found
+    raise AssertionError("the door waits for something")
+
+
+def lines() -> Sequence[bytes]:
+    return [line.encode() for line in LINES]
+
+
+TYPED: Final = (
+    Target(name="console", samples=lines, run=console, words=WORDS),
+    Target(
+        name="command_line",
+        samples=lambda: COMMAND_LINES,
+        run=command_line,
+        allowed=(*REFUSALS, SystemExit),
+        words=(*WORDS, b"\0--", b"\0"),
+    ),
+    Target(
+        name="endpoint",
+        samples=lambda: [b"tcp/127.0.0.1:7447\nr1", b"tls/[::1]:0#a=b", b"unixsock-stream//tmp/x"],
+        run=endpoint,
+        words=(b"/", b":", b"[", b"]", b"#", b"?", b"udp/", b"\n", b"**"),
+    ),
+    Target(
+        name="web_address",
+        samples=lambda: [b"127.0.0.1:8765", b"[::1]:80", b"8080", b"0123456789abcdefgh"],
+        run=address,
+        words=(b":", b"[", b"]", b"\xd9\xa1", b"\xc2\xb2"),
+    ),
+    Target(name="fence_words", samples=lambda: [b"0 0 4 0 4 4 0 4"], run=fence_words),
+    Target(
+        name="door",
+        samples=lambda: REQUESTS,
+        run=door,
+        allowed=(),
+        words=(b"token=", b"%", b"%c3%28", b"Origin: ", b"Cookie: ", b"Host: ", b"\n", b"=", b";"),
+    ),
+)

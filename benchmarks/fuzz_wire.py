@@ -1,0 +1,241 @@
+"""What comes from the bus: frames, samples, requests, senses, and answers to our own questions."""
+
+import json
+from collections.abc import Sequence
+from math import nan
+from pathlib import Path
+from typing import Any, Final
+
+from zenoh import ZBytes
+
+from benchmarks.fuzz_messages import packed, pieces
+from benchmarks.fuzz_target import Target
+from ground.missions.wire import fence_of, waypoints_of
+from ground.param import rows_in, table
+from ground.station.world import world_in
+from plant.world_file import load
+from plant.world_json import as_json
+from protocol.bus.service import sender_in
+from protocol.codec import Encoder, decode
+from protocol.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType, Mode
+from protocol.errors import RemoteError
+from protocol.mailbox import Mailbox, Sample
+from protocol.message import Message, check
+from protocol.messages import (
+    CommandRequest,
+    GoalRequest,
+    LeaseRequest,
+    MissionCount,
+    MissionItemInt,
+    ParamSet,
+    SonarScan,
+    Statustext,
+    Teleop,
+    WheelTicks,
+)
+from protocol.topics import ENCODING, TOPICS
+from robot.core.parameters import DEFAULTS
+from robot.core.senses import scan_of, wheels_of
+from robot.core.values import Inputs, Outputs, Scan, Wheels
+from robot.store import Store
+from robot.teleop import wanted
+from robot.tuning import Tuning
+from robot.vehicle import Vehicle
+
+NS_PER_MS: Final = 1_000_000
+PERIOD_MS: Final = 50
+FULL_MRAD_S: Final = 200_000
+CLEAR: Final = Scan((0,) * 8, (0,) * 8, 255, 0)
+STILL: Final = Wheels(0, 0, 0)
+ENCODINGS: Final = (
+    ENCODING,
+    ENCODING,
+    ENCODING,
+    "application/mavlink2;sidestep@2",
+    "",
+    "zenoh/bytes",
+)
+OPERATORS: Final = ("", "ada", "bob")
+
+ARM: Final = CommandRequest(
+    request_id=1, param1=1.0, param2=0.0, command=Command.COMPONENT_ARM_DISARM
+)
+GOAL: Final = GoalRequest(
+    request_id=2,
+    x_mm=4000,
+    y_mm=1000,
+    heading_urad=0,
+    position_tolerance_mm=50,
+    heading_tolerance_urad=52_360,
+    heading_free=0,
+    mode=Mode.AUTO,
+)
+SCAN: Final = SonarScan(
+    time_ns=50_000_000, seq=1, range_mm=(900,) * 8, ping_age_us=(20_000,) * 8, valid=255, echo=60
+)
+TICKS: Final = WheelTicks(time_ns=50_000_000, seq=1, left=9, right=9, bumper=0, expired=0)
+TELEOP: Final = Teleop(time_ns=1, seq=1, speed_mm_s=200, yaw_rate_mrad_s=300, ttl_ms=300)
+TAKE: Final = LeaseRequest(request_id=3, action=LeaseAction.TAKE, name="ada")
+SET: Final = ParamSet(param_id="d_obs_m", param_value=0.4, param_type=9)
+ITEM: Final = MissionItemInt(
+    seq=0,
+    frame=FRAME_LOCAL_FLU,
+    command=Command.SIDESTEP_NAV_POSE,
+    autocontinue=1,
+    param1=0.0,
+    param2=0.05,
+    param3=3.0,
+    param4=nan,
+    x=20_000,
+    y=10_000,
+    z=0.0,
+    mission_type=MissionType.MISSION,
+)
+COUNT: Final = MissionCount(count=1, mission_type=MissionType.MISSION)
+START: Final = CommandRequest(request_id=4, param1=0.0, param2=0.0, command=Command.MISSION_START)
+MANUAL: Final = CommandRequest(request_id=5, param1=0.0, param2=0.0, command=Command.DO_SET_MODE)
+TEXT: Final = Statustext(severity=6, text="started", id=0, chunk_seq=0)
+EXAMPLES: Final[tuple[Message, ...]] = (
+    ARM,
+    GOAL,
+    SCAN,
+    TICKS,
+    TELEOP,
+    TAKE,
+    SET,
+    ITEM,
+    COUNT,
+    TEXT,
+)
+
+
+def frames() -> Sequence[bytes]:
+    encoder = Encoder(1, 1)
+    return [encoder.encode(message) for message in EXAMPLES]
+
+
+def samples() -> Sequence[bytes]:
+    """First byte: which topic; second: how it says that it is encoded, and by whom."""
+    return [bytes((place % len(TOPICS), place)) + one for place, one in enumerate(frames())]
+
+
+def sample(data: bytes, _: Path) -> None:
+    if len(data) < 2:
+        return
+    topic = TOPICS[data[0] % len(TOPICS)]
+    box: Mailbox[Any] = Mailbox(topic, accept=lambda sender: sender != "bob")
+    sender = sender_in(ZBytes(data[2 : 2 + data[1]]))
+    box.store(Sample(ENCODINGS[data[1] % len(ENCODINGS)], data[2:], sender), 0)
+    box.latest()
+    box.fresh(1)
+
+
+def requests(data: bytes, _: Path) -> None:
+    """Whatever is asked is answered with what can be sent, and the robot ticks on."""
+    vehicle, now_ns = Vehicle(DEFAULTS, Store(None)), 0
+    encoder = Encoder(1, 1)
+    for place, piece in enumerate(pieces(data)):
+        now_ns += PERIOD_MS * NS_PER_MS
+        operator = OPERATORS[place % len(OPERATORS) if piece.after_ns % 2 else 0]
+        if isinstance(piece.message, Teleop):
+            vehicle.hear_teleop(piece.message, now_ns)
+        else:
+            encoder.encode(vehicle.receive(piece.message, now_ns, operator))
+        inputs = Inputs(now_ns // NS_PER_MS, STILL, CLEAR, vehicle.operator_age_ms(now_ns))
+        judge(vehicle.step(inputs, lambda _: None, wanted(vehicle.handle.newest(now_ns))))
+        for told in told_by(vehicle, now_ns):
+            check(told)
+
+
+def told_by(vehicle: Vehicle, now_ns: int) -> list[Message]:
+    found = [
+        vehicle.heartbeat(now_ns),
+        vehicle.lease_status(now_ns, now_ns),
+        vehicle.mission_status(now_ns, now_ns),
+        *vehicle.texts(),
+    ]
+    return [one for one in found if one is not None]
+
+
+def senses(data: bytes, _: Path) -> None:
+    """A robot on its way, and whatever its wheels and sonars may say."""
+    vehicle, now_ms = Vehicle(DEFAULTS, Store(None)), 0
+    scan, wheels = CLEAR, STILL
+    for piece in pieces(packed(SCAN, ARM, GOAL) + data):
+        now_ms += piece.after_ns // NS_PER_MS
+        message = piece.message
+        if isinstance(message, SonarScan):
+            scan = scan_of(message, 20)
+        elif isinstance(message, WheelTicks):
+            wheels = wheels_of(message)
+        else:
+            vehicle.receive(message, now_ms * NS_PER_MS)
+        judge(vehicle.step(Inputs(now_ms, wheels, scan, None), lambda _: None))
+
+
+def judge(outputs: Outputs) -> None:
+    """Wheel speeds that are some."""
+    for speed in (outputs.left_mrad_s, outputs.right_mrad_s):
+        if not isinstance(speed, int) or abs(speed) > FULL_MRAD_S:
+            raise AssertionError(f"a wheel is told to turn at {speed!r}")
+
+
+def download(data: bytes, _: Path) -> None:
+    """A mission, as a robot of another kind might send it."""
+    items = [one.message for one in pieces(data) if isinstance(one.message, MissionItemInt)]
+    for read in (waypoints_of, fence_of):
+        try:
+            str(read(items))
+        except RemoteError:
+            continue
+
+
+def parameters() -> Sequence[bytes]:
+    described = Tuning(DEFAULTS, Store(None), Vehicle(DEFAULTS, Store(None)).state.machine, print)
+    return [described.described(), b'[{"name": "side", "value": 1, "default": 1, "unit": ""}]']
+
+
+def parameter_list(data: bytes, _: Path) -> None:
+    rows = rows_in(data)
+    table(rows)
+
+
+def world_texts() -> Sequence[bytes]:
+    return [json.dumps(as_json(load(name), 5.0)).encode() for name in ("box", "moving", "corner")]
+
+
+def deep() -> Sequence[bytes]:
+    """JSON that is deep, and numbers that are long."""
+    return [b"[" * 100_000, b'{"a":' * 100_000, b"[" + b"9" * 5000 + b"]", b"[1e999, -1e999, NaN]"]
+
+
+WIRE: Final = (
+    Target(
+        name="frame",
+        samples=frames,
+        run=lambda data, _: decode(data),
+        allowed=(RemoteError,),
+        weight=300,
+    ),
+    Target(name="sample", samples=samples, run=sample, allowed=(), weight=150),
+    Target(
+        name="requests",
+        samples=lambda: [packed(ARM, GOAL, SET, TAKE, TELEOP), packed(COUNT, ITEM, ARM, START)],
+        run=requests,
+        allowed=(),
+    ),
+    Target(
+        name="senses",
+        samples=lambda: [packed(*(SCAN, TICKS) * 8), packed(*(TICKS, SCAN, SET) * 5)],
+        run=senses,
+        allowed=(),
+    ),
+    Target(name="download", samples=lambda: [packed(*[ITEM] * 4)], run=download, allowed=()),
+    Target(name="parameter_list", samples=parameters, run=parameter_list, bombs=deep),
+    Target(
+        name="world_facts",
+        samples=world_texts,
+        run=lambda data, _: world_in(data),
+        bombs=deep,
+    ),
+)

@@ -1,0 +1,151 @@
+"""Worlds, our own and other people's: TOML, JSON, and the maps of ROS, Moving AI and BARN."""
+
+import json
+from collections.abc import Callable, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from benchmarks.fuzz_target import Target
+from benchmarks.fuzz_words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
+from plant.imports.anyone import Wishes, import_worlds
+from plant.world_file import SHIPPED_DIR, load, loads
+from plant.world_json import as_json
+from plant.world_toml import dumps
+
+SMALL_BYTES: Final = 6000
+FEW_OBSTACLES: Final = 50
+MAP_WORDS: Final = (b"@", b".", b"T", b"\n", b" ", b"\t", b"type octile\n", b"height ", b"map\n")
+YAML_WORDS: Final = (b": ", b"- ", b"[", b"]", b"\n", b"image: ", b"'", b'"', b"#", b"---\n")
+ROS_YAML: Final = b"""image: map.pgm
+resolution: 0.25
+origin: [0.0, -1.0, 0.1]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+PGM: Final = b"P5\n# made\n24 16\n255\n" + (b"\xfe" * 23 + b"\0") * 8 + b"\xfe" * 24 * 8
+PGM_AS_TEXT: Final = b"P2 24 16 255\n" + b" ".join([b"254"] * 300 + [b"0"] * 84)
+OCTILE: Final = b"type octile\nheight 12\nwidth 16\nmap\n" + b"\n".join([b"." * 11 + b"@@T.."] * 12)
+SCENARIO: Final = b"version 1\n0\tworld.map\t16\t12\t1\t1\t9\t8\t11.2\n"
+CYLINDERS: Final = b"x_m,y_m,radius\n1.5, 0.3, 0.075\n2.0 1.1\n# no more\n3.1;0.2;0.3\n"
+
+
+def shipped() -> Sequence[bytes]:
+    names = ("box", "moving", "u_trap", "paper_fig5", "corner")
+    return [(SHIPPED_DIR / f"{name}.toml").read_bytes() for name in names]
+
+
+def as_texts() -> Sequence[bytes]:
+    return [json.dumps(as_json(load(name), None)).encode() for name in ("box", "moving", "door")]
+
+
+def read_world(path: Path) -> None:
+    """What can be read can be written, and is the same when it is read again."""
+    found = load(path)
+    text = dumps(found)
+    if len(found.obstacles) < FEW_OBSTACLES and dumps(loads(text)) != text:
+        raise AssertionError("it reads back as another world")
+
+
+def imported(path: Path) -> object:
+    """Of a large file only a part becomes a world."""
+    small = path.stat().st_size <= SMALL_BYTES
+    return list(import_worlds(path, Wishes() if small else Wishes(window=20)))
+
+
+def beside(name: str, data: bytes) -> Callable[[Path], object]:
+    """An importer of a file that names another one, which is good."""
+
+    def read(path: Path) -> object:
+        (path.parent / name).write_bytes(data)
+        return imported(path)
+
+    return read
+
+
+def picture(path: Path) -> object:
+    settings = path.with_name("map.yaml")
+    settings.write_bytes(ROS_YAML)
+    return imported(settings)
+
+
+def grids() -> Sequence[bytes]:
+    found = []
+    for made in (np.eye(12, dtype=np.uint8), np.zeros((8, 9)), np.asfortranarray(np.eye(7) > 0)):
+        np.save(out := BytesIO(), made)
+        found.append(out.getvalue())
+    return found
+
+
+def map_bombs() -> Sequence[bytes]:
+    """They announce what is not there, or is too much."""
+    huge = b"{'descr': '<f8', 'fortran_order': False, 'shape': (900000000, 9)}"
+    return [
+        b"type octile\nheight 4096\nwidth 4096\nmap\n" + b"." * 4096,
+        b"type octile\nheight 900000000\nwidth 900000000\nmap\n",
+        b"P5 20000 20000 255\n" + b"\0" * 1000,
+        b"P2 20000 20000 65535\n" + b"1 " * 100_000,
+        b"\x93NUMPY\x01\0" + len(huge).to_bytes(2, "little") + huge,
+        b"\x93NUMPY\x01\0\x10\x27" + b"(" * 10_000,
+        b"1 1 1e-9\n" * 50_000,
+    ]
+
+
+WORLDS: Final = (
+    Target(
+        name="world",
+        samples=shipped,
+        run=kept("world.toml", read_world),
+        words=TOML_WORDS,
+        bombs=toml_bombs,
+    ),
+    Target(
+        name="world_json",
+        samples=as_texts,
+        run=kept("world.json", read_world),
+        words=JSON_WORDS,
+        bombs=json_bombs,
+    ),
+    Target(
+        name="moving_ai",
+        samples=lambda: [OCTILE],
+        run=kept("world.map", imported),
+        words=MAP_WORDS,
+        bombs=map_bombs,
+    ),
+    Target(
+        name="scenarios",
+        samples=lambda: [SCENARIO],
+        run=kept("world.scen", beside("world.map", OCTILE)),
+        words=MAP_WORDS,
+    ),
+    Target(
+        name="ros_map",
+        samples=lambda: [ROS_YAML],
+        run=kept("map.yaml", beside("map.pgm", PGM)),
+        words=YAML_WORDS,
+    ),
+    Target(
+        name="picture",
+        samples=lambda: [PGM, PGM_AS_TEXT],
+        run=kept("map.pgm", picture),
+        words=(b"P5 ", b"P2 ", b"#", b"\n", b" ", b"65535 "),
+        bombs=map_bombs,
+    ),
+    Target(
+        name="barn_grid",
+        samples=grids,
+        run=kept("grid.npy", imported),
+        words=(b"(", b")", b"'descr'", b"'<f8'", b"'|O'", b"True", b"\x93NUMPY"),
+        bombs=map_bombs,
+    ),
+    Target(
+        name="barn_list",
+        samples=lambda: [CYLINDERS],
+        run=kept("list.csv", imported),
+        bombs=map_bombs,
+    ),
+)
