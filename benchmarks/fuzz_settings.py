@@ -25,7 +25,8 @@ from study.settled import FILE as SETTLED
 from study.settled import differences, told_in
 
 CHUNK: Final = 97
-STEPS: Final = 4
+STEPS: Final = 20
+SHORT_M: Final = 0.4
 SETTINGS: Final = b"""robot = "r1"
 [network]
 mode = "client"
@@ -60,13 +61,13 @@ def runs(path: Path) -> None:
 def driven() -> Sequence[bytes]:
     """Squares both ways round, each side and each corner in steps, and where the robot ended."""
     lines = ["run,direction,left,right,x_m,y_m,heading_deg"]
-    side = SIDE_M / DEFAULTS.m_per_tick / STEPS
+    side = SHORT_M / DEFAULTS.m_per_tick / STEPS
     corner = DEFAULTS.track_m * pi / 4.0 / DEFAULTS.m_per_tick / STEPS
     for run, turn in enumerate((-1, -1, 1, 1)):
         left = right = 0.0
         direction = "cw" if turn < 0 else "ccw"
         for step in range(8 * STEPS + 1):
-            end = f"0.02,-0.0{run},1.{run}" if step == 8 * STEPS else ",,"
+            end = f"0.00{run},0.00{run},0.1{run}" if step == 8 * STEPS else ",,"
             lines.append(f"{run},{direction},{round(left)},{round(right)},{end}")
             straight = step // STEPS % 2 == 0
             left += side if straight else -turn * corner

@@ -10,6 +10,7 @@ from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
 from benchmarks.fuzz_target import REFUSALS, Target
+from benchmarks.fuzz_words import kept
 from ground.console.completion import complete
 from ground.console.reading import parse
 from ground.fence import outlined
@@ -26,7 +27,7 @@ from study.calibration.cli import parser as calibrate_parser
 TOKEN: Final = "0123456789abcdefgh"
 DOOR: Final = Door(TOKEN, 8765)
 LINES: Final = (
-    *("goto 5.4 2 -90", "param set d_obs_m 0.4", "mission send 'my file.toml'", "teleop 0.2 30"),
+    *("goto 5.4 2 -90", "param set d_obs_m 0.4", "mission upload 'my file.toml'", "teleop 0.2 30"),
     *("fence polygon 0 0 4 0 4 4", "mode manual", "export run.mcap --shape wide --out x.csv"),
     *("lease take", "replay run.tlog", "explain --turns run.mcap", "help goto", "find arm"),
 )
@@ -105,11 +106,12 @@ def endpoint(data: bytes, _: Path) -> None:
     Network(mode="client", connect=(first,), prefix=second or "sidestep")
 
 
-def address(data: bytes, folder: Path) -> None:
-    token = folder / "token"
-    token.write_bytes(data)
-    address_of(text_of(data)).url("t" * 16)
-    token_of(str(token))
+def address(data: bytes, _: Path) -> None:
+    address_of(text_of(data)).url(TOKEN)
+
+
+def token(path: Path) -> None:
+    token_of(str(path))
 
 
 def fence_words(data: bytes, _: Path) -> None:
@@ -169,10 +171,11 @@ TYPED: Final = (
     ),
     Target(
         name="web_address",
-        samples=lambda: [b"127.0.0.1:8765", b"[::1]:80", b"8080", b"0123456789abcdefgh"],
+        samples=lambda: [b"127.0.0.1:8765", b"[::1]:80", b"8080", b"localhost"],
         run=address,
         words=(b":", b"[", b"]", b"\xd9\xa1", b"\xc2\xb2"),
     ),
+    Target(name="token", samples=lambda: [TOKEN.encode()], run=kept("token", token)),
     Target(name="fence_words", samples=lambda: [b"0 0 4 0 4 4 0 4"], run=fence_words),
     Target(
         name="door",
