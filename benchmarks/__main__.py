@@ -29,6 +29,7 @@ BENCHMARKS = {
     "restarts": "a process of `up` killed, until robot and plant are heard again",
     "faults": "what the robot does when something breaks, the fault matrix (docs/faults.md)",
     "fuzz": "broken inputs for every decoder: none may crash, hang or take much memory",
+    "flood": "a robot under 10,000 frames a second, forged commands, 200 connections",
     "digest": "the same trajectory in every way of running, another one for another seed",
 }
 

@@ -45,6 +45,8 @@ class Observer:
         """`folder` is where programs may leave what they leave at a user's home."""
         self.bus, self.world, self.endpoint, self.folder = bus, world, endpoint, folder
         self.robot = ROBOT
+        self.pid = 0
+        """Of the robot's process."""
         self.statuses: deque[tuple[NavigatorStatus, int]] = deque(maxlen=KEPT)
         self.wheels: deque[tuple[WheelCommand, int]] = deque(maxlen=KEPT)
         self.truths: deque[tuple[GroundTruth, int]] = deque(maxlen=KEPT)
@@ -119,19 +121,20 @@ def until(condition: Callable[[], object], what: str, within_s: float = PATIENCE
 
 
 @contextmanager
-def observed(file: str) -> Iterator[Observer]:
+def observed(file: str, *flags: str) -> Iterator[Observer]:
     """Everything in this world but the ground station, which is what is measured."""
     world, endpoint = load(file), f"tcp/127.0.0.1:{free_port()}"
     start = start_words(world.start.x_m, world.start.y_m, world.start.heading_rad)
-    own = ("robot", "--id", ROBOT, "--listen", endpoint, "--start", *start)
+    own = ("robot", "--id", ROBOT, "--listen", endpoint, "--start", *start, *flags)
     plant = ("plant", "--world", file, "--robots", ROBOT, "--connect", endpoint)
     with ExitStack() as scope:
-        scope.enter_context(sidestep(*own, ready="ready"))
+        robot = scope.enter_context(sidestep(*own, ready="ready"))
         scope.enter_context(sidestep(*plant, ready="plant:"))
         folder = Path(scope.enter_context(TemporaryDirectory()))
         network = Network(mode="client", connect=(endpoint,))
         bus = scope.enter_context(open_bus(network, Role.GROUND, ROBOT))
         observer = Observer(bus, world, endpoint, folder)
+        observer.pid = robot.pid
         until(lambda: observer.truths and observer.statuses, "truth and status")
         yield observer
 
