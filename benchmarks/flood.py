@@ -26,6 +26,7 @@ from protocol.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.errors import NoAnswer
 from protocol.messages import CommandRequest, CycleReport, GoalRequest, LeaseRequest
 from protocol.reasons import reason_text
+from protocol.timing import CONTROL_HZ
 from protocol.topics import COMMAND, CYCLE, LEASE_SERVICE, OPERATOR
 from protocol.wire_goal import wire_goal
 
@@ -57,6 +58,7 @@ class Run:
     """What the robot told of its ticks, what its process took, and how fast it stopped."""
 
     reports: list[CycleReport] = field(default_factory=list)
+    heard_s: list[float] = field(default_factory=list)
     cpu_percent: float = 0.0
     resident_mb: float = 0.0
     estops_ms: list[float] = field(default_factory=list)
@@ -70,6 +72,11 @@ class Run:
     @property
     def ticks(self) -> int:
         return self.reports[-1].tick - self.reports[0].tick
+
+    @property
+    def rate_hz(self) -> float:
+        """Of the ticks that were made, by the clock of whoever heard of them."""
+        return (len(self.heard_s) - 1) / (self.heard_s[-1] - self.heard_s[0])
 
     def late_us(self, share: float) -> float:
         return percentile([float(report.late_us) for report in self.reports], share)
@@ -87,6 +94,7 @@ def run(options: argparse.Namespace, *, attacked: bool) -> Run:
             scope.enter_context(attackers(observer.endpoint, options.rate, found))
         until(lambda: found.reports, "cycle reports")
         found.reports.clear()
+        found.heard_s.clear()
         begun_s, begun_cpu_s = monotonic(), cpu_s(observer.pid)
         while monotonic() < begun_s + options.seconds:
             operator.keep_on(found)
@@ -101,6 +109,7 @@ def note(found: Run, frame: bytes) -> None:
     message = decode(frame).message
     if isinstance(message, CycleReport):
         found.reports.append(message)
+        found.heard_s.append(monotonic())
 
 
 class Operator:
@@ -201,6 +210,13 @@ def figures_of(idle: Run, flood: Run) -> tuple[Figure, ...]:
             unit="",
             values=(float(flood.missed),),
             at_most=allowed,
+        ),
+        Figure(
+            name="attacked, ticks a second",
+            unit="Hz",
+            values=(flood.rate_hz,),
+            at_least=(1.0 - MORE_SHARE) * CONTROL_HZ,
+            at_most=(1.0 + MORE_SHARE) * CONTROL_HZ,
         ),
         Figure(
             name="attacked, emergency stop",

@@ -46,7 +46,7 @@ NS_PER_MS: Final = 1_000_000
 PERIOD_MS: Final = 50
 FULL_MRAD_S: Final = 200_000
 CLEAR: Final = Scan((0,) * 8, (0,) * 8, 255, 0)
-STILL: Final = Wheels(0, 0, 0)
+STILL: Final = Wheels(0, 0, 0, 0)
 ENCODINGS: Final = (
     ENCODING,
     ENCODING,

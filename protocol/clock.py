@@ -70,6 +70,9 @@ class ManualClock:
 SLACK: Final = 4
 """A frame may come this fraction of a period after it was due before the grid goes on without."""
 
+DRAWN: Final = 50
+"""By this fraction of a period an early frame draws the next tick forward."""
+
 
 @dataclass(frozen=True, slots=True)
 class Tick:
@@ -146,7 +149,10 @@ class _Grid:
         late_ns = now_ns - arrived_ns
         self._skip((arrived_ns - self._due_ns + self._period_ns // 2) // self._period_ns)
         self._frame_owed = False
-        self._due_ns = arrived_ns + self._skip(late_ns // self._period_ns)
+        # A frame may start its tick early, but the grid follows only so far: whoever sends frames
+        # all the time makes no faster loop of it.
+        phase_ns = max(arrived_ns, self._due_ns - self._period_ns // DRAWN)
+        self._due_ns = phase_ns + self._skip(late_ns // self._period_ns)
         return self._tick(arrived_ns, late_ns, by_frame=True)
 
     def _skip(self, periods: int) -> int:

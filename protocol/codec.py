@@ -25,6 +25,7 @@ HEADER_SIZE: Final = 10
 CHECKSUM_SIZE: Final = 2
 OUTSIDE: Final = HEADER_SIZE + CHECKSUM_SIZE
 SMALLEST_FRAME: Final = OUTSIDE + 1
+LARGEST_FRAME: Final = OUTSIDE + 255
 WIRE_OF_TYPE: Final[dict[type[Message], Wire]] = {cls: wire_of(cls) for cls in MESSAGES}
 WIRE_OF_ID: Final[dict[int, Wire]] = {wire.number: wire for wire in WIRE_OF_TYPE.values()}
 UNPACKABLE: Final = (StructError, OverflowError, TypeError, ValueError, AttributeError)
@@ -73,6 +74,8 @@ def decode(frame: bytes) -> Frame:
     """The message in a frame; RemoteError says what is wrong with any other bytes."""
     if len(frame) < SMALLEST_FRAME:
         raise RemoteError(f"{len(frame)} bytes are too few for a frame")
+    if len(frame) > LARGEST_FRAME:
+        raise RemoteError(f"more than {LARGEST_FRAME} bytes are no frame")
     magic, size, flags, _, sequence, system_id, component_id, low, high = HEADER(frame)
     if magic != MAGIC:
         raise RemoteError(f"starts with 0x{magic:02x}, not with 0xfd of MAVLink 2")

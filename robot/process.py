@@ -5,8 +5,11 @@ from queue import Empty, SimpleQueue
 from typing import Final
 
 from protocol.bus import Asked, Bus
+from protocol.bus.service import refusal
 from protocol.clock import Clock, Tick
-from protocol.messages import Teleop
+from protocol.enums import AckResult, Command
+from protocol.message import Message
+from protocol.messages import CommandRequest, Teleop
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
 from robot import telemetry
 from robot.core import reasons
@@ -20,6 +23,9 @@ from robot.teleop import wanted
 from robot.vehicle import Vehicle
 
 SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE)
+MOST_WAITING: Final = 64
+MOST_ANSWERED: Final = 6
+"""Of a line in one control period, which is 120 a second: nobody types so fast."""
 
 
 class Process:
@@ -36,19 +42,36 @@ class Process:
         self._meter = meter
         self.reports = Reports(bus)
         self._requests: SimpleQueue[Asked] = SimpleQueue()
+        self._stops: SimpleQueue[Asked] = SimpleQueue()
+        self._strangers: SimpleQueue[Asked] = SimpleQueue()
 
     def serve(self, nudge: Callable[[], None] = lambda: None) -> None:
         """Have again what was kept, which is recorded as if asked for, and begin to take requests;
-        `nudge` is called from the bus when there is one."""
+        `nudge` is called from the bus when there is one.
+
+        Of too many the rest is refused. Emergency stops wait in a line of their own, and so do
+        those who may not command.
+        """
 
         def take(asked: Asked) -> None:
-            self._requests.put(asked)
+            line = self._line(asked)
+            if line.qsize() >= MOST_WAITING:
+                asked.reply(
+                    refusal(reasons.TOO_MANY_REQUESTS, result=AckResult.TEMPORARILY_REJECTED)
+                )
+                return
+            line.put(asked)
             nudge()
 
         for request, answer in self.vehicle.restore():
             self.reports.record(request, answer)
         for service in SERVICES:
             self._bus.serve(service, take)
+
+    def _line(self, asked: Asked) -> SimpleQueue[Asked]:
+        if is_stop(asked.message):
+            return self._stops
+        return self._requests if self.vehicle.lease.allows(asked.operator) else self._strangers
 
     def stop(self) -> None:
         """End after the tick under way; may be called from a signal handler."""
@@ -123,14 +146,23 @@ class Process:
         self.reports.inputs.put(telemetry.tick_inputs(inputs, given, teleop, tick, senses.stamp_ns))
 
     def _answer(self) -> None:
-        while True:
-            try:
-                asked = self._requests.get_nowait()
-            except Empty:
-                return
-            if asked.message is None:
-                asked.reply(self.vehicle.tuning.described())
-                continue
-            answer = self.vehicle.receive(asked.message, self._clock.now_ns(), asked.operator)
-            asked.reply(answer)
-            self.reports.record(asked.message, answer)
+        """Stops first, and of all the others no more than a control period can bear."""
+        for line in (self._stops, self._requests, self._strangers):
+            for _ in range(MOST_ANSWERED):
+                try:
+                    asked = line.get_nowait()
+                except Empty:
+                    break
+                self._give(asked)
+
+    def _give(self, asked: Asked) -> None:
+        if asked.message is None:
+            asked.reply(self.vehicle.tuning.described())
+            return
+        answer = self.vehicle.receive(asked.message, self._clock.now_ns(), asked.operator)
+        asked.reply(answer)
+        self.reports.record(asked.message, answer)
+
+
+def is_stop(request: Message | None) -> bool:
+    return isinstance(request, CommandRequest) and request.command == Command.DO_FLIGHTTERMINATION

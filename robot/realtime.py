@@ -2,8 +2,10 @@
 
 import gc
 import os
+import sys
 
 FIFO_PRIORITY = 50
+SWITCH_S = 0.0005
 
 
 def freeze_heap() -> str | None:
@@ -16,6 +18,11 @@ def freeze_heap() -> str | None:
     gc.collect()
     gc.freeze()
     return None
+
+
+def share_interpreter() -> None:
+    """Let no thread keep the interpreter from the loop for longer; the usual 5 ms may do harm."""
+    sys.setswitchinterval(SWITCH_S)
 
 
 def use_fifo(priority: int = FIFO_PRIORITY) -> str | None:

@@ -21,7 +21,7 @@ from protocol.watchdog import Watchdog
 from robot.life import Life
 from robot.meter import Meter
 from robot.process import Process
-from robot.realtime import freeze_heap, use_fifo
+from robot.realtime import freeze_heap, share_interpreter, use_fifo
 from robot.rehearsal import Rehearsal, Rehearsed
 from robot.senses import Senses
 from robot.vehicle import Vehicle
@@ -152,6 +152,7 @@ def on_signal(stop: Callable[[], None]) -> None:
 
 def settle(vehicle: Vehicle, options: Options) -> None:
     """Last, when all that stays is there; what does not work is said, and the robot runs on."""
+    share_interpreter()
     for wanted, apply in ((options.freeze, freeze_heap), (options.fifo, use_fifo)):
         warning = apply() if wanted else None
         if warning is not None:

@@ -37,8 +37,8 @@ class Senses:
         accept: Callable[[str], bool] | None = None,
     ) -> None:
         self.lockstep = lockstep
-        self._wheels = bus.mailbox(WHEELS)
-        self._sonar = bus.mailbox(SONAR, notify=beat)
+        self._wheels = bus.mailbox(WHEELS, forward=not lockstep)
+        self._sonar = bus.mailbox(SONAR, notify=beat, forward=not lockstep)
         self._operator = bus.mailbox(OPERATOR, accept=accept)
         self._teleop = bus.mailbox(TELEOP, accept=accept)
         self._last_wheels: tuple[WheelTicks, int] | None = None

@@ -27,16 +27,23 @@ class Tuning:
         self._store = store
         self._machine = machine
         self._say = say
+        self._text = b""
 
     def described(self) -> bytes:
-        """All parameters as JSON; `saved`: this value is still there after a restart."""
-        rows = [
-            row | {"saved": self._store.holds(str(row["name"]), float(row["value"]))}
-            for row in described(self.params)
-        ]
-        return json.dumps(rows).encode()
+        """All parameters as JSON; `saved`: this value is still there after a restart.
+
+        Made once for each change: whoever asks all the time costs the loop nothing.
+        """
+        if not self._text:
+            rows = [
+                row | {"saved": self._store.holds(str(row["name"]), float(row["value"]))}
+                for row in described(self.params)
+            ]
+            self._text = json.dumps(rows).encode()
+        return self._text
 
     def set(self, request: ParamSet) -> Answer:
+        self._text = b""
         value = float(f"{request.param_value:.7g}")  # float32 carries seven digits: 0.1 is 0.1
         try:
             params = with_value(self.params, request.param_id, value)

@@ -89,8 +89,7 @@ class _Newest(NamedTuple):
 def wide_rows(
     timed: Iterable[Timed], columns: list[Column], rate_hz: float = USUAL_RATE_HZ
 ) -> Iterator[Row]:
-    """A row for each instant of the grid from the first to the last that something came in.
-    """
+    """A row for each instant of the grid from the first to the last that something came in."""
     place_of = {column.name: place for place, column in enumerate(columns)}
     newest: dict[tuple[str, type[Message]], _Newest] = {}
     step: int | None = None

@@ -20,7 +20,7 @@ from protocol.bus.history import following, told_ns
 from protocol.bus.locks import shut
 from protocol.bus.presence import Presence, presence_in
 from protocol.bus.publisher import Publisher
-from protocol.bus.service import Asked, Desk, Handler, sender_in
+from protocol.bus.service import Asked, Desk, Handler, sender_in, taken
 from protocol.bus.session import bound_endpoints, called, open_session
 from protocol.bus.trouble import Line
 from protocol.codec import Encoder
@@ -107,20 +107,21 @@ class Bus:
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
         accept: Callable[[str], bool] | None = None,
+        *,
+        forward: bool = False,
     ) -> Mailbox[M]:
         """The newest message of a topic; `notify` gets each arrival (ns), in the bus's thread.
 
         `accept` gets the sender of each, as `Mailbox` has it, in the bus's thread too.
         """
-        mailbox = Mailbox(topic, notify, accept)
+        mailbox = Mailbox(topic, notify, accept, forward=forward)
         now_ns = self._now_ns
         from_whom = accept is not None
 
         def store(sample: zenoh.Sample) -> None:
             arrived_ns = now_ns()
             sender = sender_in(sample.attachment) if from_whom else ""
-            payload = sample.payload.to_bytes()
-            mailbox.store(Sample(str(sample.encoding), payload, sender), arrived_ns)
+            mailbox.store(Sample(str(sample.encoding), taken(sample.payload), sender), arrived_ns)
 
         self._mailboxes[mailbox] = self._subscriber(self.key(topic.path, robot), store)
         return mailbox
@@ -281,7 +282,7 @@ class Bus:
 
     @property
     def rejected(self) -> dict[str, int]:
-        """How many frames and requests could not be read, by path; only what was looked at."""
+        """How many frames and requests could not be read, by path."""
         counts = dict(self._desk.rejected)
         for mailbox in tuple(self._mailboxes):
             path = mailbox.topic.path

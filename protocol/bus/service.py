@@ -8,11 +8,11 @@ import re
 import threading
 from collections.abc import Callable
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, Final
 
 import zenoh
 
-from protocol.codec import Encoder
+from protocol.codec import LARGEST_FRAME, Encoder
 from protocol.enums import AckResult
 from protocol.errors import RemoteError
 from protocol.mailbox import Sample, opened
@@ -23,6 +23,7 @@ from protocol.topics import ENCODING, Service
 
 JSON = "application/json"
 LOG = logging.getLogger(__name__)
+MOST_WAITING: Final = 1000
 IDENTITY = re.compile(rb"[0-9a-f]{1,32}\Z")
 """Of a Zenoh session."""
 
@@ -49,7 +50,7 @@ class Asked:
             return
         self.operator = sender_in(query.attachment)
         if self.service.requests:
-            payload = b"" if query.payload is None else query.payload.to_bytes()
+            payload = b"" if query.payload is None else taken(query.payload)
             encoding = "" if query.encoding is None else str(query.encoding)
             self.message = opened(Sample(encoding, payload), self.service.requests)
 
@@ -83,9 +84,14 @@ class Asked:
 Handler = Callable[[Asked], object]
 
 
+def taken(payload: zenoh.ZBytes) -> bytes:
+    """The bytes of a frame. What is longer than any is not copied: zeros stand for it."""
+    return payload.to_bytes() if len(payload) <= LARGEST_FRAME else bytes(LARGEST_FRAME + 1)
+
+
 def sender_in(attachment: zenoh.ZBytes | None) -> str:
     """Which operator an attachment names; empty when it names none, or is none of ours."""
-    named = b"" if attachment is None else attachment.to_bytes()
+    named = b"" if attachment is None else taken(attachment)
     return named.decode("ascii") if IDENTITY.match(named) else ""
 
 
@@ -100,8 +106,12 @@ class Desk:
         self._thread: threading.Thread | None = None
 
     def put(self, asked: Asked, handler: Handler) -> None:
-        """Called from the bus: enqueues, nothing else."""
-        self._waiting.put((asked, handler))
+        """Called from the bus: enqueues; what is too much is dropped, and its asker told so."""
+        if self._waiting.qsize() < MOST_WAITING:
+            self._waiting.put((asked, handler))
+        else:
+            self.rejected[asked.service.path] = self.rejected.get(asked.service.path, 0) + 1
+            asked.drop()
 
     def start(self) -> None:
         if self._thread is None:

@@ -18,6 +18,7 @@ from protocol.network import Hub, Network
 RETRY = {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 2}
 LEASE_MS = 1000
 OPEN_MS = 500  # a session that dials again behind our back closes only after that
+LARGEST_BYTES = 1 << 23  # of an answer, such as a world; nobody fills our memory with pieces
 DIAL_S = 1.0  # while Zenoh dials, Python hears no signal
 PROBE_S = 0.3
 SOURCE_PLACES = re.compile(r" at /\S+")
@@ -39,6 +40,7 @@ def settings(network: Network, dial_s: float) -> dict[str, object]:
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/keep_alive": 4,
         "transport/unicast/open_timeout": OPEN_MS,
+        "transport/link/rx/max_message_size": LARGEST_BYTES,
         "transport/shared_memory/enabled": False,
         "adminspace/enabled": bool(network.listen),  # the only place that tells a bound port
         **lock(network),

@@ -89,6 +89,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     24: "the robot does not know this frame",
     25: "the sides of the fence cross, touch or enclose nothing",
     26: "the robot itself stands outside of that fence",
+    27: "too many requests at once: ask again",
     30: "no fresh wheel ticks for 150 ms",
     31: "no fresh sonar scan for 250 ms",
     32: "sonar values are frozen",

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.codec import Encoder, Frame, decode
+from protocol.codec import Encoder
 from protocol.mailbox import Mailbox, Sample
 from protocol.message import Message
 from protocol.messages import SonarScan, WheelTicks
@@ -46,20 +46,37 @@ def test_an_event_never_gets_stale() -> None:
     assert box.fresh(10**18) is not None
 
 
-def test_a_sample_is_decoded_once_and_only_when_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    decoded = []
+def ticks_at(stamp_ns: int) -> Sample:
+    return sample(WheelTicks(time_ns=stamp_ns, seq=1, left=0, right=0, bumper=0, expired=0))
 
-    def counted(frame: bytes) -> Frame:
-        decoded.append(frame)
-        return decode(frame)
 
-    monkeypatch.setattr("protocol.mailbox.decode", counted)
-    box = Mailbox(WHEELS)
-    for arrived_ns in range(5):
-        box.store(sample(), arrived_ns)
-    assert decoded == []
-    assert [box.latest() for _ in range(3)] == [(TICKS, 4)] * 3
-    assert len(decoded) == 1
+def test_what_was_sent_before_is_not_taken_again_while_the_newest_is_fresh() -> None:
+    heard: list[int] = []
+    box = Mailbox(WHEELS, heard.append, forward=True)
+    box.store(ticks_at(500 * MS), 1_000 * MS)
+    for late_ms in (1, 50, 150):
+        box.store(ticks_at(450 * MS), (1_000 + late_ms) * MS)
+    newest = box.latest()
+    assert newest is not None
+    assert (newest[0].time_ns, newest[1], heard) == (500 * MS, 1_000 * MS, [1_000 * MS])
+    assert (box.rejected, box.last_rejection) == (3, "WheelTicks is older than the one before it")
+
+
+def test_who_begins_anew_is_heard_when_the_other_has_been_silent_for_long_enough() -> None:
+    box = Mailbox(WHEELS, forward=True)
+    box.store(ticks_at(500 * MS), 1_000 * MS)
+    box.store(ticks_at(50 * MS), 1_151 * MS)
+    newest = box.latest()
+    assert newest is not None
+    assert (newest[0].time_ns, box.rejected) == (50 * MS, 0)
+
+
+def test_a_clock_that_stands_still_is_heard_all_the_time() -> None:
+    box = Mailbox(WHEELS, forward=True)
+    for arrived_ms in range(0, 500, 50):
+        box.store(ticks_at(7), arrived_ms * MS)
+    assert box.fresh(450 * MS) is not None
+    assert box.rejected == 0
 
 
 @pytest.mark.parametrize(
@@ -115,9 +132,11 @@ def test_noise_takes_no_messages_place_and_wakes_nobody() -> None:
     box = Mailbox(WHEELS, heard.append)
     box.store(sample(), 10)
     whole = sample().payload
-    for noise in (b"", whole[:-1], whole + b"\0", b"\xff" * 300, b"\xfd" * 1_000_000):
+    wrong = whole[:-1] + bytes([whole[-1] ^ 1])
+    for noise in (b"", whole[:-1], whole + b"\0", b"\xff" * 300, b"\xfd" * 1_000_000, wrong):
         box.store(Sample(ENCODING, noise), 20)
+    box.store(sample(SCAN), 20)
     box.store(sample(encoding="application/mavlink2;sidestep@2"), 20)
-    assert box.rejected == 6, "counted as they come, looked at or not"
+    assert box.rejected == 8, "counted as they come, looked at or not"
     assert heard == [10]
     assert box.latest() == (TICKS, 10)

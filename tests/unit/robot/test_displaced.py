@@ -42,6 +42,8 @@ class Wired(Bus):
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
         accept: Callable[[str], bool] | None = None,
+        *,
+        forward: bool = False,
     ) -> Box:
         return self.boxes.setdefault(topic.path, Box(topic))
 
