@@ -9,6 +9,7 @@ import argparse
 import json
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -18,7 +19,7 @@ from time import monotonic, monotonic_ns
 from typing import Final
 
 from benchmarks.figures import Figure, Report, percentile
-from benchmarks.flood_attack import BEAT, CONNECTIONS
+from benchmarks.flood_attack import ACTED, BEAT, CONNECTIONS, REFUSED
 from benchmarks.observed import Observer, observed, until
 from benchmarks.robot import cpu_s, resident_mb
 from protocol.codec import decode
@@ -32,7 +33,6 @@ from protocol.wire_goal import wire_goal
 
 RATE_HZ: Final = 10_000.0
 ASKED_HZ: Final = 500.0
-PRESSES: Final = 10
 MORE_SHARE: Final = 0.01
 BEAT_S: Final = 0.2
 PRESS_S: Final = 10.0
@@ -43,6 +43,7 @@ ESTOP_AT_MOST_MS: Final = 500.0
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="of each of the two runs")
     parser.add_argument("--rate", type=float, default=RATE_HZ, metavar="HZ", help="frames a second")
+    parser.add_argument("--presses", type=int, default=10, metavar="N", help="emergency stops")
     parser.add_argument("--world", default="forest_medium")
     parser.add_argument("--realtime", action="store_true", help="robot scheduled SCHED_FIFO")
 
@@ -64,6 +65,14 @@ class Run:
     estops_ms: list[float] = field(default_factory=list)
     shots: list[dict[str, object]] = field(default_factory=list)
     stopped: list[str] = field(default_factory=list)
+
+    @property
+    def answers(self) -> Counter[str]:
+        """What came of the attackers' questions."""
+        found = Counter[str]()
+        for shot in self.shots:
+            found.update({word: n for word, n in shot.items() if isinstance(n, int)})
+        return found
 
     @property
     def missed(self) -> int:
@@ -101,7 +110,7 @@ def run(options: argparse.Namespace, *, attacked: bool) -> Run:
         spent_s = cpu_s(observer.pid) - begun_cpu_s
         found.cpu_percent = 100.0 * spent_s / (monotonic() - begun_s)
         found.resident_mb = resident_mb(observer.pid)
-        found.estops_ms = [operator.press() for _ in range(PRESSES)]
+        found.estops_ms = [operator.press() for _ in range(options.presses)]
     return found
 
 
@@ -231,6 +240,9 @@ def figures_of(idle: Run, flood: Run) -> tuple[Figure, ...]:
             at_most=0.0,
         ),
     ]
+    for name, word, most in (("acted upon", ACTED, 0.0), ("refused", REFUSED, None)):
+        value = (float(flood.answers[word]),)
+        found.append(Figure(name=f"forged commands {name}", unit="", values=value, at_most=most))
     for name, one in (("alone", idle), ("attacked", flood)):
         found += [
             Figure(name=f"{name}, ticks", unit="", values=(float(one.ticks),)),

@@ -19,10 +19,11 @@ from zenoh.handlers import Callback
 
 from protocol.bus.session import open_session
 from protocol.clock import WallClock
-from protocol.codec import Encoder
-from protocol.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, LeaseAction, Mode
+from protocol.codec import Encoder, decode
+from protocol.enums import AUTOPILOT_INVALID, TYPE_GCS, AckResult, Command, LeaseAction, Mode
 from protocol.message import Message
 from protocol.messages import (
+    CommandAck,
     CommandRequest,
     GoalRequest,
     Heartbeat,
@@ -33,6 +34,7 @@ from protocol.messages import (
     WheelTicks,
 )
 from protocol.network import Network
+from protocol.reasons import Reason
 from protocol.topics import (
     COMMAND,
     ENCODING,
@@ -51,6 +53,8 @@ ROBOT: Final = "r1"
 TURN_S: Final = 0.005
 STRANGERS: Final = ("", "0123456789abcdef", "ffffffffffffffffffffffffffffffff", "not an identity")
 OVERSIZED: Final = 2_000_000
+ACTED: Final = "acted upon"
+REFUSED: Final = Reason.LEASE_HELD.name.lower()
 CONNECTIONS: Final = 200
 SCAN: Final = SonarScan(
     time_ns=1_000_000, seq=1, range_mm=(50,) * 8, ping_age_us=(9,) * 8, valid=255, echo=255
@@ -165,7 +169,17 @@ class Attacker:
         )
 
     def _count(self, reply: zenoh.Reply) -> None:
-        self.answers["answered" if reply.ok is not None else "unanswered"] += 1
+        self.answers["unanswered" if reply.ok is None else in_a_word(reply.ok)] += 1
+
+
+def in_a_word(sample: zenoh.Sample) -> str:
+    """What came of a question: acted upon, or why not."""
+    if str(sample.encoding) != ENCODING:
+        return "looked"
+    answer = decode(sample.payload.to_bytes()).message
+    if not isinstance(answer, CommandAck) or answer.result == AckResult.ACCEPTED:
+        return ACTED
+    return Reason(answer.result_param2).name.lower()
 
 
 def shoot(one: Callable[[Shot], None], shots: Sequence[Shot], rate_hz: float) -> int:

@@ -37,7 +37,7 @@ class Target:
     weight: int = 20
 
     @cached_property
-    def _good(self) -> tuple[bytes, ...]:
+    def good(self) -> tuple[bytes, ...]:
         return tuple(self.samples())
 
     @cached_property
@@ -46,10 +46,10 @@ class Target:
 
     def input(self, seed: int, index: int) -> bytes:
         """The same for the same numbers: samples as they are, bombs, then mutations."""
-        fixed = (*self._good, *self._bad)
+        fixed = (*self.good, *self._bad)
         if index < len(fixed):
             return fixed[index]
-        return mutated(Material(self._good, self.words), Random(f"{seed}/{self.name}/{index}"))
+        return mutated(Material(self.good, self.words), Random(f"{seed}/{self.name}/{index}"))
 
     def accepts(self, data: bytes, folder: Path) -> bool:
         """False when the input is refused as it may be; whatever else it raises comes through."""

@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from benchmarks import codec, core, digest, jitter, latency, lockstep, robot, trial
+from benchmarks import codec, core, digest, flood, jitter, latency, lockstep, robot, trial
 from benchmarks.__main__ import Benchmark
 from benchmarks.figures import Figure
 
@@ -60,3 +60,11 @@ def test_robot_is_measured_by_the_kernels_account() -> None:
 def test_a_run_over_the_bus_is_the_run_in_process_to_the_last_bit() -> None:
     report = digest.measure(argparse.Namespace(worlds=["open"]))
     assert report.met, report.text()
+
+
+def test_a_flood_is_measured_beside_the_robot_left_alone() -> None:
+    found = figures(flood, "--world", "open", "--seconds", "1.5", "--presses", "2")
+    assert found["alone, ticks"].median >= 15
+    assert 15 < found["attacked, ticks a second"].median < 25
+    assert found["attacked, emergency stop"].median > 0
+    assert found["forged commands acted upon"].median == 0

@@ -91,6 +91,22 @@ def test_a_backlog_delivered_at_once_makes_one_tick() -> None:
     assert [t.due_ns / MS for t in seen if t.by_frame] == [0, 250, 300]
 
 
+def test_frames_all_the_time_make_no_faster_loop_of_it() -> None:
+    seen = run([n / 2 for n in range(2_400)], [0.2] * 20)
+    began = starts_ms(seen)
+    assert began[1] - began[0] >= 24, "once half a period early"
+    assert all(b - a >= 48.5 for a, b in pairwise(began[1:]))
+    assert seen[-1].missed == 0
+
+
+def test_frames_of_another_phase_draw_the_grid_to_theirs() -> None:
+    # From the third on the frames are 20 ms earlier than they were: each still starts its tick.
+    arrivals = [0, 50, *(80 + 50 * n for n in range(40))]
+    seen = run([float(at) for at in arrivals], [1] * 42)
+    assert starts_ms(seen) == arrivals
+    assert all(tick.by_frame and not tick.missed for tick in seen)
+
+
 def test_a_tick_that_starts_late_says_how_late_after_its_frame() -> None:
     seen = run([0, 50, 100], [65, 1, 1])
     assert (seen[1].due_ns, seen[1].late_ns, seen[1].missed) == (50 * MS, 15 * MS, 0)

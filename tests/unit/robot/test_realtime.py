@@ -1,10 +1,11 @@
 import gc
 import os
+import sys
 
 import pytest
 
 from robot.core.parameters import DEFAULTS
-from robot.realtime import freeze_heap, use_fifo
+from robot.realtime import SWITCH_S, freeze_heap, share_interpreter, use_fifo
 from robot.run import Options, settle
 from robot.store import Store
 from robot.vehicle import Vehicle
@@ -13,6 +14,15 @@ from robot.vehicle import Vehicle
 @pytest.fixture(autouse=True)
 def thawed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gc, "freeze", lambda: None)
+    monkeypatch.setattr(sys, "setswitchinterval", lambda _: None)
+
+
+def test_no_thread_keeps_the_interpreter_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[float] = []
+    monkeypatch.setattr(sys, "setswitchinterval", seen.append)
+    share_interpreter()
+    assert seen == [SWITCH_S]
+    assert SWITCH_S <= 0.001
 
 
 def test_a_frozen_heap_needs_no_warning() -> None:

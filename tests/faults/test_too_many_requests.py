@@ -1,0 +1,103 @@
+"""More is asked of the robot than it can answer: the rest is refused, and stops come first."""
+
+from collections.abc import Callable
+
+import pytest
+
+from protocol.bus import Asked, Bus
+from protocol.enums import AckResult, Command, LeaseAction, Vehicle
+from protocol.message import Message
+from protocol.messages import CommandAck, CommandRequest, LeaseRequest
+from protocol.reasons import Reason
+from protocol.topics import COMMAND, Service
+from robot.process import MOST_ANSWERED, MOST_WAITING
+from tests.harness import Stack
+
+Take = Callable[[Asked], object]
+
+
+class Question(Asked):
+    """As the bus would hand it on; what is answered is kept."""
+
+    def __init__(self, message: Message, operator: str = "") -> None:
+        self.message = message
+        self.operator = operator
+        self.answers: list[Message | bytes] = []
+
+    def reply(self, answer: Message | bytes) -> bool:
+        self.answers.append(answer)
+        return True
+
+    @property
+    def reason(self) -> Reason | None:
+        if not self.answers:
+            return None
+        answer = self.answers[0]
+        assert isinstance(answer, CommandAck)
+        return Reason(answer.result_param2)
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> dict[str, Take]:
+    """What takes the requests of each service."""
+    found: dict[str, Take] = {}
+    real = Bus.serve
+
+    def serve(bus: Bus, service: Service, handler: Take, robot: str | None = None) -> None:
+        found[service.path] = handler
+        real(bus, service, handler, robot)
+
+    monkeypatch.setattr(Bus, "serve", serve)
+    return found
+
+
+def question(number: int, command: Command, operator: str = "") -> Question:
+    request = CommandRequest(request_id=number, command=command, param1=0.0, param2=0.0)
+    return Question(request, operator)
+
+
+def test_what_does_not_fit_the_line_is_refused_at_once_with_its_reason(
+    served: dict[str, Take],
+) -> None:
+    with Stack("open") as stack:
+        asked = [question(n, Command.DO_PAUSE_CONTINUE) for n in range(MOST_WAITING + 30)]
+        for one in asked:
+            served[COMMAND.path](one)
+        refused = [one for one in asked if one.answers]
+        assert refused == asked[MOST_WAITING:]
+        assert {one.reason for one in refused} == {Reason.TOO_MANY_REQUESTS}
+        answer = refused[0].answers[0]
+        assert isinstance(answer, CommandAck)
+        assert answer.result == AckResult.TEMPORARILY_REJECTED
+        stack.forward(0.05)
+        assert sum(bool(one.answers) for one in asked) == 30 + MOST_ANSWERED
+
+
+def test_an_emergency_stop_overtakes_all_that_waits(served: dict[str, Take]) -> None:
+    with Stack("open") as stack:
+        for n in range(MOST_WAITING + 5):
+            served[COMMAND.path](question(n, Command.DO_PAUSE_CONTINUE))
+        stop = question(1000, Command.DO_FLIGHTTERMINATION)
+        served[COMMAND.path](stop)
+        stack.forward(0.05)
+        assert stop.reason == Reason.NONE
+        assert stack.state == Vehicle.EMERGENCY_STOP
+
+
+def test_strangers_do_not_hold_up_who_has_the_lease(served: dict[str, Take]) -> None:
+    with Stack("open") as stack:
+        take = LeaseRequest(request_id=1, action=LeaseAction.TAKE, name="ada")
+        stack.vehicle.receive(take, stack.clock.now_ns(), "ada")
+        strangers = [question(n, Command.DO_PAUSE_CONTINUE, "eve") for n in range(MOST_WAITING + 9)]
+        for one in strangers:
+            served[COMMAND.path](one)
+        own = question(5000, Command.DO_PAUSE_CONTINUE, "ada")
+        served[COMMAND.path](own)
+        stack.forward(0.05)
+        assert own.answers
+        assert own.reason != Reason.TOO_MANY_REQUESTS
+        assert {one.reason for one in strangers} == {
+            None,
+            Reason.LEASE_HELD,
+            Reason.TOO_MANY_REQUESTS,
+        }

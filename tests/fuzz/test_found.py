@@ -1,0 +1,46 @@
+"""What the fuzzer has found: each once crashed its decoder, or kept it busy without end."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.fuzz_hunt import limited, watch
+from benchmarks.fuzz_logs import bomb
+from benchmarks.fuzz_targets import TARGETS
+
+DOTTED = b"a" + b".a" * 60_000 + b" = 1"
+LONG = b"[parameters]\nd_obs_m = " + b"9" * 5000
+HUGE = b"[parameters]\nd_obs_m = 0x" + b"f" * 400
+PLAN = b"""{"fileType": "Plan", "mission": {"plannedHomePosition": [48.1, 11.5, 0], "items": []},
+"geoFence": {"circles": [{"inclusion": true, "circle": {"center": [1e308, 1], "radius": 1}}]}}"""
+ROUND = b"[fence]\ncorners = [" + b", ".join(b"[%d, %d]" % (n, n * n) for n in range(400)) + b"]"
+
+FOUND = {
+    "a key of sixty thousand parts in a world": ("world", DOTTED),
+    "the same in a mission": ("mission_toml", DOTTED),
+    "the same in a configuration": ("settings", DOTTED),
+    "a configuration that is deep": ("settings", b"a = " + b"[" * 100_000),
+    "a number too long to be read": ("settings", LONG),
+    "a number too large for a float": ("parameter_file", HUGE),
+    "a number too long in a mission": ("mission_toml", b"a = " + b"9" * 5000),
+    "a fence of very many corners": ("fence", ROUND),
+    "a fence beyond the Earth": ("mission_plan", PLAN),
+    "saved parameters that are deep": ("stored_parameters", b"[" * 100_000),
+    "saved parameters too large for a float": (
+        "stored_parameters",
+        b'{"d_obs_m": ' + b"9" * 4000 + b"}",
+    ),
+    "a list of parameters that is deep": ("parameter_list", b"[" * 100_000),
+    "a world told by the plant that is deep": ("world_facts", b'{"a":' * 100_000),
+    "settings of a study that are deep": ("study_settings", b"[" * 100_000),
+    "a port in digits that are none": ("web_address", "127.0.0.1:8²".encode()),
+    "a kilobyte that unpacks to a gigabyte": ("mcap", bomb(1 << 30, 9)),
+    "a chunk that announces an exabyte": ("mcap", bomb(1 << 20, 9, announced=1 << 60)),
+}
+
+
+@pytest.mark.parametrize("found", FOUND.values(), ids=FOUND)
+def test_it_is_refused_or_taken_in_time(found: tuple[str, bytes], tmp_path: Path) -> None:
+    name, data = found
+    with watch(), limited(5.0):
+        TARGETS[name].accepts(data, tmp_path)
