@@ -42,6 +42,22 @@ GHOST: Final = (
     b"tick,true_x_m,true_y_m\n0,1.0,2.0\n1,1.1,2.0\n"
     b'{"outcome": "reached", "reason": "ok", "time_s": 3.5, "path_m": 1.1, "contacts": 0}\n'
 )
+LOCKED: Final = b"""[network]
+listen = ["tls/localhost:7447"]
+robots = ["r1", "r2"]
+[network.tls]
+ca = "ca.pem"
+certificate = "robot-r1.pem"
+key = "robot-r1.key"
+[network.trouble]
+loss = 0.1
+delay_ms = 20
+jitter_ms = 5
+duplicate = 0.01
+reorder = 0.02
+paths = ["sense"]
+seed = 7
+"""
 WANTED: Final = {"worlds": {"box": "1"}, "code": "2", "seeds": 3}
 
 
@@ -90,7 +106,7 @@ def course(data: bytes, _: Path) -> None:
 SETTING: Final = (
     Target(
         name="settings",
-        samples=lambda: [SETTINGS],
+        samples=lambda: [SETTINGS, LOCKED],
         run=kept("sidestep.toml", settings),
         words=TOML_WORDS,
         bombs=toml_bombs,

@@ -165,7 +165,7 @@ TYPED: Final = (
     ),
     Target(
         name="endpoint",
-        samples=lambda: [b"tcp/127.0.0.1:7447\nr1", b"tls/[::1]:0#a=b", b"unixsock-stream//tmp/x"],
+        samples=lambda: [b"tcp/127.0.0.1:7447\nr1", b"udp/[::1]:0#a=b", b"unixsock-stream//tmp/x"],
         run=endpoint,
         words=(b"/", b":", b"[", b"]", b"#", b"?", b"udp/", b"\n", b"**"),
     ),
