@@ -2,8 +2,8 @@
 
 The attack: frames at 10,000 a second (recorded ones, broken ones, noise) on its senses, its
 operator's heartbeat and teleop; questions (commands of strangers, nonsense, megabytes); and two
-hundred connections. An operator holds the lease. Both runs are made in one call, on one machine. That is
-the attackers' machine, too: they are niced, as elsewhere they would not take the robot's processor.
+hundred connections. An operator holds the lease. Both runs are made in one call, on one machine.
+The attackers are on it, too, and niced: elsewhere they would not take the robot's processor.
 """
 
 import argparse

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from benchmarks.fuzz_keys import KEYS
 from benchmarks.fuzz_logs import LOGS
 from benchmarks.fuzz_missions import MISSION
 from benchmarks.fuzz_settings import SETTING
@@ -13,5 +14,5 @@ from benchmarks.fuzz_wire import WIRE
 from benchmarks.fuzz_worlds import WORLDS
 
 TARGETS: Final[Mapping[str, Target]] = MappingProxyType(
-    {one.name: one for one in (*WIRE, *WORLDS, *MISSION, *SETTING, *LOGS, *TYPED)}
+    {one.name: one for one in (*WIRE, *WORLDS, *MISSION, *SETTING, *LOGS, *TYPED, *KEYS)}
 )

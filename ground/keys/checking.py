@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from cryptography import x509
-from cryptography.exceptions import InvalidSignature
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import NameOID
 
@@ -52,7 +52,7 @@ def check_one(path: Path, authority: x509.Certificate, now: datetime) -> Checked
     wrong = [] if grant else [f"no role is called {name!r}, so it is let in and may do nothing"]
     try:
         certificate.verify_directly_issued_by(authority)
-    except (ValueError, TypeError, InvalidSignature):
+    except (ValueError, TypeError, InvalidSignature, UnsupportedAlgorithm):
         wrong.append(f"is not signed by {CA}: nobody here lets it in; make a new set")
     wrong += key_trouble(path.with_suffix(".key"), certificate)
     return checked(path, certificate, now, grant.says if grant else "", tuple(wrong))
@@ -83,7 +83,7 @@ def key_trouble(path: Path, certificate: x509.Certificate) -> Iterator[str]:
     except OSError as error:
         yield f"{path.name}: {error.strerror}"
         return
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, UnsupportedAlgorithm):
         yield f"{path.name} is not a key in PEM without a password"
         return
     if key.public_key() != certificate.public_key():
@@ -93,11 +93,14 @@ def key_trouble(path: Path, certificate: x509.Certificate) -> Iterator[str]:
 
 
 def read(path: Path) -> x509.Certificate:
+    """Nothing of it is read before it is looked at, so all that we shall want is looked at here."""
     try:
-        return x509.load_pem_x509_certificate(path.read_bytes())
+        found = x509.load_pem_x509_certificate(path.read_bytes())
+        found.public_key(), found.subject, found.not_valid_before_utc, found.not_valid_after_utc
+        return found
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, UnsupportedAlgorithm) as error:
         raise UserError(f"{path} is not a certificate in PEM") from error
 
 

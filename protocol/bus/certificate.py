@@ -38,6 +38,8 @@ def own(tls: Tls) -> Own:
         return own_in(shown(tls))
     except ssl.SSLCertVerificationError as error:
         code, why = error.verify_code, error.verify_message
+    except ssl.SSLError as error:
+        raise of_no_use(tls, error) from error
     if code not in (NOT_YET_VALID, EXPIRED):
         return Own("", trouble=f"{tls.certificate} is not signed by {tls.ca} ({why})")
     seen = shown(tls, WHENEVER)
@@ -68,10 +70,14 @@ def check_files(tls: Tls) -> None:
     try:
         context(ssl.PROTOCOL_TLS_CLIENT, tls)
     except ssl.SSLError as error:
-        raise BadKeys(
-            f"network.tls: {tls.ca}, {tls.certificate} and {tls.key} are of no use together "
-            f"({error.reason or error}): are they PEM, and of one set? `sidestep keys check` tells"
-        ) from error
+        raise of_no_use(tls, error) from error
+
+
+def of_no_use(tls: Tls, error: ssl.SSLError) -> BadKeys:
+    return BadKeys(
+        f"network.tls: {tls.ca}, {tls.certificate} and {tls.key} are of no use together "
+        f"({error.reason or error}): are they PEM, and of one set? `sidestep keys check` tells"
+    )
 
 
 def context(side: int, tls: Tls) -> ssl.SSLContext:

@@ -1,0 +1,56 @@
+"""Certificates and keys of locked doors: one that is strange, among others that are good."""
+
+from datetime import UTC, datetime, timedelta
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from benchmarks.fuzz_target import Target
+from ground.keys.checking import check
+from ground.keys.folder import make
+from protocol.bus.certificate import own
+from protocol.network import Tls
+
+SINCE: Final = datetime(2026, 1, 1, tzinfo=UTC)
+NOW: Final = SINCE + timedelta(days=10)
+UNTIL: Final = SINCE + timedelta(days=10_000)
+NAME: Final = "robot-r1"
+WORDS: Final = (b"-----BEGIN CERTIFICATE-----\n", b"-----END CERTIFICATE-----\n", b"\n", b"=")
+
+
+@cache
+def good() -> dict[str, bytes]:
+    """The files of a whole set, by name."""
+    with TemporaryDirectory() as parent:
+        folder = Path(parent) / "keys"
+        make(folder, ["r1"], [], SINCE, UNTIL)
+        return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def among_good(ending: str, data: bytes, folder: Path) -> None:
+    for name, content in good().items():
+        if name == "ca.pem" or name.startswith(NAME):
+            (folder / name).write_bytes(content)
+    (folder / f"{NAME}{ending}").write_bytes(data)
+    check(folder, NOW)
+    files = (str(folder / name) for name in ("ca.pem", f"{NAME}.pem", f"{NAME}.key"))
+    own(Tls(**dict(zip(("ca", "certificate", "key"), files, strict=True))))
+
+
+KEYS: Final = (
+    Target(
+        name="certificate",
+        samples=lambda: [good()[f"{NAME}.pem"]],
+        run=lambda data, folder: among_good(".pem", data, folder),
+        words=WORDS,
+        weight=8,
+    ),
+    Target(
+        name="private_key",
+        samples=lambda: [good()[f"{NAME}.key"]],
+        run=lambda data, folder: among_good(".key", data, folder),
+        words=WORDS,
+        weight=8,
+    ),
+)
