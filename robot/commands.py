@@ -13,7 +13,7 @@ from robot.core.senses import goal_of
 from robot.core.state import State
 from robot.mission.mission import Mission
 
-REMEMBERED: Final = 64
+REMEMBERED: Final = 1000
 
 
 class Commands:
