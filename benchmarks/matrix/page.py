@@ -12,10 +12,13 @@ INTRODUCTION: Final = """\
 # Faults
 
 What the robot does when something breaks, measured by `sidestep bench faults --page docs/faults.md`
-on {date} ({machine}). **In lockstep** time is simulated and the whole stack is in one process, over
-real sockets; moment, phase of the control period and noise are drawn anew for each repetition. **In
-wall time** router, plant, robot, `goto` and recorder are real processes, and the machine is shared:
-times there are what a busy machine gives.
+on {date}
+({machine}).
+**In lockstep** time is simulated and the whole stack is in one process, over real sockets; moment,
+phase of the control period and noise are drawn from the number of the repetition, so that the same
+run gives the same figures. **In wall time** router, plant, robot, `goto` and recorder are real
+processes on a shared machine. Where one of them is held up for long enough the robot stops for
+that: BUDGET or TICKS_LOST in the place of what was to be seen is the busy machine's.
 
 - *known*: from the fault until the robot does not drive any more and gives the reason; *stands*:
   until its wheels do not turn. Median and worst, in ms. The limit of *known* is that of the row in
