@@ -96,11 +96,14 @@ def run(options: argparse.Namespace, *, attacked: bool) -> Run:
     """Drive for so long, then stop in an emergency again and again; with attackers all the time."""
     found, flags = Run(), ["--realtime"] if options.realtime else []
     with observed(options.world, *flags) as observer, ExitStack() as scope:
+        crowd: list[subprocess.Popen[str]] = []
         if attacked:
-            scope.enter_context(attackers(observer.endpoint, options.rate, found))
+            crowd = scope.enter_context(attackers(observer.endpoint, options.rate, found))
         operator = Operator(observer)
         operator.take()
         operator.set_off()
+        for attacking in crowd:
+            begin(attacking)
         observer.bus.stream(CYCLE, lambda _key, frame, _ns: note(found, frame), observer.robot)
         until(lambda: found.reports, "cycle reports")
         found.reports.clear()
@@ -189,28 +192,39 @@ def arm(request_id: int) -> CommandRequest:
 
 
 @contextmanager
-def attackers(endpoint: str, rate_hz: float, found: Run) -> Iterator[None]:
-    """All of them at work; at the end what each has sent is noted."""
+def attackers(endpoint: str, rate_hz: float, found: Run) -> Iterator[list["subprocess.Popen[str]"]]:
+    """All of them, connected and waiting; at the end what each has sent is noted."""
     kinds = (("frames", rate_hz), ("questions", ASKED_HZ), ("connections", 50.0))
     with ExitStack() as scope:
         children = [scope.enter_context(attacker(kind, endpoint, hz)) for kind, hz in kinds]
         try:
-            yield
+            yield children
         finally:
             for child in children:
                 child.terminate()
-            found.shots = [json.loads(child.communicate()[0] or "{}") for child in children]
+            told = [child.communicate()[0] for child in children]
+            found.shots = [json.loads(line) for line in told if line]
 
 
 def attacker(kind: str, endpoint: str, rate_hz: float) -> "subprocess.Popen[str]":
     command = [sys.executable, "-m", "benchmarks.flood_attack", kind, endpoint, str(rate_hz)]
     child = subprocess.Popen(
-        ["nice", *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ["nice", *command],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     assert child.stderr is not None
     if "ready" not in child.stderr.readline():
         raise RuntimeError(f"the attacker ({kind}) did not get in")
     return child
+
+
+def begin(child: "subprocess.Popen[str]") -> None:
+    assert child.stdin is not None
+    child.stdin.write("\n")
+    child.stdin.flush()
 
 
 def figures_of(idle: Run, flood: Run) -> tuple[Figure, ...]:

@@ -1,7 +1,7 @@
 """Attackers on a robot's bus, each a process: a flood of frames, of questions, of connections.
 
-`python -m benchmarks.flood_attack KIND ENDPOINT RATE` says `ready`, and goes on until it is ended;
-then it says how much it has sent.
+`python -m benchmarks.flood_attack KIND ENDPOINT RATE` says `ready`, begins when it is given a line,
+and goes on until it is ended; then it says how much it has sent.
 """
 
 import json
@@ -213,6 +213,7 @@ def main(arguments: Sequence[str]) -> None:
         for attacker in attackers:
             scope.callback(attacker.session.close)
         print("ready", file=sys.stderr, flush=True)
+        sys.stdin.readline()
         first = attackers[0]
         if kind == "questions":
             fired = shoot(first.ask, questions(), rate_hz)

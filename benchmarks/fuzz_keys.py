@@ -34,8 +34,8 @@ def among_good(ending: str, data: bytes, folder: Path) -> None:
             (folder / name).write_bytes(content)
     (folder / f"{NAME}{ending}").write_bytes(data)
     check(folder, NOW)
-    files = (str(folder / name) for name in ("ca.pem", f"{NAME}.pem", f"{NAME}.key"))
-    own(Tls(**dict(zip(("ca", "certificate", "key"), files, strict=True))))
+    ca, certificate, key = (folder / one for one in ("ca.pem", f"{NAME}.pem", f"{NAME}.key"))
+    own(Tls(ca=str(ca), certificate=str(certificate), key=str(key)))
 
 
 KEYS: Final = (

@@ -54,6 +54,8 @@ class Wired(Bus):
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
         accept: Callable[[str], bool] | None = None,
+        *,
+        forward: bool = False,
     ) -> Box:
         return self.boxes.setdefault(topic.path, Box(topic))
 
