@@ -5,6 +5,7 @@ from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -18,6 +19,12 @@ def state_of_our_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]
         del os.environ["XDG_STATE_HOME"]
     else:
         os.environ["XDG_STATE_HOME"] = before
+
+
+def pytest_configure() -> None:
+    """How long an example takes says what else this machine does, and nothing of the code."""
+    settings.register_profile("sidestep", deadline=None)
+    settings.load_profile("sidestep")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
