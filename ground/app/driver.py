@@ -1,61 +1,22 @@
-"""Textual's driver of a terminal, with ears that nothing the terminal sends can stop."""
+"""Textual's drivers of a terminal and of a browser, with ears that nothing they hear can stop."""
 
 import os
 from codecs import getincrementaldecoder
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
 from select import select
 from time import monotonic
 from typing import Final
 
-from textual import events
-from textual._xterm_parser import XTermParser
 from textual.driver import Driver
 from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
-from ground.app.pastes import Pastes, Piece
+from ground.app.ears import Ears
 
-ESCAPE: Final = "\x1b"
 AT_ONCE: Final = 4096
 MOST_AT_ONCE: Final = 16 * AT_ONCE
 TICK_S: Final = 0.1
-
-
-class Ears:
-    """What was typed and pasted, as Textual's messages."""
-
-    def __init__(self) -> None:
-        self._pastes = Pastes()
-        self._parser = XTermParser()
-
-    def feed(self, text: str, now_s: float) -> Iterator[Message]:
-        yield from self._messages(self._pastes.feed(text, now_s))
-
-    def tick(self, now_s: float) -> Iterator[Message]:
-        """What has waited long enough for more."""
-        for piece in self._pastes.due(now_s):
-            if piece.text == ESCAPE:  # the parser would wait for the rest of a key once more
-                yield events.Key("escape", ESCAPE)
-            else:
-                yield from self._messages([piece])
-        yield from self._parsed(self._parser.tick())
-
-    def _messages(self, pieces: Iterable[Piece]) -> Iterator[Message]:
-        for text, pasted in pieces:
-            if pasted:
-                yield events.Paste(text)
-            else:
-                yield from self._parsed(self._parser.feed(text))
-
-    def _parsed(self, messages: Iterable[Message]) -> Iterator[Message]:
-        """A parser that has stumbled over a sequence hears nothing any more: another one does."""
-        try:
-            yield from messages
-        except Exception:
-            before, self._parser = self._parser, XTermParser()
-            self._parser.mouse_pixels = before.mouse_pixels
-            self._parser.terminal_size = before.terminal_size
-            self._parser.terminal_pixel_size = before.terminal_pixel_size
+WEB: Final = "WebDriver"
 
 
 class Terminal(LinuxDriver):
@@ -63,18 +24,34 @@ class Terminal(LinuxDriver):
 
     def run_input_thread(self) -> None:
         """Until the app ends, or the terminal is gone."""
-        ears, decode = Ears(), getincrementaldecoder("utf-8")("replace").decode
+        hearing = Hearing(self.process_message)
         while not self.exit_event.is_set():
             if select([self.fileno], [], [], TICK_S)[0]:
                 data = read(self.fileno)
                 if not data:
                     return
-                self._process(ears.feed(decode(data), monotonic()))
-            self._process(ears.tick(monotonic()))
+                hearing.hear(data)
+            hearing.tick()
 
-    def _process(self, messages: Iterable[Message]) -> None:
+
+class Hearing:
+    """Bytes come in, and messages go to the app."""
+
+    def __init__(self, process: Callable[[Message], None]) -> None:
+        self._process = process
+        self._ears = Ears()
+        self._decode = getincrementaldecoder("utf-8")("replace").decode
+
+    def hear(self, data: bytes) -> None:
+        self._hand_on(self._ears.feed(self._decode(data), monotonic()))
+
+    def tick(self) -> None:
+        """What has waited long enough for more."""
+        self._hand_on(self._ears.tick(monotonic()))
+
+    def _hand_on(self, messages: Iterable[Message]) -> None:
         for message in messages:
-            self.process_message(message)
+            self._process(message)
 
 
 def read(descriptor: int) -> bytes:
@@ -91,5 +68,9 @@ def read(descriptor: int) -> bytes:
 
 
 def steady(driver: type[Driver]) -> type[Driver]:
-    """Ours in the place of Textual's, where that is what reads a terminal."""
+    """Ours in the place of Textual's, where that reads a terminal or a browser."""
+    if driver.__name__ == WEB:
+        from ground.app.browser import Browser  # only where there is one
+
+        return Browser
     return Terminal if driver is LinuxDriver else driver

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from textual import events
 
-from ground.app.driver import Ears
+from ground.app.ears import Ears
 from ground.app.pastes import END, HELD_S, LONGEST_KEY, MOST, SILENT_S, START, Pastes, Piece
 
 ESC = "\x1b"

@@ -1,0 +1,28 @@
+"""Textual's driver of a browser, with the ears of ours."""
+
+from textual.drivers._byte_stream import ByteStream
+from textual.drivers.web_driver import WebDriver, _ExitInput
+
+from ground.app.driver import Hearing
+
+TYPED = "D"
+
+
+class Browser(WebDriver):
+    """What the server sends is in packets: what was typed or pasted, or news of the window."""
+
+    def run_input_thread(self) -> None:
+        """Until the server says that it is over."""
+        hearing, stream = Hearing(self.process_message), ByteStream()
+        try:
+            for data in self._input_reader:
+                for kind, payload in stream.feed(data) if data else ():
+                    if kind == TYPED:
+                        hearing.hear(payload)
+                    else:
+                        self._on_meta(kind, payload)
+                hearing.tick()
+        except _ExitInput:
+            pass
+        finally:
+            self._input_reader.close()
