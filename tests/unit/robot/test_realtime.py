@@ -1,11 +1,12 @@
 import gc
 import os
 import sys
+import threading
 
 import pytest
 
 from robot.core.parameters import DEFAULTS
-from robot.realtime import SWITCH_S, freeze_heap, share_interpreter, use_fifo
+from robot.realtime import FIFO_PRIORITY, SWITCH_S, freeze_heap, share_interpreter, use_fifo
 from robot.run import Options, settle
 from robot.store import Store
 from robot.vehicle import Vehicle
@@ -42,6 +43,32 @@ def test_real_time_scheduling_that_is_refused_falls_back_with_a_warning(
 
     monkeypatch.setattr(os, "sched_setscheduler", refused)
     assert "CAP_SYS_NICE" in (use_fifo() or "")
+
+
+def test_threads_that_may_hold_the_interpreter_are_scheduled_too_below_the_loop(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given: dict[int, int] = {}
+
+    def give(thread: int, _policy: int, param: os.sched_param) -> None:
+        if thread == gone:
+            raise ProcessLookupError(3, "No such process")
+        given[thread] = param.sched_priority
+
+    done = threading.Event()
+    other = threading.Thread(target=done.wait)
+    other.start()
+    gone = other.native_id
+    monkeypatch.setattr(os, "sched_setscheduler", give)
+    assert use_fifo() is None
+    gone = None
+    assert use_fifo() is None
+    done.set()
+    other.join()
+    assert given[0] == FIFO_PRIORITY
+    assert other.native_id is not None
+    assert given[other.native_id] < FIFO_PRIORITY
+    assert threading.get_native_id() not in given
 
 
 def test_any_other_failure_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
