@@ -12,6 +12,7 @@ QUIET_NS: Final = 60_000_000_000
 """What was told is not told again for so long, only counted."""
 
 AT_ONCE: Final = 10
+MOST_BYTES: Final = 100_000
 REMEMBERED: Final = 500
 SIGNS: Final = (b"is unauthorized to", b". Hint: ")
 """Of a line that counts. Most of the log says what was allowed, and is not looked at closer."""
@@ -97,7 +98,8 @@ class Refusals:
 
 
 def telling(log: bytes) -> str:
-    """The lines that tell of a refusal."""
+    """The lines that tell of a refusal; of a flood only the beginning is looked at."""
+    log = log[:MOST_BYTES]
     if not any(sign in log for sign in SIGNS):
         return ""
     lines = (line for line in log.splitlines() if any(sign in line for sign in SIGNS))

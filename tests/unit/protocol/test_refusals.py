@@ -142,11 +142,20 @@ def test_the_same_is_told_again_only_after_a_while_and_then_with_how_often() -> 
 
 def test_a_flood_of_different_ones_is_told_in_few_lines_and_little_memory() -> None:
     refusals = Refusals()
-    log = "".join(cached("Put (ingress)", f"key/{number}") for number in range(1000))
+    log = "".join(cached("Put (ingress)", f"key/{number}") for number in range(300))
     told = refusals.heard(log.encode(), viewer, list, 0)
     assert len(told) == AT_ONCE + 1
-    assert told[-1] == f"refused: {1000 - AT_ONCE} others at the same time"
+    assert told[-1] == f"refused: {300 - AT_ONCE} others at the same time"
+    for round_ns in range(1, 6):
+        log = "".join(cached("Put (ingress)", f"{round_ns}/{number}") for number in range(300))
+        refusals.heard(log.encode(), viewer, list, round_ns)
     assert len(refusals._told) <= REMEMBERED
+
+
+def test_of_a_flood_only_the_beginning_is_read() -> None:
+    flood = judged("Put (ingress)", "early") + cached("Put (egress)", "k") * 1000
+    (told,) = heard(flood + cached("Put (ingress)", "late"))
+    assert "may not put on early" in told
 
 
 def test_what_is_no_log_is_nothing() -> None:
