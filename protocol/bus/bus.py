@@ -15,13 +15,14 @@ from zenoh.handlers import Callback
 
 from protocol.bus.access import unanswered
 from protocol.bus.answer import answer_in
+from protocol.bus.callers import callers
 from protocol.bus.certificate import holder
 from protocol.bus.history import following, told_ns
 from protocol.bus.locks import shut
 from protocol.bus.presence import Presence, presence_in
 from protocol.bus.publisher import Publisher
 from protocol.bus.service import Asked, Desk, Handler, sender_in, taken
-from protocol.bus.session import bound_endpoints, called, open_session
+from protocol.bus.session import bound_endpoints, called, gone, open_session
 from protocol.bus.trouble import Line
 from protocol.codec import Encoder
 from protocol.errors import LocalError, NoAnswer
@@ -226,21 +227,16 @@ class Bus:
     def kept_out(self) -> str:
         """Why those it dialled do not let it in; empty when that is not what is wrong.
 
-        Takes most of a second for each of them that takes the call and says nothing.
+        Takes up to two seconds for each of them that takes the call and says nothing.
         """
         why = shut(self.network)
         return "" if why is None else str(why)
 
     def lost(self) -> str:
         """Why nobody can be heard: the hub is gone, hangs or lets nobody in. Empty while linked."""
-        hub, there = self.hub(), ", ".join(self.network.connect)
-        if hub is Hub.HANGS and (why := self.kept_out()):
-            return why
-        if hub is Hub.HANGS:
-            return f"the process at {there} does not answer any more, but it is there: it hangs"
-        if hub is Hub.UNREACHABLE:
-            return f"nothing comes back from {there}: the network in between is cut"
-        return "" if hub.linked else f"the process at {there} has ended"
+        hub = self.hub()
+        shut_out = self.kept_out() if hub is Hub.HANGS else ""
+        return shut_out or gone(hub, ", ".join(self.network.connect))
 
     def watch(self, handler: Callable[[Presence, bool], None]) -> None:
         """Who comes (True) and goes (False), those already there included; only enqueue."""
@@ -260,15 +256,7 @@ class Bus:
 
     def on_caller(self, handler: Callable[[str, str | None, str], None]) -> None:
         """Who is linked to us (session id, name of the certificate, address), from now on."""
-
-        def forward(event: zenoh.LinkEvent) -> None:
-            if event.kind == zenoh.SampleKind.PUT:
-                link = event.link
-                handler(str(link.zid), link.auth_identifier, link.dst)
-
-        callback = Callback(forward, indirect=False)
-        listening = self._session.info.declare_link_events_listener(callback, history=True)
-        self._declared.append(listening)
+        self._declared.append(callers(self._session, handler))
 
     def await_matched(self, publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:
         """Wait until somebody subscribes to each; the keys nobody subscribed to in time."""

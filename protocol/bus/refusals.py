@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
+from itertools import islice
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -12,7 +13,7 @@ QUIET_NS: Final = 60_000_000_000
 """What was told is not told again for so long, only counted."""
 
 AT_ONCE: Final = 10
-MOST_BYTES: Final = 100_000
+MOST_LINES: Final = 3000
 REMEMBERED: Final = 500
 SIGNS: Final = (b"is unauthorized to", b". Hint: ")
 """Of a line that counts. Most of the log says what was allowed, and is not looked at closer."""
@@ -99,11 +100,10 @@ class Refusals:
 
 def telling(log: bytes) -> str:
     """The lines that tell of a refusal; of a flood only the beginning is looked at."""
-    log = log[:MOST_BYTES]
     if not any(sign in log for sign in SIGNS):
         return ""
     lines = (line for line in log.splitlines() if any(sign in line for sign in SIGNS))
-    return b"\n".join(lines).decode(errors="replace")
+    return b"\n".join(islice(lines, MOST_LINES)).decode(errors="replace")
 
 
 def denials(log: str, caller: Callable[[str], Caller]) -> Iterator[str]:

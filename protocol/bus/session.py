@@ -125,6 +125,15 @@ def called(endpoint: str) -> Hub:
         return Hub.UNREACHABLE
 
 
+def gone(hub: Hub, there: str) -> str:
+    """What has become of those at the endpoints; empty while there is a link."""
+    if hub is Hub.HANGS:
+        return f"the process at {there} does not answer any more, but it is there: it hangs"
+    if hub is Hub.UNREACHABLE:
+        return f"nothing comes back from {there}: the network in between is cut"
+    return "" if hub.linked else f"the process at {there} has ended"
+
+
 def bound_endpoints(session: zenoh.Session) -> tuple[str, ...]:
     """Where a session really listens: the port behind a 0 is only known to its admin space."""
     for reply in session.get(f"@/{session.zid()}/*", timeout=1.0):

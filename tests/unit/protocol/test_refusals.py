@@ -4,7 +4,16 @@ from collections.abc import Iterable
 
 import pytest
 
-from protocol.bus.refusals import AT_ONCE, QUIET_NS, REMEMBERED, UNKNOWN, Caller, Refusals, in_words
+from protocol.bus.refusals import (
+    AT_ONCE,
+    MOST_LINES,
+    QUIET_NS,
+    REMEMBERED,
+    UNKNOWN,
+    Caller,
+    Refusals,
+    in_words,
+)
 
 ZID = "8c120e5a285b3f0ac3672d47388fa857"
 HEAD = "2026-11-21T22:13:59.056613Z TRACE  rx-0 ThreadId(09) demux{zid=7dc0 src=x}: "
@@ -153,9 +162,15 @@ def test_a_flood_of_different_ones_is_told_in_few_lines_and_little_memory() -> N
 
 
 def test_of_a_flood_only_the_beginning_is_read() -> None:
-    flood = judged("Put (ingress)", "early") + cached("Put (egress)", "k") * 1000
+    flood = judged("Put (ingress)", "early") + cached("Put (egress)", "k") * MOST_LINES
     (told,) = heard(flood + cached("Put (ingress)", "late"))
     assert "may not put on early" in told
+
+
+def test_what_was_allowed_hides_no_refusal() -> None:
+    allowed = judged("Put (ingress)", "k", "authorized") * 5 * MOST_LINES
+    (told,) = heard(allowed + cached("Put (ingress)", "late"))
+    assert "may not put on late" in told
 
 
 def test_what_is_no_log_is_nothing() -> None:
