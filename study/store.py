@@ -57,7 +57,7 @@ def find(directory: Path) -> Found:
     for file in files:
         try:
             tables.append(_table(file))
-        except (OSError, pa.ArrowException) as error:
+        except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
             unreadable.append((file, _first_line(error)))
     return Found(_merged(tables), tuple(unreadable))
 

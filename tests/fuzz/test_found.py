@@ -33,6 +33,10 @@ FOUND = {
     "a list of parameters that is deep": ("parameter_list", b"[" * 100_000),
     "a world told by the plant that is deep": ("world_facts", b'{"a":' * 100_000),
     "settings of a study that are deep": ("study_settings", b"[" * 100_000),
+    "rows of a study with a name that is no text": (
+        "study_rows",
+        TARGETS["study_rows"].good[0].replace(b"noise", b"n\xffise"),
+    ),
     "a port in digits that are none": ("web_address", "127.0.0.1:8²".encode()),
     "a kilobyte that unpacks to a gigabyte": ("mcap", bomb(1 << 30, 9)),
     "a chunk that announces an exabyte": ("mcap", bomb(1 << 20, 9, announced=1 << 60)),

@@ -1,0 +1,34 @@
+"""The rows of a study as they are read back: Parquet files, whole or not."""
+
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Final
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from benchmarks.fuzz_target import Target
+from study.rows import SCHEMA
+from study.store import RESULTS, find
+
+
+def tables() -> Sequence[bytes]:
+    """No row, and two of them, with compression and without."""
+    columns = {one.name: pa.array(["1", "1"]).cast(one.type) for one in SCHEMA}
+    two = pa.table(columns, schema=SCHEMA)
+    return [written(SCHEMA.empty_table(), "NONE"), written(two, "NONE"), written(two, "zstd")]
+
+
+def written(table: pa.Table, compression: str) -> bytes:
+    out = BytesIO()
+    pq.write_table(table, out, compression=compression)
+    return out.getvalue()
+
+
+def read(data: bytes, folder: Path) -> None:
+    (folder / RESULTS).write_bytes(data)
+    find(folder)
+
+
+ROWS: Final = (Target(name="study_rows", samples=tables, run=read, words=(b"PAR1",), weight=8),)
