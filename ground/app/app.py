@@ -2,13 +2,14 @@
 
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from time import monotonic_ns
 from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
 
 from textual import events
-from textual.app import App
+from textual.app import App, ScreenStackError
 from textual.command import Provider
 from textual.driver import Driver
 from textual.timer import Timer
@@ -186,6 +187,11 @@ class GroundApp(App[int]):
     def _fatal_error(self) -> None:
         """Textual would draw a page of our local variables; whoever runs the app tells it."""
         self._close_messages_no_wait()
+
+    def clear_selection(self) -> None:
+        """From Python 3.12 on the first screen is composed before it is on Textual's stack."""
+        with suppress(ScreenStackError):
+            super().clear_selection()
 
     def get_driver_class(self) -> type[Driver]:
         from ground.app.driver import steady  # not where nobody has a terminal

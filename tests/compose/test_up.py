@@ -2,14 +2,17 @@
 
 import asyncio
 import json
+from pathlib import Path
+from shutil import which
 from typing import Any
 
 import pytest
 
-from tests.compose.compose import Compose, docker
+from tests.compose.compose import ROOT, Compose, docker
 from tests.compose.web import asked, token_in
 from tests.stack.browser import browsing, chromium
 from tests.stack.test_browser import DRAWN, drawn, keep, sees
+from tests.stack.tmux import Tmux
 
 pytestmark = pytest.mark.compose
 
@@ -90,11 +93,25 @@ def test_the_token_is_in_the_log_and_nowhere_else(stack: Compose) -> None:
 def test_the_browser_shows_the_robot(stack: Compose) -> None:
     async def story() -> bytes:
         async with browsing(stack.address) as page:
-            return await sees(page)
+            png = await sees(page)
+            assert not await page.value("document.body.classList.contains('-closed')"), "it ended"
+            return png
 
     png = asyncio.run(story())
     keep(png, "compose.png")
     assert drawn(png) >= DRAWN
+
+
+@pytest.mark.skipif(which("tmux") is None, reason="no tmux on this machine")
+def test_the_ground_station_opens_in_a_terminal_and_leaves_it(
+    stack: Compose, tmp_path: Path
+) -> None:
+    words = ["-C", str(ROOT), *stack.command("run", "--rm", "ground")]
+    settings = {"SIDESTEP_IMAGE": stack.image, "PORT": stack.port}
+    with Tmux(tmp_path, ["env", *words], (100, 30), settings) as terminal:
+        terminal.shows("r1", "parameters read: ready", within_s=60.0)
+        terminal.press("C-q")
+        assert terminal.ends(30.0) == 0
 
 
 def test_nobody_is_told_more_than_he_needs(stack: Compose, part: str) -> None:

@@ -3,7 +3,9 @@
 from pathlib import Path
 
 import pytest
+from textual.app import ScreenStackError
 
+from ground.app.app import GroundApp
 from ground.app.faces.faults import Trouble
 from ground.app.screens.faults import FaultsScreen, fault_of
 from ground.app.screens.worlds import WorldsScreen, looked_up
@@ -11,7 +13,7 @@ from ground.app.worlds import ask_worlds, reached_in, reached_of
 from ground.widgets.map import MapWidget
 from protocol.errors import UserError
 from protocol.topics import Role
-from tests.tui.fakes import FakeStation
+from tests.tui.fakes import FakeOrders, FakeStation
 from tests.tui.pilot import Stage, play, staged
 from tests.tui.plant_side import FakeStack, on
 from tests.tui.underway import driving, parameter
@@ -272,3 +274,10 @@ def test_what_is_no_fault_is_refused(words: str) -> None:
     one = Trouble("sonar_dropout", "", kind="sonar_dropout", targets=("0", "1"))
     with pytest.raises(UserError):
         fault_of(one, words.split())
+
+
+def test_a_field_that_is_made_before_there_is_a_screen_ends_nothing() -> None:
+    app = GroundApp(FakeStation(), FakeOrders())
+    with pytest.raises(ScreenStackError):
+        _ = app.screen
+    app.clear_selection()  # as Textual's Input calls it, from Python 3.12 on before there is one
