@@ -8,7 +8,8 @@ import pytest
 from zenoh import ZBytes
 
 from protocol.bus import Asked, Bus
-from protocol.bus.service import sender_in
+from protocol.bus.service import MOST_WAITING, Desk, sender_in, taken
+from protocol.codec import LARGEST_FRAME
 from protocol.enums import AckResult, Command
 from protocol.errors import NoAnswer, UserError
 from protocol.messages import CommandAck, CommandRequest, Message, WheelTicks
@@ -182,3 +183,29 @@ def bus_answers(bus: Bus) -> bool:
         return bus.ask(PARAMETERS, robot="r9") == b"[]"
     except NoAnswer:
         return False
+
+
+class Unread(Asked):
+    """A question that nobody has looked at yet."""
+
+    def __init__(self) -> None:
+        self.service = COMMAND
+        self.dropped = False
+
+    def drop(self) -> None:
+        self.dropped = True
+
+
+def test_questions_beyond_what_can_wait_are_dropped_and_counted() -> None:
+    desk = Desk()
+    asked = [Unread() for _ in range(MOST_WAITING + 3)]
+    for one in asked:
+        desk.put(one, lambda _: None)
+    assert [one for one in asked if one.dropped] == asked[-3:]
+    assert desk.rejected == {COMMAND.path: 3}
+
+
+def test_a_frame_of_megabytes_is_not_even_copied() -> None:
+    assert taken(ZBytes(b"\xfd" * 2_000_000)) == bytes(LARGEST_FRAME + 1)
+    assert taken(ZBytes(b"\xfd" * LARGEST_FRAME)) == b"\xfd" * LARGEST_FRAME
+    assert sender_in(ZBytes(b"a" * 2_000_000)) == ""
