@@ -7,7 +7,7 @@ from typing import Final
 from ground.map.ellipse import ellipse
 from ground.map.pen import Pen
 from ground.map.scene import BEAM_RAD, Robot, Scene
-from ground.map.standing import apart_m, draw_heading
+from ground.map.standing import apart_m, draw_heading, looks_right
 from ground.map.view import Point
 
 CONE_EVERY: Final = 3
@@ -72,10 +72,9 @@ def draw_goal(pen: Pen, scene: Scene) -> None:
     goal = scene.goal
     if goal is None:
         return
-    at, robot, looks_rad = (goal.x_m, goal.y_m), scene.robot, goal.heading_rad
+    at, robot = (goal.x_m, goal.y_m), scene.robot
     draw_heading(pen, goal, "goal")
-    to_left = looks_rad is not None and cos(looks_rad % (2.0 * pi)) > 0.5
-    pen.mark(at, "goal", "goal", "goal", to_left)
+    pen.mark(at, "goal", "goal", "goal", looks_right(goal))
     away_m = None if robot is None else apart_m((robot.x_m, robot.y_m), at)
     pen.off_map(at, "goal", "goal" if away_m is None else f"goal {away_m:.1f} m")
 

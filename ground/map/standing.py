@@ -59,14 +59,14 @@ def draw_mission(pen: Pen, scene: Scene) -> None:
         numbers[scene.current] = f">{numbers[scene.current]}"
     draw_legs(pen, scene.mission, "mission", 2 * EDGE_EVERY)
     for number, item in zip(numbers, scene.mission, strict=True):
-        pen.mark((item.x_m, item.y_m), "waypoint", "mission", number)
+        pen.mark((item.x_m, item.y_m), "waypoint", "mission", number, looks_right(item))
 
 
 def draw_draft(pen: Pen, scene: Scene) -> None:
     """What is only planned: hollow marks, numbers with a `d`, and fewer dots between them."""
     draw_legs(pen, scene.draft, "draft", 4 * EDGE_EVERY)
     for number, item in enumerate(scene.draft, start=1):
-        pen.mark((item.x_m, item.y_m), "draft", "draft", f"d{number}")
+        pen.mark((item.x_m, item.y_m), "draft", "draft", f"d{number}", looks_right(item))
 
 
 def draw_legs(pen: Pen, items: Sequence[Target], role: str, every: int) -> None:
@@ -86,6 +86,12 @@ def draw_heading(pen: Pen, target: Target, role: str) -> None:
         length_m = HEADING_DOTS * pen.view.m_per_dot
         tip = at[0] + length_m * cos(target.heading_rad), at[1] + length_m * sin(target.heading_rad)
         pen.path((at, tip), role)
+
+
+def looks_right(target: Target) -> bool:
+    """Where a label would be: then that is on the left."""
+    heading_rad = target.heading_rad
+    return heading_rad is not None and isfinite(heading_rad) and cos(heading_rad) > 0.5
 
 
 def dotted(pen: Pen, shape: Shape, role: str) -> None:

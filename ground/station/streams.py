@@ -46,6 +46,9 @@ class Counter:
     def take(self, frame: bytes, arrived_ns: int) -> None:
         if not framed(frame):
             return
+        if self._last is not None and arrived_ns < self._last[1]:
+            self._fetched(self._last[1])
+            return
         sequence = frame[SEQUENCE_AT]
         missing = self._missing(sequence, arrived_ns)
         if missing:
@@ -54,6 +57,13 @@ class Counter:
         self._last = sequence, arrived_ns
         self.received += 1
         self._arrivals.append(arrived_ns)
+
+    def _fetched(self, now_ns: int) -> None:
+        """It was told before what came last: kept for us by its sender, and so not lost."""
+        self.received += 1
+        if self.lost:
+            self.lost -= 1
+            self._gaps.append((now_ns, -1))
 
     def skip(self) -> None:
         """Frames were thrown away on our side: the next gap says nothing."""
@@ -74,7 +84,7 @@ class Counter:
             self._arrivals.popleft()
         while self._gaps and now_ns - self._gaps[0][0] > WINDOW_NS:
             self._gaps.popleft()
-        return len(self._arrivals), sum(lost for _, lost in self._gaps)
+        return len(self._arrivals), max(0, sum(lost for _, lost in self._gaps))
 
     def rate_hz(self, now_ns: int) -> float | None:
         received, _ = self.recent(now_ns)

@@ -9,6 +9,7 @@ import pytest
 from ground.app.app import GroundApp
 from ground.app.looks import Looks
 from ground.app.player import Player
+from ground.map import Target
 from ground.station import Loss, LossKind
 from protocol.clock import ManualClock
 from protocol.reasons import Reason, reason_text
@@ -98,6 +99,16 @@ def test_a_loss(update_screens: bool) -> None:
         station.loss_now = Loss(LossKind.HUNG, "r1", "no beat", "it stops by itself", since_ns)
         async with staged(station=station) as stage:
             check(stage, "loss", update=update_screens)
+
+    play(story)
+
+
+def test_a_draft_of_a_mission(update_screens: bool) -> None:
+    async def story() -> None:
+        async with staged(station=lived(), theme="mono") as stage:
+            stage.orders.drafted = (Target(2.0, 6.5), Target(7.5, 6.0, 0.0), Target(7.0, 1.5))
+            await stage.look()
+            check(stage, "draft", update=update_screens)
 
     play(story)
 

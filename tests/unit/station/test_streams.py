@@ -121,3 +121,16 @@ def test_the_round_trip_is_that_of_a_small_question() -> None:
     play = Play()
     play.forward(0.5)
     assert play.station.round_trip_ms == 0.0
+
+
+def test_what_is_fetched_after_a_cut_was_not_lost() -> None:
+    encoder = Encoder(1, 1)
+    frames = [encoder.encode(BEAT) for _ in range(6)]
+    counter = Counter(HEARTBEAT)
+    for at in (1, 2, 5):
+        counter.take(frames[at], at * PERIOD_NS)
+    assert (counter.lost, counter.recent(5 * PERIOD_NS)) == (2, (3, 2))
+    for at in (3, 4):
+        counter.take(frames[at], at * PERIOD_NS)
+    assert (counter.lost, counter.received) == (0, 5)
+    assert counter.recent(5 * PERIOD_NS)[1] == 0
