@@ -67,7 +67,7 @@ class Meter:
             missed=self._tick.missed,
             overruns=self.overruns,
             rejected=rejected,
-            late_us=self._tick.late_ns // 1000,
+            late_us=max(0, self._tick.late_ns) // 1000,
             sense_age_us=sense_age_us,
             budget_us=TICK_US,
             stage_us=tuple([min(spent_us, 65_535) for spent_us in self._stage_us]),

@@ -3,11 +3,12 @@
 from typing import Any
 
 from protocol.bus import Bus
-from protocol.clock import Tick
+from protocol.clock import ManualClock, Tick
 from protocol.mailbox import Mailbox
 from protocol.messages import SonarScan, WheelTicks
 from protocol.topic import Topic
 from robot.core.parameters import DEFAULTS
+from robot.meter import Meter
 from robot.senses import Senses
 from robot.store import Store
 from robot.vehicle import Vehicle
@@ -47,3 +48,9 @@ def test_nor_is_that_of_the_operators_heartbeat() -> None:
     vehicle = Vehicle(DEFAULTS, Store(None))
     vehicle.hear_operator(171 * MS)
     assert vehicle.operator_age_ms(100 * MS) == 0
+
+
+def test_nor_is_how_late_a_tick_is_when_the_clock_has_jumped_back() -> None:
+    meter = Meter(ManualClock(), period_ns=50 * MS, enforced=True)
+    meter.begin(Tick(1, 0, -5_000 * MS, 0))
+    assert meter.report(0, sense_age_us=0, rejected=0).late_us == 0
