@@ -10,16 +10,19 @@ RESTS: Final = 0.15
 LONGEST_REST_S: Final = 30.0
 PACE_S: Final = 20.0
 FEWEST: Final = 5
+FLOOD_HZ: Final = 1000.0
 
 
 class Fault(NamedTuple):
-    """`role` gets a signal, and after `lasts_s` another; or, without one, its cable is cut."""
+    """`role` gets a signal, and after `lasts_s` another; or, without one, its cable is cut, or it
+    carries so many frames a second that somebody puts on r1's keys, some of them forged."""
 
     name: str
     role: str
     first: signal.Signals | None
     then: signal.Signals | None = None
     lasts_s: float = 0.0
+    flood_hz: float = 0.0
 
 
 KILLED: Final = ("robot r2", "plant", "router", "ground r2")
@@ -36,6 +39,7 @@ def faults(roles: list[str]) -> list[Fault]:
         for role in STOPPED
     ]
     found += [Fault(f"{role} cut off for 4 s", role, None, None, 4.0) for role in CUT]
+    found.append(Fault(f"flood of {FLOOD_HZ:g} frames/s", "router", None, None, 3.0, FLOOD_HZ))
     return [fault for fault in found if fault.role in roles]
 
 

@@ -1,12 +1,13 @@
 """The fleet that is soaked: what `up` starts, with two operators and a recorder; some on cables."""
 
 import os
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Final, NamedTuple, Self
 
 from benchmarks.cable import Cable
+from benchmarks.flood import attacker
 from benchmarks.soak_faults import CUT, Fault
 from ground.children import Children
 from ground.cli import parse
@@ -48,6 +49,7 @@ class Fleet:
 
     def __enter__(self) -> Self:
         with self._scope:
+            self._attacks = self._scope.enter_context(ExitStack())
             self._children = self._scope.enter_context(Children(self._clock))
             self._words = self._cast()
             for role, words in self._words.items():
@@ -81,16 +83,29 @@ class Fleet:
         self._upkeep.round(self._clock.now_ns())
 
     def do(self, fault: Fault) -> None:
-        if fault.first is None:
+        if fault.flood_hz:
+            self._attack(fault.flood_hz)
+        elif fault.first is None:
             self._cables[fault.role].cut()
         else:
             self._children.send(fault.role, fault.first)
 
     def undo(self, fault: Fault) -> None:
-        if fault.first is None:
+        if fault.flood_hz:
+            self._attacks.close()
+        elif fault.first is None:
             self._cables[fault.role].mend()
         elif fault.then is not None:
             self._children.send(fault.role, fault.then)
+
+    def _attack(self, rate_hz: float) -> None:
+        with suppress(RuntimeError):  # nobody let it in
+            child = attacker("frames", self.endpoint, rate_hz)
+            self._attacks.enter_context(child)
+            self._attacks.callback(child.terminate)
+            assert child.stdin is not None
+            child.stdin.write("\n")
+            child.stdin.flush()
 
     def sizes(self) -> dict[tuple[str, int], Size]:
         """By role and process id; who is just ending is left out."""
