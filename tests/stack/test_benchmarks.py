@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from benchmarks import codec, core, digest, flood, jitter, latency, lockstep, robot, trial
+from benchmarks import codec, core, digest, flood, jitter, latency, lockstep, mtls, robot, trial
 from benchmarks.__main__ import Benchmark
 from benchmarks.figures import Figure
 
@@ -42,6 +42,12 @@ def test_lockstep_drives_to_the_end_of_the_goal() -> None:
 def test_latency_sees_an_answer_to_every_tick() -> None:
     found = figures(latency, "--world", "open", "--blocks", "1", "--ticks", "10")
     assert found["ours / floor, p50"].median > 0
+
+
+def test_a_locked_robot_answers_beside_an_open_one() -> None:
+    found = figures(mtls, "--world", "open", "--blocks", "1", "--ticks", "10")
+    assert found["locked / open, p50"].median > 0
+    assert found["locked and told of refusals / open, p50"].median > 0
 
 
 def test_jitter_reads_the_robots_own_reports() -> None:
