@@ -24,7 +24,7 @@ from tests.stack.processes import Crew, Running, until
 pytestmark = pytest.mark.stack
 
 KILLS: Final = 20
-AT_ONCE: Final = 5
+AT_ONCE: Final = 10
 STARTS_S: Final = 30.0
 EVERY_S: Final = 0.02
 LOST_AT_MOST_S: Final = 1.0
