@@ -122,7 +122,9 @@ def reason_of(status: NavigatorStatus) -> str:
 
 def pose_of(odometry: PlanarOdometry) -> str:
     x_m, y_m = odometry.x_m, odometry.y_m
-    return f"pose {x_m:.2f} {y_m:.2f} {round(degrees(odometry.heading_rad))} deg"
+    heading_rad = odometry.heading_rad
+    heading = f"{round(degrees(heading_rad))}" if isfinite(heading_rad) else NONE
+    return f"pose {x_m:.2f} {y_m:.2f} {heading} deg"
 
 
 def metres(value: float) -> str:

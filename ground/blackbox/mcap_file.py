@@ -28,7 +28,7 @@ MESSAGE: Final = struct.Struct("<HIQQ")
 LARGEST_RECORD: Final = 1 << 30
 UNREADABLE: Final = (
     *(McapError, zstandard.ZstdError, struct.error),
-    *(ValueError, RuntimeError, MemoryError),
+    *(ValueError, OverflowError, RuntimeError, MemoryError),
 )
 
 

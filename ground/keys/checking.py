@@ -100,7 +100,7 @@ def read(path: Path) -> x509.Certificate:
         return found
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from error
-    except (ValueError, UnsupportedAlgorithm) as error:
+    except (ValueError, UnsupportedAlgorithm, x509.InvalidVersion) as error:
         raise UserError(f"{path} is not a certificate in PEM") from error
 
 

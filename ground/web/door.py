@@ -62,4 +62,7 @@ class Door:
 
 def from_here(origin: str | None, host: str) -> bool:
     """Whether a request comes from a page of this host; without an origin it is no page's."""
-    return origin is None or urlsplit(origin).netloc == host
+    try:
+        return origin is None or urlsplit(origin).netloc == host
+    except ValueError:  # an origin that is no address
+        return False

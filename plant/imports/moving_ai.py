@@ -110,7 +110,7 @@ def _scenario(line: str, number: int, file: str) -> Scenario:
         reason = f"expected {FIELDS} fields, six of them whole numbers, found {line[:60]!r}"
         fix = "write bucket, map, width, height, start x, start y, goal x, goal y, length"
         raise refuse(file, "scenario", reason, fix, number)
-    width, height, start_x, start_y, goal_x, goal_y = (int(one) for one in numbers)
+    width, height, start_x, start_y, goal_x, goal_y = (int(one.strip()) for one in numbers)
     return Scenario(number, fields[1], width, height, (start_x, start_y), (goal_x, goal_y))
 
 

@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from benchmarks.fuzz_hunt import limited, watch
-from benchmarks.fuzz_logs import bomb
+from benchmarks.fuzz_logs import bomb, said
+from benchmarks.fuzz_messages import packed
 from benchmarks.fuzz_targets import TARGETS
+from protocol.messages import PlanarOdometry
 
 DOTTED = b"a" + b".a" * 60_000 + b" = 1"
 LONG = b"[parameters]\nd_obs_m = " + b"9" * 5000
@@ -14,6 +17,10 @@ HUGE = b"[parameters]\nd_obs_m = 0x" + b"f" * 400
 PLAN = b"""{"fileType": "Plan", "mission": {"plannedHomePosition": [48.1, 11.5, 0], "items": []},
 "geoFence": {"circles": [{"inclusion": true, "circle": {"center": [1e308, 1], "radius": 1}}]}}"""
 ROUND = b"[fence]\ncorners = [" + b", ".join(b"[%d, %d]" % (n, n * n) for n in range(400)) + b"]"
+
+HEADLESS = msgspec.structs.replace(
+    next(one for one in said() if isinstance(one, PlanarOdometry)), heading_rad=float("nan")
+)
 
 FOUND = {
     "a key of sixty thousand parts in a world": ("world", DOTTED),
@@ -37,6 +44,15 @@ FOUND = {
         "study_rows",
         TARGETS["study_rows"].good[0].replace(b"noise", b"n\xffise"),
     ),
+    "a number with what is no blank before it": (
+        "scenarios",
+        b"version 1\n0\tworld.map\t\x1e16\t12\t1\t1\t9\t8\t11.2\n",
+    ),
+    "an origin that is no address": (
+        "door",
+        b"/ws\nCookie: sidestep_8765=0123456789abcdefgh\nOrigin: http://[\n",
+    ),
+    "a robot with a heading that is no number": ("recording", packed(HEADLESS, after=1)),
     "a port in digits that are none": ("web_address", "127.0.0.1:8²".encode()),
     "a kilobyte that unpacks to a gigabyte": ("mcap", bomb(1 << 30, 9)),
     "a chunk that announces an exabyte": ("mcap", bomb(1 << 20, 9, announced=1 << 60)),
