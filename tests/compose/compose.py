@@ -136,6 +136,7 @@ class Compose:
             done = self.verb("goto", x_m, y_m, "--json")
             if done.code == 0 or not any(words in done.said for words in BUSY):
                 break
+            self.verb("arm")  # a failsafe stays until then
         return done
 
     @contextmanager

@@ -52,6 +52,8 @@ def test_each_robot_of_a_fleet_drives_to_its_goal(fleet: Compose) -> None:
         codes = [docker("wait", driver).strip() for driver in drivers]
         if codes == ["0", "0"]:
             break
+        for robot in ("r1", "r2"):
+            fleet.verb("arm", "--id", robot)
     assert codes == ["0", "0"], [docker("logs", driver) for driver in drivers]
 
 
