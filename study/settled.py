@@ -65,7 +65,7 @@ def differences(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str
         if before == value:
             continue
         if key == "worlds":
-            found.append(_worlds(before or {}, value))
+            found.append(_worlds(before if isinstance(before, dict) else {}, value))
         elif key == "code":
             found.append(f"other code (it was made at commit {there.get('commit', 'unknown')})")
         else:

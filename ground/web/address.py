@@ -33,7 +33,7 @@ def address_of(text: str) -> Address:
     host, _, port = text.strip().rpartition(":") if ":" in text else ("", "", text.strip())
     if port and not (port.isascii() and port.isdigit()):
         host, port = text.strip(), ""
-    number = int(port) if port else USUAL_PORT
+    number = int(port[:6]) if port else USUAL_PORT
     if not 0 < number < 65536:
         raise UserError(f"--web {text}: a port is a number from 1 to 65535")
     host = host.strip("[]") or USUAL_HOST
