@@ -37,7 +37,7 @@ def file(tmp_path: Path) -> Path:
 def robot_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Vehicle, Network, str]]:
     runs: list[tuple[Vehicle, Network, str]] = []
 
-    def run(vehicle: Vehicle, network: Network, name: str, _options: Any) -> int:
+    def run(vehicle: Vehicle, network: Network, name: str, *_: Any) -> int:
         runs.append((vehicle, network, name))
         return 0
 
