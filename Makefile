@@ -89,7 +89,7 @@ test: setup
 	step "types" mypy --strict
 	step "import contracts" lint-imports
 	step "tests" pytest -q -n auto -m "not stack and not compose" $(if $(CI),--no-skips)
-	step "tests with processes" pytest -q -m stack $(if $(CI),--no-skips)
+	step "tests with processes" pytest -q -n 2 --dist loadfile -m stack $(if $(CI),--no-skips)
 	step "tests with containers" pytest -q -m compose $(if $(CI),--no-skips)
 	if [ -n "$$failed" ]; then
 		printf '\nmake test: FAILED:%s\n' "$${failed#,}" >&2

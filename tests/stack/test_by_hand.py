@@ -8,13 +8,15 @@ from pathlib import Path
 import pytest
 
 from ground.missions.files import read
-from protocol.enums import MissionState, Mode
+from protocol.enums import MissionState, Mode, Vehicle
 from protocol.messages import MissionStatus
+from protocol.reasons import Reason
 from protocol.topics import MISSION
 from tests.stack.processes import Crew, Witness, until
 
 pytestmark = pytest.mark.stack
 
+TRIES = 6
 TOUR = """
 [[waypoint]]
 x_m = 0.9
@@ -51,6 +53,12 @@ def done(crew: Crew, *words: str, code: int = 0) -> str:
     return said
 
 
+def late(witness: Witness) -> bool:
+    """Has it stopped because this machine is busy with other things?"""
+    status = witness.status
+    return status.vehicle == Vehicle.FAILSAFE and status.vehicle_reason == Reason.BUDGET
+
+
 def test_a_mission_is_driven_from_a_file_and_comes_back_as_one(tmp_path: Path) -> None:
     path, back = tmp_path / "tour.toml", tmp_path / "back.toml"
     path.write_text(TOUR)
@@ -63,8 +71,12 @@ def test_a_mission_is_driven_from_a_file_and_comes_back_as_one(tmp_path: Path) -
             return isinstance(status, MissionStatus) and status.state == MissionState.DONE
 
         done(crew, "mission", "upload", str(path))
-        done(crew, "mission", "start")
-        until(over, 30.0, "the mission is done")
+        for _ in range(TRIES):
+            done(crew, "arm")
+            done(crew, "mission", "start")
+            until(lambda: over() or late(witness), 30.0, "the mission is done")
+            if over():
+                break
         assert done(crew, "mission", "status") == "done, item 2 of 2\n"
         assert "outside of the fence" in done(crew, "goto", "5", "2", code=1)
         done(crew, "mission", "download", str(back))

@@ -143,7 +143,7 @@ def test_the_app_tells_who_was_started_again_and_why(tmp_path: Path) -> None:
         tmux.shows("read: ready", within_s=20.0)
         tmux.press("7")
         tmux.shows("end robot r1", "hang plant")
-        tmux.press("j", "j", "Enter", "4")
+        tmux.press("j", "j", "s", "4")
         tmux.shows(
             "the robot r1 process was killed (signal SIGKILL); it is started again",
             "started again: the one before was killed (signal SIGKILL)",
@@ -151,7 +151,7 @@ def test_the_app_tells_who_was_started_again_and_why(tmp_path: Path) -> None:
         )
         tmux.press("1")
         tmux.shows("DISARMED")
-        tmux.press("7", "j", "Enter", "4")
+        tmux.press("7", "j", "s", "4")
         tmux.shows(
             "the plant process hung (not heard for 2.5 s); it is started again",
             "senses began anew: the place is not known any more",
