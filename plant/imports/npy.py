@@ -13,7 +13,7 @@ MAGIC: Final = b"\x93NUMPY"
 LENGTH_BYTES: Final = {1: 2, 2: 4, 3: 4}
 LONGEST_HEADER: Final = 10_000
 MOST_SIDE: Final = 1000
-NUMBERS: Final = re.compile(r"[<>|=]?([biu][1248]|f[248])")
+NUMBERS: Final = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248])")
 FIX: Final = "give a grid_N.npy of the data set"
 
 

@@ -53,6 +53,10 @@ FOUND = {
         b"/ws\nCookie: sidestep_8765=0123456789abcdefgh\nOrigin: http://[\n",
     ),
     "a robot with a heading that is no number": ("recording", packed(HEADLESS, after=1)),
+    "a table of truth values two bytes wide": (
+        "barn_grid",
+        TARGETS["barn_grid"].good[2].replace(b"|b1", b"|b2"),
+    ),
     "a port of very many digits": ("web_address", b"127.0.0.1:" + b"9" * 6600),
     "settings of a study whose worlds are a text": ("study_settings", b'{"worlds": "box"}'),
     "a port in digits that are none": ("web_address", "127.0.0.1:8²".encode()),
