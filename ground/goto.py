@@ -1,14 +1,13 @@
 """`goto`: arm if need be, send the goal, be the operator while it lives, tell how it ended."""
 
 import argparse
-from contextlib import suppress
 from typing import Final
 
 from ground.destination import Destination, destination_of, from_robot, goal_request
 from ground.destination import arguments as destination_arguments
 from ground.lease import leased
 from ground.link import NS_PER_S, Link, linked
-from ground.operator import BEAT_NS, Answered, GoalEnd, GoalWatch
+from ground.operator import BEAT_NS, Answered, Asking, GoalEnd, GoalWatch
 from ground.options import add_common, common_of, seconds
 from ground.orders import tell
 from ground.ready import insist
@@ -18,7 +17,7 @@ from ground.telemetry import Telemetry
 from protocol.enums import Command, Mode
 from protocol.errors import RemoteError, UserError
 from protocol.messages import GoalRequest
-from protocol.topics import DECISION, ODOMETRY, STATUS
+from protocol.topics import COMMAND, DECISION, ODOMETRY, STATUS
 
 SHOW_NS: Final = 200_000_000
 SHOW_PLAIN_NS: Final = 2_000_000_000
@@ -125,12 +124,13 @@ class Drive:
             self._link.pulse.wait_until(now_ns + BEAT_NS // 2)
 
     def _abort(self, why: str) -> None:
-        """Tell the robot, once and briefly; it stops without us, too."""
-        request = self._link.command(Command.SIDESTEP_ABORT_GOAL)
+        """Tell the robot, once and briefly; it stops without us, too, and nobody asks who is gone."""
+        request, now_ns = self._link.command(Command.SIDESTEP_ABORT_GOAL), self._link.clock.now_ns()
+        asking = Asking(request, now_ns, attempts=1, patience_ns=STOP_NS)
+        self._link.talk(asking, COMMAND)
         said = "the robot could not be told; without an operator it stops by itself"
-        with suppress(RemoteError):
-            answered = self._link.ask(request, attempts=1, patience_ns=STOP_NS)
-            said = "goal aborted, the robot stops" if answered.ok else answered.text
+        if isinstance(asking.outcome, Answered):
+            said = "goal aborted, the robot stops" if asking.outcome.ok else asking.outcome.text
         self._says.note(f"{why}: {said}")
 
     def _tell_end(self, end: GoalEnd, started_ns: int) -> int:
