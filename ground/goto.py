@@ -124,7 +124,7 @@ class Drive:
             self._link.pulse.wait_until(now_ns + BEAT_NS // 2)
 
     def _abort(self, why: str) -> None:
-        """Tell the robot, once and briefly; it stops without us, too, and nobody asks who is gone."""
+        """Tell the robot, once and briefly: it stops without us, too. Nobody asks who is gone."""
         request, now_ns = self._link.command(Command.SIDESTEP_ABORT_GOAL), self._link.clock.now_ns()
         asking = Asking(request, now_ns, attempts=1, patience_ns=STOP_NS)
         self._link.talk(asking, COMMAND)
