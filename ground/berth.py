@@ -19,10 +19,10 @@ from ground.says import Says
 from ground.scenario import question, world_facts
 from protocol.calibration import settings_of
 from protocol.errors import UserError
+from protocol.network import MOST_ROBOTS
 from protocol.options import whole
 from protocol.wire_goal import start_words
 
-MOST_ROBOTS: Final = 20
 NAME: Final = "{id}"
 """Stands for the robot's name in file names and in the verb's words."""
 

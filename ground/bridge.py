@@ -12,11 +12,15 @@ from ground.link import Link
 from ground.options import add_common, common_of
 from ground.says import Says
 from ground.tlog import whole
+from protocol.clock import Clock
 from protocol.errors import UserError
 
 USUAL_PLACE: Final = "127.0.0.1:8765"
 ROUND_NS: Final = 50_000_000
 AGAIN_NS: Final = 2_000_000_000
+HEAD_START_NS: Final = 1_000_000_000
+"""A viewer that waits to connect again is to find the channels there: the SDK (0.30.3) can lose
+what a viewer asks for in the moment in which its channel is made."""
 MOST_WAITING: Final = 4096
 ONCE: Final = ("/world", "/robot/body", "/goal")
 """Told seldom, and so again and again: whoever connects later is to see it, too."""
@@ -42,16 +46,24 @@ def place(text: str) -> Place:
 
 def act(options: argparse.Namespace, link: Link, says: Says) -> int:
     """Until a signal ends it. It only looks: nothing that a viewer does reaches the robot."""
+    bridge = Bridge(link, common_of(options).network.prefix)
+    go_round(bridge, link.clock, HEAD_START_NS)
     server = served(options.at, link.robot)
     try:
         says.note(f"{link.robot} at ws://{options.at.host}:{server.port}; no password guards it")
-        bridge = Bridge(link, common_of(options).network.prefix)
         while True:
-            due_ns = link.clock.now_ns() + ROUND_NS
-            bridge.round(link.clock.now_ns())
-            link.clock.sleep_until(due_ns)
+            go_round(bridge, link.clock, ROUND_NS)
     finally:
         server.stop()
+
+
+def go_round(bridge: "Bridge", clock: Clock, for_ns: int) -> None:
+    """For at least this time, at the bridge's pace."""
+    over_ns = clock.now_ns() + for_ns
+    while clock.now_ns() < over_ns:
+        due_ns = clock.now_ns() + ROUND_NS
+        bridge.round(clock.now_ns())
+        clock.sleep_until(due_ns)
 
 
 def served(at: Place, robot: str) -> Any:
@@ -103,6 +115,11 @@ class Bridge:
         if now_ns >= self._again_ns:
             self._again_ns = now_ns + AGAIN_NS
             self._tell(list(self._once.values()), now_ns)
+
+    @property
+    def topics(self) -> frozenset[str]:
+        """What a viewer that connects now can choose from."""
+        return frozenset(self._channels)
 
     def _tell(self, pieces: Iterable[Piece], at_ns: int) -> None:
         for piece in pieces:

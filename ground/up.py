@@ -28,12 +28,12 @@ from ground.stack import Stack
 from protocol.bus import Bus, open_bus
 from protocol.clock import Clock, WallClock
 from protocol.errors import NoPeer, RemoteError
+from protocol.network import MOST_ROBOTS
 from protocol.options import finite, whole
 from protocol.outcome import Outcome
 from protocol.topics import Role
 
 TIMEOUT_S: Final = 300.0
-MOST_ROBOTS: Final = 20
 NOISES: Final = ("none", "default", "lossy", "harsh")
 OPEN_NS: Final = 10 * NS_PER_S
 PLAIN_NS: Final = 5 * NS_PER_S

@@ -1,20 +1,14 @@
-"""A file of ours is replaced as a whole or stays as it was; a link keeps leading to it."""
+"""Files that an operator has asked for: written whole, or refused with the reason."""
 
-import os
-from contextlib import suppress
 from pathlib import Path
 
+from protocol import whole_file
 from protocol.errors import UserError
 
 
 def replace(path: Path, text: str) -> None:
-    """UserError, with the reason, when it cannot be written."""
-    file = Path(os.path.realpath(path))
-    draft = file.with_name(f".{file.name}.part")
+    """UserError, with the reason, when it cannot be written; then what was there still is."""
     try:
-        draft.write_text(text, encoding="utf-8")
-        os.replace(draft, file)
+        whole_file.replace(path, text)
     except OSError as error:
-        with suppress(OSError):
-            draft.unlink()
         raise UserError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error

@@ -11,7 +11,8 @@ from protocol.trouble import Trouble
 Mode = Literal["client", "peer", "router"]
 EXAMPLE = "tcp/127.0.0.1:7447"
 LOCKED = "tls/"
-USUAL_ROBOTS = tuple(f"r{number}" for number in range(1, 21))
+MOST_ROBOTS = 20
+USUAL_ROBOTS = tuple(f"r{number}" for number in range(1, MOST_ROBOTS + 1))
 
 
 class Hub(Enum):

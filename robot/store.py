@@ -1,9 +1,9 @@
 """Parameters that survive a restart: a small JSON file, replaced as a whole or not at all."""
 
 import json
-import os
 from pathlib import Path
 
+from protocol import whole_file
 from protocol.json_text import value_in
 from robot.core.parameters import Params
 from robot.parameters import OutOfRange, Unknown, with_value
@@ -54,11 +54,6 @@ class Store:
 
 
 def replace_whole(path: Path, text: str) -> None:
-    """Write atomically: a crash leaves the old file or the new one. Raises OSError."""
+    """A crash leaves the old file or the new one; its directory is made. Raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_suffix(".part")
-    with draft.open("w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)
+    whole_file.replace(path, text)

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import aiohttp
@@ -16,31 +16,38 @@ from protocol.bus import open_bus
 from protocol.clock import WallClock
 from protocol.errors import UserError
 from protocol.network import Network
-from protocol.topics import ODOMETRY, PREFIX, WORLD, Role
-from tests.bus.robots import PlayedRobot, played
-from tests.unit.ground.blackbox.made import WORLD_TEXT, odometry
+from protocol.topics import PREFIX, WORLD, Role
+from tests.bus.nets import until
+from tests.bus.robots import played
+from tests.unit.ground.blackbox.made import WORLD_TEXT
 
 PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 DATA_HEAD = 1 + 4 + 8
+PATIENCE_S = 20.0
+WANTED = frozenset({"/world", "/robot/pose", "/tlm/status/NavigatorStatus", "/mavlink"})
 
 
 @pytest.fixture
-def stage() -> Iterator[tuple[PlayedRobot, Bridge, int]]:
-    """A robot, a bridge that goes its rounds, and the port of its server."""
+def port() -> Iterator[int]:
+    """Of a bridge that goes its rounds beside a robot that speaks."""
     with played() as (robot, endpoint):
+        robot.pose = (1.25, 0.5, 0.0)
         robot.bus.serve(WORLD, lambda asked: asked.reply(WORLD_TEXT.encode()))
         network = Network(mode="client", connect=(endpoint,))
         common = Common(network=network, robot="r1")
-        server = served(place("127.0.0.1:0"), "r1")
         with open_bus(network, Role.GROUND, "r1") as bus:
             bridge = Bridge(Link(bus, common, WallClock()), PREFIX)
             stop = threading.Event()
             rounds = threading.Thread(target=go_round, args=(bridge, stop))
             rounds.start()
-            yield robot, bridge, server.port
-            stop.set()
-            rounds.join()
-            server.stop()
+            try:
+                until(lambda: bridge.topics >= WANTED)
+                server = served(place("127.0.0.1:0"), "r1")
+                yield server.port
+                server.stop()
+            finally:
+                stop.set()
+                rounds.join()
 
 
 def go_round(bridge: Bridge, stop: threading.Event) -> None:
@@ -49,17 +56,17 @@ def go_round(bridge: Bridge, stop: threading.Event) -> None:
         bridge.round(clock.now_ns())
 
 
-async def viewed(port: int, topics: set[str], meanwhile: Callable[[], object]) -> dict[str, Any]:
+async def viewed(port: int, topics: frozenset[str]) -> dict[str, Any]:
     """The first message of each topic, as a viewer that has just connected gets it."""
     found: dict[str, Any] = {}
     channels: dict[int, str] = {}
     async with (
+        asyncio.timeout(PATIENCE_S),
         aiohttp.ClientSession() as session,
         session.ws_connect(f"http://127.0.0.1:{port}", protocols=PROTOCOLS) as viewer,
     ):
         while topics - set(found):
-            meanwhile()
-            frame = await viewer.receive(timeout=10.0)
+            frame = await viewer.receive()
             if frame.type is aiohttp.WSMsgType.TEXT:
                 said = json.loads(frame.data)
                 if said["op"] != "advertise":
@@ -77,17 +84,14 @@ async def viewed(port: int, topics: set[str], meanwhile: Callable[[], object]) -
 
 
 def test_a_viewer_that_connects_sees_the_robot_and_its_world(
-    stage: tuple[PlayedRobot, Bridge, int],
+    port: int,
 ) -> None:
-    robot, _, port = stage
-    publisher = robot.bus.publisher(ODOMETRY)
-    wanted = {"/world", "/robot/pose", "/tlm/status/NavigatorStatus", "/mavlink"}
-    found = asyncio.run(viewed(port, wanted, lambda: publisher.put(odometry(1, 1.25))))
+    found = asyncio.run(viewed(port, WANTED))
     assert found["/robot/pose"]["pose"]["position"]["x"] == 1.25
     assert found["/world"]["entities"][0]["id"] == "walls"
     assert found["/tlm/status/NavigatorStatus"]["mode"] == 15
 
 
-def test_a_place_that_is_taken_is_named(stage: tuple[PlayedRobot, Bridge, int]) -> None:
-    with pytest.raises(UserError, match=f"cannot listen at 127.0.0.1:{stage[2]}"):
-        served(place(f"127.0.0.1:{stage[2]}"), "r1")
+def test_a_place_that_is_taken_is_named(port: int) -> None:
+    with pytest.raises(UserError, match=f"cannot listen at 127.0.0.1:{port}"):
+        served(place(f"127.0.0.1:{port}"), "r1")

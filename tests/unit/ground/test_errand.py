@@ -1,6 +1,5 @@
 """One robot's run when somebody it needs is gone: it waits whether they come back, and says so."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,17 +11,16 @@ from ground.link import Link
 from ground.options import Common
 from ground.scenario import Entrant, Scenario
 from ground.upkeep import Void
-from protocol.bus import Bus
 from protocol.clock import ManualClock
 from protocol.enums import GoalState
 from protocol.errors import NoAnswer
-from protocol.mailbox import Mailbox
 from protocol.message import Message
 from protocol.messages import NavigatorStatus
 from protocol.network import Network
 from protocol.reasons import Reason
-from protocol.topic import Service, Topic
+from protocol.topic import Service
 from protocol.topics import STATUS
+from tests.boxes import Wireless
 
 SECOND = 1_000_000_000
 SILENT = "nobody serves it"
@@ -33,31 +31,8 @@ SCENARIO = Scenario(
 WHY = "the plant process was killed (signal SIGKILL)"
 
 
-class Box(Mailbox[Any]):
-    """Holds what the test puts in."""
-
-    newest: tuple[Any, int] | None = None
-
-    def latest(self) -> tuple[Any, int] | None:
-        return self.newest
-
-
-class Wired(Bus):
-    """Mailboxes without a wire, and a plant that does not answer."""
-
-    def __init__(self) -> None:
-        self.boxes: dict[str, Box] = {}
-
-    def mailbox(
-        self,
-        topic: Topic[Any],
-        robot: str | None = None,
-        notify: Callable[[int], None] | None = None,
-        accept: Callable[[str], bool] | None = None,
-        *,
-        forward: bool = False,
-    ) -> Box:
-        return self.boxes.setdefault(topic.path, Box(topic))
+class Wired(Wireless):
+    """No frames come, and a plant does not answer."""
 
     def stream(self, *_: Any) -> None:
         """Nothing comes."""

@@ -1,14 +1,8 @@
 """A plant that was started again has put the robot elsewhere: it stops and says it is lost."""
 
-from collections.abc import Callable
-from typing import Any
-
-from protocol.bus import Bus
 from protocol.clock import Tick
 from protocol.enums import Severity
-from protocol.mailbox import Mailbox
 from protocol.messages import WheelTicks
-from protocol.topic import Topic
 from robot.core import reasons, states
 from robot.core.machine import start_goal
 from robot.core.parameters import DEFAULTS
@@ -16,41 +10,15 @@ from robot.core.values import Goal
 from robot.senses import Senses
 from robot.store import Store
 from robot.vehicle import Vehicle
+from tests.boxes import Wireless
 
 PERIOD_NS = 50_000_000
 LOST = "senses began anew: the place is not known any more"
 
 
-class Box(Mailbox[Any]):
-    """Holds what the test puts in."""
-
-    newest: tuple[WheelTicks, int] | None = None
-
-    def latest(self) -> tuple[WheelTicks, int] | None:
-        return self.newest
-
-
-class Wired(Bus):
-    """Mailboxes without a wire."""
-
-    def __init__(self) -> None:
-        self.boxes: dict[str, Box] = {}
-
-    def mailbox(
-        self,
-        topic: Topic[Any],
-        robot: str | None = None,
-        notify: Callable[[int], None] | None = None,
-        accept: Callable[[str], bool] | None = None,
-        *,
-        forward: bool = False,
-    ) -> Box:
-        return self.boxes.setdefault(topic.path, Box(topic))
-
-
 def read(stamps: list[int], *, lockstep: bool) -> Vehicle:
     """An armed robot with a goal that has sensed these ticks of its wheels."""
-    bus, vehicle = Wired(), Vehicle(DEFAULTS, Store(None))
+    bus, vehicle = Wireless(), Vehicle(DEFAULTS, Store(None))
     senses = Senses(bus, lockstep=lockstep)
     machine = vehicle.state.machine
     machine.vehicle = states.ACTIVE

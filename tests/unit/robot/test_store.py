@@ -59,7 +59,7 @@ def test_a_crash_while_saving_leaves_the_old_file(
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("robot.store.os.fsync", full)
+    monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OSError, match="No space"):
         store.save("d_obs_m", 0.60)
     params, _ = Store(tmp_path).load(DEFAULTS)

@@ -248,7 +248,7 @@ def test_a_value_that_cannot_be_saved_is_in_force_and_says_so(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("robot.store.os.fsync", full)
+    monkeypatch.setattr("os.fsync", full)
     desk = Desk(Store(tmp_path))
     desk.vehicle.texts()
     assert refused(set_parameter(desk, "d_obs_m", 0.5)) == Reason.NOT_SAVED

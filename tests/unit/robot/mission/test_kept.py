@@ -200,7 +200,7 @@ def test_a_fence_that_cannot_be_saved_is_up_and_says_so(
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("robot.store.os.fsync", full)
+    monkeypatch.setattr("os.fsync", full)
     desk = restarted(tmp_path)
     desk.arm()
     told(desk)
