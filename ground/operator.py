@@ -24,6 +24,8 @@ PATIENCE_NS: Final = 500 * MS
 BEAT_NS: Final = 200 * MS
 SILENCE_NS: Final = 3_000 * MS
 UNSEEN_NS: Final = 3_000 * MS
+OVERTAKEN_NS: Final = 1_000 * MS
+"""A status that is at most so much older than the newest was overtaken on its way."""
 ID_BITS: Final = 64
 
 Request: TypeAlias = CommandRequest | GoalRequest | LeaseRequest
@@ -194,8 +196,10 @@ class GoalWatch:
         if self.end is not None:
             return
         self._heard_ns = now_ns
-        if status.time_ns < self._stamp_ns and self._seen:
-            self.end = GoalEnd("aborted", "the robot has been restarted")
+        behind_ns = self._stamp_ns - status.time_ns
+        if behind_ns > 0 and self._seen:
+            if behind_ns > OVERTAKEN_NS:
+                self.end = GoalEnd("aborted", "the robot has been restarted")
             return
         self._stamp_ns = status.time_ns
         if status.goal_id == self._goal_id:

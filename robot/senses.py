@@ -12,6 +12,7 @@ from robot.core.senses import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Scan, Wheels
 from robot.vehicle import Vehicle
 
+LATE_NS: Final = 1_000_000_000
 Sense = TypeVar("Sense", WheelTicks, SonarScan)
 OVERTAKEN: Final = 20
 """A sample up to so many behind the newest was overtaken on its way; one farther behind is of a
@@ -84,19 +85,24 @@ class Senses:
         return max(0, now_ns - (newest[0].time_ns if self.lockstep else newest[1]))
 
     def _place(self, newest: tuple[SonarScan, int] | None, tick: Tick, now_ns: int) -> None:
-        """This tick is at the stamp of its scan, or so much after the last one."""
+        """This tick is at the stamp of its scan, or so much after the last one.
+
+        A scan that was late does not turn time back; a plant that began anew, or stood, does.
+        """
         if self.lockstep:
             self.stamp_ns, self.sequence = now_ns, now_ns // PERIOD_NS
         elif newest is not None:
             scan, arrived_ns = newest
-            self.stamp_ns = scan.time_ns + max(0, tick.due_ns - arrived_ns)
+            stamp_ns = scan.time_ns + max(0, tick.due_ns - arrived_ns)
+            late = 0 < self.stamp_ns - stamp_ns <= LATE_NS
+            self.stamp_ns = self.stamp_ns if late else stamp_ns
             self.sequence = scan.seq
 
     def _listen(self, vehicle: Vehicle, now_ns: int) -> None:
         newest = self._operator.latest()
         if newest is not None and newest[1] != self._heard_ns:
             self._heard_ns = newest[1]
-            vehicle.hear_operator(now_ns)
+            vehicle.hear_operator(now_ns if self.lockstep else newest[1])
         steered = self._teleop.latest()
         if steered is not None and steered is not self._steered:
             self._steered = steered

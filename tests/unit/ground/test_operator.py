@@ -183,14 +183,21 @@ def test_a_newer_goal_ends_ours() -> None:
 
 
 @pytest.mark.parametrize(
-    "restarted", [status(0, GoalState.NONE, goal_id=0), status(900 * MS, goal_id=0)]
+    "restarted", [status(0, GoalState.NONE, goal_id=0), status(5_400 * MS, goal_id=0)]
 )
 def test_a_restarted_robot_is_not_waited_for(restarted: NavigatorStatus) -> None:
     drive = Drive()
-    drive.hear(status(500 * MS))
+    drive.hear(status(5_000 * MS))
     drive.hear(restarted)
     assert drive.watch.end is not None
     assert "restarted" in drive.watch.end.reason
+
+
+def test_a_status_that_was_overtaken_on_its_way_ends_nothing() -> None:
+    drive = Drive()
+    drive.hear(status(5_000 * MS))
+    drive.hear(status(4_950 * MS, GoalState.NONE, goal_id=0))
+    assert drive.watch.end is None
 
 
 def test_a_robot_that_never_heard_of_the_goal_is_found_out() -> None:

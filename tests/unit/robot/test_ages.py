@@ -1,43 +1,24 @@
 """A loop that was held up hears what arrived after its tick had begun: that is new, not younger."""
 
-from typing import Any
-
-from protocol.bus import Bus
 from protocol.clock import ManualClock, Tick
-from protocol.mailbox import Mailbox
 from protocol.messages import SonarScan, WheelTicks
-from protocol.topic import Topic
 from robot.core.parameters import DEFAULTS
 from robot.meter import Meter
 from robot.senses import Senses
 from robot.store import Store
 from robot.vehicle import Vehicle
+from tests.boxes import Wireless
 
 MS = 1_000_000
 SCAN = SonarScan(time_ns=0, seq=7, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=255, echo=255)
 TICKS = WheelTicks(time_ns=0, seq=7, left=0, right=0, bumper=0, expired=0)
 
 
-class Box(Mailbox[Any]):
-    """Something that arrived 71 ms after the tick began."""
-
-    def latest(self) -> tuple[Any, int] | None:
-        found = {"sense/sonar": SCAN, "sense/wheels": TICKS}.get(self.topic.path)
-        return None if found is None else (found, 171 * MS)
-
-
-class Wired(Bus):
-    """Mailboxes without a wire."""
-
-    def __init__(self) -> None:
-        """Nothing is opened."""
-
-    def mailbox(self, topic: Topic[Any], *_: Any, **__: Any) -> Mailbox[Any]:
-        return Box(topic)
-
-
 def test_the_age_of_a_scan_is_never_below_zero() -> None:
-    senses, vehicle = Senses(Wired(), lockstep=False), Vehicle(DEFAULTS, Store(None))
+    bus, vehicle = Wireless(), Vehicle(DEFAULTS, Store(None))
+    senses = Senses(bus, lockstep=False)
+    bus.boxes["sense/sonar"].newest = (SCAN, 171 * MS)
+    bus.boxes["sense/wheels"].newest = (TICKS, 171 * MS)
     inputs = senses.read(Tick(0, 100 * MS, 0, 0), 100 * MS, vehicle)
     assert senses.scan_age_ms == 0
     assert inputs.scan is not None
