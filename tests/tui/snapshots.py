@@ -19,7 +19,8 @@ def compare(svg: str, name: str, *, update: bool, folder: Path = FOLDER) -> str:
     """Empty when it is as committed; else what to do about it. The actual one is left beside."""
     actual, committed = normalised(svg), folder / f"{name}.svg"
     beside = folder / f"{name}{ACTUAL}"
-    beside.unlink(missing_ok=True)
+    if beside.exists():  # the tree may be one that nobody can write to
+        beside.unlink()
     if update:
         folder.mkdir(exist_ok=True)
         committed.write_text(actual, encoding="utf-8")

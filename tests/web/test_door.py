@@ -99,7 +99,7 @@ def test_a_browser_that_leaves_is_counted_out() -> None:
             await asyncio.sleep(0.01)
         assert not server.sessions
 
-    with_client(story, command="cat")
+    with_client(story, command="sleep 0.2")  # one that ends: nobody else would end it
 
 
 def test_tokens_are_compared_as_a_whole() -> None:
