@@ -1,6 +1,7 @@
 """Nobody comes in without the token, and no page of another site with it."""
 
 import asyncio
+from asyncio.subprocess import Process
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -87,7 +88,16 @@ def test_only_so_many_browsers_are_served() -> None:
     with_client(story)
 
 
-def test_a_browser_that_leaves_is_counted_out() -> None:
+def test_a_browser_that_leaves_is_counted_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    apps: list[Process] = []
+    begin = asyncio.create_subprocess_shell
+
+    async def begun(*words: Any, **more: Any) -> Process:
+        apps.append(await begin(*words, **more))
+        return apps[-1]
+
+    monkeypatch.setattr(asyncio, "create_subprocess_shell", begun)
+
     async def story(client: Client, server: WebServer) -> None:
         await client.get(f"/?token={TOKEN}")
         async with client.ws_connect("/ws?width=80&height=24") as socket:
@@ -98,8 +108,11 @@ def test_a_browser_that_leaves_is_counted_out() -> None:
                 break
             await asyncio.sleep(0.01)
         assert not server.sessions
+        for app in apps:  # it heeds no word, and is not to outlive the loop
+            app.kill()
+            await app.communicate()
 
-    with_client(story, command="sleep 0.2")  # one that ends: nobody else would end it
+    with_client(story, command="exec cat")
 
 
 def test_tokens_are_compared_as_a_whole() -> None:
