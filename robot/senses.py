@@ -12,8 +12,9 @@ from robot.core.senses import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Scan, Wheels
 from robot.vehicle import Vehicle
 
-LATE_NS: Final = 1_000_000_000
 Sense = TypeVar("Sense", WheelTicks, SonarScan)
+LATE_NS: Final = 1_000_000_000
+"""A scan that puts the tick at most so much before the last one was late; more: time began anew."""
 OVERTAKEN: Final = 20
 """A sample up to so many behind the newest was overtaken on its way; one farther behind is of a
 plant that began anew."""

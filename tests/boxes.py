@@ -1,6 +1,5 @@
 """A bus without a wire: mailboxes that hold what a test puts in, frames left out."""
 
-from collections.abc import Callable
 from typing import Any
 
 from protocol.bus import Bus
@@ -23,13 +22,5 @@ class Wireless(Bus):
     def __init__(self) -> None:
         self.boxes: dict[str, Box] = {}
 
-    def mailbox(
-        self,
-        topic: Topic[Any],
-        robot: str | None = None,
-        notify: Callable[[int], None] | None = None,
-        accept: Callable[[str], bool] | None = None,
-        *,
-        forward: bool = False,
-    ) -> Box:
+    def mailbox(self, topic: Topic[Any], *_: Any, **__: Any) -> Box:
         return self.boxes.setdefault(topic.path, Box(topic))

@@ -83,9 +83,7 @@ async def viewed(port: int, topics: frozenset[str]) -> dict[str, Any]:
     return found
 
 
-def test_a_viewer_that_connects_sees_the_robot_and_its_world(
-    port: int,
-) -> None:
+def test_a_viewer_that_connects_sees_the_robot_and_its_world(port: int) -> None:
     found = asyncio.run(viewed(port, WANTED))
     assert found["/robot/pose"]["pose"]["position"]["x"] == 1.25
     assert found["/world"]["entities"][0]["id"] == "walls"

@@ -78,7 +78,12 @@ def test_measurements_run_in_the_image(image: str) -> None:
 def test_the_tests_run_in_an_image_of_their_own(image: str) -> None:
     with project(image) as compose:
         compose.does("build", "tests", within_s=BUILD_S)
-        wanted = ("tests/bus/test_locks.py", "tests/stack/test_terminal.py", "-k", "poor or named")
+        wanted = (
+            "tests/bus/test_locks.py",
+            "tests/stack/test_terminal.py",
+            "-k",
+            "poor or dialled",
+        )
         done = compose.tries("run", "--rm", "-T", "tests", "-q", *wanted)
         docker("rmi", "--force", f"{image}-tests")
     assert (done.code, " passed" in done.said) == (0, True), done.said

@@ -2,12 +2,18 @@
 
 import argparse
 import builtins
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
-from ground.bridge import Place, place, sdk
+from ground.bridge import Bridge, Place, act, place, sdk
+from ground.link import Link
+from ground.options import Common
+from ground.says import Says
+from protocol.clock import ManualClock
 from protocol.errors import UserError
+from protocol.network import Network
 
 
 def test_a_place_is_a_host_and_a_port() -> None:
@@ -32,3 +38,21 @@ def test_without_the_sdk_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(UserError, match=r"pip install 'sidestep\[foxglove\]'"):
         sdk()
+
+
+def test_it_has_heard_the_robot_for_a_second_before_it_listens(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock, rounds_ms = ManualClock(), []
+
+    def served(*_: Any) -> Any:
+        raise UserError("listens")
+
+    monkeypatch.setattr("ground.bridge.served", served)
+    monkeypatch.setattr("ground.bridge.common_of", lambda _: Common(network=Network(), robot="r1"))
+    monkeypatch.setattr(Bridge, "__init__", lambda *_: None)
+    monkeypatch.setattr(Bridge, "round", lambda _, now_ns: rounds_ms.append(now_ns // 1_000_000))
+    link = cast(Link, SimpleNamespace(clock=clock, robot="r1"))
+    with pytest.raises(UserError, match="listens"):
+        act(argparse.Namespace(at=Place("127.0.0.1", 0)), link, cast(Says, None))
+    assert rounds_ms == list(range(0, 1000, 50))

@@ -8,6 +8,7 @@ from robot.senses import Senses
 from robot.store import Store
 from robot.vehicle import Vehicle
 from tests.boxes import Wireless
+from tests.bus.robots import BEAT
 
 MS = 1_000_000
 SCAN = SonarScan(time_ns=0, seq=7, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=255, echo=255)
@@ -35,3 +36,11 @@ def test_nor_is_how_late_a_tick_is_when_the_clock_has_jumped_back() -> None:
     meter = Meter(ManualClock(), period_ns=50 * MS, enforced=True)
     meter.begin(Tick(1, 0, -5_000 * MS, 0))
     assert meter.report(0, sense_age_us=0, rejected=0).late_us == 0
+
+
+def test_an_operator_is_as_old_as_the_heartbeat_that_came() -> None:
+    bus, vehicle = Wireless(), Vehicle(DEFAULTS, Store(None))
+    senses = Senses(bus, lockstep=False)
+    bus.boxes["op/heartbeat"].newest = (BEAT, 60 * MS)
+    senses.read(Tick(0, 100 * MS, 0, 0), 100 * MS, vehicle)
+    assert vehicle.operator_age_ms(100 * MS) == 40
