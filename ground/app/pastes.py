@@ -5,6 +5,8 @@ Textual's parser waits for the end of a paste for ever, and makes keys of an esc
 
 from typing import Final, NamedTuple
 
+from ground.app.sequences import begun
+
 START: Final = "\x1b[200~"
 END: Final = "\x1b[201~"
 MOST: Final = 10_000
@@ -20,7 +22,7 @@ LONGEST_KEY: Final = 32
 
 
 class Piece(NamedTuple):
-    """Some of what came: keys as the terminal sends them, or all that was pasted at once."""
+    """Some of what came: whole keys as the terminal sends them, or all that was pasted at once."""
 
     text: str
     pasted: bool = False
@@ -58,7 +60,8 @@ class Pastes:
         """Up to the next paste; what is left of the text."""
         keys, mark, rest = text.partition(START)
         if not mark:
-            keys, self._held = halved(keys, START)
+            at = begun(keys)
+            keys, self._held = keys[:at], keys[at:]
         if self._cut and keys:
             keys = self._after_the_cut(keys)
         if keys:

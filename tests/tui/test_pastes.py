@@ -3,9 +3,11 @@
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from textual import events
+from textual._ansi_sequences import ANSI_SEQUENCES_KEYS, IGNORE_SEQUENCE
+from textual._xterm_parser import XTermParser
 
 from ground.app.ears import Ears
 from ground.app.pastes import END, HELD_S, LONGEST_KEY, MOST, SILENT_S, START, Pastes, Piece
@@ -121,14 +123,10 @@ def test_half_a_mark_waits_for_the_other_half_and_not_for_ever() -> None:
 def heard(*parts: str, apart_s: float = 0.0) -> list[str]:
     """Keys by name and pastes by text, when after the parts all is quiet."""
     ears, found, now_s = Ears(), [], 0.0
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("textual._parser.get_time", lambda: now_s)
-        for part in parts:
-            found += [*ears.tick(now_s), *ears.feed(part, now_s)]
-            now_s += apart_s
-        for _ in range(2):  # first what was held, then what the parser has waited for
-            now_s += LATER_S
-            found += ears.tick(now_s)
+    for part in parts:
+        found += [*ears.tick(now_s), *ears.feed(part, now_s)]
+        now_s += apart_s
+    found += ears.tick(now_s + LATER_S)
     keys = [one for one in found if isinstance(one, events.Key | events.Paste)]
     return [one.key if isinstance(one, events.Key) else f"<{one.text}>" for one in keys]
 
@@ -140,6 +138,55 @@ def test_keys_are_those_that_textual_knows() -> None:
 def test_escape_is_pressed_once_and_a_letter_after_it_is_its_own() -> None:
     assert heard(ESC, "h", apart_s=1.0) == ["escape", "h"]
     assert heard(ESC, ESC, apart_s=1.0) == ["escape", "escape"]
+
+
+KNOWN = [one for one in ANSI_SEQUENCES_KEYS if len(one) > 1 and one != ESC + ESC]
+
+
+@pytest.mark.parametrize("sequence", KNOWN)
+def test_a_sequence_that_textual_knows_means_what_it_means_there(sequence: str) -> None:
+    known = [repr(one) for one in XTermParser().feed(sequence)]
+    ears = Ears()
+    assert [repr(one) for one in (*ears.feed(sequence, 0.0), *ears.tick(HELD_S))] == known
+    assert known or ANSI_SEQUENCES_KEYS[sequence] is IGNORE_SEQUENCE
+
+
+@pytest.mark.parametrize("report", [f"{ESC}[<35;10;5M", f"{ESC}[I", f"{ESC}[48;24;80;480;800t"])
+def test_what_a_terminal_reports_is_handed_on(report: str) -> None:
+    assert len(list(Ears().feed(report, 0.0))) == 1
+
+
+@pytest.mark.parametrize(
+    "unknown",
+    [
+        f"{ESC}[?62;22c",
+        f"{ESC}[48;;;;t",
+        f"{ESC}[99999999999u",
+        f"{ESC}[{'1;' * 99}a",
+        f"{ESC}[[Z",
+        f"{ESC}[M a ",
+        f"{ESC}OZ",
+        f"{ESC}]11;rgb:aaaa/0000/dddd{ESC}\\",
+        f"{ESC}]11;rgb:aaaa/0000/dddd\x07",
+        f"{ESC}P>|xterm a(390){ESC}\\",
+        f"{ESC}[5;1",
+        f"{ESC}]11;rgb:aaaa",
+    ],
+)
+def test_an_unknown_sequence_presses_no_key_and_swallows_none(unknown: str) -> None:
+    """In one read, letter by letter, and slowly."""
+    f12 = f"{ESC}[24~"
+    assert heard(f"h{unknown}{f12}") == ["h", "f12"]
+    assert heard(*unknown, f12) == ["f12"]
+    assert heard(unknown, " ", apart_s=1.0) == ["space"]
+
+
+@pytest.mark.parametrize(
+    ("typed", "key"), [("x", "alt+x"), ("O", "alt+shift+o"), ("[", "left_square_bracket")]
+)
+def test_escape_and_a_letter_is_a_chord(typed: str, key: str) -> None:
+    assert heard(ESC + typed) == [key]
+    assert heard(f"{ESC}{typed}{ESC}[24~") == [key, "f12"]
 
 
 @pytest.mark.parametrize(
@@ -161,6 +208,12 @@ def test_after_any_garbage_keys_are_keys_again(garbage: str) -> None:
 @given(st.lists(st.text(st.sampled_from(f"{ESC}[]0129;~?<uMtORA \x00"), max_size=40), max_size=6))
 def test_nothing_that_a_terminal_sends_stops_the_ears(parts: list[str]) -> None:
     assert heard(*parts, "", "h", apart_s=1.0)[-1] == "h"
+
+
+@given(st.text(st.sampled_from(f"{ESC}[]0129;:~?<uMtORPA$ \x00\x07\\"), max_size=60))
+def test_nothing_swallows_a_stop_that_comes_in_the_same_read(text: str) -> None:
+    assume(START not in text)
+    assert heard(f"{text}{ESC}[24~")[-1] == "f12"
 
 
 @given(st.text(max_size=60))

@@ -1,0 +1,46 @@
+"""What is typed, in single keys: a text, or one escape sequence, whole (ECMA-48, and XTerm's own).
+
+Textual's parser takes what it does not know apart into letters, which would be keys of the app.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import Final
+
+ESCAPE: Final = "\x1b"
+LONGEST: Final = 256
+"""Of so many characters at most a sequence is waited for: what terminals answer is shorter."""
+
+_CSI: Final = r"\[[0-?]*[!-/]*"
+_OPENS: Final = r"(?:\][0-9]|P[0-9!$+=>])"
+_STRING: Final = rf"{_OPENS}[^\x07\x1b]*"
+_KEY = re.compile(
+    rf"{ESCAPE}(?:"
+    r"\[\[[^\x1b]"  # the console of Linux
+    r"|\[M[^\x1b]{3}"  # a mouse as of old
+    r"|\[[0-9]+\$"  # rxvt
+    rf"|{_CSI}[@-~]"
+    r"|O[^\x1b]"
+    rf"|{_STRING}(?:\x07|{ESCAPE}\\)"
+    rf"|(?!{_OPENS})[^\x1b\[O])"
+)
+_BEGUN = re.compile(rf"{ESCAPE}(?:\[\[|\[M[^\x1b]{{0,2}}|{_CSI}|O|[\]P]|{_STRING}{ESCAPE}?)?\Z")
+_BROKEN = re.compile(rf"{ESCAPE}(?:{_CSI}|O|{_STRING})?")
+_TEXT = re.compile(r"[^\x1b]+")
+
+
+def begun(text: str) -> int:
+    """Where the sequence begins that may go on after the text; its length when there is none."""
+    found = _BEGUN.search(text)
+    return len(text) if found is None or len(found[0]) > LONGEST else found.start()
+
+
+def single(text: str) -> Iterator[str]:
+    """Runs of characters, and sequences; one that broke off is the part there is of it."""
+    at = 0
+    while at < len(text):
+        for pattern in (_TEXT, _KEY, _BROKEN):
+            if found := pattern.match(text, at):
+                yield found[0]
+                at = found.end()
+                break
