@@ -28,7 +28,7 @@ VALID: Final = timedelta(days=1)
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--world", default="forest_medium")
-    parser.add_argument("--blocks", type=int, default=10)
+    parser.add_argument("--blocks", type=int, default=24)
     parser.add_argument("--ticks", type=int, default=200, help="in each block")
 
 

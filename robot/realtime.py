@@ -1,6 +1,5 @@
 """What the operating system can do for punctuality; each option falls back with a warning."""
 
-import gc
 import os
 import sys
 import threading
@@ -10,18 +9,6 @@ from pathlib import Path
 FIFO_PRIORITY = 50
 BELOW = 10
 SWITCH_S = 0.0005
-
-
-def freeze_heap() -> str | None:
-    """Move all that exists out of the collector's sight: no full collection stalls the loop.
-
-    None when it worked, else the warning to show.
-    """
-    if not hasattr(gc, "freeze"):
-        return "this Python cannot freeze its heap: a collection may stall the loop"
-    gc.collect()
-    gc.freeze()
-    return None
 
 
 def share_interpreter() -> None:

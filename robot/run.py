@@ -11,6 +11,7 @@ from protocol.bus.doors import watched_doors
 from protocol.claim import claim
 from protocol.clock import SLACK, Tick, WallClock, ticks
 from protocol.enums import Severity
+from protocol.heap import freeze_heap
 from protocol.lockstep import LockstepClock
 from protocol.mailbox import Mailbox
 from protocol.messages import SystemTime
@@ -21,7 +22,7 @@ from protocol.watchdog import Watchdog
 from robot.life import Life
 from robot.meter import Meter
 from robot.process import Process
-from robot.realtime import freeze_heap, share_interpreter, use_fifo
+from robot.realtime import share_interpreter, use_fifo
 from robot.rehearsal import Rehearsal, Rehearsed
 from robot.senses import Senses
 from robot.vehicle import Vehicle

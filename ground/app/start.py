@@ -18,6 +18,7 @@ from ground.app.looks import in_browser, looks_of
 from ground.link import Link
 from ground.options import Common
 from protocol.clock import WallClock
+from protocol.heap import freeze_heap
 from protocol.network import Network
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EXIT_SIGNAL: Final = 128
 LOOK_S: Final = 1.0
 CLOSING_S: Final = 3.0
+STEADY_S: Final = 3.0
+"""Then all is there that stays. Later a full collection would keep a key waiting for 60 ms."""
 FOLDER: Final = "sidestep"
 
 
@@ -102,6 +105,7 @@ def show(app: "GroundApp") -> int:
             loop.add_signal_handler(number, leave, app, number)
         if sys.__stdin__ is not None and sys.__stdin__.isatty():
             keep_looking(loop, app, sys.__stdin__.fileno())
+        loop.call_later(STEADY_S, freeze_heap)
         code = await app.run_async() or 0
         if app.defect is not None:
             raise app.defect

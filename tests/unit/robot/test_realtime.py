@@ -5,8 +5,9 @@ import threading
 
 import pytest
 
+from protocol.heap import freeze_heap
 from robot.core.parameters import DEFAULTS
-from robot.realtime import FIFO_PRIORITY, SWITCH_S, freeze_heap, share_interpreter, use_fifo
+from robot.realtime import FIFO_PRIORITY, SWITCH_S, share_interpreter, use_fifo
 from robot.run import Options, settle
 from robot.store import Store
 from robot.vehicle import Vehicle
