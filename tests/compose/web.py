@@ -5,7 +5,7 @@ from http.client import HTTPConnection
 from typing import NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
-PATIENCE_S = 10.0
+PATIENCE_S = 30.0
 
 
 class Answer(NamedTuple):

@@ -34,7 +34,7 @@ from protocol.messages import (
 )
 from protocol.topics import CYCLE, DRIVE, STATUS, TEXT, TRUTH, Role
 
-PATIENCE_S = 10.0
+PATIENCE_S = 30.0
 STILL_M_S = 0.001
 LOCAL = "127.0.0.1"
 
