@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from ground.destination import goal_request
-from ground.link import NS_PER_S, Link
+from ground.link import NS_PER_S, Link, Unanswered
 from ground.operator import Answered, GoalWatch
 from ground.orders import NAVIGATORS, SIDES, why
 from ground.parts import Part
@@ -74,15 +74,21 @@ class Errand:
         self._insist(Command.COMPONENT_ARM_DISARM, 1.0)
 
     def _insist(self, command: Command, param1: float, param2: float = 0.0) -> None:
+        """Who has just been started may not answer yet, or have no senses."""
         clock = self.link.clock
         deadline_ns = clock.now_ns() + READY_NS
         while True:
             self._check()
-            answered = self.link.ask(self.link.command(command, param1, param2))
-            if answered.ok:
-                return
-            if answered.reason not in WORTH_WAITING or clock.now_ns() > deadline_ns:
-                raise NotRun(f"{command.name.lower()} was refused: {why(answered)}")
+            try:
+                answered = self.link.ask(self.link.command(command, param1, param2))
+            except Unanswered:
+                if clock.now_ns() > deadline_ns:
+                    raise
+            else:
+                if answered.ok:
+                    return
+                if answered.reason not in WORTH_WAITING or clock.now_ns() > deadline_ns:
+                    raise NotRun(f"{command.name.lower()} was refused: {why(answered)}")
             clock.sleep_until(clock.now_ns() + RETRY_NS)
 
     def start(self) -> None:

@@ -20,6 +20,10 @@ EXPIRED_THERE: Final = (9, 10)
 WRONG_NAME: Final = (62, 64)
 """OpenSSL's verify codes: times; host name, address."""
 
+NO_TLS: Final = (TimeoutError, ssl.SSLEOFError, ConnectionResetError)
+"""What comes of a greeting where nobody speaks TLS: Zenoh in plain TCP waits for the rest of a
+short one, and hangs up on a long one, as OpenSSL 3.5 sends it."""
+
 PLAIN: Final = "tcp/"
 PLAINLY: Final[Mapping[str, object]] = MappingProxyType(
     {
@@ -74,10 +78,10 @@ def why_shut(endpoint: str, tls: Tls | None) -> NotLetIn | None:
         knock(place, context(ssl.PROTOCOL_TLS_CLIENT, tls))
     except ssl.SSLCertVerificationError as error:
         return not_believed(endpoint, place[0], tls, error)
+    except NO_TLS:
+        return open_there(endpoint, f"{PLAIN}{address}")
     except ssl.SSLError as error:
         return refused(endpoint, tls, error)
-    except TimeoutError:
-        return open_there(endpoint, f"{PLAIN}{address}")
     except OSError:
         return None
     return None

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from ground.cli import main
-from protocol.bus import open_bus
+from protocol.bus import locks, open_bus
+from protocol.bus.locks import NO_TLS
 from protocol.errors import BadKeys, NotLetIn, PeerHangs, UserError
 from protocol.network import Network, Tls
 from protocol.topics import COMMAND, Role
@@ -78,7 +79,18 @@ def test_plain_tcp_against_a_lock_is_told_how_to_use_a_key(ring: Keyring) -> Non
     assert "--config" in told.do
 
 
-def test_a_lock_against_plain_tcp_is_told(ring: Keyring) -> None:
+@pytest.mark.parametrize("comes_of_it", [None, *NO_TLS])
+def test_a_lock_against_plain_tcp_is_told(
+    ring: Keyring, monkeypatch: pytest.MonkeyPatch, comes_of_it: type[OSError] | None
+) -> None:
+    """Whatever comes of the greeting: that depends on how long the TLS library makes it."""
+
+    def knock(*_: object) -> None:
+        assert comes_of_it is not None
+        raise comes_of_it
+
+    if comes_of_it is not None:
+        monkeypatch.setattr(locks, "knock", knock)
     with open_bus(door(None), Role.ROBOT, "r1") as robot:
         endpoint = robot.locator().replace("tcp/", "tls/")
         with pytest.raises(NotLetIn, match="speaks plain TCP, and this one only TLS"):

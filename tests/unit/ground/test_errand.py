@@ -1,21 +1,22 @@
 """One robot's run when somebody it needs is gone: it waits whether they come back, and says so."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 import pytest
 
 from ground.destination import destination
-from ground.errand import PATIENCE_NS, Errand, NotRun
-from ground.link import Link
+from ground.errand import PATIENCE_NS, READY_NS, Errand, NotRun
+from ground.link import Link, Unanswered
+from ground.operator import ATTEMPTS
 from ground.options import Common
 from ground.scenario import Entrant, Scenario
 from ground.upkeep import Void
 from protocol.clock import ManualClock
-from protocol.enums import GoalState
+from protocol.enums import AckResult, GoalState
 from protocol.errors import NoAnswer
 from protocol.message import Message
-from protocol.messages import NavigatorStatus
+from protocol.messages import CommandAck, CommandRequest, NavigatorStatus
 from protocol.network import Network
 from protocol.reasons import Reason
 from protocol.topic import Service
@@ -32,7 +33,11 @@ WHY = "the plant process was killed (signal SIGKILL)"
 
 
 class Wired(Wireless):
-    """No frames come, and a plant does not answer."""
+    """No frames come; nobody answers before `serves_after` questions."""
+
+    holder = None
+    serves_after = 1000
+    asked = 0
 
     def stream(self, *_: Any) -> None:
         """Nothing comes."""
@@ -44,7 +49,11 @@ class Wired(Wireless):
         timeout_s: float = 0.5,
         robot: str | None = None,
     ) -> Message | bytes:
-        raise NoAnswer(SILENT)
+        self.asked += 1
+        if self.asked <= self.serves_after:
+            raise NoAnswer(SILENT)
+        assert isinstance(message, CommandRequest)
+        return CommandAck(command=message.command, result=AckResult.ACCEPTED)
 
 
 class Dialled(Link):
@@ -53,7 +62,7 @@ class Dialled(Link):
 
 
 class Stage:
-    """An errand under way, and what it hears."""
+    """An errand, and what it hears."""
 
     def __init__(self, *, lockstep: bool = False) -> None:
         self.bus, self.clock = Wired(), ManualClock(SECOND)
@@ -64,7 +73,12 @@ class Stage:
         entrant = Entrant(robot="r1", start=(0.0, 0.0, 0.0), goal=goal)
         scenario = replace(SCENARIO, speed="max") if lockstep else SCENARIO
         self.errand = Errand(link, scenario, entrant, lambda: None, lambda: self.void)
-        self.errand.begin()
+
+    @classmethod
+    def begun(cls, *, lockstep: bool = False) -> Self:
+        stage = cls(lockstep=lockstep)
+        stage.errand.begin()
+        return stage
 
     def hear(self, goal: GoalState, ended_ns: int = 0) -> None:
         status = NavigatorStatus(
@@ -81,8 +95,22 @@ class Stage:
             self.errand.look()
 
 
-def test_a_plant_that_does_not_score_may_come_back_and_then_the_run_is_void() -> None:
+def test_a_robot_that_starts_slowly_is_asked_until_it_serves() -> None:
     stage = Stage()
+    stage.bus.serves_after = 3 * ATTEMPTS
+    stage.errand.prepare()
+    assert stage.bus.asked == 3 * ATTEMPTS + 2
+
+
+def test_a_robot_that_never_serves_is_not_asked_for_ever() -> None:
+    stage = Stage()
+    with pytest.raises(Unanswered, match=SILENT):
+        stage.errand.prepare()
+    assert READY_NS < stage.clock.now_ns() - SECOND < 2 * READY_NS
+
+
+def test_a_plant_that_does_not_score_may_come_back_and_then_the_run_is_void() -> None:
+    stage = Stage.begun()
     stage.hear(GoalState.ABORTED, ended_ns=2 * SECOND)
     stage.wait(3.0)
     stage.void = Void(WHY, over=False)
@@ -97,7 +125,7 @@ def test_a_plant_that_does_not_score_may_come_back_and_then_the_run_is_void() ->
 
 
 def test_one_that_does_not_come_back_is_not_waited_for_for_ever() -> None:
-    stage = Stage()
+    stage = Stage.begun()
     stage.hear(GoalState.ABORTED, ended_ns=2 * SECOND)
     stage.wait(PATIENCE_NS / SECOND)
     with pytest.raises(NotRun, match=SILENT):
@@ -105,7 +133,7 @@ def test_one_that_does_not_come_back_is_not_waited_for_for_ever() -> None:
 
 
 def test_a_silent_robot_is_given_the_time_to_be_started_again() -> None:
-    stage = Stage()
+    stage = Stage.begun()
     stage.hear(GoalState.DRIVING)
     stage.wait(3.0 + PATIENCE_NS / SECOND)
     with pytest.raises(NotRun, match="silent for 3"):
@@ -113,7 +141,7 @@ def test_a_silent_robot_is_given_the_time_to_be_started_again() -> None:
 
 
 def test_in_lockstep_nobody_comes_back_and_nobody_waits() -> None:
-    stage = Stage(lockstep=True)
+    stage = Stage.begun(lockstep=True)
     stage.hear(GoalState.ABORTED, ended_ns=2 * SECOND)
     with pytest.raises(NotRun, match=SILENT):
         stage.wait(0.1)
