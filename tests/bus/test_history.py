@@ -215,7 +215,12 @@ def test_behind_locked_doors_who_may_listen_gets_them_too(listener: str, tmp_pat
 def test_what_streams_is_never_fetched_and_comes_once_beside_the_events() -> None:
     with net() as bus:
         wheels, events = bus.plant.publisher(WHEELS), bus.robot.publisher(TEXT)
+        early = bus.robot.mailbox(WHEELS)
+        until(lambda: wheels.matched)
         wheels.put(TICKS)
+        until(early.latest)  # the hub has it, so it is under way to nobody any more
+        bus.robot.forget(early)
+        until(lambda: not wheels.matched)
         heard = Heard(bus.ground)
         assert bus.plant.await_matched([wheels], 5.0) == []
         for _ in range(10):
