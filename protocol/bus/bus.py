@@ -283,10 +283,10 @@ class Bus:
     def _subscriber(
         self, key: str, callback: Callable[[zenoh.Sample], None], history: int = 0
     ) -> Any:
-        heard = Callback(self.line.through(callback), indirect=False)
+        heard = self.line.through(callback)
         if history:
             return following(self._session, key, history, heard)
-        return self._session.declare_subscriber(key, heard)
+        return self._session.declare_subscriber(key, Callback(heard, indirect=False))
 
 
 def open_bus(

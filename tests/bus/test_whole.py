@@ -1,0 +1,80 @@
+"""Of each sender all is heard from the beginning, also what Zenoh has fetched and dropped."""
+
+from threading import Event
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+import zenoh
+
+from protocol.bus.history import FETCHED, FETCHES, SOURCES, TOLD, Source, Whole
+from tests.bus.nets import until
+
+
+def sample(number: int, sender: str = "a", *, live: bool = True) -> zenoh.Sample:
+    """What it is told by, and whether just now."""
+    info = SimpleNamespace(source_id=SimpleNamespace(zid=sender, eid=7), source_sn=number)
+    how = TOLD if live else FETCHED
+    return cast(zenoh.Sample, SimpleNamespace(source_info=info, congestion_control=how))
+
+
+class Following:
+    """A sender has kept five samples, and gives them out once it is `let`."""
+
+    def __init__(self) -> None:
+        self.heard: list[tuple[str, int]] = []
+        self.asked: list[Source] = []
+        self.let = Event()
+        self.whole = Whole(self._fetch, self._take)
+
+    def _fetch(self, source: Source) -> list[zenoh.Sample]:
+        self.asked.append(source)
+        assert self.let.wait(5.0)
+        return [sample(number, source[0], live=False) for number in (4, 2, 0, 1, 3)]
+
+    def _take(self, found: zenoh.Sample) -> None:
+        info = found.source_info
+        assert info is not None
+        self.heard.append((str(info.source_id.zid), info.source_sn))
+
+
+def test_what_came_before_the_first_live_sample_is_fetched_and_told_before_it() -> None:
+    following = Following()
+    for number in (3, 4, 5):
+        following.whole.hear(sample(number))
+    following.whole.hear(sample(0, "b"))
+    assert following.heard == [("b", 0)], "another sender does not wait"
+    following.let.set()
+    until(lambda: len(following.heard) == 7)
+    following.whole.hear(sample(6))
+    assert following.heard == [("b", 0), *(("a", number) for number in range(7))]
+    assert following.asked == [("a", 7)]
+
+
+@pytest.mark.parametrize("first", [sample(0), sample(3, live=False)])
+def test_nothing_is_fetched_where_zenoh_has_told_the_beginning(first: zenoh.Sample) -> None:
+    following = Following()
+    following.whole.hear(first)
+    following.whole.hear(sample(4))
+    assert [number for _, number in following.heard][1:] == [4]
+    assert not following.asked
+
+
+def test_who_makes_up_senders_gets_few_threads_and_little_memory() -> None:
+    following = Following()
+    for number in range(2 * SOURCES):
+        following.whole.hear(sample(9, str(number)))
+    assert len(following.heard) == 2 * SOURCES - FETCHES
+    following.let.set()
+    until(lambda: len(following.heard) == 2 * SOURCES + 5 * FETCHES)
+    assert len(following.asked) == FETCHES
+    assert len(following.whole._known) == SOURCES
+
+
+def test_what_no_publisher_of_ours_has_told_is_handed_on_as_it_comes() -> None:
+    heard: list[zenoh.Sample] = []
+    foreign = cast(zenoh.Sample, SimpleNamespace(source_info=None, congestion_control=TOLD))
+    whole = Whole(lambda _: [], heard.append)
+    whole.hear(foreign)
+    whole.hear(foreign)
+    assert len(heard) == 2
