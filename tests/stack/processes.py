@@ -215,7 +215,10 @@ class Witness:
         until(lambda: self.status.vehicle == Vehicle.STANDBY, what="STANDBY")
 
     def driving(self) -> None:
-        until(lambda: self.truth.speed_m_s > 0.25, what="driving")
+        try:
+            until(lambda: self.truth.speed_m_s > 0.25, what="driving")
+        except AssertionError as error:
+            raise AssertionError(f"{error}; {self.status}; {self.texts}") from None
 
     def standing(self) -> bool:
         return moved_not(self.truth)

@@ -25,7 +25,7 @@ whole, driven = brain.step, 0
 
 def step(state, inputs, params, *mark):
     global driven
-    driven += state.machine.vehicle == 2 and len(mark)
+    driven += 2 <= state.machine.goal_state <= 4 and len(mark)  # on its way, for two seconds
     if driven > 40 and mark:  # in the loop, not in a rehearsal
         raise ZeroDivisionError("as the test wants it")
     return whole(state, inputs, params, *mark)
