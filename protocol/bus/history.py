@@ -96,10 +96,14 @@ class Whole:
         return live and number_of(sample) > 0 and len(self._waiting) < FETCHES
 
     def _complete(self, source: Source, first: int) -> None:
-        before = [sample for sample in self._fetch(source) if number_of(sample) < first]
-        with self._lock:
-            for sample in (*sorted(before, key=number_of), *self._waiting.pop(source)):
-                self._take(sample)
+        """Whatever comes of asking, those that wait are heard."""
+        before: list[zenoh.Sample] = []
+        try:
+            before = [sample for sample in self._fetch(source) if number_of(sample) < first]
+        finally:
+            with self._lock:
+                for sample in (*sorted(before, key=number_of), *self._waiting.pop(source)):
+                    self._take(sample)
 
 
 def source_of(sample: zenoh.Sample) -> Source | None:

@@ -71,6 +71,18 @@ def test_who_makes_up_senders_gets_few_threads_and_little_memory() -> None:
     assert len(following.whole._known) == SOURCES
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_what_waits_is_heard_also_when_asking_fails() -> None:
+    heard: list[zenoh.Sample] = []
+
+    def fetch(_: Source) -> list[zenoh.Sample]:
+        raise RuntimeError("as the test wants it")
+
+    whole = Whole(fetch, heard.append)
+    whole.hear(sample(3))
+    until(lambda: len(heard) == 1)
+
+
 def test_what_no_publisher_of_ours_has_told_is_handed_on_as_it_comes() -> None:
     heard: list[zenoh.Sample] = []
     foreign = cast(zenoh.Sample, SimpleNamespace(source_info=None, congestion_control=TOLD))
