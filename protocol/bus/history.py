@@ -4,6 +4,7 @@ By Zenoh's advanced publishers and subscribers, on the keys `KEY/@adv/...` besid
 What was fetched is known from what has just been told, and says when it was told.
 """
 
+import logging
 import time
 from collections.abc import Callable
 from threading import Lock, Thread
@@ -13,6 +14,7 @@ import zenoh
 from zenoh import ext
 from zenoh.handlers import Callback
 
+LOG = logging.getLogger(__name__)
 Take: TypeAlias = Callable[[zenoh.Sample], None]
 Source: TypeAlias = tuple[str, int]
 """A sender: its session and its number there."""
@@ -100,10 +102,11 @@ class Whole:
         before: list[zenoh.Sample] = []
         try:
             before = [sample for sample in self._fetch(source) if number_of(sample) < first]
-        finally:
-            with self._lock:
-                for sample in (*sorted(before, key=number_of), *self._waiting.pop(source)):
-                    self._take(sample)
+        except Exception:
+            LOG.exception("what a sender told before could not be fetched")
+        with self._lock:
+            for sample in (*sorted(before, key=number_of), *self._waiting.pop(source)):
+                self._take(sample)
 
 
 def source_of(sample: zenoh.Sample) -> Source | None:

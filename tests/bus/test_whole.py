@@ -71,7 +71,6 @@ def test_who_makes_up_senders_gets_few_threads_and_little_memory() -> None:
     assert len(following.whole._known) == SOURCES
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_what_waits_is_heard_also_when_asking_fails() -> None:
     heard: list[zenoh.Sample] = []
 
