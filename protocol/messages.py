@@ -142,6 +142,7 @@ class NavigatorStatus(Message, frozen=True, kw_only=True):
     goal_started_ns: int
     goal_ended_ns: int
     goal_id: int
+    stop_id: int = 0
     goal_x_m: float
     goal_y_m: float
     goal_heading_rad: float

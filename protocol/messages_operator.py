@@ -47,7 +47,7 @@ class LeaseStatus(Message, frozen=True, kw_only=True):
     name: str
 
     def __post_init__(self) -> None:
-        if too_long(self.holder, 32) or too_long(self.name, 16):
+        if too_long(self.holder, 56) or too_long(self.name, 16):
             raise unfit(self)
 
 

@@ -6,7 +6,9 @@ from protocol.dialect.layouts import REASON_TEXTS
 
 
 class Reason(IntEnum):
-    """SIDESTEP_REASON: 1-29 refusals, 30-59 failsafes, 60-79 ends of a goal, 80-99 guard."""
+    """SIDESTEP_REASON: refusals 1-29 and 100-119, failsafes 30-59, ends of a goal 60-79,
+    guard 80-99.
+    """
 
     NONE = 0
     NOT_ARMED = 1
@@ -36,6 +38,8 @@ class Reason(IntEnum):
     FENCE_NOT_SIMPLE = 25
     FENCE_LEAVES_ROBOT_OUT = 26
     TOO_MANY_REQUESTS = 27
+    ID_REUSED = 28
+    TOO_LATE = 29
     TICKS_LOST = 30
     SCAN_LOST = 31
     SONAR_FROZEN = 32
@@ -48,6 +52,7 @@ class Reason(IntEnum):
     BUDGET = 39
     CORE_EXCEPTION = 40
     FENCE_BREACHED = 41
+    NAME_TAKEN = 42
     BLOCKED = 60
     NO_PROGRESS = 61
     UNREACHABLE = 62
@@ -58,6 +63,9 @@ class Reason(IntEnum):
     OBSTACLE_AHEAD = 80
     SLOWED = 81
     WHEEL_LIMIT = 82
+    FENCE_UNREADABLE = 100
+    NOT_WHILE_ARMED = 101
+    LESS_SAFE_THAN_CONFIGURED = 102
 
 
 def reason_text(code: int) -> str:

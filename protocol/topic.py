@@ -12,7 +12,7 @@ MS: Final = 1_000_000
 ROBOT_NAME: Final = re.compile(r"[a-z0-9_-]{1,16}\Z")
 PREFIX: Final = "sidestep"
 ENCODING_FAMILY: Final = "application/mavlink2"
-DIALECT: Final = "sidestep@1"
+DIALECT: Final = "sidestep@2"
 """The number counts up when a message that exists changes; a new one changes nothing for others."""
 
 ENCODING: Final = f"{ENCODING_FAMILY};{DIALECT}"

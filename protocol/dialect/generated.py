@@ -509,6 +509,10 @@ SIDESTEP_REASON_FENCE_LEAVES_ROBOT_OUT = 26
 enums["SIDESTEP_REASON"][26] = EnumEntry("SIDESTEP_REASON_FENCE_LEAVES_ROBOT_OUT", """the robot itself stands outside of that fence""")
 SIDESTEP_REASON_TOO_MANY_REQUESTS = 27
 enums["SIDESTEP_REASON"][27] = EnumEntry("SIDESTEP_REASON_TOO_MANY_REQUESTS", """too many requests at once: ask again""")
+SIDESTEP_REASON_ID_REUSED = 28
+enums["SIDESTEP_REASON"][28] = EnumEntry("SIDESTEP_REASON_ID_REUSED", """this request_id belongs to another request: use a new one""")
+SIDESTEP_REASON_TOO_LATE = 29
+enums["SIDESTEP_REASON"][29] = EnumEntry("SIDESTEP_REASON_TOO_LATE", """the request arrived after its deadline, or carries none""")
 SIDESTEP_REASON_TICKS_LOST = 30
 enums["SIDESTEP_REASON"][30] = EnumEntry("SIDESTEP_REASON_TICKS_LOST", """no fresh wheel ticks for 150 ms""")
 SIDESTEP_REASON_SCAN_LOST = 31
@@ -533,6 +537,8 @@ SIDESTEP_REASON_CORE_EXCEPTION = 40
 enums["SIDESTEP_REASON"][40] = EnumEntry("SIDESTEP_REASON_CORE_EXCEPTION", """the control core failed""")
 SIDESTEP_REASON_FENCE_BREACHED = 41
 enums["SIDESTEP_REASON"][41] = EnumEntry("SIDESTEP_REASON_FENCE_BREACHED", """the robot is outside of its fence: lift the fence to drive it back""")
+SIDESTEP_REASON_NAME_TAKEN = 42
+enums["SIDESTEP_REASON"][42] = EnumEntry("SIDESTEP_REASON_NAME_TAKEN", """another robot of the same name is on the bus""")
 SIDESTEP_REASON_BLOCKED = 60
 enums["SIDESTEP_REASON"][60] = EnumEntry("SIDESTEP_REASON_BLOCKED", """has not moved although it tries to""")
 SIDESTEP_REASON_NO_PROGRESS = 61
@@ -553,8 +559,14 @@ SIDESTEP_REASON_SLOWED = 81
 enums["SIDESTEP_REASON"][81] = EnumEntry("SIDESTEP_REASON_SLOWED", """guard: slowed for an obstacle""")
 SIDESTEP_REASON_WHEEL_LIMIT = 82
 enums["SIDESTEP_REASON"][82] = EnumEntry("SIDESTEP_REASON_WHEEL_LIMIT", """guard: wheel speed limit""")
-SIDESTEP_REASON_ENUM_END = 83
-enums["SIDESTEP_REASON"][83] = EnumEntry("SIDESTEP_REASON_ENUM_END", """""")
+SIDESTEP_REASON_FENCE_UNREADABLE = 100
+enums["SIDESTEP_REASON"][100] = EnumEntry("SIDESTEP_REASON_FENCE_UNREADABLE", """the saved fence cannot be read: clear the fence or upload a new one""")
+SIDESTEP_REASON_NOT_WHILE_ARMED = 101
+enums["SIDESTEP_REASON"][101] = EnumEntry("SIDESTEP_REASON_NOT_WHILE_ARMED", """a safety parameter changes only while the robot is disarmed""")
+SIDESTEP_REASON_LESS_SAFE_THAN_CONFIGURED = 102
+enums["SIDESTEP_REASON"][102] = EnumEntry("SIDESTEP_REASON_LESS_SAFE_THAN_CONFIGURED", """less safe than the configuration allows""")
+SIDESTEP_REASON_ENUM_END = 103
+enums["SIDESTEP_REASON"][103] = EnumEntry("SIDESTEP_REASON_ENUM_END", """""")
 
 # MAV_CMD
 enums["MAV_CMD"] = Enum()
@@ -1428,22 +1440,22 @@ class MAVLink_navigator_status_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_NAVIGATOR_STATUS
     msgname = "NAVIGATOR_STATUS"
-    fieldnames = ["time_ns", "goal_started_ns", "goal_ended_ns", "goal_id", "goal_x_m", "goal_y_m", "goal_heading_rad", "goal_distance_m", "vehicle", "mode", "goal", "vehicle_reason", "goal_reason", "navigator", "side"]
-    ordered_fieldnames = ["time_ns", "goal_started_ns", "goal_ended_ns", "goal_id", "goal_x_m", "goal_y_m", "goal_heading_rad", "goal_distance_m", "vehicle", "mode", "goal", "vehicle_reason", "goal_reason", "navigator", "side"]
-    fieldtypes = ["uint64_t", "uint64_t", "uint64_t", "uint64_t", "float", "float", "float", "float", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "int8_t"]
+    fieldnames = ["time_ns", "goal_started_ns", "goal_ended_ns", "goal_id", "stop_id", "goal_x_m", "goal_y_m", "goal_heading_rad", "goal_distance_m", "vehicle", "mode", "goal", "vehicle_reason", "goal_reason", "navigator", "side"]
+    ordered_fieldnames = ["time_ns", "goal_started_ns", "goal_ended_ns", "goal_id", "stop_id", "goal_x_m", "goal_y_m", "goal_heading_rad", "goal_distance_m", "vehicle", "mode", "goal", "vehicle_reason", "goal_reason", "navigator", "side"]
+    fieldtypes = ["uint64_t", "uint64_t", "uint64_t", "uint64_t", "uint64_t", "float", "float", "float", "float", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "int8_t"]
     fielddisplays_by_name: Dict[str, str] = {}
     fieldenums_by_name: Dict[str, str] = {"vehicle": "SIDESTEP_VEHICLE", "mode": "SIDESTEP_MODE", "goal": "SIDESTEP_GOAL", "vehicle_reason": "SIDESTEP_REASON", "goal_reason": "SIDESTEP_REASON", "navigator": "SIDESTEP_NAVIGATOR"}
     fieldunits_by_name: Dict[str, str] = {"time_ns": "ns", "goal_started_ns": "ns", "goal_ended_ns": "ns", "goal_x_m": "m", "goal_y_m": "m", "goal_heading_rad": "rad", "goal_distance_m": "m"}
-    native_format = bytearray(b"<QQQQffffBBBBBBb")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 152
-    unpacker = struct.Struct("<QQQQffffBBBBBBb")
+    native_format = bytearray(b"<QQQQQffffBBBBBBb")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 117
+    unpacker = struct.Struct("<QQQQQffffBBBBBBb")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, time_ns: int, goal_started_ns: int, goal_ended_ns: int, goal_id: int, goal_x_m: float, goal_y_m: float, goal_heading_rad: float, goal_distance_m: float, vehicle: int, mode: int, goal: int, vehicle_reason: int, goal_reason: int, navigator: int, side: int):
+    def __init__(self, time_ns: int, goal_started_ns: int, goal_ended_ns: int, goal_id: int, stop_id: int, goal_x_m: float, goal_y_m: float, goal_heading_rad: float, goal_distance_m: float, vehicle: int, mode: int, goal: int, vehicle_reason: int, goal_reason: int, navigator: int, side: int):
         MAVLink_message.__init__(self, MAVLink_navigator_status_message.id, MAVLink_navigator_status_message.msgname)
         self._fieldnames = MAVLink_navigator_status_message.fieldnames
         self._instance_field = MAVLink_navigator_status_message.instance_field
@@ -1452,6 +1464,7 @@ class MAVLink_navigator_status_message(MAVLink_message):
         self.goal_started_ns = goal_started_ns
         self.goal_ended_ns = goal_ended_ns
         self.goal_id = goal_id
+        self.stop_id = stop_id
         self.goal_x_m = goal_x_m
         self.goal_y_m = goal_y_m
         self.goal_heading_rad = goal_heading_rad
@@ -1465,7 +1478,7 @@ class MAVLink_navigator_status_message(MAVLink_message):
         self.side = side
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_ns, self.goal_started_ns, self.goal_ended_ns, self.goal_id, self.goal_x_m, self.goal_y_m, self.goal_heading_rad, self.goal_distance_m, self.vehicle, self.mode, self.goal, self.vehicle_reason, self.goal_reason, self.navigator, self.side), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_ns, self.goal_started_ns, self.goal_ended_ns, self.goal_id, self.stop_id, self.goal_x_m, self.goal_y_m, self.goal_heading_rad, self.goal_distance_m, self.vehicle, self.mode, self.goal, self.vehicle_reason, self.goal_reason, self.navigator, self.side), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -1849,9 +1862,9 @@ class MAVLink_lease_status_message(MAVLink_message):
     native_format = bytearray(b"<QIBcc")
     orders = [0, 1, 2, 3, 4]
     lengths = [1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 32, 16]
-    crc_extra = 167
-    unpacker = struct.Struct("<QIB32s16s")
+    array_lengths = [0, 0, 0, 56, 16]
+    crc_extra = 140
+    unpacker = struct.Struct("<QIB56s16s")
     instance_field = None
     instance_offset = -1
 
@@ -1879,8 +1892,9 @@ setattr(MAVLink_lease_status_message, "name", mavlink_msg_deprecated_name_proper
 
 class MAVLink_teleop_message(MAVLink_message):
     """
-    Drive like this in MANUAL, until the time-to-live runs out. There
-    is no other way to drive in MANUAL, so silence is a stop.
+    Drive like this in MANUAL, until the time-to-live, counted from
+    the stamp, runs out. There is no other way to drive in MANUAL, so
+    silence is a stop.
     """
 
     id = MAVLINK_MSG_ID_TELEOP
@@ -3621,7 +3635,7 @@ class MAVLink(object):
         """
         self.send(self.planar_odometry_encode(time_ns, x_m, y_m, heading_rad, speed_m_s, yaw_rate_rad_s, cov_xx_m2, cov_xy_m2, cov_xh_m_rad, cov_yy_m2, cov_yh_m_rad, cov_hh_rad2), force_mavlink1=force_mavlink1)
 
-    def navigator_status_encode(self, time_ns: int, goal_started_ns: int, goal_ended_ns: int, goal_id: int, goal_x_m: float, goal_y_m: float, goal_heading_rad: float, goal_distance_m: float, vehicle: int, mode: int, goal: int, vehicle_reason: int, goal_reason: int, navigator: int, side: int) -> MAVLink_navigator_status_message:
+    def navigator_status_encode(self, time_ns: int, goal_started_ns: int, goal_ended_ns: int, goal_id: int, stop_id: int, goal_x_m: float, goal_y_m: float, goal_heading_rad: float, goal_distance_m: float, vehicle: int, mode: int, goal: int, vehicle_reason: int, goal_reason: int, navigator: int, side: int) -> MAVLink_navigator_status_message:
         """
         Vehicle, mode, goal and navigator, each tick.
 
@@ -3629,6 +3643,7 @@ class MAVLink(object):
         goal_started_ns           : When the goal was accepted; 0 without one. [ns] (type:uint64_t)
         goal_ended_ns             : When the goal ended; 0 while it lives. [ns] (type:uint64_t)
         goal_id                   : request_id of the goal. (type:uint64_t)
+        stop_id                   : request_id of the newest emergency stop that the robot has acted on; 0 before the first. (type:uint64_t)
         goal_x_m                  : Goal. [m] (type:float)
         goal_y_m                  : Goal. [m] (type:float)
         goal_heading_rad          : Final heading; NaN when free. [rad] (type:float)
@@ -3642,9 +3657,9 @@ class MAVLink(object):
         side                      : Side on which obstacles are passed by navigators that leave it to the user: 1 left, -1 right. (type:int8_t)
 
         """
-        return MAVLink_navigator_status_message(time_ns, goal_started_ns, goal_ended_ns, goal_id, goal_x_m, goal_y_m, goal_heading_rad, goal_distance_m, vehicle, mode, goal, vehicle_reason, goal_reason, navigator, side)
+        return MAVLink_navigator_status_message(time_ns, goal_started_ns, goal_ended_ns, goal_id, stop_id, goal_x_m, goal_y_m, goal_heading_rad, goal_distance_m, vehicle, mode, goal, vehicle_reason, goal_reason, navigator, side)
 
-    def navigator_status_send(self, time_ns: int, goal_started_ns: int, goal_ended_ns: int, goal_id: int, goal_x_m: float, goal_y_m: float, goal_heading_rad: float, goal_distance_m: float, vehicle: int, mode: int, goal: int, vehicle_reason: int, goal_reason: int, navigator: int, side: int, force_mavlink1: bool = False) -> None:
+    def navigator_status_send(self, time_ns: int, goal_started_ns: int, goal_ended_ns: int, goal_id: int, stop_id: int, goal_x_m: float, goal_y_m: float, goal_heading_rad: float, goal_distance_m: float, vehicle: int, mode: int, goal: int, vehicle_reason: int, goal_reason: int, navigator: int, side: int, force_mavlink1: bool = False) -> None:
         """
         Vehicle, mode, goal and navigator, each tick.
 
@@ -3652,6 +3667,7 @@ class MAVLink(object):
         goal_started_ns           : When the goal was accepted; 0 without one. [ns] (type:uint64_t)
         goal_ended_ns             : When the goal ended; 0 while it lives. [ns] (type:uint64_t)
         goal_id                   : request_id of the goal. (type:uint64_t)
+        stop_id                   : request_id of the newest emergency stop that the robot has acted on; 0 before the first. (type:uint64_t)
         goal_x_m                  : Goal. [m] (type:float)
         goal_y_m                  : Goal. [m] (type:float)
         goal_heading_rad          : Final heading; NaN when free. [rad] (type:float)
@@ -3665,7 +3681,7 @@ class MAVLink(object):
         side                      : Side on which obstacles are passed by navigators that leave it to the user: 1 left, -1 right. (type:int8_t)
 
         """
-        self.send(self.navigator_status_encode(time_ns, goal_started_ns, goal_ended_ns, goal_id, goal_x_m, goal_y_m, goal_heading_rad, goal_distance_m, vehicle, mode, goal, vehicle_reason, goal_reason, navigator, side), force_mavlink1=force_mavlink1)
+        self.send(self.navigator_status_encode(time_ns, goal_started_ns, goal_ended_ns, goal_id, stop_id, goal_x_m, goal_y_m, goal_heading_rad, goal_distance_m, vehicle, mode, goal, vehicle_reason, goal_reason, navigator, side), force_mavlink1=force_mavlink1)
 
     def avoidance_decision_encode(self, time_ns: int, nearest_bearing_rad: float, nearest_range_m: float, zone_m: float, goal_bearing_rad: float, rotation_rad: float, virtual_x_m: float, virtual_y_m: float, speed_m_s: float, yaw_rate_rad_s: float, branch: int, guard: int) -> MAVLink_avoidance_decision_message:
         """
@@ -3927,7 +3943,7 @@ class MAVLink(object):
         time_ns                   : Stamp, clock of the robot. [ns] (type:uint64_t)
         lapses_ms                 : The lease ends after this time unless the holder is heard; 0 while nobody holds it. [ms] (type:uint32_t)
         held                      : 1 while an operator holds it. (type:uint8_t)
-        holder                    : Identity of the holder on the bus. (type:char)
+        holder                    : Identity of the holder on the bus: operator/session. (type:char)
         name                      : What people call the holder. (type:char)
 
         """
@@ -3941,7 +3957,7 @@ class MAVLink(object):
         time_ns                   : Stamp, clock of the robot. [ns] (type:uint64_t)
         lapses_ms                 : The lease ends after this time unless the holder is heard; 0 while nobody holds it. [ms] (type:uint32_t)
         held                      : 1 while an operator holds it. (type:uint8_t)
-        holder                    : Identity of the holder on the bus. (type:char)
+        holder                    : Identity of the holder on the bus: operator/session. (type:char)
         name                      : What people call the holder. (type:char)
 
         """
@@ -3949,8 +3965,9 @@ class MAVLink(object):
 
     def teleop_encode(self, time_ns: int, seq: int, speed_mm_s: int, yaw_rate_mrad_s: int, ttl_ms: int) -> MAVLink_teleop_message:
         """
-        Drive like this in MANUAL, until the time-to-live runs out. There is
-        no other way to drive in MANUAL, so silence is a stop.
+        Drive like this in MANUAL, until the time-to-live, counted from the
+        stamp, runs out. There is no other way to drive in MANUAL, so
+        silence is a stop.
 
         time_ns                   : Stamp, clock of the operator. [ns] (type:uint64_t)
         seq                       : Counts the frames of this operator. (type:uint32_t)
@@ -3963,8 +3980,9 @@ class MAVLink(object):
 
     def teleop_send(self, time_ns: int, seq: int, speed_mm_s: int, yaw_rate_mrad_s: int, ttl_ms: int, force_mavlink1: bool = False) -> None:
         """
-        Drive like this in MANUAL, until the time-to-live runs out. There is
-        no other way to drive in MANUAL, so silence is a stop.
+        Drive like this in MANUAL, until the time-to-live, counted from the
+        stamp, runs out. There is no other way to drive in MANUAL, so
+        silence is a stop.
 
         time_ns                   : Stamp, clock of the operator. [ns] (type:uint64_t)
         seq                       : Counts the frames of this operator. (type:uint32_t)

@@ -35,9 +35,9 @@ WHEEL_TICKS 54101 255 time_ns:Q seq:I left:i right:i bumper:B expired:B
 WHEEL_COMMAND 54102 137 time_ns:Q seq:I sense_seq:I left_mrad_s:i right_mrad_s:i ttl_ms:H
 PLANAR_ODOMETRY 54103 173 time_ns:Q x_m:f y_m:f heading_rad:f speed_m_s:f yaw_rate_rad_s:f
   cov_xx_m2:f cov_xy_m2:f cov_xh_m_rad:f cov_yy_m2:f cov_yh_m_rad:f cov_hh_rad2:f
-NAVIGATOR_STATUS 54104 152 time_ns:Q goal_started_ns:Q goal_ended_ns:Q goal_id:Q goal_x_m:f
-  goal_y_m:f goal_heading_rad:f goal_distance_m:f vehicle:B mode:B goal:B vehicle_reason:B
-  goal_reason:B navigator:B side:b
+NAVIGATOR_STATUS 54104 117 time_ns:Q goal_started_ns:Q goal_ended_ns:Q goal_id:Q stop_id:Q
+  goal_x_m:f goal_y_m:f goal_heading_rad:f goal_distance_m:f vehicle:B mode:B goal:B
+  vehicle_reason:B goal_reason:B navigator:B side:b
 AVOIDANCE_DECISION 54105 215 time_ns:Q nearest_bearing_rad:f nearest_range_m:f zone_m:f
   goal_bearing_rad:f rotation_rad:f virtual_x_m:f virtual_y_m:f speed_m_s:f yaw_rate_rad_s:f
   branch:B guard:B
@@ -52,7 +52,7 @@ RUN_REQUEST 54110 38 until_ns:Q action:B
 RUN_SCORE 54111 83 time_ns:Q x_m:d y_m:d heading_rad:d path_m:d min_clearance_m:d ticks:I
   contacts:I own_contacts:I digest:32B
 LEASE_REQUEST 54112 226 request_id:Q action:B name:16s
-LEASE_STATUS 54113 167 time_ns:Q lapses_ms:I held:B holder:32s name:16s
+LEASE_STATUS 54113 140 time_ns:Q lapses_ms:I held:B holder:56s name:16s
 TELEOP 54114 95 time_ns:Q seq:I speed_mm_s:h yaw_rate_mrad_s:h ttl_ms:H
 MISSION_STATUS 54115 240 time_ns:Q mission_id:I hold_left_ms:I count:H current:H state:B
   reason:B
@@ -90,6 +90,8 @@ REASON_TEXTS: Final[dict[int, str]] = {
     25: "the sides of the fence cross, touch or enclose nothing",
     26: "the robot itself stands outside of that fence",
     27: "too many requests at once: ask again",
+    28: "this request_id belongs to another request: use a new one",
+    29: "the request arrived after its deadline, or carries none",
     30: "no fresh wheel ticks for 150 ms",
     31: "no fresh sonar scan for 250 ms",
     32: "sonar values are frozen",
@@ -102,6 +104,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     39: "control cycle over its budget or more than one period late",
     40: "the control core failed",
     41: "the robot is outside of its fence: lift the fence to drive it back",
+    42: "another robot of the same name is on the bus",
     60: "has not moved although it tries to",
     61: "has come no closer for too long",
     62: "went all the way round: unreachable",
@@ -112,4 +115,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     80: "guard: obstacle ahead",
     81: "guard: slowed for an obstacle",
     82: "guard: wheel speed limit",
+    100: "the saved fence cannot be read: clear the fence or upload a new one",
+    101: "a safety parameter changes only while the robot is disarmed",
+    102: "less safe than the configuration allows",
 }

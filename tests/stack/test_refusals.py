@@ -20,8 +20,8 @@ from tests.stack.processes import Crew, Running, Witness, until
 
 pytestmark = pytest.mark.stack
 
-NEWER = "application/mavlink2;sidestep@2"
-DIFFER = "speaks sidestep@2, this is sidestep@1"
+NEWER = "application/mavlink2;sidestep@9"
+DIFFER = "speaks sidestep@9, this is sidestep@2"
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=255, echo=0)
 
 

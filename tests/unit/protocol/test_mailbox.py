@@ -84,7 +84,7 @@ def test_a_clock_that_stands_still_is_heard_all_the_time() -> None:
     [
         (Sample(ENCODING, b"garbage"), "too few"),
         (sample(SCAN), "carries SonarScan, not WheelTicks"),
-        (sample(encoding="application/mavlink2;sidestep@2"), "speaks sidestep@2, this is side"),
+        (sample(encoding="application/mavlink2;sidestep@9"), "speaks sidestep@9, this is side"),
         (sample(encoding="zenoh/bytes"), "encoded as zenoh/bytes, not as application/mavlink2"),
         (sample(encoding=""), "encoded as nothing"),
     ],
@@ -136,7 +136,7 @@ def test_noise_takes_no_messages_place_and_wakes_nobody() -> None:
     for noise in (b"", whole[:-1], whole + b"\0", b"\xff" * 300, b"\xfd" * 1_000_000, wrong):
         box.store(Sample(ENCODING, noise), 20)
     box.store(sample(SCAN), 20)
-    box.store(sample(encoding="application/mavlink2;sidestep@2"), 20)
+    box.store(sample(encoding="application/mavlink2;sidestep@9"), 20)
     assert box.rejected == 8, "counted as they come, looked at or not"
     assert heard == [10]
     assert box.latest() == (TICKS, 10)

@@ -89,7 +89,7 @@ def test_names_in_a_lease_have_their_sizes() -> None:
     LeaseRequest(request_id=1, action=0, name="n" * 16)
     with pytest.raises(LocalError, match=r"name = .*: must be at most 16 bytes"):
         LeaseRequest(request_id=1, action=0, name="n" * 17)
-    for holder, name in (("h" * 33, ""), ("", "n" * 17)):
+    for holder, name in (("h" * 57, ""), ("", "n" * 17)):
         with pytest.raises(LocalError, match=r"must be at most"):
             LeaseStatus(time_ns=1, lapses_ms=0, held=1, holder=holder, name=name)
 

@@ -221,7 +221,7 @@ def tlog(path: Path, said: list[Said]) -> Path:
 
 def mcap(path: Path, said: list[Said], every: int = 30, *, closed: bool = True) -> Path:
     """Chunks of `every` frames; the world is known after the first."""
-    form = McapForm("r1", {"version": "0", "commit": "c0ffee", "dialect": "sidestep@1"})
+    form = McapForm("r1", {"version": "0", "commit": "c0ffee", "dialect": "sidestep@2"})
     data = b""
     for number, one in enumerate(said, 1):
         form.add(one.key, one.frame, one.time_us)
