@@ -4,7 +4,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from math import isfinite
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
 
 from protocol.enums import AckResult, Command
 from protocol.messages import CommandAck, CommandRequest, GoalRequest
@@ -51,12 +51,12 @@ class Commands:
     def _handle(self, request: CommandRequest | GoalRequest, now_ms: int) -> int:
         if isinstance(request, GoalRequest):
             return self._goto(request, now_ms)
-        handler = HANDLERS.get(request.command)
-        if handler is None:
+        row = HANDLERS.get(request.command)
+        if row is None:
             return reasons.UNKNOWN_COMMAND
-        if not (isfinite(request.param1) and isfinite(request.param2)):
+        if not all(isfinite(getattr(request, name)) for name in row.uses):
             return reasons.PARAMETER_OUT_OF_RANGE
-        return handler(self, request.param1, request.param2, now_ms)
+        return row.handler(self, request.param1, request.param2, now_ms)
 
     def _goto(self, request: GoalRequest, now_ms: int) -> int:
         goal = goal_of(
@@ -129,17 +129,28 @@ def result_of(reason: int) -> int:
 
 Handler = Callable[[Commands, float, float, int], int]
 
-HANDLERS: Final[Mapping[int, Handler]] = MappingProxyType(
+
+class Row(NamedTuple):
+    """A command's handler and the parameters that it uses; the others may hold anything.
+
+    MAVLink marks a parameter that is not used with NaN.
+    """
+
+    handler: Handler
+    uses: tuple[str, ...] = ()
+
+
+HANDLERS: Final[Mapping[int, Row]] = MappingProxyType(
     {
-        Command.COMPONENT_ARM_DISARM: Commands._arm_disarm,
-        Command.DO_SET_MODE: Commands._set_mode,
-        Command.DO_PAUSE_CONTINUE: Commands._pause_continue,
-        Command.DO_FLIGHTTERMINATION: Commands._estop,
-        Command.NAV_RETURN_TO_LAUNCH: Commands._rtl,
-        Command.MISSION_START: Commands._start_mission,
-        Command.DO_SET_MISSION_CURRENT: Commands._jump,
-        Command.SIDESTEP_SET_NAVIGATOR: Commands._set_navigator,
-        Command.SIDESTEP_ABORT_GOAL: Commands._abort,
-        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: Commands._clear_estop,
+        Command.COMPONENT_ARM_DISARM: Row(Commands._arm_disarm, ("param1",)),
+        Command.DO_SET_MODE: Row(Commands._set_mode, ("param2",)),
+        Command.DO_PAUSE_CONTINUE: Row(Commands._pause_continue, ("param1",)),
+        Command.DO_FLIGHTTERMINATION: Row(Commands._estop),
+        Command.NAV_RETURN_TO_LAUNCH: Row(Commands._rtl),
+        Command.MISSION_START: Row(Commands._start_mission, ("param1",)),
+        Command.DO_SET_MISSION_CURRENT: Row(Commands._jump, ("param1",)),
+        Command.SIDESTEP_SET_NAVIGATOR: Row(Commands._set_navigator, ("param1", "param2")),
+        Command.SIDESTEP_ABORT_GOAL: Row(Commands._abort),
+        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: Row(Commands._clear_estop),
     }
 )

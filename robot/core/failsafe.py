@@ -33,9 +33,13 @@ def encoder_impossible(state: State, inputs: Inputs, params: Params) -> bool:
 
 
 def not_finite(state: State, inputs: Inputs, params: Params) -> bool:
-    x_m, y_m, heading_rad = state.odometry.pose
+    """Find a NaN or an infinity in pose, covariance or twist: each survives every addition."""
+    odometry = state.odometry
+    x_m, y_m, heading_rad = odometry.pose
     speed_m_s, yaw_rate_rad_s = state.twist
-    total = x_m + y_m + heading_rad + state.odometry.phh + speed_m_s + yaw_rate_rad_s
+    total = x_m + y_m + heading_rad + speed_m_s + yaw_rate_rad_s
+    total += odometry.pxx + odometry.pxy + odometry.pxh
+    total += odometry.pyy + odometry.pyh + odometry.phh
     return total - total != 0.0
 
 

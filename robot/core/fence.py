@@ -22,24 +22,26 @@ def inside(fence: Fence, x_m: float, y_m: float) -> bool:
     if x_m - x_m != 0.0 or y_m - y_m != 0.0:
         return False
     xs_m, ys_m, radius_m = fence
-    to_x_m, to_y_m = xs_m[-1] - x_m, ys_m[-1] - y_m
+    to_x_m, to_y_m = xs_m[-1], ys_m[-1]
     if radius_m > 0.0:
+        to_x_m, to_y_m = to_x_m - x_m, to_y_m - y_m
         return to_x_m * to_x_m + to_y_m * to_y_m <= radius_m * radius_m
-    within, below = False, to_y_m < 0.0
+    within, below = False, to_y_m < y_m
     for i in range(len(xs_m)):
         from_x_m, from_y_m, was_below = to_x_m, to_y_m, below
-        to_x_m, to_y_m = xs_m[i] - x_m, ys_m[i] - y_m
-        below = to_y_m < 0.0
-        if (below and was_below) or (to_y_m > 0.0 and from_y_m > 0.0):
+        to_x_m, to_y_m = xs_m[i], ys_m[i]
+        below = to_y_m < y_m
+        if (below and was_below) or (to_y_m > y_m and from_y_m > y_m):
             continue
-        if to_x_m < 0.0 and from_x_m < 0.0:
+        if to_x_m < x_m and from_x_m < x_m:
             continue
-        if to_x_m > 0.0 and from_x_m > 0.0:
+        if to_x_m > x_m and from_x_m > x_m:
             if below != was_below:
                 within = not within
             continue
-        left = from_x_m * to_y_m - to_x_m * from_y_m  # above 0: the place is left of this side
-        if left == 0.0 and between(from_x_m, 0.0, to_x_m) and between(from_y_m, 0.0, to_y_m):
+        # above 0: the place is left of this side
+        left = (from_x_m - x_m) * (to_y_m - y_m) - (to_x_m - x_m) * (from_y_m - y_m)
+        if left == 0.0 and between(from_x_m, x_m, to_x_m) and between(from_y_m, y_m, to_y_m):
             return True
         if below != was_below and (left > 0.0) == was_below:
             within = not within

@@ -2,6 +2,10 @@
 
 Sans-I/O. It drives by giving the mode machine one goal at a time, and looks each tick at what has
 become of it: whatever ends the goal short of its place ends the mission, with the same reason.
+
+A start is in AUTO. The mode chosen under way is kept: in GUIDED the mission goes on from item to
+item only while an operator is heard. A lost operator then ends it, at a stop as well as on the way.
+A pause keeps the mode, too. Only a command leads from GUIDED back to AUTO.
 """
 
 from typing import Final
@@ -70,7 +74,7 @@ class Mission:
         """Set off for an item, now; CURRENT for the one it was about."""
         index = self.current if first == CURRENT else first
         refusal = self._missing(index)
-        return self._set_off(index, now_ms) if refusal == reasons.OK else refusal
+        return self._set_off(index, states.AUTO, now_ms) if refusal == reasons.OK else refusal
 
     def jump(self, index: int, now_ms: int) -> int:
         """Make an item the current one: at once when under way, else with the next start."""
@@ -81,7 +85,7 @@ class Mission:
             self._rest(MissionState.READY, index)
             return reasons.OK
         if self._machine.mode != states.HOLD:
-            return self._set_off(index, now_ms)
+            return self._set_off(index, self._mode(), now_ms)
         if self._machine.serial == self._serial:
             machines.end_goal(self._machine, states.ABORTED, reasons.REPLACED, now_ms)
         self.current = index
@@ -89,10 +93,14 @@ class Mission:
         return reasons.OK
 
     def resume(self) -> int:
-        """Go on after a hold, which pauses it."""
-        refusal = modes.may_drive(self._machine, states.AUTO)
+        """Go on after a hold, which pauses it, in the mode before."""
+        machine = self._machine
+        if machine.mode != states.HOLD:
+            return reasons.OK
+        mode = machine.resume_mode if machine.resume_mode == states.GUIDED else states.AUTO
+        refusal = modes.may_drive(machine, mode)
         if refusal == reasons.OK:
-            self._machine.mode = states.AUTO
+            machine.mode = mode
         return refusal
 
     def abort(self, now_ms: int) -> int:
@@ -147,13 +155,17 @@ class Mission:
 
     def _go(self, index: int, now_ms: int) -> None:
         self.current = index
-        refusal = self._set_off(index, now_ms)
+        refusal = self._set_off(index, self._mode(), now_ms)
         if refusal != reasons.OK:
             self._fail(refusal)
 
-    def _set_off(self, index: int, now_ms: int) -> int:
+    def _mode(self) -> int:
+        """Return the mode to go on in: GUIDED while that is chosen, else AUTO."""
+        return states.GUIDED if self._machine.mode == states.GUIDED else states.AUTO
+
+    def _set_off(self, index: int, mode: int, now_ms: int) -> int:
         """Give the machine the goal of an item; a refusal changes nothing."""
-        refusal = modes.goto(self._machine, self._stops[index].goal, states.AUTO, now_ms)
+        refusal = modes.goto(self._machine, self._stops[index].goal, mode, now_ms)
         if refusal == reasons.OK:
             self.current = index
             self.state, self.reason = MissionState.RUNNING, reasons.OK
@@ -172,6 +184,8 @@ class Mission:
             return machine.vehicle_reason or reasons.DISARMED
         if self._under_way and machine.goal_state in (states.STUCK, states.ABORTED):
             return machine.goal_reason
+        if machine.mode == states.GUIDED and not machine.operator:
+            return reasons.OPERATOR_LOST
         return reasons.BY_OPERATOR if machine.mode == states.MANUAL else reasons.OK
 
     def _fail(self, reason: int) -> None:

@@ -1,11 +1,11 @@
-from math import nan
+from math import inf, nan
 
 import pytest
 
 from robot.core import failsafe, modes, reasons, states
 from robot.core.fence import Fence
 from robot.core.parameters import DEFAULTS
-from robot.core.values import Pose, Scan, Twist
+from robot.core.values import Inputs, Pose, Scan, Twist, Wheels
 from tests.unit.core.driving import OPEN_SPACE, Driven, armed, driving
 
 AGES = (25, 0) * 4
@@ -124,15 +124,42 @@ def test_manual_needs_its_operator_all_the_time() -> None:
     assert driven.machine.vehicle_reason == reasons.OPERATOR_LOST
 
 
-@pytest.mark.parametrize("where", ["pose", "covariance", "twist"])
-def test_what_is_not_a_number_stops_the_robot(where: str) -> None:
+def sound_inputs(driven: Driven) -> Inputs:
+    return Inputs(driven.now_ms, Wheels(0, 0, 0, driven.now_ms), driven.scan, 0)
+
+
+COVARIANCES = ("pxx", "pxy", "pxh", "pyy", "pyh", "phh")
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+@pytest.mark.parametrize("at", range(3))
+def test_a_pose_that_is_not_finite_stops_the_robot(at: int, value: float) -> None:
     driven = driving()
-    if where == "pose":
-        driven.state.odometry.pose = Pose(nan, 0.0, 0.0)
-    elif where == "covariance":
-        driven.state.odometry.phh = nan
-    else:
-        driven.state.twist = Twist(nan, 0.0)
+    pose = list(driven.state.odometry.pose)
+    pose[at] = value
+    driven.state.odometry.pose = Pose(*pose)
+    failsafe.check(driven.state, sound_inputs(driven), DEFAULTS)
+    assert driven.machine.vehicle_reason == reasons.NOT_FINITE
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+@pytest.mark.parametrize("name", COVARIANCES)
+def test_a_covariance_that_is_not_finite_stops_the_robot(name: str, value: float) -> None:
+    driven = driving()
+    setattr(driven.state.odometry, name, value)
+    stopped_by(driven, reasons.NOT_FINITE)
+
+
+@pytest.mark.parametrize("twist", [Twist(nan, 0.0), Twist(0.0, nan), Twist(inf, 0.0)])
+def test_a_twist_that_is_not_finite_stops_the_robot(twist: Twist) -> None:
+    driven = driving()
+    driven.state.twist = twist
+    stopped_by(driven, reasons.NOT_FINITE)
+
+
+def test_infinities_of_opposite_sign_do_not_cancel() -> None:
+    driven = driving()
+    driven.state.odometry.pxx, driven.state.odometry.pyy = inf, -inf
     stopped_by(driven, reasons.NOT_FINITE)
 
 
@@ -180,14 +207,60 @@ def test_a_standing_disarmed_robot_has_no_failsafe() -> None:
     assert driven.machine.vehicle == states.STANDBY
 
 
-def test_a_robot_that_leaves_its_fence_stops_and_cannot_be_armed_until_it_is_lifted() -> None:
-    driven = driving()
-    driven.machine.fence = Fence((0.0,), (0.0,), 0.5)
-    for _ in range(60):
+SQUARE = Fence((-1.0, 1.0, 1.0, -1.0), (-1.0, -1.0, 1.0, 1.0), 0.0)
+CIRCLE = Fence((0.0,), (0.0,), 1.0)
+fences_of_a_metre = pytest.mark.parametrize("fence", [SQUARE, CIRCLE], ids=["polygon", "circle"])
+
+
+def at(x_m: float, y_m: float, fence: Fence | None) -> Driven:
+    """Armed at a place, then given a fence without being asked whether it may have it."""
+    driven = armed()
+    driven.state.odometry.pose = Pose(x_m, y_m, 0.0)
+    driven.machine.fence = fence
+    return driven
+
+
+@fences_of_a_metre
+@pytest.mark.parametrize("place_m", [(0.0, 0.0), (0.9, 0.0), (0.0, -0.9), (1.0, 0.0)])
+def test_a_robot_within_its_fence_stays_active(fence: Fence, place_m: tuple[float, float]) -> None:
+    driven = at(*place_m, fence)
+    for _ in range(3):
         driven.tick()
-        if driven.machine.vehicle != states.ACTIVE:
-            break
-        assert driven.state.odometry.pose.x_m <= 0.5
+        assert (driven.machine.vehicle, driven.machine.cause) == (states.ACTIVE, reasons.OK)
+
+
+@fences_of_a_metre
+@pytest.mark.parametrize("place_m", [(1.1, 0.0), (0.0, -1.1), (-50.0, 0.0), (1.001, 0.0)])
+def test_a_robot_outside_its_fence_stops_in_that_tick(
+    fence: Fence, place_m: tuple[float, float]
+) -> None:
+    driven = at(*place_m, fence)
+    assert driven.machine.vehicle == states.ACTIVE
+    driven.tick()
+    machine = driven.machine
+    assert (machine.vehicle, machine.vehicle_reason) == (states.FAILSAFE, reasons.FENCE_BREACHED)
+    assert machine.cause == reasons.FENCE_BREACHED
+
+
+def test_a_robot_without_a_fence_is_nowhere_outside() -> None:
+    driven = at(90.0, -90.0, None)
+    driven.tick()
+    assert (driven.machine.vehicle, driven.machine.cause) == (states.ACTIVE, reasons.OK)
+
+
+def test_a_robot_that_leaves_its_fence_stops_at_its_edge_until_it_is_lifted() -> None:
+    driven = driving()
+    start_m = driven.state.odometry.pose.x_m
+    driven.machine.fence = Fence((0.0,), (0.0,), 0.5)
+    inside_m: list[float] = []
+    while driven.machine.vehicle == states.ACTIVE:
+        assert len(inside_m) < 60
+        inside_m.append(driven.state.odometry.pose.x_m)
+        driven.tick()
+    assert inside_m[0] == start_m
+    assert start_m < 0.2
+    assert inside_m[-1] == pytest.approx(0.5, abs=0.02), "it drove up to the fence"
+    assert max(inside_m) <= 0.5 < driven.state.odometry.pose.x_m
     stopped_by(driven, reasons.FENCE_BREACHED, within_ticks=0)
     driven.tick()
     assert modes.arm(driven.machine) == reasons.FENCE_BREACHED

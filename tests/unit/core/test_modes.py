@@ -1,11 +1,12 @@
-from math import inf, nan, pi
+from collections.abc import Callable
+from math import inf, nan, nextafter, pi
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import modes, reasons, states
-from robot.core.machine import goal_lives
+from robot.core import failsafe, modes, reasons, states
+from robot.core.machine import Machine, goal_lives
 from robot.core.values import Goal
 from tests.unit.core.driving import AHEAD, Driven, armed, driving
 
@@ -65,10 +66,85 @@ def test_a_goal_that_makes_no_sense_is_refused(goal: Goal, refusal: int) -> None
     assert driven.forward(0.5).stands
 
 
-def test_the_edges_of_the_ranges_are_accepted() -> None:
-    low, high = 3491e-6, 3141593e-6  # 0.2 and 180 degrees in the wire's microradians
-    assert armed().goto(Goal(100.0, -100.0, 3.0, 0.005, low)) == reasons.OK
-    assert armed().goto(Goal(0.0, 0.0, None, 1.0, high)) == reasons.OK
+LOW_RAD, HIGH_RAD = 3491e-6, 3141593e-6  # 0.2 and 180 degrees in the wire's microradians
+EDGES = [
+    AHEAD._replace(x_m=100.0, y_m=-100.0),
+    AHEAD._replace(x_m=-100.0, y_m=100.0),
+    AHEAD._replace(heading_rad=1e3),
+    AHEAD._replace(heading_rad=-1e3),
+    AHEAD._replace(position_tolerance_m=0.005),
+    AHEAD._replace(position_tolerance_m=1.0),
+    AHEAD._replace(heading_tolerance_rad=LOW_RAD),
+    AHEAD._replace(heading_tolerance_rad=HIGH_RAD),
+    AHEAD._replace(heading_tolerance_rad=0.2 * pi / 180.0 - 1e-6),
+    AHEAD._replace(heading_tolerance_rad=pi + 1e-6),
+]
+BEYOND = [
+    (AHEAD._replace(x_m=nextafter(100.0, inf)), reasons.GOAL_OUT_OF_RANGE),
+    (AHEAD._replace(x_m=nextafter(-100.0, -inf)), reasons.GOAL_OUT_OF_RANGE),
+    (AHEAD._replace(y_m=nextafter(100.0, inf)), reasons.GOAL_OUT_OF_RANGE),
+    (AHEAD._replace(y_m=nextafter(-100.0, -inf)), reasons.GOAL_OUT_OF_RANGE),
+    (AHEAD._replace(heading_rad=nextafter(1e3, inf)), reasons.GOAL_OUT_OF_RANGE),
+    (AHEAD._replace(heading_rad=nextafter(-1e3, -inf)), reasons.GOAL_OUT_OF_RANGE),
+    (AHEAD._replace(position_tolerance_m=nextafter(0.005, 0)), reasons.TOLERANCE_OUT_OF_RANGE),
+    (AHEAD._replace(position_tolerance_m=nextafter(1.0, inf)), reasons.TOLERANCE_OUT_OF_RANGE),
+    (AHEAD._replace(heading_tolerance_rad=LOW_RAD - 3e-6), reasons.TOLERANCE_OUT_OF_RANGE),
+    (AHEAD._replace(heading_tolerance_rad=HIGH_RAD + 2e-6), reasons.TOLERANCE_OUT_OF_RANGE),
+]
+
+
+@pytest.mark.parametrize("goal", EDGES)
+def test_a_goal_on_the_edge_of_a_range_is_accepted(goal: Goal) -> None:
+    assert armed().goto(goal) == reasons.OK
+
+
+@pytest.mark.parametrize(("goal", "refusal"), BEYOND)
+def test_a_goal_just_beyond_a_range_is_refused(goal: Goal, refusal: int) -> None:
+    assert armed().goto(goal) == refusal
+
+
+@pytest.mark.parametrize(
+    ("change", "vehicle", "left_over"),
+    [
+        (modes.arm, states.ACTIVE, reasons.OK),
+        (lambda machine: modes.disarm(machine, 0), states.STANDBY, reasons.OK),
+    ],
+    ids=["arm", "disarm"],
+)
+def test_a_failsafe_reason_is_cleared_by_arming_and_disarming(
+    change: Callable[[Machine], int], vehicle: int, left_over: int
+) -> None:
+    driven = driving()
+    failsafe.trip(driven.machine, reasons.BUMPER, driven.now_ms)
+    assert driven.machine.vehicle_reason == reasons.BUMPER
+    assert change(driven.machine) == reasons.OK
+    assert (driven.machine.vehicle, driven.machine.vehicle_reason) == (vehicle, left_over)
+
+
+def test_an_emergency_stop_names_the_operator_until_it_is_cleared() -> None:
+    machine = driving().machine
+    modes.estop(machine, 0)
+    modes.disarm(machine, 0)
+    assert machine.vehicle_reason == reasons.BY_OPERATOR
+    assert modes.clear_estop(machine) == reasons.OK
+    assert (machine.vehicle, machine.vehicle_reason) == (states.STANDBY, reasons.OK)
+
+
+@pytest.mark.parametrize("mode", [states.AUTO, states.GUIDED])
+def test_resume_out_of_hold_leaves_the_mode_alone(mode: int) -> None:
+    driven = driving(mode)
+    driven.machine.resume_mode = states.AUTO + states.GUIDED - mode
+    assert modes.resume(driven.machine) == reasons.OK
+    assert driven.machine.mode == mode
+
+
+def test_resume_out_of_hold_asks_for_no_operator() -> None:
+    driven = driving(states.AUTO)
+    driven.operator_age_ms = None
+    driven.tick()
+    driven.machine.resume_mode = states.GUIDED
+    assert modes.resume(driven.machine) == reasons.OK
+    assert driven.machine.mode == states.AUTO
 
 
 def test_a_refused_goal_leaves_the_living_one_alone() -> None:

@@ -11,9 +11,11 @@ from protocol.enums import Vehicle as VehicleState
 from protocol.message import Message
 from protocol.messages import CommandAck, CommandRequest, ParamRequestRead, ParamSet, ParamValue
 from protocol.reasons import Reason
+from robot.commands import HANDLERS
 from robot.core import brain, states
 from robot.core.parameters import DEFAULTS
 from robot.store import Store
+from tests.unit.robot.mission.items import ready, start
 from tests.unit.robot.vehicles import MS, Desk, goal
 
 
@@ -51,13 +53,58 @@ def test_a_repeated_request_is_answered_again_and_not_acted_on_again() -> None:
     assert desk.vehicle.state.machine.goal_state == GoalState.ABORTED
 
 
-@pytest.mark.parametrize("value", [nan, inf, -inf])
-def test_a_command_with_a_value_that_is_no_number_is_refused(value: float) -> None:
-    desk = Desk()
+UNUSED = {
+    Command.COMPONENT_ARM_DISARM: (1, nan),
+    Command.DO_SET_MODE: (nan, Mode.AUTO),
+    Command.DO_PAUSE_CONTINUE: (0, nan),
+    Command.DO_FLIGHTTERMINATION: (nan, nan),
+    Command.NAV_RETURN_TO_LAUNCH: (nan, nan),
+    Command.MISSION_START: (0, nan),
+    Command.DO_SET_MISSION_CURRENT: (0, nan),
+    Command.SIDESTEP_SET_NAVIGATOR: (Navigator.BUG, 1),
+    Command.SIDESTEP_ABORT_GOAL: (nan, nan),
+    Command.SIDESTEP_CLEAR_EMERGENCY_STOP: (nan, nan),
+}
+"""Each command with NaN, MAVLink's "unused", in each field that it does not use."""
+
+
+def test_every_command_says_which_of_its_fields_it_uses() -> None:
+    assert UNUSED.keys() == HANDLERS.keys()
+
+
+def underway() -> Desk:
+    desk = ready(2)
+    assert start(desk) == Reason.NONE
     desk.step()
-    for command in (Command.DO_SET_MODE, Command.SIDESTEP_SET_NAVIGATOR):
-        assert desk.command(command, value, 0) == Reason.PARAMETER_OUT_OF_RANGE
-        assert desk.command(command, 0, value) == Reason.PARAMETER_OUT_OF_RANGE
+    return desk
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+@pytest.mark.parametrize("command", UNUSED)
+def test_a_field_that_a_command_does_not_use_may_hold_anything(
+    command: Command, value: float
+) -> None:
+    fields = [value if isnan(used) else used for used in UNUSED[command]]
+    assert underway().command(command, *fields) == Reason.NONE
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+@pytest.mark.parametrize("command", UNUSED)
+def test_a_command_with_a_value_that_is_no_number_is_refused(
+    command: Command, value: float
+) -> None:
+    for at, used in enumerate(UNUSED[command]):
+        if not isnan(used):
+            fields = list(UNUSED[command])
+            fields[at] = value
+            assert underway().command(command, *fields) == Reason.PARAMETER_OUT_OF_RANGE
+
+
+def test_an_emergency_stop_with_unused_fields_of_mavlink_stops() -> None:
+    desk = underway()
+    desk.command(Command.DO_FLIGHTTERMINATION, nan, nan)
+    assert desk.vehicle.state.machine.vehicle == VehicleState.EMERGENCY_STOP
+    assert (desk.step().left_mrad_s, desk.step().right_mrad_s) == (0, 0)
 
 
 def test_an_unknown_command_is_unsupported() -> None:
