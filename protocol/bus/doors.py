@@ -1,4 +1,4 @@
-"""Watches whom a process that listens behind a lock keeps out, and tells it in that one's log."""
+"""Report in the log of a listening process which sessions it refused, and what they tried."""
 
 import threading
 import time
@@ -7,17 +7,20 @@ from contextlib import contextmanager
 from typing import Final
 
 from protocol.bus.bus import Bus
-from protocol.bus.refusals import UNKNOWN, Caller, Refusals
+from protocol.bus.refusals import SIGNS, UNKNOWN, Caller, Refusals
 from protocol.bus.strangers import Strangers, end_in
-from protocol.bus.zenoh_log import ZenohLog
+from protocol.bus.zenoh_log import DOORS, ZenohLog
 
 LOOK_S: Final = 0.5
+DRAIN_S: Final = 0.05
+"""So often the log is taken out of the kernel, which keeps some hundred events."""
+
 CALLERS: Final = 1000
 NAMELESS: Final = "somebody whose certificate has no name"
 
 
 class Doors:
-    """Looks a few times a second, whatever happens: a flood of refusals costs little more."""
+    """Reads the log a few times a second; a flood of refusals costs a bounded time and memory."""
 
     def __init__(self, bus: Bus, log: ZenohLog, tell: Callable[[str], None]) -> None:
         self._log = log
@@ -28,7 +31,7 @@ class Doors:
         bus.on_caller(self._came)
 
     def look(self) -> None:
-        """Tell what there is to tell since the last look."""
+        """Report the refusals since the last look."""
         log, now_ns = self._log.take(), time.monotonic_ns()
         for line in self._refusals.heard(log, self._caller, self._came_to_nothing, now_ns):
             self._tell(line)
@@ -48,21 +51,25 @@ class Doors:
 
 @contextmanager
 def watched_doors(bus: Bus, tell: Callable[[str], None]) -> Iterator[None]:
-    """While the block runs, tell who was kept out; nothing for a process without locked doors.
+    """Report refusals while the block runs; do nothing for a process without locked doors.
 
-    It takes the place of standard output, where Zenoh writes: for processes that say nothing there.
+    Takes the place of standard output, where Zenoh writes: for processes that print nothing there.
     """
     tls = bus.network.tls
     if tls is None or not tls.tell_refusals or not bus.network.listen:
         yield
         return
     ends = threading.Event()
-    with ZenohLog() as log:
+    with ZenohLog(DOORS, SIGNS) as log:
         doors = Doors(bus, log, tell)
 
         def watch() -> None:
-            while not ends.wait(LOOK_S):
-                doors.look()
+            looks_s = time.monotonic() + LOOK_S
+            while not ends.wait(DRAIN_S):
+                log.drain()
+                if time.monotonic() >= looks_s:
+                    doors.look()
+                    looks_s = time.monotonic() + LOOK_S
 
         watching = threading.Thread(target=watch, name="doors", daemon=True)
         watching.start()
@@ -71,5 +78,4 @@ def watched_doors(bus: Bus, tell: Callable[[str], None]) -> Iterator[None]:
         finally:
             ends.set()
             watching.join()
-            for _ in range(2):  # what came last is told by the look after the next
-                doors.look()
+            doors.look()

@@ -1,30 +1,44 @@
-"""Whom Zenoh kept out, and why, read out of its log and told in words that help."""
+"""Sentences about what Zenoh refused, made from the events of its log.
+
+Part of an event is chosen by the refused session: the key, which may be long and may contain line
+breaks. An event is therefore read from its beginning only, and what it names is cut and cleaned.
+"""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
-from itertools import islice
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from protocol.bus.access import grant_of
 
 QUIET_NS: Final = 60_000_000_000
-"""What was told is not told again for so long, only counted."""
+"""A sentence is repeated only after this long, with a count. Budgets are for this long, too."""
 
-AT_ONCE: Final = 10
-MOST_LINES: Final = 3000
-REMEMBERED: Final = 500
+MAX_TOLD: Final = 10
+"""Sentences about one certificate in QUIET_NS; more are only counted."""
+
+MAX_NAMES: Final = 200
+MAX_CHARACTERS: Final = 200
+"""Of a key or a cause in a sentence."""
+
+MAX_EVENTS: Final = 300
 SIGNS: Final = (b"is unauthorized to", b". Hint: ")
-"""Of a line that counts. Most of the log says what was allowed, and is not looked at closer."""
+"""Of an event that counts. Most of the log says what was allowed."""
 
-DENIED: Final = re.compile(
-    r"access_control: (?P<known>Using cached result: )?(?P<zid>[0-9a-f]{1,32})"
-    r"(?: on \S*)? is unauthorized to (?P<what>[A-Z][A-Za-z/ ]+) \(ingress\) on (?P<key>\S+)"
+BEGIN: Final = (
+    r"\A\d{4}-\d\d-\d\dT[\d:.]+Z +(?P<level>[A-Z]+) +\S+ ThreadId\(\d+\) "
+    r"(?:[\w=.:/ {}\[\]-]{0,200}?: )??"
 )
-UNWELCOME: Final = re.compile(r"zenoh_link_tls::unicast: (?P<why>.+)\. Hint: ")
+DENIED: Final = re.compile(
+    BEGIN + r"zenoh::net::routing::interceptor::access_control: "
+    r"(?P<known>Using cached result: )?(?P<zid>[0-9a-f]{1,32})(?: on \S*)? is unauthorized to "
+    r"(?P<what>[A-Z][A-Za-z/ ]{1,60}) \(ingress\) on (?P<key>.+)",
+    re.DOTALL,
+)
+UNWELCOME: Final = re.compile(BEGIN + r"zenoh_link_tls::unicast: (?P<why>.+?)\. Hint: ", re.DOTALL)
 LEARNT: Final = "Declare/Undeclare"
-"""Zenoh works out all that may be done with a key at once, and tells of that as of refusals."""
+"""Zenoh works out all that may be done with a key at once, and logs that as refusals."""
 
 WOULD: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -39,7 +53,7 @@ WOULD: Final[Mapping[str, str]] = MappingProxyType(
         "Declare Liveliness Subscriber": "look who is at",
     }
 )
-WHEN: Final = re.compile(r"not valid (?P<which>after|before) (?P<s>\d+)")
+WHEN: Final = re.compile(r"not valid (?P<which>after|before) (?P<s>\d{1,11})\b")
 REASONS: Final = (
     ("InvalidContentType", "it speaks plain TCP, and this door takes only TLS"),
     ("peer sent no certificates", "it shows no certificate"),
@@ -49,11 +63,11 @@ REASONS: Final = (
     ("received fatal alert", "it does not believe the certificate that it was shown"),
 )
 NOBODY: Final = ("handshake eof", "reset by peer", "Broken pipe", "end of file")
-"""Somebody who only looked whether the door is there."""
+"""Causes of a connection that only looked whether a process listens."""
 
 
 class Caller(NamedTuple):
-    """Who dialled: the common name of the certificate, and from where."""
+    """A session that dialled: the common name of its certificate, and its address."""
 
     name: str
     address: str
@@ -62,53 +76,90 @@ class Caller(NamedTuple):
 UNKNOWN: Final = Caller("somebody", "an unknown address")
 
 
+class Told(NamedTuple):
+    """A sentence, and the certificate that it is about."""
+
+    name: str
+    sentence: str
+
+
+class Budget:
+    """The sentences about one certificate since a moment, each with how often it was repeated."""
+
+    __slots__ = ("before", "begun_ns", "more", "said")
+
+    def __init__(self, begun_ns: int, before: dict[str, int]) -> None:
+        self.begun_ns = begun_ns
+        self.before = before
+        self.said: dict[str, int] = {}
+        self.more = 0
+
+    def is_over(self, now_ns: int) -> bool:
+        return now_ns - self.begun_ns >= QUIET_NS
+
+
 class Refusals:
-    """Says each refusal once, and how often it was repeated when it is told again."""
+    """Say each refusal once, and at most MAX_TOLD about one certificate in QUIET_NS."""
 
     def __init__(self) -> None:
-        self._told: dict[str, tuple[int, int]] = {}  # when (ns), how often since
+        self._budgets: dict[str, Budget] = {}
 
     def heard(
         self,
-        log: bytes,
+        events: Sequence[bytes],
         caller: Callable[[str], Caller],
         strangers: Callable[[], Iterable[str]],
         now_ns: int,
     ) -> list[str]:
-        """What there is to tell of a piece of the log, in whole lines.
+        """Return the sentences to tell of some events of the log.
 
-        `caller` knows who has a session id; `strangers` looks where calls came to nothing.
+        `caller` returns the owner of a session id; `strangers` the hosts of failed connections.
         """
-        plain = telling(log)
-        known = (*denials(plain, caller), *unwelcome(plain, strangers))
-        fresh = [told for sentence in known if (told := self._once(sentence, now_ns))]
-        while len(self._told) > REMEMBERED:
-            del self._told[next(iter(self._told))]
-        if len(fresh) > AT_ONCE:
-            return [*fresh[:AT_ONCE], f"refused: {len(fresh) - AT_ONCE} others at the same time"]
-        return fresh
+        read = [event.decode(errors="replace") for event in events[:MAX_EVENTS]]
+        known = (*denials(read, caller), *unwelcome(read, strangers))
+        lines = [line for told in known for line in self._said(told, now_ns)]
+        return [*lines, *self._ended(now_ns)]
 
-    def _once(self, sentence: str, now_ns: int) -> str:
-        """The sentence, or nothing when it was told lately."""
-        at_ns, again = self._told.get(sentence, (None, 0))
-        if at_ns is not None and now_ns - at_ns < QUIET_NS:
-            self._told[sentence] = at_ns, again + 1
-            return ""
-        self._told[sentence] = now_ns, 0
-        return f"{sentence} ({again} more times since it was told)" if again else sentence
+    def _said(self, told: Told, now_ns: int) -> Iterator[str]:
+        """The sentence, unless it was said before or there were too many."""
+        budget = self._budgets.get(told.name)
+        if budget is None or budget.is_over(now_ns):
+            yield from summary(told.name, budget)
+            budget = self._begun(told.name, now_ns, {} if budget is None else budget.said)
+        if told.sentence in budget.said:
+            budget.said[told.sentence] += 1
+        elif len(budget.said) >= MAX_TOLD:
+            budget.more += 1
+        else:
+            budget.said[told.sentence] = 0
+            before = budget.before.get(told.sentence, 0)
+            since = f" ({before} more times since it was told)" if before else ""
+            yield f"{told.sentence}{since}"
+
+    def _begun(self, name: str, now_ns: int, before: dict[str, int]) -> Budget:
+        self._budgets.pop(name, None)
+        while len(self._budgets) >= MAX_NAMES:
+            del self._budgets[next(iter(self._budgets))]
+        budget = self._budgets[name] = Budget(now_ns, before)
+        return budget
+
+    def _ended(self, now_ns: int) -> Iterator[str]:
+        """What remains to be told of floods that have ended."""
+        for name, budget in self._budgets.items():
+            if budget.is_over(now_ns):
+                yield from summary(name, budget)
+                budget.more = 0
 
 
-def telling(log: bytes) -> str:
-    """The lines that tell of a refusal; of a flood only the beginning is looked at."""
-    if not any(sign in log for sign in SIGNS):
-        return ""
-    lines = (line for line in log.splitlines() if any(sign in line for sign in SIGNS))
-    return b"\n".join(islice(lines, MOST_LINES)).decode(errors="replace")
+def summary(name: str, budget: Budget | None) -> Iterator[str]:
+    """How many were not told one by one."""
+    if budget is not None and budget.more:
+        yield f"refused: {name}: {budget.more} other attempts in {QUIET_NS // 10**9} s"
 
 
-def denials(log: str, caller: Callable[[str], Caller]) -> Iterator[str]:
-    """What somebody wanted to do who was let in, but may not."""
-    found = list(DENIED.finditer(log))
+def denials(events: Sequence[str], caller: Callable[[str], Caller]) -> Iterator[Told]:
+    """What a session with a certificate tried that its role may not do."""
+    found = [one for event in events if (one := DENIED.match(event))]
     learnt = {(one["zid"], one["key"]) for one in found if one["what"].startswith(LEARNT)}
     for one in found:
         if one["what"] not in WOULD or (not one["known"] and (one["zid"], one["key"]) in learnt):
@@ -116,20 +167,32 @@ def denials(log: str, caller: Callable[[str], Caller]) -> Iterator[str]:
         name, address = caller(one["zid"])
         grant = grant_of(name)
         may = f"{name} {grant.says}" if grant else "no role has the name of its certificate"
-        yield f"refused: {name} at {address} may not {WOULD[one['what']]} {one['key']}: {may}"
+        key = cleaned(one["key"].removesuffix("\n"))
+        yield Told(name, f"refused: {name} at {address} may not {WOULD[one['what']]} {key}: {may}")
 
 
-def unwelcome(log: str, strangers: Callable[[], Iterable[str]]) -> Iterator[str]:
-    """Who was not let in at all. Of these Zenoh does not tell the address."""
-    found = [one["why"] for one in UNWELCOME.finditer(log)]
+def unwelcome(events: Sequence[str], strangers: Callable[[], Iterable[str]]) -> Iterator[Told]:
+    """Handshakes that failed. Zenoh does not log the address of these."""
+    found = [one["why"] for event in events if (one := UNWELCOME.match(event))]
     whys = [why for why in found if not any(words in why for words in NOBODY)]
     address = (", ".join(strangers()) if whys else "") or UNKNOWN.address
     for why in whys:
-        yield f"not let in: {UNKNOWN.name} at {address}: {in_words(why)}"
+        words = in_words(why)
+        yield Told(UNKNOWN.name, f"not let in: {UNKNOWN.name} at {address}: {words}")
+
+
+def cleaned(key: str) -> str:
+    """Cut a key and replace its blanks and unprintable characters by question marks.
+
+    A blank in a key could begin what reads like a part of the sentence.
+    """
+    shown = key[:MAX_CHARACTERS]
+    text = "".join(c if c.isprintable() and c != " " else "?" for c in shown)
+    return text if len(key) <= MAX_CHARACTERS else f"{text}..."
 
 
 def in_words(why: str) -> str:
-    """Why a handshake failed."""
+    """Return the cause of a failed handshake for a person."""
     when = WHEN.search(why)
     if when:
         moment = f"{datetime.fromtimestamp(int(when['s']), UTC):%Y-%m-%d %H:%M} UTC"
@@ -139,4 +202,5 @@ def in_words(why: str) -> str:
             if expired
             else f"its certificate is not valid before {moment}; compare the clocks"
         )
-    return next((words for sign, words in REASONS if sign in why), why)
+    shown = "".join(c if c.isprintable() else "?" for c in why[:MAX_CHARACTERS])
+    return next((words for sign, words in REASONS if sign in why), shown)

@@ -1,10 +1,16 @@
-"""Zenoh's own log, caught on its way: it can only write to standard output.
+"""Zenoh's own log, caught in a bounded channel: it can only write to standard output.
 
-It is caught in memory, never in a pipe: a full one would stall what arrives on the bus.
+Each event of the log is one datagram to a socket of this process on the loopback interface. The
+kernel keeps the boundaries between events, cuts an event at MAX_EVENT_BYTES and drops events when
+the socket is full. A write to it never waits and never fails for lack of space. A pipe would stall
+what arrives on the bus, a file in memory would grow, and a line break inside a key would start a
+line of its own.
 """
 
 import os
+import socket
 import sys
+from collections import deque
 from collections.abc import Mapping
 from types import MappingProxyType, TracebackType
 from typing import Final, Self
@@ -13,21 +19,36 @@ import zenoh
 
 DOORS: Final = "zenoh::net::routing::interceptor::access_control=trace,zenoh_link_tls=debug"
 ENVIRONMENT: Final[Mapping[str, str | None]] = MappingProxyType({"RUST_LOG": None, "NO_COLOR": "1"})
-"""What Zenoh's log would heed, and what it is to find."""
+"""Environment variables that Zenoh's log reads, with the values it is to find."""
 
 STDOUT: Final = 1
+LOOPBACK: Final = "127.0.0.1"
+BUFFER_BYTES: Final = 1 << 20
+"""Asked of the kernel, which may give less."""
+
+MAX_EVENT_BYTES: Final = 600
+MAX_READ: Final = 500
+"""Events read in one call of `drain`: bounds its cost in a flood."""
+
+MAX_KEPT: Final = 300
+"""Events kept between two calls of `take`."""
 
 
 class ZenohLog:
-    """From now on until it is closed. Python's own standard output goes on as before."""
+    """Catch Zenoh's log from now until `close`. Python's own standard output goes on as before.
 
-    def __init__(self, wanted: str = DOORS) -> None:
+    Only events that contain one of `signs` are kept; without signs, all are.
+    """
+
+    def __init__(self, wanted: str = DOORS, signs: tuple[bytes, ...] = ()) -> None:
+        self._signs = signs
+        self._kept: deque[bytes] = deque(maxlen=MAX_KEPT)
+        self._reader, self._writer = channel()
         sys.stdout.flush()
         self._spoken = sys.stdout
         self._stdout = os.dup(STDOUT)
         sys.stdout = os.fdopen(os.dup(STDOUT), "w", buffering=1)
-        self._full, self._filling = caught(), caught()
-        os.dup2(self._filling, STDOUT)
+        os.dup2(self._writer.fileno(), STDOUT)
         initialise(wanted)
 
     def __enter__(self) -> Self:
@@ -41,26 +62,44 @@ class ZenohLog:
     ) -> None:
         self.close()
 
-    def take(self) -> bytes:
-        """What was written up to the call before this one: whoever was writing then has ended."""
-        read, self._full, self._filling = self._full, self._filling, caught()
-        os.dup2(self._filling, STDOUT)
-        with os.fdopen(read, "rb") as file:
-            file.seek(0)
-            return file.read()
+    def drain(self) -> None:
+        """Keep what has a sign among the events waiting in the kernel, at most MAX_READ of them."""
+        for _ in range(MAX_READ):
+            try:
+                event = self._reader.recv(MAX_EVENT_BYTES)
+            except BlockingIOError:
+                return
+            if not self._signs or any(sign in event for sign in self._signs):
+                self._kept.append(event)
+
+    def take(self) -> list[bytes]:
+        """Return the events kept since the call before, the newest MAX_KEPT of them."""
+        self.drain()
+        kept = list(self._kept)
+        self._kept.clear()
+        return kept
 
     def close(self) -> None:
         """Give standard output back; what Zenoh writes from now on goes there, too."""
         os.dup2(self._stdout, STDOUT)
         sys.stdout.close()
         sys.stdout = self._spoken
-        for number in (self._stdout, self._full, self._filling):
-            os.close(number)
+        os.close(self._stdout)
+        self._writer.close()
+        self._reader.close()
 
 
-def caught() -> int:
-    """A file in memory."""
-    return os.memfd_create("zenoh-log")
+def channel() -> tuple[socket.socket, socket.socket]:
+    """Return a reader and a writer of datagrams that accept nothing from any other socket."""
+    reader = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    writer = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    for end in (reader, writer):
+        end.bind((LOOPBACK, 0))
+        end.setblocking(False)
+    reader.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+    reader.connect(writer.getsockname())
+    writer.connect(reader.getsockname())
+    return reader, writer
 
 
 def initialise(wanted: str) -> None:

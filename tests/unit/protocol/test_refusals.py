@@ -5,10 +5,10 @@ from collections.abc import Iterable
 import pytest
 
 from protocol.bus.refusals import (
-    AT_ONCE,
-    MOST_LINES,
+    MAX_CHARACTERS,
+    MAX_EVENTS,
+    MAX_TOLD,
     QUIET_NS,
-    REMEMBERED,
     UNKNOWN,
     Caller,
     Refusals,
@@ -40,7 +40,12 @@ def viewer(zid: str) -> Caller:
 
 
 def heard(log: str, strangers: Iterable[str] = (), at_ns: int = 0) -> list[str]:
-    return Refusals().heard(log.encode(), viewer, lambda: strangers, at_ns)
+    """Of a log with one event a line."""
+    return Refusals().heard(events(log), viewer, lambda: strangers, at_ns)
+
+
+def events(log: str) -> list[bytes]:
+    return [line.encode() for line in log.splitlines(keepends=True)]
 
 
 def test_a_forged_sample_is_told_with_who_where_what_and_why() -> None:
@@ -96,7 +101,7 @@ def test_a_name_without_a_role_is_told() -> None:
     def stranger(_zid: str) -> Caller:
         return Caller("stranger", "there")
 
-    (told,) = Refusals().heard(cached("Put (ingress)", "k").encode(), stranger, list, 0)
+    (told,) = Refusals().heard(events(cached("Put (ingress)", "k")), stranger, list, 0)
     assert told == (
         "refused: stranger at there may not put on k: no role has the name of its certificate"
     )
@@ -142,35 +147,71 @@ def test_where_a_stranger_was_is_said_to_be_unknown() -> None:
 
 def test_the_same_is_told_again_only_after_a_while_and_then_with_how_often() -> None:
     refusals = Refusals()
-    line = cached("Put (ingress)", "k").encode()
+    line = events(cached("Put (ingress)", "k"))
     assert len(refusals.heard(line * 3, viewer, list, 0)) == 1
     assert refusals.heard(line * 5, viewer, list, QUIET_NS - 1) == []
     (told,) = refusals.heard(line, viewer, list, QUIET_NS)
     assert told.endswith("(7 more times since it was told)")
 
 
-def test_a_flood_of_different_ones_is_told_in_few_lines_and_little_memory() -> None:
+def test_flood_of_different_keys_gives_few_lines_and_a_count() -> None:
     refusals = Refusals()
-    log = "".join(cached("Put (ingress)", f"key/{number}") for number in range(300))
-    told = refusals.heard(log.encode(), viewer, list, 0)
-    assert len(told) == AT_ONCE + 1
-    assert told[-1] == f"refused: {300 - AT_ONCE} others at the same time"
-    for round_ns in range(1, 6):
-        log = "".join(cached("Put (ingress)", f"{round_ns}/{number}") for number in range(300))
-        refusals.heard(log.encode(), viewer, list, round_ns)
-    assert len(refusals._told) <= REMEMBERED
+    told = []
+    for look in range(100):
+        log = "".join(cached("Put (ingress)", f"{look}/{number}") for number in range(50))
+        told += refusals.heard(events(log), viewer, list, look)
+    assert len(told) == MAX_TOLD
+    (summary,) = refusals.heard([], viewer, list, QUIET_NS)
+    assert summary == f"refused: viewer: {5000 - MAX_TOLD} other attempts in 60 s"
+    assert refusals.heard([], viewer, list, 2 * QUIET_NS) == []
+
+
+def test_flood_of_one_certificate_hides_no_other() -> None:
+    def caller(zid: str) -> Caller:
+        return Caller("viewer" if zid == ZID else "plant", "there")
+
+    refusals = Refusals()
+    flood = "".join(cached("Put (ingress)", f"{number}") for number in range(50))
+    refusals.heard(events(flood), caller, list, 0)
+    line = cached("Put (ingress)", "k").replace(ZID, "ab")
+    (told,) = refusals.heard(events(line), caller, list, 1)
+    assert told.startswith("refused: plant at there may not put on k")
 
 
 def test_of_a_flood_only_the_beginning_is_read() -> None:
-    flood = judged("Put (ingress)", "early") + cached("Put (egress)", "k") * MOST_LINES
+    flood = judged("Put (ingress)", "early") + cached("Put (egress)", "k") * MAX_EVENTS
     (told,) = heard(flood + cached("Put (ingress)", "late"))
     assert "may not put on early" in told
 
 
-def test_what_was_allowed_hides_no_refusal() -> None:
-    allowed = judged("Put (ingress)", "k", "authorized") * 5 * MOST_LINES
-    (told,) = heard(allowed + cached("Put (ingress)", "late"))
-    assert "may not put on late" in told
+def test_long_key_is_cut() -> None:
+    (told,) = heard(cached("Put (ingress)", "k" * 60_000))
+    assert "k" * MAX_CHARACTERS + "...: viewer only listens" in told
+    assert len(told) < 2 * MAX_CHARACTERS
+
+
+@pytest.mark.parametrize("between", ["\n", " ", "\r\n", "\t", "\u2028", "\n\n"])
+def test_line_break_in_a_key_accuses_no_other_session(between: str) -> None:
+    forged = cached("Put (ingress)", "sidestep/r1/srv/command").replace(ZID, "ab").rstrip("\n")
+
+    def caller(zid: str) -> Caller:
+        return Caller("plant" if zid == "ab" else "viewer", "there")
+
+    event = cached("Put (ingress)", f"k{between}{forged}").encode()
+    (told,) = Refusals().heard([event], caller, list, 0)
+    assert told.startswith("refused: viewer at there may not put on k?")
+    assert "plant" not in told
+    assert "\n" not in told
+
+
+def test_forgery_after_unrelated_words_is_not_read() -> None:
+    assert heard(f"something else {cached('Put (ingress)', 'k')}") == []
+
+
+@pytest.mark.parametrize("character", ["\u202e", "\x1b", "\x07", "\x9b", " "])
+def test_unprintable_characters_of_a_key_are_replaced(character: str) -> None:
+    (told,) = heard(cached("Put (ingress)", f"a{character}b"))
+    assert "may not put on a?b: " in told
 
 
 def test_what_is_no_log_is_nothing() -> None:
