@@ -1,0 +1,154 @@
+"""A file that is replaced or removed survives every power cut: the old content or the new one."""
+
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocol import whole_file
+from verification.power_cut import Disk, content_of
+
+HOME = Path("/state")
+FILE = HOME / "fence.json"
+
+
+class Story:
+    """Contents of a file one after another, each acknowledged before the next."""
+
+    def __init__(self, disk: Any, path: Path = FILE) -> None:
+        self.disk = disk
+        self.path = path
+        self.problems: list[str] = []
+        self._now: str | None = None
+
+    def put(self, text: str | None) -> None:
+        """Replace the file, or remove it, and look at every cut up to the answer and after it."""
+        before, begun = self._now, len(self.disk.cuts)
+        if text is None:
+            whole_file.remove(self.path)
+        else:
+            whole_file.make_folder(self.path.parent)
+            whole_file.replace(self.path, text)
+        self._now = text
+        for states in self.disk.cuts[begun:]:
+            self._look(states, {before, text}, "before the answer")
+        self._look(self.disk.cuts[-1], {text}, "after the answer")
+
+    def _look(self, states: frozenset[Any], allowed: set[str | None], when: str) -> None:
+        for state in states:
+            found = content_of(state, self.path)
+            text = None if found is None else found.decode(errors="replace")
+            if text not in allowed:
+                self.problems.append(f"{when}: {text!r}, not {allowed}")
+
+
+def told(disk: Any, path: Path = FILE) -> list[str]:
+    """Of a whole life of a file."""
+    story = Story(disk, path)
+    for text in ("first", "second, longer", "x", None, "again", None, None, "", "the last"):
+        story.put(text)
+    return story.problems
+
+
+def test_every_power_cut_leaves_the_old_content_or_the_new(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    disk = Disk()
+    monkeypatch.setattr(whole_file, "os", disk)
+    assert told(disk) == []
+    assert len(disk.cuts) > 30
+    assert max(len(states) for states in disk.cuts) > 5, "a cut in between has several outcomes"
+
+
+def test_a_folder_that_was_made_survives_with_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = Disk()
+    monkeypatch.setattr(whole_file, "os", disk)
+    assert told(disk, HOME / "of" / "r1" / "fence.json") == []
+
+
+class WithoutFileSync(Disk):
+    def fsync(self, handle: int) -> None:
+        if self.isdir_open(handle):
+            super().fsync(handle)
+
+
+class WithoutFolderSync(Disk):
+    def fsync(self, handle: int) -> None:
+        if not self.isdir_open(handle):
+            super().fsync(handle)
+
+
+class WithoutRename(Disk):
+    """As a program that writes a file where it is."""
+
+    def replace(self, old: Path, new: Path) -> None:
+        content = self.content(old)
+        self.unlink(old)
+        handle = self.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        self.write(handle, content)
+        self.fsync(handle)
+        self.close(handle)
+
+
+@pytest.mark.parametrize("kind", [WithoutFileSync, WithoutFolderSync, WithoutRename])
+def test_a_missing_step_is_found_by_the_simulated_cut(
+    kind: type[Disk], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = kind()
+    monkeypatch.setattr(whole_file, "os", disk)
+    assert told(disk) != []
+
+
+@pytest.mark.parametrize("act", [lambda path: whole_file.replace(path, "b"), whole_file.remove])
+@pytest.mark.parametrize("number", [errno.EIO, errno.ENOSPC])
+def test_a_directory_that_cannot_be_synchronised_is_an_error(
+    act: Callable[[Path], None], number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("a")
+    fail_for_folders(monkeypatch, number)
+    with pytest.raises(OSError, match="as told"):
+        act(tmp_path / "file")
+
+
+def test_a_file_system_without_directory_sync_is_used_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fail_for_folders(monkeypatch, errno.EINVAL)
+    whole_file.replace(tmp_path / "file", "b")
+    assert (tmp_path / "file").read_text() == "b"
+
+
+def fail_for_folders(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    fsync = os.fsync
+
+    def failing(handle: int) -> None:
+        if Path(f"/proc/self/fd/{handle}").resolve().is_dir():
+            raise OSError(number, "as told")
+        fsync(handle)
+
+    monkeypatch.setattr("os.fsync", failing)
+
+
+def test_a_file_that_never_was_is_removed_without_a_word(tmp_path: Path) -> None:
+    whole_file.remove(tmp_path / "file")
+    whole_file.remove(tmp_path / "no folder" / "file")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_draft_left_by_a_killed_process_is_overwritten(tmp_path: Path) -> None:
+    (tmp_path / ".file.part").write_text("half of somethi")
+    whole_file.replace(tmp_path / "file", "whole")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert (tmp_path / "file").read_text() == "whole"
+
+
+def test_a_write_that_takes_less_than_it_was_given_is_repeated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = os.write
+    monkeypatch.setattr("os.write", lambda number, data: write(number, data[:3]))
+    whole_file.replace(tmp_path / "file", "longer than three")
+    assert (tmp_path / "file").read_text() == "longer than three"

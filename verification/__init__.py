@@ -1,0 +1,1 @@
+"""Programs that search for violations of the stack's safety properties."""
