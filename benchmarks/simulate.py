@@ -1,0 +1,107 @@
+"""Deterministic simulation of the whole stack: seeds, their speed, and what they violate.
+
+Each seed draws operators, faults and attacks over 20 simulated seconds. A seed that violates an
+invariant is shrunk to the fewest events; `--events FILE` writes them, `--replay FILE` runs them.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Final
+
+from benchmarks.figures import Figure, Report
+from verification.simulation.campaign import Ran, in_processes
+from verification.simulation.coverage import Coverage
+from verification.simulation.draw import drawn
+from verification.simulation.events import from_json, to_json
+from verification.simulation.shrink import shrunk
+from verification.simulation.simulation import Result, run
+
+NS_PER_S: Final = 1_000_000_000
+MAX_SHOWN: Final = 5
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--seeds", type=int, default=500, metavar="N", help="how many (500)")
+    parser.add_argument("--first", type=int, default=0, metavar="S", help="the first of them (0)")
+    parser.add_argument("--jobs", type=int, default=1, metavar="K", help="processes (1)")
+    parser.add_argument("--seed", type=int, metavar="S", help="run this one seed only")
+    parser.add_argument("--replay", type=Path, metavar="FILE", help="run these events only")
+    parser.add_argument("--events", type=Path, metavar="FILE", help="write the shrunk events there")
+    parser.add_argument("--no-shrink", action="store_true", help="show the events as drawn")
+
+
+def measure(options: argparse.Namespace) -> Report:
+    """Run one scenario or many seeds."""
+    if options.replay is not None:
+        return _report_of_one(options, run(from_json(options.replay.read_text(encoding="utf-8"))))
+    if options.seed is not None:
+        return _report_of_one(options, run(drawn(options.seed)))
+    done: list[Ran] = []
+    for part in in_processes(options.first, options.seeds, options.jobs):
+        done.append(part)
+        _show_progress(done, options.seeds)
+    return _report_of_many(options, done)
+
+
+def _show_progress(done: list[Ran], wanted: int) -> None:
+    seeds = sum(part.seeds for part in done)
+    failed = sum(len(part.failed) for part in done)
+    print(f"{seeds} of {wanted} seeds, {failed} violate", file=sys.stderr, flush=True)
+
+
+def _report_of_many(options: argparse.Namespace, done: list[Ran]) -> Report:
+    failed = [result for part in done for result in part.failed]
+    cpu_s, simulated_ns = sum(p.cpu_s for p in done), sum(p.simulated_ns for p in done)
+    coverage = Coverage()
+    for part in done:
+        coverage.add(part.coverage)
+    notes = coverage.lines()
+    for result in failed[:MAX_SHOWN]:
+        notes += explained(result, options)
+    if len(failed) > MAX_SHOWN:
+        others = ", ".join(str(result.scenario.seed) for result in failed[MAX_SHOWN:][:50])
+        notes.append(f"other seeds that violate: {others}")
+    return Report(
+        benchmark="simulate",
+        figures=(
+            Figure(name="seeds", unit="", values=(sum(part.seeds for part in done),)),
+            Figure(
+                name="seeds that violate an invariant", unit="", values=(len(failed),), at_most=0
+            ),
+            Figure(
+                name="simulated time per CPU time of one core",
+                unit="x",
+                values=(simulated_ns / NS_PER_S / cpu_s,),
+                at_least=100,
+            ),
+        ),
+        notes=tuple(notes),
+    )
+
+
+def _report_of_one(options: argparse.Namespace, result: Result) -> Report:
+    failed = result.violation is not None
+    return Report(
+        benchmark="simulate",
+        figures=(Figure(name="violations", unit="", values=(int(failed),), at_most=0),),
+        notes=(
+            f"digest {result.digest} after {result.simulated_ns / NS_PER_S:.2f} s",
+            *(explained(result, options) if failed else ()),
+        ),
+    )
+
+
+def explained(result: Result, options: argparse.Namespace) -> list[str]:
+    """Seed, invariant, time, the fewest events, and the command that shows it again."""
+    small = result if options.no_shrink or options.replay else shrunk(result)
+    violation, scenario = small.violation, small.scenario
+    assert violation is not None
+    if options.events is not None:
+        options.events.write_text(to_json(scenario), encoding="utf-8")
+    return [
+        f"seed {scenario.seed} violates «{violation.invariant}» at "
+        f"{violation.time_ns / NS_PER_S:.3f} s: {violation.words}",
+        *(f"    {event}" for event in scenario.events),
+        f"    again: sidestep bench simulate --seed {scenario.seed}",
+    ]

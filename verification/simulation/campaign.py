@@ -1,0 +1,48 @@
+"""Many seeds: how many were run, what they cost, which of them violate an invariant."""
+
+from collections.abc import Iterable, Iterator
+from multiprocessing import get_context
+from time import process_time
+from typing import Final, NamedTuple
+
+from verification.simulation.coverage import Coverage
+from verification.simulation.draw import DURATION_NS, drawn
+from verification.simulation.simulation import Result, run
+
+CHUNK: Final = 20
+
+
+class Ran(NamedTuple):
+    """Some seeds: CPU time of the process that ran them, and the results that violate."""
+
+    seeds: int
+    simulated_ns: int
+    cpu_s: float
+    failed: tuple[Result, ...]
+    coverage: Coverage
+
+
+def ran(seeds: Iterable[int], duration_ns: int = DURATION_NS) -> Ran:
+    """Run seeds in this process, one after the other."""
+    began_s, count, simulated_ns = process_time(), 0, 0
+    failed: list[Result] = []
+    coverage = Coverage()
+    for seed in seeds:
+        result = run(drawn(seed, duration_ns))
+        count += 1
+        simulated_ns += result.simulated_ns
+        coverage.add(result.coverage)
+        if result.violation is not None:
+            failed.append(result)
+    return Ran(count, simulated_ns, process_time() - began_s, tuple(failed), coverage)
+
+
+def in_processes(first: int, count: int, jobs: int) -> Iterator[Ran]:
+    """Run seeds in so many processes; what is done comes in the order of the seeds."""
+    starts = range(first, first + count, CHUNK)
+    chunks = [range(start, min(start + CHUNK, first + count)) for start in starts]
+    if jobs == 1:
+        yield from map(ran, chunks)
+        return
+    with get_context("spawn").Pool(jobs) as pool:
+        yield from pool.imap(ran, chunks)

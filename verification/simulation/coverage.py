@@ -1,0 +1,38 @@
+"""What the runs have exercised: without it, no violation would prove nothing."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+
+@dataclass(slots=True)
+class Coverage:
+    """Counts over runs; `reached` are the names of situations that occurred, once per run."""
+
+    plant_ticks: int = 0
+    moving_ticks: int = 0
+    robot_ticks: int = 0
+    requests: int = 0
+    accepted: int = 0
+    reached: Counter[str] = field(default_factory=Counter)
+
+    def add(self, other: "Coverage") -> None:
+        self.plant_ticks += other.plant_ticks
+        self.moving_ticks += other.moving_ticks
+        self.robot_ticks += other.robot_ticks
+        self.requests += other.requests
+        self.accepted += other.accepted
+        self.reached.update(other.reached)
+
+    @property
+    def moving_percent(self) -> float:
+        """Share of the plant's ticks in which the wheels turned."""
+        return 100.0 * self.moving_ticks / self.plant_ticks if self.plant_ticks else 0.0
+
+    def lines(self) -> list[str]:
+        """In words: how much was driven, and how many runs reached each situation."""
+        head = (
+            f"wheels turned in {self.moving_percent:.0f} % of {self.plant_ticks} ticks; "
+            f"{self.accepted} of {self.requests} requests accepted"
+        )
+        found = ", ".join(f"{name} {count}" for name, count in sorted(self.reached.items()))
+        return [head, f"runs that reached: {found}"]

@@ -1,0 +1,36 @@
+"""From a seed to a scenario."""
+
+from random import Random
+from typing import Final
+
+from verification.simulation.events import Event, Scenario
+from verification.simulation.faults import FAULTS
+
+MS: Final = 1_000_000
+SECOND: Final = 1_000 * MS
+DURATION_NS: Final = 20 * SECOND
+BOOT_NS: Final = 300 * MS
+QUIET: Final = 0.1
+"""This share of all seeds has no fault at all."""
+
+
+def drawn(seed: int, duration_ns: int = DURATION_NS) -> Scenario:
+    """The scenario of a seed: operators who come and act, and what goes wrong meanwhile."""
+    random = Random(f"scenario {seed}")
+    events = [Event(BOOT_NS, "come", ("operator-a", random.randrange(2)), random.getrandbits(32))]
+    if random.random() < 0.4:
+        events.append(_event(random, "come", ("operator-b", random.randrange(2)), duration_ns))
+    kinds = ["operate"] * random.randint(3, 9)
+    if random.random() >= QUIET:
+        weights = [fault.weight for fault in FAULTS.values()]
+        kinds += random.choices(tuple(FAULTS), weights, k=random.randint(1, 5))
+    events += [_event(random, kind, None, duration_ns) for kind in kinds]
+    return Scenario(seed, duration_ns, tuple(sorted(events)))
+
+
+def _event(
+    random: Random, kind: str, arguments: tuple[int | float | str, ...] | None, duration_ns: int
+) -> Event:
+    time_ns = BOOT_NS + round(random.random() * (duration_ns - 2 * SECOND) / MS) * MS
+    drawn_now = FAULTS[kind].draw(random)
+    return Event(time_ns, kind, arguments or drawn_now, random.getrandbits(32))

@@ -1,0 +1,268 @@
+"""Operators of the simulation: the command line's own link, state machines and verbs.
+
+An operator is a process with two threads of work: its actions one after the other, and its
+emergency stops, which wait for nothing. Its heart beats on a thread of its own, as in `lease take`.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from ground import lease
+from ground.destination import destination, goal_request
+from ground.link import Link
+from ground.missions.mission import Circle, Waypoint
+from ground.missions.transfer import Clear, Upload, Verdict
+from ground.missions.wire import fence_items_of, items_of
+from ground.operator import BEAT_NS, Answered
+from ground.options import Common
+from ground.orders import ORDERS
+from ground.station.estop import EmergencyStop
+from ground.station.requests import Outcome
+from ground.teleop import Stick
+from protocol.bus import open_bus
+from protocol.enums import PARAM_TYPE_REAL32, Command, LeaseAction, MissionType, Mode
+from protocol.errors import LocalError, RemoteError
+from protocol.message import Message
+from protocol.messages import MissionItemInt, ParamSet, ParamValue
+from protocol.network import Network
+from protocol.topics import MISSION_SERVICE, PARAMETER, Role
+from verification.simulation.events import Argument
+from verification.simulation.scheduler import Host, Scheduler
+from verification.simulation.threads import SimulatedClock, SimulatedQueue
+
+MS: Final = 1_000_000
+DIALS: Final = Network(mode="client", connect=("tcp/127.0.0.1:7447",))
+STEER_NS: Final = 50 * MS
+
+
+@dataclass(slots=True)
+class Asked:
+    """What an operator asked, and what it was told; `answered` None: nothing in time."""
+
+    operator: str
+    action: str
+    asked_ns: int
+    request: Message | None = None
+    content: tuple[Any, ...] = ()
+    ended_ns: int | None = None
+    answered: bool | None = None
+    reason: int = 0
+
+
+@dataclass(slots=True)
+class History:
+    """Everything that operators asked."""
+
+    asked: list[Asked] = field(default_factory=list)
+
+
+class Operator:
+    """One operator; `start` again after `kill` makes another session of the same person."""
+
+    def __init__(self, scheduler: Scheduler, name: str, history: History) -> None:
+        self.name = name
+        self.host = Host(scheduler, name)
+        self.host.alive = False
+        self.starts = 0
+        self.link: Link | None = None
+        self.beating = False
+        self.closed = False
+        self._scheduler = scheduler
+        self._history = history
+        self._actions: SimulatedQueue[tuple[str, tuple[Argument, ...]]] | None = None
+        self._early: deque[tuple[str, tuple[Argument, ...]]] = deque()
+
+    @property
+    def busy(self) -> bool:
+        """Whether something it asked has not ended."""
+        return any(one.ended_ns is None for one in self._history.asked if one.operator == self.name)
+
+    def start(self) -> None:
+        if self.host.alive:
+            return
+        self.starts += 1
+        offset_ns = (700 + 13 * self.starts + len(self.name)) * 1_000_000_000
+        self.host = Host(self._scheduler, self.name, offset_ns)
+        self.beating = False
+        self._early.clear()
+        self.host.spawn(self._main)
+
+    def kill(self) -> None:
+        """As SIGKILL: the lease is not given back."""
+        if self.link is not None and self.host.alive:
+            self.host.alive = False
+            session: Any = self.link.bus._session
+            session.close()
+            self.host.kill()
+        for one in self._history.asked:
+            if one.operator == self.name and one.ended_ns is None:
+                one.ended_ns = self._scheduler.now_ns
+        self.link = self._actions = None
+
+    def do(self, action: str, arguments: tuple[Argument, ...]) -> None:
+        """Have it act: a stop at once, everything else after what it does now."""
+        if not self.host.alive:
+            return
+        if action == "stop":
+            self.host.spawn(self._stop)
+        elif self._actions is None:
+            self._early.append((action, arguments))
+        else:
+            self._actions.put((action, arguments))
+
+    def _main(self) -> None:
+        bus = open_bus(DIALS, Role.GROUND, "r1", self.host.now_ns)
+        link = Link(bus, Common(network=DIALS, robot="r1"), SimulatedClock())
+        actions = self._actions = SimulatedQueue()
+        bus.announce("r1")
+        self.link = link
+        self.host.spawn(self._beat)
+        while self._early:
+            actions.put(self._early.popleft())
+        while True:
+            action, arguments = actions.get()
+            ACTIONS[action](self, link, *arguments)
+
+    def _beat(self) -> None:
+        link = self._linked()
+        while True:
+            if self.beating:
+                link.beat()
+            link.clock.sleep_until(link.clock.now_ns() + BEAT_NS)
+
+    def _linked(self) -> Link:
+        assert self.link is not None
+        return self.link
+
+    # What an operator asks; each is written to the history.
+
+    def _begin(self, action: str, request: Message | None, *content: Any) -> Asked:
+        asked = Asked(self.name, action, self._scheduler.now_ns, request, content)
+        self._history.asked.append(asked)
+        return asked
+
+    def _end(self, asked: Asked, answered: bool | None, reason: int = 0) -> bool:
+        asked.ended_ns = self._scheduler.now_ns
+        asked.answered, asked.reason = answered, reason
+        return bool(answered)
+
+    def _ask(self, action: str, request: Any, ask: Callable[[], Answered]) -> bool:
+        asked = self._begin(action, request)
+        try:
+            answered = ask()
+        except (RemoteError, LocalError):
+            return self._end(asked, None)
+        return self._end(asked, answered.ok, answered.reason)
+
+    def command(self, link: Link, action: str, request: Any) -> bool:
+        return self._ask(action, request, lambda: link.ask(request))
+
+    def _stop(self) -> None:
+        """Press the station's emergency stop."""
+        link = self._linked()
+        stop = EmergencyStop(link.ids.next(), link.robot, link.clock.now_ns())
+        asked = self._begin("stop", None)
+        outcome: Outcome = stop.run(link.bus, link.clock)
+        self._end(asked, True if outcome.ok else None)
+
+    def take(self, link: Link, how: str) -> bool:
+        action = LeaseAction[how]
+
+        def ask() -> Answered:
+            return lease.ask(link, action, self.name)
+
+        ok = self._ask(f"lease {how}", None, ask)
+        if ok:
+            self.beating = action is not LeaseAction.RELEASE
+        return ok
+
+    def order(self, link: Link, verb: str) -> bool:
+        order = ORDERS[verb]
+        return self.command(link, verb, link.command(order.command, order.param1, order.param2))
+
+    def mode(self, link: Link, name: str) -> bool:
+        mode = float(Mode[name])
+        return self.command(link, f"mode {name}", link.command(Command.DO_SET_MODE, 1.0, mode))
+
+    def goto(self, link: Link, x_m: float, y_m: float, mode: str) -> bool:
+        where = destination([x_m, y_m]).on_the_wire()
+        return self.command(link, "goto", goal_request(where, link.ids.next(), Mode[mode]))
+
+    def teleop(self, link: Link, speed_m_s: float, yaw_rad_s: float, for_s: float) -> bool:
+        """Arm, choose MANUAL and steer."""
+        if not self.mode(link, "MANUAL"):
+            return False
+        self.order(link, "arm")
+        stick, until_ns = Stick(link), link.clock.now_ns() + round(for_s * 1e9)
+        while link.clock.now_ns() < until_ns:
+            stick.drive(speed_m_s, yaw_rad_s)
+            link.clock.sleep_until(link.clock.now_ns() + STEER_NS)
+        stick.stop()
+        return True
+
+    def drive(self, link: Link, x_m: float, y_m: float, mode: str) -> bool:
+        """Arm and go there."""
+        self.order(link, "arm")
+        return self.goto(link, x_m, y_m, mode)
+
+    def param(self, link: Link, name: str, value: float) -> bool:
+        request = ParamSet(param_id=name, param_value=value, param_type=PARAM_TYPE_REAL32)
+        asked = self._begin("param", request, name, value)
+        answer: object = None
+        for _ in range(3):
+            try:
+                answer = link.bus.ask(PARAMETER, request, 0.5, robot=link.robot)
+            except RemoteError:
+                continue
+            break
+        if answer is None:
+            return self._end(asked, None)
+        if isinstance(answer, ParamValue):
+            return self._end(asked, True)
+        return self._end(asked, False, getattr(answer, "result_param2", 0))
+
+    def fence(self, link: Link, radius_m: float) -> bool:
+        """A circle around the world's start; 0: none."""
+        if not radius_m:
+            return self._transfer(link, "fence off", MissionType.FENCE, ())
+        items = fence_items_of(Circle(x_m=self.centre[0], y_m=self.centre[1], radius_m=radius_m))
+        return self._transfer(link, "fence", MissionType.FENCE, tuple(items))
+
+    def mission(self, link: Link, hold_s: float, *places: float) -> bool:
+        """Upload stops and start them."""
+        stops = zip(places[::2], places[1::2], strict=True)
+        waypoints = [Waypoint(x_m=x_m, y_m=y_m, hold_s=hold_s) for x_m, y_m in stops]
+        items = tuple(items_of(waypoints))
+        if not self._transfer(link, "mission", MissionType.MISSION, items):
+            return False
+        self.order(link, "arm")
+        return self.command(link, "start", link.command(Command.MISSION_START, 0.0))
+
+    def _transfer(
+        self, link: Link, action: str, kind: MissionType, items: tuple[MissionItemInt, ...]
+    ) -> bool:
+        now_ns = link.clock.now_ns()
+        talk = Upload(items, kind, now_ns) if items else Clear(kind, now_ns)
+        asked = self._begin(action, None, kind, items)
+        link.talk(talk, MISSION_SERVICE)
+        outcome = talk.outcome
+        if isinstance(outcome, Verdict):
+            return self._end(asked, outcome.ok, outcome.reason)
+        return self._end(asked, None)
+
+    centre: tuple[float, float] = (0.0, 0.0)
+
+
+ACTIONS: Final[dict[str, Callable[..., bool]]] = {
+    "lease": Operator.take,
+    "order": Operator.order,
+    "mode": Operator.mode,
+    "goto": Operator.goto,
+    "drive": Operator.drive,
+    "teleop": Operator.teleop,
+    "param": Operator.param,
+    "fence": Operator.fence,
+    "mission": Operator.mission,
+}

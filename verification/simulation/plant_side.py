@@ -1,0 +1,81 @@
+"""The plant's process in the simulation: real world, wires, desk and loop."""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from plant.desk import Desk
+from plant.noise import Noise
+from plant.plant import Plant
+from plant.process import Process, Wake
+from plant.wires import Wires
+from plant.world_types import GoalPose, Polygon, Start, World
+from protocol.bus import Bus, open_bus
+from protocol.claim import claim
+from protocol.network import Network
+from protocol.topics import RUN, WORLD, Role
+from verification.simulation.scheduler import Host, Scheduler
+from verification.simulation.threads import SimulatedClock
+
+WORLDS: Final = (
+    World(
+        name="plain",
+        size_m=(60.0, 60.0),
+        start=Start(x_m=30.0, y_m=30.0),
+        goal=GoalPose(x_m=33.0, y_m=30.0),
+        walls=False,
+    ),
+    World(
+        name="room",
+        size_m=(6.0, 4.0),
+        start=Start(x_m=0.6, y_m=2.0),
+        goal=GoalPose(x_m=5.0, y_m=2.0),
+        obstacles=(Polygon(((2.6, 1.5), (3.4, 1.5), (3.4, 2.3), (2.6, 2.3))),),
+    ),
+)
+
+
+class PlantSide:
+    """One plant that may end and be started again: then its time and place begin anew."""
+
+    def __init__(
+        self, scheduler: Scheduler, name: str, world: World, look: Callable[[Plant], None]
+    ) -> None:
+        self.name = name
+        self.host = Host(scheduler, name)
+        self.host.alive = False
+        self.plant: Plant | None = None
+        self.bus: Bus | None = None
+        self.wires: Wires | None = None
+        self.starts = 0
+        self._scheduler = scheduler
+        self._world = world
+        self._look = look
+
+    def start(self) -> None:
+        if self.host.alive:
+            return
+        self.host = Host(self._scheduler, self.name, 5_000_000_000 * (self.starts + 1))
+        self.starts += 1
+        self.host.spawn(self._main)
+
+    def kill(self) -> None:
+        """As SIGKILL."""
+        if self.bus is not None and self.host.alive:
+            self.host.alive = False
+            session: Any = self.bus._session
+            session.close()
+            self.host.kill()
+        self.plant = self.bus = None
+
+    def _main(self) -> None:
+        plant = Plant(self._world, self.starts, Noise())
+        bus = self.bus = open_bus(Network(), Role.PLANT, "r1", self.host.now_ns)
+        wake = Wake()
+        desk = Desk(running=True, world={}, nudge=wake)
+        wires = self.wires = Wires(bus, "r1", 0, wake, lockstep=False)
+        for service in (RUN, WORLD):
+            bus.serve(service, lambda asked: desk.ask(0, asked), "r1")
+        claim(bus, ["r1"])
+        self.plant = plant
+        process = Process(plant, [wires], desk, wake, look=lambda: self._look(plant))
+        process.run_wall(SimulatedClock())

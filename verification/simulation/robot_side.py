@@ -1,0 +1,126 @@
+"""The robot's process in the simulation: real vehicle, senses, meter, loop and bus."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any, Final, Protocol
+
+from protocol.bus import Bus, open_bus
+from protocol.claim import claim
+from protocol.clock import Tick
+from protocol.message import Message
+from protocol.network import Network
+from protocol.topics import Role
+from robot import run as robot_run
+from robot.core.parameters import DEFAULTS, Params
+from robot.core.values import Pose
+from robot.process import Process
+from robot.store import Store
+from robot.vehicle import Answer, Vehicle
+from verification.simulation.disk import DISKS, Disk, SimulatedPath
+from verification.simulation.scheduler import Host, Scheduler, current_task
+from verification.simulation.threads import SimulatedClock
+
+SETTLES_NS: Final = 300_000_000
+"""After a hang the grid has found its phase within this time."""
+
+
+class Observer(Protocol):
+    """What is told of the robot."""
+
+    def received(
+        self, vehicle: Vehicle, request: Message, answer: Answer, operator: str
+    ) -> None: ...
+    def cycled(self, side: "RobotSide", tick: Tick) -> None: ...
+    def held_up(self, until_ns: int) -> None: ...
+
+
+class ObservedVehicle(Vehicle):
+    """The real vehicle; an observer is told of each request and its answer."""
+
+    observer: Observer
+
+    def receive(self, request: Message, now_ns: int, operator: str = "", **more: Any) -> Answer:
+        answer = super().receive(request, now_ns, operator, **more)
+        self.observer.received(self, request, answer, operator)
+        return answer
+
+
+class RobotSide:
+    """One robot that may end and be started again; its disk outlives it."""
+
+    def __init__(
+        self, scheduler: Scheduler, name: str, params: Params, start: Pose, observer: Observer
+    ) -> None:
+        self.name = name
+        self.robot = "r1"
+        self.disk = DISKS[name] = Disk()
+        self.clock_offset_ns = 0
+        self.starts = 0
+        self.ticks = 0
+        self.hang_ns = 0
+        self.late_ns = 0
+        self.stage_cost_ns = 100_000
+        self.params = params
+        self.vehicle: ObservedVehicle | None = None
+        self.process: Process | None = None
+        self.bus: Bus | None = None
+        self.host = Host(scheduler, name)
+        self.host.alive = False
+        self.clock: SimulatedClock | None = None
+        self._scheduler = scheduler
+        self._start = start
+        self._observer = observer
+
+    @property
+    def runs(self) -> bool:
+        """Whether its loop goes round."""
+        return self.host.alive and self.vehicle is not None
+
+    def start(self) -> None:
+        if self.host.alive:
+            return
+        self.host = Host(self._scheduler, self.name, self.clock_offset_ns)
+        self.starts += 1
+        self.host.spawn(self._main)
+
+    def kill(self) -> None:
+        """As SIGKILL: no last word."""
+        if self.bus is not None and self.host.alive:
+            self.host.alive = False
+            session: Any = self.bus._session
+            session.close()
+            self.host.kill()
+        self.vehicle = self.process = self.bus = None
+
+    def _main(self) -> None:
+        directory: Any = SimulatedPath(self.disk)
+        store = Store(directory)
+        params, warnings = store.load(self.params)
+        vehicle = ObservedVehicle(params, store, self._start)
+        vehicle.observer = self._observer
+        for warning in warnings:
+            vehicle.say(4, warning)
+        bus = self.bus = open_bus(Network(), Role.ROBOT, self.robot, self.host.now_ns)
+        claim(bus, [self.robot])
+        process, grid = robot_run.in_wall_time(vehicle, bus, lambda: None)
+        clock: Any = process._clock
+        self.clock = clock
+        self.vehicle, self.process = vehicle, process
+        process.run(self._observed(grid))
+
+    def _observed(self, grid: Iterable[Tick]) -> Iterator[Tick]:
+        """The same ticks; after each the observer looks, and faults take their time."""
+        task = current_task()
+        for tick in grid:
+            assert self.clock is not None
+            self.clock.stage_cost_ns = self.stage_cost_ns
+            yield tick
+            self.ticks += 1
+            self._observer.cycled(self, tick)
+            busy_ns, self.hang_ns = self.hang_ns + self.late_ns, 0
+            if busy_ns:
+                self._observer.held_up(self._scheduler.now_ns + busy_ns + SETTLES_NS)
+                task.wait_until(self._scheduler.now_ns + busy_ns)
+
+
+def robot_params(navigator: int) -> Params:
+    return DEFAULTS._replace(navigator=navigator)

@@ -1,0 +1,67 @@
+"""Makes a failing scenario small: fewer events, a shorter run, the same invariant violated."""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from verification.simulation.events import Event, Scenario
+from verification.simulation.simulation import Result, run
+
+TAIL_NS: Final = 50_000_000
+MAX_RUNS: Final = 400
+
+
+def shrunk(failed: Result, execute: Callable[[Scenario], Result] = run) -> Result:
+    """The smallest scenario found that violates the same invariant, with its result.
+
+    Delta debugging over the list of events: halves are left out first, then quarters, down to
+    single events. Raises ValueError for a result without a violation.
+    """
+    if failed.violation is None:
+        raise ValueError("there is no violation to shrink")
+    return _Shrinking(failed, failed.violation.invariant, execute).result()
+
+
+class _Shrinking:
+    def __init__(
+        self, failed: Result, invariant: str, execute: Callable[[Scenario], Result]
+    ) -> None:
+        self._best = failed
+        self._invariant = invariant
+        self._execute = execute
+        self._left = MAX_RUNS
+
+    def result(self) -> Result:
+        self._try(self._best.scenario.events)
+        parts = 2
+        while len(events := self._best.scenario.events) > 1 and self._left:
+            parts = min(parts, len(events))
+            if self._without_a_part(events, parts):
+                parts = max(parts - 1, 2)
+            elif parts == len(events):
+                break
+            else:
+                parts *= 2
+        return self._best
+
+    def _without_a_part(self, events: Sequence[Event], parts: int) -> bool:
+        """Whether one of so many parts could be left out; then it is."""
+        for number in range(parts):
+            first, last = len(events) * number // parts, len(events) * (number + 1) // parts
+            if self._try((*events[:first], *events[last:])):
+                return True
+        return False
+
+    def _try(self, events: Sequence[Event]) -> bool:
+        best = self._best
+        if best.violation is None or not self._left:
+            return False
+        self._left -= 1
+        until_ns = best.violation.time_ns + TAIL_NS
+        kept = tuple(event for event in events if event.time_ns <= until_ns)
+        period_ns = 50_000_000
+        duration_ns = -(-until_ns // period_ns) * period_ns
+        found = self._execute(Scenario(best.scenario.seed, duration_ns, kept))
+        if found.violation is None or found.violation.invariant != self._invariant:
+            return False
+        self._best = found
+        return True
