@@ -6,8 +6,6 @@ from math import nan
 from pathlib import Path
 from typing import Any, Final
 
-from zenoh import ZBytes
-
 from benchmarks.fuzz_messages import packed, pieces
 from benchmarks.fuzz_target import Target
 from ground.missions.wire import fence_of, waypoints_of
@@ -15,7 +13,6 @@ from ground.param import rows_in, table
 from ground.station.world import world_in
 from plant.world_file import load
 from plant.world_json import as_json
-from protocol.bus.service import sender_in
 from protocol.codec import Encoder, decode
 from protocol.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType, Mode
 from protocol.errors import RemoteError
@@ -33,7 +30,7 @@ from protocol.messages import (
     Teleop,
     WheelTicks,
 )
-from protocol.topics import ENCODING, TOPICS
+from protocol.topics import ENCODING, TOPICS, operator_in
 from robot.core.parameters import DEFAULTS
 from robot.core.senses import scan_of, wheels_of
 from robot.core.values import Inputs, Outputs, Scan, Wheels
@@ -124,7 +121,7 @@ def sample(data: bytes, _: Path) -> None:
         return
     topic = TOPICS[data[0] % len(TOPICS)]
     box: Mailbox[Any] = Mailbox(topic, accept=lambda sender: sender != "bob")
-    sender = sender_in(ZBytes(data[2 : 2 + data[1]]))
+    sender = operator_in(data[2 : 2 + data[1]].decode(errors="replace"))
     box.store(Sample(ENCODINGS[data[1] % len(ENCODINGS)], data[2:], sender), 0)
     box.latest()
     box.fresh(1)

@@ -13,7 +13,7 @@ from benchmarks.soak_ears import Heard
 from benchmarks.soak_fleet import Size
 from ground.blackbox.frames import opened
 from protocol.codec import decode
-from protocol.topics import ANSWERED, COMMANDED, TEXT
+from protocol.topics import ANSWERED, COMMANDED, TEXT, path_of
 
 JUDGED_S: Final = 300.0
 AFTERMATH_S: Final = 5.0
@@ -55,7 +55,7 @@ class Course:
         last: dict[str, int] = {}
         for file in sorted(folder.glob("*.mcap")):
             for one in opened(file):
-                path = one.key.split("/", 2)[2]
+                path = path_of(one.key)
                 if path in EVENTS:
                     sequence = decode(one.frame).sequence
                     expected = (last.get(path, sequence - 1) + 1) & 0xFF

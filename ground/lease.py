@@ -111,7 +111,7 @@ def show(link: Link, says: Says) -> int:
     found = lease_status(link)
     if found is None:
         raise RemoteError(f"nothing is heard of the lease: {link.diagnosis()}")
-    ours = found.holder == link.bus.zid
+    ours = found.holder == link.bus.operator
     who = f"{found.name or found.holder}{' (this is you)' if ours else ''}"
     left = f", for {found.lapses_ms / 1000:.1f} s more unless heard"
     text = f"{who} commands {link.robot}{left}" if found.held else "nobody holds the lease"

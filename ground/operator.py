@@ -7,7 +7,7 @@ import secrets
 from dataclasses import dataclass
 from typing import Final, Protocol, TypeAlias
 
-from protocol.enums import AckResult, GoalState
+from protocol.enums import AckResult, Command, GoalState
 from protocol.message import Message
 from protocol.messages import (
     CommandAck,
@@ -28,18 +28,18 @@ OVERTAKEN_NS: Final = 1_000 * MS
 """A status that is at most so much older than the newest was overtaken on its way."""
 ID_BITS: Final = 64
 
+NO_COMMAND: Final = 0
+ASK_AGAIN: Final = (Reason.TOO_MANY_REQUESTS, Reason.TOO_LATE)
+"""Reasons that are no answer: the robot has not looked at the request."""
+
 Request: TypeAlias = CommandRequest | GoalRequest | LeaseRequest
 
 
 class RequestIds:
-    """Ids that no other sender uses: a random start, then counting. 0 is never given."""
-
-    def __init__(self, start: int | None = None) -> None:
-        self._last = secrets.randbits(ID_BITS) if start is None else start
+    """Ids that nobody can guess, each drawn at random. 0 is never given."""
 
     def next(self) -> int:
-        self._last = (self._last + 1) % (1 << ID_BITS) or 1
-        return self._last
+        return secrets.randbits(ID_BITS) or 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +116,13 @@ class Asking:
         return self.outcome is not None
 
     def receive(self, answer: object, now_ns: int) -> None:
+        """Take an answer. Only one to this request's command ends the asking."""
         if not isinstance(answer, CommandAck):
             self.unanswered("the answer is no acknowledgement")
+        elif answer.result == AckResult.TEMPORARILY_REJECTED or answer.result_param2 in ASK_AGAIN:
+            self.unanswered(reason_text(answer.result_param2))
+        elif not acknowledges(answer, self._request):
+            self.unanswered(f"the answer is to command {answer.command}")
         elif self.outcome is None:
             accepted = answer.result == AckResult.ACCEPTED
             reason = answer.result_param2
@@ -126,6 +131,20 @@ class Asking:
     def unanswered(self, why: str) -> None:
         """An attempt came to nothing, for this reason."""
         self._why = why
+
+
+def acknowledges(answer: CommandAck, request: Request) -> bool:
+    """Return whether an answer is one to this request. A refusal may leave out the command."""
+    if answer.command == command_of(request):
+        return True
+    return answer.command == NO_COMMAND and answer.result != AckResult.ACCEPTED
+
+
+def command_of(request: Request) -> int:
+    """Return the command that acknowledges a request."""
+    if isinstance(request, GoalRequest):
+        return Command.DO_REPOSITION
+    return request.command if isinstance(request, CommandRequest) else NO_COMMAND
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,17 +5,19 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from ground.emergency_stop import EmergencyStop, outcome_words
 from ground.holder import who_refuses
 from ground.link import Link
-from ground.operator import ATTEMPTS, PATIENCE_NS, Answered
+from ground.operator import ATTEMPTS, PATIENCE_NS, Answered, GaveUp
 from ground.options import add_common, seconds
 from ground.says import Says
 from protocol.enums import Command, Mode, Navigator
-from protocol.reasons import Reason
+from protocol.reasons import Reason, reason_text
+from protocol.topics import STATUS, STOP
 
 MS: Final = 1_000_000
-URGENT_ATTEMPTS: Final = 10
-URGENT_PATIENCE_NS: Final = 200 * MS
+STOP_NS: Final = 5_000 * MS
+"""How long `estop` repeats an emergency stop that is not acknowledged."""
 SIDES: Final = MappingProxyType({"left": 1, "right": -1})
 NAVIGATORS: Final = MappingProxyType({name.name.lower(): name for name in Navigator})
 USUAL_NAVIGATOR: Final = Navigator.VGM_MEMORY.name.lower()
@@ -42,7 +44,6 @@ class Order(NamedTuple):
     command: Command
     param1: float = 0.0
     param2: float = 0.0
-    urgent: bool = False
 
 
 ORDERS: Final[Mapping[str, Order]] = MappingProxyType(
@@ -50,7 +51,6 @@ ORDERS: Final[Mapping[str, Order]] = MappingProxyType(
         "hold": Order(Command.DO_PAUSE_CONTINUE, 0.0),
         "resume": Order(Command.DO_PAUSE_CONTINUE, 1.0),
         "abort": Order(Command.SIDESTEP_ABORT_GOAL),
-        "estop": Order(Command.DO_FLIGHTTERMINATION, 1.0, urgent=True),
         "clear-estop": Order(Command.SIDESTEP_CLEAR_EMERGENCY_STOP),
         "arm": Order(Command.COMPONENT_ARM_DISARM, 1.0),
         "disarm": Order(Command.COMPONENT_ARM_DISARM, 0.0),
@@ -84,6 +84,37 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
     return give(options, link, says, ORDERS[options.verb])
 
 
+def estop_arguments(parser: argparse.ArgumentParser) -> None:
+    add_common(parser)
+    parser.add_argument(
+        "--timeout", type=seconds, metavar="S", help="repeat it for so long until it shows (5)"
+    )
+
+
+def act_estop(options: argparse.Namespace, link: Link, says: Says) -> int:
+    """Stop the robot; 0 when its status shows the stop, 1 when it does not."""
+    with link.hearing(STATUS) as telemetry:
+        publisher = link.bus.publisher(STOP, link.robot)
+        stop = EmergencyStop(
+            link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)
+        )
+        for_ns = STOP_NS if options.timeout is None else round(options.timeout * 1e9)
+        outcome = stop.run(give_up_ns=for_ns)
+        silent = telemetry.latest(STATUS) is None
+    if silent:
+        raise link.unanswered(GaveUp(outcome.why))
+    found: dict[str, object] = {
+        "verb": "estop",
+        "robot": link.robot,
+        "ok": outcome.acknowledged,
+        "reason": reason_text(Reason.NONE) if outcome.acknowledged else outcome.why,
+        "reason_code": 0 if outcome.acknowledged else None,
+        "took_ms": round(outcome.took_ns / MS, 3),
+    }
+    says.result(found, outcome_words(outcome, link.robot))
+    return 0 if outcome.acknowledged else 1
+
+
 def act_mode(options: argparse.Namespace, link: Link, says: Says) -> int:
     mode = Mode[options.mode.upper()]
     return give(options, link, says, Order(Command.DO_SET_MODE, 1.0, float(mode)))
@@ -98,17 +129,16 @@ def act_navigator(options: argparse.Namespace, link: Link, says: Says) -> int:
 def give(options: argparse.Namespace, link: Link, says: Says, order: Order) -> int:
     """Ask and tell; 0 when the robot agrees, 1 when it refuses or nobody answers."""
     request = link.command(order.command, order.param1, order.param2)
-    attempts, patience_ns = pace(options.timeout, urgent=order.urgent)
+    attempts, patience_ns = pace(options.timeout)
     answered = link.ask(request, attempts=attempts, patience_ns=patience_ns)
     return tell(says, options.verb, link, answered)
 
 
-def pace(timeout_s: float | None, *, urgent: bool) -> tuple[int, int]:
-    """How often to ask and how long to wait each time."""
-    attempts = URGENT_ATTEMPTS if urgent else ATTEMPTS
+def pace(timeout_s: float | None) -> tuple[int, int]:
+    """Return how often to ask and how long to wait each time, in ns."""
     if timeout_s is None:
-        return attempts, URGENT_PATIENCE_NS if urgent else PATIENCE_NS
-    return attempts, max(1, round(timeout_s * 1e9 / attempts))
+        return ATTEMPTS, PATIENCE_NS
+    return ATTEMPTS, max(1, round(timeout_s * 1e9 / ATTEMPTS))
 
 
 def tell(says: Says, verb: str, link: Link, answered: Answered) -> int:

@@ -82,7 +82,9 @@ PLACES: Final[Mapping[str, Place]] = MappingProxyType(
         "hold": order("stand still, keep the goal"),
         "resume": order("go on to the goal"),
         "abort": order("drop the goal and stand still"),
-        "estop": order("emergency stop, latched"),
+        "estop": Place(
+            "emergency stop, latched", "orders", "act_estop", arguments="estop_arguments"
+        ),
         "clear-estop": order("release the emergency stop"),
         "arm": order("let the wheels turn"),
         "disarm": order("do not let the wheels turn"),

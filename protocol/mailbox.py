@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable
-from typing import Generic, NamedTuple, TypeVar, cast
+from typing import Final, Generic, NamedTuple, TypeVar, cast
 
 from protocol.codec import decode
 from protocol.errors import RemoteError
@@ -10,17 +10,32 @@ from protocol.message import Message
 from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, Topic
 
 M = TypeVar("M", bound=Message)
+MAX_STAMP_NS: Final = 1 << 62
+"""A stamp beyond, 146 years, is no time. What is added to one below still fits the wire."""
+
+MAX_AHEAD_NS: Final = 10_000_000_000
+"""A stamp so far ahead of one that has just arrived is no time of the same sender."""
 
 
 class Sample(NamedTuple):
-    """What arrived on a key: how it says it is encoded, its bytes, and which operator it is from.
+    """What arrived on a key: its declared encoding, its bytes, and the operator that sent it.
 
-    `sender` is empty for whoever is no operator.
+    `sender` is empty when the key names no operator. `sent_ns` is when an operator sent it, on the
+    robot's clock; None when it does not say.
     """
 
     encoding: str
     payload: bytes
     sender: str = ""
+    sent_ns: int | None = None
+
+
+class Origin(NamedTuple):
+    """Which operator a message is from, when it was sent (robot's clock) and when it arrived."""
+
+    sender: str
+    sent_ns: int | None
+    arrived_ns: int
 
 
 def opened(sample: Sample, allowed: tuple[type[Message], ...]) -> Message:
@@ -46,10 +61,10 @@ class Mailbox(Generic[M]):
     """One topic of one robot, as its reader sees it. Read it from one thread only.
 
     `store` is the bus's side and may be called from any thread. What cannot be read is counted and
-    named in `last_rejection`; it neither takes the place of a message nor wakes anybody. With
-    `accept` only what comes from a sender that it says yes to is stored. With `forward` what was
-    stamped before the newest one is rejected, too, while that one is fresh: it was sent once more,
-    by the network or by somebody.
+    named in `last_rejection`; it neither replaces a message nor notifies. With `accept`, messages
+    of senders for which it returns False are ignored, and so are those that their sender sent
+    before its newest one. With `forward`, a message stamped before the newest one, or far ahead of
+    it, is rejected, too, while that one is fresh: the network or an attacker has sent it.
     """
 
     def __init__(
@@ -66,7 +81,7 @@ class Mailbox(Generic[M]):
         self._notify = notify
         self._accept = accept
         self._forward = forward
-        self._slot: tuple[M, int] | None = None
+        self._slot: tuple[tuple[M, int], Origin] | None = None
         self._storing = threading.Lock()
 
     def store(self, sample: Sample, arrived_ns: int) -> None:
@@ -77,35 +92,58 @@ class Mailbox(Generic[M]):
             return
         if self._accept is not None and not self._accept(sample.sender):
             return
-        if self._forward:
-            with self._storing:
-                if self._passed(message, arrived_ns):
-                    self._count(f"{type(message).__name__} is older than the one before it")
-                    return
-                self._slot = (message, arrived_ns)
-        else:
-            self._slot = (message, arrived_ns)
+        with self._storing:
+            if why := self._implausible(message, arrived_ns):
+                self._count(f"{type(message).__name__} {why}")
+                return
+            if self._accept is not None and self._overtaken(sample):
+                return
+            origin = Origin(sample.sender, sample.sent_ns, arrived_ns)
+            self._slot = ((message, arrived_ns), origin)
         if self._notify is not None:
             self._notify(arrived_ns)
 
     def latest(self) -> tuple[M, int] | None:
-        """The newest message and when it arrived."""
-        return self._slot
+        """Return the newest message and when it arrived."""
+        slot = self._slot
+        return None if slot is None else slot[0]
+
+    def received(self) -> tuple[M, Origin] | None:
+        """Return the newest message and where it is from."""
+        slot = self._slot
+        return None if slot is None else (slot[0][0], slot[1])
 
     def fresh(self, now_ns: int) -> M | None:
         """The newest message; None when it is older than the topic's stale-after."""
-        newest = self._slot
+        newest = self.latest()
         if newest is None:
             return None
         limit_ns = self.topic.stale_after_ns
         return None if limit_ns and now_ns - newest[1] > limit_ns else newest[0]
 
-    def _passed(self, message: M, arrived_ns: int) -> bool:
-        if self._slot is None:
+    def _implausible(self, message: M, arrived_ns: int) -> str:
+        """Return what is wrong with the stamp of a message; empty when nothing is."""
+        stamp_ns = stamp_of(message)
+        if stamp_ns >= MAX_STAMP_NS:
+            return "has a stamp that is no time"
+        if not self._forward or self._slot is None:
+            return ""
+        newest, heard_ns = self._slot[0]
+        if arrived_ns - heard_ns > self.topic.stale_after_ns:
+            return ""
+        if stamp_ns < stamp_of(newest):
+            return "is older than the one before it"
+        ahead = stamp_ns - stamp_of(newest) > MAX_AHEAD_NS
+        return "is far ahead of the one before it" if ahead else ""
+
+    def _overtaken(self, sample: Sample) -> bool:
+        """Return whether its sender has sent the newest message after this one."""
+        if self._slot is None or sample.sent_ns is None:
             return False
-        newest, heard_ns = self._slot
-        backward = stamp_of(message) < stamp_of(newest)
-        return backward and arrived_ns - heard_ns <= self.topic.stale_after_ns
+        newest = self._slot[1]
+        if newest.sent_ns is None or newest.sender != sample.sender:
+            return False
+        return sample.sent_ns < newest.sent_ns
 
     def _reject(self, why: str) -> None:
         with self._storing:

@@ -66,6 +66,7 @@ class Reason(IntEnum):
     FENCE_UNREADABLE = 100
     NOT_WHILE_ARMED = 101
     LESS_SAFE_THAN_CONFIGURED = 102
+    NO_IDENTITY = 103
 
 
 def reason_text(code: int) -> str:

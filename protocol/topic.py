@@ -10,6 +10,9 @@ from protocol.message import Message
 
 MS: Final = 1_000_000
 ROBOT_NAME: Final = re.compile(r"[a-z0-9_-]{1,16}\Z")
+OPERATOR: Final = re.compile(r"[a-z0-9_-]{1,16}/[0-9a-f]{1,32}\Z")
+"""Identity of an operator on the bus: the name in its certificate, and its session."""
+
 PREFIX: Final = "sidestep"
 ENCODING_FAMILY: Final = "application/mavlink2"
 DIALECT: Final = "sidestep@2"
@@ -31,6 +34,11 @@ class Priority(Enum):
     DATA_HIGH = 4
     DATA = 5
     DATA_LOW = 6
+
+
+def operator_in(suffix: str) -> str:
+    """Return the operator that the end of a key names; empty when it names none."""
+    return suffix if OPERATOR.match(suffix) else ""
 
 
 def robot_name(name: str) -> str:
@@ -59,6 +67,11 @@ class Topic(Generic[M_co]):
     history: int = 0
     doc: str
 
+    @property
+    def of_operators(self) -> bool:
+        """Return whether operators publish it: their keys end in the operator's identity."""
+        return self.publisher is Role.GROUND
+
     def key(self, robot: str, prefix: str = PREFIX) -> str:
         return f"{prefix}/{robot_name(robot)}/{self.path}"
 
@@ -70,7 +83,16 @@ class Service:
     path: str
     requests: tuple[type[Message], ...]
     server: Role
+    priority: Priority = Priority.DATA
+    expires: bool = True
+    """Requests of operators carry a deadline."""
+
     doc: str
+
+    @property
+    def of_operators(self) -> bool:
+        """Return whether requests name their operator: their keys end in its identity."""
+        return self.server is Role.ROBOT
 
     def key(self, robot: str, prefix: str = PREFIX) -> str:
         return f"{prefix}/{robot_name(robot)}/{self.path}"

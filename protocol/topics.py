@@ -1,6 +1,6 @@
 """The one table of topics and services: key, message, rate, stale-after, publisher, priority."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 from protocol.message import Message
 from protocol.messages import (
@@ -31,6 +31,7 @@ from protocol.messages import (
     SystemTime,
     Teleop,
     TickInputs,
+    Timesync,
     WheelCommand,
     WheelTicks,
 )
@@ -43,6 +44,7 @@ from protocol.topic import Priority as Priority
 from protocol.topic import Role as Role
 from protocol.topic import Service as Service
 from protocol.topic import Topic as Topic
+from protocol.topic import operator_in as operator_in
 from protocol.topic import robot_name as robot_name
 
 SONAR: Final = Topic(
@@ -209,6 +211,16 @@ TELEOP: Final = Topic(
     priority=Priority.DATA_HIGH,
     doc="speeds to drive with in MANUAL, each with its own time-to-live",
 )
+STOP: Final = Topic(
+    path="op/stop",
+    messages=(CommandRequest,),
+    publisher=Role.GROUND,
+    rate_hz=0.0,
+    stale_after_ns=0,
+    priority=Priority.REAL_TIME,
+    doc="emergency stop: whatever arrives here stops the robot, readable or not; repeated every "
+    "50 ms until the status shows EMERGENCY_STOP with its request_id as stop_id",
+)
 MARK: Final = Topic(
     path="op/mark",
     messages=(Statustext,),
@@ -239,6 +251,21 @@ PARAMETERS: Final = Service(
     server=Role.ROBOT,
     doc="no payload -> JSON list: name, value, default, unit, minimum, maximum, integer, doc, "
     "saved (it survives a restart)",
+)
+STOP_SERVICE: Final = Service(
+    path="srv/stop",
+    requests=(CommandRequest,),
+    server=Role.ROBOT,
+    priority=Priority.REAL_TIME,
+    expires=False,
+    doc="emergency stop, as on op/stop -> CommandAck once the robot is in EMERGENCY_STOP",
+)
+CLOCK_SERVICE: Final = Service(
+    path="srv/clock",
+    requests=(Timesync,),
+    server=Role.ROBOT,
+    expires=False,
+    doc="the asker's time (ts1) -> the robot's clock (tc1), in which deadlines and ages count",
 )
 LEASE_SERVICE: Final = Service(
     path="srv/lease",
@@ -293,6 +320,44 @@ TOPICS: Final[tuple[Topic[Message], ...]] = (
     ANSWERED,
     OPERATOR,
     TELEOP,
+    STOP,
     MARK,
 )
-SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE, RUN, WORLD)
+SERVICES: Final = (
+    COMMAND,
+    STOP_SERVICE,
+    PARAMETER,
+    PARAMETERS,
+    LEASE_SERVICE,
+    MISSION_SERVICE,
+    CLOCK_SERVICE,
+    RUN,
+    WORLD,
+)
+PATHS: Final = frozenset(topic.path for topic in TOPICS) | frozenset(
+    service.path for service in SERVICES
+)
+
+
+class KeyParts(NamedTuple):
+    """What a key is about; `operator` is empty where the key names none."""
+
+    robot: str
+    path: str
+    operator: str = ""
+
+
+def key_parts(key: str) -> KeyParts | None:
+    """Take the key of a topic or service apart, under any prefix; None for any other key."""
+    chunks = key.split("/")
+    for place in range(len(chunks) - 2):
+        path = f"{chunks[place + 1]}/{chunks[place + 2]}"
+        if path in PATHS:
+            return KeyParts(chunks[place], path, operator_in("/".join(chunks[place + 3 :])))
+    return None
+
+
+def path_of(key: str) -> str:
+    """Return the path of the topic or service that a key belongs to; empty for any other key."""
+    parts = key_parts(key)
+    return "" if parts is None else parts.path

@@ -4,51 +4,62 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from math import isfinite
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 from protocol.enums import AckResult, Command
+from protocol.message import Message
 from protocol.messages import CommandAck, CommandRequest, GoalRequest
+from protocol.wire import wire_of
 from robot.core import modes, reasons
 from robot.core.senses import goal_of
 from robot.core.state import State
 from robot.mission.mission import Mission
 
-REMEMBERED: Final = 1000
+MAX_OPERATORS: Final = 64
+MAX_ANSWERS: Final = 32
+"""Answers kept for each operator, of those that have asked last."""
+
+Ask: TypeAlias = CommandRequest | GoalRequest
 
 
 class Commands:
     """Acts on the mode machine of `state` and on the mission.
 
     `goal_id` is the request that led to the goal there is: a mission's goals have that of its
-    start.
+    start. `stop_id` is the newest emergency stop that was acted upon, 0 before the first.
     """
 
     def __init__(self, state: State, mission: Mission) -> None:
         self._state = state
         self._machine = state.machine
         self._mission = mission
-        self._answered: OrderedDict[int, CommandAck] = OrderedDict()
-        self.goal_id = 0
+        self._answered = Answered()
+        self.goal_id = self.stop_id = 0
 
-    def receive(self, request: CommandRequest | GoalRequest, now_ms: int) -> CommandAck:
-        """Answer with a reason; the answer to a repeated request_id is the one it had."""
-        known = self._answered.get(request.request_id)
+    def receive(self, request: Ask, now_ms: int, operator: str = "") -> CommandAck:
+        """Act on a request and return the answer, which carries a reason.
+
+        A repeated request gets the answer it had. Another request under the same id is refused, and
+        an emergency stop is acted upon each time.
+        """
+        if is_stop(request):
+            self.stop_id = request.request_id
+            return acknowledge(request, self._handle(request, now_ms))
+        known = self._answered.find(operator, request)
         if known is not None:
             return known
         answer = acknowledge(request, self._act(request, now_ms))
-        self._answered[request.request_id] = answer
-        if len(self._answered) > REMEMBERED:
-            self._answered.popitem(last=False)
+        self._answered.keep(operator, request, answer)
         return answer
 
-    def _act(self, request: CommandRequest | GoalRequest, now_ms: int) -> int:
+    def _act(self, request: Ask, now_ms: int) -> int:
         serial = self._machine.serial
         reason = self._handle(request, now_ms)
         if self._machine.serial != serial:
             self.goal_id = request.request_id
         return reason
 
-    def _handle(self, request: CommandRequest | GoalRequest, now_ms: int) -> int:
+    def _handle(self, request: Ask, now_ms: int) -> int:
         if isinstance(request, GoalRequest):
             return self._goto(request, now_ms)
         row = HANDLERS.get(request.command)
@@ -104,7 +115,42 @@ class Commands:
         return self._mission.jump(int(item), now_ms)
 
 
-def acknowledge(request: CommandRequest | GoalRequest, reason: int) -> CommandAck:
+class Answered:
+    """Requests of each operator with their answers, the newest of each."""
+
+    def __init__(self) -> None:
+        self._of: OrderedDict[str, OrderedDict[int, tuple[Ask, CommandAck]]] = OrderedDict()
+
+    def find(self, operator: str, request: Ask) -> CommandAck | None:
+        """Return the answer that this request had, or a refusal if its id was another's."""
+        of_operator = self._of.get(operator)
+        kept = None if of_operator is None else of_operator.get(request.request_id)
+        if kept is None:
+            return None
+        same = wire_form(kept[0]) == wire_form(request)
+        return kept[1] if same else acknowledge(request, reasons.ID_REUSED)
+
+    def keep(self, operator: str, request: Ask, answer: CommandAck) -> None:
+        kept = self._of.setdefault(operator, OrderedDict())
+        self._of.move_to_end(operator)
+        kept[request.request_id] = request, answer
+        if len(kept) > MAX_ANSWERS:
+            kept.popitem(last=False)
+        if len(self._of) > MAX_OPERATORS:
+            self._of.popitem(last=False)
+
+
+def wire_form(request: Ask) -> tuple[type[Message], bytes]:
+    """Return what tells requests apart, bit by bit, so that NaN equals NaN."""
+    return type(request), wire_of(type(request)).pack(request)
+
+
+def is_stop(request: Message | None) -> bool:
+    """Return whether a request is an emergency stop."""
+    return isinstance(request, CommandRequest) and request.command == Command.DO_FLIGHTTERMINATION
+
+
+def acknowledge(request: Ask, reason: int) -> CommandAck:
     """The answer that carries a reason; a goal is acknowledged as DO_REPOSITION."""
     command = Command.DO_REPOSITION if isinstance(request, GoalRequest) else request.command
     return ack(command, reason)

@@ -60,8 +60,8 @@ class Lease:
         return reasons.OK
 
     def hear(self, now_ns: int) -> None:
-        """The holder's heartbeat has arrived."""
-        self._heard_ns = now_ns
+        """Take a heartbeat of the holder, sent at `now_ns`."""
+        self._heard_ns = max(self._heard_ns, now_ns)
 
     def due(self, now_ns: int) -> list[tuple[Severity, str]]:
         """Let it lapse if that is due; what there is to tell, and how loud."""
@@ -71,6 +71,11 @@ class Lease:
             self._tell(Severity.WARNING, f"lease of {holder.called} lapsed: not heard for 3 s")
         news, self._news = self._news, []
         return news
+
+    def is_holder(self, operator: str) -> bool:
+        """Return whether this operator holds the lease; may be asked from any thread."""
+        holder = self._holder
+        return holder is not None and holder.operator == operator
 
     @property
     def holder(self) -> Holder | None:

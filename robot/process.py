@@ -1,35 +1,49 @@
 """The robot as a process: one tick after another, and requests in between."""
 
+from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Final
 
 from protocol.bus import Asked, Bus
 from protocol.bus.service import refusal
 from protocol.clock import Clock, Tick
-from protocol.enums import AckResult, Command
-from protocol.message import Message
-from protocol.messages import CommandRequest, Teleop
+from protocol.enums import AckResult
+from protocol.errors import LocalError
+from protocol.messages import Teleop
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
 from robot import telemetry
+from robot.commands import is_stop
 from robot.core import reasons
 from robot.core.budget import READ
 from robot.core.values import Inputs, Outputs
+from robot.lease import open_to_all
 from robot.meter import Meter
 from robot.reports import Reports
 from robot.senses import Senses
+from robot.stop_latch import StopLatch
 from robot.telemetry import Given
 from robot.teleop import wanted
 from robot.vehicle import Vehicle
 
 SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE)
-MOST_WAITING: Final = 64
-MOST_ANSWERED: Final = 6
-"""Of a line in one control period, which is 120 a second: nobody types so fast."""
+MAX_WAITING: Final = 64
+MAX_ANSWERED: Final = 6
+"""Of a line in one control period: 120 a second, faster than anyone types."""
+
+MAX_GOOD_NS: Final = 60_000_000_000
+"""A deadline farther away is of another clock: the sender is to ask for the time again."""
+
+UINT32: Final = 0xFFFFFFFF
 
 
 class Process:
-    """Ties a vehicle to a bus and a clock. All work is in one thread; the bus only enqueues."""
+    """Ties a vehicle to a bus and a clock. All work is in one thread; the bus only enqueues.
+
+    An emergency stop has a way of its own: the bus's thread sets a latch, which the loop takes
+    before everything else.
+    """
 
     def __init__(
         self, vehicle: Vehicle, bus: Bus, clock: Clock, senses: Senses, meter: Meter
@@ -42,20 +56,29 @@ class Process:
         self._meter = meter
         self.reports = Reports(bus)
         self._requests: SimpleQueue[Asked] = SimpleQueue()
-        self._stops: SimpleQueue[Asked] = SimpleQueue()
         self._strangers: SimpleQueue[Asked] = SimpleQueue()
+        self._stop = StopLatch(vehicle.lease.is_holder)
+        self._stop_askers: deque[Asked] = deque(maxlen=MAX_WAITING)
 
     def serve(self, nudge: Callable[[], None] = lambda: None) -> None:
-        """Have again what was kept, which is recorded as if asked for, and begin to take requests;
+        """Restore what was saved, which is recorded as if asked for, and begin to take requests;
         `nudge` is called from the bus when there is one.
 
-        Of too many the rest is refused. Emergency stops wait in a line of their own, and so do
-        those who may not command.
+        Of too many requests the rest is refused. Those of operators who may not command wait in a
+        line of their own; an emergency stop waits in none.
         """
 
+        def press(operator: str, frame: bytes) -> None:
+            self._stop.press(operator, frame)
+            nudge()
+
         def take(asked: Asked) -> None:
+            if is_stop(asked.message):
+                self._stop_askers.append(asked)
+                press(asked.operator, asked.payload)
+                return
             line = self._line(asked)
-            if line.qsize() >= MOST_WAITING:
+            if line.qsize() >= MAX_WAITING:
                 asked.reply(
                     refusal(reasons.TOO_MANY_REQUESTS, result=AckResult.TEMPORARILY_REJECTED)
                 )
@@ -65,12 +88,12 @@ class Process:
 
         for request, answer in self.vehicle.restore():
             self.reports.record(request, answer)
+        self._bus.serve_stop(press, self._stop_askers.append)
+        self._bus.serve_clock()
         for service in SERVICES:
             self._bus.serve(service, take)
 
     def _line(self, asked: Asked) -> SimpleQueue[Asked]:
-        if is_stop(asked.message):
-            return self._stops
         return self._requests if self.vehicle.lease.allows(asked.operator) else self._strangers
 
     def stop(self) -> None:
@@ -92,15 +115,19 @@ class Process:
             self._end(reason, self._clock.now_ns())
 
     def _end(self, reason: int, now_ns: int) -> None:
+        """Brake first: what follows may fail without consequence."""
         senses, reports = self._senses, self.reports
-        self.vehicle.stop(reason, now_ns)
         reports.brake(senses.stamp_ns, senses.sequence)
-        reports.state(self.vehicle, senses.stamp_ns, now_ns)
-        reports.events(self.vehicle, senses.stamp_ns, now_ns)
+        self.vehicle.stop(reason, now_ns)
+        with suppress(LocalError):
+            reports.state(self.vehicle, senses.stamp_ns, now_ns)
+            reports.events(self.vehicle, senses.stamp_ns, now_ns)
 
     def cycle(self, tick: Tick) -> None:
         """One control period: read, think, write, account."""
         self._meter.begin(tick)
+        self._bus.keep_serving()
+        self._take_stop()
         self._answer()
         now_ns = self._clock.now_ns()
         inputs = self._senses.read(tick, now_ns, self.vehicle)
@@ -115,7 +142,8 @@ class Process:
         self._meter.end()
 
     def idle(self) -> None:
-        """Between two ticks: answer what was asked, and show that the loop lives."""
+        """Between two ticks: stop if asked to, answer, and show that the loop lives."""
+        self._take_stop()
         self._answer()
         self.reports.events(self.vehicle, self._senses.stamp_ns, self._clock.now_ns())
 
@@ -130,7 +158,7 @@ class Process:
             self._meter.report(
                 stamp_ns,
                 sense_age_us=senses.ping_age_us + sent_us,
-                rejected=sum(self._bus.rejected.values()),
+                rejected=min(sum(self._bus.rejected.values()), UINT32),
             )
         )
         reports.events(self.vehicle, stamp_ns, now_ns)
@@ -146,23 +174,45 @@ class Process:
         self.reports.inputs.put(telemetry.tick_inputs(inputs, given, teleop, tick, senses.stamp_ns))
 
     def _answer(self) -> None:
-        """Stops first, and of all the others no more than a control period can bear."""
-        for line in (self._stops, self._requests, self._strangers):
-            for _ in range(MOST_ANSWERED):
+        """Act on no more requests than a control period can bear."""
+        for line in (self._requests, self._strangers):
+            for _ in range(MAX_ANSWERED):
                 try:
                     asked = line.get_nowait()
                 except Empty:
                     break
                 self._give(asked)
 
+    def _take_stop(self) -> None:
+        """Act on the emergency stop that has been pressed, and answer those who asked for it."""
+        request = self._stop.take()
+        if request is None:
+            return
+        vehicle, now_ns = self.vehicle, self._clock.now_ns()
+        again = vehicle.stopped and vehicle.commands.stop_id == request.request_id
+        answer = vehicle.receive(request, now_ns)
+        if not again:
+            self.reports.record(request, answer)
+        for _ in range(len(self._stop_askers)):
+            self._stop_askers.popleft().reply(answer)
+
     def _give(self, asked: Asked) -> None:
         if asked.message is None:
             asked.reply(self.vehicle.tuning.described())
+            return
+        refusal = reasons.OK if open_to_all(asked.message) else self._void(asked)
+        if refusal != reasons.OK:
+            asked.reply(self.vehicle.refused(asked.message, refusal))
             return
         answer = self.vehicle.receive(asked.message, self._clock.now_ns(), asked.operator)
         asked.reply(answer)
         self.reports.record(asked.message, answer)
 
-
-def is_stop(request: Message | None) -> bool:
-    return isinstance(request, CommandRequest) and request.command == Command.DO_FLIGHTTERMINATION
+    def _void(self, asked: Asked) -> int:
+        """Return why a request does not count: no operator, no deadline or one that is over."""
+        if not asked.operator:
+            return reasons.NO_IDENTITY
+        until_ns = asked.good_until_ns
+        if until_ns is None or not 0 <= until_ns - self._bus.now_ns() <= MAX_GOOD_NS:
+            return reasons.TOO_LATE
+        return reasons.OK

@@ -1,5 +1,7 @@
 """What goes out: the wheel command first, then belief, status, decision, cost and events."""
 
+from typing import Final
+
 from protocol.bus import Bus
 from protocol.message import Message
 from protocol.messages import WheelCommand
@@ -22,6 +24,9 @@ from robot import telemetry
 from robot.core.senses import now_ms_of
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
+
+UINT32: Final = 0xFFFFFFFF
+UINT64: Final = 0xFFFFFFFFFFFFFFFF
 
 
 class Reports:
@@ -48,8 +53,11 @@ class Reports:
         self._command(stamp_ns, sense_seq, left_mrad_s, right_mrad_s, TTL_MS)
 
     def brake(self, stamp_ns: int, sense_seq: int) -> None:
-        """The last word: with no time to live it stops the wheels as silence does, sooner."""
-        self._command(stamp_ns, sense_seq, 0, 0, 0)
+        """The last word: with no time to live it stops the wheels as silence does, sooner.
+
+        It is sent whatever the stamp is, which may be why the loop has ended.
+        """
+        self._command(stamp_ns & UINT64, sense_seq & UINT32, 0, 0, 0)
 
     def _command(
         self, stamp_ns: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int
@@ -74,8 +82,11 @@ class Reports:
 
     def state(self, vehicle: Vehicle, stamp_ns: int, now_ns: int) -> None:
         """Vehicle, mode and goal."""
-        goal_id, now_ms = vehicle.commands.goal_id, now_ms_of(now_ns)
-        self.status.put(telemetry.status(vehicle.state, goal_id, stamp_ns, now_ms))
+        commands, now_ms = vehicle.commands, now_ms_of(now_ns)
+        status = telemetry.status(
+            vehicle.state, commands.goal_id, stamp_ns, now_ms, commands.stop_id
+        )
+        self.status.put(status)
 
     def events(self, vehicle: Vehicle, stamp_ns: int, now_ns: int) -> None:
         """What does not wait for a tick: that the loop lives, and what has just changed."""

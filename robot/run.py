@@ -13,7 +13,7 @@ from protocol.clock import SLACK, Tick, WallClock, ticks
 from protocol.enums import Severity
 from protocol.heap import freeze_heap
 from protocol.lockstep import LockstepClock
-from protocol.mailbox import Mailbox
+from protocol.mailbox import MAX_STAMP_NS, Mailbox
 from protocol.messages import SystemTime
 from protocol.pulse import Pulse
 from protocol.timing import CONTROL_HZ, PERIOD_NS
@@ -136,6 +136,8 @@ def feed(clock: LockstepClock, bus: Bus) -> None:
         if newest is None:
             return
         stamp_ns = newest[0].time_unix_usec * 1000
+        if stamp_ns >= MAX_STAMP_NS:
+            return
         if stamp_ns < clock.now_ns():
             tell("robot: the plant was restarted, so this run is over")
             clock.stop()

@@ -1,15 +1,17 @@
-"""What the robot senses and hears in this tick, and when on the plant's clock this tick is."""
+"""What the robot senses and receives in this tick, and when on the plant's clock this tick is."""
 
 from collections.abc import Callable
 from typing import Final, TypeVar
 
 from protocol.bus import Bus
 from protocol.clock import Tick
-from protocol.messages import SonarScan, Teleop, WheelTicks
+from protocol.mailbox import Origin
+from protocol.messages import SonarScan, WheelTicks
 from protocol.timing import PERIOD_NS
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from robot.core.senses import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Scan, Wheels
+from robot.delays import Delays
 from robot.vehicle import Vehicle
 
 Sense = TypeVar("Sense", WheelTicks, SonarScan)
@@ -21,13 +23,15 @@ plant that began anew."""
 
 
 class Senses:
-    """Mailboxes of one robot; `beat` gets the arrival of each scan, `accept` says which operators
+    """Mailboxes of one robot; `beat` gets the arrival of each scan, `accept` tells which operators
     it listens to.
 
-    The age of a sense is told by when it arrived here, in lockstep by its stamp: there, time goes
-    on only with the clock's own frames. `stamp_ns` and `sequence` are those of the last tick read,
-    `ping_age_us` is how old its oldest ping was when the scan was sent. `wheels_seq`, `scan_seq`
-    and `scan_age_ms` are of the senses read last, even if that is a while ago.
+    The age of a sense counts from its arrival, in lockstep from its stamp: there, time goes on only
+    with the clock's own frames. The age of an operator's frame counts from when it was sent, so
+    that a late one does not prolong anything; in lockstep a frame in time counts from now on.
+    `stamp_ns` and `sequence` are those of the last tick read, `ping_age_us` is how old its oldest
+    ping was when the scan was sent. `wheels_seq`, `scan_seq` and `scan_age_ms` are of the senses
+    read last, even if that is a while ago.
     """
 
     def __init__(
@@ -45,8 +49,9 @@ class Senses:
         self._teleop = bus.mailbox(TELEOP, accept=accept)
         self._last_wheels: tuple[WheelTicks, int] | None = None
         self._last_scan: tuple[SonarScan, int] | None = None
-        self._heard_ns: int | None = None
-        self._steered: tuple[Teleop, int] | None = None
+        self._delays = Delays()
+        self._beaten: Origin | None = None
+        self._steered: Origin | None = None
         self.stamp_ns = self.sequence = self.ping_age_us = 0
         self.wheels_seq = self.scan_seq = self.scan_age_ms = 0
 
@@ -100,14 +105,33 @@ class Senses:
             self.sequence = scan.seq
 
     def _listen(self, vehicle: Vehicle, now_ns: int) -> None:
-        newest = self._operator.latest()
-        if newest is not None and newest[1] != self._heard_ns:
-            self._heard_ns = newest[1]
-            vehicle.hear_operator(now_ns if self.lockstep else newest[1])
-        steered = self._teleop.latest()
-        if steered is not None and steered is not self._steered:
-            self._steered = steered
-            vehicle.hear_teleop(steered[0], now_ns if self.lockstep else steered[1])
+        """Hand on what operators who may command have sent since the last tick."""
+        beat = self._operator.received()
+        if beat is not None and beat[1] is not self._beaten:
+            self._beaten = beat[1]
+            if self._counts(beat[1], vehicle):
+                vehicle.hear_operator(self._sent_ns(beat[1], now_ns))
+        steered = self._teleop.received()
+        if steered is not None and steered[1] is not self._steered:
+            self._steered = steered[1]
+            if self._counts(steered[1], vehicle):
+                sent_ns = self._sent_ns(steered[1], now_ns)
+                vehicle.hear_teleop(steered[0], sent_ns)
+
+    def _counts(self, origin: Origin, vehicle: Vehicle) -> bool:
+        """Return whether a frame is from an operator who commands now, and came in time."""
+        sent_ns, arrived_ns = origin.sent_ns, origin.arrived_ns
+        if not origin.sender or sent_ns is None or not vehicle.lease.allows(origin.sender):
+            return False
+        if self._delays.is_late(origin.sender, sent_ns, arrived_ns):
+            return False
+        return arrived_ns - sent_ns <= OPERATOR.stale_after_ns
+
+    def _sent_ns(self, origin: Origin, now_ns: int) -> int:
+        """Return when a frame was sent, on the clock of this loop. Never later than it arrived."""
+        if self.lockstep or origin.sent_ns is None:
+            return now_ns
+        return min(origin.sent_ns, origin.arrived_ns)
 
 
 def newer(

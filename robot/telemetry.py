@@ -71,7 +71,9 @@ def odometry(state: State, time_ns: int) -> PlanarOdometry:
     )
 
 
-def status(state: State, goal_id: int, time_ns: int, now_ms: int) -> NavigatorStatus:
+def status(
+    state: State, goal_id: int, time_ns: int, now_ms: int, stop_id: int = 0
+) -> NavigatorStatus:
     """Vehicle, mode and goal; the goal's times are carried over from the core's clock to stamps."""
     machine = state.machine
     goal = machine.goal
@@ -83,6 +85,7 @@ def status(state: State, goal_id: int, time_ns: int, now_ms: int) -> NavigatorSt
         goal_started_ns=started_ns,
         goal_ended_ns=max(1, _stamp(machine.goal_ended_ms, time_ns, now_ms)) if over else 0,
         goal_id=goal_id,
+        stop_id=stop_id,
         goal_x_m=nan if goal is None else goal.x_m,
         goal_y_m=nan if goal is None else goal.y_m,
         goal_heading_rad=heading_rad,

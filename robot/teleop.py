@@ -6,39 +6,39 @@ from protocol.messages import Teleop
 from robot.core.senses import twist_of
 from robot.core.values import Twist
 
-MOST_MS: Final = 500
+MAX_TTL_MS: Final = 500
 NS_PER_MS: Final = 1_000_000
 
 
 class Handle:
-    """The newest frame, and until when it counts. A frame that would count too long counts not."""
+    """The newest frame and until when it counts. A frame that would count too long is ignored."""
 
     def __init__(self) -> None:
         self._newest: Teleop | None = None
         self._until_ns = 0
         self._refused_ms = 0
 
-    def hear(self, teleop: Teleop, arrived_ns: int) -> str:
-        """Take a frame; why it is ignored, once for each new cause, else an empty text."""
+    def hear(self, teleop: Teleop, sent_ns: int) -> str:
+        """Take a frame that was sent then; return why it is ignored, once for each new cause."""
         ttl_ms = teleop.ttl_ms
-        if ttl_ms > MOST_MS:
+        if ttl_ms > MAX_TTL_MS:
             again, self._refused_ms = ttl_ms == self._refused_ms, ttl_ms
-            words = f"teleop ignored: valid for {ttl_ms} ms, at most {MOST_MS} are allowed"
+            words = f"teleop ignored: valid for {ttl_ms} ms, at most {MAX_TTL_MS} are allowed"
             return "" if again else words
         self._newest = teleop
-        self._until_ns = arrived_ns + ttl_ms * NS_PER_MS
+        self._until_ns = sent_ns + ttl_ms * NS_PER_MS
         self._refused_ms = 0
         return ""
 
     def let_go(self) -> None:
-        """Somebody else takes over: what was wanted counts no more."""
+        """Forget the frame: another operator takes over."""
         self._newest = None
 
     def newest(self, now_ns: int) -> Teleop | None:
-        """The frame in force; None when its time is over."""
+        """Return the frame in force; None when its time is over."""
         return self._newest if now_ns < self._until_ns else None
 
 
 def wanted(teleop: Teleop | None) -> Twist | None:
-    """How the operator steers; None: nobody does."""
+    """Return how the operator steers; None when there is no frame in force."""
     return None if teleop is None else twist_of(teleop.speed_mm_s, teleop.yaw_rate_mrad_s)

@@ -93,18 +93,19 @@ class Vehicle:
         zones_m = {states.BUG: self.params.d_th_m, states.VGM: self.params.d_obs_m}
         return zones_m.get(self.state.machine.navigator, nan)
 
-    def hear_operator(self, now_ns: int) -> None:
-        """A heartbeat of an operator who may command has arrived."""
-        self._operator_ns = now_ns
-        self.lease.hear(now_ns)
+    def hear_operator(self, sent_ns: int) -> None:
+        """Take a heartbeat of an operator who may command: the operator was there at `sent_ns`."""
+        heard_ns = self._operator_ns
+        self._operator_ns = sent_ns if heard_ns is None else max(heard_ns, sent_ns)
+        self.lease.hear(sent_ns)
 
     def operator_age_ms(self, now_ns: int) -> int | None:
         heard_ns = self._operator_ns
         return None if heard_ns is None else max(0, now_ns - heard_ns) // NS_PER_MS
 
-    def hear_teleop(self, teleop: Teleop, arrived_ns: int) -> None:
-        """A frame of an operator who may command has arrived."""
-        ignored = self.handle.hear(teleop, arrived_ns)
+    def hear_teleop(self, teleop: Teleop, sent_ns: int) -> None:
+        """Take a frame of an operator who may command, sent at `sent_ns`."""
+        ignored = self.handle.hear(teleop, sent_ns)
         if ignored:
             self.say(Severity.WARNING, ignored)
 
@@ -116,16 +117,21 @@ class Vehicle:
         if isinstance(request, LeaseRequest):
             return self._lease(request, now_ns, operator)
         if not open_to_all(request) and not self.lease.allows(operator):
-            return self._refused(request, reasons.LEASE_HELD)
+            return self.refused(request, reasons.LEASE_HELD)
         if isinstance(request, ParamSet):
             return self.tuning.set(request)
         if isinstance(request, ParamRequestRead):
             return self.tuning.read(request)
         if isinstance(request, CommandRequest | GoalRequest):
-            return self.commands.receive(request, now_ns // NS_PER_MS)
+            return self.commands.receive(request, now_ns // NS_PER_MS, operator)
         if isinstance(request, Transfer):
             return self._transfers.receive(request, operator)
-        return self._refused(request, reasons.UNKNOWN_COMMAND)
+        return self.refused(request, reasons.UNKNOWN_COMMAND)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the emergency stop is latched."""
+        return self.state.machine.vehicle == states.EMERGENCY_STOP
 
     def restore(self) -> list[Exchange]:
         """Before anybody asks anything: have the fence and the mission again that were kept."""
@@ -203,8 +209,8 @@ class Vehicle:
             self.handle.let_go()
         return ack(NO_COMMAND, reason)
 
-    def _refused(self, request: Message, reason: int) -> Answer:
-        """The kind of answer that says no to this kind of request."""
+    def refused(self, request: Message, reason: int) -> Answer:
+        """Return the answer that refuses a request of this kind."""
         if isinstance(request, Transfer):
             return self._transfers.verdict(request.mission_type, reason)
         if isinstance(request, CommandRequest | GoalRequest):

@@ -102,12 +102,12 @@ class Again:
             right_mrad_s=outputs.right_mrad_s,
             ttl_ms=0,
         )
-        goal_id = vehicle.commands.goal_id
+        goal_id, stop_id = vehicle.commands.goal_id, vehicle.commands.stop_id
         return (
             command,
             telemetry.decision(outputs, vehicle.zone_m, time_ns),
             telemetry.odometry(vehicle.state, time_ns),
-            telemetry.status(vehicle.state, goal_id, time_ns, inputs.now_ms),
+            telemetry.status(vehicle.state, goal_id, time_ns, inputs.now_ms, stop_id),
         )
 
     def _inputs(self, given: TickInputs) -> Inputs:

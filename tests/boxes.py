@@ -3,7 +3,7 @@
 from typing import Any
 
 from protocol.bus import Bus
-from protocol.mailbox import Mailbox
+from protocol.mailbox import Mailbox, Origin
 from protocol.topics import Topic
 
 
@@ -11,9 +11,18 @@ class Box(Mailbox[Any]):
     """Holds what the test puts in."""
 
     newest: tuple[Any, int] | None = None
+    sender = "open/0a"
+    delay_ns = 0
+    """How long before its arrival a frame of an operator was sent."""
 
     def latest(self) -> tuple[Any, int] | None:
         return self.newest
+
+    def received(self) -> tuple[Any, Origin] | None:
+        if self.newest is None:
+            return None
+        message, arrived_ns = self.newest
+        return message, Origin(self.sender, arrived_ns - self.delay_ns, arrived_ns)
 
 
 class Wireless(Bus):

@@ -17,19 +17,23 @@ Handler = Callable[[str, bytes, int], None]
 
 
 class PlayedPublisher:
-    """Keeps what was put."""
+    """Keeps what was put, and hands it to `heard` if there is one."""
 
     def __init__(self) -> None:
         self.said: list[Message] = []
+        self.heard: Callable[[Message], None] | None = None
 
     def put(self, message: Message) -> None:
         self.said.append(message)
+        if self.heard is not None:
+            self.heard(message)
 
 
 class PlayedBus:
     """`say` is what others publish; `answers` is how a service answers, by its path."""
 
     zid = "ours"
+    operator = "open/ours"
 
     def __init__(self, clock: ManualClock) -> None:
         self._clock = clock

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from ground.blackbox.frames import frames
-from protocol.topics import TOPICS
+from protocol.topics import TOPICS, path_of
 
 SEQUENCE_AT: Final = 4
 """Of a MAVLink 2 frame: one byte, counted by whoever publishes on the key."""
@@ -30,7 +30,7 @@ def lost_from(path: Path, restarted: tuple[str, ...] = ()) -> Lost:
     for frame in frames(path):
         count += 1
         last_ns = max(last_ns, frame.time_ns)
-        topic = "/".join(frame.key.split("/")[2:])
+        topic = path_of(frame.key)
         if not topic.startswith(restarted):
             sequences.setdefault(topic, []).append(frame.frame[SEQUENCE_AT])
     gaps = {topic: missing(numbers) for topic, numbers in sequences.items()}

@@ -45,7 +45,7 @@ from protocol.messages import (
     SonarScan,
     Statustext,
 )
-from protocol.topics import MARK
+from protocol.topics import MARK, path_of
 
 M = TypeVar("M", bound=Message)
 WORLD: Final = "world"
@@ -207,7 +207,7 @@ class Picture:
             "timestamp": stamp(time_ns),
             "level": LEVELS.get(Severity(min(text.severity, Severity.DEBUG)), FATAL),
             "message": words,
-            "name": MARK.path if key.endswith(f"/{MARK.path}") else ROBOT,
+            "name": MARK.path if path_of(key) == MARK.path else ROBOT,
             "file": "",
             "line": 0,
         }

@@ -15,7 +15,7 @@ from protocol.codec import decode
 from protocol.errors import RemoteError
 from protocol.message import Message
 from protocol.messages import SystemTime
-from protocol.topics import CLOCK
+from protocol.topics import CLOCK, path_of
 
 NS_PER_US: Final = 1000
 LATEST_NS: Final = 1 << 62
@@ -88,25 +88,31 @@ class Reel:
         """The place of the first frame not earlier than this."""
         return bisect_left(self._times_ns, time_ns)
 
-    def newest(self, key: str, before: int) -> Played | None:
+    def _newest(self, key: str, before: int) -> Played | None:
         """The last frame of a key in front of a place."""
         places = self._places.get(key)
         found = 0 if places is None else bisect_left(places, before)
         return None if places is None or not found else self[places[found - 1]]
+
+    def newest_on(self, path: str, before: int) -> Played | None:
+        """Return the last frame on a topic's path, of any operator, in front of a place."""
+        keys = (key for key in self._places if path_of(key) == path)
+        found = [played for key in keys if (played := self._newest(key, before)) is not None]
+        return max(found, key=lambda played: played.time_ns, default=None)
 
     def times_ns(self, path: str) -> list[int]:
         """Of everything on a topic's path, readable or not."""
         return [
             self._times_ns[place]
             for key, places in self._places.items()
-            if key.endswith(f"/{path}")
+            if path_of(key) == path
             for place in places
         ]
 
     def on(self, path: str) -> Iterator[tuple[int, Message]]:
         """Time and message of everything readable on a topic's path."""
         for key, places in self._places.items():
-            if key.endswith(f"/{path}"):
+            if path_of(key) == path:
                 for place in places:
                     played = self[place]
                     try:

@@ -34,6 +34,7 @@ from protocol.topics import (
     Role,
     Service,
     Topic,
+    path_of,
 )
 
 M = TypeVar("M", bound=Message)
@@ -44,7 +45,7 @@ SLICE_NS: Final = NS_PER_S // 5
 WHOLE_NS: Final = 60 * NS_PER_S
 MOST_SLICES: Final = 1000
 HEARD_ON: Final = ((Role.ROBOT, HEARTBEAT), (Role.PLANT, WHEELS), (Role.GROUND, OPERATOR))
-EVENTS: Final = tuple(f"/{topic.path}" for topic in TOPICS if not topic.rate_hz)
+EVENTS: Final = frozenset(topic.path for topic in TOPICS if not topic.rate_hz)
 RECORDED: Final = {WORLD.path: "world", PARAMETERS.path: "parameters"}
 
 
@@ -96,13 +97,15 @@ class ReplayBus:
     def stream(self, source: Topic[Any] | str, handler: Handler, robot: str | None = None) -> None:
         """Every frame of a topic, or of a key that may end in `/**`."""
         key = source if isinstance(source, str) else source.key(robot or self.robot)
+        if not isinstance(source, str) and source.of_operators:
+            key = f"{key}/**"
         self._handlers.setdefault(key, []).append(handler)
 
     def present(self) -> list[Present]:
         """Who was heard in the three seconds before."""
         found = []
         for role, topic in HEARD_ON:
-            newest = self.reel.newest(topic.key(self.robot), self._next)
+            newest = self.reel.newest_on(topic.path, self._next)
             if newest and self.timeline.position_ns - newest.time_ns <= THERE_NS:
                 found.append(Present(self.robot, role.value))
         return found
@@ -186,14 +189,14 @@ class ReplayBus:
         found, seen = [], set()
         for place in range(end - 1, begin - 1, -1):
             key = self.reel.key(place)
-            if key not in seen or key.endswith(EVENTS):
+            if key not in seen or path_of(key) in EVENTS:
                 found.append(place)
                 seen.add(key)
         return found[::-1]
 
     def _listeners(self, key: str) -> list[Handler]:
         wide = (one for one in self._handlers if one.endswith("/**"))
-        found = [h for one in wide if key.startswith(one[:-2]) for h in self._handlers[one]]
+        found = [h for one in wide if f"{key}/".startswith(one[:-2]) for h in self._handlers[one]]
         return [*self._handlers.get(key, ()), *found]
 
     def _tick_times(self) -> list[int]:

@@ -53,9 +53,6 @@ class Commanding:
     def busy(self) -> str:
         return "" if self._pending is None else self._pending.words
 
-    def next_id(self) -> int:
-        return self._ids.next()
-
     def submit(self, words: str, robot: str, tenure: Tenure, job: Job, *, moves: bool) -> bool:
         """Begin; False, told, when another one is under way."""
         if self._engaged(words):

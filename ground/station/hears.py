@@ -3,13 +3,13 @@
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
+from ground.emergency_stop import Puts as Puts
 from protocol.mailbox import Mailbox
 from protocol.message import Message
 from protocol.network import Hub
 from protocol.topics import Service, Topic
 
 M = TypeVar("M", bound=Message)
-M_contra = TypeVar("M_contra", bound=Message, contravariant=True)
 
 
 class Token(Protocol):
@@ -48,18 +48,14 @@ class Hears(Protocol):
     ) -> Message | bytes: ...
 
 
-class Puts(Protocol[M_contra]):
-    """The publisher of one topic."""
-
-    def put(self, message: M_contra) -> object: ...
-
-
 @runtime_checkable
 class Speaks(Hears, Protocol):
     """A live bus: who has it can be an operator."""
 
     @property
     def zid(self) -> str: ...
+    @property
+    def operator(self) -> str | None: ...
     def publisher(self, topic: Topic[M], robot: str | None = None) -> Puts[M]: ...
     def announce(self, robot: str | None = None) -> None: ...
     def watch(self, handler: Callable[[Any, bool], None]) -> None: ...

@@ -3,18 +3,18 @@
 from collections.abc import Callable
 from typing import Final
 
-from ground.station.estop import EmergencyStop
+from ground.emergency_stop import EmergencyStop, outcome_words
 from ground.station.hears import Puts, Speaks
 from ground.station.loss import Loss, LossKind
 from ground.station.reader import Reader
-from ground.station.requests import Works
+from ground.station.requests import Outcome, Works
 from ground.station.tenure import Tenure
 from ground.station.vigil import Vigil
 from ground.station.watched import Tell, Watched
 from protocol.clock import Clock
 from protocol.enums import Severity
-from protocol.messages import Heartbeat
-from protocol.topics import LEASE, OPERATOR, STATUS, Role
+from protocol.messages import CommandRequest, Heartbeat
+from protocol.topics import LEASE, OPERATOR, STATUS, STOP, Role
 
 NS_PER_S: Final = 1_000_000_000
 
@@ -31,7 +31,7 @@ class Operated:
         tell: Tell,
     ) -> None:
         robot, now_ns = watched.robot, clock.now_ns()
-        self.tenure = Tenure(bus.zid)
+        self.tenure = Tenure(bus.operator or "")
         self._lanes = [lanes(f"{robot} reads"), lanes(f"{robot} e-stop")]
         reader = Reader(bus, clock, robot, self._lanes[0])
         self.vigil = Vigil(watched, reader, now_ns, tell)
@@ -41,6 +41,7 @@ class Operated:
         self._tell = tell
         self._reader = reader
         self._heart: Puts[Heartbeat] = bus.publisher(OPERATOR, robot)
+        self._stops: Puts[CommandRequest] = bus.publisher(STOP, robot)
         self._stop: EmergencyStop | None = None
         self._over = False
         bus.announce(robot)
@@ -71,14 +72,23 @@ class Operated:
 
     # The e-stop.
 
-    def estop(self, request_id: int) -> None:
-        """Press it; what is pressed already goes on."""
+    def estop(self) -> None:
+        """Press it: sent at once, then repeated in a thread. A press under way is sent again."""
         if self._stop is not None:
+            self._stop.press()
             self._tell("ground", self._stop.words(self._clock.now_ns()), Severity.CRITICAL)
             return
-        stop = EmergencyStop(request_id, self._watched.robot, self._clock.now_ns())
+        robot, telemetry = self._watched.robot, self._watched.telemetry
+        stop = EmergencyStop(
+            self._bus, self._stops, robot, self._clock, lambda: telemetry.latest(STATUS)
+        )
         self._stop = stop
-        self._lanes[1].start(lambda: stop.run(self._bus, self._clock, lambda: self._over))
+        stop.press()
+        self._lanes[1].start(lambda: self._repeat(stop))
+
+    def _repeat(self, stop: EmergencyStop) -> Outcome:
+        outcome = stop.run(lambda: self._over)
+        return Outcome(outcome.acknowledged, outcome_words(outcome, stop.robot))
 
     @property
     def stopping(self) -> str:

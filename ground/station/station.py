@@ -164,14 +164,14 @@ class Station(Sight):
         return self._commanding.last
 
     def estop(self) -> None:
-        """Stop the robot: asked again and again until it says yes, or given up loudly after 30 s.
+        """Stop the robot: repeated until its status shows it, or given up loudly after 30 s.
 
         It has a thread to itself, needs no lease and is refused by nothing.
         """
         if self._own is None:
             self.note(REPLAYED, Severity.WARNING)
         else:
-            self._own.estop(self._commanding.next_id())
+            self._own.estop()
 
     @property
     def stopping(self) -> str:

@@ -17,6 +17,8 @@ PLANT: Final = "plant"
 GROUND: Final = "ground"
 VIEWER: Final = "viewer"
 ROBOT: Final = "robot-"
+OPERATOR: Final = "ground-"
+OPEN: Final = "open"
 ALL: Final = ("**",)
 PRESENCE: Final = ("*/alive/**",)
 DRIVE: Final = "drive/"
@@ -63,6 +65,18 @@ def grant_of(name: str) -> Grant | None:
     return grants((robot,) if ROBOT_NAME.match(robot) else ()).get(name)
 
 
+def operator_name(name: str | None) -> str | None:
+    """Return the operator's name in a certificate's common name; None when it names none.
+
+    On an open bus (`name` None) every operator is called OPEN.
+    """
+    if name is None or name == ROUTER:
+        return OPEN
+    if name == GROUND:
+        return GROUND
+    return name.removeprefix(OPERATOR) if name.startswith(OPERATOR) else None
+
+
 def barred(name: str | None, robot: str, service: Service) -> str:
     """Why the holder of a certificate may not ask a robot's service; empty when it may.
 
@@ -73,7 +87,8 @@ def barred(name: str | None, robot: str, service: Service) -> str:
     grant = grant_of(name)
     if grant is None:
         return f"the certificate in use is that of {name!r}, which is no role: it may do nothing"
-    if f"{robot}/{service.path}" in grants((robot,)).get(name, grant).asks:
+    asked = f"{robot}/{service.path}"
+    if any(f"{key}/".startswith(f"{asked}/") for key in grants((robot,)).get(name, grant).asks):
         return ""
     may_not = f"and may not ask {service.path}"
     return f"the certificate in use is that of {name!r}, which {grant.says} {may_not}"
@@ -99,12 +114,14 @@ def unanswered(name: str | None, robot: str, service: Service) -> str:
 def granted(says: str, role: Role, names: tuple[str, ...]) -> Grant:
     """What the tables give to a role."""
     ground = role is Role.GROUND
+    speaks = f"{GROUND}/*" if ground else ""
+    heard = [topic for topic in TOPICS if told(topic, role)]
     return Grant(
         says=says,
-        puts=keys(names, (topic for topic in TOPICS if topic.publisher is role)),
-        hears=ALL if ground else keys(names, (topic for topic in TOPICS if told(topic, role))),
-        asks=keys(names, SERVICES) if ground else (),
-        answers=keys(names, (service for service in SERVICES if service.server is role)),
+        puts=keys(names, (topic for topic in TOPICS if topic.publisher is role), speaks),
+        hears=ALL if ground else keys(names, heard, "**"),
+        asks=keys(names, SERVICES, speaks) if ground else (),
+        answers=keys(names, (service for service in SERVICES if service.server is role), "**"),
         shows=tuple(f"{name}/alive/{role.value}/*" for name in names),
     )
 
@@ -126,8 +143,17 @@ def open_to_all() -> tuple[Service, ...]:
     return tuple(service for service in SERVICES if not service.requests)
 
 
-def keys(names: Iterable[str], table: Iterable[Topic[Any] | Service]) -> tuple[str, ...]:
-    paths = [entry.path for entry in table]
+def keys(
+    names: Iterable[str], table: Iterable[Topic[Any] | Service], operator: str = ""
+) -> tuple[str, ...]:
+    """Return the keys of these topics and services of these robots.
+
+    `operator` is appended to those that end in the identity of an operator.
+    """
+    paths = [
+        f"{entry.path}/{operator}" if operator and entry.of_operators else entry.path
+        for entry in table
+    ]
     return tuple(f"{name}/{path}" for name in names for path in paths)
 
 

@@ -7,36 +7,55 @@ that arrives: they store or enqueue, no more.
 import threading
 import time
 from collections.abc import Callable, Iterable
+from functools import partial
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.access import unanswered
+from protocol.bus.access import operator_name, unanswered
 from protocol.bus.answer import answer_in
 from protocol.bus.callers import callers
 from protocol.bus.certificate import holder
 from protocol.bus.history import following, told_ns
 from protocol.bus.locks import shut
 from protocol.bus.presence import Presence, presence_in
-from protocol.bus.publisher import Publisher
-from protocol.bus.service import Asked, Desk, Handler, sender_in, taken
+from protocol.bus.publisher import PRIORITIES, Publisher
+from protocol.bus.robot_clock import RobotClocks, time_bytes
+from protocol.bus.service import Asked, Desk, Handler, attached_time, taken
 from protocol.bus.session import bound_endpoints, called, gone, open_session
 from protocol.bus.trouble import Line
 from protocol.codec import Encoder
-from protocol.errors import LocalError, NoAnswer
+from protocol.errors import LocalError, NoAnswer, RemoteError
 from protocol.mailbox import Mailbox, Sample
 from protocol.message import Message
+from protocol.messages import CommandAck, MissionVerdict, Timesync
 from protocol.network import Hub, Network
+from protocol.reasons import Reason
 from protocol.sender import sender_of
-from protocol.topics import ENCODING, TOPICS, Role, Service, Topic, robot_name
+from protocol.topics import (
+    CLOCK_SERVICE,
+    ENCODING,
+    STOP,
+    STOP_SERVICE,
+    TOPICS,
+    Role,
+    Service,
+    Topic,
+    key_parts,
+    operator_in,
+    robot_name,
+)
 
 Take = Callable[[str, bytes, int], None]
 """Key, frame, and when it came in ns; for an event fetched afterwards, when it was told."""
 
 M = TypeVar("M", bound=Message)
 POLL_S = 0.001
+CLOCK_S = 0.5
+SHORTEST_S = 0.01
+NS_PER_S = 1_000_000_000
 
 
 class Bus:
@@ -59,6 +78,7 @@ class Bus:
         self._desk = Desk()
         self.line = Line(network.trouble, now_ns)
         self.holder = holder(network.tls, role, robot)
+        self._clocks = RobotClocks(now_ns, self._measured)
         self._session = open_session(network)
 
     def __enter__(self) -> Self:
@@ -74,6 +94,7 @@ class Bus:
 
     def close(self) -> None:
         """Drop what is unanswered, undeclare everything, leave."""
+        self._clocks.close()
         self._desk.close()
         session: Any = self._session
         session.close()
@@ -85,8 +106,17 @@ class Bus:
 
     @property
     def operator(self) -> str | None:
-        """Who this is to the robots, attached to all that it asks and puts; None: no operator."""
-        return self.zid if self.role is Role.GROUND else None
+        """Return this operator's identity, the end of the keys it publishes and asks on.
+
+        None for a process that is no operator, such as a viewer.
+        """
+        name = operator_name(self.holder) if self.role is Role.GROUND else None
+        return None if name is None else f"{name}/{self.zid}"
+
+    @property
+    def now_ns(self) -> Callable[[], int]:
+        """The clock of this process, in which a robot tells the ages of what arrives."""
+        return self._now_ns
 
     def locator(self) -> str:
         """The endpoint others can dial, with the real port where 0 was asked for."""
@@ -99,8 +129,15 @@ class Bus:
         return f"{self.network.prefix}/{robot_name(robot or self.robot)}/{path}"
 
     def publisher(self, topic: Topic[M], robot: str | None = None) -> Publisher[M]:
-        key = self.key(topic.path, robot)
-        return Publisher(self._session, topic, key, self._encoder(robot), self.operator)
+        """Return a publisher. An operator's has its identity in the key, and stamps what it sends
+        with the robot's time, which is measured from now on."""
+        name = robot or self.robot
+        key, time_ns = self.key(topic.path, robot), None
+        if topic.of_operators and self.operator is not None:
+            key = f"{key}/{self.operator}"
+            time_ns = partial(self._clocks.time_ns, name)
+            self._clocks.follow(name)
+        return Publisher(self._session, topic, key, self._encoder(robot), time_ns)
 
     def mailbox(
         self,
@@ -117,14 +154,17 @@ class Bus:
         """
         mailbox = Mailbox(topic, notify, accept, forward=forward)
         now_ns = self._now_ns
-        from_whom = accept is not None
+        operators = f"{self.key(topic.path, robot)}/" if accept is not None else ""
 
         def store(sample: zenoh.Sample) -> None:
             arrived_ns = now_ns()
-            sender = sender_in(sample.attachment) if from_whom else ""
-            mailbox.store(Sample(str(sample.encoding), taken(sample.payload), sender), arrived_ns)
+            found = Sample(str(sample.encoding), taken(sample.payload))
+            if operators:
+                sender = operator_in(str(sample.key_expr).removeprefix(operators))
+                found = found._replace(sender=sender, sent_ns=attached_time(sample.attachment))
+            mailbox.store(found, arrived_ns)
 
-        self._mailboxes[mailbox] = self._subscriber(self.key(topic.path, robot), store)
+        self._mailboxes[mailbox] = self._subscriber(self._heard_on(topic, robot), store)
         return mailbox
 
     def forget(self, mailbox: Mailbox[Any]) -> None:
@@ -146,16 +186,17 @@ class Bus:
         if isinstance(source, str):
             self._declared.append(self._subscriber(source, forward))
         else:
-            key = self.key(source.path, robot)
+            key = self._heard_on(source, robot)
             self._declared.append(self._subscriber(key, forward, source.history))
 
     def everything(self, handler: Take, robot: str | None = None) -> None:
         """Every frame of one robot, once each, with all that its topics' histories hold."""
         histories = [topic for topic in TOPICS if topic.history]
-        apart = frozenset(self.key(topic.path, robot) for topic in histories)
+        apart = frozenset(topic.path for topic in histories)
 
         def rest(key: str, frame: bytes, arrived_ns: int) -> None:
-            if key not in apart:
+            parts = key_parts(key)
+            if parts is None or parts.path not in apart:
                 handler(key, frame, arrived_ns)
 
         self.stream(self.key("**", robot), rest)
@@ -163,17 +204,51 @@ class Bus:
             self.stream(topic, handler, robot)
 
     def serve(self, service: Service, handler: Handler, robot: str | None = None) -> None:
-        """Answer a service: `handler` runs in the bus's service thread, the reply in any."""
-        key = self.key(service.path, robot)
-        encoder = self._encoder(robot)
-        desk = self._desk
+        """Answer a service: `handler` runs in the bus's request thread, the reply in any."""
+        self._answer(service, robot, lambda asked: self._desk.put(asked, handler))
+
+    def serve_clock(self) -> None:
+        """Answer operators who ask for the time of this process."""
+
+        def take(asked: Asked) -> None:
+            arrived_ns = self._now_ns()
+            self._desk.put(asked, lambda known: known.reply(time_answer(known.message, arrived_ns)))
+
+        self._answer(CLOCK_SERVICE, None, take)
+
+    def serve_stop(self, pressed: Callable[[str, bytes], None], handler: Handler) -> None:
+        """Hand every emergency stop to `pressed` at once, in the bus's own thread.
+
+        It gets the operator (empty when unknown) and the bytes that came, whatever they are.
+        `handler` gets the requests of the service besides, as with `serve`.
+        """
+        beginning = f"{self.key(STOP.path)}/"
+
+        def heard(sample: zenoh.Sample) -> None:
+            operator = operator_in(str(sample.key_expr).removeprefix(beginning))
+            pressed(operator, taken(sample.payload))
+
+        def asked_for(asked: Asked) -> None:
+            pressed(asked.operator, asked.payload)
+            self._desk.put(asked, handler)
+
+        self._declared.append(self._subscriber(self._heard_on(STOP, None), heard))
+        self._answer(STOP_SERVICE, None, asked_for)
+
+    def keep_serving(self) -> None:
+        """Start the threads that answer again, if one has ended. Costs next to nothing."""
+        self._desk.start()
+
+    def _answer(self, service: Service, robot: str | None, take: Callable[[Asked], None]) -> None:
+        key, encoder, desk = self.key(service.path, robot), self._encoder(robot), self._desk
         desk.start()
 
-        def take(query: zenoh.Query) -> None:
-            desk.put(Asked(query, key, service, encoder), handler)
+        def receive(query: zenoh.Query) -> None:
+            take(Asked(query, key, service, encoder, desk.send))
 
-        callback = Callback(take, indirect=False)
-        self._declared.append(self._session.declare_queryable(key, callback))
+        served = f"{key}/**" if service.of_operators else key
+        callback = Callback(receive, indirect=False)
+        self._declared.append(self._session.declare_queryable(served, callback))
 
     def ask(
         self,
@@ -182,18 +257,64 @@ class Bus:
         timeout_s: float = 0.5,
         robot: str | None = None,
     ) -> Message | bytes:
-        """The answer, a message or the bytes of a JSON text; NoAnswer says why there is none."""
-        key = self.key(service.path, robot)
+        """Return the answer, a message or the bytes of a JSON text; NoAnswer says why not.
+
+        An operator's request ceases to count after `timeout_s`, and its robot's clock is asked for
+        first when it is unknown, or when the robot finds the request too late.
+        """
+        name = robot or self.robot
+        deadline_ns = self._now_ns() + round(timeout_s * NS_PER_S)
+        if not (service.of_operators and service.requests and service.expires and self.operator):
+            return self._ask(service, message, timeout_s, robot)
+        if self._clocks.time_ns(name) is None:
+            self._measured(name, timeout_s)
+        answer = self._ask(service, message, self._left_s(deadline_ns), robot)
+        if refused_as_late(answer) and self._now_ns() < deadline_ns:
+            self._clocks.of(name).forget()
+            self._measured(name, self._left_s(deadline_ns))
+            answer = self._ask(service, message, self._left_s(deadline_ns), robot)
+        return answer
+
+    def _left_s(self, deadline_ns: int) -> float:
+        return max(SHORTEST_S, (deadline_ns - self._now_ns()) / NS_PER_S)
+
+    def _ask(
+        self, service: Service, message: Message | None, timeout_s: float, robot: str | None
+    ) -> Message | bytes:
+        name = robot or self.robot
+        key = named = self.key(service.path, robot)
+        attachment = None
+        if service.of_operators and self.operator is not None:
+            key = f"{key}/{self.operator}"
+            time_ns = self._clocks.time_ns(name)
+            if time_ns is not None:
+                attachment = time_bytes(time_ns + round(timeout_s * NS_PER_S))
         frame = None if message is None else self._encoder(robot).encode(message)
-        encoding = None if frame is None else ENCODING
         replies = self._session.get(
-            key, payload=frame, encoding=encoding, timeout=timeout_s, attachment=self.operator
+            key,
+            payload=frame,
+            encoding=None if frame is None else ENCODING,
+            timeout=timeout_s,
+            attachment=attachment,
+            priority=PRIORITIES[service.priority],
         )
         for reply in replies:
             if reply.ok is not None:
                 return answer_in(reply.ok)
-            raise NoAnswer(f"{key}: no answer within {timeout_s:g} s")
-        raise NoAnswer(f"{key}: {unanswered(self.holder, robot or self.robot, service)}")
+            raise NoAnswer(f"{named}: no answer within {timeout_s:.2g} s")
+        raise NoAnswer(f"{named}: {unanswered(self.holder, name, service)}")
+
+    def _measured(self, robot: str, timeout_s: float = CLOCK_S) -> bool:
+        """Ask a robot for its time; False when it does not answer."""
+        asked_ns = self._now_ns()
+        try:
+            answer = self._ask(CLOCK_SERVICE, Timesync(tc1=0, ts1=asked_ns), timeout_s, robot)
+        except (RemoteError, zenoh.ZError):
+            return False
+        if isinstance(answer, Timesync) and answer.ts1 == asked_ns:
+            self._clocks.of(robot).observe(asked_ns, answer.tc1, self._now_ns())
+            return True
+        return False
 
     def announce(self, robot: str | None = None) -> None:
         """Show that this process is there for a robot, until it closes or dies."""
@@ -259,13 +380,16 @@ class Bus:
         self._declared.append(callers(self._session, handler))
 
     def await_matched(self, publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:
-        """Wait until somebody subscribes to each; the keys nobody subscribed to in time."""
-        waiting = [publisher for publisher in publishers if not publisher.matched]
+        """Wait until each has a subscriber, and an operator's knows its robot's time.
+
+        Return the keys of those that were not ready in time.
+        """
+        waiting = [publisher for publisher in publishers if not publisher.ready]
         deadline_s = time.monotonic() + timeout_s
         pause = threading.Event()
         while waiting and time.monotonic() < deadline_s:
             pause.wait(POLL_S)
-            waiting = [publisher for publisher in waiting if not publisher.matched]
+            waiting = [publisher for publisher in waiting if not publisher.ready]
         return [publisher.key for publisher in waiting]
 
     @property
@@ -277,6 +401,11 @@ class Bus:
             counts[path] = counts.get(path, 0) + mailbox.rejected
         return counts
 
+    def _heard_on(self, topic: Topic[Any], robot: str | None) -> str:
+        """Return the key expression that a topic's samples come on, of all its operators."""
+        key = self.key(topic.path, robot)
+        return f"{key}/**" if topic.of_operators else key
+
     def _encoder(self, robot: str | None) -> Encoder:
         return Encoder(*sender_of(self.role, robot or self.robot))
 
@@ -287,6 +416,19 @@ class Bus:
         if history:
             return following(self._session, key, history, heard)
         return self._session.declare_subscriber(key, Callback(heard, indirect=False))
+
+
+def time_answer(question: Message | None, time_ns: int) -> Timesync:
+    """Answer a TIMESYNC with the time at which it arrived."""
+    asked_ns = question.ts1 if isinstance(question, Timesync) else 0
+    return Timesync(tc1=time_ns, ts1=asked_ns)
+
+
+def refused_as_late(answer: Message | bytes) -> bool:
+    """Return whether a robot has not acted on a request because it came too late."""
+    if isinstance(answer, CommandAck):
+        return answer.result_param2 == Reason.TOO_LATE
+    return isinstance(answer, MissionVerdict) and answer.reason == Reason.TOO_LATE
 
 
 def open_bus(

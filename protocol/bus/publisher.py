@@ -1,10 +1,12 @@
 """One key, one sender, one sequence counter."""
 
+from collections.abc import Callable
 from typing import Any, Final, Generic, TypeVar
 
 import zenoh
 
 from protocol.bus.history import TOLD, keeping
+from protocol.bus.robot_clock import time_bytes
 from protocol.codec import Encoder
 from protocol.errors import LocalError
 from protocol.message import Message
@@ -21,9 +23,10 @@ PRIORITIES: Final = {
 
 
 class Publisher(Generic[M]):
-    """Puts messages of one topic on its key; an operator's carry who that is.
+    """Puts messages of one topic on its key.
 
-    Those of a topic with a history carry when they were put, too.
+    `time_ns` returns the robot's time, None while it is unknown: what an operator sends carries
+    when that was. Messages of a topic with a history carry when they were put, too.
     """
 
     def __init__(
@@ -32,12 +35,12 @@ class Publisher(Generic[M]):
         topic: Topic[M],
         key: str,
         encoder: Encoder,
-        operator: str | None = None,
+        time_ns: Callable[[], int | None] | None = None,
     ) -> None:
         self.topic = topic
         self.key = key
         self._encoder = encoder
-        self._operator = operator
+        self._time_ns = time_ns
         self._session = session
         # Express loses samples under load, BLOCK can hold a loop for seconds: neither is used.
         service: dict[str, Any] = {
@@ -67,7 +70,16 @@ class Publisher(Generic[M]):
     def put_frame(self, frame: bytes) -> None:
         """Send bytes as they are: made before, replayed, or broken on purpose."""
         stamp = self._session.new_timestamp() if self.topic.history else None
-        self._publisher.put(frame, attachment=self._operator, timestamp=stamp)
+        self._publisher.put(frame, attachment=self._sent(), timestamp=stamp)
+
+    def _sent(self) -> bytes | None:
+        time_ns = None if self._time_ns is None else self._time_ns()
+        return None if time_ns is None else time_bytes(time_ns)
+
+    @property
+    def ready(self) -> bool:
+        """Return whether a reader is there and, for an operator, the robot's time is known."""
+        return self.matched and (self._time_ns is None or self._time_ns() is not None)
 
     @property
     def matched(self) -> bool:

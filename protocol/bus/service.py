@@ -1,17 +1,18 @@
-"""The answering side of a query: requests are decoded in one thread of their own and handed on.
+"""The answering side of a query: one thread decodes requests, another one sends the replies.
 
-Zenoh's receive thread only enqueues. What cannot be read is counted and denied with a reason.
+Zenoh's receive thread only enqueues, and no caller of `reply` waits for a reader that is slow.
+A request that cannot be read is counted and denied with a reason.
 """
 
 import logging
-import re
 import threading
 from collections.abc import Callable
 from queue import SimpleQueue
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import zenoh
 
+from protocol.bus.robot_clock import time_in
 from protocol.codec import LARGEST_FRAME, Encoder
 from protocol.enums import AckResult
 from protocol.errors import RemoteError
@@ -19,50 +20,64 @@ from protocol.mailbox import Sample, opened
 from protocol.message import Message
 from protocol.messages import CommandAck
 from protocol.reasons import Reason
-from protocol.topics import ENCODING, Service
+from protocol.topics import ENCODING, Service, operator_in
 
 JSON = "application/json"
 LOG = logging.getLogger(__name__)
-MOST_WAITING: Final = 1000
-IDENTITY = re.compile(rb"[0-9a-f]{1,32}\Z")
-"""Of a Zenoh session."""
+MAX_WAITING: Final = 1000
+MAX_REPLIES: Final = 256
+"""Replies that wait to be sent. Further ones are dropped, as after a lost answer."""
 
 
 class Asked:
-    """A request: answer it once, from any thread, now or later.
+    """A request: answer it once, from any thread, now or later; answering never blocks.
 
-    `operator` is who asks, as the bus knows it; empty for whoever is no operator.
+    `operator` is who asks, taken from the key; empty when the key names no operator.
+    `good_until_ns` is when the request ceases to count, on the clock of this process's bus; None
+    when it does not say.
     """
 
-    def __init__(self, query: zenoh.Query, key: str, service: Service, encoder: Encoder) -> None:
+    def __init__(
+        self,
+        query: zenoh.Query,
+        key: str,
+        service: Service,
+        encoder: Encoder,
+        send: "Callable[[Reply], None]",
+    ) -> None:
+        asked = str(query.key_expr)
         self.service = service
-        self.key = key
+        self.operator = operator_in(asked.removeprefix(f"{key}/")) if asked != key else ""
+        self.key = asked if self.operator else key
         self.message: Message | None = None
-        self.operator = ""
+        self.good_until_ns: int | None = None
         self._query: zenoh.Query | None = query
         self._encoder = encoder
+        self._send = send
         self._lock = threading.Lock()
+
+    @property
+    def payload(self) -> bytes:
+        """The bytes of the request; none when it carries none, or was answered before."""
+        query = self._query
+        return b"" if query is None or query.payload is None else taken(query.payload)
 
     def read(self) -> None:
         """Decode the request; RemoteError when it is not one this service takes."""
         query = self._query
         if query is None:
             return
-        self.operator = sender_in(query.attachment)
+        self.good_until_ns = attached_time(query.attachment)
         if self.service.requests:
-            payload = b"" if query.payload is None else taken(query.payload)
             encoding = "" if query.encoding is None else str(query.encoding)
-            self.message = opened(Sample(encoding, payload), self.service.requests)
+            self.message = opened(Sample(encoding, self.payload), self.service.requests)
 
     def reply(self, answer: Message | bytes) -> bool:
         """A message, or bytes of JSON; False when it was answered or dropped before."""
         query = self._taken()
         if query is None:
             return False
-        raw = isinstance(answer, bytes)
-        payload = answer if isinstance(answer, bytes) else self._encoder.encode(answer)
-        with query:
-            query.reply(self.key, payload, encoding=JSON if raw else ENCODING)
+        self._send(Reply(query, self.key, answer, self._encoder))
         return True
 
     def drop(self) -> None:
@@ -81,6 +96,15 @@ class Asked:
             return query
 
 
+class Reply(NamedTuple):
+    """An answer on its way out: a message, or the bytes of a JSON text."""
+
+    query: zenoh.Query
+    key: str
+    answer: Message | bytes
+    encoder: Encoder
+
+
 Handler = Callable[[Asked], object]
 
 
@@ -89,10 +113,9 @@ def taken(payload: zenoh.ZBytes) -> bytes:
     return payload.to_bytes() if len(payload) <= LARGEST_FRAME else bytes(LARGEST_FRAME + 1)
 
 
-def sender_in(attachment: zenoh.ZBytes | None) -> str:
-    """Which operator an attachment names; empty when it names none, or is none of ours."""
-    named = b"" if attachment is None else taken(attachment)
-    return named.decode("ascii") if IDENTITY.match(named) else ""
+def attached_time(attachment: zenoh.ZBytes | None) -> int | None:
+    """Return the time that an attachment carries, in ns; None when it carries none."""
+    return None if attachment is None else time_in(taken(attachment))
 
 
 class Desk:
@@ -101,44 +124,69 @@ class Desk:
     def __init__(self) -> None:
         self.rejected: dict[str, int] = {}
         self.last_rejection = ""
+        self.unsent = 0
+        """Replies that their askers did not wait for, or asked for on a key that is not served."""
+
         self._waiting: SimpleQueue[tuple[Asked, Handler] | None] = SimpleQueue()
+        self._replies: SimpleQueue[Reply | None] = SimpleQueue()
         self._open: list[Asked] = []
-        self._thread: threading.Thread | None = None
+        self._threads: dict[str, threading.Thread] = {}
+        self._closed = False
 
     def put(self, asked: Asked, handler: Handler) -> None:
-        """Called from the bus: enqueues; what is too much is dropped, and its asker told so."""
-        if self._waiting.qsize() < MOST_WAITING:
+        """Enqueue a request; called from the bus. What is too much is dropped unanswered."""
+        if self._waiting.qsize() < MAX_WAITING:
             self._waiting.put((asked, handler))
         else:
-            self.rejected[asked.service.path] = self.rejected.get(asked.service.path, 0) + 1
+            self._count(asked.service)
             asked.drop()
 
+    def send(self, reply: Reply) -> None:
+        """Enqueue a reply and return at once; what is too much is dropped."""
+        if self._replies.qsize() < MAX_REPLIES:
+            self._replies.put(reply)
+
     def start(self) -> None:
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._run, name="services", daemon=True)
-            self._thread.start()
+        """Start the threads, or those again that have ended; may be called at any time."""
+        for name, work in (("requests", self._take_requests), ("replies", self._send_replies)):
+            thread = self._threads.get(name)
+            if not self._closed and (thread is None or not thread.is_alive()):
+                thread = threading.Thread(target=work, name=name, daemon=True)
+                self._threads[name] = thread
+                thread.start()
 
     def close(self) -> None:
         """Stop taking requests and drop those still unanswered."""
+        self._closed = True
         self._waiting.put(None)
-        if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join(timeout=1.0)
+        self._replies.put(None)
+        for thread in self._threads.values():
+            if thread is not threading.current_thread():
+                thread.join(timeout=1.0)
         for asked in self._open:
             asked.drop()
 
-    def _run(self) -> None:
+    def _take_requests(self) -> None:
         while (item := self._waiting.get()) is not None:
             asked, handler = item
             self._open = [other for other in self._open if other.open]
             self._open.append(asked)
             self._hand_on(asked, handler)
 
+    def _send_replies(self) -> None:
+        while (reply := self._replies.get()) is not None:
+            try:
+                send_now(reply)
+            except zenoh.ZError:
+                self.unsent += 1
+            except Exception:  # a defect of one service must not end the others
+                LOG.exception("a reply on %s could not be sent", reply.key)
+
     def _hand_on(self, asked: Asked, handler: Handler) -> None:
         try:
             asked.read()
         except RemoteError as error:
-            path = asked.service.path
-            self.rejected[path] = self.rejected.get(path, 0) + 1
+            self._count(asked.service)
             self.last_rejection = str(error)
             asked.reply(refusal(Reason.MALFORMED))
             return
@@ -147,6 +195,19 @@ class Desk:
         except Exception:
             LOG.exception("the handler of %s failed", asked.key)
             asked.reply(refusal(Reason.NONE, result=AckResult.FAILED))
+
+    def _count(self, service: Service) -> None:
+        self.rejected[service.path] = self.rejected.get(service.path, 0) + 1
+
+
+def send_now(reply: Reply) -> None:
+    """Encode and send a reply. May block while its reader is slow."""
+    raw = isinstance(reply.answer, bytes)
+    payload = (
+        reply.answer if isinstance(reply.answer, bytes) else reply.encoder.encode(reply.answer)
+    )
+    with reply.query:
+        reply.query.reply(reply.key, payload, encoding=JSON if raw else ENCODING)
 
 
 def refusal(reason: int, command: int = 0, result: AckResult = AckResult.DENIED) -> CommandAck:

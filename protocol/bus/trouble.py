@@ -7,7 +7,7 @@ from typing import Final, TypeAlias
 
 import zenoh
 
-from protocol.topics import CLOCK, TOPICS
+from protocol.topics import CLOCK, TOPICS, key_parts
 from protocol.trouble import Rough, Trouble, earliest
 
 Take: TypeAlias = Callable[[zenoh.Sample], None]
@@ -69,12 +69,12 @@ class Line:
 
     def _roughly(self, sample: zenoh.Sample, take: Take) -> None:
         trouble = self._trouble
-        robot, *words = str(sample.key_expr).split("/")[-3:]
-        path = "/".join(words)
-        key = f"{robot}/{path}"
-        if trouble is None or path in SPARED or not trouble.concerns(path):
+        parts = key_parts(str(sample.key_expr))
+        spared = parts is None or parts.path in SPARED
+        if trouble is None or parts is None or spared or not trouble.concerns(parts.path):
             take(sample)
             return
+        key = f"{parts.robot}/{parts.path}"
         with self._changed:
             way, _ = self._ways.setdefault((id(take), key, trouble), (Rough(trouble, key), take))
             for one in way.take(sample, self._now_ns()):

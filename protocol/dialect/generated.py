@@ -565,8 +565,10 @@ SIDESTEP_REASON_NOT_WHILE_ARMED = 101
 enums["SIDESTEP_REASON"][101] = EnumEntry("SIDESTEP_REASON_NOT_WHILE_ARMED", """a safety parameter changes only while the robot is disarmed""")
 SIDESTEP_REASON_LESS_SAFE_THAN_CONFIGURED = 102
 enums["SIDESTEP_REASON"][102] = EnumEntry("SIDESTEP_REASON_LESS_SAFE_THAN_CONFIGURED", """less safe than the configuration allows""")
-SIDESTEP_REASON_ENUM_END = 103
-enums["SIDESTEP_REASON"][103] = EnumEntry("SIDESTEP_REASON_ENUM_END", """""")
+SIDESTEP_REASON_NO_IDENTITY = 103
+enums["SIDESTEP_REASON"][103] = EnumEntry("SIDESTEP_REASON_NO_IDENTITY", """the request does not name its operator""")
+SIDESTEP_REASON_ENUM_END = 104
+enums["SIDESTEP_REASON"][104] = EnumEntry("SIDESTEP_REASON_ENUM_END", """""")
 
 # MAV_CMD
 enums["MAV_CMD"] = Enum()

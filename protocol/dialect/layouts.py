@@ -118,4 +118,5 @@ REASON_TEXTS: Final[dict[int, str]] = {
     100: "the saved fence cannot be read: clear the fence or upload a new one",
     101: "a safety parameter changes only while the robot is disarmed",
     102: "less safe than the configuration allows",
+    103: "the request does not name its operator",
 }

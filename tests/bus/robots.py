@@ -33,6 +33,7 @@ from protocol.topics import (
     TELEOP,
     Role,
 )
+from robot.commands import acknowledge
 from tests.bus.played_desk import PlayedDesk
 
 Say = Callable[..., tuple[int, str, str]]
@@ -63,6 +64,9 @@ class PlayedRobot:
         self.vehicle = Vehicle.STANDBY
         self.mode = Mode.GUIDED
         self.after_goal: Callable[[], None] = lambda: None
+        self.stop_id = 0
+        self.deaf = False
+        """Whether it takes no notice of emergency stops."""
         self.saves: bool | None = True
         self.stale: NavigatorStatus | None = None
         """What it says for as long as this is there, whatever has happened since."""
@@ -78,6 +82,8 @@ class PlayedRobot:
         self._thread = threading.Thread(target=self._speak, daemon=True)
 
     def __enter__(self) -> Self:
+        self.bus.serve_clock()
+        self.bus.serve_stop(self._pressed, Asked.drop)
         self.bus.serve(COMMAND, self._command)
         self.bus.serve(PARAMETER, self._parameter)
         self.bus.serve(PARAMETERS, lambda asked: self._list(asked))
@@ -111,6 +117,7 @@ class PlayedRobot:
             goal_started_ns=1 if self.goal_id else 0,
             goal_ended_ns=self._time_ns if over else 0,
             goal_id=self.goal_id,
+            stop_id=self.stop_id,
             goal_x_m=0.0,
             goal_y_m=0.0,
             goal_heading_rad=nan,
@@ -142,8 +149,15 @@ class PlayedRobot:
             return
         if reason is Reason.NONE:
             self._act(message)
-        result = AckResult.DENIED if reason else AckResult.ACCEPTED
-        asked.reply(CommandAck(command=0, result=result, result_param2=reason))
+        asked.reply(acknowledge(message, reason))
+
+    def _pressed(self, _operator: str, frame: bytes) -> None:
+        """An emergency stop, by whichever of its two ways; only the first one is kept."""
+        message = decode(frame).message
+        assert isinstance(message, CommandRequest)
+        if self.stop_id != message.request_id and not self.deaf:
+            self.asked.append(message)
+            self.vehicle, self.stop_id = Vehicle.EMERGENCY_STOP, message.request_id
 
     def _act(self, message: CommandRequest | GoalRequest) -> None:
         if isinstance(message, GoalRequest):

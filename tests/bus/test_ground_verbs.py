@@ -6,7 +6,7 @@ import pytest
 
 from ground.cli import main
 from protocol.bus import Network, open_bus
-from protocol.enums import Command, Mode
+from protocol.enums import Command, Mode, Vehicle
 from protocol.messages import CommandRequest
 from protocol.reasons import Reason
 from protocol.topics import Role
@@ -19,7 +19,6 @@ from tests.bus.robots import PlayedRobot, Say
         (("hold",), Command.DO_PAUSE_CONTINUE, 0.0, 0.0),
         (("resume",), Command.DO_PAUSE_CONTINUE, 1.0, 0.0),
         (("abort",), Command.SIDESTEP_ABORT_GOAL, 0.0, 0.0),
-        (("estop",), Command.DO_FLIGHTTERMINATION, 1.0, 0.0),
         (("clear-estop",), Command.SIDESTEP_CLEAR_EMERGENCY_STOP, 0.0, 0.0),
         (("arm",), Command.COMPONENT_ARM_DISARM, 1.0, 0.0),
         (("disarm",), Command.COMPONENT_ARM_DISARM, 0.0, 0.0),
@@ -45,6 +44,20 @@ def test_each_verb_sends_its_command_and_tells_the_answer(
     (asked,) = robot.asked
     assert isinstance(asked, CommandRequest)
     assert (asked.command, asked.param1, asked.param2) == (command, param1, param2)
+
+
+def test_estop_is_acknowledged_by_the_status_alone(robot: PlayedRobot, say: Say) -> None:
+    code, out, err = say("estop")
+    assert (code, err) == (0, "")
+    assert out.startswith("E-STOP acknowledged by r1 after ")
+    assert robot.commands == [Command.DO_FLIGHTTERMINATION]
+    assert robot.vehicle is Vehicle.EMERGENCY_STOP
+    robot.deaf = True
+    robot.vehicle = Vehicle.ACTIVE
+    code, out, _ = say("estop", "--timeout", "0.3", "--json")
+    found = json.loads(out)
+    assert code == 1
+    assert (found["ok"], found["reason_code"]) == (False, None)
 
 
 def test_a_refusal_gives_the_reason_and_what_to_do(robot: PlayedRobot, say: Say) -> None:

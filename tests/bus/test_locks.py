@@ -11,7 +11,7 @@ from protocol.bus import locks, open_bus
 from protocol.bus.locks import NO_TLS
 from protocol.errors import BadKeys, NotLetIn, PeerHangs, UserError
 from protocol.network import Network, Tls
-from protocol.topics import COMMAND, Role
+from protocol.topics import Role
 from tests.bus.nets import until
 from tests.keyring import Keyring
 
@@ -176,10 +176,10 @@ def test_a_verb_of_a_viewer_says_that_it_may_not_command(
 ) -> None:
     with open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot:
         acted: list[object] = []
-        robot.serve(COMMAND, acted.append)
+        robot.serve_stop(lambda *_: acted.append("stop"), acted.append)
         robot.announce()
         file = config(tmp_path, ring.tls("viewer"), robot.locator())
-        assert main(["estop", "--config", file]) == 1
+        assert main(["estop", "--timeout", "0.3", "--config", file]) == 1
         said = capsys.readouterr().err
         assert "'viewer', which only listens and may not ask srv/command" in said
         assert "--config DIR/ground.toml" in said

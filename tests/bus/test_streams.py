@@ -67,12 +67,13 @@ def test_a_reader_is_notified_of_the_arrival() -> None:
 @both
 def test_a_box_may_take_only_what_one_operator_puts_there(topology: Topology) -> None:
     with net(topology) as bus:
+        bus.robot.serve_clock()
         second = bus.join(Role.GROUND)
         senders: list[str] = []
 
         def accept(sender: str) -> bool:
             senders.append(sender)
-            return sender == second.zid
+            return sender == second.operator
 
         box = bus.robot.mailbox(OPERATOR, accept=accept)
         publishers = [who.publisher(OPERATOR) for who in (bus.plant, bus.ground, second)]

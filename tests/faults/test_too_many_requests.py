@@ -10,7 +10,7 @@ from protocol.message import Message
 from protocol.messages import CommandAck, CommandRequest, LeaseRequest
 from protocol.reasons import Reason
 from protocol.topics import COMMAND, Service
-from robot.process import MOST_ANSWERED, MOST_WAITING
+from robot.process import MAX_ANSWERED, MAX_WAITING
 from tests.harness import Stack
 
 Take = Callable[[Asked], object]
@@ -60,22 +60,22 @@ def test_what_does_not_fit_the_line_is_refused_at_once_with_its_reason(
     served: dict[str, Take],
 ) -> None:
     with Stack("open") as stack:
-        asked = [question(n, Command.DO_PAUSE_CONTINUE) for n in range(MOST_WAITING + 30)]
+        asked = [question(n, Command.DO_PAUSE_CONTINUE) for n in range(MAX_WAITING + 30)]
         for one in asked:
             served[COMMAND.path](one)
         refused = [one for one in asked if one.answers]
-        assert refused == asked[MOST_WAITING:]
+        assert refused == asked[MAX_WAITING:]
         assert {one.reason for one in refused} == {Reason.TOO_MANY_REQUESTS}
         answer = refused[0].answers[0]
         assert isinstance(answer, CommandAck)
         assert answer.result == AckResult.TEMPORARILY_REJECTED
         stack.forward(0.05)
-        assert sum(bool(one.answers) for one in asked) == 30 + MOST_ANSWERED
+        assert sum(bool(one.answers) for one in asked) == 30 + MAX_ANSWERED
 
 
 def test_an_emergency_stop_overtakes_all_that_waits(served: dict[str, Take]) -> None:
     with Stack("open") as stack:
-        for n in range(MOST_WAITING + 5):
+        for n in range(MAX_WAITING + 5):
             served[COMMAND.path](question(n, Command.DO_PAUSE_CONTINUE))
         stop = question(1000, Command.DO_FLIGHTTERMINATION)
         served[COMMAND.path](stop)
@@ -88,7 +88,7 @@ def test_strangers_do_not_hold_up_who_has_the_lease(served: dict[str, Take]) -> 
     with Stack("open") as stack:
         take = LeaseRequest(request_id=1, action=LeaseAction.TAKE, name="ada")
         stack.vehicle.receive(take, stack.clock.now_ns(), "ada")
-        strangers = [question(n, Command.DO_PAUSE_CONTINUE, "eve") for n in range(MOST_WAITING + 9)]
+        strangers = [question(n, Command.DO_PAUSE_CONTINUE, "eve") for n in range(MAX_WAITING + 9)]
         for one in strangers:
             served[COMMAND.path](one)
         own = question(5000, Command.DO_PAUSE_CONTINUE, "ada")

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from ground import lease
 from ground.destination import destination, goal_request
+from ground.emergency_stop import EmergencyStop
 from ground.link import Link
 from ground.missions.mission import Circle, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict
@@ -18,8 +19,6 @@ from ground.missions.wire import fence_items_of, items_of
 from ground.operator import BEAT_NS, Answered
 from ground.options import Common
 from ground.orders import ORDERS
-from ground.station.estop import EmergencyStop
-from ground.station.requests import Outcome
 from ground.teleop import Stick
 from protocol.bus import open_bus
 from protocol.enums import PARAM_TYPE_REAL32, Command, LeaseAction, MissionType, Mode
@@ -27,7 +26,7 @@ from protocol.errors import LocalError, RemoteError
 from protocol.message import Message
 from protocol.messages import MissionItemInt, ParamSet, ParamValue
 from protocol.network import Network
-from protocol.topics import MISSION_SERVICE, PARAMETER, Role
+from protocol.topics import MISSION_SERVICE, PARAMETER, STATUS, STOP, Role
 from verification.simulation.events import Argument
 from verification.simulation.scheduler import Host, Scheduler
 from verification.simulation.threads import SimulatedClock, SimulatedQueue
@@ -162,10 +161,14 @@ class Operator:
     def _stop(self) -> None:
         """Press the station's emergency stop."""
         link = self._linked()
-        stop = EmergencyStop(link.ids.next(), link.robot, link.clock.now_ns())
-        asked = self._begin("stop", None)
-        outcome: Outcome = stop.run(link.bus, link.clock)
-        self._end(asked, True if outcome.ok else None)
+        with link.hearing(STATUS) as telemetry:
+            publisher = link.bus.publisher(STOP, link.robot)
+            stop = EmergencyStop(
+                link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)
+            )
+            asked = self._begin("stop", None)
+            outcome = stop.run()
+        self._end(asked, True if outcome.acknowledged else None)
 
     def take(self, link: Link, how: str) -> bool:
         action = LeaseAction[how]

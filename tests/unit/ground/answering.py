@@ -29,7 +29,7 @@ class AnsweringLink:
         self.asked: list[Message] = []
         self.beats = 0
         self.clock = ManualClock()
-        self.ids = RequestIds(0)
+        self.ids = RequestIds()
 
     def as_link(self) -> Link:
         return cast(Link, self)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import nan
 
 import pytest
@@ -66,12 +67,11 @@ def run_out(asking: Asking, clock: ManualClock) -> list[Send]:
     return sent
 
 
-def test_ids_are_never_repeated_nor_zero() -> None:
-    ids = RequestIds(start=(1 << 64) - 3)
-    drawn = [ids.next() for _ in range(5)]
-    assert drawn == [(1 << 64) - 2, (1 << 64) - 1, 1, 2, 3] or 0 not in drawn
-    assert len(set(drawn)) == 5
-    assert RequestIds().next() != RequestIds().next()
+def test_request_ids_cannot_be_guessed() -> None:
+    drawn = [RequestIds().next() for _ in range(200)]
+    assert len(set(drawn)) == 200
+    assert 0 not in drawn
+    assert all(abs(after - before) > 1 << 40 for before, after in pairwise(drawn))
 
 
 def test_an_unanswered_command_is_sent_three_times_with_one_id_and_given_up() -> None:
@@ -110,6 +110,33 @@ def test_nothing_is_sent_before_its_time() -> None:
     assert len(asking.due(100)) == 1
     assert asking.due(100 + 499 * MS) == []
     assert len(asking.due(100 + 500 * MS)) == 1
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        CommandAck(command=192, result=AckResult.ACCEPTED, result_param2=0),
+        CommandAck(command=0, result=AckResult.ACCEPTED, result_param2=0),
+        CommandAck(command=192, result=AckResult.DENIED, result_param2=Reason.NOT_ARMED),
+        ack(AckResult.TEMPORARILY_REJECTED, Reason.TOO_MANY_REQUESTS),
+        ack(AckResult.DENIED, Reason.TOO_LATE),
+    ],
+)
+def test_answer_to_another_command_or_no_look_is_no_answer(answer: CommandAck) -> None:
+    asking = Asking(HOLD, 0)
+    asking.due(0)
+    asking.receive(answer, 1)
+    assert asking.outcome is None
+    assert asking.due(500 * MS)
+    asking.receive(ack(AckResult.ACCEPTED, Reason.NONE), 500 * MS)
+    assert asking.outcome == Answered(Reason.NONE, ok=True, took_ns=500 * MS)
+
+
+def test_refusal_that_names_no_command_ends_the_asking() -> None:
+    asking = Asking(HOLD, 0)
+    asking.due(0)
+    asking.receive(CommandAck(command=0, result=AckResult.DENIED, result_param2=16), 1)
+    assert asking.outcome == Answered(Reason.MALFORMED, ok=False, took_ns=1)
 
 
 @dataclass

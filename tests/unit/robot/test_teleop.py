@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from protocol.messages import Teleop
 from robot.core.values import Twist
-from robot.teleop import MOST_MS, Handle, wanted
+from robot.teleop import MAX_TTL_MS, Handle, wanted
 from tests.unit.robot.vehicles import MS, Desk
 
 
@@ -21,7 +21,7 @@ def test_nobody_steers_before_the_first_frame() -> None:
     assert wanted(None) is None
 
 
-@given(st.integers(0, MOST_MS), st.integers(0, 10**15), st.integers(0, 2 * MOST_MS * MS))
+@given(st.integers(0, MAX_TTL_MS), st.integers(0, 10**15), st.integers(0, 2 * MAX_TTL_MS * MS))
 def test_a_frame_counts_until_its_time_is_over(ttl_ms: int, arrived_ns: int, age_ns: int) -> None:
     handle = Handle()
     assert handle.hear(frame(ttl_ms), arrived_ns) == ""

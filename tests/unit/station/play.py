@@ -1,13 +1,14 @@
 """A robot, a plant and a station on a played bus; the test owns time."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Self
 
 from ground.station import Outcome, Station, WorldFacts
 from ground.station.requests import Job, outcome_of
 from protocol.clock import ManualClock
 from protocol.codec import Encoder
-from protocol.enums import AckResult, LeaseAction
+from protocol.enums import AckResult, LeaseAction, Vehicle
 from protocol.errors import NoAnswer
 from protocol.message import Message
 from protocol.messages import (
@@ -27,10 +28,13 @@ from protocol.topics import (
     OPERATOR,
     PARAMETER,
     PARAMETERS,
+    STATUS,
+    STOP,
     TEXT,
     WORLD,
     Role,
 )
+from robot.commands import acknowledge
 from tests.played_bus import PlayedBus
 from tests.unit.station.said import Robot
 
@@ -93,6 +97,8 @@ class Play:
         self.refuses = Reason.NONE
         self.bus.come(Role.ROBOT)
         self.bus.come(Role.PLANT)
+        for name in ("r1", "r2"):
+            self.bus.publisher(STOP, name).heard = partial(self._press, name)
         self._lane = lanes or (lambda _name: Inline())
         self._serve()
         self.station = Station(
@@ -156,6 +162,15 @@ class Play:
         frame = Encoder(1, 1).encode(Statustext(severity=6, text=text, id=0, chunk_seq=0))
         self.bus.say_frame(TEXT, frame, age_ns=age_ns)
 
+    def _press(self, name: str, request: Message) -> None:
+        """An emergency stop arrives, if the robot can be reached and its loop runs."""
+        if not (self.robot.loop and self.delivered):
+            return
+        assert isinstance(request, CommandRequest)
+        self.commands.append(request)
+        self.robot.vehicle, self.robot.stop_id = Vehicle.EMERGENCY_STOP, request.request_id
+        self.bus.say(STATUS, self.robot.status(), name)
+
     # The robot's services.
 
     def _make_lane(self, name: str) -> Inline:
@@ -177,10 +192,10 @@ class Play:
         lease = self.robot.lease
         if request.action == LeaseAction.RELEASE:
             lease.holder = lease.name = ""
-        elif request.action == LeaseAction.TAKE and lease.holder not in ("", self.bus.zid):
+        elif request.action == LeaseAction.TAKE and lease.holder not in ("", self.bus.operator):
             return refused(Reason.LEASE_HELD)
         else:
-            lease.holder, lease.name = self.bus.zid, request.name
+            lease.holder, lease.name = self.bus.operator, request.name
         return CommandAck(command=0, result=AckResult.ACCEPTED, result_param2=0)
 
     def _command(self, request: Message | None) -> Message:
@@ -188,7 +203,7 @@ class Play:
         self.commands.append(request)
         if self.refuses:
             return refused(self.refuses)
-        return CommandAck(command=0, result=AckResult.ACCEPTED, result_param2=0)
+        return acknowledge(request, Reason.NONE)
 
 
 def refused(reason: Reason) -> CommandAck:

@@ -67,6 +67,7 @@ class Robot:
     mode: Mode = Mode.GUIDED
     goal: GoalState = GoalState.NONE
     goal_id: int = 0
+    stop_id: int = 0
     rotation_rad: float = 0.0
     lease: Lease = field(default_factory=Lease)
 
@@ -124,7 +125,8 @@ class Robot:
 
     def status(self) -> NavigatorStatus:
         return NavigatorStatus(
-            time_ns=self.time_ns, goal_started_ns=0, goal_ended_ns=0, goal_id=self.goal_id,
+            time_ns=self.time_ns, goal_started_ns=0, goal_ended_ns=0,
+            goal_id=self.goal_id, stop_id=self.stop_id,
             goal_x_m=5.0, goal_y_m=1.0, goal_heading_rad=nan, goal_distance_m=4.0,
             vehicle=self.vehicle, mode=self.mode, goal=self.goal,
             vehicle_reason=self.vehicle_reason, goal_reason=Reason.NONE,

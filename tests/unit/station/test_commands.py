@@ -170,7 +170,7 @@ def test_what_the_robot_said_just_before_it_gave_the_lease_takes_nothing_back() 
     play.station.take_lease()
     play.robot.lease.holder = ""  # crossed: this status was sent before the lease was given
     play.forward(0.1)
-    play.robot.lease.holder = play.bus.zid
+    play.robot.lease.holder = play.bus.operator
     play.forward(1.0)
     assert play.station.lease.ours
     assert play.texts("lapsed") == []
@@ -178,7 +178,7 @@ def test_what_the_robot_said_just_before_it_gave_the_lease_takes_nothing_back() 
 
 def test_a_lease_taken_in_our_name_by_other_hands_is_beaten_for() -> None:
     play = ready()
-    play.robot.lease.holder, play.robot.lease.name = play.bus.zid, "anna"
+    play.robot.lease.holder, play.robot.lease.name = play.bus.operator, "anna"
     play.forward(1.0)
     assert play.texts("the lease is ours")
     assert play.beats > 1

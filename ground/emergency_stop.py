@@ -1,0 +1,176 @@
+"""The emergency stop from the ground: repeated until the robot shows it, or given up loudly.
+
+It is published on a topic of its own and asked of a service of its own. What the robot answers is
+not believed: only its status, EMERGENCY_STOP by this very request, acknowledges the stop.
+"""
+
+import secrets
+from collections.abc import Callable
+from typing import Final, NamedTuple, Protocol, TypeVar
+
+from protocol.clock import Clock
+from protocol.enums import Command, Vehicle
+from protocol.errors import RemoteError
+from protocol.message import Message
+from protocol.messages import CommandRequest, NavigatorStatus
+from protocol.topics import STOP_SERVICE, Service
+
+MS: Final = 1_000_000
+NS_PER_S: Final = 1_000_000_000
+REPEAT_NS: Final = 50 * MS
+GIVE_UP_NS: Final = 30 * NS_PER_S
+LOUD_NS: Final = NS_PER_S
+"""Interval of the reports that there is no acknowledgement yet."""
+
+HELD_NS: Final = NS_PER_S
+"""Under a flood of stops the status may always show another one's request. A robot that shows
+EMERGENCY_STOP for so long, while this one is repeated, is stopped by it as well."""
+
+M_contra = TypeVar("M_contra", bound=Message, contravariant=True)
+
+
+class Puts(Protocol[M_contra]):
+    """The publisher of one topic."""
+
+    def put(self, message: M_contra) -> object: ...
+
+
+class Asks(Protocol):
+    """The part of a bus that asks services."""
+
+    def ask(
+        self,
+        service: Service,
+        message: Message | None = None,
+        timeout_s: float = 0.5,
+        robot: str | None = None,
+    ) -> Message | bytes: ...
+
+
+class StopOutcome(NamedTuple):
+    """How a press ended: acknowledged or not, after how long and how many tries, and why not."""
+
+    acknowledged: bool
+    took_ns: int
+    tries: int
+    why: str = ""
+
+
+class Acknowledgement:
+    """Judges the robot's status: is it stopped by this request?"""
+
+    def __init__(self, request_id: int) -> None:
+        self._request_id = request_id
+        self._since_ns: int | None = None
+        self.given = False
+
+    def receive(self, status: NavigatorStatus, arrived_ns: int) -> None:
+        """Take a status that arrived after the first try."""
+        if status.vehicle != Vehicle.EMERGENCY_STOP:
+            self._since_ns = None
+            return
+        if self._since_ns is None:
+            self._since_ns = arrived_ns
+        held = arrived_ns - self._since_ns >= HELD_NS
+        self.given = self.given or held or status.stop_id == self._request_id
+
+
+class EmergencyStop:
+    """One press: `press` sends it at once, `run` repeats it in a thread of its own.
+
+    `publisher` is the robot's, of the topic STOP; `newest` returns the robot's newest status and
+    when it arrived.
+    """
+
+    def __init__(
+        self,
+        bus: Asks,
+        publisher: Puts[CommandRequest],
+        robot: str,
+        clock: Clock,
+        newest: Callable[[], tuple[NavigatorStatus, int] | None],
+    ) -> None:
+        self.robot = robot
+        self.tries = 0
+        self.why = ""
+        self._bus = bus
+        self._clock = clock
+        self._newest = newest
+        self._pressed_ns = self._told_ns = clock.now_ns()
+        self._publisher = publisher
+        self._request = CommandRequest(
+            request_id=secrets.randbits(64) or 1,
+            param1=1.0,
+            param2=0.0,
+            command=Command.DO_FLIGHTTERMINATION,
+        )
+        self._acknowledgement = Acknowledgement(self._request.request_id)
+
+    @property
+    def request_id(self) -> int:
+        return self._request.request_id
+
+    def press(self) -> None:
+        """Send the stop once; returns at once."""
+        self.tries += 1
+        self._publisher.put(self._request)
+
+    def run(
+        self, over: Callable[[], bool] = lambda: False, give_up_ns: int = GIVE_UP_NS
+    ) -> StopOutcome:
+        """Repeat it until the robot shows that it is stopped, the time is up, or it is `over`."""
+        began_ns = self._clock.now_ns()
+        while not self._acknowledged():
+            now_ns = self._clock.now_ns()
+            if over() or now_ns - began_ns >= give_up_ns:
+                return self._outcome(acknowledged=False)
+            self.press()
+            self._ask()
+            if not self._acknowledged():
+                self._clock.sleep_until(now_ns + REPEAT_NS)
+        return self._outcome(acknowledged=True)
+
+    def _ask(self) -> None:
+        """Use the second way, by the service. Its answer only tells why there is none."""
+        try:
+            self._bus.ask(STOP_SERVICE, self._request, REPEAT_NS / NS_PER_S, robot=self.robot)
+            self.why = "the robot answers, but its status does not show EMERGENCY_STOP"
+        except RemoteError as error:
+            self.why = str(error)
+
+    def _acknowledged(self) -> bool:
+        newest = self._newest()
+        if newest is not None and newest[1] >= self._pressed_ns:
+            self._acknowledgement.receive(*newest)
+        return self._acknowledgement.given
+
+    def _outcome(self, *, acknowledged: bool) -> StopOutcome:
+        took_ns = self._clock.now_ns() - self._pressed_ns
+        why = "" if acknowledged else self.why or "no answer"
+        return StopOutcome(acknowledged, took_ns, self.tries, why)
+
+    # What to show.
+
+    def words(self, now_ns: int) -> str:
+        """Describe the state while there is no acknowledgement."""
+        seconds = (now_ns - self._pressed_ns) / NS_PER_S
+        because = f": {self.why}" if self.why else ""
+        return f"E-STOP of {self.robot} not acknowledged for {seconds:.1f} s, repeating{because}"
+
+    def due(self, now_ns: int) -> str:
+        """Return the same once a second, to be reported loudly; empty in between."""
+        if now_ns - self._told_ns < LOUD_NS:
+            return ""
+        self._told_ns = now_ns
+        return self.words(now_ns)
+
+
+def outcome_words(outcome: StopOutcome, robot: str) -> str:
+    """Describe how a press ended."""
+    tries = f"{outcome.tries} {'try' if outcome.tries == 1 else 'tries'}"
+    if outcome.acknowledged:
+        return f"E-STOP acknowledged by {robot} after {outcome.took_ns / MS:.0f} ms, {tries}"
+    after = f"{outcome.took_ns / NS_PER_S:.0f} s"
+    return (
+        f"E-STOP GIVEN UP after {after}: {robot} has NOT acknowledged it ({tries}; {outcome.why})"
+    )

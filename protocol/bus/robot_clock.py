@@ -1,0 +1,104 @@
+"""The clock of a robot as a ground process estimates it: deadlines and ages count in that clock.
+
+An estimate is never later than the robot's own time, so a request never counts for longer than its
+sender wanted, and a frame never looks younger than it is.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from struct import Struct
+from struct import error as StructError
+from typing import Final
+
+SAMPLES: Final = 8
+EVERY_S: Final = 2.0
+FIRST_S: Final = 0.1
+"""Pause between attempts until the first answer."""
+
+TIME: Final = Struct("<q")
+"""A time on the robot's clock in ns, as attachments carry it."""
+
+
+def time_bytes(time_ns: int) -> bytes:
+    """Return an attachment that carries a time."""
+    return TIME.pack(time_ns)
+
+
+def time_in(attachment: bytes) -> int | None:
+    """Return the time in an attachment; None when it carries none."""
+    try:
+        return int(TIME.unpack(attachment)[0])
+    except StructError:
+        return None
+
+
+class RobotClock:
+    """How far one robot's clock is ahead of ours, at least."""
+
+    def __init__(self) -> None:
+        self._ahead_ns: deque[int] = deque(maxlen=SAMPLES)
+
+    def observe(self, asked_ns: int, robot_ns: int, answered_ns: int) -> None:
+        """Take a measurement: the robot's time `robot_ns` was read between our two times.
+
+        Forget the earlier ones if the robot's clock has gone back since, as after a restart.
+        """
+        ahead_ns = self._ahead_ns
+        if ahead_ns and max(ahead_ns) > robot_ns - asked_ns:
+            ahead_ns.clear()
+        ahead_ns.append(robot_ns - answered_ns)
+
+    def forget(self) -> None:
+        """Drop all measurements: the robot has contradicted them."""
+        self._ahead_ns.clear()
+
+    def time_ns(self, now_ns: int) -> int | None:
+        """Return the robot's time at our time `now_ns`; None before the first measurement."""
+        ahead_ns = tuple(self._ahead_ns)
+        return now_ns + max(ahead_ns) if ahead_ns else None
+
+
+class RobotClocks:
+    """The clocks of all robots that a process commands, measured again and again in a thread.
+
+    `measure` asks one robot for its time and calls `observe`; it may wait, and returns whether
+    there was an answer.
+    """
+
+    def __init__(self, now_ns: Callable[[], int], measure: Callable[[str], bool]) -> None:
+        self._now_ns = now_ns
+        self._measure = measure
+        self._clocks: dict[str, RobotClock] = {}
+        self._followed: set[str] = set()
+        self._wake = threading.Event()
+        self._closed = False
+        self._thread: threading.Thread | None = None
+
+    def of(self, robot: str) -> RobotClock:
+        return self._clocks.setdefault(robot, RobotClock())
+
+    def time_ns(self, robot: str) -> int | None:
+        """Return a robot's time now; None while it is unknown."""
+        return self.of(robot).time_ns(self._now_ns())
+
+    def follow(self, robot: str) -> None:
+        """Keep this robot's clock measured from now on."""
+        self._followed.add(robot)
+        if self._thread is None and not self._closed:
+            self._thread = threading.Thread(target=self._run, name="robot clocks", daemon=True)
+            self._thread.start()
+        self._wake.set()
+
+    def close(self) -> None:
+        self._closed = True
+        self._wake.set()
+        if self._thread is not None:
+            self._thread.join(timeout=1.0)
+
+    def _run(self) -> None:
+        while not self._closed:
+            self._wake.clear()
+            known = [self._measure(robot) for robot in tuple(self._followed) if not self._closed]
+            if not self._closed:
+                self._wake.wait(EVERY_S if all(known) else FIRST_S)

@@ -1,0 +1,48 @@
+"""Which frames of operators come too late to count, compared with what is usual for the sender."""
+
+from collections import OrderedDict
+from typing import Final
+
+MAX_EXTRA_NS: Final = 200_000_000
+"""A frame may be so much later than is usual for its sender."""
+
+SPAN_NS: Final = 5_000_000_000
+"""The usual delay is the least of this span of time and of the one before it."""
+
+MAX_SENDERS: Final = 16
+
+
+class Usual:
+    """The least delay of one sender within the last two spans."""
+
+    __slots__ = ("_before_ns", "_least_ns", "_since_ns")
+
+    def __init__(self, delay_ns: int, now_ns: int) -> None:
+        self._before_ns = self._least_ns = delay_ns
+        self._since_ns = now_ns
+
+    def update(self, delay_ns: int, now_ns: int) -> int:
+        """Take a delay into account and return the least one."""
+        if now_ns - self._since_ns >= SPAN_NS:
+            self._before_ns, self._least_ns = self._least_ns, delay_ns
+            self._since_ns = now_ns
+        self._least_ns = min(self._least_ns, delay_ns)
+        return min(self._least_ns, self._before_ns)
+
+
+class Delays:
+    """Judges frames by sender. It remembers the senders heard last."""
+
+    def __init__(self) -> None:
+        self._usual: OrderedDict[str, Usual] = OrderedDict()
+
+    def is_late(self, sender: str, sent_ns: int, arrived_ns: int) -> bool:
+        """Return whether a frame is more than MAX_EXTRA_NS later than usual for its sender."""
+        delay_ns = arrived_ns - sent_ns
+        usual = self._usual.get(sender)
+        if usual is None:
+            usual = self._usual[sender] = Usual(delay_ns, arrived_ns)
+        self._usual.move_to_end(sender)
+        if len(self._usual) > MAX_SENDERS:
+            self._usual.popitem(last=False)
+        return delay_ns - usual.update(delay_ns, arrived_ns) > MAX_EXTRA_NS
