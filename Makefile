@@ -17,7 +17,7 @@ help:
 	echo "make up      plant, robot and a goal; ARGS=\"--world u_trap --navigator bug\" for another run"
 	echo "make test    every check: format, lint, types, import contracts, tests"
 	echo "make bench   measurements; ARGS=... is handed on"
-	echo "make docs    docs/protocol.md anew, after a change of topics or dialect"
+	echo "make docs    docs/protocol.md and docs/state-diagram.md anew"
 	echo "make clean   remove .venv and what the tools have cached"
 
 setup: $(READY)
@@ -100,6 +100,8 @@ test: setup
 docs: setup
 	@"$(BIN)/python" -m protocol.docs >docs/protocol.md.new
 	mv docs/protocol.md.new docs/protocol.md
+	"$(BIN)/python" -m verification.mode_model --document >docs/state-diagram.md.new
+	mv docs/state-diagram.md.new docs/state-diagram.md
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache *.egg-info

@@ -1,0 +1,237 @@
+"""The model of modes, missions and lease finds no violation, and finds each planted defect."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocol.messages import GoalRequest
+from robot import vehicle
+from robot.commands import HANDLERS
+from robot.core import brain, failsafe, machine, modes, reasons, states
+from robot.core.failsafe import ROWS
+from robot.core.values import Twist
+from robot.lease import Lease
+from robot.mission.mission import Mission
+from robot.process import SERVICES
+from verification.mode_model import memento
+from verification.mode_model.diagram import DRAWINGS, HEADER, section
+from verification.mode_model.events import REQUESTS, VARIANTS, Part, causes, name_of, parts
+from verification.mode_model.explorer import endless, explore
+from verification.mode_model.invariants import (
+    INVARIANTS,
+    a_stop_stops,
+    rule_of,
+    wheels_turn_only_with_consent,
+)
+from verification.mode_model.world import ADA, World
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "state-diagram.md"
+PARTS = {part.name: part for part in parts()}
+OPEN = frozenset({rule_of(a_stop_stops), rule_of(wheels_turn_only_with_consent)})
+"""Rules that the code is known to break."""
+
+
+@pytest.mark.parametrize("part", parts(), ids=lambda part: part.name)
+def test_every_state_obeys_the_rules_and_is_drawn(part: Part) -> None:
+    found = explore(part.events)
+    broken = [str(one) for one in found.violations.values() if one.rule not in OPEN]
+    assert broken == [], "\n".join(broken)
+    assert endless(found) == []
+    assert section(part, found) in DOCUMENT.read_text(encoding="utf-8"), "run make docs"
+
+
+def test_document_names_every_rule_and_drawing() -> None:
+    text = DOCUMENT.read_text(encoding="utf-8")
+    titles = [drawing.title for drawings in DRAWINGS.values() for drawing in drawings]
+    assert text.startswith(HEADER)
+    assert all(f"- {rule_of(rule)}" in text for rule in INVARIANTS)
+    assert [line[3:] for line in text.splitlines() if line.startswith("## ")] == titles
+
+
+def test_events_cover_all_commands_requests_and_failsafes() -> None:
+    assert VARIANTS.keys() == HANDLERS.keys()
+    assert {kind for service in SERVICES for kind in service.requests} <= REQUESTS.keys()
+    names = {event.name for event in causes()}
+    assert {f"tick with {name_of(row.reason)}" for row in ROWS} <= names
+
+
+def test_requests_change_nothing_that_is_perceived() -> None:
+    world = World()
+    world.present = frozenset({ADA})
+    for _ in range(3):
+        world.tick()
+    for part in parts():
+        for event in part.events:
+            if event.is_request:
+                before = memento.capture(world)
+                event.act(world)
+                assert contents(memento.capture(world)) == contents(before), event.by
+                memento.restore(before, perception=True)
+
+
+def contents(captured: memento.Memento) -> list[object]:
+    return [what for _, what in captured.perception]
+
+
+def test_memento_brings_back_a_world() -> None:
+    world = World()
+    world.tick()
+    before = memento.capture(world)
+    for event in PARTS["modes"].events:
+        if event.enabled(world):
+            event.act(world)
+    assert world.vehicle.state.machine.vehicle != states.STANDBY
+    memento.restore(before, perception=True)
+    after = memento.capture(world)
+    assert [what for _, what in after.control] == [what for _, what in before.control]
+    assert contents(after) == contents(before)
+
+
+# Each rule is shown to be able to fail: the code is broken, and the model must find it.
+
+Patch = pytest.MonkeyPatch
+
+
+def trip_without_effect(patch: Patch) -> None:
+    rows = tuple(row._replace(action=lambda *_: None) for row in ROWS)
+    patch.setattr(failsafe, "ROWS", rows)
+
+
+def trip_that_turns_wheels(patch: Patch) -> None:
+    patch.setattr(brain, "HALT", Twist(0.1, 0.0))
+
+
+def operator_never_lost(patch: Patch) -> None:
+    rows = tuple(
+        row._replace(trigger=lambda *_: False) if row.reason == reasons.OPERATOR_LOST else row
+        for row in ROWS
+    )
+    patch.setattr(failsafe, "ROWS", rows)
+
+
+def mission_takes_the_mode(patch: Patch) -> None:
+    set_off = Mission._set_off
+
+    def to_auto(mission: Mission, *how: Any) -> int:
+        refusal = set_off(mission, *how)
+        if refusal == reasons.OK:
+            mission._machine.mode = states.AUTO
+        return refusal
+
+    patch.setattr(Mission, "_set_off", to_auto)
+
+
+def clear_arms(patch: Patch) -> None:
+    def clear(machine: machine.Machine) -> int:
+        if machine.vehicle == states.EMERGENCY_STOP:
+            machine.vehicle = states.ACTIVE
+        return reasons.OK
+
+    patch.setattr(modes, "clear_estop", clear)
+
+
+def disarm_clears(patch: Patch) -> None:
+    def disarm(machine: machine.Machine, _now_ms: int) -> int:
+        machine.vehicle = states.STANDBY
+        return reasons.OK
+
+    patch.setattr(modes, "disarm", disarm)
+
+
+def estop_only_when_armed(patch: Patch) -> None:
+    estop = modes.estop
+
+    def lazy(machine: machine.Machine, now_ms: int) -> int:
+        return estop(machine, now_ms) if machine.vehicle == states.ACTIVE else reasons.OK
+
+    patch.setattr(modes, "estop", lazy)
+
+
+def two_commanders(patch: Patch) -> None:
+    patch.setattr(Lease, "allows", lambda *_: True)
+
+
+def strangers_command(patch: Patch) -> None:
+    patch.setattr(vehicle, "open_to_all", lambda request: isinstance(request, GoalRequest))
+
+
+def refusal_with_effect(patch: Patch) -> None:
+    def abort(machine: machine.Machine, _now_ms: int) -> int:
+        machine.mode = states.HOLD
+        return reasons.NO_GOAL
+
+    patch.setattr(modes, "abort", abort)
+
+
+def end_without_reason(patch: Patch) -> None:
+    end_goal = machine.end_goal
+
+    def silent(machine: machine.Machine, goal_state: int, _reason: int, now_ms: int) -> None:
+        end_goal(machine, goal_state, reasons.OK, now_ms)
+
+    patch.setattr(machine, "end_goal", silent)
+
+
+def disarm_keeps_the_goal(patch: Patch) -> None:
+    def disarm(machine: machine.Machine, _now_ms: int) -> int:
+        if machine.vehicle in (states.ACTIVE, states.FAILSAFE):
+            machine.vehicle = states.STANDBY
+        return reasons.OK
+
+    patch.setattr(modes, "disarm", disarm)
+
+
+def mission_ignores_the_vehicle(patch: Patch) -> None:
+    patch.setattr(Mission, "_end", lambda _: reasons.OK)
+
+
+DEFECTS: tuple[tuple[Callable[[Patch], None], str, str], ...] = (
+    (trip_that_turns_wheels, "modes", "wheels_turn_only_with_consent"),
+    (operator_never_lost, "modes", "nobody_is_driven_without_an_operator"),
+    (mission_takes_the_mode, "missions", "only_requests_change_the_mode"),
+    (clear_arms, "modes", "only_arming_arms"),
+    (disarm_clears, "modes", "only_clear_ends_an_emergency_stop"),
+    (estop_only_when_armed, "modes", "a_stop_stops"),
+    (trip_without_effect, "modes", "a_cause_stops"),
+    (two_commanders, "lease", "one_commander"),
+    (strangers_command, "requests without the lease", "others_change_nothing"),
+    (refusal_with_effect, "modes", "a_refusal_changes_nothing"),
+    (end_without_reason, "modes", "every_end_has_a_reason"),
+    (disarm_keeps_the_goal, "modes", "a_goal_ends_with_the_drive"),
+    (mission_ignores_the_vehicle, "missions", "a_mission_needs_an_armed_robot"),
+)
+
+
+@pytest.mark.parametrize(
+    ("defect", "part", "rule"), DEFECTS, ids=lambda value: getattr(value, "__name__", None)
+)
+def test_model_finds_a_defect_in_the_code(
+    defect: Callable[[Patch], None], part: str, rule: str, monkeypatch: Patch
+) -> None:
+    defect(monkeypatch)
+    wanted = rule_of(next(one for one in INVARIANTS if one.__name__ == rule))
+    found = explore(PARTS[part].events, until=wanted)
+    assert wanted in {one.rule for one in found.violations.values()}
+
+
+def test_every_rule_has_a_defect_that_breaks_it() -> None:
+    assert [rule for *_, rule in DEFECTS] == [rule.__name__ for rule in INVARIANTS]
+
+
+def test_model_finds_a_goal_without_an_end(monkeypatch: Patch) -> None:
+    monkeypatch.setattr(modes, "abort", lambda *_: reasons.NO_GOAL)
+    monkeypatch.setattr(modes, "disarm", lambda *_: reasons.OK)
+    monkeypatch.setattr(modes, "estop", lambda *_: reasons.OK)
+    wanted = ("arm", "goto in AUTO", "pause", "tick")
+    events = [event for event in PARTS["modes"].events if event.name in wanted]
+    assert endless(explore(events)) != []
+
+
+def test_counterexample_is_the_shortest_list_of_events(monkeypatch: Patch) -> None:
+    estop_only_when_armed(monkeypatch)
+    found = explore(PARTS["modes"].events, until=rule_of(a_stop_stops))
+    first = min(found.violations.values(), key=lambda one: len(one.events))
+    assert first.events == ("ada: stop",)
+    assert str(first).startswith("A stop of anybody leads to EMERGENCY_STOP")

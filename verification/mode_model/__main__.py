@@ -1,0 +1,44 @@
+"""`python -m verification.mode_model`: explore, and print the figures and the counterexamples.
+
+With `--document` print the document of docs/state-diagram.md instead.
+"""
+
+import sys
+import time
+from itertools import groupby
+
+from verification.mode_model.diagram import document
+from verification.mode_model.events import parts
+from verification.mode_model.explorer import Exploration, endless, explore
+
+
+def main(arguments: list[str]) -> int:
+    if arguments == ["--document"]:
+        sys.stdout.write(document((part, explore(part.events)) for part in parts()))
+        return 0
+    wrong = 0
+    for part in parts():
+        began_s = time.process_time()
+        found = explore(part.events)
+        spent_s = time.process_time() - began_s
+        states, edges = len(found.states), len(found.edges)
+        print(f"{part.name}: {states} states, {edges} transitions, {spent_s:.1f} s")
+        wrong += report(found)
+    return 1 if wrong else 0
+
+
+def report(found: Exploration) -> int:
+    """Print the shortest counterexample of each rule, and by which other events it is broken."""
+    violations = sorted(found.violations.values(), key=lambda one: (one.rule, len(one.events)))
+    for _, group in groupby(violations, key=lambda one: one.rule):
+        first, *others = group
+        print(f"VIOLATED: {first}")
+        if others:
+            print(f"  also by: {', '.join(one.events[-1] for one in others)}")
+    for state in endless(found):
+        print(f"NO END of the goal in {state}\n  after: {', '.join(found.states[state])}")
+    return len(violations) + len(endless(found))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,500 @@
+"""What may happen to the robot, made from the tables of the code.
+
+Requests come from `robot.commands.HANDLERS` and the services of the robot process, causes from
+`robot.core.failsafe.ROWS`. `VARIANTS` and `REQUESTS` say with which contents each is asked; a
+command or a kind of request without an entry is an error.
+"""
+
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from math import nan
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+from protocol.enums import (
+    FRAME_LOCAL_FLU,
+    Command,
+    LeaseAction,
+    MissionType,
+    Mode,
+    Navigator,
+)
+from protocol.message import Message
+from protocol.messages import (
+    CommandRequest,
+    GoalRequest,
+    LeaseRequest,
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionRequestList,
+    ParamRequestRead,
+    ParamSet,
+)
+from robot.commands import HANDLERS
+from robot.core import machine as machines
+from robot.core import reasons, states
+from robot.core.failsafe import ROWS
+from robot.core.values import Outputs, Pose
+from robot.process import SERVICES
+from verification.mode_model.world import (
+    ADA,
+    BOB,
+    FAR,
+    HERE,
+    STRANGER,
+    CoreFault,
+    World,
+    reason_of,
+)
+
+LAPSE_NS: Final = 3_100_000_000
+PASS_NS: Final = 600_000_000
+UNKNOWN: Final = 99
+
+VARIANTS: Final[Mapping[int, tuple[tuple[str, float, float], ...]]] = MappingProxyType(
+    {
+        Command.COMPONENT_ARM_DISARM: (("arm", 1, 0), ("disarm", 0, 0)),
+        Command.DO_SET_MODE: (
+            *((f"mode {mode.name}", 0, mode) for mode in Mode),
+            ("mode unknown", 0, UNKNOWN),
+        ),
+        Command.DO_PAUSE_CONTINUE: (("pause", 0, 0), ("continue", 1, 0)),
+        Command.DO_FLIGHTTERMINATION: (("stop", 0, 0), ("stop with NaN", nan, nan)),
+        Command.NAV_RETURN_TO_LAUNCH: (("return", 0, 0),),
+        Command.MISSION_START: (
+            ("start mission", 0, 0),
+            ("go on with mission", -1, 0),
+            ("start mission at no item", 7, 0),
+        ),
+        Command.DO_SET_MISSION_CURRENT: (("jump to item 2", 1, 0), ("jump to no item", 7, 0)),
+        Command.SIDESTEP_SET_NAVIGATOR: (
+            ("navigator bug", Navigator.BUG, 0),
+            ("navigator bug2", Navigator.BUG2, 0),
+            ("navigator unknown", UNKNOWN, 0),
+        ),
+        Command.SIDESTEP_ABORT_GOAL: (("abort", 0, 0),),
+        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: (("clear", 0, 0),),
+    }
+)
+"""Name and parameters of each command, by its number."""
+
+STOPS: Final = frozenset(name for name, *_ in VARIANTS[Command.DO_FLIGHTTERMINATION])
+ARM: Final = "arm"
+CLEAR: Final = "clear"
+SEIZE: Final = "seize"
+LOOKS: Final = frozenset({"read parameter", "list mission", "read mission item"})
+
+
+class Outcome(NamedTuple):
+    """What an event led to: the reason in an answer, or the outputs of a tick."""
+
+    reason: int | None = None
+    outputs: Outputs | None = None
+    failed: bool = False
+
+
+class Event(NamedTuple):
+    """`operator` is None for what no operator does; `enabled` says where the event can occur."""
+
+    name: str
+    act: Callable[[World], Outcome]
+    operator: str | None = None
+    enabled: Callable[[World], bool] = lambda world: True
+    group: str = ""
+
+    @property
+    def is_request(self) -> bool:
+        return self.group == "request"
+
+    @property
+    def by(self) -> str:
+        """The name with the operator."""
+        if self.operator is None:
+            return self.name
+        return f"{self.operator.partition('/')[0] or 'a stranger'}: {self.name}"
+
+
+def command(number: int, param1: float = 0.0, param2: float = 0.0) -> Callable[[int], Message]:
+    return lambda request_id: CommandRequest(
+        request_id=request_id, command=number, param1=param1, param2=param2
+    )
+
+
+def goal(x_mm: int, mode: int) -> Callable[[int], Message]:
+    return lambda request_id: GoalRequest(
+        request_id=request_id,
+        x_mm=x_mm,
+        y_mm=0,
+        heading_urad=0,
+        position_tolerance_mm=50,
+        heading_tolerance_urad=52_360,
+        heading_free=1,
+        mode=mode,
+    )
+
+
+def lease(action: int) -> Callable[[int], Message]:
+    return lambda request_id: LeaseRequest(request_id=request_id, action=action, name="")
+
+
+def parameter(name: str, value: float) -> Callable[[int], Message]:
+    return lambda _: ParamSet(param_id=name, param_value=value, param_type=9)
+
+
+MISSION: Final = (
+    MissionItemInt(
+        seq=0,
+        frame=FRAME_LOCAL_FLU,
+        command=Command.SIDESTEP_NAV_POSE,
+        param1=0.5,
+        param2=0.05,
+        param3=5.0,
+        param4=nan,
+        x=20_000,
+        y=0,
+        z=0.0,
+    ),
+    MissionItemInt(
+        seq=1,
+        frame=FRAME_LOCAL_FLU,
+        command=Command.SIDESTEP_NAV_POSE,
+        param1=0.0,
+        param2=0.05,
+        param3=5.0,
+        param4=nan,
+        x=30_000,
+        y=0,
+        z=0.0,
+    ),
+)
+
+
+def circle(x_m: float, radius_m: float) -> tuple[MissionItemInt, ...]:
+    """A fence."""
+    return (
+        MissionItemInt(
+            seq=0,
+            frame=FRAME_LOCAL_FLU,
+            command=Command.NAV_FENCE_CIRCLE_INCLUSION,
+            param1=radius_m,
+            param2=0.0,
+            param3=0.0,
+            param4=0.0,
+            x=round(x_m * 10_000),
+            y=0,
+            z=0.0,
+            mission_type=MissionType.FENCE,
+        ),
+    )
+
+
+REQUESTS: Final[Mapping[type[Message], Mapping[str, Callable[[int], Message]]]] = MappingProxyType(
+    {
+        GoalRequest: {
+            "goto in AUTO": goal(2000, Mode.AUTO),
+            "goto in GUIDED": goal(2000, Mode.GUIDED),
+            "goto in MANUAL": goal(2000, Mode.MANUAL),
+            "goto too far": goal(10**6, Mode.AUTO),
+        },
+        CommandRequest: {
+            name: command(number, param1, param2)
+            for number in HANDLERS
+            for name, param1, param2 in VARIANTS[number]
+        }
+        | {"command unknown": command(1)},
+        LeaseRequest: {
+            "take": lease(LeaseAction.TAKE),
+            "release": lease(LeaseAction.RELEASE),
+            SEIZE: lease(LeaseAction.SEIZE),
+            "lease action unknown": lease(UNKNOWN),
+        },
+        ParamSet: {
+            "set v_max_m_s": parameter("v_max_m_s", 0.25),
+            "set parameter too high": parameter("v_max_m_s", 1e6),
+            "set parameter unknown": parameter("nonsense", 1.0),
+        },
+        ParamRequestRead: {
+            "read parameter": lambda _: ParamRequestRead(param_id="v_max_m_s", param_index=-1)
+        },
+        MissionCount: {"open transfer": lambda _: MissionCount(count=2)},
+        MissionItemInt: {"send item without transfer": lambda _: MISSION[1]},
+        MissionRequestList: {"list mission": lambda _: MissionRequestList()},
+        MissionRequestInt: {"read mission item": lambda _: MissionRequestInt(seq=0)},
+        MissionClearAll: {
+            "clear mission": lambda _: MissionClearAll(),
+            "clear fence": lambda _: MissionClearAll(mission_type=MissionType.FENCE),
+        },
+    }
+)
+"""The contents with which each kind of request is asked."""
+
+TRANSFERS: Final[Mapping[str, tuple[MissionItemInt, ...]]] = MappingProxyType(
+    {
+        "upload mission": MISSION,
+        "put fence around all": circle(0.0, 20.0),
+        "put fence without goal": circle(0.0, 1.0),
+        "put fence without robot": circle(10.0, 1.0),
+    }
+)
+"""Transfers as one event each: the count and all items."""
+
+
+class Part(NamedTuple):
+    """A part of what may happen, small enough to be explored as a whole."""
+
+    name: str
+    events: tuple[Event, ...]
+
+
+MODES: Final = (
+    *(name for name, *_ in VARIANTS[Command.COMPONENT_ARM_DISARM]),
+    *(name for name, *_ in VARIANTS[Command.DO_SET_MODE]),
+    *(name for name, *_ in VARIANTS[Command.DO_PAUSE_CONTINUE]),
+    *STOPS,
+    "abort",
+    CLEAR,
+    "goto in AUTO",
+    "goto in GUIDED",
+)
+BASE: Final = (ARM, "disarm", "mode HOLD", "stop", "abort", CLEAR, "goto in AUTO")
+LEASE: Final = (*REQUESTS[LeaseRequest], ARM, "mode MANUAL", "mode HOLD", "stop", CLEAR)
+
+
+def parts() -> tuple[Part, ...]:
+    """Return the parts of the model; what they have in common is explored in each."""
+    missions = (*BASE, "mode AUTO", "mode GUIDED", "mode MANUAL", "pause", "continue")
+    about_missions = [name for name in REQUESTS[CommandRequest] if "mission" in name]
+    of_mission = (*about_missions, "jump to item 2", "jump to no item", "clear mission")
+    lease = {*REQUESTS[LeaseRequest]}
+    return (
+        part(
+            "modes",
+            requests(ADA, {*MODES, "return", "goto in MANUAL", "goto too far", "command unknown"}),
+            stops_again(ADA),
+            requests(STRANGER, STOPS),
+            presence(ADA),
+            steering(ADA),
+            ticks(),
+            ends_of_goals(),
+            causes(),
+        ),
+        part(
+            "missions",
+            requests(ADA, {*missions, *of_mission, "goto in GUIDED"}),
+            transfers(ADA, ("upload mission",)),
+            presence(ADA),
+            ticks(),
+            ends_of_goals(),
+            causes(reasons.BUMPER),
+        ),
+        part(
+            "fence and settings",
+            requests(ADA, {*BASE, "return"} | every_request() - {*MODES, *of_mission, *lease}),
+            transfers(ADA, TRANSFERS),
+            displacement(),
+            ticks(),
+            ends_of_goals(),
+        ),
+        part(
+            "lease",
+            *(requests(one, LEASE) for one in (ADA, BOB, STRANGER)),
+            *(presence(one) for one in (ADA, BOB)),
+            *(steering(one, at_once=False) for one in (ADA, BOB)),
+            ticks(),
+        ),
+        part(
+            "requests without the lease",
+            requests(ADA, {*BASE, "take", "upload mission"}),
+            transfers(ADA, ("upload mission",)),
+            presence(ADA),
+            *(while_held(requests(one, every_request())) for one in (BOB, STRANGER)),
+            *(while_held(transfers(one, TRANSFERS)) for one in (BOB, STRANGER)),
+            ticks(),
+        ),
+    )
+
+
+def part(name: str, *events: Iterable[Event]) -> Part:
+    return Part(name, tuple(event for some in events for event in some))
+
+
+def every_request() -> set[str]:
+    return {name for requests in REQUESTS.values() for name in requests}
+
+
+def while_held(events: Iterable[Event]) -> Iterator[Event]:
+    """The same events, where somebody has the lease and another asks."""
+    for event in events:
+        yield event._replace(enabled=held_against(event.operator or ""))
+
+
+def held_against(operator: str) -> Callable[[World], bool]:
+    return lambda world: not world.vehicle.lease.allows(operator)
+
+
+def requests(operator: str, wanted: Container[str]) -> Iterator[Event]:
+    for kind in kinds_of_requests():
+        for name, make in REQUESTS[kind].items():
+            if name in wanted:
+                yield Event(name, asking(make, operator), operator, group="request")
+
+
+def kinds_of_requests() -> list[type[Message]]:
+    """Return what the services of the robot process take; KeyError: one is not described here."""
+    kinds = [kind for service in SERVICES for kind in service.requests]
+    known = dict.fromkeys([*kinds, *REQUESTS])
+    return [kind for kind in known if REQUESTS[kind]]
+
+
+def asking(make: Callable[[int], Message], operator: str) -> Callable[[World], Outcome]:
+    def act(world: World) -> Outcome:
+        return Outcome(reason_of(world.request(make(world.next_id()), operator)))
+
+    return act
+
+
+def transfers(operator: str, names: Iterable[str]) -> Iterator[Event]:
+    for name in names:
+        yield Event(name, sending(TRANSFERS[name], operator), operator, group="request")
+
+
+def sending(items: tuple[MissionItemInt, ...], operator: str) -> Callable[[World], Outcome]:
+    def act(world: World) -> Outcome:
+        kind = items[0].mission_type
+        answer = world.request(MissionCount(count=len(items), mission_type=kind), operator)
+        for item in items:
+            answer = world.request(item, operator)
+        return Outcome(reason_of(answer))
+
+    return act
+
+
+def stops_again(operator: str) -> Iterator[Event]:
+    """A stop under the number of the newest request, which had another content."""
+
+    def act(world: World) -> Outcome:
+        stop = command(Command.DO_FLIGHTTERMINATION)(world.newest_id)
+        return Outcome(reason_of(world.request(stop, operator)))
+
+    yield Event("stop with a used number", act, operator, group="request")
+
+
+def presence(operator: str) -> Iterator[Event]:
+    """An operator whose heartbeats begin or end, seen by the next tick."""
+
+    def come(world: World) -> Outcome:
+        world.present |= {operator}
+        return Outcome(outputs=world.tick())
+
+    def go(world: World) -> Outcome:
+        world.leave(operator)
+        return Outcome(outputs=world.tick())
+
+    yield Event("arrives", come, operator, lambda world: operator not in world.present, "tick")
+    yield Event("leaves", go, operator, lambda world: operator in world.present, "tick")
+
+
+def steering(operator: str, *, at_once: bool = True) -> Iterator[Event]:
+    """A teleop frame; `at_once`: it is read before anything else happens."""
+
+    def steer(world: World) -> Outcome:
+        world.steer(operator)
+        return Outcome(outputs=world.tick() if at_once else None)
+
+    yield Event("steers", steer, operator, group="tick" if at_once else "")
+
+
+def ticks() -> Iterator[Event]:
+    """Ticks after one period, after teleop and holds have run out, and after a lease has lapsed."""
+    yield Event("tick", ticking(0), group="tick")
+    yield Event("0.6 s later: tick", ticking(PASS_NS), group="tick")
+    yield Event("3.1 s later: tick", ticking(LAPSE_NS), group="tick")
+
+
+def ticking(after_ns: int) -> Callable[[World], Outcome]:
+    def act(world: World) -> Outcome:
+        world.now_ns += after_ns
+        return Outcome(outputs=world.tick())
+
+    return act
+
+
+def displacement() -> Iterator[Event]:
+    """The robot finds itself beyond any fence, and back inside."""
+
+    def found_at(place: Pose) -> Callable[[World], Outcome]:
+        def act(world: World) -> Outcome:
+            world.here = place
+            return Outcome(outputs=world.tick())
+
+        return act
+
+    yield Event(
+        "is far away", found_at(FAR), enabled=lambda world: world.here == HERE, group="tick"
+    )
+    yield Event("is back", found_at(HERE), enabled=lambda world: world.here == FAR, group="tick")
+
+
+def ends_of_goals() -> Iterator[Event]:
+    """The two ends that the pursuit of a goal can come to."""
+
+    def end(goal_state: int, reason: int) -> Callable[[World], Outcome]:
+        def act(world: World) -> Outcome:
+            machine = world.vehicle.state.machine
+            machines.end_goal(machine, goal_state, reason, world.now_ns // 1_000_000)
+            return Outcome()
+
+        return act
+
+    def pursued(world: World) -> bool:
+        return machines.drives(world.vehicle.state.machine)
+
+    yield Event("goal reached", end(states.REACHED, reasons.OK), enabled=pursued, group="pursuit")
+    yield Event(
+        "no way found", end(states.STUCK, reasons.UNREACHABLE), enabled=pursued, group="pursuit"
+    )
+
+
+def causes(*only: int) -> Iterator[Event]:
+    """Ticks in which the trigger of a failsafe row fires, senses are missing, or the core fails.
+
+    While the vehicle is not armed all rows do the same, so that one of them is enough there.
+    """
+
+    def forced(reason: int) -> Callable[[World], Outcome]:
+        return lambda world: Outcome(outputs=world.tick(forced=reason))
+
+    def armed(world: World) -> bool:
+        return world.vehicle.state.machine.vehicle == states.ACTIVE
+
+    def always(_: World) -> bool:
+        return True
+
+    for row in ROWS:
+        if not only or row.reason in only:
+            where = always if row.reason == reasons.BUMPER else armed
+            name = f"tick with {name_of(row.reason)}"
+            yield Event(name, forced(row.reason), enabled=where, group="cause")
+    if only:
+        return
+    for name, missing in (("encoders", {"wheels": False}), ("sonars", {"scan": False})):
+        yield Event(f"tick without {name}", without(missing), group="cause")
+
+    def fault(world: World) -> Outcome:
+        try:
+            world.tick(fault=True)
+        except CoreFault:
+            return Outcome(failed=True)
+        raise AssertionError("the fault was swallowed")
+
+    yield Event("tick that raises", fault, enabled=armed, group="cause")
+
+
+def without(missing: dict[str, bool]) -> Callable[[World], Outcome]:
+    return lambda world: Outcome(outputs=world.tick(**missing))
+
+
+def name_of(reason: int) -> str:
+    """The constant's name in `robot.core.reasons`."""
+    return next(name for name, value in vars(reasons).items() if value == reason)

@@ -1,0 +1,115 @@
+"""Breadth-first search through the abstract states; the first path to a state is a shortest one."""
+
+from collections import defaultdict, deque
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from verification.mode_model.events import Event
+from verification.mode_model.facts import LIVING, Abstract, Facts, facts
+from verification.mode_model.invariants import INVARIANTS, Step, rule_of
+from verification.mode_model.memento import Memento, capture, restore
+from verification.mode_model.world import World, forcible
+
+
+class Edge(NamedTuple):
+    """From one abstract state to another."""
+
+    before: Abstract
+    event: Event
+    after: Abstract
+    accepted: bool
+
+
+class Violation(NamedTuple):
+    """An invariant that does not hold, with the shortest list of events that shows it."""
+
+    rule: str
+    events: tuple[str, ...]
+    before: Abstract
+    after: Abstract
+
+    def __str__(self) -> str:
+        steps = "\n".join(f"  {k}. {name}" for k, name in enumerate(self.events, 1))
+        changes = ", ".join(
+            f"{name} {old} -> {new}"
+            for name, old, new in zip(Abstract._fields, self.before, self.after, strict=True)
+            if old != new
+        )
+        return f"{self.rule}\n{steps}\n  last step: {changes or 'no change'}"
+
+
+class Exploration(NamedTuple):
+    """All abstract states with a shortest path to each, and all transitions between them.
+
+    `violations` has a shortest counterexample for each pair of a rule and an event.
+    """
+
+    states: dict[Abstract, tuple[str, ...]]
+    edges: list[Edge]
+    violations: dict[tuple[str, str], Violation]
+
+
+def explore(events: Sequence[Event], *, until: str = "") -> Exploration:
+    """Visit every abstract state that these events lead to from the start of a robot.
+
+    With `until` end as soon as this rule is violated.
+    """
+    world = World()
+    found = Exploration({}, [], {})
+    with forcible(world):
+        first = facts(world)
+        found.states[first.abstract] = ()
+        pending = deque([(first, capture(world))])
+        while pending and not any(rule == until for rule, _ in found.violations):
+            before, memento = pending.popleft()
+            pending.extend(successors(world, events, found, before, memento))
+    return found
+
+
+def successors(
+    world: World, events: Sequence[Event], found: Exploration, before: Facts, memento: Memento
+) -> Iterator[tuple[Facts, Memento]]:
+    """Let every event happen in one state, and yield the states that are new."""
+    restore(memento, perception=True)
+    for event in events:
+        if not event.enabled(world):
+            continue
+        step = Step(before, event, event.act(world), facts(world))
+        if record(found, step):
+            yield step.after, capture(world)
+        restore(memento, perception=not event.is_request)
+
+
+def record(found: Exploration, step: Step) -> bool:
+    """Keep a transition and judge it; return whether it led to a new state."""
+    before, after = step.before.abstract, step.after.abstract
+    found.edges.append(Edge(before, step.event, after, not step.refused))
+    for invariant in INVARIANTS:
+        if not invariant(step):
+            rule = rule_of(invariant)
+            path = (*found.states[before], step.event.by)
+            case = (rule, step.event.name)
+            found.violations.setdefault(case, Violation(rule, path, before, after))
+    if after in found.states:
+        return False
+    found.states[after] = (*found.states[before], step.event.by)
+    return True
+
+
+def endless(found: Exploration) -> list[Abstract]:
+    """Return the states with a living goal from which no end of it can be reached.
+
+    Failsafes and operators who leave are no way to an end.
+    """
+    sources: dict[Abstract, list[Abstract]] = defaultdict(list)
+    for edge in found.edges:
+        if edge.event.group in ("request", "pursuit"):
+            sources[edge.after].append(edge.before)
+    pending = [state for state in found.states if state.goal != LIVING]
+    ending = set(pending)
+    while pending:
+        for state in sources[pending.pop()]:
+            if state not in ending:
+                ending.add(state)
+                pending.append(state)
+    return [state for state in found.states if state not in ending]

@@ -1,0 +1,124 @@
+"""What is looked at of a world: the abstract state that is hashed, and the details compared."""
+
+from typing import Any, Final, NamedTuple
+
+from protocol.enums import GoalState, MissionState, Mode, Vehicle
+from robot.core import machine as machines
+from robot.core import reasons, states
+from robot.core.machine import Machine
+from robot.mission.mission import Mission
+from verification.mode_model.world import ADA, BOB, FAR, SPEED_MM_S, STRANGER, World
+
+SENDERS: Final = {speed_mm_s: operator for operator, speed_mm_s in SPEED_MM_S.items()}
+OF_GOAL: Final = ("goal_state", "goal_reason")
+COMPARED: Final = tuple(name for name in Machine.__slots__ if name not in OF_GOAL)
+LIVING: Final = "LIVING"
+ENDED: Final = "ENDED"
+"""The goal states in which a robot is on its way make no difference here."""
+
+
+class Abstract(NamedTuple):
+    """One state of the model. Worlds with the same abstract state are taken to be the same."""
+
+    vehicle: str
+    mode: str
+    resume_mode: str
+    goal: str
+    mission: str
+    item: int
+    leg: str
+    fence: tuple[float, float] | None
+    is_far: bool
+    holder: str
+    present: frozenset[str]
+    operator: bool
+    senses: bool
+    cause: bool
+    steering: str
+    unread: str
+
+
+class Facts(NamedTuple):
+    """An abstract state with what the invariants ask for besides."""
+
+    abstract: Abstract
+    details: tuple[Any, ...]
+    goal_state: int
+    goal_reason: int
+    vehicle_reason: int
+    mission_reason: int
+    allowed: tuple[str, ...]
+
+
+def abstract(world: World) -> Abstract:
+    """Return the abstract state; what the code does not read in a state has no part in it."""
+    vehicle = world.vehicle
+    machine, mission = vehicle.state.machine, vehicle.mission
+    fence, holder = machine.fence, vehicle.lease.holder
+    waits = machine.mode == states.HOLD and (machines.goal_lives(machine) or mission.active)
+    return Abstract(
+        vehicle=Vehicle(machine.vehicle).name,
+        mode=Mode(machine.mode).name,
+        resume_mode=Mode(machine.resume_mode).name if waits else "",
+        goal=goal_of(machine, mission),
+        mission=MissionState(mission.state).name,
+        item=mission.current,
+        leg=leg_of(machine, mission),
+        fence=None if fence is None else (fence.xs_m[0], fence.radius_m),
+        is_far=world.here == FAR,
+        holder=STRANGER if holder is None else holder.operator,
+        present=world.present,
+        operator=machine.operator,
+        senses=machine.senses,
+        cause=machine.cause != reasons.OK,
+        steering=steering(world),
+        unread=world.unread,
+    )
+
+
+def goal_of(machine: Machine, mission: Mission) -> str:
+    """How a goal ended is read by the mission alone, and while that is under way with it."""
+    if machines.goal_lives(machine):
+        return LIVING
+    if not (mission.active and mission._under_way and machine.serial == mission._serial):
+        return ""
+    if machine.goal_state in (states.STUCK, states.ABORTED):
+        return ENDED
+    return GoalState(machine.goal_state).name
+
+
+def leg_of(machine: Machine, mission: Mission) -> str:
+    """How far a mission is with its item; nothing of that is read once its goal was replaced."""
+    if not mission.active:
+        return ""
+    if machine.serial != mission._serial:
+        return "replaced"
+    if not mission._under_way:
+        return "to set off"
+    return "on the way" if mission._left_ms is None else "there"
+
+
+def facts(world: World) -> Facts:
+    vehicle = world.vehicle
+    machine, mission = vehicle.state.machine, vehicle.mission
+    return Facts(
+        abstract=abstract(world),
+        details=(
+            tuple([getattr(machine, name) for name in COMPARED]),
+            tuple([(name, value) for name, value in vars(mission).items()]),
+            vehicle.lease.holder,
+            vehicle.handle.newest(world.now_ns),
+            vehicle.params,
+        ),
+        goal_state=machine.goal_state,
+        goal_reason=machine.goal_reason,
+        vehicle_reason=machine.vehicle_reason,
+        mission_reason=mission.reason,
+        allowed=tuple(one for one in (ADA, BOB, STRANGER) if vehicle.lease.allows(one)),
+    )
+
+
+def steering(world: World) -> str:
+    """The sender of the teleop frame in force, known by its speed."""
+    teleop = world.vehicle.handle.newest(world.now_ns)
+    return STRANGER if teleop is None else SENDERS[teleop.speed_mm_s]

@@ -1,0 +1,110 @@
+"""Capture all that changes in a graph of objects, and put it back."""
+
+from collections import OrderedDict, deque
+from typing import Any, Final, NamedTuple, TypeAlias
+
+Contents: TypeAlias = list[tuple[Any, Any]]
+"""Each object with what it held at the time of capture."""
+
+PACKAGES: Final = ("robot.", "protocol.mailbox.", "verification.")
+"""Modules whose classes hold state; instances of all other classes count as values."""
+
+PERCEPTION: Final = "robot.core."
+CONTROL: Final = ("robot.core.machine.", "robot.core.state.")
+MAPPINGS: Final = (dict, OrderedDict)
+SEQUENCES: Final = (list, deque)
+
+
+class Memento(NamedTuple):
+    """`perception` is what only a control period changes, `control` all the rest."""
+
+    control: Contents
+    perception: Contents
+
+
+class Shape(NamedTuple):
+    """How instances of a class are captured: by `slots`, or as a whole where there are none."""
+
+    slots: tuple[str, ...]
+    perceives: bool
+
+
+_shapes: dict[type, Shape | None] = {}
+
+
+def capture(root: object) -> Memento:
+    """Return the contents of `root` and of every object that can be reached from it."""
+    memento = Memento([], [])
+    seen: set[int] = set()
+    pending: list[tuple[Any, bool]] = [(root, False)]
+    while pending:
+        one, perceives = pending.pop()
+        kind = type(one)
+        shape = None
+        if isinstance(one, tuple):
+            pending.extend([(inner, perceives) for inner in one])
+            continue
+        if kind not in SEQUENCES and kind not in MAPPINGS and kind is not set:
+            shape = shape_of(kind)
+            if shape is None:
+                continue
+            perceives = perceives or shape.perceives
+        if id(one) in seen:
+            continue
+        seen.add(id(one))
+        contents, inside = contents_of(one, shape)
+        memento[perceives].append((one, contents))
+        pending.extend([(inner, perceives) for inner in inside])
+    return memento
+
+
+def contents_of(one: Any, shape: Shape | None) -> tuple[Any, Any]:
+    """Return what has to be put back, and the objects in it."""
+    if shape is None:
+        contents = one.copy()
+        return contents, contents.values() if type(one) in MAPPINGS else contents
+    if shape.slots:
+        values = [getattr(one, name) for name in shape.slots]
+        return values, values
+    fields = dict(vars(one))
+    return fields, fields.values()
+
+
+def restore(memento: Memento, *, perception: bool) -> None:
+    """Put back what `capture` found; objects made since then are no longer reachable."""
+    put_back(memento.control)
+    if perception:
+        put_back(memento.perception)
+
+
+def put_back(contents: Contents) -> None:
+    for one, was in contents:
+        kind: Any = type(one)
+        if kind in SEQUENCES:
+            one[:] = was
+        elif kind in MAPPINGS or kind is set:
+            one.clear()
+            one.update(was)
+        elif type(was) is dict:
+            one.__dict__.update(was)
+        else:
+            shape = shape_of(kind)
+            for name, value in zip(shape.slots if shape else (), was, strict=True):
+                setattr(one, name, value)
+
+
+def shape_of(kind: type) -> Shape | None:
+    """Return how a class is captured; None where instances are values."""
+    if kind not in _shapes:
+        _shapes[kind] = new_shape_of(kind)
+    return _shapes[kind]
+
+
+def new_shape_of(kind: type) -> Shape | None:
+    module = f"{kind.__module__}."
+    if not module.startswith(PACKAGES) or issubclass(kind, int | float | str | type):
+        return None
+    slots = tuple(getattr(kind, "__slots__", ()))
+    perceives = module.startswith(PERCEPTION) and not module.startswith(CONTROL)
+    has_fields = bool(slots) or bool(getattr(kind, "__dictoffset__", 0))
+    return Shape(slots, perceives) if has_fields else None

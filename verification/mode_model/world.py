@@ -1,0 +1,214 @@
+"""A robot without bus and threads: its vehicle, its senses and two operators, stepped by calls."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final, TypeVar, cast
+
+from protocol.bus import Bus
+from protocol.clock import Tick
+from protocol.codec import Encoder
+from protocol.mailbox import Mailbox, Sample
+from protocol.message import Message
+from protocol.messages import CommandAck, Heartbeat, MissionVerdict, SonarScan, Teleop, WheelTicks
+from protocol.timing import PERIOD_NS
+from protocol.topics import ENCODING, OPERATOR, SONAR, TELEOP, WHEELS, Topic
+from robot.core import failsafe, reasons, states
+from robot.core.failsafe import Row, Trigger
+from robot.core.parameters import DEFAULTS, Params
+from robot.core.state import State
+from robot.core.values import Inputs, Outputs, Pose
+from robot.senses import Senses
+from robot.store import Store
+from robot.teleop import wanted
+from robot.vehicle import Answer, Vehicle
+
+M = TypeVar("M", bound=Message)
+
+NS_PER_MS: Final = 1_000_000
+ADA: Final = "ada/1"
+BOB: Final = "bob/2"
+STRANGER: Final = ""
+SPEED_MM_S: Final = {ADA: 100, BOB: 200}
+"""How each operator steers, which tells the frames of one from those of the other."""
+
+HERE: Final = Pose(0.0, 0.0, 0.0)
+FAR: Final = Pose(50.0, 0.0, 0.0)
+"""Beyond every fence of the model, and of every goal."""
+
+START: Final = Pose(-2.0, 0.0, 0.0)
+"""Where the robot was before, so that there is a way back."""
+
+PARAMS: Final = DEFAULTS._replace(
+    accel_m_s2=10.0,  # any speed is reached, and any brake complete, within one tick
+    op_lost_ms=60,  # an operator who leaves is lost with the next tick but one
+    stuck_ms=10**9,  # a robot that is kept in one place does not give up by itself
+    progress_ms=10**9,
+    navigator=states.BUG,
+)
+GONE_NS: Final = 100 * NS_PER_MS
+TICKS_PER_MRAD_S: Final = 1e-3 * PARAMS.wheel_radius_m * PARAMS.period_s / PARAMS.m_per_tick
+
+
+@contextmanager
+def forcible(world: "World") -> Iterator[None]:
+    """Let the failsafe rows also trigger when `world.forced` is their reason."""
+
+    def forced(row: Row) -> Trigger:
+        def trigger(state: State, inputs: Inputs, params: Params) -> bool:
+            return world.forced == row.reason or row.trigger(state, inputs, params)
+
+        return trigger
+
+    triggers = failsafe.TRIGGERS
+    failsafe.TRIGGERS = tuple((forced(row), row) for row in failsafe.ROWS)  # type: ignore[misc]
+    try:
+        yield
+    finally:
+        failsafe.TRIGGERS = triggers  # type: ignore[misc]
+
+
+class CoreFault(Exception):
+    """Raised inside a step, as a defect of the core would be."""
+
+
+class Boxes:
+    """As much of a bus as the senses need: mailboxes that frames are put into."""
+
+    def __init__(self) -> None:
+        self.boxes: dict[str, Mailbox[Any]] = {}
+        self._encoder = Encoder(1, 1)
+
+    def mailbox(
+        self,
+        topic: Topic[M],
+        notify: Callable[[int], None] | None = None,
+        accept: Callable[[str], bool] | None = None,
+        *,
+        forward: bool = False,
+    ) -> Mailbox[M]:
+        box = self.boxes[topic.path] = Mailbox(topic, notify, accept, forward=forward)
+        return box
+
+    def put(self, topic: Topic[Any], message: Message, now_ns: int, sender: str = "") -> None:
+        frame = self._encoder.encode(message)
+        self.boxes[topic.path].store(Sample(ENCODING, frame, sender), now_ns)
+
+
+class World:
+    """The robot stays where it is: its encoders count as told, its pose is put back each tick."""
+
+    def __init__(self) -> None:
+        self.vehicle = Vehicle(PARAMS, Store(None), START)
+        self.boxes = Boxes()
+        accept = self.vehicle.lease.allows
+        self.senses = Senses(cast(Bus, self.boxes), lockstep=False, accept=accept)
+        self.now_ns = 1_000 * NS_PER_MS
+        self.ticks = 0
+        self.here = HERE
+        self.left = self.right = 0.0
+        self.present: frozenset[str] = frozenset()
+        self.unread = STRANGER
+        """The sender of a teleop frame that arrived since the last tick."""
+        self.forced: int = reasons.OK
+        """The failsafe reason whose trigger is made to fire in this tick."""
+        self.newest_id = 0
+
+    def next_id(self) -> int:
+        self.newest_id += 1
+        return self.newest_id
+
+    def request(self, message: Message, operator: str) -> Answer:
+        return self.vehicle.receive(message, self.now_ns, operator)
+
+    def steer(self, operator: str) -> None:
+        """Let a teleop frame of an operator arrive; the next tick reads it."""
+        teleop = Teleop(
+            time_ns=self.now_ns,
+            seq=self.ticks,
+            speed_mm_s=SPEED_MM_S[operator],
+            yaw_rate_mrad_s=0,
+            ttl_ms=300,
+        )
+        if self.vehicle.lease.allows(operator):
+            self.unread = operator
+        self.boxes.put(TELEOP, teleop, self.now_ns, operator)
+
+    def leave(self, operator: str) -> None:
+        """Stop the heartbeats of an operator, long enough ago to be lost in the next tick."""
+        self.present -= {operator}
+        self.now_ns += GONE_NS
+
+    def tick(
+        self,
+        *,
+        wheels: bool = True,
+        scan: bool = True,
+        forced: int = reasons.OK,
+        fault: bool = False,
+    ) -> Outputs:
+        """Run one control period; with `fault` the core raises CoreFault under way."""
+        self.now_ns += PERIOD_NS
+        self.ticks += 1
+        self._beat()
+        self._sense(wheels, scan)
+        vehicle, now_ns = self.vehicle, self.now_ns
+        if self.ticks > 1:
+            vehicle.state.odometry.pose = self.here
+        tick = Tick(self.ticks, now_ns, 0, 0)
+        inputs = self.senses.read(tick, now_ns, vehicle)
+        if not wheels:
+            inputs = inputs._replace(wheels=None)
+        if not scan:
+            inputs = inputs._replace(scan=None)
+        self.unread = STRANGER
+        self.forced = forced
+        try:
+            manual = wanted(vehicle.handle.newest(now_ns))
+            outputs = vehicle.step(inputs, fail if fault else ignore, manual)
+        finally:
+            self.forced = reasons.OK
+        self.left += outputs.left_mrad_s * TICKS_PER_MRAD_S
+        self.right += outputs.right_mrad_s * TICKS_PER_MRAD_S
+        vehicle.lease_status(now_ns, now_ns)
+        vehicle.texts()
+        return outputs
+
+    def _beat(self) -> None:
+        for operator in sorted(self.present):
+            self.boxes.put(OPERATOR, BEAT, self.now_ns, operator)
+
+    def _sense(self, wheels: bool, scan: bool) -> None:
+        now_ns, seq = self.now_ns, self.ticks
+        left, right = round(self.left), round(self.right)
+        self.boxes.put(
+            WHEELS,
+            WheelTicks(time_ns=now_ns, seq=seq, left=left, right=right, bumper=0, expired=0),
+            now_ns,
+        )
+        self.boxes.put(SONAR, clear_scan(now_ns, seq), now_ns)
+
+
+BEAT: Final = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
+
+
+def clear_scan(now_ns: int, seq: int) -> SonarScan:
+    """All sonars have measured, and none has an echo."""
+    return SonarScan(
+        time_ns=now_ns, seq=seq, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=255, echo=0
+    )
+
+
+def ignore(_stage: int) -> None:
+    """Take no times."""
+
+
+def fail(_stage: int) -> None:
+    """Fail as a defect of the core would, at the end of the first stage."""
+    raise CoreFault
+
+
+def reason_of(answer: Answer) -> int:
+    """The reason in an answer: 0 is accepted, as is any answer that brings what was asked for."""
+    if isinstance(answer, CommandAck):
+        return answer.result_param2
+    return answer.reason if isinstance(answer, MissionVerdict) else reasons.OK
