@@ -13,6 +13,7 @@ from ground.parts import DIM, Part
 from ground.says import Says
 
 LINE = (Part("driving"), Part("3.25 m to go", "3.25 m", age_s=0.2))
+MARK = "\0"
 
 
 class Terminal:
@@ -29,7 +30,16 @@ class Terminal:
         fcntl.ioctl(self.near, termios.TIOCSWINSZ, pack("HHHH", 24, columns, 0, 0))
 
     def seen(self) -> str:
-        return os.read(self._far, 10_000).decode()
+        """All that was written since the last call: read up to a mark that is written now.
+
+        One `read` of a terminal may return a part only.
+        """
+        self.near.write(MARK)
+        self.near.flush()
+        found = ""
+        while not found.endswith(MARK):
+            found += os.read(self._far, 10_000).decode()
+        return found.removesuffix(MARK)
 
     def close(self) -> None:
         self.near.close()
