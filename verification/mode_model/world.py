@@ -91,7 +91,8 @@ class Boxes:
 
     def put(self, topic: Topic[Any], message: Message, now_ns: int, sender: str = "") -> None:
         frame = self._encoder.encode(message)
-        self.boxes[topic.path].store(Sample(ENCODING, frame, sender), now_ns)
+        sent_ns = now_ns if sender else None
+        self.boxes[topic.path].store(Sample(ENCODING, frame, sender, sent_ns), now_ns)
 
 
 class World:
