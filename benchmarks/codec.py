@@ -152,7 +152,8 @@ def told() -> list[tuple[type[Message], dict[str, Any]]]:
     where = {"x_m": 3.2, "y_m": 1.7, "heading_rad": 0.4, "speed_m_s": 0.24, "yaw_rate_rad_s": -0.1}
     spread = ("xx_m2", "xy_m2", "xh_m_rad", "yy_m2", "yh_m_rad", "hh_rad2")
     goal = {"goal_x_m": 5.4, "goal_y_m": 2.0, "goal_heading_rad": 0.0, "goal_distance_m": 2.31}
-    times = {"goal_started_ns": 50_000_000, "goal_ended_ns": 0, "goal_id": 7_141_592_653}
+    times = {"goal_started_ns": 50_000_000, "goal_ended_ns": 0}
+    ids = {"goal_id": 7_141_592_653, "stop_id": 2_718_281_828}
     state = {"vehicle": 2, "mode": 10, "goal": 3, "vehicle_reason": 0, "goal_reason": 0}
     saw = {"nearest_bearing_rad": 0.59, "nearest_range_m": 0.288, "zone_m": 0.3}
     chose = {"goal_bearing_rad": 0.2, "rotation_rad": -1.18, "virtual_x_m": 4.1, "virtual_y_m": 0.3}
@@ -163,7 +164,7 @@ def told() -> list[tuple[type[Message], dict[str, Any]]]:
     return [
         (Heartbeat, beat | {"system_status": 4, "mavlink_version": 3}),
         (PlanarOdometry, stamp | where | {f"cov_{name}": 1.7e-5 for name in spread}),
-        (NavigatorStatus, stamp | goal | times | state | {"navigator": 2, "side": 1}),
+        (NavigatorStatus, stamp | goal | times | ids | state | {"navigator": 2, "side": 1}),
         (AvoidanceDecision, stamp | saw | chose | drive),
         (CycleReport, stamp | cost | spent),
     ]

@@ -35,11 +35,12 @@ SETS_OFF_WITHIN = 100
 
 
 class Standin:
-    """One robot's world, advanced by whoever measures."""
+    """One robot's world, advanced by whoever measures; `operator` is the bus that sets goals."""
 
-    def __init__(self, bus: Bus, world: World, *, lockstep: bool) -> None:
+    def __init__(self, bus: Bus, operator: Bus, world: World, *, lockstep: bool) -> None:
         self.plant = Plant(world, 0, noise_of(world))
         self.bus = bus
+        self._operator = operator
         self._arrived = Event()
         self._arrived_ns = 0
         self._wires = Wires(bus, ROBOT, 0, self._notice, lockstep=lockstep)
@@ -109,7 +110,7 @@ class Standin:
         self._ask(GoalRequest(request_id=next(self._requests), mode=Mode.AUTO, **goal._asdict()))
 
     def _ask(self, request: CommandRequest | GoalRequest) -> None:
-        answer = self.bus.ask(COMMAND, request, robot=ROBOT)
+        answer = self._operator.ask(COMMAND, request, robot=ROBOT)
         if not isinstance(answer, CommandAck) or answer.result != AckResult.ACCEPTED:
             raise RuntimeError(f"the robot refused {request}: {answer!r}")
 
@@ -147,8 +148,11 @@ def tls_of(keys: Path) -> Tls:
 @contextmanager
 def driving(world: World, robot: RobotProcess, *, lockstep: bool) -> Iterator[Standin]:
     """A stand-in whose robot is on its way."""
-    with open_bus(robot.network, Role.PLANT, ROBOT) as bus:
-        standin = Standin(bus, world, lockstep=lockstep)
+    with (
+        open_bus(robot.network, Role.PLANT, ROBOT) as bus,
+        open_bus(robot.network, Role.GROUND, ROBOT) as operator,
+    ):
+        standin = Standin(bus, operator, world, lockstep=lockstep)
         with closing(standin):
             for _ in paced(SETS_OFF_WITHIN):
                 standin.tick(patience_s=1.0 if lockstep else ANSWER_WITHIN_S)
