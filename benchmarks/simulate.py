@@ -2,6 +2,7 @@
 
 Each seed draws operators, faults and attacks over 20 simulated seconds. A seed that violates an
 invariant is shrunk to the fewest events; `--events FILE` writes them, `--replay FILE` runs them.
+`--seed S --replay` runs one seed twice and compares the two runs bit by bit.
 """
 
 import argparse
@@ -19,22 +20,30 @@ from verification.simulation.simulation import Result, run
 
 NS_PER_S: Final = 1_000_000_000
 MAX_SHOWN: Final = 5
+AGAIN: Final = ""
+"""`--replay` without a file."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, default=500, metavar="N", help="how many (500)")
-    parser.add_argument("--first", type=int, default=0, metavar="S", help="the first of them (0)")
+    parser.add_argument("--from", dest="first", type=int, default=0, metavar="S", help="the first one (0)")
     parser.add_argument("--jobs", type=int, default=1, metavar="K", help="processes (1)")
     parser.add_argument("--seed", type=int, metavar="S", help="run this one seed only")
-    parser.add_argument("--replay", type=Path, metavar="FILE", help="run these events only")
+    parser.add_argument(
+        "--replay",
+        nargs="?",
+        const=AGAIN,
+        metavar="FILE",
+        help="run the seed twice and compare; with FILE run these events only",
+    )
     parser.add_argument("--events", type=Path, metavar="FILE", help="write the shrunk events there")
     parser.add_argument("--no-shrink", action="store_true", help="show the events as drawn")
 
 
 def measure(options: argparse.Namespace) -> Report:
     """Run one scenario or many seeds."""
-    if options.replay is not None:
-        return _report_of_one(options, run(from_json(options.replay.read_text(encoding="utf-8"))))
+    if options.replay not in (None, AGAIN):
+        return _report_of_one(options, run(from_json(Path(options.replay).read_text("utf-8"))))
     if options.seed is not None:
         return _report_of_one(options, run(drawn(options.seed)))
     done: list[Ran] = []
@@ -82,9 +91,13 @@ def _report_of_many(options: argparse.Namespace, done: list[Ran]) -> Report:
 
 def _report_of_one(options: argparse.Namespace, result: Result) -> Report:
     failed = result.violation is not None
+    figures = [Figure(name="violations", unit="", values=(int(failed),), at_most=0)]
+    if options.replay == AGAIN:
+        same = run(result.scenario).digest == result.digest
+        figures.append(Figure(name="runs that differ", unit="", values=(int(not same),), at_most=0))
     return Report(
         benchmark="simulate",
-        figures=(Figure(name="violations", unit="", values=(int(failed),), at_most=0),),
+        figures=tuple(figures),
         notes=(
             f"digest {result.digest} after {result.simulated_ns / NS_PER_S:.2f} s",
             *(explained(result, options) if failed else ()),
@@ -94,7 +107,7 @@ def _report_of_one(options: argparse.Namespace, result: Result) -> Report:
 
 def explained(result: Result, options: argparse.Namespace) -> list[str]:
     """Seed, invariant, time, the fewest events, and the command that shows it again."""
-    small = result if options.no_shrink or options.replay else shrunk(result)
+    small = result if options.no_shrink else shrunk(result)
     violation, scenario = small.violation, small.scenario
     assert violation is not None
     if options.events is not None:
@@ -103,5 +116,5 @@ def explained(result: Result, options: argparse.Namespace) -> list[str]:
         f"seed {scenario.seed} violates «{violation.invariant}» at "
         f"{violation.time_ns / NS_PER_S:.3f} s: {violation.words}",
         *(f"    {event}" for event in scenario.events),
-        f"    again: sidestep bench simulate --seed {scenario.seed}",
+        f"    again: sidestep bench simulate --seed {scenario.seed} --replay",
     ]

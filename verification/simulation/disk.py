@@ -3,7 +3,7 @@
 `SimulatedPath` and `SimulatedOs` have what the robot's store uses of pathlib and os.
 """
 
-from io import StringIO
+import os
 from random import Random
 from typing import Any, Final
 
@@ -19,8 +19,8 @@ class Inode:
     __slots__ = ("live", "synced")
 
     def __init__(self) -> None:
-        self.live = ""
-        self.synced = ""
+        self.live = b""
+        self.synced = b""
 
 
 class Disk:
@@ -40,7 +40,22 @@ class Disk:
         self._open[number] = inode
         return number
 
+    def create(self, name: str) -> Inode:
+        """A file that is there, and empty."""
+        self.check_writable()
+        inode = self.files.setdefault(name, Inode())
+        inode.live = b""
+        return inode
+
+    def write(self, number: int, data: bytes) -> int:
+        self.check_writable()
+        inode = self._open[number]
+        assert inode is not None, "a directory is not written to"
+        inode.live += data
+        return len(data)
+
     def fsync(self, number: int) -> None:
+        """Takes its time; what another thread changes meanwhile is on the medium, too."""
         self.syncs += 1
         host = current_host()
         if self.slow_ns:
@@ -57,8 +72,16 @@ class Disk:
         if self.failing:
             raise OSError(NO_SPACE, "No space left on device")
 
+    def remove(self, name: str) -> None:
+        self.check_writable()
+        if self.files.pop(name, None) is None:
+            raise FileNotFoundError(2, "No such file or directory", name)
+
     def cut_power(self, salt: int) -> None:
-        """Lose what is not on the medium; each change of a name that is not may be, or not."""
+        """Lose what is not on the medium; each change of a name that is not may be, or not.
+
+        The same for contents: a file that was not synchronised is as it was, or cut off anywhere.
+        """
         random = Random(salt)
         for name in sorted({*self.files, *self.on_medium}):
             live, medium = self.files.get(name), self.on_medium.get(name)
@@ -67,27 +90,12 @@ class Disk:
                     self.on_medium.pop(name, None)
                 else:
                     self.on_medium[name] = live
-        for inode in self.on_medium.values():
+        for name in sorted(self.on_medium):
+            inode = self.on_medium[name]
+            if inode.synced != inode.live and random.random() < 0.5:
+                inode.synced = inode.live[: random.randint(0, len(inode.live))]
             inode.live = inode.synced
         self.files = dict(self.on_medium)
-
-
-class Draft(StringIO):
-    """A file that is open for writing."""
-
-    def __init__(self, disk: Disk, inode: Inode) -> None:
-        super().__init__()
-        self._disk = disk
-        self._inode = inode
-
-    def write(self, text: str) -> int:
-        self._disk.check_writable()
-        written = super().write(text)
-        self._inode.live = self.getvalue()
-        return written
-
-    def fileno(self) -> int:
-        return self._disk.open(self._inode)
 
 
 class SimulatedPath:
@@ -120,36 +128,40 @@ class SimulatedPath:
         return self.name in self.disk.files
 
     def read_text(self, encoding: str = "utf-8") -> str:
+        return self.read_bytes().decode(encoding)
+
+    def read_bytes(self) -> bytes:
         inode = self.disk.files.get(self.name)
         if inode is None:
             raise FileNotFoundError(2, "No such file or directory", str(self))
         return inode.live
 
-    def open(self, mode: str = "r", encoding: str = "utf-8") -> StringIO:
-        if "w" not in mode:
-            return StringIO(self.read_text())
-        self.disk.check_writable()
-        inode = self.disk.files[self.name] = Inode()
-        return Draft(self.disk, inode)
-
-    def replace(self, target: "SimulatedPath") -> None:
-        self.disk.files[target.name] = self.disk.files.pop(self.name)
-
     def unlink(self, missing_ok: bool = False) -> None:
-        if self.disk.files.pop(self.name, None) is None and not missing_ok:
-            raise FileNotFoundError(2, "No such file or directory", str(self))
+        try:
+            self.disk.remove(self.name)
+        except FileNotFoundError:
+            if not missing_ok:
+                raise
 
 
 class SimulatedOs:
     """As the module `os`, for files of the simulated disk."""
 
-    O_RDONLY = 0
-    O_DIRECTORY = 0
+    O_RDONLY = os.O_RDONLY
+    O_WRONLY = os.O_WRONLY
+    O_CREAT = os.O_CREAT
+    O_TRUNC = os.O_TRUNC
+    O_CLOEXEC = os.O_CLOEXEC
+    O_DIRECTORY = os.O_DIRECTORY
 
     class path:
         @staticmethod
         def realpath(path: Any) -> Any:
             return path
+
+        @staticmethod
+        def isdir(path: Any) -> bool:
+            return not path.name
 
     @staticmethod
     def fsync(number: int) -> None:
@@ -158,13 +170,36 @@ class SimulatedOs:
     fdatasync = fsync
 
     @staticmethod
-    def open(path: Any, _flags: int = 0, **_: object) -> int:
+    def open(path: Any, flags: int = 0, _mode: int = 0, **_: object) -> int:
         disk: Disk = path.disk
-        return disk.open(disk.files.get(path.name) if path.name else None)
+        if not path.name:
+            return disk.open(None)
+        if flags & os.O_TRUNC:
+            return disk.open(disk.create(path.name))
+        return disk.open(disk.files[path.name])
+
+    @staticmethod
+    def write(number: int, data: bytes) -> int:
+        return disk_of(current_host()).write(number, data)
 
     @staticmethod
     def close(_number: int) -> None:
         """Descriptors of the simulation are not counted."""
+
+    @staticmethod
+    def replace(source: Any, target: Any) -> None:
+        disk: Disk = source.disk
+        disk.check_writable()
+        disk.files[target.name] = disk.files.pop(source.name)
+
+    @staticmethod
+    def unlink(path: Any) -> None:
+        disk: Disk = path.disk
+        disk.remove(path.name)
+
+    @staticmethod
+    def mkdir(_path: Any) -> None:
+        """The directory is there."""
 
 
 DISKS: Final[dict[str, Disk]] = {}
