@@ -26,7 +26,9 @@ AGAIN: Final = ""
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, default=500, metavar="N", help="how many (500)")
-    parser.add_argument("--from", dest="first", type=int, default=0, metavar="S", help="the first one (0)")
+    parser.add_argument(
+        "--from", dest="first", type=int, default=0, metavar="S", help="the first one (0)"
+    )
     parser.add_argument("--jobs", type=int, default=1, metavar="K", help="processes (1)")
     parser.add_argument("--seed", type=int, metavar="S", help="run this one seed only")
     parser.add_argument(
