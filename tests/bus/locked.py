@@ -16,6 +16,12 @@ from tests.keyring import Keyring
 
 ROBOTS = ("r1", "r2")
 FORGED = b"forged"
+SESSION = "abc"
+OF_OPERATORS = frozenset(
+    {topic.path for topic in TOPICS if topic.of_operators}
+    | {service.path for service in SERVICES if service.of_operators}
+)
+"""Paths whose keys end in the identity of an operator."""
 
 
 class Locked:
@@ -63,8 +69,18 @@ class Locked:
         self._stack.callback(closing.close)
         return session
 
-    def key(self, path: str, robot: str = "r1") -> str:
+    def plain(self, path: str, robot: str = "r1") -> str:
+        """Return the key of a path without the identity of any operator."""
         return f"{self.prefix}/{robot}/{path}"
+
+    def key(self, path: str, robot: str = "r1", operator: str = "ground") -> str:
+        """Return the key of a path, as this operator has it where operators publish or ask."""
+        plain = self.plain(path, robot)
+        return f"{plain}/{operator}/{SESSION}" if path in OF_OPERATORS else plain
+
+    def every(self, path: str) -> str:
+        """Return the key expression of a path on robot r1, of all operators."""
+        return f"{self.plain(path)}/**" if path in OF_OPERATORS else self.plain(path)
 
 
 @contextmanager
@@ -82,11 +98,11 @@ class Watchful:
         for topic in TOPICS:
             for session in (net.robot, net.plant, net.ground):
                 session.declare_subscriber(
-                    net.key(topic.path), Callback(self._heard, indirect=False)
+                    net.every(topic.path), Callback(self._heard, indirect=False)
                 )
         for service in SERVICES:
             server = net.robot if service.server is Role.ROBOT else net.plant
-            server.declare_queryable(net.key(service.path), Callback(self._asked, indirect=False))
+            server.declare_queryable(net.every(service.path), Callback(self._asked, indirect=False))
 
     def _heard(self, sample: zenoh.Sample) -> None:
         gone = sample.kind == zenoh.SampleKind.DELETE

@@ -50,27 +50,38 @@ WILD = (
     "{p}/r1/s$*/**",
     "*/r1/tlm/status",
     "@/**",
+    "{p}/r1/op/**",
+    "{p}/r1/op/*/*/*",
+    "{p}/r1/op/stop/**",
+    "{p}/r1/op/heartbeat/*/abc",
+    "{p}/*/op/stop/ground/abc",
+    "{p}/r1/srv/command/**",
+    "{p}/r1/srv/stop/*/abc",
+    "{p}/*/srv/command/ground/abc",
 )
 
 
-def barred_puts(name: str) -> list[str]:
-    return [topic.path for topic in TOPICS if not topic.path.startswith(OURS[name] or ("-",))]
+def forbidden(net: Locked, name: str, path: str, own: tuple[str, ...]) -> set[str]:
+    """Return the keys of a path that are not for the holder of a certificate.
 
-
-def barred_asks(name: str) -> list[str]:
-    may = MAY_ASK.get(name, ())
-    return [one.path for one in SERVICES if not any(one.path.startswith(ask) for ask in may)]
+    `own` are the beginnings of the paths of which it may use the key under its own name.
+    """
+    every = {net.key(path), net.plain(path), net.key(path, operator="ada")}
+    allowed = net.key(path) if name == "ground" else net.plain(path)
+    return every - {allowed} if path.startswith(own or ("-",)) else every
 
 
 def intrude(net: Locked, name: str, intruder: Intruder) -> None:
     """Everything that the holder of this certificate may not do to robot r1."""
-    for path in barred_puts(name):
-        intruder.put(net.key(path))
-        intruder.put_declared(net.key(path))
-        intruder.delete(net.key(path))
-    for path in barred_asks(name):
-        intruder.put(net.key(path))
-        intruder.ask(net.key(path))
+    for path in (topic.path for topic in TOPICS):
+        for key in forbidden(net, name, path, own=OURS[name]):
+            intruder.put(key)
+            intruder.put_declared(key)
+            intruder.delete(key)
+    for path in (service.path for service in SERVICES):
+        for key in forbidden(net, name, path, own=MAY_ASK.get(name, ())):
+            intruder.put(key)
+            intruder.ask(key)
     for pattern in WILD:
         key = pattern.format(p=net.prefix)
         for way in intruder.ways:
@@ -151,7 +162,7 @@ def test_each_hears_only_what_is_for_it(topology: Topology, tmp_path: Path) -> N
         for name in ("viewer", "robot-r2", "stranger", "plant"):
             hears = heard.setdefault(name, set())
             session = net.join(name)
-            for key in (f"{net.prefix}/**", "**", *(net.key(topic.path) for topic in TOPICS)):
+            for key in (f"{net.prefix}/**", "**", *(net.every(topic.path) for topic in TOPICS)):
                 listening = Callback(partial(note, hears), indirect=False)
                 session.declare_subscriber(key, listening)
             Intruder(session).ask(net.key(COMMAND.path, "r2"))

@@ -114,16 +114,19 @@ def asking(number: int) -> CommandRequest:
 
 
 def forge(bus: Bus) -> int:
-    """An emergency stop, again and again, and the operator's wheel; how many of these."""
+    """Send an emergency stop and the operator's wheel as that operator; how many of these."""
     frames = Encoder(255, 190)
     session = bus._session
     for number in range(EACH):
         frame = frames.encode(asking(number + 1))
         replies = session.get(
-            bus.key(COMMAND.path), payload=frame, encoding=ENCODING, timeout=PATIENCE_S
+            bus.key(f"{COMMAND.path}/ground/abc"),
+            payload=frame,
+            encoding=ENCODING,
+            timeout=PATIENCE_S,
         )
         assert list(replies) == []
-        session.put(bus.key("op/teleop"), frame, encoding=ENCODING)
+        session.put(bus.key("op/teleop/ground/abc"), frame, encoding=ENCODING)
     return 2 * EACH
 
 
