@@ -148,10 +148,16 @@ class Process:
         self.reports.events(self.vehicle, self._senses.stamp_ns, self._clock.now_ns())
 
     def _write(self, outputs: Outputs, tick: Tick, now_ns: int) -> None:
-        """The wheels come first; who watches may wait."""
+        """The wheels come first; who watches may wait.
+
+        In an emergency stop the motors are short-circuited, which is four times as fast as a ramp.
+        """
         senses, reports = self._senses, self.reports
         stamp_ns = senses.stamp_ns
-        reports.command(stamp_ns, senses.sequence, outputs.left_mrad_s, outputs.right_mrad_s)
+        if self.vehicle.stopped:
+            reports.brake(stamp_ns, senses.sequence)
+        else:
+            reports.command(stamp_ns, senses.sequence, outputs.left_mrad_s, outputs.right_mrad_s)
         sent_us = max(0, self._clock.now_ns() - tick.due_ns) // 1000
         reports.tick(self.vehicle, outputs, stamp_ns, now_ns)
         reports.cycle.put(

@@ -53,9 +53,9 @@ class Reports:
         self._command(stamp_ns, sense_seq, left_mrad_s, right_mrad_s, TTL_MS)
 
     def brake(self, stamp_ns: int, sense_seq: int) -> None:
-        """The last word: with no time to live it stops the wheels as silence does, sooner.
+        """Stop the wheels as silence does, sooner: a command with no time to live.
 
-        It is sent whatever the stamp is, which may be why the loop has ended.
+        It is sent whatever the stamp is, as that may be why the loop has ended.
         """
         self._command(stamp_ns & UINT64, sense_seq & UINT32, 0, 0, 0)
 

@@ -46,6 +46,8 @@ SAMPLING_S: Final = 0.1
 BRAKING_S: Final = 0.4
 """From a failsafe to a standing robot: down the ramp from 0.3 m/s, and the lag of the motors."""
 DEATH_S: Final = 0.2
+PRESSED_S: Final = 0.25
+"""From an emergency stop to standing wheels: two periods and short-circuited motors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,7 +197,13 @@ BODY: Final = (
     stops("bumper pressed", Sense("bumper_stuck", "", 1.0), 0.0, Reason.BUMPER),
 )
 MACHINE: Final = (
-    stops("emergency stop", EmergencyStop(), 0.0),
+    Fault(
+        name="emergency stop",
+        act=EmergencyStop(),
+        must=Must.STOP,
+        within_s=SAMPLING_S,
+        stands_s=PRESSED_S,
+    ),
     Fault(
         name="robot's clock jumps 5 s ahead",
         act=Jump(5.0),

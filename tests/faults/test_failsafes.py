@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.matrix.lockstep import Breakable
 from benchmarks.matrix.table import FAULTS
-from protocol.enums import GoalState, Mode, Vehicle
+from protocol.enums import Command, GoalState, Mode, Vehicle
 from protocol.reasons import Reason
 from robot.core import failsafe
 from robot.core.fence import Fence
@@ -168,3 +168,15 @@ def test_noise_without_a_fault_trips_nothing() -> None:
         stack.forward(20.0)
         assert stack.state in (Vehicle.ACTIVE, Vehicle.FAILSAFE)
         assert stack.why in (Reason.NONE, Reason.BUMPER)
+
+
+def test_an_emergency_stop_stands_within_two_periods_and_braking() -> None:
+    """The motors are short-circuited: their ramp and lag alone take 0.35 s."""
+    with Stack("corridor", noise="default") as stack:
+        stack.arm()
+        stack.goto_goal()
+        stack.until(stack.driving)
+        stack.command(Command.DO_FLIGHTTERMINATION)
+        assert stack.until(stack.standing, within_s=2.0) <= 0.15 + 1e-9
+        stack.forward(0.5)
+        assert stack.standing()
