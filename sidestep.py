@@ -77,9 +77,12 @@ USAGE = "usage: sidestep [--traceback] VERB ...\n       sidestep --help | --vers
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; 0 reached or done, 1 not reached or refused, 2 wrong usage or configuration."""
+    from protocol.terminal import guarded_output  # the table alone imports nothing of ours
+
     try:
-        code = dispatch(list(sys.argv[1:] if argv is None else argv))
-        sys.stdout.flush()
+        with guarded_output():
+            code = dispatch(list(sys.argv[1:] if argv is None else argv))
+            sys.stdout.flush()
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except BrokenPipeError:

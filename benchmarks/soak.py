@@ -23,6 +23,7 @@ from benchmarks.soak_faults import Fault, faults, schedule
 from benchmarks.soak_fleet import Fleet
 from benchmarks.soak_report import Course, report_of
 from protocol.clock import Clock, WallClock
+from protocol.terminal import CLEAR_LINE, steer
 
 STEP_NS: Final = 100_000_000
 SAMPLE_NS: Final = 1_000_000_000
@@ -74,7 +75,8 @@ def progress() -> Callable[[float, str], None]:
     def tell(at_s: float, words: str) -> None:
         nonlocal told_s
         if sys.stderr.isatty():
-            print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)
+            steer(sys.stderr, CLEAR_LINE)
+            print(words, end="", file=sys.stderr, flush=True)
         elif at_s - told_s >= TOLD_S:
             told_s = at_s
             print(words, file=sys.stderr, flush=True)

@@ -3,9 +3,6 @@
 from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple
 
-DIM: Final = "\x1b[2m"
-PLAIN: Final = "\x1b[0m"
-
 
 class Part(NamedTuple):
     """What it says; `short` where room is scarce, `age_s` when it is not quite live any more."""
@@ -28,8 +25,15 @@ def in_words(parts: Iterable[Part]) -> str:
     return "  ".join(part.words for part in parts if part.text)
 
 
-def fitted(parts: Sequence[Part], width: int, *, dims: bool) -> tuple[str, int]:
-    """At most `width` characters, and how many there are; `dims`: the old are dimmed, not dated.
+class Piece(NamedTuple):
+    """Some text of a line; `dim`: of a part that is not quite live any more."""
+
+    text: str
+    dim: bool = False
+
+
+def fitted(parts: Sequence[Part], width: int, *, dims: bool) -> list[Piece]:
+    """Pieces of at most `width` characters in all; `dims`: the old are dimmed, not dated.
 
     Parts come in order of importance: when even their short forms are too many, the last ones go.
     """
@@ -45,11 +49,11 @@ def fitted(parts: Sequence[Part], width: int, *, dims: bool) -> tuple[str, int]:
         texts.pop()
     texts = [text[:width] for text in texts]
     ages = [part.age_s for part in shown]
-    painted = [
-        f"{DIM}{text}{PLAIN}" if dims and age_s is not None else text
-        for text, age_s in zip(texts, ages, strict=False)
-    ]
-    return gap.join(painted), length_of(texts, gap)
+    pieces: list[Piece] = []
+    for text, age_s in zip(texts, ages, strict=False):
+        pieces += [Piece(gap)] if pieces else []
+        pieces.append(Piece(text, dim=dims and age_s is not None))
+    return pieces
 
 
 def length_of(texts: Sequence[str], gap: str) -> int:

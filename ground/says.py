@@ -8,6 +8,7 @@ from math import isfinite
 from typing import Final, TextIO
 
 from ground.parts import Part, fitted, in_words
+from protocol.terminal import DIM, LINE_START, PLAIN, guarded, steer
 
 USUAL_WIDTH: Final = 80
 
@@ -17,8 +18,8 @@ class Says:
 
     def __init__(self, *, as_json: bool, out: TextIO | None = None, err: TextIO | None = None):
         self.as_json = as_json
-        self._out = out or sys.stdout
-        self._err = err or sys.stderr
+        self._out = guarded(out or sys.stdout)
+        self._err = guarded(err or sys.stderr)
         self.live = self._err.isatty()
         self._dims = self.live and not os.environ.get("NO_COLOR")  # no-color.org
         self._open = 0
@@ -35,10 +36,22 @@ class Says:
             self.note(in_words(parts))
             return
         # The last column stays free: some terminals wrap as soon as it is written.
-        text, length = fitted(parts, self._width() - 1, dims=self._dims)
-        self._err.write(f"\r{text}{' ' * (min(self._open, self._width() - 1) - length)}")
+        width = self._width() - 1
+        steer(self._err, LINE_START)
+        length = 0
+        for text, dim in fitted(parts, width, dims=self._dims):
+            self._paint(text, dim=dim)
+            length += len(text)
+        self._err.write(" " * (min(self._open, width) - length))
         self._err.flush()
         self._open = length
+
+    def _paint(self, text: str, *, dim: bool) -> None:
+        if dim:
+            steer(self._err, DIM)
+        self._err.write(text)
+        if dim:
+            steer(self._err, PLAIN)
 
     def _width(self) -> int:
         """Asked anew each time: windows change."""
@@ -61,8 +74,11 @@ class Says:
 
 
 def dumps(found: dict[str, object]) -> str:
-    """Strict JSON: what is not finite becomes null."""
-    return json.dumps(_finite(found), allow_nan=False, ensure_ascii=False)
+    """Strict JSON: what is not finite becomes null, what is not printable is escaped."""
+    text = json.dumps(_finite(found), allow_nan=False, ensure_ascii=False)
+    if text.isprintable():
+        return text
+    return "".join(one if one.isprintable() else json.dumps(one)[1:-1] for one in text)
 
 
 def _finite(value: object) -> object:

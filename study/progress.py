@@ -5,11 +5,11 @@ from collections.abc import Callable
 from math import isfinite
 from typing import Final, TextIO
 
+from protocol.terminal import CLEAR_LINE, steer
 from study.rows import Row
 
 TERMINAL_EVERY_S: Final = 0.5
 ELSE_EVERY_S: Final = 30.0
-CLEAR_LINE: Final = "\r\x1b[K"
 
 
 class Progress:
@@ -59,7 +59,9 @@ class Progress:
 
     def say(self, text: str) -> None:
         """Something else, on a line of its own."""
-        print((CLEAR_LINE if self._terminal else "") + text, file=self._file, flush=True)
+        if self._terminal:
+            steer(self._file, CLEAR_LINE)
+        print(text, file=self._file, flush=True)
 
     def close(self) -> None:
         """The last state, and the line is over."""
@@ -78,7 +80,8 @@ class Progress:
 
     def _write(self, line: str) -> None:
         if self._terminal:
-            print(CLEAR_LINE + line, end="", file=self._file, flush=True)
+            steer(self._file, CLEAR_LINE)
+            print(line, end="", file=self._file, flush=True)
         else:
             print(line, file=self._file, flush=True)
 

@@ -17,6 +17,8 @@ from typing import Final, Self
 
 import zenoh
 
+from protocol.terminal import guarded
+
 DOORS: Final = "zenoh::net::routing::interceptor::access_control=trace,zenoh_link_tls=debug"
 ENVIRONMENT: Final[Mapping[str, str | None]] = MappingProxyType({"RUST_LOG": None, "NO_COLOR": "1"})
 """Environment variables that Zenoh's log reads, with the values it is to find."""
@@ -47,7 +49,7 @@ class ZenohLog:
         sys.stdout.flush()
         self._spoken = sys.stdout
         self._stdout = os.dup(STDOUT)
-        sys.stdout = os.fdopen(os.dup(STDOUT), "w", buffering=1)
+        sys.stdout = guarded(os.fdopen(os.dup(STDOUT), "w", buffering=1))
         os.dup2(self._writer.fileno(), STDOUT)
         initialise(wanted)
 

@@ -1,5 +1,6 @@
 """The live line: in a terminal one line that never wraps, elsewhere a line after the other."""
 
+import json
 import os
 import pty
 from collections.abc import Iterator
@@ -9,8 +10,9 @@ from typing import TextIO
 
 import pytest
 
-from ground.parts import DIM, Part
+from ground.parts import Part
 from ground.says import Says
+from protocol.terminal import DIM
 
 LINE = (Part("driving"), Part("3.25 m to go", "3.25 m", age_s=0.2))
 MARK = "\0"
@@ -87,3 +89,20 @@ def test_a_window_that_gets_narrower_is_not_overrun(terminal: Terminal) -> None:
         says.line(LINE)
         shown = terminal.seen().removeprefix("\r").replace(DIM, "").replace("\x1b[0m", "")
         assert len(shown) < columns
+
+
+def test_json_escapes_what_is_not_printable_and_loses_nothing() -> None:
+    out = StringIO()
+    found: dict[str, object] = {"text": "\x1b]0;x\x07 \x9b \u202e \U000e0041 \u2028 Grüße"}
+    Says(as_json=True, out=out).result(found, "")
+    assert out.getvalue().removesuffix("\n").isprintable()
+    assert "Grüße" in out.getvalue()
+    assert json.loads(out.getvalue()) == found
+
+
+def test_a_note_can_neither_steer_nor_dim_the_terminal(terminal: Terminal) -> None:
+    says = Says(as_json=False, err=terminal.near)
+    terminal.resize(40)
+    says.note(f"\x1b]0;OWNED\x07{DIM}\r")
+    says.line((Part(f"{DIM}\u202ea"),))
+    assert terminal.seen() == "?]0;OWNED??[2m?\r\n\r?[2m?a"

@@ -94,8 +94,8 @@ def test_forty_columns_are_enough_for_all_but_the_reason(air: Air, telemetry: Te
     air.put(STATUS, status(GoalState.AVOIDING), 0)
     air.put(ODOMETRY, ODOMETRY_NOW, 0)
     air.put(DECISION, DECISION_NOW, 0)
-    shown, _ = fitted(goal_line(telemetry, 10 * MS, 0), 39, dims=True)
-    assert shown == "avoiding 3.25 m 0.25 m/s echo 0.50 12 s"
+    shown = fitted(goal_line(telemetry, 10 * MS, 0), 39, dims=True)
+    assert "".join(piece.text for piece in shown) == "avoiding 3.25 m 0.25 m/s echo 0.50 12 s"
 
 
 def test_a_status_of_the_goal_before_is_not_shown(air: Air, telemetry: Telemetry) -> None:

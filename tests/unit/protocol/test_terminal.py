@@ -1,0 +1,91 @@
+"""No control character reaches a terminal, whatever was written and by whom."""
+
+import subprocess
+import sys
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.terminal import CLEAR_LINE, guarded, guarded_output, printable, steer
+
+ROOT = Path(__file__).parents[3]
+HOSTILE = "\x00\x07\x08\x0b\x0c\r\x1b\x7f\x80\x85\x9b\x9d\xad\u061c\u200b\u200e\u200f\u2028\u2029"
+HOSTILE += "\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069\ufeff\ud800\udcff\U000e0041"
+CODE = """
+import sys, types, importlib
+sys.modules["hostile"] = types.ModuleType("hostile")
+def main(arguments):
+    {does}
+sys.modules["hostile"].main = main
+import sidestep
+sidestep.VERBS["up"] = sidestep.Verb("hostile", "")
+sys.exit(sidestep.main(sys.argv[1:]))
+"""
+WORDS = r"'\x1b]0;OWNED\x07 \x9b2J \u202e \u2028 \ud800 end'"
+
+
+@pytest.mark.parametrize("letter", HOSTILE)
+def test_a_character_that_commands_is_replaced(letter: str) -> None:
+    out = StringIO()
+    print(f"a{letter}b", file=guarded(out))
+    assert out.getvalue() == "a?b\n"
+
+
+def test_what_people_write_stays() -> None:
+    out = StringIO()
+    print("Grüße, 世界 → 90°\n\tnext", file=guarded(out))
+    assert out.getvalue() == "Grüße, 世界 → 90°\n next\n"
+
+
+@given(st.text())
+def test_one_character_for_one_and_all_printable(text: str) -> None:
+    found = printable(text)
+    assert found.isprintable()
+    assert len(found) == len(text)
+    assert all(a == b or not a.isprintable() for a, b in zip(text, found, strict=True))
+
+
+def test_only_our_own_sequences_pass_and_guards_do_not_pile_up() -> None:
+    out = StringIO()
+    steer(guarded(guarded(out)), CLEAR_LINE)
+    assert out.getvalue() == CLEAR_LINE
+    assert guarded(guarded(out)) is not out
+    print(CLEAR_LINE, file=guarded(out))
+    assert out.getvalue() == CLEAR_LINE + "??[K\n"
+
+
+def test_standard_output_is_given_back(capsys: pytest.CaptureFixture[str]) -> None:
+    before = sys.stdout, sys.stderr
+    with guarded_output():
+        print("\x1b[2J")
+        print("\x1b[2J", file=sys.stderr)
+    assert (sys.stdout, sys.stderr) == before
+    assert capsys.readouterr() == ("?[2J\n", "?[2J\n")
+
+
+@pytest.mark.parametrize(
+    "does",
+    [
+        f"print({WORDS}); return 0",
+        f"print({WORDS}, file=sys.stderr); return 0",
+        f"raise RuntimeError({WORDS})",
+        f"import argparse; argparse.ArgumentParser().error({WORDS})",
+        f"import warnings; warnings.warn({WORDS}); return 0",
+        "import threading\n"
+        f"    thread = threading.Thread(target=lambda: int({WORDS}))\n"
+        "    thread.start(); thread.join(); return 0",
+    ],
+    ids=["print", "stderr", "internal error", "argparse", "warning", "thread"],
+)
+@pytest.mark.parametrize("traceback", [[], ["--traceback"]], ids=["", "traceback"])
+def test_the_executable_lets_no_control_character_out(does: str, traceback: list[str]) -> None:
+    """A traceback of the interpreter, of a thread and an error of argparse included."""
+    command = [sys.executable, "-W", "default", "-c", CODE.format(does=does), *traceback, "up"]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, check=False)
+    said = (run.stdout + run.stderr).decode()
+    assert "OWNED" in said
+    assert "end" in said
+    assert [letter for letter in said if letter != "\n" and not letter.isprintable()] == []
