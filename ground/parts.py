@@ -1,7 +1,7 @@
 """A status line made of parts: it fits the width there is, and what is old looks old."""
 
 from collections.abc import Iterable, Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 
 class Part(NamedTuple):
