@@ -14,29 +14,26 @@ from typing import Any, Self, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.access import operator_name, unanswered
-from protocol.bus.answer import answer_in
+from protocol.bus.access import operator_name
+from protocol.bus.asker import Asker
 from protocol.bus.callers import callers
 from protocol.bus.certificate import holder
 from protocol.bus.history import following, told_ns
 from protocol.bus.locks import shut
 from protocol.bus.presence import Presence, presence_in
-from protocol.bus.publisher import PRIORITIES, Publisher
-from protocol.bus.robot_clock import RobotClocks, time_bytes
+from protocol.bus.publisher import Publisher
 from protocol.bus.service import Asked, Desk, Handler, attached_time, taken
 from protocol.bus.session import bound_endpoints, called, gone, open_session
 from protocol.bus.trouble import Line
 from protocol.codec import Encoder
-from protocol.errors import LocalError, NoAnswer, RemoteError
+from protocol.errors import LocalError
 from protocol.mailbox import Mailbox, Sample
 from protocol.message import Message
-from protocol.messages import CommandAck, MissionVerdict, Timesync
+from protocol.messages import Timesync
 from protocol.network import Hub, Network
-from protocol.reasons import Reason
 from protocol.sender import sender_of
 from protocol.topics import (
     CLOCK_SERVICE,
-    ENCODING,
     STOP,
     STOP_SERVICE,
     TOPICS,
@@ -53,9 +50,6 @@ Take = Callable[[str, bytes, int], None]
 
 M = TypeVar("M", bound=Message)
 POLL_S = 0.001
-CLOCK_S = 0.5
-SHORTEST_S = 0.01
-NS_PER_S = 1_000_000_000
 
 
 class Bus:
@@ -78,8 +72,8 @@ class Bus:
         self._desk = Desk()
         self.line = Line(network.trouble, now_ns)
         self.holder = holder(network.tls, role, robot)
-        self._clocks = RobotClocks(now_ns, self._measured)
         self._session = open_session(network)
+        self._asker = Asker(self._session, network, role, self.operator, self.holder, now_ns)
 
     def __enter__(self) -> Self:
         return self
@@ -94,7 +88,7 @@ class Bus:
 
     def close(self) -> None:
         """Drop what is unanswered, undeclare everything, leave."""
-        self._clocks.close()
+        self._asker.close()
         self._desk.close()
         session: Any = self._session
         session.close()
@@ -135,8 +129,8 @@ class Bus:
         key, time_ns = self.key(topic.path, robot), None
         if topic.of_operators and self.operator is not None:
             key = f"{key}/{self.operator}"
-            time_ns = partial(self._clocks.time_ns, name)
-            self._clocks.follow(name)
+            time_ns = partial(self._asker.clocks.time_ns, name)
+            self._asker.clocks.follow(name)
         return Publisher(self._session, topic, key, self._encoder(robot), time_ns)
 
     def mailbox(
@@ -259,62 +253,9 @@ class Bus:
     ) -> Message | bytes:
         """Return the answer, a message or the bytes of a JSON text; NoAnswer says why not.
 
-        An operator's request ceases to count after `timeout_s`, and its robot's clock is asked for
-        first when it is unknown, or when the robot finds the request too late.
+        An operator's request ceases to count after `timeout_s`.
         """
-        name = robot or self.robot
-        deadline_ns = self._now_ns() + round(timeout_s * NS_PER_S)
-        if not (service.of_operators and service.requests and service.expires and self.operator):
-            return self._ask(service, message, timeout_s, robot)
-        if self._clocks.time_ns(name) is None:
-            self._measured(name, timeout_s)
-        answer = self._ask(service, message, self._left_s(deadline_ns), robot)
-        if refused_as_late(answer) and self._now_ns() < deadline_ns:
-            self._clocks.of(name).forget()
-            self._measured(name, self._left_s(deadline_ns))
-            answer = self._ask(service, message, self._left_s(deadline_ns), robot)
-        return answer
-
-    def _left_s(self, deadline_ns: int) -> float:
-        return max(SHORTEST_S, (deadline_ns - self._now_ns()) / NS_PER_S)
-
-    def _ask(
-        self, service: Service, message: Message | None, timeout_s: float, robot: str | None
-    ) -> Message | bytes:
-        name = robot or self.robot
-        key = named = self.key(service.path, robot)
-        attachment = None
-        if service.of_operators and self.operator is not None:
-            key = f"{key}/{self.operator}"
-            time_ns = self._clocks.time_ns(name)
-            if time_ns is not None:
-                attachment = time_bytes(time_ns + round(timeout_s * NS_PER_S))
-        frame = None if message is None else self._encoder(robot).encode(message)
-        replies = self._session.get(
-            key,
-            payload=frame,
-            encoding=None if frame is None else ENCODING,
-            timeout=timeout_s,
-            attachment=attachment,
-            priority=PRIORITIES[service.priority],
-        )
-        for reply in replies:
-            if reply.ok is not None:
-                return answer_in(reply.ok)
-            raise NoAnswer(f"{named}: no answer within {timeout_s:.2g} s")
-        raise NoAnswer(f"{named}: {unanswered(self.holder, name, service)}")
-
-    def _measured(self, robot: str, timeout_s: float = CLOCK_S) -> bool:
-        """Ask a robot for its time; False when it does not answer."""
-        asked_ns = self._now_ns()
-        try:
-            answer = self._ask(CLOCK_SERVICE, Timesync(tc1=0, ts1=asked_ns), timeout_s, robot)
-        except (RemoteError, zenoh.ZError):
-            return False
-        if isinstance(answer, Timesync) and answer.ts1 == asked_ns:
-            self._clocks.of(robot).observe(asked_ns, answer.tc1, self._now_ns())
-            return True
-        return False
+        return self._asker.ask(service, message, timeout_s, robot_name(robot or self.robot))
 
     def announce(self, robot: str | None = None) -> None:
         """Show that this process is there for a robot, until it closes or dies."""
@@ -422,13 +363,6 @@ def time_answer(question: Message | None, time_ns: int) -> Timesync:
     """Answer a TIMESYNC with the time at which it arrived."""
     asked_ns = question.ts1 if isinstance(question, Timesync) else 0
     return Timesync(tc1=time_ns, ts1=asked_ns)
-
-
-def refused_as_late(answer: Message | bytes) -> bool:
-    """Return whether a robot has not acted on a request because it came too late."""
-    if isinstance(answer, CommandAck):
-        return answer.result_param2 == Reason.TOO_LATE
-    return isinstance(answer, MissionVerdict) and answer.reason == Reason.TOO_LATE
 
 
 def open_bus(

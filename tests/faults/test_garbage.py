@@ -3,24 +3,36 @@
 import pytest
 
 from protocol.codec import Encoder
+from protocol.enums import Vehicle
 from protocol.messages import WheelTicks
-from protocol.topics import CLOCK, DRIVE, OPERATOR, SONAR, TOPICS, WHEELS
+from protocol.topics import CLOCK, DRIVE, OPERATOR, SONAR, STOP, TOPICS, WHEELS
 from tests.harness import Stack
 
 GOOD = Encoder(1, 25).encode(WheelTicks(time_ns=1, seq=1, left=5, right=5, bumper=0, expired=0))
 BROKEN = (b"", b"\x00", GOOD[:-1], GOOD[:9], b"\xff" * 300, GOOD[:-1] + b"\x00", b"\xfd rubbish")
 
 
-def test_garbage_on_every_topic_does_not_keep_the_robot_from_its_goal() -> None:
+def test_garbage_on_every_topic_but_the_stop_does_not_keep_the_robot_from_its_goal() -> None:
     with Stack("open") as stack:
         stack.arm()
         stack.goto_goal()
         for topic in TOPICS:
-            for frame in BROKEN:
+            for frame in BROKEN if topic is not STOP else ():
                 stack.send_raw(topic, frame)
                 stack.forward(0.05)
         stack.until(stack.reached)
         stack.assert_near(stack.world.goal.x_m, stack.world.goal.y_m)
+
+
+@pytest.mark.parametrize("frame", BROKEN)
+def test_whatever_arrives_on_the_topic_of_stops_is_a_stop(frame: bytes) -> None:
+    with Stack("open") as stack:
+        stack.arm()
+        stack.goto_goal()
+        stack.forward(0.5)
+        stack.send_raw(STOP, frame)
+        stack.forward(0.1)
+        assert stack.state == Vehicle.EMERGENCY_STOP
 
 
 def test_a_message_on_the_wrong_topic_is_not_taken_for_another() -> None:

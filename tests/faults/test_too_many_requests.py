@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from protocol.bus import Asked, Bus
+from protocol.codec import Encoder
 from protocol.enums import AckResult, Command, LeaseAction, Vehicle
 from protocol.message import Message
 from protocol.messages import CommandAck, CommandRequest, LeaseRequest
@@ -19,14 +20,20 @@ Take = Callable[[Asked], object]
 class Question(Asked):
     """As the bus would hand it on; what is answered is kept."""
 
-    def __init__(self, message: Message, operator: str = "") -> None:
+    def __init__(self, message: Message, operator: str = "eve") -> None:
         self.message = message
         self.operator = operator
+        self.good_until_ns = 30_000_000_000
         self.answers: list[Message | bytes] = []
 
     def reply(self, answer: Message | bytes) -> bool:
         self.answers.append(answer)
         return True
+
+    @property
+    def payload(self) -> bytes:
+        assert self.message is not None
+        return Encoder(255, 190).encode(self.message)
 
     @property
     def reason(self) -> Reason | None:
@@ -51,7 +58,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> dict[str, Take]:
     return found
 
 
-def question(number: int, command: Command, operator: str = "") -> Question:
+def question(number: int, command: Command, operator: str = "eve") -> Question:
     request = CommandRequest(request_id=number, command=command, param1=0.0, param2=0.0)
     return Question(request, operator)
 

@@ -1,0 +1,128 @@
+"""The asking side of a session: a question, its deadline on the robot's clock, and the answer."""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import zenoh
+
+from protocol.bus.access import unanswered
+from protocol.bus.answer import answer_in
+from protocol.bus.publisher import PRIORITIES
+from protocol.bus.robot_clock import RobotClocks, time_bytes
+from protocol.codec import Encoder
+from protocol.errors import NoAnswer, RemoteError
+from protocol.message import Message
+from protocol.messages import CommandAck, MissionVerdict, Timesync
+from protocol.network import Network
+from protocol.reasons import Reason
+from protocol.sender import sender_of
+from protocol.topics import CLOCK_SERVICE, ENCODING, Role, Service
+
+CLOCK_S: Final = 0.5
+SHORTEST_S: Final = 0.01
+NS_PER_S: Final = 1_000_000_000
+
+
+class Asker:
+    """Asks services for one process; `operator` ends the keys of an operator's questions.
+
+    `holder` is the name in this process's certificate, None on an open bus.
+    """
+
+    def __init__(
+        self,
+        session: Any,
+        network: Network,
+        role: Role | None,
+        operator: str | None,
+        holder: str | None,
+        now_ns: Callable[[], int],
+    ) -> None:
+        self.clocks = RobotClocks(now_ns, self._measure)
+        self._session = session
+        self._network = network
+        self._role = role
+        self._operator = operator
+        self._holder = holder
+        self._now_ns = now_ns
+
+    def close(self) -> None:
+        self.clocks.close()
+
+    def ask(
+        self, service: Service, message: Message | None, timeout_s: float, robot: str
+    ) -> Message | bytes:
+        """Return the answer, a message or the bytes of a JSON text; NoAnswer says why not.
+
+        An operator's request ceases to count after `timeout_s`, and its robot's clock is asked for
+        first when it is unknown, or when the robot finds the request too late.
+        """
+        deadline_ns = self._now_ns() + round(timeout_s * NS_PER_S)
+        if not (self._operator and service.of_operators and service.requests and service.expires):
+            return self._put(service, message, timeout_s, robot)
+        if self.clocks.time_ns(robot) is None:
+            self._measure(robot, timeout_s)
+        answer = self._put(service, message, self._left_s(deadline_ns), robot, timeout_s)
+        if refused_as_late(answer) and self._now_ns() < deadline_ns:
+            self.clocks.of(robot).forget()
+            self._measure(robot, self._left_s(deadline_ns))
+            answer = self._put(service, message, self._left_s(deadline_ns), robot, timeout_s)
+        return answer
+
+    def _left_s(self, deadline_ns: int) -> float:
+        return max(SHORTEST_S, (deadline_ns - self._now_ns()) / NS_PER_S)
+
+    def _put(
+        self,
+        service: Service,
+        message: Message | None,
+        timeout_s: float,
+        robot: str,
+        patience_s: float | None = None,
+    ) -> Message | bytes:
+        """Ask once, with the deadline as far as the robot's clock is known.
+
+        `patience_s` is how long the caller waits in all, of which `timeout_s` is left.
+        """
+        key = f"{self._network.prefix}/{robot}/{service.path}"
+        frame = None
+        if message is not None:
+            frame = Encoder(*sender_of(self._role, robot)).encode(message)
+        replies = self._session.get(
+            f"{key}/{self._operator}" if service.of_operators and self._operator else key,
+            payload=frame,
+            encoding=None if frame is None else ENCODING,
+            timeout=timeout_s,
+            attachment=self._deadline(service, timeout_s, robot),
+            priority=PRIORITIES[service.priority],
+        )
+        for reply in replies:
+            if reply.ok is not None:
+                return answer_in(reply.ok)
+            raise NoAnswer(f"{key}: no answer within {patience_s or timeout_s:.2g} s")
+        raise NoAnswer(f"{key}: {unanswered(self._holder, robot, service)}")
+
+    def _deadline(self, service: Service, timeout_s: float, robot: str) -> bytes | None:
+        if not (service.of_operators and self._operator):
+            return None
+        time_ns = self.clocks.time_ns(robot)
+        return None if time_ns is None else time_bytes(time_ns + round(timeout_s * NS_PER_S))
+
+    def _measure(self, robot: str, timeout_s: float = CLOCK_S) -> bool:
+        """Ask a robot for its time; False when it does not answer."""
+        asked_ns = self._now_ns()
+        try:
+            answer = self._put(CLOCK_SERVICE, Timesync(tc1=0, ts1=asked_ns), timeout_s, robot)
+        except (RemoteError, zenoh.ZError):
+            return False
+        if isinstance(answer, Timesync) and answer.ts1 == asked_ns:
+            self.clocks.of(robot).observe(asked_ns, answer.tc1, self._now_ns())
+            return True
+        return False
+
+
+def refused_as_late(answer: Message | bytes) -> bool:
+    """Return whether a robot has not acted on a request because it came too late."""
+    if isinstance(answer, CommandAck):
+        return answer.result_param2 == Reason.TOO_LATE
+    return isinstance(answer, MissionVerdict) and answer.reason == Reason.TOO_LATE
