@@ -68,7 +68,7 @@ class Standin:
             publisher.put_frame(frame)
         self._wires.tell(self.plant)
         while answered := self._arrived.wait(patience_s):
-            if self._wires.answered(self.plant):
+            if self._wires.answered:
                 break
             self._arrived.clear()
         took_ns = self._arrived_ns - published_ns

@@ -68,7 +68,7 @@ class Process:
             wires.publish(self.plant)
 
     def answered(self) -> bool:
-        return all(wires.answered(self.plant) for wires in self.wires)
+        return all(wires.answered for wires in self.wires)
 
     def advance(self) -> None:
         for wires in self.wires:

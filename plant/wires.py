@@ -3,10 +3,11 @@
 from collections.abc import Callable
 from typing import Any
 
+from plant.command_gate import CommandGate
 from plant.plant import Plant
 from protocol.bus import Bus, Publisher
-from protocol.messages import SystemTime, WheelCommand
-from protocol.timing import PERIOD_MS, PERIOD_NS
+from protocol.messages import SystemTime
+from protocol.timing import PERIOD_NS
 from protocol.topics import CLOCK, DRIVE, SONAR, TRUTH, WHEELS
 
 
@@ -26,8 +27,8 @@ class Wires:
         self._wheels = bus.publisher(WHEELS, robot)
         self._truth = bus.publisher(TRUTH, robot)
         self._clock = bus.publisher(CLOCK, robot) if lockstep else None
-        self._command = bus.mailbox(DRIVE, robot, notify)
-        self._obeyed: WheelCommand | None = None
+        self._gate = CommandGate()
+        bus.mailbox(DRIVE, robot, notify, check=self._gate.receive)
 
     @property
     def publishers(self) -> list[Publisher[Any]]:
@@ -50,8 +51,10 @@ class Wires:
     def framed(self, plant: Plant) -> list[tuple[Publisher[Any], bytes]]:
         """The senses of this tick as frames, to leave one right after the other.
 
-        The scan comes after the ticks: its arrival starts the robot's tick.
+        From now on commands may answer this tick. The scan comes after the wheel ticks: its arrival
+        starts the robot's tick.
         """
+        self._gate.begin_tick(plant.now_ns // PERIOD_NS)
         wheels, scan = plant.senses(self._number)
         frames: list[tuple[Publisher[Any], bytes]] = []
         if wheels is not None:
@@ -60,30 +63,13 @@ class Wires:
             frames.append((self._sonar, self._sonar.frame(scan)))
         return frames
 
-    def answered(self, plant: Plant) -> bool:
+    @property
+    def answered(self) -> bool:
         """Whether the robot has answered the senses of this very tick."""
-        newest = self._command.latest()
-        return newest is not None and newest[0].sense_seq == plant.now_ns // PERIOD_NS
+        return self._gate.answered
 
     def obey(self, plant: Plant) -> None:
-        """Hand a new command to the motor driver, for what is left of its time-to-live.
-
-        That counts from the senses it answers, on this clock: neither a command that was long on
-        its way nor a copy of it lets the wheels turn for longer. One overtaken by a newer is late;
-        one with no time to live brakes.
-        """
-        newest = self._command.latest()
-        if newest is None or newest[0] is self._obeyed:
-            return
-        command, last = newest[0], self._obeyed
-        age_ms = (plant.now_ns // PERIOD_NS - command.sense_seq) * PERIOD_MS
-        left_ms = command.ttl_ms - max(0, age_ms)
-        if left_ms < 0 or (last is not None and overtaken(command, last)):
-            return
-        self._obeyed = command
-        plant.command(self._number, command.left_mrad_s, command.right_mrad_s, left_ms)
-
-
-def overtaken(command: WheelCommand, last: WheelCommand) -> bool:
-    """Was it sent before the last one? A robot that began anew counts from 0 again, later on."""
-    return (command.sense_seq, command.seq) < (last.sense_seq, last.seq)
+        """Hand what the gate has admitted to the motor driver, for what is left of its time."""
+        demand = self._gate.take()
+        if demand is not None:
+            plant.command(self._number, *demand)

@@ -64,7 +64,8 @@ class Mailbox(Generic[M]):
     named in `last_rejection`; it neither replaces a message nor notifies. With `accept`, messages
     of senders for which it returns False are ignored, and so are those that their sender sent
     before its newest one. With `forward`, a message stamped before the newest one, or far ahead of
-    it, is rejected, too, while that one is fresh: the network or an attacker has sent it.
+    it, is rejected, too, while that one is fresh: the network or an attacker has sent it. With
+    `check`, which says what is wrong with a message, so is one with which something is wrong.
     """
 
     def __init__(
@@ -74,6 +75,7 @@ class Mailbox(Generic[M]):
         accept: Callable[[str], bool] | None = None,
         *,
         forward: bool = False,
+        check: Callable[[M], str] | None = None,
     ) -> None:
         self.topic = topic
         self.rejected = 0
@@ -81,6 +83,7 @@ class Mailbox(Generic[M]):
         self._notify = notify
         self._accept = accept
         self._forward = forward
+        self._check = check
         self._slot: tuple[tuple[M, int], Origin] | None = None
         self._storing = threading.Lock()
 
@@ -97,6 +100,9 @@ class Mailbox(Generic[M]):
                 self._count(f"{type(message).__name__} {why}")
                 return
             if self._accept is not None and self._overtaken(sample):
+                return
+            if self._check is not None and (why := self._check(message)):
+                self._count(f"{type(message).__name__} {why}")
                 return
             origin = Origin(sample.sender, sample.sent_ns, arrived_ns)
             self._slot = ((message, arrived_ns), origin)

@@ -113,6 +113,7 @@ class WheelCommand(Message, frozen=True, kw_only=True):
     time_ns: int
     seq: int
     sense_seq: int
+    epoch: int = 0
     left_mrad_s: int
     right_mrad_s: int
     ttl_ms: int

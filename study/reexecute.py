@@ -35,7 +35,9 @@ from study.recorded import Recorded
 
 NS_PER_MS: Final = 1_000_000
 COMPARED: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)
-UNCOMPARED: Final = frozenset({"seq", "sense_seq", "ttl_ms", "goal_started_ns", "goal_ended_ns"})
+UNCOMPARED: Final = frozenset(
+    {"seq", "sense_seq", "epoch", "ttl_ms", "goal_started_ns", "goal_ended_ns"}
+)
 """Counters, and times of requests, which are told to no tick."""
 
 

@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 from protocol.bus import Presence
 from protocol.clock import ManualClock
-from protocol.codec import Encoder
+from protocol.codec import Encoder, decode
 from protocol.errors import NoAnswer
 from protocol.mailbox import Mailbox, Sample
 from protocol.message import Message
@@ -22,6 +22,13 @@ class PlayedPublisher:
     def __init__(self) -> None:
         self.said: list[Message] = []
         self.heard: Callable[[Message], None] | None = None
+        self._encoder = Encoder(1, 1)
+
+    def frame(self, message: Message) -> bytes:
+        return self._encoder.encode(message)
+
+    def put_frame(self, frame: bytes) -> None:
+        self.put(decode(frame).message)
 
     def put(self, message: Message) -> None:
         self.said.append(message)
@@ -89,8 +96,10 @@ class PlayedBus:
         topic: Topic[M],
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
+        *,
+        check: Callable[[M], str] | None = None,
     ) -> Mailbox[M]:
-        box = Mailbox(topic, notify)
+        box = Mailbox(topic, notify, check=check)
         self._boxes.append((robot or "r1", box))
         return box
 

@@ -141,12 +141,13 @@ class Bus:
         accept: Callable[[str], bool] | None = None,
         *,
         forward: bool = False,
+        check: Callable[[M], str] | None = None,
     ) -> Mailbox[M]:
         """The newest message of a topic; `notify` gets each arrival (ns), in the bus's thread.
 
-        `accept` gets the sender of each, as `Mailbox` has it, in the bus's thread too.
+        `accept` and `check` are called in the bus's thread, too: see `Mailbox`.
         """
-        mailbox = Mailbox(topic, notify, accept, forward=forward)
+        mailbox = Mailbox(topic, notify, accept, forward=forward, check=check)
         now_ns = self._now_ns
         operators = f"{self.key(topic.path, robot)}/" if accept is not None else ""
 

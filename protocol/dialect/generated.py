@@ -1349,22 +1349,22 @@ class MAVLink_wheel_command_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_WHEEL_COMMAND
     msgname = "WHEEL_COMMAND"
-    fieldnames = ["time_ns", "seq", "sense_seq", "left_mrad_s", "right_mrad_s", "ttl_ms"]
-    ordered_fieldnames = ["time_ns", "seq", "sense_seq", "left_mrad_s", "right_mrad_s", "ttl_ms"]
-    fieldtypes = ["uint64_t", "uint32_t", "uint32_t", "int32_t", "int32_t", "uint16_t"]
+    fieldnames = ["time_ns", "seq", "sense_seq", "epoch", "left_mrad_s", "right_mrad_s", "ttl_ms"]
+    ordered_fieldnames = ["time_ns", "seq", "sense_seq", "epoch", "left_mrad_s", "right_mrad_s", "ttl_ms"]
+    fieldtypes = ["uint64_t", "uint32_t", "uint32_t", "uint32_t", "int32_t", "int32_t", "uint16_t"]
     fielddisplays_by_name: Dict[str, str] = {}
     fieldenums_by_name: Dict[str, str] = {}
     fieldunits_by_name: Dict[str, str] = {"time_ns": "ns", "left_mrad_s": "mrad/s", "right_mrad_s": "mrad/s", "ttl_ms": "ms"}
-    native_format = bytearray(b"<QIIiiH")
-    orders = [0, 1, 2, 3, 4, 5]
-    lengths = [1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0]
-    crc_extra = 137
-    unpacker = struct.Struct("<QIIiiH")
+    native_format = bytearray(b"<QIIIiiH")
+    orders = [0, 1, 2, 3, 4, 5, 6]
+    lengths = [1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 184
+    unpacker = struct.Struct("<QIIIiiH")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, time_ns: int, seq: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int):
+    def __init__(self, time_ns: int, seq: int, sense_seq: int, epoch: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int):
         MAVLink_message.__init__(self, MAVLink_wheel_command_message.id, MAVLink_wheel_command_message.msgname)
         self._fieldnames = MAVLink_wheel_command_message.fieldnames
         self._instance_field = MAVLink_wheel_command_message.instance_field
@@ -1372,12 +1372,13 @@ class MAVLink_wheel_command_message(MAVLink_message):
         self.time_ns = time_ns
         self.seq = seq
         self.sense_seq = sense_seq
+        self.epoch = epoch
         self.left_mrad_s = left_mrad_s
         self.right_mrad_s = right_mrad_s
         self.ttl_ms = ttl_ms
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_ns, self.seq, self.sense_seq, self.left_mrad_s, self.right_mrad_s, self.ttl_ms), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_ns, self.seq, self.sense_seq, self.epoch, self.left_mrad_s, self.right_mrad_s, self.ttl_ms), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -3567,33 +3568,35 @@ class MAVLink(object):
         """
         self.send(self.wheel_ticks_encode(time_ns, seq, left, right, bumper, expired), force_mavlink1=force_mavlink1)
 
-    def wheel_command_encode(self, time_ns: int, seq: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int) -> MAVLink_wheel_command_message:
+    def wheel_command_encode(self, time_ns: int, seq: int, sense_seq: int, epoch: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int) -> MAVLink_wheel_command_message:
         """
         What the wheels shall do until the time-to-live runs out.
 
         time_ns                   : Stamp, clock of the robot. [ns] (type:uint64_t)
         seq                       : Counts commands. (type:uint32_t)
         sense_seq                 : seq of the senses it answers. (type:uint32_t)
+        epoch                     : Start of the robot process, UTC in s; 0 without a clock. The newest epoch drives. (type:uint32_t)
         left_mrad_s               : Left wheel. [mrad/s] (type:int32_t)
         right_mrad_s              : Right wheel. [mrad/s] (type:int32_t)
-        ttl_ms                    : Valid for this long. [ms] (type:uint16_t)
+        ttl_ms                    : Valid for this long from the tick it answers, 150 ms at most. [ms] (type:uint16_t)
 
         """
-        return MAVLink_wheel_command_message(time_ns, seq, sense_seq, left_mrad_s, right_mrad_s, ttl_ms)
+        return MAVLink_wheel_command_message(time_ns, seq, sense_seq, epoch, left_mrad_s, right_mrad_s, ttl_ms)
 
-    def wheel_command_send(self, time_ns: int, seq: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int, force_mavlink1: bool = False) -> None:
+    def wheel_command_send(self, time_ns: int, seq: int, sense_seq: int, epoch: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int, force_mavlink1: bool = False) -> None:
         """
         What the wheels shall do until the time-to-live runs out.
 
         time_ns                   : Stamp, clock of the robot. [ns] (type:uint64_t)
         seq                       : Counts commands. (type:uint32_t)
         sense_seq                 : seq of the senses it answers. (type:uint32_t)
+        epoch                     : Start of the robot process, UTC in s; 0 without a clock. The newest epoch drives. (type:uint32_t)
         left_mrad_s               : Left wheel. [mrad/s] (type:int32_t)
         right_mrad_s              : Right wheel. [mrad/s] (type:int32_t)
-        ttl_ms                    : Valid for this long. [ms] (type:uint16_t)
+        ttl_ms                    : Valid for this long from the tick it answers, 150 ms at most. [ms] (type:uint16_t)
 
         """
-        self.send(self.wheel_command_encode(time_ns, seq, sense_seq, left_mrad_s, right_mrad_s, ttl_ms), force_mavlink1=force_mavlink1)
+        self.send(self.wheel_command_encode(time_ns, seq, sense_seq, epoch, left_mrad_s, right_mrad_s, ttl_ms), force_mavlink1=force_mavlink1)
 
     def planar_odometry_encode(self, time_ns: int, x_m: float, y_m: float, heading_rad: float, speed_m_s: float, yaw_rate_rad_s: float, cov_xx_m2: float, cov_xy_m2: float, cov_xh_m_rad: float, cov_yy_m2: float, cov_yh_m_rad: float, cov_hh_rad2: float) -> MAVLink_planar_odometry_message:
         """

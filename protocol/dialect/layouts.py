@@ -32,7 +32,8 @@ TIMESYNC 111 34 tc1:q ts1:q
 STATUSTEXT 253 83 severity:B text:50s id:H chunk_seq:B
 SONAR_SCAN 54100 175 time_ns:Q seq:I range_mm:8H ping_age_us:8H valid:B echo:B
 WHEEL_TICKS 54101 255 time_ns:Q seq:I left:i right:i bumper:B expired:B
-WHEEL_COMMAND 54102 137 time_ns:Q seq:I sense_seq:I left_mrad_s:i right_mrad_s:i ttl_ms:H
+WHEEL_COMMAND 54102 184 time_ns:Q seq:I sense_seq:I epoch:I left_mrad_s:i right_mrad_s:i
+  ttl_ms:H
 PLANAR_ODOMETRY 54103 173 time_ns:Q x_m:f y_m:f heading_rad:f speed_m_s:f yaw_rate_rad_s:f
   cov_xx_m2:f cov_xy_m2:f cov_xh_m_rad:f cov_yy_m2:f cov_yh_m_rad:f cov_hh_rad2:f
 NAVIGATOR_STATUS 54104 117 time_ns:Q goal_started_ns:Q goal_ended_ns:Q goal_id:Q stop_id:Q

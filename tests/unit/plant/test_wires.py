@@ -27,10 +27,12 @@ class Bench:
         bus = cast(Bus, self._bus)
         self._wires = Wires(bus, "r1", 0, lambda _: None, lockstep=True)
         for _ in range(20):
+            self._wires.publish(self.plant)
             self.plant.advance()
 
     def tick(self, *commands: tuple[int, int, int]) -> float:
         """A period in which these came: number, tick of their senses, speed. The speed after it."""
+        self._wires.publish(self.plant)
         for seq, sense_seq, mrad_s in commands:
             self._bus.say(
                 DRIVE,

@@ -128,7 +128,7 @@ def test_a_text_that_is_not_utf8_is_refused() -> None:
 
 def test_a_longer_payload_is_a_newer_dialects_and_its_known_part_is_read() -> None:
     frame = Encoder(1, 1).encode(COMMAND)
-    payload = frame[10:-2].ljust(26, b"\0") + b"\x07\x08"
+    payload = frame[10:-2].ljust(30, b"\0") + b"\x07\x08"
     longer = resealed(frame, payload)
     assert decode(longer).message == COMMAND
     assert read_by_pymavlink(longer).ttl_ms == 150

@@ -140,3 +140,15 @@ def test_noise_takes_no_messages_place_and_wakes_nobody() -> None:
     assert box.rejected == 8, "counted as they come, looked at or not"
     assert heard == [10]
     assert box.latest() == (TICKS, 10)
+
+
+def test_what_the_check_finds_wrong_is_counted_named_and_ignored() -> None:
+    heard: list[int] = []
+    wrong = ["", "is forged"]
+    box = Mailbox(WHEELS, heard.append, check=lambda _: wrong.pop(0))
+    box.store(sample(), 10)
+    newer = WheelTicks(time_ns=2, seq=2, left=4, right=5, bumper=0, expired=0)
+    box.store(sample(newer), 20)
+    assert box.latest() == (TICKS, 10)
+    assert (box.rejected, box.last_rejection) == (1, "WheelTicks is forged")
+    assert heard == [10]
