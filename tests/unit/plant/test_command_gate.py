@@ -198,7 +198,9 @@ def test_an_older_robot_drives_when_the_newer_is_silent(silent: int, drives: boo
 
 def test_a_stale_frame_of_a_newer_robot_fences_nothing_off() -> None:
     gate = gate_at(20)
-    taken(gate, command(16, epoch=UINT32), command(16, mrad_s=0, epoch=UINT32), command(21, epoch=9))
+    taken(
+        gate, command(16, epoch=UINT32), command(16, mrad_s=0, epoch=UINT32), command(21, epoch=9)
+    )
     gate.begin_tick(21)
     assert taken(gate, command(21, epoch=5)) == Demand(FAST, FAST, TTL_MS)
 
