@@ -1,10 +1,10 @@
-"""Tells what the plant could not read: at once, and again whenever it has more than doubled."""
+"""Tells what the plant could not read or has refused: at once, and again whenever it has more than doubled."""
 
 from collections.abc import Callable, Mapping
 
 
 class Unreadable:
-    """`counts` is how much could not be read, by path; `tell` gets a line."""
+    """`counts` is how many frames were rejected, by path; `tell` gets a line."""
 
     def __init__(self, counts: Callable[[], Mapping[str, int]], tell: Callable[[str], None]):
         self._counts = counts
@@ -15,4 +15,5 @@ class Unreadable:
         for path, count in self._counts().items():
             if count > 2 * self._told.get(path, 0):
                 self._told[path] = count
-                self._tell(f"plant: {count} unreadable on {path}: find out who else writes there")
+                what = f"{count} unreadable or refused on {path}"
+                self._tell(f"plant: {what}: find out which other process publishes there")

@@ -207,8 +207,13 @@ def test_a_stale_frame_of_a_newer_robot_fences_nothing_off() -> None:
 
 @pytest.mark.parametrize(
     ("sense_seq", "mrad_s", "epoch", "answered"),
-    [(20, FAST, 5, True), (20, 0, 5, True), (19, FAST, 5, False), (21, FAST, 5, False)]
-    + [(20, FAST, 4, False)],
+    [
+        (20, FAST, 5, True),
+        (20, 0, 5, True),
+        (19, FAST, 5, False),
+        (21, FAST, 5, False),
+        (20, FAST, 4, False),
+    ],
 )
 def test_what_answers_the_newest_tick(
     sense_seq: int, mrad_s: int, epoch: int, answered: bool
