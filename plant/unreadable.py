@@ -1,4 +1,4 @@
-"""Tells what the plant could not read or has refused: at once, and again whenever it has more than doubled."""
+"""Tells what the plant could not read or refused: at once, and whenever it has doubled again."""
 
 from collections.abc import Callable, Mapping
 
