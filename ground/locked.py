@@ -37,7 +37,9 @@ def dialling(locks: str | None, network: Network) -> Network:
         return network
     found = load_shared(file_of(locks, GROUND), Config).network or Network()
     connect = tuple(locked(locks, endpoint) for endpoint in network.connect)
-    return replace(network, connect=connect, tls=found.tls, robots=found.robots)
+    return replace(
+        network, connect=connect, tls=found.tls, robots=found.robots, operators=found.operators
+    )
 
 
 def locked(locks: str | None, endpoint: str) -> str:

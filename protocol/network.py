@@ -1,17 +1,19 @@
 """Who dials whom, and behind which lock: how a process finds the others, as configuration."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Literal
 
 from protocol.errors import BadEndpoint, UserError
-from protocol.topic import robot_name
+from protocol.topic import operator_called, robot_name
 from protocol.trouble import Trouble
 
 Mode = Literal["client", "peer", "router"]
 EXAMPLE = "tcp/127.0.0.1:7447"
 LOCKED = "tls/"
 MOST_ROBOTS = 20
+MOST_OPERATORS = 20
 USUAL_ROBOTS = tuple(f"r{number}" for number in range(1, MOST_ROBOTS + 1))
 
 
@@ -53,7 +55,8 @@ class Network:
     """The `[network]` table. On one machine the robot is a listening peer the others dial.
 
     With `tls` all links are locked, and whoever listens lets in what each certificate may do;
-    `robots` are then the names of the robots that there may be.
+    `robots` are then the names of the robots that there may be, and `operators` those of the
+    operators with a certificate of their own, `ground-NAME`.
     """
 
     mode: Mode = "peer"
@@ -63,6 +66,7 @@ class Network:
     connect_timeout_s: float = 5.0
     tls: Tls | None = None
     robots: tuple[str, ...] = USUAL_ROBOTS
+    operators: tuple[str, ...] = ()
     trouble: Trouble | None = None
 
     def __post_init__(self) -> None:
@@ -71,12 +75,23 @@ class Network:
             check_lock(endpoint, locked=self.tls is not None)
         for robot in self.robots:
             robot_name(robot)
+        check_operators(self.operators)
         if self.mode == "client" and not self.connect:
             raise BadEndpoint(f"a client needs an endpoint to connect to, such as {EXAMPLE}")
         if self.mode == "router" and not self.listen:
             raise BadEndpoint(f"a router needs an endpoint to listen on, such as {EXAMPLE}")
         if not self.prefix or set(self.prefix) & set("*$#?@") or "//" in f"/{self.prefix}/":
             raise BadEndpoint(f"prefix {self.prefix!r}: use a plain key such as 'sidestep'")
+
+
+def check_operators(names: Sequence[str]) -> None:
+    """Raise UserError unless each can be an operator's name, and there are not too many."""
+    for name in names:
+        operator_called(name)
+    if len(set(names)) < len(names):
+        raise UserError(f"operators {' '.join(names)}: each operator needs a name of its own")
+    if len(names) > MOST_OPERATORS:
+        raise UserError(f"{len(names)} operators: there can be {MOST_OPERATORS}")
 
 
 def check_endpoint(endpoint: str) -> None:

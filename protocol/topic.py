@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass
 from enum import Enum
+from types import MappingProxyType
 from typing import Final, Generic, TypeVar
 
 from protocol.errors import UserError
@@ -12,6 +13,18 @@ MS: Final = 1_000_000
 ROBOT_NAME: Final = re.compile(r"[a-z0-9_-]{1,16}\Z")
 OPERATOR: Final = re.compile(r"[a-z0-9_-]{1,16}/[0-9a-f]{1,32}\Z")
 """Identity of an operator on the bus: the name in its certificate, and its session."""
+
+RESERVED: Final = MappingProxyType(
+    {
+        "open": "every operator of an open bus is called so",
+        "ground": "the holder of the certificate `ground` is called so",
+        "router": "a role is called so",
+        "plant": "a role is called so",
+        "robot": "a role is called so",
+        "viewer": "a role is called so",
+    }
+)
+"""Names that no operator can have, and why."""
 
 PREFIX: Final = "sidestep"
 ENCODING_FAMILY: Final = "application/mavlink2"
@@ -47,6 +60,17 @@ def robot_name(name: str) -> str:
         raise UserError(
             f"robot name {name!r}: use 1 to 16 of the characters a-z, 0-9, '_' and '-', as in 'r1'"
         )
+    return name
+
+
+def operator_called(name: str) -> str:
+    """Return the name of an operator itself; raise UserError unless a certificate may name it."""
+    if not ROBOT_NAME.match(name):
+        raise UserError(
+            f"operator {name!r}: use 1 to 16 of the characters a-z, 0-9, '_' and '-', as in 'ada'"
+        )
+    if name in RESERVED:
+        raise UserError(f"operator {name!r}: {RESERVED[name]}: choose another name")
     return name
 
 

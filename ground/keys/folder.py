@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from ground.keys.authority import Authority
+from protocol.bus.access import OPERATOR
 from protocol.errors import UserError
 
 CA: Final = "ca.pem"
@@ -20,6 +21,7 @@ robot = "{robot}"
 
 [network]
 robots = [{robots}]
+operators = [{operators}]
 
 [network.tls]
 ca = "{ca}"
@@ -29,7 +31,12 @@ key = "{role}.key"
 
 
 def make(
-    folder: Path, robots: Sequence[str], hosts: Sequence[str], since: datetime, until: datetime
+    folder: Path,
+    robots: Sequence[str],
+    hosts: Sequence[str],
+    since: datetime,
+    until: datetime,
+    operators: Sequence[str] = (),
 ) -> list[str]:
     """The roles that have a certificate now. Overwrites nothing: UserError names what is there."""
     prepare(folder)
@@ -37,33 +44,40 @@ def make(
     written: list[Path] = []
     try:
         put(folder / CA, authority.pem, PUBLIC_MODE, written)
-        for role, robot, dialled in cast(robots):
+        for role, robot, dialled in cast(robots, operators):
             pair = authority.certify(role, (*USUAL_HOSTS, *hosts) if dialled else ())
             put(folder / f"{role}.pem", pair.certificate, PUBLIC_MODE, written)
             put(folder / f"{role}.key", pair.key, SECRET_MODE, written)
-            text = configuration(role, robot, robots)
+            text = configuration(role, robot, robots, operators)
             put(folder / f"{role}.toml", text.encode(), PUBLIC_MODE, written)
     except OSError as error:
         for path in written:  # half a set is of no use, and would be in the way of the next
             path.unlink(missing_ok=True)
         raise UserError(f"{folder}: {error.strerror}: nothing was kept") from error
-    return [role for role, _, _ in cast(robots)]
+    return [role for role, _, _ in cast(robots, operators)]
 
 
-def cast(robots: Sequence[str]) -> Iterator[tuple[str, str, bool]]:
+def cast(robots: Sequence[str], operators: Sequence[str]) -> Iterator[tuple[str, str, bool]]:
     """Role, robots it is about as a configuration names them, and whether others dial it."""
     yield "router", robots[0], True
     yield "plant", ",".join(robots), False
     yield "ground", robots[0], False
+    for operator in operators:
+        yield f"{OPERATOR}{operator}", robots[0], False
     yield "viewer", robots[0], False
     for robot in robots:
         yield f"robot-{robot}", robot, True
 
 
-def configuration(role: str, robot: str, robots: Sequence[str]) -> str:
+def configuration(role: str, robot: str, robots: Sequence[str], operators: Sequence[str]) -> str:
     """TOML; the names of its files are relative, so that the folder can be moved."""
-    listed = ", ".join(f'"{name}"' for name in robots)
-    return CONFIG.format(role=role, robot=robot, robots=listed, ca=CA)
+    return CONFIG.format(
+        role=role, robot=robot, robots=listed(robots), operators=listed(operators), ca=CA
+    )
+
+
+def listed(names: Sequence[str]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
 
 
 def prepare(folder: Path) -> None:

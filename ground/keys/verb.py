@@ -10,6 +10,7 @@ from typing import Final
 from ground.options import add_json
 from ground.says import Says
 from protocol.errors import UserError
+from protocol.network import check_operators
 from protocol.options import whole
 from protocol.topics import robot_name
 
@@ -28,6 +29,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     new.add_argument("folder", type=Path, metavar="DIR", help="to be made; nothing is overwritten")
     new.add_argument(
         "--robots", nargs="+", default=["r1"], metavar="NAME", help="that there will be (r1)"
+    )
+    new.add_argument(
+        "--operators",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="with a certificate of their own, ground-NAME: nobody else commands under these names",
     )
     new.add_argument(
         "--host",
@@ -81,9 +89,11 @@ def run_new(options: argparse.Namespace, says: Says) -> int:
     robots = [robot_name(name) for name in options.robots]
     if len(set(robots)) < len(robots):
         raise UserError(f"--robots {' '.join(robots)}: each robot needs a name of its own")
+    operators = [name for words in options.operators for name in words.split(",") if name]
+    check_operators(operators)
     now = datetime.now(UTC)
     until = now + timedelta(days=options.days)
-    roles = make(options.folder, robots, options.host, now - EARLY, until)
+    roles = make(options.folder, robots, options.host, now - EARLY, until, operators)
     found: dict[str, object] = {
         "ok": True,
         "folder": str(options.folder),

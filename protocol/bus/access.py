@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from protocol.network import Network
-from protocol.topic import ROBOT_NAME
+from protocol.topic import RESERVED, ROBOT_NAME, operator_called
 from protocol.topics import SERVICES, TOPICS, Role, Service, Topic, robot_name
 
 ROUTER: Final = "router"
@@ -38,8 +38,8 @@ class Grant:
     """Liveliness tokens."""
 
 
-def grants(robots: Iterable[str]) -> dict[str, Grant]:
-    """By the common name of the certificate, for the robots that there may be."""
+def grants(robots: Iterable[str], operators: Iterable[str] = ()) -> dict[str, Grant]:
+    """By the common name of the certificate, for the robots and operators that there may be."""
     names = tuple(robot_name(robot) for robot in robots)
     found = {
         ROUTER: Grant(
@@ -51,18 +51,27 @@ def grants(robots: Iterable[str]) -> dict[str, Grant]:
             shows=ALL,
         ),
         PLANT: granted("senses and drives the robots", Role.PLANT, names),
-        GROUND: granted("commands the robots", Role.GROUND, names),
+        GROUND: granted("commands the robots", Role.GROUND, names, GROUND),
         VIEWER: Grant(says="only listens", hears=ALL, asks=keys(names, open_to_all())),
     }
+    for operator in operators:
+        says = f"commands the robots as {operator}"
+        found[OPERATOR + operator] = granted(says, Role.GROUND, names, operator_called(operator))
     for name in names:
         found[ROBOT + name] = granted(f"is the robot {name}", Role.ROBOT, (name,))
     return found
 
 
-def grant_of(name: str) -> Grant | None:
-    """What the holder of such a certificate may do where its robot is known; None: nothing."""
-    robot = name.removeprefix(ROBOT)
-    return grants((robot,) if ROBOT_NAME.match(robot) else ()).get(name)
+def grant_of(name: str, robot: str = "") -> Grant | None:
+    """What the holder of such a certificate may do where it is known; None: nothing.
+
+    It is about `robot`; without one about that of the certificate, if it is a robot's.
+    """
+    robot = robot or name.removeprefix(ROBOT)
+    operator = name.removeprefix(OPERATOR)
+    is_operator = name != operator and ROBOT_NAME.match(operator) and operator not in RESERVED
+    robots = (robot,) if ROBOT_NAME.match(robot) else ()
+    return grants(robots, (operator,) if is_operator else ()).get(name)
 
 
 def operator_name(name: str | None) -> str | None:
@@ -84,11 +93,11 @@ def barred(name: str | None, robot: str, service: Service) -> str:
     """
     if name is None:
         return ""
-    grant = grant_of(name)
+    grant = grant_of(name, robot) or grant_of(name)
     if grant is None:
         return f"the certificate in use is that of {name!r}, which is no role: it may do nothing"
     asked = f"{robot}/{service.path}"
-    if any(f"{key}/".startswith(f"{asked}/") for key in grants((robot,)).get(name, grant).asks):
+    if any(f"{key}/".startswith(f"{asked}/") for key in grant.asks):
         return ""
     may_not = f"and may not ask {service.path}"
     return f"the certificate in use is that of {name!r}, which {grant.says} {may_not}"
@@ -111,10 +120,10 @@ def unanswered(name: str | None, robot: str, service: Service) -> str:
     return barred(name, robot, service) or nobody
 
 
-def granted(says: str, role: Role, names: tuple[str, ...]) -> Grant:
-    """What the tables give to a role."""
+def granted(says: str, role: Role, names: tuple[str, ...], operator: str = "") -> Grant:
+    """What the tables give to a role: to an operator only keys that name it, of any session."""
     ground = role is Role.GROUND
-    speaks = f"{GROUND}/*" if ground else ""
+    speaks = f"{operator}/*" if ground else ""
     heard = [topic for topic in TOPICS if told(topic, role)]
     return Grant(
         says=says,
@@ -159,7 +168,7 @@ def keys(
 
 def access_control(network: Network) -> dict[str, object]:
     """Zenoh's `access_control` for whoever listens: nothing, but for what is granted."""
-    found = grants(network.robots)
+    found = grants(network.robots, network.operators)
     rules = {name: rules_of(name, grant, network.prefix) for name, grant in found.items()}
     return {
         "enabled": True,

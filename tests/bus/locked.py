@@ -15,6 +15,7 @@ from tests.bus.nets import Topology, prefixes, until
 from tests.keyring import Keyring
 
 ROBOTS = ("r1", "r2")
+OPERATORS = ("ada", "bob")
 FORGED = b"forged"
 SESSION = "abc"
 OF_OPERATORS = frozenset(
@@ -37,6 +38,7 @@ class Locked:
             listen=("tls/127.0.0.1:0",),
             prefix=self.prefix,
             robots=ROBOTS,
+            operators=OPERATORS,
             tls=ring.tls("robot-r1" if hub else "router"),
         )
         first = self.opened(listening)

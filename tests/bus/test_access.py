@@ -7,6 +7,7 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
+from protocol.bus.access import operator_name
 from protocol.topics import (
     COMMAND,
     DRIVE,
@@ -24,6 +25,7 @@ from tests.bus.nets import TOPOLOGIES, Topology, until
 AT_LEAST = 1000
 OURS = {
     "ground": ("op/",),
+    "ground-bob": ("op/",),
     "plant": ("sense/", "truth/"),
     "viewer": (),
     "robot-r2": (),
@@ -31,7 +33,11 @@ OURS = {
 }
 """What each may publish of robot r1, by the beginning of its path."""
 
-MAY_ASK = {"ground": ("srv/", "sim/"), "viewer": ("srv/parameters", "sim/world")}
+MAY_ASK = {
+    "ground": ("srv/", "sim/"),
+    "ground-bob": ("srv/", "sim/"),
+    "viewer": ("srv/parameters", "sim/world"),
+}
 WILD = (
     "{p}/**",
     "**",
@@ -66,8 +72,9 @@ def forbidden(net: Locked, name: str, path: str, own: tuple[str, ...]) -> set[st
 
     `own` are the beginnings of the paths of which it may use the key under its own name.
     """
-    every = {net.key(path), net.plain(path), net.key(path, operator="ada")}
-    allowed = net.key(path) if name == "ground" else net.plain(path)
+    every = {net.plain(path), *(net.key(path, operator=one) for one in ("ground", "ada", "bob"))}
+    operator = operator_name(name)
+    allowed = net.plain(path) if operator is None else net.key(path, operator=operator)
     return every - {allowed} if path.startswith(own or ("-",)) else every
 
 

@@ -11,12 +11,13 @@ import pytest
 from ground.keys.folder import make
 from protocol.bus import Bus, open_bus
 from protocol.codec import Encoder, decode
-from protocol.enums import Command
+from protocol.enums import Command, LeaseAction
 from protocol.errors import NotLetIn
 from protocol.message import Message
-from protocol.messages import CommandRequest
+from protocol.messages import CommandAck, CommandRequest, LeaseRequest
 from protocol.network import Network, Tls
-from protocol.topics import COMMAND, COMMANDED, ENCODING, Role
+from protocol.reasons import Reason
+from protocol.topics import COMMAND, COMMANDED, ENCODING, LEASE_SERVICE, Role
 from tests.keyring import DAY, NOW, Keyring
 from tests.stack.processes import Crew, Running, until
 
@@ -48,7 +49,7 @@ class Locked(Crew):
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("locks") / "keys"
-    make(folder, ["r1", "r2"], [], NOW - DAY, NOW + DAY)
+    make(folder, ["r1", "r2"], [], NOW - DAY, NOW + DAY, ["ada", "bob"])
     return folder
 
 
@@ -84,6 +85,38 @@ def test_a_stack_behind_locks_drives_and_only_the_ground_station_commands_it(
         assert "PRIVATE KEY" not in everything
 
 
+def test_another_operator_cannot_command_under_the_lease_of_its_holder(keys: Path) -> None:
+    """The lease is a lock: bob knows the identity of ada, and his certificate does not have it."""
+    with Locked(keys) as crew:
+        robot = crew.robot()
+        crew.plant()
+        with (
+            open_bus(dialling(crew.endpoint, tls_of(keys, "ground-ada")), Role.GROUND, "r1") as ada,
+            open_bus(dialling(crew.endpoint, tls_of(keys, "ground-bob")), Role.GROUND, "r1") as bob,
+        ):
+            acted_on: list[Message] = []
+            bob.stream(COMMANDED, lambda _key, frame, _at: acted_on.append(decode(frame).message))
+            assert ada.operator is not None
+            assert ada.operator.startswith("ada/")
+            assert taken(ada, 1) == Reason.NONE
+            assert forge(bob, ada.operator) == 2 * EACH
+            assert taken(ada, 2) == Reason.NONE  # for another 3 s
+            answer = bob.ask(COMMAND, asking(OURS, Command.DO_PAUSE_CONTINUE), PATIENCE_S)
+            assert reason_of(answer) == Reason.LEASE_HELD
+            until(lambda: acted_on[2:], what="what the robot was asked")
+            asked = [type(one).__name__ for one in acted_on]
+            assert asked == ["LeaseRequest", "LeaseRequest", "CommandRequest"]
+            robot.says("refused: ground-bob at 127.0.0.1", PATIENCE_S)
+            robot.says(f"may not ask sidestep/r1/srv/command/{ada.operator}", PATIENCE_S)
+            robot.says(f"may not put on sidestep/r1/op/teleop/{ada.operator}", PATIENCE_S)
+
+
+def taken(operator: Bus, number: int) -> int:
+    """Take the lease; the reason that the robot gives."""
+    take = LeaseRequest(request_id=number, action=LeaseAction.TAKE, name="ada")
+    return reason_of(operator.ask(LEASE_SERVICE, take, timeout_s=PATIENCE_S))
+
+
 @pytest.mark.parametrize("role", ["viewer", "plant", "robot-r2"])
 def test_a_robot_does_nothing_of_what_others_command(keys: Path, role: str) -> None:
     with Locked(keys) as crew:
@@ -106,27 +139,30 @@ def test_a_robot_does_nothing_of_what_others_command(keys: Path, role: str) -> N
             assert acted_on == [asking(OURS)]
 
 
-def asking(number: int) -> CommandRequest:
-    """For an emergency stop."""
-    return CommandRequest(
-        request_id=number, param1=1.0, param2=0.0, command=Command.DO_FLIGHTTERMINATION
-    )
+def asking(number: int, command: int = Command.DO_FLIGHTTERMINATION) -> CommandRequest:
+    """Ask for an emergency stop, or something else."""
+    return CommandRequest(request_id=number, param1=1.0, param2=0.0, command=command)
 
 
-def forge(bus: Bus) -> int:
+def reason_of(answer: Message | bytes) -> int:
+    assert isinstance(answer, CommandAck)
+    return answer.result_param2
+
+
+def forge(bus: Bus, operator: str = "ground/abc") -> int:
     """Send an emergency stop and the operator's wheel as that operator; how many of these."""
     frames = Encoder(255, 190)
     session = bus._session
     for number in range(EACH):
         frame = frames.encode(asking(number + 1))
         replies = session.get(
-            bus.key(f"{COMMAND.path}/ground/abc"),
+            bus.key(f"{COMMAND.path}/{operator}"),
             payload=frame,
             encoding=ENCODING,
             timeout=PATIENCE_S,
         )
         assert list(replies) == []
-        session.put(bus.key("op/teleop/ground/abc"), frame, encoding=ENCODING)
+        session.put(bus.key(f"op/teleop/{operator}"), frame, encoding=ENCODING)
     return 2 * EACH
 
 

@@ -4,7 +4,15 @@ from typing import Any
 
 import pytest
 
-from protocol.bus.access import access_control, barred, grant_of, grants, misfit, unanswered
+from protocol.bus.access import (
+    access_control,
+    barred,
+    grant_of,
+    grants,
+    misfit,
+    operator_name,
+    unanswered,
+)
 from protocol.errors import UserError
 from protocol.network import Network
 from protocol.topics import (
@@ -138,6 +146,51 @@ def test_a_process_needs_the_certificate_of_its_role() -> None:
     assert misfit("plant", Role.PLANT, "r1") == misfit("robot-r1", Role.ROBOT, "r1") == ""
     assert misfit("viewer", Role.GROUND, "r1") == misfit("stranger", None, "r1") == ""
     assert "needs that of 'robot-r2'" in misfit("robot-r1", Role.ROBOT, "r2")
+
+
+def test_an_operator_speaks_and_asks_only_under_its_own_name() -> None:
+    found = grants(("r1",), ("ada", "bob"))
+    shared = [path for path in found["ground-ada"].asks if path.startswith("r1/sim/")]
+    for name, other in (("ada", "bob"), ("bob", "ada")):
+        grant = found[f"ground-{name}"]
+        own = [path for path in (*grant.puts, *grant.asks) if path not in shared]
+        assert own
+        assert all(path.endswith(f"/{name}/*") for path in own)
+        assert not set(own) & {*found[f"ground-{other}"].puts, *found[f"ground-{other}"].asks}
+        assert not set(own) & {*found["ground"].puts, *found["ground"].asks}
+
+
+def test_rules_name_the_operators_of_the_network() -> None:
+    subjects = rules(Network(robots=("r1",), operators=("ada",)))["subjects"]
+    assert {"ground-ada", "ground"} <= {one["id"] for one in subjects}
+    assert "ground-bob" not in {one["id"] for one in subjects}
+
+
+def test_the_name_of_an_operator_comes_from_its_certificate() -> None:
+    assert operator_name("ground-ada") == "ada"
+    assert operator_name("ground") == "ground"
+    assert operator_name(None) == "open"
+    assert operator_name("viewer") is operator_name("robot-r1") is operator_name("plant") is None
+    assert barred("ground-ada", "r1", COMMAND) == ""
+    for nobody in ("ground-", "ground-open", "ground-ground", "ground-A B"):
+        assert grant_of(nobody) is None
+        assert "is no role" in barred(nobody, "r1", COMMAND)
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("open", "every operator of an open bus is called so"),
+        ("ground", "the certificate `ground` is called so"),
+        *((role, "a role is called so") for role in ("router", "plant", "robot", "viewer")),
+        ("Ada", "use 1 to 16 of the characters"),
+    ],
+)
+def test_a_reserved_name_of_an_operator_is_refused(name: str, why: str) -> None:
+    with pytest.raises(UserError, match=why):
+        Network(operators=(name,))
+    with pytest.raises(UserError, match=why):
+        grants((), (name,))
 
 
 def test_a_robot_that_cannot_be_is_refused() -> None:

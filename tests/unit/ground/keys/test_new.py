@@ -49,6 +49,29 @@ def test_each_role_gets_certificate_key_and_configuration(keys: Path) -> None:
     }
 
 
+def test_each_operator_gets_a_certificate_of_its_own(tmp_path: Path) -> None:
+    keys = tmp_path / "keys"
+    assert main(["keys", "new", str(keys), "--operators", "ada,bob", "eve"]) == 0
+    for name in ("ground-ada", "ground-bob", "ground-eve"):
+        common = common_of(parse(["hold", "--config", str(keys / f"{name}.toml")]))
+        assert common.network.tls is not None
+        assert own(common.network.tls).name == name
+        assert common.network.operators == ("ada", "bob", "eve")
+    assert main(["keys", "check", str(keys)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("names", "why"),
+    [("open", "every operator of an open bus"), ("ada,ada", "a name of its own"), ("A", "use 1")],
+)
+def test_operators_that_cannot_be_are_refused_before_anything_is_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], names: str, why: str
+) -> None:
+    assert main(["keys", "new", str(tmp_path / "keys"), "--operators", names]) == 2
+    assert why in capsys.readouterr().err
+    assert not (tmp_path / "keys").exists()
+
+
 def test_only_the_owner_can_read_a_key(keys: Path) -> None:
     assert stat.S_IMODE(keys.stat().st_mode) == 0o700
     modes = {path.name: stat.S_IMODE(path.stat().st_mode) for path in keys.glob("*.key")}
