@@ -1,6 +1,10 @@
-"""One process per role and robot: a second one of a name is told so and does not start."""
+"""One process per role and robot: a second one of a name does not start, and is noticed later.
 
-from protocol.bus import Bus
+`claim` looks once, at the start. Two processes that a broken network kept apart then meet when it
+is whole again: `Twins` watches for that.
+"""
+
+from protocol.bus import Bus, Presence
 from protocol.errors import UserError
 
 
@@ -17,6 +21,24 @@ def claim(bus: Bus, robots: list[str]) -> None:
     for robot in robots:
         bus.announce(robot)
     refuse(bus, [(robot, zid) for robot, zid in twins(bus, robots) if zid < bus.zid])
+
+
+class Twins:
+    """Other processes in the role of this one for its robot, for as long as they are there."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._own = bus.robot, None if bus.role is None else bus.role.value
+        self._zid = bus.zid
+        self._others: frozenset[str] = frozenset()
+        bus.watch(self._see)
+
+    def __bool__(self) -> bool:
+        return bool(self._others)
+
+    def _see(self, who: Presence, came: bool) -> None:
+        """Called in the bus's thread."""
+        if (who.robot, who.role) == self._own and who.zid != self._zid:
+            self._others = self._others | {who.zid} if came else self._others - {who.zid}
 
 
 def twins(bus: Bus, robots: list[str]) -> list[tuple[str, str]]:

@@ -8,6 +8,7 @@ from typing import Final
 
 from protocol.bus import Asked, Bus
 from protocol.bus.service import refusal
+from protocol.claim import Twins
 from protocol.clock import Clock, Tick
 from protocol.enums import AckResult
 from protocol.errors import LocalError
@@ -23,7 +24,7 @@ from robot.meter import Meter
 from robot.reports import Reports
 from robot.senses import Senses
 from robot.stop_latch import StopLatch
-from robot.telemetry import Given
+from robot.telemetry import BUDGET_VIOLATED, NAME_TAKEN, Given
 from robot.teleop import wanted
 from robot.vehicle import Vehicle
 
@@ -46,7 +47,13 @@ class Process:
     """
 
     def __init__(
-        self, vehicle: Vehicle, bus: Bus, clock: Clock, senses: Senses, meter: Meter
+        self,
+        vehicle: Vehicle,
+        bus: Bus,
+        clock: Clock,
+        senses: Senses,
+        meter: Meter,
+        epoch: int = 0,
     ) -> None:
         self.vehicle = vehicle
         self._stopping = False
@@ -54,7 +61,8 @@ class Process:
         self._clock = clock
         self._senses = senses
         self._meter = meter
-        self.reports = Reports(bus)
+        self.reports = Reports(bus, epoch)
+        self._twins = Twins(bus)
         self._requests: SimpleQueue[Asked] = SimpleQueue()
         self._strangers: SimpleQueue[Asked] = SimpleQueue()
         self._stop = StopLatch(vehicle.lease.is_holder)
@@ -132,13 +140,11 @@ class Process:
         now_ns = self._clock.now_ns()
         inputs = self._senses.read(tick, now_ns, self.vehicle)
         self._meter.mark(READ)
-        violated = self._meter.violated
-        if violated:
-            self.vehicle.report(reasons.BUDGET)
+        reported = self._report()
         teleop = self.vehicle.handle.newest(now_ns)
         outputs = self.vehicle.step(inputs, self._meter.mark, wanted(teleop))
         self._write(outputs, tick, now_ns)
-        self._tell_inputs(inputs, teleop, tick.index, violated)
+        self._tell_inputs(inputs, teleop, tick.index, reported)
         self._meter.end()
 
     def idle(self) -> None:
@@ -169,13 +175,22 @@ class Process:
         )
         reports.events(self.vehicle, stamp_ns, now_ns)
 
-    def _tell_inputs(
-        self, inputs: Inputs, teleop: Teleop | None, tick: int, violated: bool
-    ) -> None:
+    def _report(self) -> int:
+        """Report what only the host can see to the core; return it as flags of TICK_INPUTS."""
+        reported = 0
+        if self._meter.violated:
+            self.vehicle.report(reasons.BUDGET)
+            reported |= BUDGET_VIOLATED
+        if self._twins:
+            self.vehicle.report(reasons.NAME_TAKEN)
+            reported |= NAME_TAKEN
+        return reported
+
+    def _tell_inputs(self, inputs: Inputs, teleop: Teleop | None, tick: int, reported: int) -> None:
         """All that this tick's outcome came of, so that it can be had again."""
         senses = self._senses
         given = Given(
-            senses.wheels_seq, senses.scan_seq, senses.scan_age_ms, self.reports.recorded, violated
+            senses.wheels_seq, senses.scan_seq, senses.scan_age_ms, self.reports.recorded, reported
         )
         self.reports.inputs.put(telemetry.tick_inputs(inputs, given, teleop, tick, senses.stamp_ns))
 

@@ -3,6 +3,7 @@
 from typing import Final
 
 from protocol.bus import Bus
+from protocol.mailbox import MAX_STAMP_NS
 from protocol.message import Message
 from protocol.messages import WheelCommand
 from protocol.timing import TTL_MS
@@ -26,13 +27,13 @@ from robot.core.values import Outputs
 from robot.vehicle import Vehicle
 
 UINT32: Final = 0xFFFFFFFF
-UINT64: Final = 0xFFFFFFFFFFFFFFFF
 
 
 class Reports:
-    """Publishers of one robot."""
+    """Publishers of one robot. `epoch` is when its process was started: see WHEEL_COMMAND."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, epoch: int = 0) -> None:
+        self._epoch = epoch
         self.drive = bus.publisher(DRIVE)
         self.heartbeat = bus.publisher(HEARTBEAT)
         self.odometry = bus.publisher(ODOMETRY)
@@ -55,9 +56,10 @@ class Reports:
     def brake(self, stamp_ns: int, sense_seq: int) -> None:
         """Stop the wheels as silence does, sooner: a command with no time to live.
 
-        It is sent whatever the stamp is, as that may be why the loop has ended.
+        It is sent whatever the stamp is, as that may be why the loop has ended, and with one that
+        the plant takes.
         """
-        self._command(stamp_ns & UINT64, sense_seq & UINT32, 0, 0, 0)
+        self._command(stamp_ns % MAX_STAMP_NS, sense_seq & UINT32, 0, 0, 0)
 
     def _command(
         self, stamp_ns: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int
@@ -67,6 +69,7 @@ class Reports:
                 time_ns=stamp_ns,
                 seq=self._commands,
                 sense_seq=sense_seq,
+                epoch=self._epoch,
                 left_mrad_s=left_mrad_s,
                 right_mrad_s=right_mrad_s,
                 ttl_ms=ttl_ms,

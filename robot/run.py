@@ -4,6 +4,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from time import time
 from typing import Final
 
 from protocol.bus import Bus, Network, open_bus
@@ -28,6 +29,7 @@ from robot.senses import Senses
 from robot.vehicle import Vehicle
 
 IDLE_S: Final = 0.2
+UINT32: Final = 0xFFFFFFFF
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +45,11 @@ class Options:
     after: str = ""
 
 
+def epoch() -> int:
+    """Return when this process was started, as WHEEL_COMMAND tells it: UTC in seconds."""
+    return int(time()) & UINT32
+
+
 def run(vehicle: Vehicle, network: Network, robot: str, options: Options, life: Life) -> int:
     """0 when told to stop. Raises NameTaken, and whatever brought the core down."""
     with open_bus(network, Role.ROBOT, robot) as bus:
@@ -50,7 +57,7 @@ def run(vehicle: Vehicle, network: Network, robot: str, options: Options, life: 
         tell_life(vehicle, robot, life, options.after)
         begin = in_lockstep if options.lockstep else in_wall_time
         watchdog = Watchdog(story=life.story)
-        process, grid = begin(vehicle, bus, watchdog.wind)
+        process, grid = begin(vehicle, bus, watchdog.wind, epoch())
         settle(vehicle, options)
         for words in vehicle.restored:
             tell(f"robot {robot}: {words}")
@@ -87,13 +94,13 @@ def tell(line: str) -> None:
 
 
 def in_wall_time(
-    vehicle: Vehicle, bus: Bus, _idle: Callable[[], None]
+    vehicle: Vehicle, bus: Bus, _idle: Callable[[], None], epoch: int = 0
 ) -> tuple[Process, Iterator[Tick]]:
     """The grid is phase-locked to the scans as they arrive."""
     clock, pulse = WallClock(), Pulse()
     senses = Senses(bus, lockstep=False, beat=pulse.beat, accept=vehicle.lease.allows)
     meter = Meter(clock, period_ns=PERIOD_NS, enforced=True)
-    process = Process(vehicle, bus, clock, senses, meter)
+    process = Process(vehicle, bus, clock, senses, meter, epoch)
     process.serve()
     on_signal(process.stop)
     rehearsal = Rehearsal(vehicle.params)
@@ -101,7 +108,7 @@ def in_wall_time(
 
 
 def in_lockstep(
-    vehicle: Vehicle, bus: Bus, idle: Callable[[], None]
+    vehicle: Vehicle, bus: Bus, idle: Callable[[], None], epoch: int = 0
 ) -> tuple[Process, Iterator[Tick]]:
     """Time is the plant's; while it stands still, requests are answered and `idle` is called."""
 
@@ -112,7 +119,7 @@ def in_lockstep(
     clock = LockstepClock(patience_s=IDLE_S, idle=between)
     senses = Senses(bus, lockstep=True, accept=vehicle.lease.allows)
     meter = Meter(clock, period_ns=PERIOD_NS, enforced=False)
-    process = Process(vehicle, bus, clock, senses, meter)
+    process = Process(vehicle, bus, clock, senses, meter, epoch)
     process.serve(nudge=clock.nudge)
     feed(clock, bus)
 

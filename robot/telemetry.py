@@ -28,6 +28,7 @@ WHEELS_THERE: Final = 1
 SCAN_THERE: Final = 2
 BUDGET_VIOLATED: Final = 4
 STEERED: Final = 8
+NAME_TAKEN: Final = 16
 NEVER: Final = 0xFFFFFFFF
 
 SYSTEM_STATUS: Final = {
@@ -131,16 +132,17 @@ class Given(NamedTuple):
     scan_seq: int
     scan_age_ms: int
     requests: int
-    budget_violated: bool
+    reported: int
+    """Flags of what the host has reported to the core."""
 
 
 def tick_inputs(
     inputs: Inputs, given: Given, teleop: Teleop | None, tick: int, time_ns: int
 ) -> TickInputs:
     """With the senses on their own topics, all that the core's step depended on."""
-    flags = WHEELS_THERE if inputs.wheels is not None else 0
+    flags = given.reported
+    flags |= WHEELS_THERE if inputs.wheels is not None else 0
     flags |= SCAN_THERE if inputs.scan is not None else 0
-    flags |= BUDGET_VIOLATED if given.budget_violated else 0
     flags |= STEERED if teleop is not None else 0
     age_ms = inputs.operator_age_ms
     return TickInputs(

@@ -29,7 +29,7 @@ from robot.core.parameters import Params
 from robot.core.senses import scan_of, twist_of, wheels_of
 from robot.core.values import Inputs, Outputs, Pose
 from robot.store import Store
-from robot.telemetry import BUDGET_VIOLATED, NEVER, STEERED
+from robot.telemetry import BUDGET_VIOLATED, NAME_TAKEN, NEVER, STEERED
 from robot.vehicle import Vehicle
 from study.recorded import Recorded
 
@@ -89,6 +89,8 @@ class Again:
         self._asked = inputs.requests
         if inputs.flags & BUDGET_VIOLATED:
             self._vehicle.report(reasons.BUDGET)
+        if inputs.flags & NAME_TAKEN:
+            self._vehicle.report(reasons.NAME_TAKEN)
         steered = inputs.flags & STEERED
         manual = twist_of(inputs.speed_mm_s, inputs.yaw_rate_mrad_s) if steered else None
         return self._vehicle.step(self._inputs(inputs), ignore, manual)

@@ -4067,7 +4067,7 @@ class MAVLink(object):
         requests                  : Requests acted on before this tick, since the start; they are on tlm/commanded. (type:uint32_t)
         scan_age_ms               : Age of the scan. [ms] (type:uint32_t)
         operator_age_ms           : Since an operator was heard; all ones: never. [ms] (type:uint32_t)
-        flags                     : 1 wheel ticks were there, 2 a scan, 4 the budget was violated, 8 a fresh TELEOP. (type:uint8_t)
+        flags                     : 1 wheel ticks were there, 2 a scan, 4 the budget was violated, 8 a fresh TELEOP, 16 another robot of this name was there. (type:uint8_t)
         speed_mm_s                : Of that TELEOP. [mm/s] (type:int16_t)
         yaw_rate_mrad_s           : Of that TELEOP. [mrad/s] (type:int16_t)
 
@@ -4087,7 +4087,7 @@ class MAVLink(object):
         requests                  : Requests acted on before this tick, since the start; they are on tlm/commanded. (type:uint32_t)
         scan_age_ms               : Age of the scan. [ms] (type:uint32_t)
         operator_age_ms           : Since an operator was heard; all ones: never. [ms] (type:uint32_t)
-        flags                     : 1 wheel ticks were there, 2 a scan, 4 the budget was violated, 8 a fresh TELEOP. (type:uint8_t)
+        flags                     : 1 wheel ticks were there, 2 a scan, 4 the budget was violated, 8 a fresh TELEOP, 16 another robot of this name was there. (type:uint8_t)
         speed_mm_s                : Of that TELEOP. [mm/s] (type:int16_t)
         yaw_rate_mrad_s           : Of that TELEOP. [mrad/s] (type:int16_t)
 

@@ -75,6 +75,11 @@ def core_failed(state: State, inputs: Inputs, params: Params) -> bool:
     return state.reported == reasons.CORE_EXCEPTION
 
 
+def name_taken(state: State, inputs: Inputs, params: Params) -> bool:
+    """Two robots of one name answer the same operators and drive the same wheels."""
+    return state.reported == reasons.NAME_TAKEN
+
+
 def trip(machine: Machine, reason: int, now_ms: int) -> None:
     """Stop for this reason until armed again. An emergency stop is stronger and stays."""
     machines.end_goal(machine, states.ABORTED, reason, now_ms)
@@ -98,6 +103,7 @@ Row = NamedTuple(
 
 ROWS: Final = (
     Row(reasons.CORE_EXCEPTION, core_failed, "reported by the host", trip),
+    Row(reasons.NAME_TAKEN, name_taken, "a second robot of this name: by the host", trip),
     Row(reasons.BUDGET, budget_violated, "3 overruns in a row, a period late: by the host", trip),
     Row(reasons.TICKS_LOST, ticks_lost, "150 ms, decided by the host", trip),
     Row(reasons.SCAN_LOST, scan_lost, "250 ms, decided by the host", trip),

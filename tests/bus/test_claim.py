@@ -4,8 +4,9 @@ from contextlib import ExitStack
 
 import pytest
 
+from benchmarks.observed import until
 from protocol.bus import Bus, Network, open_bus
-from protocol.claim import NameTaken, claim
+from protocol.claim import NameTaken, Twins, claim
 from protocol.topics import Role
 
 ANYWHERE = "tcp/127.0.0.1:0"
@@ -52,3 +53,30 @@ def test_a_name_is_free_again_when_its_process_is_gone() -> None:
         with open_bus(network, Role.ROBOT, "r1") as first:
             claim(first, ["r1"])
         claim(joined(scope, network, Role.ROBOT, "r1"), ["r1"])
+
+
+def test_a_second_of_one_name_that_appears_later_is_seen_until_it_goes() -> None:
+    """As when a network that kept two robots apart is whole again: nobody has looked in time."""
+    with ExitStack() as scope:
+        network = router(scope)
+        first = joined(scope, network, Role.ROBOT, "r1")
+        claim(first, ["r1"])
+        twins = Twins(first)
+        for role, robot in ((Role.PLANT, "r1"), (Role.GROUND, "r1"), (Role.ROBOT, "r2")):
+            joined(scope, network, role, robot).announce()
+        second = joined(scope, network, Role.ROBOT, "r1")
+        until(lambda: len(first.present()) == 4, "all others are there")
+        assert not twins
+        second.announce()
+        until(lambda: bool(twins), "the second is there")
+        second.close()
+        until(lambda: not twins, "the second is gone")
+
+
+def test_a_second_that_was_there_before_is_seen_too() -> None:
+    with ExitStack() as scope:
+        network = router(scope)
+        first, second = (joined(scope, network, Role.ROBOT, "r1") for _ in range(2))
+        second.announce()
+        twins = Twins(first)
+        until(lambda: bool(twins), "the second is there")

@@ -171,7 +171,7 @@ def test_a_controller_that_goes_mad_moves_no_wheel_and_is_stopped() -> None:
     stopped_by(driven, reasons.NOT_FINITE)
 
 
-@pytest.mark.parametrize("reason", [reasons.BUDGET, reasons.CORE_EXCEPTION])
+@pytest.mark.parametrize("reason", [reasons.BUDGET, reasons.CORE_EXCEPTION, reasons.NAME_TAKEN])
 def test_what_only_the_host_can_see_stops_the_robot_too(reason: int) -> None:
     driven = driving()
     driven.state.reported = reason

@@ -122,7 +122,7 @@ class Drive:
         goal_id = vehicle.commands.goal_id
         self.say(STATUS, telemetry.status(vehicle.state, goal_id, now_ns, inputs.now_ms))
         self.say(DECISION, telemetry.decision(outputs, vehicle.zone_m, now_ns))
-        given = Given(wheels.seq, scan.seq, 0, self._requests, False)
+        given = Given(wheels.seq, scan.seq, 0, self._requests, 0)
         self.say(INPUTS, telemetry.tick_inputs(inputs, given, None, tick, now_ns))
 
     def written(self, path: Path, **facts: str) -> Path:
