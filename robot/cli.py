@@ -24,6 +24,7 @@ from robot.parameters import adjusted
 from robot.run import Options, run
 from robot.store import Store
 from robot.vehicle import Vehicle
+from robot.writer import InlineWriter, WriterThread
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +93,7 @@ def parser() -> argparse.ArgumentParser:
 
 def vehicle_of(arguments: argparse.Namespace, settings: Settings) -> Vehicle:
     """Defaults, then the file, then what an operator saved, then the command line."""
-    store = Store(arguments.state)
+    store = Store(arguments.state, InlineWriter() if arguments.lockstep else WriterThread())
     params = adjusted(DEFAULTS, settings.parameters, f"{arguments.config}: [parameters]")
     params, warnings = store.load(params)
     params = adjusted(params, dict(arguments.param), "--param")

@@ -22,6 +22,7 @@ from robot.core.values import Inputs, Outputs
 from robot.lease import open_to_all
 from robot.meter import Meter
 from robot.reports import Reports
+from robot.saved_replies import SavedReplies
 from robot.senses import Senses
 from robot.stop_latch import StopLatch
 from robot.telemetry import BUDGET_VIOLATED, NAME_TAKEN, Given
@@ -35,6 +36,9 @@ MAX_ANSWERED: Final = 6
 
 MAX_GOOD_NS: Final = 60_000_000_000
 """A deadline farther away is of another clock: the sender is to ask for the time again."""
+
+SAVING_S: Final = 1.0
+"""So long a robot that ends waits for its disk."""
 
 UINT32: Final = 0xFFFFFFFF
 
@@ -66,6 +70,7 @@ class Process:
         self._requests: SimpleQueue[Asked] = SimpleQueue()
         self._strangers: SimpleQueue[Asked] = SimpleQueue()
         self._stop = StopLatch(vehicle.lease.is_holder)
+        self._saved = SavedReplies(vehicle)
         self._stop_askers: deque[Asked] = deque(maxlen=MAX_WAITING)
 
     def serve(self, nudge: Callable[[], None] = lambda: None) -> None:
@@ -130,6 +135,8 @@ class Process:
         with suppress(LocalError):
             reports.state(self.vehicle, senses.stamp_ns, now_ns)
             reports.events(self.vehicle, senses.stamp_ns, now_ns)
+        self.vehicle.finish_saving(SAVING_S)
+        self._saved.settle()
 
     def cycle(self, tick: Tick) -> None:
         """One control period: read, think, write, account."""
@@ -196,6 +203,7 @@ class Process:
 
     def _answer(self) -> None:
         """Act on no more requests than a control period can bear."""
+        self._saved.settle()
         for line in (self._requests, self._strangers):
             for _ in range(MAX_ANSWERED):
                 try:
@@ -226,7 +234,7 @@ class Process:
             asked.reply(self.vehicle.refused(asked.message, refusal))
             return
         answer = self.vehicle.receive(asked.message, self._clock.now_ns(), asked.operator)
-        asked.reply(answer)
+        self._saved.reply(asked, asked.message, answer)
         self.reports.record(asked.message, answer)
 
     def _void(self, asked: Asked) -> int:

@@ -2,58 +2,75 @@
 
 import json
 from pathlib import Path
+from typing import Final
 
-from protocol import whole_file
 from protocol.json_text import value_in
 from robot.core.parameters import Params
 from robot.parameters import OutOfRange, Unknown, with_value
+from robot.writer import Directory, Ticket, Writer
 
-FILE_NAME = "parameters.json"
+NAME: Final = "parameters"
+FILE_NAME: Final = f"{NAME}.json"
 
 
 class Store:
-    """Keeps what an operator has set, in `directory`; without a directory it keeps nothing."""
+    """Keeps what an operator has set, in `directory`; without a directory it keeps nothing.
 
-    def __init__(self, directory: Path | None) -> None:
-        self.directory = directory
-        self._path = None if directory is None else directory / FILE_NAME
+    `writer` writes; without one each change is written at once.
+    """
+
+    def __init__(self, directory: Path | None, writer: Writer | None = None) -> None:
+        self.directory = Directory(directory, writer)
+        self._file = self.directory.file(NAME)
         self._values: dict[str, float] = {}
-        self._written: dict[str, float] = {}
+        self._durable: dict[str, float] = {}
+        self._read: str | None = None
+
+    @property
+    def ticket(self) -> Ticket | None:
+        """A ticket for all that was saved so far; None where nothing is kept."""
+        return None if self._file is None else self._file.ticket
 
     def holds(self, name: str, value: float) -> bool:
-        """Whether this value is what a restart will find."""
-        return self._written.get(name) == value
+        """Return whether this value is what a restart will find."""
+        text = None if self._file is None else self._file.on_disk
+        if text is not self._read:
+            self._read, self._durable = text, values_in(text)
+        return self._durable.get(name) == value
 
     def load(self, params: Params) -> tuple[Params, list[str]]:
-        """Parameters with the saved values on top, and a warning for each that cannot be used."""
-        if self._path is None:
+        """Return parameters with the saved values on top, and a warning for each unusable one."""
+        if self._file is None:
             return params, []
+        path = self._file.path
         try:
-            saved = dict(value_in(self._path.read_text(encoding="utf-8")))
+            text = path.read_text(encoding="utf-8")
+            saved = dict(value_in(text))
         except FileNotFoundError:
             return params, []
         except (OSError, ValueError, TypeError) as error:
-            return params, [f"{self._path}: not readable ({error}); defaults in force"]
+            return params, [f"{path}: not readable ({error}); defaults in force"]
+        self._file.found(text)
         warnings = []
         for name, value in saved.items():
             try:
                 params = with_value(params, name, float(value))
                 self._values[name] = float(value)
             except (Unknown, OutOfRange, TypeError, ValueError) as error:
-                warnings.append(f"{self._path}: {name}: ignored ({error})")
-        self._written = dict(self._values)
+                warnings.append(f"{path}: {name}: ignored ({error})")
         return params, warnings
 
-    def save(self, name: str, value: float) -> None:
-        """In force is what the caller says; this is what a restart finds. Raises OSError."""
+    def save(self, name: str, value: float) -> Ticket | None:
+        """Have a restart find this value; None where nothing is kept."""
         self._values[name] = value
-        if self._path is None:
-            return
-        replace_whole(self._path, json.dumps(self._values, indent=1))
-        self._written = dict(self._values)
+        return None if self._file is None else self._file.put(json.dumps(self._values, indent=1))
 
 
-def replace_whole(path: Path, text: str) -> None:
-    """A crash leaves the old file or the new one; its directory is made. Raises OSError."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    whole_file.replace(path, text)
+def values_in(text: str | None) -> dict[str, float]:
+    """Return the numbers in a file of parameters; none where it cannot be read."""
+    try:
+        saved = value_in(text or "")
+    except ValueError:
+        return {}
+    numbers = saved.items() if isinstance(saved, dict) else ()
+    return {name: float(value) for name, value in numbers if isinstance(value, int | float)}

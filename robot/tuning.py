@@ -3,13 +3,12 @@
 import json
 from typing import Final, TypeAlias
 
-from protocol.enums import PARAM_TYPE_INT32, PARAM_TYPE_REAL32, Severity
+from protocol.enums import PARAM_TYPE_INT32, PARAM_TYPE_REAL32
 from protocol.messages import CommandAck, ParamRequestRead, ParamSet, ParamValue
 from robot.commands import ack
 from robot.core import modes, reasons
 from robot.core.machine import Machine
 from robot.core.parameters import Params
-from robot.news import Say
 from robot.parameters import SPECS, TABLE, OutOfRange, Unknown, described, with_value
 from robot.store import Store
 
@@ -20,13 +19,16 @@ NO_COMMAND: Final = 0
 
 
 class Tuning:
-    """`params` are replaced as a whole; `say` is told what the operator has to know besides."""
+    """`params` are replaced as a whole."""
 
-    def __init__(self, params: Params, store: Store, machine: Machine, say: Say) -> None:
+    def __init__(self, params: Params, store: Store, machine: Machine) -> None:
         self.params = params
         self._store = store
         self._machine = machine
-        self._say = say
+        self._text = b""
+
+    def forget_text(self) -> None:
+        """Make the list anew when it is asked for: values or what is saved has changed."""
         self._text = b""
 
     def described(self) -> bytes:
@@ -43,7 +45,7 @@ class Tuning:
         return self._text
 
     def set(self, request: ParamSet) -> Answer:
-        self._text = b""
+        self.forget_text()
         value = float(f"{request.param_value:.7g}")  # float32 carries seven digits: 0.1 is 0.1
         try:
             params = with_value(self.params, request.param_id, value)
@@ -54,11 +56,7 @@ class Tuning:
         reason = self._adopt(params)
         if reason != reasons.OK:
             return ack(NO_COMMAND, reason)
-        try:
-            self._store.save(request.param_id, float(getattr(params, request.param_id)))
-        except OSError as error:
-            self._say(Severity.ERROR, f"{request.param_id} not saved: {error.strerror}")
-            return ack(NO_COMMAND, reasons.NOT_SAVED)
+        self._store.save(request.param_id, float(getattr(params, request.param_id)))
         return self._value(request.param_id)
 
     def read(self, request: ParamRequestRead) -> Answer:

@@ -3,6 +3,8 @@
 from math import nan
 from typing import Final, TypeAlias
 
+import msgspec
+
 from protocol.enums import Severity
 from protocol.message import Message
 from protocol.messages import (
@@ -18,6 +20,7 @@ from protocol.messages import (
     MissionRequestInt,
     MissionRequestList,
     MissionStatus,
+    MissionVerdict,
     ParamRequestRead,
     ParamSet,
     ParamValue,
@@ -42,6 +45,7 @@ from robot.occasion import Occasion
 from robot.store import Store
 from robot.teleop import Handle
 from robot.tuning import NO_COMMAND, Tuning
+from robot.writer import Ticket
 
 Answer: TypeAlias = CommandAck | ParamValue | Reply
 Transfer: Final = (
@@ -69,10 +73,11 @@ class Vehicle:
         self.handle = Handle()
         self.mission = Mission(self.state.machine)
         self.commands = Commands(self.state, self.mission)
-        self.tuning = Tuning(params, store, self.state.machine, self.say)
+        self.tuning = Tuning(params, store, self.state.machine)
+        self._store = store
         self._kept = Kept(store.directory)
         fence = FenceItems(self.state)
-        self._transfers = Transfers(self.mission, fence, self._kept, self.say)
+        self._transfers = Transfers(self.mission, fence, self._kept)
         self._news = News(self.state.machine, self.mission)
         self._texts = self._news.text(Severity.INFO, "started: disarmed, standing still")
         self._operator_ns: int | None = None
@@ -112,8 +117,13 @@ class Vehicle:
     def receive(self, request: Message, now_ns: int, operator: str = "") -> Answer:
         """Act on a request and answer it; a refusal comes with its reason.
 
-        `operator` is who asks, as the bus knows it.
+        `operator` is who asks, as the bus knows it. The answer counts once `saving` has ended.
         """
+        answer = self._act(request, now_ns, operator)
+        ticket = self.saving(request, answer)
+        return answer if ticket is None else once_saved(answer, ticket)
+
+    def _act(self, request: Message, now_ns: int, operator: str) -> Answer:
         if isinstance(request, LeaseRequest):
             return self._lease(request, now_ns, operator)
         if not open_to_all(request) and not self.lease.allows(operator):
@@ -127,6 +137,27 @@ class Vehicle:
         if isinstance(request, Transfer):
             return self._transfers.receive(request, operator)
         return self.refused(request, reasons.UNKNOWN_COMMAND)
+
+    def saving(self, request: Message, answer: Answer) -> Ticket | None:
+        """Return what has to be on the disk before a request may get this answer."""
+        if isinstance(request, ParamSet) and isinstance(answer, ParamValue):
+            return self._store.ticket
+        if isinstance(answer, MissionVerdict) and answer.reason == reasons.OK:
+            return self._kept.ticket(answer.mission_type)
+        return None
+
+    def collect_saved(self) -> None:
+        """Note what has been written since the last call, and say what could not be."""
+        for file in self._store.directory.collect():
+            self.tuning.forget_text()
+            if file.error is not None:
+                words = file.error.strerror or str(file.error)
+                self.say(Severity.ERROR, f"{file.name} not saved: {words}")
+
+    def finish_saving(self, patience_s: float) -> None:
+        """Wait for what is being written, no longer than this; only once the loop has ended."""
+        self._store.directory.close(patience_s)
+        self.collect_saved()
 
     @property
     def stopped(self) -> bool:
@@ -178,6 +209,7 @@ class Vehicle:
 
     def texts(self) -> list[Statustext]:
         """What is to be told now, oldest first."""
+        self.collect_saved()
         texts = self._texts + self._news.since_last_time()
         self._texts = []
         return texts
@@ -216,3 +248,12 @@ class Vehicle:
         if isinstance(request, CommandRequest | GoalRequest):
             return acknowledge(request, reason)
         return ack(NO_COMMAND, reason)
+
+
+def once_saved(answer: Answer, ticket: Ticket) -> Answer:
+    """Return the answer, or the refusal NOT_SAVED where what it vouches for is not on the disk."""
+    if ticket.error is None:
+        return answer
+    if isinstance(answer, MissionVerdict):
+        return msgspec.structs.replace(answer, reason=reasons.NOT_SAVED)
+    return ack(NO_COMMAND, reasons.NOT_SAVED)

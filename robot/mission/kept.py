@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
@@ -12,7 +11,7 @@ from protocol.enums import MissionType
 from protocol.errors import LocalError
 from protocol.message import check
 from protocol.messages import MissionItemInt
-from robot.store import replace_whole
+from robot.writer import Directory, File, Ticket
 
 NAMES: Final[Mapping[int, str]] = MappingProxyType(
     {MissionType.FENCE: "fence", MissionType.MISSION: "mission"}
@@ -27,47 +26,47 @@ class Unreadable(Exception):
 
 
 class Kept:
-    """Files in `directory`; without a directory nothing is kept."""
+    """Files in `directory`; where that has no path nothing is kept."""
 
-    def __init__(self, directory: Path | None) -> None:
-        self._directory = directory
-        self._written: dict[int, str] = {}
+    def __init__(self, directory: Directory) -> None:
+        self._files: dict[int, File | None] = {
+            kind: directory.file(name) for kind, name in NAMES.items()
+        }
 
-    def path(self, kind: int) -> Path | None:
-        return None if self._directory is None else self._directory / f"{NAMES[kind]}.json"
+    def ticket(self, kind: int) -> Ticket | None:
+        """A ticket for what was kept last; None where nothing is kept."""
+        file = self._files.get(kind)
+        return None if file is None else file.ticket
 
     def keep(self, kind: int, items: Items) -> None:
-        """These instead of those that were kept; none takes the file away. Raises OSError."""
-        path, text = self.path(kind), text_of(items)
-        if path is None or self._written.get(kind) == text:
-            return
-        if items:
-            replace_whole(path, text)
-        else:
-            path.unlink(missing_ok=True)
-        self._written[kind] = text
+        """Have these survive a restart instead of those that were kept; none: no file does."""
+        file = self._files.get(kind)
+        if file is not None:
+            file.put(text_of(items) if items else None)
 
     def found(self, kind: int) -> Items:
-        """What an earlier run of the robot kept. Raises Unreadable."""
-        path = self.path(kind)
-        if path is None:
+        """Return what an earlier run of the robot kept. Raises Unreadable."""
+        file = self._files.get(kind)
+        if file is None:
             return ()
         try:
-            rows = json.loads(path.read_text(encoding="utf-8"))
+            rows = json.loads(file.path.read_text(encoding="utf-8"))
             items = tuple(item_of(row) for row in rows)
             if not items:
                 raise ValueError("there is nothing in it")
         except FileNotFoundError:
+            file.found(None)
             return ()
         except (OSError, ValueError, TypeError, RecursionError, LocalError) as error:
-            raise Unreadable(f"{path}: {error}") from error
-        self._written[kind] = text_of(items)
+            raise Unreadable(f"{file.path}: {error}") from error
+        file.found(text_of(items))
         return items
 
 
 def text_of(items: Items) -> str:
-    """As JSON that Python reads, with NaN as it is."""
-    return json.dumps([msgspec.structs.asdict(item) for item in items], indent=1)
+    """Return JSON that Python reads, with NaN as it is, and an item in each line."""
+    rows = ",\n".join(json.dumps(msgspec.structs.asdict(item)) for item in items)
+    return f"[\n{rows}\n]"
 
 
 def item_of(row: object) -> MissionItemInt:

@@ -6,7 +6,7 @@ acted on once.
 
 from typing import Final, Protocol, TypeAlias
 
-from protocol.enums import MissionType, Severity
+from protocol.enums import MissionType
 from protocol.messages import (
     MissionClearAll,
     MissionCount,
@@ -16,9 +16,8 @@ from protocol.messages import (
     MissionVerdict,
 )
 from robot.core import reasons
-from robot.mission.kept import NAMES, Kept
+from robot.mission.kept import Kept
 from robot.mission.mission import Mission
-from robot.news import Say
 
 NO_ITEM: Final = 65_535
 
@@ -52,10 +51,9 @@ class Upload:
 class Transfers:
     """Answers the frames of all transfers of one robot."""
 
-    def __init__(self, mission: Mission, fence: Held, kept: Kept, say: Say) -> None:
+    def __init__(self, mission: Mission, fence: Held, kept: Kept) -> None:
         self._mission = mission
         self._kept = kept
-        self._say = say
         self._held: dict[int, Held] = {MissionType.MISSION: mission, MissionType.FENCE: fence}
         self._uploads: dict[int, Upload] = {}
 
@@ -76,8 +74,10 @@ class Transfers:
         if isinstance(request, MissionRequestList):
             return MissionCount(count=len(held.items), mission_type=kind)
         self._uploads.pop(kind, None)
-        refusal = held.clear()
-        return self.verdict(kind, refusal or self._keep(kind, held))
+        reason = held.clear()
+        if reason == reasons.OK:
+            self._kept.keep(kind, held.items)
+        return self.verdict(kind, reason)
 
     def verdict(self, kind: int, reason: int, item: int | None = None) -> MissionVerdict:
         return MissionVerdict(
@@ -107,17 +107,10 @@ class Transfers:
             upload.items.append(item)
             if len(upload.items) == upload.count:
                 bad, reason = held.put(tuple(upload.items))
-                upload.verdict = self.verdict(kind, reason or self._keep(kind, held), bad)
+                if reason == reasons.OK:
+                    self._kept.keep(kind, held.items)
+                upload.verdict = self.verdict(kind, reason, bad)
         return upload.verdict or MissionRequestInt(seq=len(upload.items), mission_type=kind)
-
-    def _keep(self, kind: int, held: Held) -> int:
-        """Have it survive a restart; NOT_SAVED: it is in force, and will not."""
-        try:
-            self._kept.keep(kind, held.items)
-        except OSError as error:
-            self._say(Severity.ERROR, f"{NAMES[kind]} not saved: {error.strerror}")
-            return reasons.NOT_SAVED
-        return reasons.OK
 
 
 def repeated(item: MissionItemInt, items: list[MissionItemInt]) -> bool:

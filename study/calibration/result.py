@@ -117,4 +117,6 @@ def store(directory: Path, params: Params, values: Mapping[str, float]) -> None:
     kept = Store(directory)
     kept.load(params)
     for name, value in values.items():
-        kept.save(name, value)
+        ticket = kept.save(name, value)
+        if ticket is not None and ticket.error is not None:
+            raise ticket.error

@@ -15,6 +15,7 @@ from robot.core.values import Pose
 from robot.process import Process
 from robot.store import Store
 from robot.vehicle import Answer, Vehicle
+from robot.writer import WriterThread
 from verification.simulation.disk import DISKS, Disk, SimulatedPath
 from verification.simulation.scheduler import Host, Scheduler, current_task
 from verification.simulation.threads import SimulatedClock
@@ -93,7 +94,7 @@ class RobotSide:
 
     def _main(self) -> None:
         directory: Any = SimulatedPath(self.disk)
-        store = Store(directory)
+        store = Store(directory, WriterThread())
         params, warnings = store.load(self.params)
         vehicle = ObservedVehicle(params, store, self._start)
         vehicle.observer = self._observer

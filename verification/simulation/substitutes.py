@@ -94,7 +94,7 @@ BLOCKS: Final = (
     "ground.station.station",
     "ground.station.reader",
     "robot.process",
-    "robot.store",
+    "robot.writer",
     "plant.desk",
     "plant.process",
 )

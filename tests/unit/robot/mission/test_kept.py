@@ -217,7 +217,7 @@ def test_what_is_kept_already_is_not_written_again(
     def written(*_: object) -> None:
         raise AssertionError("written once more")
 
-    monkeypatch.setattr("robot.mission.kept.replace_whole", written)
+    monkeypatch.setattr("robot.writer.do", written)
     desk = restarted(tmp_path)
     desk.arm()
     assert upload(desk, circle(0.5, 0.0, 1.5)).reason == Reason.NONE

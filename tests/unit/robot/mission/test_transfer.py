@@ -21,6 +21,7 @@ from robot.core import reasons
 from robot.mission.kept import Kept
 from robot.mission.mission import MOST_ITEMS
 from robot.mission.transfer import NO_ITEM, Request, Transfers
+from robot.writer import Directory
 from tests.unit.robot.mission.items import circle, corners, item, line, ready, start, upload
 from tests.unit.robot.vehicles import Desk
 
@@ -248,7 +249,7 @@ def test_in_whatever_order_frames_come_what_is_held_came_as_a_whole(
 ) -> None:
     shelf = Shelf()
     desk = Desk()
-    transfers = Transfers(desk.vehicle.mission, shelf, Kept(None), desk.vehicle.say)
+    transfers = Transfers(desk.vehicle.mission, shelf, Kept(Directory(None)))
     for request, operator in asked:
         answer = transfers.receive(request, operator)
         assert getattr(answer, "mission_type", 0) == request.mission_type

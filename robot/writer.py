@@ -1,0 +1,223 @@
+"""Files that are written beside the control loop: the loop never waits for a disk.
+
+A `File` takes contents one after the other and hands the newest to a writer; a `Ticket` tells
+whether the disk has what was handed over. Only the loop's thread uses files and tickets.
+"""
+
+import errno
+import logging
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import Final, NamedTuple, Protocol
+
+from protocol import whole_file
+
+LOG = logging.getLogger(__name__)
+
+UNKNOWN: Final = "\0"
+"""What a file holds that could not be read or written; no text that is saved is like it."""
+
+
+class Job(NamedTuple):
+    """Replace a file, or remove it where `text` is None; `number` counts contents of that file."""
+
+    path: Path
+    text: str | None
+    number: int
+
+
+class Done(NamedTuple):
+    """A job that has ended: durable if `error` is None."""
+
+    job: Job
+    error: OSError | None
+
+
+class Writer(Protocol):
+    """Does jobs in their order."""
+
+    def submit(self, job: Job) -> Done | None:
+        """Take a job; return how it ended if it has, else None: `done` tells it later."""
+        ...
+
+    def done(self) -> list[Done]:
+        """Return the jobs that have ended since the last call."""
+        ...
+
+    def close(self, patience_s: float) -> None:
+        """End after the jobs there are, or after this time."""
+        ...
+
+
+class InlineWriter:
+    """Writes at once and in the caller's thread, so that a run repeats exactly."""
+
+    def submit(self, job: Job) -> Done:
+        return do(job)
+
+    def done(self) -> list[Done]:
+        return []
+
+    def close(self, patience_s: float) -> None:
+        """There is nothing left to do."""
+
+
+class WriterThread:
+    """Writes in a thread of its own. `submit` and `done` never wait for it.
+
+    The queue is bounded by those who submit: a `File` has one job under way at most.
+    """
+
+    def __init__(self) -> None:
+        self._jobs: SimpleQueue[Job | None] = SimpleQueue()
+        self._done: SimpleQueue[Done] = SimpleQueue()
+        self._thread = Thread(target=self._run, name="writer", daemon=True)
+        self._thread.start()
+
+    def submit(self, job: Job) -> None:
+        self._jobs.put(job)
+
+    def done(self) -> list[Done]:
+        found: list[Done] = []
+        while True:
+            try:
+                found.append(self._done.get_nowait())
+            except Empty:
+                return found
+
+    def close(self, patience_s: float) -> None:
+        self._jobs.put(None)
+        self._thread.join(patience_s)
+
+    def _run(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            self._done.put(do(job))
+
+
+def do(job: Job) -> Done:
+    """Write a file so that a crash or a power cut leaves the old content or the new one."""
+    try:
+        if job.text is None:
+            whole_file.remove(job.path)
+        else:
+            whole_file.make_folder(job.path.parent)
+            whole_file.replace(job.path, job.text)
+    except OSError as error:
+        return Done(job, error)
+    except Exception as error:  # a defect must not end the thread without a word
+        LOG.exception("%s could not be written", job.path)
+        return Done(job, OSError(errno.EIO, f"{type(error).__name__}: {error}"))
+    return Done(job, None)
+
+
+class File:
+    """One file. Of contents that come while one is being written, only the newest is written."""
+
+    def __init__(self, name: str, path: Path, writer: Writer) -> None:
+        self.name = name
+        self.path = path
+        self.on_disk: str | None = UNKNOWN
+        """What is durable; None: the file is not there."""
+        self.number = 0
+        """Of the newest content."""
+        self.ended = 0
+        """Of the newest content that is durable or could not be written."""
+        self.durable = 0
+        self.error: OSError | None = None
+        """Why the content `ended` could not be written."""
+        self._text: str | None = UNKNOWN
+        self._writer = writer
+        self._busy = False
+
+    def found(self, text: str | None) -> None:
+        """Note what an earlier run has left."""
+        self.on_disk = self._text = text
+
+    def put(self, text: str | None) -> "Ticket":
+        """Have this content replace the former, None: have the file removed.
+
+        The content that is there, or on its way, is not written again.
+        """
+        failed = self.error is not None and self.ended == self.number
+        if text != self._text or failed:
+            self._text = text
+            self.number += 1
+            self._submit()
+        return self.ticket
+
+    @property
+    def ticket(self) -> "Ticket":
+        """A ticket for the newest content."""
+        return Ticket(self, self.number)
+
+    def take(self, done: Done) -> None:
+        """Note how a job has ended, and go on with what has come meanwhile."""
+        self._busy = False
+        self.ended, self.error = done.job.number, done.error
+        if done.error is None:
+            self.durable, self.on_disk = done.job.number, done.job.text
+        else:
+            self.on_disk = UNKNOWN
+        if self.number > self.ended:
+            self._submit()
+
+    def _submit(self) -> None:
+        if self._busy:
+            return
+        self._busy = True
+        done = self._writer.submit(Job(self.path, self._text, self.number))
+        if done is not None:
+            self.take(done)
+
+
+class Ticket(NamedTuple):
+    """What was handed over to a file at one moment."""
+
+    file: File
+    number: int
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is still on its way."""
+        return self.file.ended < self.number
+
+    @property
+    def error(self) -> OSError | None:
+        """Why neither this content nor a newer one is durable; None while it is on its way."""
+        lost = not self.is_open and self.file.durable < self.number
+        return self.file.error if lost else None
+
+
+class Directory:
+    """The files of one robot, which share a writer; without a path there are none."""
+
+    def __init__(self, path: Path | None, writer: Writer | None = None) -> None:
+        self.path = path
+        self._writer = InlineWriter() if writer is None else writer
+        self._files: dict[Path, File] = {}
+        self._collected: dict[Path, int] = {}
+
+    def file(self, name: str) -> File | None:
+        """Return a file by its name without the ending; None: nothing is kept."""
+        if self.path is None:
+            return None
+        path = self.path / f"{name}.json"
+        if path not in self._files:
+            self._files[path] = File(name, path, self._writer)
+        return self._files[path]
+
+    def collect(self) -> list[File]:
+        """Note what the writer has done; return the files of which something has ended."""
+        for done in self._writer.done():
+            self._files[done.job.path].take(done)
+        changed = []
+        for path, file in self._files.items():
+            if file.ended != self._collected.get(path, 0):
+                self._collected[path] = file.ended
+                changed.append(file)
+        return changed
+
+    def close(self, patience_s: float) -> None:
+        """Let the writer finish what is on its way."""
+        self._writer.close(patience_s)

@@ -1,0 +1,119 @@
+"""What the robot has acknowledged survives a power cut, in whatever order the disk writes."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from protocol import whole_file
+from protocol.enums import MissionType
+from protocol.messages import MissionClearAll, MissionItemInt, ParamSet, ParamValue
+from protocol.reasons import Reason
+from robot.core.parameters import DEFAULTS
+from robot.mission.kept import Kept, text_of
+from robot.store import Store
+from robot.writer import Directory
+from tests.unit.robot.mission.items import circle, line, upload
+from tests.unit.robot.vehicles import Desk
+from verification.power_cut import Disk, State, restore
+
+HOME = Path("/state/of/r1")
+Held = tuple[float, str, str]
+"""A parameter, the fence and the mission that a restart finds."""
+
+
+class Owner:
+    """Somebody who changes one thing after the other, and what must be there then."""
+
+    def __init__(self) -> None:
+        self.desk = Desk(Store(HOME))
+        self.desk.vehicle.restore()
+        self.desk.arm()
+        self.held: Held = (DEFAULTS.d_obs_m, text_of(()), text_of(()))
+
+    def put(self, items: list[MissionItemInt]) -> None:
+        assert upload(self.desk, items).reason == Reason.NONE
+        self._holds(items[0].mission_type, text_of(tuple(items)))
+
+    def clear(self, kind: MissionType) -> None:
+        answer = self.desk.vehicle.receive(MissionClearAll(mission_type=kind), 0)
+        assert getattr(answer, "reason", None) == Reason.NONE
+        self._holds(kind, text_of(()))
+
+    def set(self, value: float) -> None:
+        request = ParamSet(param_id="d_obs_m", param_value=value, param_type=9)
+        assert isinstance(self.desk.vehicle.receive(request, 0), ParamValue)
+        self.held = value, *self.held[1:]
+
+    def _holds(self, kind: int, items: str) -> None:
+        value, fence, mission = self.held
+        fence = items if kind == MissionType.FENCE else fence
+        self.held = value, fence, items if kind == MissionType.MISSION else mission
+
+
+STEPS: tuple[Callable[[Owner], None], ...] = (
+    lambda owner: owner.put(circle(0.0, 0.0, 3.0)),
+    lambda owner: owner.set(0.45),
+    lambda owner: owner.put(line(2)),
+    lambda owner: owner.put(circle(0.0, 0.0, 5.0)),
+    lambda owner: owner.clear(MissionType.FENCE),
+    lambda owner: owner.set(0.5),
+    lambda owner: owner.put(circle(0.0, 0.0, 4.0)),
+    lambda owner: owner.clear(MissionType.MISSION),
+)
+
+
+def found(state: State, folder: Path) -> Held:
+    """What a robot that starts after this cut has."""
+    restore(state, folder)
+    home = folder / str(HOME).removeprefix("/")
+    kept = Kept(Directory(home))
+    params, warnings = Store(home).load(DEFAULTS)
+    assert warnings == []
+    fence, mission = kept.found(MissionType.FENCE), kept.found(MissionType.MISSION)
+    return params.d_obs_m, text_of(fence), text_of(mission)
+
+
+def outcomes(disk: Disk, folder: Path) -> list[tuple[Held, Held, set[Held], set[Held]]]:
+    """For each step: what was held before and after it; what cuts during and after it leave."""
+    owner, told = Owner(), []
+    known: dict[State, Held] = {}
+
+    def all_found(states: frozenset[State]) -> set[Held]:
+        for state in states - known.keys():
+            known[state] = found(state, folder / str(len(known)))
+        return {known[state] for state in states}
+
+    for step in STEPS:
+        before, begun = owner.held, len(disk.cuts)
+        step(owner)
+        during = {one for states in disk.cuts[begun:] for one in all_found(states)}
+        told.append((before, owner.held, during, all_found(disk.cuts[-1])))
+    return told
+
+
+def test_every_cut_leaves_what_was_acknowledged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = Disk()
+    monkeypatch.setattr(whole_file, "os", disk)
+    for before, after, during, at_the_end in outcomes(disk, tmp_path):
+        assert during == {before, after}
+        assert at_the_end == {after}
+
+
+class NamesForgotten(Disk):
+    """As a robot that does not synchronise directories."""
+
+    def fsync(self, handle: int) -> None:
+        if not self.isdir_open(handle):
+            super().fsync(handle)
+
+
+def test_a_directory_that_is_not_synchronised_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = NamesForgotten()
+    monkeypatch.setattr(whole_file, "os", disk)
+    told = outcomes(disk, tmp_path)
+    assert any(at_the_end != {after} for _, after, _, at_the_end in told)
