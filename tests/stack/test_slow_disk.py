@@ -1,0 +1,80 @@
+"""A real robot on a slow disk: it drives on, and what it has acknowledged survives a kill."""
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+
+from protocol.enums import Vehicle
+from tests.stack.processes import Crew, Running, Witness, until
+
+pytestmark = pytest.mark.stack
+
+ROOT = Path(__file__).parents[2]
+FSYNC_S = 0.5
+SLOW_DISK = f"""
+import os, sys, time
+sys.path.insert(0, sys.argv.pop(1))
+import sidestep
+from ground.leash import tie_to
+tie_to(int(sys.argv.pop(1)))
+whole = os.fsync
+
+def fsync(number):
+    time.sleep({FSYNC_S})
+    whole(number)
+
+os.fsync = fsync
+sys.exit(sidestep.main())
+"""
+WHOLE_WORLD = """
+[[waypoint]]
+x_m = 5.0
+y_m = 2.0
+
+[fence]
+circle = { x_m = 2.0, y_m = 2.0, radius_m = 9.0 }
+"""
+
+
+def slow_robot(crew: Crew, state: Path) -> Running:
+    words = ("robot", "--start", "0.6", "2", "0", "--listen", crew.endpoint, "--state", str(state))
+    script = (sys.executable, "-P", "-c", SLOW_DISK, str(ROOT), str(os.getpid()))
+    robot = crew.execute(*script, *words)
+    robot.says("ready")
+    return robot
+
+
+def missed(witness: Witness) -> int:
+    """Ticks that the robot has missed so far."""
+    until(lambda: witness.report, what="a cycle report")
+    assert witness.report is not None
+    return witness.report.missed
+
+
+def test_slow_disk_holds_up_answers_and_no_tick(tmp_path: Path) -> None:
+    tour, state = tmp_path / "tour.toml", tmp_path / "state"
+    tour.write_text(WHOLE_WORLD)
+    with Crew() as crew:
+        robot = slow_robot(crew, state)
+        crew.plant()
+        with Witness(crew.endpoint) as witness:
+            witness.ready()
+            assert crew.run("goto", "5.4", "2", "--no-wait")[0] == 0
+            witness.driving()
+            before = missed(witness)
+            code, said = crew.run("param", "set", "d_obs_m", "0.31")
+            assert (code, "saved on the robot" in said) == (0, True), said
+            code, said = crew.run("mission", "upload", str(tour))
+            robot.send(signal.SIGKILL)
+            assert code == 0, said
+            assert missed(witness) - before < FSYNC_S / 0.05 - 3, "one fsync would miss more"
+            assert witness.status.vehicle == Vehicle.ACTIVE, witness.texts
+        robot.ends()
+        robot = crew.robot("--state", str(state))
+        robot.says("fence of before is up")
+        robot.says("mission of before is there, 1 item")
+        code, said = crew.run("param", "get", "d_obs_m")
+        assert said.strip() == "d_obs_m = 0.31 m"
