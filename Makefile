@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test bench docs clean afresh
+.PHONY: help setup up test mutation bench docs clean afresh
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -16,6 +16,7 @@ help:
 	@echo "make setup   the virtual environment .venv with everything in it"
 	echo "make up      plant, robot and a goal; ARGS=\"--world u_trap --navigator bug\" for another run"
 	echo "make test    every check: format, lint, types, import contracts, tests"
+	echo "make mutation  change the modules a stop depends on, bit by bit: does a test notice?"
 	echo "make bench   measurements; ARGS=... is handed on"
 	echo "make docs    docs/protocol.md and docs/state-diagram.md anew"
 	echo "make clean   remove .venv and what the tools have cached"
@@ -96,6 +97,10 @@ test: setup
 		exit 1
 	fi
 	printf '\nmake test: all passed\n'
+
+# Some minutes; ARGS="--module guard" tries one module.
+mutation: setup
+	@exec "$(BIN)/python" -m verification.mutation $(ARGS)
 
 docs: setup
 	@"$(BIN)/python" -m protocol.docs >docs/protocol.md.new

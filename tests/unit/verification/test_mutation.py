@@ -1,0 +1,203 @@
+"""The mutation tests: what is changed, what counts as noticed, and the list of equivalents."""
+
+import subprocess
+import sys
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from verification.mutation import equivalent
+from verification.mutation.equivalent import Entry, mistakes
+from verification.mutation.mutants import Identity, mutants_of
+from verification.mutation.targets import TARGETS
+
+ROOT = Path(__file__).parents[3]
+
+
+def changes(folder: Path, source: str) -> list[tuple[str, str]]:
+    """What was and what is there in each mutant of a module."""
+    file = folder / "module.py"
+    file.write_text(dedent(source), encoding="utf-8")
+    return [(one.identity.was, one.identity.now) for one in mutants_of(file, folder)]
+
+
+@pytest.mark.parametrize(
+    ("was", "now"),
+    [
+        ("a < b", {"a <= b", "a >= b"}),
+        ("a <= b", {"a < b", "a > b"}),
+        ("a > b", {"a >= b", "a <= b"}),
+        ("a >= b", {"a > b", "a < b"}),
+        ("a == b", {"a != b"}),
+        ("a is None", {"a is not None"}),
+        ("a not in b", {"a in b"}),
+        ("a and b", {"a or b"}),
+        ("not a", {"a"}),
+        ("-a", {"a"}),
+        ("a + b", {"a - b"}),
+        ("a / b", {"a * b"}),
+        ("a & b", {"a | b"}),
+        ("True", {"False"}),
+        ("7", {"8"}),
+        ("0.0", {"1.0"}),
+        ("2.0", {"3.0"}),
+        ("1e-09", {"0.01"}),
+        ("'words'", {"'XXwords'"}),
+        ("states.HOLD", {"states.HOLD + 1"}),
+        ("max(a, b)", {"min(a, b)"}),
+        ("a if b else c", {"a if True else c", "a if False else c"}),
+        ("[a for a in b if c]", {"[a for a in b if True]", "[a for a in b if False]"}),
+        ("a.b", set()),
+    ],
+)
+def test_expression_is_replaced_by_each_neighbour(tmp_path: Path, was: str, now: set[str]) -> None:
+    wanted = [(f"x = {was}", f"x = {one}") for one in sorted(now)]
+    assert sorted(changes(tmp_path, f"x = {was}")) == wanted
+
+
+@pytest.mark.parametrize(
+    ("statement", "now"),
+    [
+        ("a.b = c", ["pass"]),
+        ("a.b += c", ["a.b -= c", "pass"]),
+        ("a()", ["pass"]),
+        ("raise a", ["pass"]),
+        ("return a", ["return None"]),
+        ("return False", ["return True"]),
+        ("return", ["pass"]),
+        ("if a:\n        b", ["if False:", "if True:"]),
+        ("a: int", []),
+    ],
+)
+def test_statement_of_a_function_is_deleted_or_decided(
+    tmp_path: Path, statement: str, now: list[str]
+) -> None:
+    found = changes(tmp_path, f"def f(a, b, c):\n    {statement}\n")
+    assert sorted(new for was, new in found if was != "b") == now
+
+
+def test_text_without_effect_is_left_alone(tmp_path: Path) -> None:
+    source = '''
+        """The docstring."""
+        from other import LIMIT
+        Row = NamedTuple("Row", [("a", "int")])
+
+        class C:
+            """Another."""
+            __slots__ = ("a", "b")
+
+            @wrapped(1)
+            def f(self, a: "int | None") -> "int":
+                """One more."""
+    '''
+    assert changes(tmp_path, source) == []
+
+
+def test_mutant_is_known_by_its_text_wherever_it_is(tmp_path: Path) -> None:
+    function = "class C:\n    def f(self):\n        return self.a < 1\n"
+    wanted = Identity("module.py", "C.f", "return self.a < 1", "return self.a <= 1")
+    for source in (function, f"import os\n\n\n{function}"):
+        (tmp_path / "module.py").write_text(source, encoding="utf-8")
+        found = mutants_of(tmp_path / "module.py", tmp_path)
+        assert [one.function for one in found if one.identity == wanted] == ["C.f"]
+
+
+LAMP = """
+LIMIT = 3
+
+def lit(level):
+    while True:
+        level -= LIMIT
+        break
+    return level > 0
+"""
+TESTS = """
+from lamp import lit
+
+def test_lamp():
+    assert lit(9) and not lit(1)
+"""
+TRY = """
+import sys
+from pathlib import Path
+from verification.mutation import forks
+from verification.mutation.mutants import mutants_of
+from verification.mutation.runner import Target, verdicts
+forks.EXTRA_CPU_S = 1
+root = Path.cwd()
+target = Target(root / "lamp.py", root, ("test_lamp.py",))
+mutants = mutants_of(target.path, root)
+for mutant, verdict in zip(mutants, verdicts(target, mutants, 2)):
+    print(verdict.value, mutant.identity.now, sep=": ")
+"""
+
+
+def tried(folder: Path, lamp: str) -> "subprocess.CompletedProcess[str]":
+    """Try the mutants of a lamp with its tests in a process of its own."""
+    (folder / "lamp.py").write_text(lamp, encoding="utf-8")
+    (folder / "test_lamp.py").write_text(TESTS, encoding="utf-8")
+    (folder / "pytest.ini").write_text("[pytest]\n", encoding="utf-8")
+    environment = {"PYTHONPATH": f"{ROOT}:{folder}", "PATH": ""}
+    return subprocess.run(
+        [sys.executable, "-c", TRY], cwd=folder, env=environment, capture_output=True, text=True
+    )
+
+
+def test_mutant_dies_by_a_failing_test_or_by_an_endless_loop(tmp_path: Path) -> None:
+    assert tried(tmp_path, LAMP).stdout.splitlines() == [
+        "survived: LIMIT = 4",
+        "killed: while False:",
+        "killed: pass",
+        "killed: level += LIMIT",
+        "timeout: continue",
+        "killed: return None",
+        "survived: return level >= 0",
+        "killed: return level <= 0",
+        "survived: return level > 1",
+    ]
+
+
+def test_nothing_is_tried_while_a_test_fails_anyway(tmp_path: Path) -> None:
+    ended = tried(tmp_path, LAMP.replace("3", "9"))
+    assert ended.returncode != 0
+    assert "Broken: the tests of lamp cannot be run" in ended.stderr
+
+
+HALF = Identity("a.py", "f", "x < 1", "x <= 1")
+
+
+def entry(why: str = "x is never 1") -> Entry:
+    return Entry(HALF.module, HALF.scope, ((HALF.was, HALF.now),), why)
+
+
+def test_equivalent_mutant_that_survives_is_in_order() -> None:
+    assert mistakes([entry()], ["a.py"], [HALF]) == []
+
+
+@pytest.mark.parametrize(
+    ("entries", "survivors", "mistake"),
+    [
+        ([entry()], [], "stale"),
+        ([entry(), entry()], [HALF], "listed twice"),
+        ([entry(why="")], [HALF], "without a reason"),
+    ],
+)
+def test_list_of_equivalents_is_checked(
+    entries: list[Entry], survivors: list[Identity], mistake: str
+) -> None:
+    (found,) = mistakes(entries, ["a.py"], survivors)
+    assert found.startswith(mistake)
+    assert mistakes(entries, ["b.py"], survivors) == [], "only of the modules that were tried"
+
+
+def test_every_listed_mutant_exists_in_the_source() -> None:
+    listed = {identity for entry in equivalent.load() for identity in entry.identities}
+    assert {identity.module for identity in listed} <= TARGETS.keys()
+    there = {one.identity for module in TARGETS for one in mutants_of(ROOT / module, ROOT)}
+    assert listed - there == set(), "stale: the code has changed"
+
+
+def test_targets_and_their_tests_exist() -> None:
+    for module, tests in TARGETS.items():
+        assert all((ROOT / file).is_file() for file in (module, *tests))

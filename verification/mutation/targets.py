@@ -1,0 +1,23 @@
+"""Which modules are mutated, and the unit tests that must notice it."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+CORE: Final = "tests/unit/core"
+ROBOT: Final = "tests/unit/robot"
+PROTOCOL: Final = "tests/unit/protocol"
+
+TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "robot/core/guard.py": (f"{CORE}/test_guard.py",),
+        "robot/core/failsafe.py": (f"{CORE}/test_failsafe.py",),
+        "robot/core/machine.py": (f"{CORE}/test_modes.py",),
+        "robot/core/modes.py": (f"{CORE}/test_modes.py", f"{CORE}/test_fence.py"),
+        "robot/lease.py": (f"{ROBOT}/test_lease.py",),
+        "robot/teleop.py": (f"{ROBOT}/test_teleop.py",),
+        "robot/commands.py": (f"{ROBOT}/test_vehicle.py",),
+        "protocol/mailbox.py": (f"{PROTOCOL}/test_mailbox.py",),
+    }
+)
+"""Source files with their tests, the module's own first."""
