@@ -68,6 +68,8 @@ class Recorded:
         """Why it cannot go on behind the last of them; empty when there is no more."""
         self._wheels: dict[int, WheelTicks] = {}
         self._scans: dict[int, SonarScan] = {}
+        self.fence_lost = False
+        """The robot had a fence that it could not read, which no request tells."""
         self._outputs: dict[tuple[type[Message], Key], Message] = {}
         self._asked: list[tuple[int, Message]] = []
         self._answers: list[tuple[int, Message]] = []
@@ -98,6 +100,8 @@ class Recorded:
                 self.ticks.append((message, sequence))
         elif isinstance(message, OUTPUTS):
             self._outputs.setdefault((type(message), (message.time_ns, sequence)), message)
+            if isinstance(message, NavigatorStatus):
+                self.fence_lost |= message.vehicle_reason == Reason.FENCE_UNREADABLE
         elif key.endswith(COMMANDED.path):
             self._asked.append((sequence, message))
         elif key.endswith(ANSWERED.path):

@@ -24,7 +24,7 @@ from protocol.messages import (
 )
 from protocol.wire import wire_of
 from robot import telemetry
-from robot.core import reasons
+from robot.core import modes, reasons
 from robot.core.parameters import Params
 from robot.core.senses import scan_of, twist_of, wheels_of
 from robot.core.values import Inputs, Outputs, Pose
@@ -79,6 +79,8 @@ class Again:
         self._recorded = recorded
         self._other = other
         self._vehicle = Vehicle(params, Store(None), start)
+        if recorded.fence_lost:
+            modes.lose_fence(self._vehicle.state.machine)
         self._asked = 0
 
     def step(self, inputs: TickInputs) -> Outputs:

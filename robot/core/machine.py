@@ -12,13 +12,15 @@ class Machine:
     `cause` is the failsafe that would trip right now, armed or not; `senses` and `operator` say
     whether fresh senses and a fresh operator's heartbeat were there in the last step.
     `replaced_serial` is the last goal that a newer one pushed out (ABORTED, REPLACED). `fence` is
-    what the robot must not leave, None where there is none. `pursuits` counts what is to be gone
-    about afresh: a new goal, or the same with another navigator.
+    what the robot must not leave, None where there is none; `fence_unreadable`: there was one, and
+    it is lost. `pursuits` counts what is to be gone about afresh: a new goal, or the same with
+    another navigator.
     """
 
     __slots__ = (
         "cause",
         "fence",
+        "fence_unreadable",
         "goal",
         "goal_ended_ms",
         "goal_max_m",
@@ -54,6 +56,7 @@ class Machine:
         self.side: int = params.side
         self.goal_max_m: float = params.goal_max_m
         self.fence: Fence | None = None
+        self.fence_unreadable = False
         self.senses = False
         self.operator = False
         self.cause: int = reasons.OK

@@ -20,13 +20,16 @@ EPSILON: Final = 1e-6  # a tolerance given as an integer of the wire may be half
 
 
 def arm(machine: Machine) -> int:
-    """Let the wheels turn: needs fresh senses and no failsafe whose cause is still there."""
+    """Let the wheels turn: needs fresh senses, no failsafe whose cause is still there, and to know
+    the fence."""
     if machine.vehicle == states.EMERGENCY_STOP:
         return reasons.EMERGENCY_STOPPED
     if machine.vehicle == states.BOOT or not machine.senses:
         return reasons.NO_SENSES
     if machine.vehicle == states.ACTIVE:
         return reasons.OK
+    if machine.fence_unreadable:
+        return reasons.FENCE_UNREADABLE
     if machine.cause != reasons.OK:
         return machine.cause
     machine.vehicle = states.ACTIVE
@@ -38,8 +41,7 @@ def disarm(machine: Machine, now_ms: int) -> int:
     """Stop the wheels and end the goal; an emergency stop stays latched."""
     machines.end_goal(machine, states.ABORTED, reasons.DISARMED, now_ms)
     if machine.vehicle in (states.ACTIVE, states.FAILSAFE):
-        machine.vehicle = states.STANDBY
-        machine.vehicle_reason = reasons.OK
+        stand_by(machine)
     return reasons.OK
 
 
@@ -54,9 +56,15 @@ def estop(machine: Machine, now_ms: int) -> int:
 def clear_estop(machine: Machine) -> int:
     """Release the latch, if there is one; the vehicle stands by, disarmed."""
     if machine.vehicle == states.EMERGENCY_STOP:
-        machine.vehicle = states.STANDBY
-        machine.vehicle_reason = reasons.OK
+        stand_by(machine)
     return reasons.OK
+
+
+def stand_by(machine: Machine) -> None:
+    """Be disarmed, and say why arming is refused if the fence is lost."""
+    machine.vehicle = states.STANDBY
+    unreadable = machine.fence_unreadable
+    machine.vehicle_reason = reasons.FENCE_UNREADABLE if unreadable else reasons.OK
 
 
 def hold(machine: Machine) -> int:
@@ -146,7 +154,16 @@ def set_fence(machine: Machine, fence: "Fence | None", pose: Pose) -> int:
         if machines.goal_lives(machine) and not kept:
             return reasons.OUTSIDE_FENCE
     machine.fence = fence
+    machine.fence_unreadable = False
+    if machine.vehicle_reason == reasons.FENCE_UNREADABLE:
+        machine.vehicle_reason = reasons.OK
     return reasons.OK
+
+
+def lose_fence(machine: Machine) -> None:
+    """Forbid arming until a fence is put up or taken down: the one of before cannot be read."""
+    machine.fence_unreadable = True
+    machine.vehicle_reason = reasons.FENCE_UNREADABLE
 
 
 def set_navigator(machine: Machine, navigator: int, side: int) -> int:

@@ -1,7 +1,7 @@
 """After a restart: what was kept is put up again by the requests that brought it, and it is said.
 
-A fence that cannot be had back is told as an error: the robot drives without it. A mission is there
-to be started; it never starts by itself.
+A fence that cannot be had back forbids arming until an operator takes it down or uploads another.
+A mission is there to be started; it never starts by itself.
 """
 
 from typing import NamedTuple, TypeAlias
@@ -10,7 +10,7 @@ from protocol.enums import MissionType, Severity
 from protocol.messages import MissionCount, MissionVerdict
 from protocol.reasons import reason_text
 from robot.core import fence as fences
-from robot.core import reasons
+from robot.core import modes, reasons
 from robot.core.state import State
 from robot.mission.kept import NAMES, Items, Kept, Unreadable
 from robot.mission.transfer import NO_ITEM, Reply, Request, Transfers
@@ -27,11 +27,11 @@ class Restored(NamedTuple):
 
 def restored(kept: Kept, transfers: Transfers, state: State) -> Restored:
     done = Restored([], [])
-    for kind, name in NAMES.items():
+    for kind in NAMES:
         try:
             items = kept.found(kind)
         except Unreadable as error:
-            done.words.append((Severity.ERROR, f"started WITHOUT the {name} of before: {error}"))
+            done.words.append((Severity.ERROR, lost(kind, state, str(error))))
             continue
         if items:
             exchange = asked_again(transfers, kind, items)
@@ -54,7 +54,7 @@ def asked_again(transfers: Transfers, kind: int, items: Items) -> list[Exchange]
 def outcome(kind: int, items: Items, answer: Reply, state: State) -> tuple[Severity, str]:
     why = refusal(answer)
     if why:
-        return Severity.ERROR, f"started WITHOUT the {NAMES[kind]} of before: {why}"
+        return Severity.ERROR, lost(kind, state, why)
     if kind == MissionType.MISSION:
         count = f"{len(items)} item{'' if len(items) == 1 else 's'}"
         return Severity.INFO, f"mission of before is there, {count}, not started"
@@ -62,6 +62,14 @@ def outcome(kind: int, items: Items, answer: Reply, state: State) -> tuple[Sever
     if fence is not None and not fences.inside(fence, pose.x_m, pose.y_m):
         return Severity.WARNING, "fence of before is up, robot OUTSIDE of it: lift it to arm"
     return Severity.INFO, "fence of before is up"
+
+
+def lost(kind: int, state: State, why: str) -> str:
+    """Return the words for what cannot be had back; without its fence the robot is not armed."""
+    if kind != MissionType.FENCE:
+        return f"started WITHOUT the {NAMES[kind]} of before: {why}"
+    modes.lose_fence(state.machine)
+    return f"fence of before is LOST: arming is refused until `fence off` or a new fence: {why}"
 
 
 def refusal(answer: Reply) -> str:

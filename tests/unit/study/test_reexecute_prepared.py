@@ -10,7 +10,7 @@ from ground.missions.wire import fence_items_of
 from protocol.enums import MissionType
 from protocol.errors import UserError
 from protocol.message import Message
-from protocol.messages import MissionCount, ParamSet
+from protocol.messages import MissionClearAll, MissionCount, ParamSet
 from protocol.topics import ANSWERED, COMMANDED, WHEELS
 from robot.store import Store
 from study.reexecute_cli import main
@@ -49,6 +49,16 @@ def test_a_robot_that_had_its_fence_again_is_executed_again_with_it(
     assert len(drive.on(COMMANDED)) == 4, "its fence, armed, its goal"
     assert verdict(drive, tmp_path, capsys) == (0, "40 0")
     assert verdict(late(drive), tmp_path, capsys) == (0, "38 0")
+
+
+@pytest.mark.parametrize("asked", [[], [MissionClearAll(mission_type=MissionType.FENCE)]])
+def test_robot_that_lost_its_fence_is_executed_again_without_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], asked: list[Message]
+) -> None:
+    """Arming is refused until the fence is taken down."""
+    (tmp_path / "fence.json").write_text("{")
+    drive = Drive().run(ticks=40, store=Store(tmp_path), asked=asked)
+    assert verdict(drive, tmp_path, capsys) == (0, "40 0")
 
 
 def test_a_fence_and_a_parameter_set_before_it_begins_are_in_force(

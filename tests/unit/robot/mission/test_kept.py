@@ -5,15 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from protocol.enums import Command, GoalState, MissionState, MissionType, Severity
+from protocol.enums import Command, GoalState, MissionState, MissionType, Severity, Vehicle
 from protocol.message import check
 from protocol.messages import MissionClearAll, MissionItemInt, MissionVerdict
 from protocol.reasons import Reason
+from robot import telemetry
 from robot.core.values import Pose
 from robot.store import Store
 from tests.unit.robot.mission.items import circle, corners, line, start, state, until, upload
 from tests.unit.robot.vehicles import Desk
 
+CLEAR = Command.SIDESTEP_CLEAR_EMERGENCY_STOP
 NEAR = corners((-1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (-1.0, 1.0))
 
 
@@ -127,18 +129,67 @@ def item_text(**changes: object) -> str:
         pytest.param(json.dumps(json.loads(item_text()) * 2), id="a corner twice"),
     ],
 )
-def test_a_robot_starts_without_a_fence_that_cannot_be_read_and_says_so_loudly(
-    tmp_path: Path, text: str
-) -> None:
+def test_unreadable_fence_forbids_arming_and_is_told(tmp_path: Path, text: str) -> None:
     (tmp_path / "fence.json").write_text(text)
     desk = restarted(tmp_path)
     (words,) = desk.vehicle.restored
-    assert words.startswith("started WITHOUT the fence of before: ")
-    assert len(words) > len("started WITHOUT the fence of before: ")
+    assert words.startswith(LOST)
+    assert len(words) > len(LOST)
     assert (Severity.ERROR, words.encode("ascii", "replace").decode()) in told(desk)
-    desk.arm()
-    assert desk.goto(3.0, 0.0) == Reason.NONE
+    assert desk.arm() == Reason.FENCE_UNREADABLE
+    assert shown(desk) == (Vehicle.STANDBY, Reason.FENCE_UNREADABLE)
+    assert desk.goto(3.0, 0.0) == Reason.NOT_ARMED
     assert (tmp_path / "fence.json").read_text() == text, "somebody may want to look at it"
+
+
+LOST = "fence of before is LOST: arming is refused until `fence off` or a new fence: "
+
+
+def shown(desk: Desk) -> tuple[int, int]:
+    status = telemetry.status(desk.vehicle.state, 0, 0, 0)
+    return status.vehicle, status.vehicle_reason
+
+
+def test_unreadable_fence_is_no_obstacle_once_it_is_taken_down(tmp_path: Path) -> None:
+    (tmp_path / "fence.json").write_text("{")
+    desk = restarted(tmp_path)
+    assert clear(desk, MissionType.FENCE) == Reason.NONE
+    assert not (tmp_path / "fence.json").exists()
+    desk.step()
+    assert shown(desk) == (Vehicle.STANDBY, Reason.NONE)
+    assert desk.arm() == Reason.NONE
+    assert restarted(tmp_path).vehicle.restored == ()
+
+
+def test_unreadable_fence_is_no_obstacle_once_another_is_up(tmp_path: Path) -> None:
+    (tmp_path / "fence.json").write_text("{")
+    desk = restarted(tmp_path)
+    desk.step()
+    assert upload(desk, circle(9.0, 0.0, 1.0)).reason == Reason.FENCE_LEAVES_ROBOT_OUT
+    assert desk.arm() == Reason.FENCE_UNREADABLE, "a fence that was refused is none"
+    assert upload(desk, NEAR).reason == Reason.NONE
+    assert desk.arm() == Reason.NONE
+    assert desk.goto(3.0, 0.0) == Reason.OUTSIDE_FENCE
+
+
+@pytest.mark.parametrize("command", [Command.COMPONENT_ARM_DISARM, CLEAR])
+def test_unreadable_fence_outlasts_stops_and_disarming(tmp_path: Path, command: Command) -> None:
+    (tmp_path / "fence.json").write_text("{")
+    desk = restarted(tmp_path)
+    desk.step()
+    if command == CLEAR:
+        desk.command(Command.DO_FLIGHTTERMINATION)
+        assert shown(desk) == (Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR)
+    assert desk.command(command, 0) == Reason.NONE
+    assert shown(desk) == (Vehicle.STANDBY, Reason.FENCE_UNREADABLE)
+    assert desk.arm() == Reason.FENCE_UNREADABLE
+
+
+def test_unreadable_mission_does_not_forbid_arming(tmp_path: Path) -> None:
+    (tmp_path / "mission.json").write_text("{")
+    desk = restarted(tmp_path)
+    assert desk.vehicle.restored[0].startswith("started WITHOUT the mission of before: ")
+    assert desk.arm() == Reason.NONE
 
 
 def test_bytes_that_are_no_text_are_named_with_their_file(tmp_path: Path) -> None:
