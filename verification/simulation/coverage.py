@@ -13,7 +13,13 @@ class Coverage:
     robot_ticks: int = 0
     requests: int = 0
     accepted: int = 0
+    stops: int = 0
+    """Emergency stops of which an operator was told that the robot has stopped."""
     reached: Counter[str] = field(default_factory=Counter)
+    worst_ms: dict[str, int] = field(default_factory=dict)
+
+    def longest(self, what: str, took_ms: int) -> None:
+        self.worst_ms[what] = max(self.worst_ms.get(what, 0), took_ms)
 
     def add(self, other: "Coverage") -> None:
         self.plant_ticks += other.plant_ticks
@@ -21,7 +27,10 @@ class Coverage:
         self.robot_ticks += other.robot_ticks
         self.requests += other.requests
         self.accepted += other.accepted
+        self.stops += other.stops
         self.reached.update(other.reached)
+        for what, took_ms in other.worst_ms.items():
+            self.longest(what, took_ms)
 
     @property
     def moving_percent(self) -> float:
@@ -32,7 +41,9 @@ class Coverage:
         """In words: how much was driven, and how many runs reached each situation."""
         head = (
             f"wheels turned in {self.moving_percent:.0f} % of {self.plant_ticks} ticks; "
-            f"{self.accepted} of {self.requests} requests accepted"
+            f"{self.accepted} of {self.requests} requests accepted; "
+            f"{self.stops} stops acknowledged"
         )
         found = ", ".join(f"{name} {count}" for name, count in sorted(self.reached.items()))
-        return [head, f"runs that reached: {found}"]
+        worst = ", ".join(f"{what} {ms} ms" for what, ms in sorted(self.worst_ms.items()))
+        return [head, f"runs that reached: {found}", f"worst: {worst}"]

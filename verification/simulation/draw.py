@@ -18,8 +18,9 @@ def drawn(seed: int, duration_ns: int = DURATION_NS) -> Scenario:
     """The scenario of a seed: operators who come and act, and what goes wrong meanwhile."""
     random = Random(f"scenario {seed}")
     events = [Event(BOOT_NS, "come", ("operator-a", random.randrange(2)), random.getrandbits(32))]
-    if random.random() < 0.4:
-        events.append(_event(random, "come", ("operator-b", random.randrange(2)), duration_ns))
+    for name, share in (("operator-b", 0.4), ("operator-c", 0.15)):
+        if random.random() < share:
+            events.append(_event(random, "come", (name, random.randrange(2)), duration_ns))
     kinds = ["operate"] * random.randint(3, 9)
     if random.random() >= QUIET:
         weights = [fault.weight for fault in FAULTS.values()]

@@ -5,6 +5,8 @@ from random import Random
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from verification.simulation.actions import OPERATORS, draw_operate
+from verification.simulation.attacker import ATTACKS
 from verification.simulation.events import Argument, Event
 from verification.simulation.network import Impairment
 
@@ -12,8 +14,10 @@ if TYPE_CHECKING:
     from verification.simulation.simulation import Simulation
 
 MS: Final = 1_000_000
-HOSTS: Final = ("robot", "plant", "operator-a", "operator-b")
-OPERATORS: Final = ("operator-a", "operator-b")
+HOSTS: Final = ("robot", "plant", *OPERATORS)
+MEASURED_NS: Final = 2_700 * MS
+"""An operator measures the robot's clock every 2 s and has the answer within 0.5 s."""
+
 TOPIC_GROUPS: Final = ("", "sense/", "drive/", "op/", "tlm/", "srv/", "op/heartbeat")
 
 Arguments = tuple[Argument, ...]
@@ -95,7 +99,7 @@ def impair(
     """Impair links for a while."""
     scheduler = simulation.scheduler
     until_ns = scheduler.now_ns + for_ms * MS
-    simulation.oracle.impaired(until_ns + late_ms * MS)
+    simulation.oracle.facts.impaired(until_ns + late_ms * MS)
     for number, (source, target) in enumerate(ways):
         link = simulation.network.link(source, target)
         link.add(impairment, event.salt + number)
@@ -113,7 +117,7 @@ def draw_kill(random: Random) -> Arguments:
 def apply_kill(simulation: "Simulation", event: Event) -> None:
     name, back_ms = str(event.arguments[0]), int(event.arguments[1])
     scheduler = simulation.scheduler
-    simulation.oracle.held_up(scheduler.now_ns + (back_ms + 1000) * MS)
+    simulation.oracle.facts.held_up(scheduler.now_ns + (back_ms + 1000) * MS)
     back_ns = scheduler.now_ns + back_ms * MS
     if name == "robot":
         simulation.robot.kill()
@@ -134,8 +138,8 @@ def apply_suspend(simulation: "Simulation", event: Event) -> None:
     name, for_ms = str(event.arguments[0]), int(event.arguments[1])
     scheduler, host = simulation.scheduler, simulation.host(name)
     until_ns = scheduler.now_ns + for_ms * MS
-    simulation.oracle.held_up(until_ns + 300 * MS)
-    simulation.oracle.impaired(until_ns + 300 * MS)
+    simulation.oracle.facts.held_up(until_ns + 300 * MS)
+    simulation.oracle.facts.impaired(until_ns + 300 * MS)
     host.suspend()
     scheduler.at(until_ns, host.resume)
 
@@ -192,65 +196,82 @@ def apply_power_cut(simulation: "Simulation", event: Event) -> None:
     simulation.robot.kill()
     simulation.robot.disk.cut_power(event.salt)
     back_ns = simulation.scheduler.now_ns + int(event.arguments[0]) * MS
-    simulation.oracle.held_up(back_ns + 1000 * MS)
+    simulation.oracle.facts.held_up(back_ns + 1000 * MS)
     simulation.scheduler.at(back_ns, simulation.start_robot)
+
+
+# Clocks.
+
+
+def draw_sleep(random: Random) -> Arguments:
+    return random.choice(OPERATORS), span_ms(random)
+
+
+def apply_sleep(simulation: "Simulation", event: Event) -> None:
+    """An operator's machine sleeps; its clock stands still meanwhile."""
+    name, for_ms = str(event.arguments[0]), int(event.arguments[1])
+    apply_suspend(simulation, event)
+    until_ns = simulation.scheduler.now_ns + for_ms * MS
+    simulation.scheduler.at(until_ns - 1, step, simulation, name, -for_ms * MS)
+
+
+def draw_clock(random: Random) -> Arguments:
+    step_ms = random.choice((50, 200, 1000, 5000, 3_600_000))
+    return random.choice(("robot", "plant", *OPERATORS)), step_ms
+
+
+def apply_clock(simulation: "Simulation", event: Event) -> None:
+    """A machine's clock jumps ahead, as after its virtual machine was moved."""
+    name, step_ms = str(event.arguments[0]), int(event.arguments[1])
+    facts, now_ns = simulation.oracle.facts, simulation.scheduler.now_ns
+    step(simulation, name, step_ms * MS)
+    if name in ("robot", "plant"):
+        facts.held_up(now_ns + 500 * MS)
+
+
+def step(simulation: "Simulation", name: str, by_ns: int) -> None:
+    """From now on until it is measured anew, operators do not know the robot's clock."""
+    facts, now_ns = simulation.oracle.facts, simulation.scheduler.now_ns
+    simulation.host(name).clock_offset_ns += by_ns
+    if name == "robot":
+        simulation.robot.clock_offset_ns += by_ns
+    facts.unsure(max(now_ns, facts.sound_since_ns) + MEASURED_NS)
+
+
+def apply_wall_clock(simulation: "Simulation", event: Event) -> None:
+    """The robot's wall clock is set; the monotonic one goes on."""
+    by_ns = int(event.arguments[0]) * 1000 * MS
+    simulation.robot.wall_step_ns += by_ns
+    simulation.robot.host.wall_offset_ns += by_ns
+
+
+# Attacks.
+
+
+def draw_attack(random: Random) -> Arguments:
+    kind = random.choice(tuple(ATTACKS))
+    if kind == "wheels":
+        return (
+            kind,
+            random.choice((1, 1, 5, 40)),
+            random.choice((0, 7, 50)),
+            random.choice((0, 0, -1, -4, 3, 1000, 1 << 32)),
+            random.choice((9000, 1 << 30, -9000, 0)),
+            random.choice((0, 150, 65_535)),
+        )
+    return kind, random.choice((1, 5, 50, 200)), random.choice((0, 1, 5, 20, 100))
+
+
+def apply_attack(simulation: "Simulation", event: Event) -> None:
+    kind, count, gap_ms, *more = event.arguments
+    simulation.attacker.attack(str(kind), int(count), int(gap_ms), event.salt, tuple(more))
 
 
 # Operators.
 
 
-def draw_operate(random: Random) -> Arguments:
-    """An operator does something; most of it leads to driving."""
-    who = random.choice((*OPERATORS[:1] * 3, OPERATORS[1]))
-    return (who, *ACTIONS[random.choices(range(len(ACTIONS)), WEIGHTS)[0]][1](random))
-
-
-def place(random: Random) -> tuple[float, float]:
-    """Somewhere near the start, mostly ahead."""
-    return (
-        round(30.0 + random.uniform(-1.0, 3.0), 2),
-        round(30.0 + random.uniform(-1.0, 1.0), 2),
-    )
-
-
-def mission(random: Random) -> Arguments:
-    stops = [coordinate for _ in range(random.randint(1, 3)) for coordinate in place(random)]
-    return ("mission", random.choice((0.0, 0.5, 2.0)), *stops)
-
-
-ACTIONS: Final[tuple[tuple[int, Callable[[Random], Arguments]], ...]] = (
-    (8, lambda random: ("drive", *place(random), "GUIDED")),
-    (4, lambda random: ("drive", *place(random), "AUTO")),
-    (4, mission),
-    (
-        5,
-        lambda random: (
-            "teleop",
-            random.choice((0.3, 0.2, -0.2)),
-            random.choice((0.0, 0.0, 0.8)),
-            random.choice((0.5, 1.5, 4.0)),
-        ),
-    ),
-    (4, lambda _: ("stop",)),
-    (2, lambda _: ("order", "clear-estop")),
-    (1, lambda _: ("order", "arm")),
-    (2, lambda _: ("order", "disarm")),
-    (2, lambda _: ("order", "hold")),
-    (2, lambda _: ("order", "resume")),
-    (1, lambda _: ("order", "abort")),
-    (2, lambda _: ("order", "rtl")),
-    (2, lambda random: ("mode", random.choice(("GUIDED", "AUTO", "HOLD", "MANUAL")))),
-    (3, lambda random: ("lease", random.choice(("TAKE", "TAKE", "SEIZE", "RELEASE")))),
-    (3, lambda random: ("param", "d_obs_m", random.choice((0.2, 0.25, 0.31)))),
-    (2, lambda random: ("fence", random.choice((0.0, 0.8, 1.5, 5.0)))),
-)
-WEIGHTS: Final = [weight for weight, _ in ACTIONS]
-
-
 def apply_operate(simulation: "Simulation", event: Event) -> None:
     who, action, *arguments = event.arguments
-    if action == "stop" and simulation.operators[str(who)].host.alive:
-        simulation.oracle.pressed()
     simulation.operators[str(who)].do(str(action), tuple(arguments))
 
 
@@ -282,6 +303,10 @@ FAULTS: Final[Mapping[str, Fault]] = MappingProxyType(
         "busy": Fault(2, draw_busy, apply_busy),
         "slow disk": Fault(2, draw_slow_disk, apply_slow_disk),
         "failing disk": Fault(1, lambda r: (span_ms(r) * 2,), apply_failing_disk),
+        "sleep": Fault(2, draw_sleep, apply_sleep),
+        "clock": Fault(2, draw_clock, apply_clock),
+        "wall clock": Fault(1, lambda r: (r.choice((-86_400, -5, 5, 86_400)),), apply_wall_clock),
+        "attack": Fault(6, draw_attack, apply_attack),
         "power cut": Fault(2, lambda r: (r.choice((100, 500, 2000)),), apply_power_cut),
     }
 )

@@ -8,6 +8,8 @@ import zenoh
 from verification.simulation.network import Network
 from verification.simulation.scheduler import Host, Task
 
+Tap = Callable[[Host, str, bytes, bytes | None, bool], None]
+
 Put: Final = zenoh.SampleKind.PUT
 Delete: Final = zenoh.SampleKind.DELETE
 
@@ -193,8 +195,8 @@ class Hub:
         self.queryables = Table()
         self.tokens = Table()
         self.watchers = Table()
-        self.taps: list[Callable[[Host, str, bytes, bytes | None], None]] = []
-        """Called with each frame that is put: source, key, payload, attachment."""
+        self.taps: list[Tap] = []
+        """Called with each frame that is put or asked: source, key, payload, attachment, asked."""
 
     def leave(self, host: Host) -> None:
         """A host has ended: its declarations end, and others learn it."""
@@ -216,7 +218,7 @@ class Hub:
         if not source.alive:
             return
         for tap in self.taps:
-            tap(source, key, frame, note)
+            tap(source, key, frame, note, False)
         found = self.subscribers.met_by(key)
         if not found:
             return
@@ -230,6 +232,8 @@ class Hub:
 
     def ask(self, asked: Sample, waiting: Waiting, *, has_payload: bool) -> bool:
         """Send a query to its servers; False when there is none."""
+        for tap in self.taps:
+            tap(asked.source, asked.key_expr, asked.payload, asked.attachment, True)
         found = self.queryables.met_by(asked.key_expr)
         for one in found:
             query = Query(self, one.host, waiting, asked, has_payload=has_payload)

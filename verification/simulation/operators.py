@@ -48,13 +48,33 @@ class Asked:
     ended_ns: int | None = None
     answered: bool | None = None
     reason: int = 0
+    killed: bool = False
+    """Its operator has ended before it was told anything."""
 
 
 @dataclass(slots=True)
 class History:
-    """Everything that operators asked."""
+    """What operators asked, and what they were told."""
 
-    asked: list[Asked] = field(default_factory=list)
+    open: list[Asked] = field(default_factory=list)
+    """What has not been judged yet."""
+    pressed: list[Asked] = field(default_factory=list)
+    """Emergency stops; who judges them removes them."""
+    by_id: dict[int, Asked] = field(default_factory=dict)
+
+    def begin(self, asked: Asked) -> None:
+        self.open.append(asked)
+        if asked.action == "stop":
+            self.pressed.append(asked)
+        number = getattr(asked.request, "request_id", 0)
+        if number:
+            self.by_id[number] = asked
+
+    def ended(self) -> list[Asked]:
+        """What has ended since the last call, in the order in which it was asked."""
+        ended = [asked for asked in self.open if asked.ended_ns is not None]
+        self.open = [asked for asked in self.open if asked.ended_ns is None]
+        return ended
 
 
 class Operator:
@@ -73,11 +93,6 @@ class Operator:
         self._actions: SimulatedQueue[tuple[str, tuple[Argument, ...]]] | None = None
         self._early: deque[tuple[str, tuple[Argument, ...]]] = deque()
 
-    @property
-    def busy(self) -> bool:
-        """Whether something it asked has not ended."""
-        return any(one.ended_ns is None for one in self._history.asked if one.operator == self.name)
-
     def start(self) -> None:
         if self.host.alive:
             return
@@ -95,9 +110,9 @@ class Operator:
             session: Any = self.link.bus._session
             session.close()
             self.host.kill()
-        for one in self._history.asked:
+        for one in self._history.open:
             if one.operator == self.name and one.ended_ns is None:
-                one.ended_ns = self._scheduler.now_ns
+                one.ended_ns, one.killed = self._scheduler.now_ns, True
         self.link = self._actions = None
 
     def do(self, action: str, arguments: tuple[Argument, ...]) -> None:
@@ -139,7 +154,7 @@ class Operator:
 
     def _begin(self, action: str, request: Message | None, *content: Any) -> Asked:
         asked = Asked(self.name, action, self._scheduler.now_ns, request, content)
-        self._history.asked.append(asked)
+        self._history.begin(asked)
         return asked
 
     def _end(self, asked: Asked, answered: bool | None, reason: int = 0) -> bool:

@@ -38,7 +38,12 @@ class PlantSide:
     """One plant that may end and be started again: then its time and place begin anew."""
 
     def __init__(
-        self, scheduler: Scheduler, name: str, world: World, look: Callable[[Plant], None]
+        self,
+        scheduler: Scheduler,
+        name: str,
+        world: World,
+        look: Callable[[Plant], None],
+        started: Callable[[], None],
     ) -> None:
         self.name = name
         self.host = Host(scheduler, name)
@@ -50,6 +55,7 @@ class PlantSide:
         self._scheduler = scheduler
         self._world = world
         self._look = look
+        self._started = started
 
     def start(self) -> None:
         if self.host.alive:
@@ -77,5 +83,6 @@ class PlantSide:
             bus.serve(service, lambda asked: desk.ask(0, asked), "r1")
         claim(bus, ["r1"])
         self.plant = plant
+        self._started()
         process = Process(plant, [wires], desk, wake, look=lambda: self._look(plant))
         process.run_wall(SimulatedClock())

@@ -30,6 +30,7 @@ class Observer(Protocol):
     def received(
         self, vehicle: Vehicle, request: Message, answer: Answer, operator: str
     ) -> None: ...
+    def restored(self, vehicle: Vehicle) -> None: ...
     def cycled(self, side: "RobotSide", tick: Tick) -> None: ...
     def held_up(self, until_ns: int) -> None: ...
 
@@ -55,6 +56,7 @@ class RobotSide:
         self.robot = "r1"
         self.disk = DISKS[name] = Disk()
         self.clock_offset_ns = 0
+        self.wall_step_ns = 0
         self.starts = 0
         self.ticks = 0
         self.hang_ns = 0
@@ -80,6 +82,7 @@ class RobotSide:
         if self.host.alive:
             return
         self.host = Host(self._scheduler, self.name, self.clock_offset_ns)
+        self.host.wall_offset_ns += self.wall_step_ns
         self.starts += 1
         self.host.spawn(self._main)
 
@@ -103,6 +106,7 @@ class RobotSide:
         bus = self.bus = open_bus(Network(), Role.ROBOT, self.robot, self.host.now_ns)
         claim(bus, [self.robot])
         process, grid = robot_run.in_wall_time(vehicle, bus, lambda: None)
+        self._observer.restored(vehicle)
         clock: Any = process._clock
         self.clock = clock
         self.vehicle, self.process = vehicle, process

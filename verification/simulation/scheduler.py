@@ -63,6 +63,8 @@ class Host:
         self.alive = True
         self.clock_offset_ns = clock_offset_ns
         self.error: BaseException | None = None
+        self.wall_offset_ns = 1_795_000_000 * NS_PER_S
+        """How far the wall clock is ahead of simulated time."""
         self._suspended_ns: int | None = None
         self._waiting: list[tuple[Callable[..., object], tuple[Any, ...]]] = []
         self._tasks: list[Task] = []
@@ -91,6 +93,8 @@ class Host:
         before, Host.running = Host.running, self
         try:
             action(*arguments)
+        except Exception as error:  # an invariant judges it
+            self.error = error
         finally:
             Host.running = before
 

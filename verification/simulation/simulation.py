@@ -4,16 +4,17 @@ import gc
 from random import Random
 from typing import Final, NamedTuple
 
-from plant.plant import Plant
 from robot.core import states
 from robot.core.values import Pose
 from verification.simulation import robot_side
+from verification.simulation.attacker import MINE, Attacker
 from verification.simulation.coverage import Coverage
 from verification.simulation.events import Event, Scenario
-from verification.simulation.hub import Hub
-from verification.simulation.invariants import Oracle, Violation
+from verification.simulation.facts import Violation
+from verification.simulation.hub import Hub, path_of
 from verification.simulation.network import Network
 from verification.simulation.operators import History, Operator
+from verification.simulation.oracle import Oracle
 from verification.simulation.plant_side import WORLDS, PlantSide
 from verification.simulation.robot_side import RobotSide
 from verification.simulation.scheduler import Host, Scheduler
@@ -21,7 +22,13 @@ from verification.simulation.session import Session
 from verification.simulation.substitutes import Drawn, Opened, substituted
 
 MS: Final = 1_000_000
-OPERATORS: Final = ("operator-a", "operator-b")
+OPERATORS: Final = ("operator-a", "operator-b", "operator-c")
+WATCHED: Final = ("drive/", "sense/", "op/", "srv/")
+"""Beginnings of the topics and services that invariants or the attacker look at."""
+
+LIES_NS: Final = 15_000 * MS
+"""For so long after a time that is not true the robot may be wrong about its sender."""
+
 NAVIGATORS: Final = (states.BUG, states.VGM, states.BUG2)
 
 
@@ -53,22 +60,27 @@ class Simulation:
         self.world = world
         self.robot = RobotSide(scheduler, "robot", params, start, self.oracle)
         self.robot.clock_offset_ns = random.randrange(1, 10**14)
-        self.plant = PlantSide(scheduler, "plant", world, self._look)
+        self.plant = PlantSide(
+            scheduler, "plant", world, self.oracle.plant_tick, self.oracle.plant_started
+        )
         self.operators = {name: Operator(scheduler, name, self.history) for name in OPERATORS}
         for operator in self.operators.values():
             operator.centre = (start.x_m, start.y_m)
-        self.attacker = Host(scheduler, "attacker")
-        self.oracle.robot = self.robot
-        self.hub.taps.append(self.oracle.put)
-        self._told = 0
-        self._over = False
+        facts = self.oracle.facts
+        facts.robot = self.robot
+        self.attacker = Attacker(
+            scheduler, self.hub, lambda: self.robot.host.now_ns(), lambda: facts.plant_ns, self.lie
+        )
+        self.hub.taps.append(self._tap)
+        self._zid_of: dict[str, str] = {}
+        self._watched: dict[str, str] = {}
 
     def run(self) -> Result:
         """Run to the end of the scenario or to the first violation."""
         scenario, scheduler = self.scenario, self.scheduler
         draw = Random(f"secrets {scenario.seed}").getrandbits
         Drawn.draw = lambda bits: draw(bits) or 1
-        Opened.open = lambda _network: Session(self.hub, f"{self._zids.getrandbits(124) + 1:032x}")
+        Opened.open = self._session
         self.start_robot()
         self.plant.start()
         for event in scenario.events:
@@ -78,16 +90,16 @@ class Simulation:
             for now_ns in range(step_ns, scenario.duration_ns + 1, step_ns):
                 scheduler.run(now_ns)
                 self._judge()
-                if self.oracle.violation is not None:
+                if self.oracle.facts.violation is not None:
                     break
         finally:
             self._close()
         return Result(
             scenario,
-            self.oracle.violation,
+            self.oracle.facts.violation,
             self.oracle.digest.hexdigest(),
             scheduler.now_ns,
-            self.oracle.coverage,
+            self.oracle.facts.coverage,
         )
 
     def apply(self, event: Event) -> None:
@@ -110,23 +122,38 @@ class Simulation:
             return self.robot.host
         if name == "plant":
             return self.plant.host
-        return self.operators[name].host if name in self.operators else self.attacker
+        return self.operators[name].host if name in self.operators else self.attacker.host
+
+    def lie(self) -> None:
+        """An operator's frames carry times that are not true."""
+        self.oracle.presence.lies_until_ns = self.scheduler.now_ns + LIES_NS
 
     # What is looked at.
 
-    def _look(self, plant: Plant) -> None:
-        self.oracle.plant_tick(plant)
+    def _session(self, _network: object) -> Session:
+        zid = f"{self._zids.getrandbits(124) + 1:032x}"
+        session = Session(self.hub, zid)
+        self._zid_of[session.host.name] = f"open/{zid}"
+        return session
+
+    def _tap(self, source: Host, key: str, frame: bytes, note: bytes | None, asked: bool) -> None:
+        path = self._watched.get(key)
+        if path is None:
+            path = path_of(key)
+            path = self._watched[key] = path if path.startswith(WATCHED) else ""
+        if not path:
+            return
+        attacks = source is self.attacker.host
+        if not attacks:
+            self.attacker.hear(key, frame, note, asked=asked)
+        if asked:
+            return
+        mine = MINE if attacks else self._zid_of.get(source.name, "")
+        self.oracle.put(source, path, frame, own=path.endswith(f"/{mine}"))
 
     def _judge(self) -> None:
-        asked = self.history.asked
-        for one in asked[self._told :]:
-            if one.ended_ns is None:
-                break
-            self.oracle.told(one)
-            self._told += 1
-        for host in (self.robot.host, self.plant.host, *[o.host for o in self.operators.values()]):
-            if host.error is not None:
-                self.oracle.ended(host)
+        hosts = [operator.host for operator in self.operators.values()]
+        self.oracle.look([self.robot.host, self.plant.host, self.attacker.host, *hosts])
 
     def _close(self) -> None:
         """End all processes without a word."""

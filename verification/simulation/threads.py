@@ -160,7 +160,12 @@ class SimulatedTime:
 
     @staticmethod
     def time_ns() -> int:
-        return current_host().now_ns()
+        host = current_host()
+        return host.scheduler.now_ns + host.wall_offset_ns
+
+    @staticmethod
+    def time() -> float:
+        return SimulatedTime.time_ns() / NS_PER_S
 
 
 class SimulatedClock:

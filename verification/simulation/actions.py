@@ -1,0 +1,58 @@
+"""What operators do, and how it is drawn."""
+
+from collections.abc import Callable
+from random import Random
+from typing import Final
+
+from verification.simulation.events import Argument
+
+Arguments = tuple[Argument, ...]
+OPERATORS: Final = ("operator-a", "operator-b", "operator-c")
+
+
+def draw_operate(random: Random) -> Arguments:
+    """An operator does something; most of it leads to driving."""
+    who = random.choice((*OPERATORS[:1] * 4, *OPERATORS[1:] * 1))
+    return (who, *ACTIONS[random.choices(range(len(ACTIONS)), WEIGHTS)[0]][1](random))
+
+
+def place(random: Random) -> tuple[float, float]:
+    """Somewhere near the start, mostly ahead."""
+    return (
+        round(30.0 + random.uniform(-1.0, 3.0), 2),
+        round(30.0 + random.uniform(-1.0, 1.0), 2),
+    )
+
+
+def mission(random: Random) -> Arguments:
+    stops = [coordinate for _ in range(random.randint(1, 3)) for coordinate in place(random)]
+    return ("mission", random.choice((0.0, 0.5, 2.0)), *stops)
+
+
+ACTIONS: Final[tuple[tuple[int, Callable[[Random], Arguments]], ...]] = (
+    (8, lambda random: ("drive", *place(random), "GUIDED")),
+    (4, lambda random: ("drive", *place(random), "AUTO")),
+    (4, mission),
+    (
+        5,
+        lambda random: (
+            "teleop",
+            random.choice((0.3, 0.2, -0.2)),
+            random.choice((0.0, 0.0, 0.8)),
+            random.choice((0.5, 1.5, 4.0)),
+        ),
+    ),
+    (4, lambda _: ("stop",)),
+    (2, lambda _: ("order", "clear-estop")),
+    (1, lambda _: ("order", "arm")),
+    (2, lambda _: ("order", "disarm")),
+    (2, lambda _: ("order", "hold")),
+    (2, lambda _: ("order", "resume")),
+    (1, lambda _: ("order", "abort")),
+    (2, lambda _: ("order", "rtl")),
+    (2, lambda random: ("mode", random.choice(("GUIDED", "AUTO", "HOLD", "MANUAL")))),
+    (3, lambda random: ("lease", random.choice(("TAKE", "TAKE", "SEIZE", "RELEASE")))),
+    (3, lambda random: ("param", "d_obs_m", random.choice((0.2, 0.25, 0.31)))),
+    (2, lambda random: ("fence", random.choice((0.0, 0.8, 1.5, 5.0)))),
+)
+WEIGHTS: Final = [weight for weight, _ in ACTIONS]

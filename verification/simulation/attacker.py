@@ -1,0 +1,287 @@
+"""A hostile process on the bus: frames and requests that are well formed, and meant ill.
+
+It may put on any key, as on an open bus. Under its own name it is an operator like any other, as
+with a certificate of its own.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from random import Random
+from typing import Any, Final
+
+from protocol.bus.robot_clock import time_bytes
+from protocol.codec import Encoder, decode
+from protocol.enums import Command
+from protocol.layout import LAYOUT, Field
+from protocol.message import Message
+from protocol.messages import CommandRequest, Heartbeat, LeaseRequest, Teleop, WheelCommand
+from protocol.sender import sender_of
+from protocol.topics import (
+    COMMAND,
+    DRIVE,
+    ENCODING,
+    LEASE_SERVICE,
+    OPERATOR,
+    SERVICES,
+    SONAR,
+    STOP,
+    STOP_SERVICE,
+    TELEOP,
+    TOPICS,
+    WHEELS,
+    Role,
+)
+from verification.simulation.events import Argument
+from verification.simulation.hub import Hub, Sample, path_of
+from verification.simulation.limits import MS, PERIOD_NS
+from verification.simulation.scheduler import Host, Scheduler
+
+ROBOT: Final = "sidestep/r1/"
+MINE: Final = f"open/{0xBAD:032x}"
+KEPT: Final = 300
+SOON_NS: Final = 500 * MS
+STRANGE_TOPICS: Final = tuple(topic for topic in TOPICS if topic.publisher is not Role.ROBOT)
+REQUESTS: Final = tuple(
+    (service, kind)
+    for service in SERVICES
+    if service.server is Role.ROBOT
+    for kind in service.requests
+)
+HARMLESS: Final = (Command.DO_PAUSE_CONTINUE, Command.COMPONENT_ARM_DISARM, Command.DO_SET_MODE)
+
+
+class Heard:
+    """A frame or a request of somebody else, to be sent again."""
+
+    def __init__(self, key: str, frame: bytes, note: bytes | None, *, asked: bool) -> None:
+        self.key = key
+        self.frame = frame
+        self.note = note
+        self.asked = asked
+
+
+class Nobody:
+    """Waits for no answer."""
+
+    def answered(self, sample: Sample) -> None:
+        """It does not matter."""
+
+    def drop(self) -> None:
+        """It does not matter."""
+
+
+class Attacker:
+    """`robot_ns` is the robot's clock, `plant_ns` the plant's time: it could measure both."""
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        hub: Hub,
+        robot_ns: Callable[[], int],
+        plant_ns: Callable[[], int],
+        lies: Callable[[], None],
+    ) -> None:
+        self.host = Host(scheduler, "attacker")
+        self._scheduler = scheduler
+        self._hub = hub
+        self._robot_ns = robot_ns
+        self._plant_ns = plant_ns
+        self._lies = lies
+        self._encoder = Encoder(*sender_of(Role.GROUND, "r1"))
+        self._heard: deque[Heard] = deque(maxlen=KEPT)
+
+    def hear(self, key: str, frame: bytes, note: bytes | None, *, asked: bool) -> None:
+        """Remember what operators and the robot send."""
+        if asked or not path_of(key).startswith("sense/"):
+            self._heard.append(Heard(key, frame, note, asked=asked))
+
+    def attack(
+        self, kind: str, count: int, gap_ms: int, salt: int, more: tuple[Argument, ...]
+    ) -> None:
+        """Do something so many times, so far apart."""
+        random, start_ns = Random(salt), self._scheduler.now_ns
+        act = ATTACKS[kind]
+        for number in range(count):
+            at_ns = start_ns + number * gap_ms * MS + random.randrange(MS)
+            self._scheduler.at(at_ns, act, self, random, *more)
+
+    # What it does.
+
+    def _put(self, path: str, message: Message, note: bytes | None = None) -> None:
+        frame = self._encoder.encode(message)
+        self._hub.put(self.host, ROBOT + path, frame, ENCODING, note)
+
+    def _ask(self, key: str, frame: bytes, note: bytes | None) -> None:
+        waiting: Any = Nobody()
+        self._hub.ask(Sample(key, frame, ENCODING, note, self.host), waiting, has_payload=True)
+
+    def _good_until(self, random: Random) -> bytes | None:
+        """Mostly a deadline that holds."""
+        now_ns = self._robot_ns()
+        return random.choice(
+            (
+                *(time_bytes(now_ns + SOON_NS),) * 6,
+                None,
+                time_bytes(now_ns - SOON_NS),
+                time_bytes((1 << 63) - 1),
+                b"\xff",
+            )
+        )
+
+    def wheels(self, random: Random, offset: int, speed: int, ttl_ms: int) -> None:
+        """Forge a wheel command that answers the plant's tick, an older or a coming one."""
+        tick = max(0, min(self._plant_ns() // PERIOD_NS + offset, 0xFFFFFFFF))
+        fields: dict[str, Any] = {field.name: 0 for field in LAYOUT["WheelCommand"].fields} | {
+            "sense_seq": tick,
+            "seq": random.choice((0, random.getrandbits(32))),
+            "left_mrad_s": speed,
+            "right_mrad_s": speed,
+            "ttl_ms": ttl_ms,
+        }
+        if "epoch" in fields:
+            fields["epoch"] = random.choice((0, 1, 0xFFFFFFFF))
+        self._put(DRIVE.path, WheelCommand(**fields))
+
+    def senses(self, random: Random) -> None:
+        """Forge senses with extreme values."""
+        topic = random.choice((SONAR, WHEELS))
+        self._put(topic.path, extreme(topic.messages[0], random))
+
+    def strange(self, random: Random) -> None:
+        """Put a frame with extreme values on a topic that the robot or the plant hears."""
+        topic = random.choice(STRANGE_TOPICS)
+        message = extreme(random.choice(topic.messages), random)
+        if topic.path == DRIVE.path or not topic.of_operators:
+            self._put(topic.path, message)
+            return
+        self._lies()
+        stamp_ns = random.choice((self._robot_ns(), 0, -(1 << 63), (1 << 63) - 1))
+        self._put(f"{topic.path}/{MINE}", message, time_bytes(stamp_ns))
+
+    def commands(self, random: Random) -> None:
+        """Beat and steer under its own name, without being asked."""
+        note = time_bytes(self._robot_ns())
+        beat = Heartbeat(
+            type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
+        )
+        self._put(f"{OPERATOR.path}/{MINE}", beat, note)
+        teleop = Teleop(
+            time_ns=self._robot_ns(),
+            seq=random.getrandbits(31),
+            speed_mm_s=300,
+            yaw_rate_mrad_s=0,
+            ttl_ms=random.choice((250, 500, 65_535)),
+        )
+        self._put(f"{TELEOP.path}/{MINE}", teleop, note)
+
+    def stops(self, random: Random) -> None:
+        """Press the stop: with a known number, a new one, or bytes that say nothing."""
+        known = [one.frame for one in self._heard if one.asked]
+        forged = self._encoder.encode(command(Command.DO_FLIGHTTERMINATION, random))
+        frame = random.choice((forged, forged, b"", b"\0" * 40, *known[-1:]))
+        way = random.randrange(3)
+        if way == 0:
+            self._ask(f"{ROBOT}{STOP_SERVICE.path}/{MINE}", frame, None)
+        elif way == 1:
+            self._ask(f"{ROBOT}{COMMAND.path}/{MINE}", forged, self._good_until(random))
+        else:
+            end = random.choice((MINE, "x", "open/" + "0" * 40))
+            self._hub.put(self.host, f"{ROBOT}{STOP.path}/{end}", frame, ENCODING, None)
+
+    def requests(self, random: Random) -> None:
+        """Ask something with extreme values, mostly in time and under its own name."""
+        service, kind = random.choice(REQUESTS)
+        message = extreme(kind, random)
+        if kind is CommandRequest and random.random() < 0.7:
+            message = command(random.choice(tuple(Command)), random)
+        if is_stop(message):
+            return
+        end = random.choice((f"/{MINE}",) * 5 + ("", "/nobody"))
+        frame = self._encoder.encode(message)
+        self._ask(f"{ROBOT}{service.path}{end}", frame, self._good_until(random))
+
+    def seizes(self, random: Random) -> None:
+        """Seize the lease, as an operator with a certificate may."""
+        request = LeaseRequest(
+            request_id=random.getrandbits(64), action=random.choice((0, 1, 2, 2, 3)), name="mallory"
+        )
+        note = time_bytes(self._robot_ns() + SOON_NS)
+        self._ask(f"{ROBOT}{LEASE_SERVICE.path}/{MINE}", self._encoder.encode(request), note)
+
+    def replays(self, random: Random) -> None:
+        """Send again what somebody has sent, with all that belongs to it."""
+        if not self._heard:
+            return
+        one = random.choice(self._heard)
+        if one.asked:
+            self._ask(one.key, one.frame, one.note)
+        else:
+            self._hub.put(self.host, one.key, one.frame, ENCODING, one.note)
+
+    def collides(self, random: Random) -> None:
+        """Ask something harmless under the number of somebody else's request, in its name too."""
+        asked = [one for one in self._heard if one.asked and COMMAND.path in one.key]
+        if not asked:
+            return
+        one = random.choice(asked)
+        known = decode(one.frame).message
+        request = CommandRequest(
+            request_id=getattr(known, "request_id", 0),
+            param1=1.0,
+            param2=0.0,
+            command=random.choice(HARMLESS),
+        )
+        if request == known:
+            return
+        key = random.choice((one.key, f"{ROBOT}{COMMAND.path}/{MINE}"))
+        self._ask(key, self._encoder.encode(request), time_bytes(self._robot_ns() + SOON_NS))
+
+
+ATTACKS: Final[dict[str, Callable[..., None]]] = {
+    "wheels": Attacker.wheels,
+    "senses": Attacker.senses,
+    "strange": Attacker.strange,
+    "commands": Attacker.commands,
+    "stops": Attacker.stops,
+    "requests": Attacker.requests,
+    "seizes": Attacker.seizes,
+    "replays": Attacker.replays,
+    "collides": Attacker.collides,
+}
+
+
+def is_stop(message: Message) -> bool:
+    return isinstance(message, CommandRequest) and message.command == Command.DO_FLIGHTTERMINATION
+
+
+def command(number: int, random: Random) -> CommandRequest:
+    """A command with parameters that may make sense."""
+    return CommandRequest(
+        request_id=random.getrandbits(64),
+        param1=float(random.choice((0, 1, 1, 4, 10, 15, -1, 1e30))),
+        param2=float(random.choice((0, 0, 4, 10, 12, 15, -1))),
+        command=number,
+    )
+
+
+def extreme(kind: type[Message], random: Random) -> Message:
+    """A message of this type whose values are legal, and mostly extreme."""
+    fields = LAYOUT[kind.__name__].fields
+    return kind(**{field.name: value_of(field, random) for field in fields})
+
+
+def value_of(field: Field, random: Random) -> Any:
+    if field.is_text:
+        return random.choice(("", "x" * (field.length or 1), "d_obs_m"[: field.length or 1]))
+    if field.length:
+        return tuple(number_of(field, random) for _ in range(field.length))
+    return number_of(field, random)
+
+
+def number_of(field: Field, random: Random) -> float | int:
+    if field.limits is None:
+        return random.choice(
+            (0.0, 1.0, -1.0, float("nan"), float("inf"), float("-inf"), 3e38, random.uniform(-5, 5))
+        )
+    low, high = field.limits
+    return random.choice((low, high, 0, min(1, high), random.randint(low, high)))

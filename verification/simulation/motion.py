@@ -1,0 +1,197 @@
+"""Invariants of the wheels: what may turn them, and how soon they stand."""
+
+from math import hypot
+from typing import Any
+
+from plant.plant import Plant
+from protocol.codec import decode
+from protocol.errors import RemoteError
+from protocol.messages import WheelCommand
+from robot.core import fence as fences
+from robot.core import states
+from robot.core.fence import Fence
+from robot.core.machine import Machine
+from verification.simulation import limits
+from verification.simulation.facts import NEVER, Facts
+from verification.simulation.limits import MS, PERIOD_NS
+from verification.simulation.operators import Asked
+from verification.simulation.presence import Presence
+
+
+class Motion:
+    """Hears each wheel command, and looks at the plant's true state after each period."""
+
+    def __init__(self, facts: Facts, presence: Presence) -> None:
+        self._facts = facts
+        self._presence = presence
+        self._move_ns = self._newest_ns = NEVER
+        """Ticks that the newest command to move, and the newest of all, answer."""
+        self._armed_ns = NEVER
+        self.place_known = True
+        self._told: list[Asked] = []
+
+    # Commands.
+
+    def command(self, frame: bytes) -> None:
+        """Take a wheel command of the robot, as it is put."""
+        facts = self._facts
+        try:
+            command = decode(frame).message
+        except RemoteError:
+            facts.fail("frames", "the robot has put a wheel command that cannot be read")
+            return
+        if not isinstance(command, WheelCommand):
+            return
+        tick_ns = command.sense_seq * PERIOD_NS
+        if tick_ns > facts.plant_ns:  # it answers a plant that was there before
+            return
+        self._newest_ns = max(self._newest_ns, tick_ns)
+        if command.left_mrad_s == 0 and command.right_mrad_s == 0:
+            return
+        self._move_ns = max(self._move_ns, tick_ns)
+        vehicle = None if facts.robot is None else facts.robot.vehicle
+        if vehicle is None:
+            return
+        machine = vehicle.state.machine
+        if machine.vehicle != states.ACTIVE:
+            facts.fail("still unless armed", f"command to move in vehicle state {machine.vehicle}")
+        else:
+            self._presence.judge(vehicle)
+
+    def forged(self, frame: bytes) -> None:
+        """Take a wheel command of somebody else: it counts if it answers a tick there was."""
+        facts, command = self._facts, decode(frame).message
+        if isinstance(command, WheelCommand):
+            tick_ns = command.sense_seq * PERIOD_NS
+            if tick_ns <= facts.plant_ns:
+                facts.forged_ns = max(facts.forged_ns, tick_ns)
+
+    # The plant.
+
+    def plant_started(self) -> None:
+        """Its time begins anew, and the robot does not know where it is."""
+        self._move_ns = self._newest_ns = self._facts.forged_ns = NEVER
+        self.place_known = self._facts.plant_starts == 0
+        self._facts.plant_starts += 1
+        self._armed_ns = NEVER
+        self._facts.started_ns = self._facts.now_ns
+
+    def ticked(self, plant: Plant) -> float:
+        """Judge after a period; return how fast the faster wheel turns."""
+        facts, truth = self._facts, plant.truth()
+        fastest_m_s = rim_m_s(plant)
+        moves = fastest_m_s > limits.STILL_M_S
+        facts.coverage.plant_ticks += 1
+        facts.coverage.moving_ticks += moves
+        vehicle = None if facts.robot is None else facts.robot.vehicle
+        if vehicle is not None and vehicle.state.machine.vehicle == states.ACTIVE:
+            self._armed_ns = facts.plant_ns
+        self._acknowledged()
+        if moves and (self._braked() or not self._forged()):
+            self._in_time(fastest_m_s)
+            self._stops()
+            if vehicle is not None and self.place_known:
+                self._fence(vehicle.state.machine, truth.x_m, truth.y_m)
+        return fastest_m_s
+
+    def _forged(self) -> bool:
+        """Whether a forged command may turn the wheels."""
+        return self._facts.plant_ns - self._facts.forged_ns <= limits.COMMAND_STOP_NS
+
+    def _braked(self) -> bool:
+        """Whether the robot has told the wheels to stand for so long that nobody else may turn
+        them."""
+        facts = self._facts
+        if facts.robot is None or not facts.robot.runs:
+            return False
+        since_ns = max(facts.sound_since_ns, facts.started_ns)
+        return facts.plant_ns - self._move_ns > limits.BRAKED_NS < facts.now_ns - since_ns
+
+    def _in_time(self, fastest_m_s: float) -> None:
+        """The wheels turn no longer than the last command lets them, and only while armed."""
+        facts, now_ns = self._facts, self._facts.plant_ns
+        age_ns = now_ns - self._move_ns
+        silent = self._newest_ns <= self._move_ns
+        limit_ns = limits.SILENT_STOP_NS if silent else limits.COMMAND_STOP_NS
+        if age_ns > limit_ns:
+            facts.fail(
+                "stopped in time",
+                f"wheels turn at {fastest_m_s:.3f} m/s, {age_ns // MS} ms after the tick of the "
+                f"last command to move{', which was the last of all' if silent else ''}",
+            )
+        if now_ns - self._armed_ns > limits.DISARMED_STOP_NS:
+            ago_ms = (now_ns - self._armed_ns) // MS
+            facts.fail("still unless armed", f"wheels turn {ago_ms} ms after it was armed last")
+
+    def _stops(self) -> None:
+        """Wheels that turn are no stopped ones: how long ago was a stop pressed?"""
+        facts, now_ns = self._facts, self._facts.now_ns
+        if facts.robot is None or not facts.robot.runs:
+            return
+        since_ns = max(facts.sound_since_ns, facts.armed_ns)
+        for asked in facts.history.pressed:
+            took_ns = now_ns - max(asked.asked_ns, since_ns)
+            if asked.ended_ns is None and took_ns > limits.STOP_NS:
+                facts.fail(
+                    "a stop stops", f"wheels turn {took_ns // MS} ms after a stop was pressed"
+                )
+            elif since_ns < asked.asked_ns:
+                facts.worst("stop pressed to wheels standing", took_ns)
+        for asked in self._told:
+            told_ns = asked.ended_ns or now_ns
+            if since_ns < asked.asked_ns:
+                facts.worst("stop pressed to wheels standing", now_ns - asked.asked_ns)
+            sound = facts.sound_since_ns < told_ns - limits.TICK_NS
+            limit_ns = limits.ACKNOWLEDGED_STOP_NS if sound else limits.LOST_BRAKE_NS
+            if facts.armed_ns < told_ns < now_ns - limit_ns:
+                took_ms = (now_ns - told_ns) // MS
+                facts.fail(
+                    "an acknowledged stop is a stop",
+                    f"wheels turn {took_ms} ms after {asked.operator} was told that they stand",
+                )
+
+    def _acknowledged(self) -> None:
+        """Stops that have ended: those that were acknowledged bind the robot from now on."""
+        pressed = self._facts.history.pressed
+        if any(asked.ended_ns is not None for asked in pressed):
+            ended = [asked for asked in pressed if asked.ended_ns is not None]
+            self._told += [asked for asked in ended if asked.answered]
+            self._facts.coverage.stops += sum(1 for asked in ended if asked.answered)
+            pressed[:] = [asked for asked in pressed if asked.ended_ns is None]
+
+    def _fence(self, machine: Machine, x_m: float, y_m: float) -> None:
+        fence = machine.fence
+        if fence is None:
+            return
+        out_m = outside_m(fence, x_m, y_m)
+        if out_m > limits.FENCE_M:
+            self._facts.fail("inside the fence", f"moves {out_m:.2f} m outside the fence")
+
+
+def rim_m_s(plant: Plant) -> float:
+    """Speed of the faster wheel now; that of the ground truth is the mean of the last period."""
+    drive: Any = plant._vehicles[0].drive
+    left, right = drive._motors
+    return max(abs(float(left.speed_m_s)), abs(float(right.speed_m_s)))
+
+
+def outside_m(fence: Fence, x_m: float, y_m: float) -> float:
+    """How far a place is outside a fence; 0 within it."""
+    if fences.inside(fence, x_m, y_m):
+        return 0.0
+    xs_m, ys_m = fence.xs_m, fence.ys_m
+    if fence.radius_m:
+        return hypot(x_m - xs_m[0], y_m - ys_m[0]) - fence.radius_m
+    sides = range(len(xs_m))
+    return min(to_side_m((x_m, y_m), (xs_m[i - 1], ys_m[i - 1]), (xs_m[i], ys_m[i])) for i in sides)
+
+
+Place = tuple[float, float]
+
+
+def to_side_m(place: Place, start: Place, end: Place) -> float:
+    """Distance of a place from a side of a polygon."""
+    dx_m, dy_m = end[0] - start[0], end[1] - start[1]
+    share = ((place[0] - start[0]) * dx_m + (place[1] - start[1]) * dy_m) / (dx_m**2 + dy_m**2)
+    share = min(1.0, max(0.0, share))
+    return hypot(place[0] - start[0] - share * dx_m, place[1] - start[1] - share * dy_m)

@@ -1,0 +1,82 @@
+"""Invariants of the robot's loop, its modes, goals and missions, after each of its ticks."""
+
+from math import hypot
+from typing import Any
+
+from robot.core import states
+from robot.core.geometry import wrap
+from robot.core.machine import Machine, drives, goal_lives
+from robot.vehicle import Vehicle
+from verification.simulation import limits
+from verification.simulation.facts import Facts
+from verification.simulation.limits import MS
+from verification.simulation.requests import Requests
+
+AWAY_M = 0.05
+AWAY_RAD = 0.35
+
+
+class Onboard:
+    """Looks at the vehicle; `moved` tells where it truly is."""
+
+    def __init__(self, facts: Facts, requests: Requests) -> None:
+        self._facts = facts
+        self._requests = requests
+        self._cycled_ns: int | None = None
+        self._mode: int | None = None
+        self._stray_ticks = 0
+        self._place = self._anchor = (0.0, 0.0, 0.0)
+        self._moved_ns = 0
+
+    def robot_started(self) -> None:
+        self._mode = self._cycled_ns = None
+
+    def moved(self, x_m: float, y_m: float, heading_rad: float) -> None:
+        self._place = x_m, y_m, heading_rad
+
+    def cycled(self, vehicle: Vehicle, process: Any) -> None:
+        machine = vehicle.state.machine
+        self._ticks()
+        self._goals(vehicle, machine)
+        self._progress(machine)
+        self._modes(machine)
+        for name in ("_requests", "_strangers"):
+            waiting = getattr(process, name).qsize()
+            if waiting > limits.BACKLOG:
+                self._facts.fail("bounded", f"{waiting} requests wait in {name}")
+
+    def _ticks(self) -> None:
+        facts, now_ns = self._facts, self._facts.now_ns
+        last_ns, self._cycled_ns = self._cycled_ns, now_ns
+        gap_ns = 0 if last_ns is None else now_ns - last_ns
+        if gap_ns > limits.TICK_GAP_NS and now_ns > facts.sound_since_ns:
+            facts.fail("ticks are kept", f"{gap_ns // MS} ms between two ticks of the robot")
+
+    def _goals(self, vehicle: Vehicle, machine: Machine) -> None:
+        """Goals and missions end with what they need; a mission notices at the next tick."""
+        active = machine.vehicle == states.ACTIVE
+        if goal_lives(machine) and not active:
+            self._facts.fail(
+                "a goal ends", f"a goal lives in vehicle state {machine.vehicle}: it has no outcome"
+            )
+        self._stray_ticks = self._stray_ticks + 1 if vehicle.mission.active and not active else 0
+        if self._stray_ticks > 2:
+            self._facts.fail("a goal ends", f"a mission runs in vehicle state {machine.vehicle}")
+
+    def _progress(self, machine: Machine) -> None:
+        """A goal that is driven to ends, or the robot gets somewhere."""
+        (x_m, y_m, heading_rad), anchor, now_ns = self._place, self._anchor, self._facts.now_ns
+        away = hypot(x_m - anchor[0], y_m - anchor[1]) > AWAY_M
+        if away or abs(wrap(heading_rad - anchor[2])) > AWAY_RAD or not drives(machine):
+            self._anchor, self._moved_ns = self._place, now_ns
+        elif now_ns - self._moved_ns > limits.STANDSTILL_NS:
+            stands_s = (now_ns - self._moved_ns) // 1_000 // MS
+            self._facts.fail("a goal ends", f"a goal lives on, the robot stands for {stands_s} s")
+
+    def _modes(self, machine: Machine) -> None:
+        """The mode changes by a command only."""
+        before, self._mode = self._mode, machine.mode
+        commanded, self._requests.commanded = self._requests.commanded, False
+        if before is not None and not commanded and machine.mode != before:
+            words = f"mode {before} became {machine.mode} without a command"
+            self._facts.fail("mode by command", words)
