@@ -29,7 +29,7 @@ BENCHMARKS = {
     "restarts": "a process of `up` killed, until robot and plant are heard again",
     "faults": "what the robot does when something breaks, the fault matrix (docs/faults.md)",
     "fuzz": "broken inputs for every decoder: none may crash, hang or take much memory",
-    "flood": "a robot under 10,000 frames a second, forged commands, 200 connections",
+    "flood": "a robot under attack of ten kinds: key to standing wheels, missed ticks, memory",
     "simulate": "the whole stack on simulated time, network and disk: faults by seed, invariants",
     "digest": "the same trajectory in every way of running, another one for another seed",
 }

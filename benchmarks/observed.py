@@ -29,6 +29,7 @@ from protocol.messages import (
     RunRequest,
     WheelCommand,
 )
+from protocol.network import Tls
 from protocol.topics import COMMAND, DRIVE, RUN, STATUS, TRUTH, Role, Service, Topic
 from protocol.wire_goal import start_words, wire_goal
 
@@ -121,17 +122,27 @@ def until(condition: Callable[[], object], what: str, within_s: float = PATIENCE
 
 
 @contextmanager
-def observed(file: str, *flags: str) -> Iterator[Observer]:
-    """Everything in this world but the ground station, which is what is measured."""
-    world, endpoint = load(file), f"tcp/127.0.0.1:{free_port()}"
+def observed(
+    file: str, *flags: str, keys: Path | None = None, operator: str = "ground"
+) -> Iterator[Observer]:
+    """Everything in this world but the ground station, which is what is measured.
+
+    With `keys`, a folder of `sidestep keys new`, its doors are locked, and the observer has the
+    certificate of the role `operator`.
+    """
+    world, endpoint = load(file), f"{'tls' if keys else 'tcp'}/127.0.0.1:{free_port()}"
     start = start_words(world.start.x_m, world.start.y_m, world.start.heading_rad)
-    own = ("robot", "--id", ROBOT, "--listen", endpoint, "--start", *start, *flags)
-    plant = ("plant", "--world", file, "--robots", ROBOT, "--connect", endpoint)
+    own = ["robot", "--id", ROBOT, "--listen", endpoint, "--start", *start, *flags]
+    plant = ["plant", "--world", file, "--robots", ROBOT, "--connect", endpoint]
+    if keys is not None:
+        own += ["--config", str(keys / f"robot-{ROBOT}.toml")]
+        plant += ["--config", str(keys / "plant.toml")]
     with ExitStack() as scope:
         robot = scope.enter_context(sidestep(*own, ready="ready"))
         scope.enter_context(sidestep(*plant, ready="plant:"))
         folder = Path(scope.enter_context(TemporaryDirectory()))
-        network = Network(mode="client", connect=(endpoint,))
+        tls = None if keys is None else tls_of(keys, operator)
+        network = Network(mode="client", connect=(endpoint,), tls=tls)
         bus = scope.enter_context(open_bus(network, Role.GROUND, ROBOT))
         observer = Observer(bus, world, endpoint, folder)
         observer.pid = robot.pid
@@ -152,6 +163,12 @@ class Shuttle:
         if not self._observer.on_its_way:
             self._observer.drive_to(*next(self._places))
             until(lambda: self._observer.on_its_way, "on its way")
+
+
+def tls_of(keys: Path, role: str) -> Tls:
+    """Return the certificate of a role, out of a folder of `sidestep keys new`."""
+    certificate, key = str(keys / f"{role}.pem"), str(keys / f"{role}.key")
+    return Tls(ca=str(keys / "ca.pem"), certificate=certificate, key=key)
 
 
 def apart_m(one: GroundTruth, other: GroundTruth) -> float:

@@ -2,12 +2,17 @@
 
 import subprocess
 import sys
+import threading
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 
 class Started:
-    """A process that has said that it is there; `said` is what it wrote until then."""
+    """A process that has said that it is there; `said` is what it wrote until then.
+
+    What it writes later is read and dropped, so that it never waits for a reader.
+    """
 
     def __init__(self, child: "subprocess.Popen[str]", ready: str) -> None:
         self.pid = child.pid
@@ -16,8 +21,15 @@ class Started:
         for line in child.stderr:
             self.said.append(line.rstrip())
             if ready in line:
-                return
-        raise RuntimeError("a process ended before it was ready: " + " ".join(self.said))
+                break
+        else:
+            raise RuntimeError("a process ended before it was ready: " + " ".join(self.said))
+        self._reader = threading.Thread(target=deque, args=(child.stderr, 0), daemon=True)
+        self._reader.start()
+
+    def join(self) -> None:
+        """Wait until it has written its last."""
+        self._reader.join()
 
 
 @contextmanager
@@ -25,7 +37,11 @@ def sidestep(*arguments: str, ready: str) -> Iterator[Started]:
     """`sidestep ...`, until the block ends; `ready` is in the line that says it is there."""
     command = [sys.executable, "-m", "sidestep", *arguments]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
+        started = None
         try:
-            yield Started(child, ready)
+            started = Started(child, ready)
+            yield started
         finally:
             child.terminate()
+            if started is not None:
+                started.join()

@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Final, NamedTuple, Self
 
 from benchmarks.cable import Cable
-from benchmarks.flood import attacker
+from benchmarks.flooding.attack import Attack, Door
 from benchmarks.soak_faults import CUT, Fault
 from ground.children import Children
 from ground.cli import parse
@@ -100,12 +100,8 @@ class Fleet:
 
     def _attack(self, rate_hz: float) -> None:
         with suppress(RuntimeError):  # nobody let it in
-            child = attacker("frames", self.endpoint, rate_hz)
-            self._attacks.enter_context(child)
-            self._attacks.callback(child.terminate)
-            assert child.stdin is not None
-            child.stdin.write("\n")
-            child.stdin.flush()
+            attack = self._attacks.enter_context(Attack("frames", Door(self.endpoint), rate_hz))
+            attack.go()
 
     def sizes(self) -> dict[tuple[str, int], Size]:
         """By role and process id; who is just ending is left out."""

@@ -68,9 +68,12 @@ def test_a_run_over_the_bus_is_the_run_in_process_to_the_last_bit() -> None:
     assert report.met, report.text()
 
 
-def test_a_flood_is_measured_beside_the_robot_left_alone() -> None:
-    found = figures(flood, "--world", "open", "--seconds", "1.5", "--presses", "2")
-    assert found["alone, ticks"].median >= 15
-    assert 15 < found["attacked, ticks a second"].median < 25
-    assert found["attacked, emergency stop"].median > 0
-    assert found["forged commands acted upon"].median == 0
+def test_attacks_are_measured_on_an_open_bus_and_behind_locked_doors() -> None:
+    words = ("--world", "open", "--seconds", "1.5", "--presses", "1")
+    found = figures(flood, *words, "--doors", "open", "--kinds", "questions")
+    found |= figures(flood, *words, "--doors", "locked", "--kinds", "stops")
+    for name in ("open, questions", "locked, stops"):
+        assert found[f"{name}: key to standing"].median > 0
+        assert found[f"{name}: operator could not go on"].median == 0
+        assert found[f"{name}: acknowledgements that were none"].median == 0
+    assert found["open, questions: forged commands acted upon"].median == 0

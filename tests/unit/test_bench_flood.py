@@ -1,0 +1,69 @@
+"""What `bench flood` says of a press, and what its attackers send."""
+
+from benchmarks.flood import Run, figures_of
+from benchmarks.flooding.kinds import KINDS, Heard, id_in
+from benchmarks.flooding.operator import Pressed
+from benchmarks.flooding.shots import UINT32, forbidden, frames, order, questions, wheels
+from protocol.codec import Encoder
+from protocol.messages import CycleReport
+from protocol.topics import OPERATOR, PREFIX, key_parts
+
+EVE = "eve/0123"
+
+
+def report(tick: int, missed: int) -> CycleReport:
+    return CycleReport(
+        time_ns=0, tick=tick, missed=missed, overruns=0, rejected=0, late_us=0, sense_age_us=0,
+        budget_us=0, stage_us=(0,) * 5,
+    )  # fmt: skip
+
+
+def missed(*presses: Pressed) -> list[str]:
+    found = Run(presses=list(presses), reports=[report(1, 0), report(9, 0)])
+    return [figure.name for figure in figures_of("x", found) if figure.met is False]
+
+
+def test_a_robot_that_stands_in_time_meets_all_limits() -> None:
+    assert missed(Pressed(100.0, 40.0), Pressed(250.0, 60.0)) == []
+
+
+def test_the_worst_press_is_judged_not_the_median() -> None:
+    presses = [Pressed(100.0, 40.0)] * 9 + [Pressed(251.0, 40.0)]
+    assert missed(*presses) == ["x: key to standing, worst of 10"]
+
+
+def test_an_acknowledged_stop_after_which_the_robot_drives_is_told() -> None:
+    assert "x: acknowledgements that were none" in missed(Pressed(None, 40.0))
+    assert "x: acknowledgements that were none" in missed(Pressed(1500.0, 40.0))
+    assert "x: acknowledgements that were none" not in missed(Pressed(None, None))
+
+
+def test_a_stop_that_nobody_acknowledges_is_told() -> None:
+    assert missed(Pressed(90.0, None)) == ["x: never stood or acknowledged"]
+
+
+def test_operator_frames_and_requests_name_their_sender_as_the_robot_reads_it() -> None:
+    senders = set()
+    for shot in (*frames(EVE), *questions(EVE)):
+        parts = key_parts(f"{PREFIX}/r1/{shot.path}")
+        assert parts is not None
+        senders.add(parts.operator)
+    assert senders == {"", EVE, "eve/0123456789abcdef"}
+    assert any(shot.path.startswith(f"{OPERATOR.path}/") for shot in frames(EVE))
+
+
+def test_forged_wheel_commands_answer_past_newest_and_future_senses() -> None:
+    answered = {command.sense_seq for command in wheels(70)}
+    assert {0, 70, 71, UINT32} <= answered
+    assert {command.epoch for command in wheels(70)} == {0, UINT32}
+
+
+def test_the_id_of_an_overheard_request_is_read_and_noise_has_none() -> None:
+    frame = Encoder(1, 1).encode(order(77, 400))
+    assert id_in(Heard("", frame, "", None)) == 77
+    assert id_in(Heard("", b"noise", "", None)) == 0
+
+
+def test_requests_that_only_a_holder_may_make_are_judged() -> None:
+    assert len(forbidden()) >= 12
+    assert {name for name, kind in KINDS.items() if kind.judged} == {"questions", "collisions"}
