@@ -5,7 +5,7 @@ from threading import Lock
 
 from ground.blackbox.frames import opened
 from ground.blackbox.mcap_form import McapForm
-from protocol.topics import INPUTS
+from protocol.topics import INPUTS, SONAR, WHEELS
 from study.recorded import Recorded
 from study.reexecute import reexecuted, refuse_unless_whole
 from study.reexecute_cli import params_of, start_of
@@ -25,7 +25,10 @@ def test_goals_missions_fences_teleop_leases_and_lost_senses_are_had_again(tmp_p
     with Stack("box", noise="default", seed=4) as stack:
         stack.ground.stream(stack.ground.key("**"), take)
         form.know("parameters", stack.vehicle.tuning.described().decode())
-        stack.until(lambda: INPUTS.key("r1", stack.ground.network.prefix) in heard, within_s=1.0)
+        prefix = stack.ground.network.prefix
+        needed = {topic.key("r1", prefix) for topic in (WHEELS, SONAR, INPUTS)}
+        stack.until(lambda: needed <= heard, within_s=1.0)
+        stack.forward(0.1)  # ticks of which all was heard, before anything is asked
         drive_about(stack)
     with lock:
         path.write_bytes(form.end())
