@@ -24,7 +24,7 @@ def good() -> dict[str, bytes]:
     """The files of a whole set, by name."""
     with TemporaryDirectory() as parent:
         folder = Path(parent) / "keys"
-        make(folder, ["r1"], [], SINCE, UNTIL)
+        make(folder, ["r1"], {}, SINCE, UNTIL)
         return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 

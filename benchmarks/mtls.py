@@ -69,7 +69,7 @@ def made_keys(folder: Path, *, tells: bool) -> Path:
     from ground.keys.folder import make  # its library need not be there for other measurements
 
     now = datetime.now(UTC)
-    make(folder, [ROBOT], [], now - VALID, now + VALID)
+    make(folder, [ROBOT], {}, now - VALID, now + VALID)
     if not tells:
         with (folder / f"robot-{ROBOT}.toml").open("a", encoding="utf-8") as config:
             config.write("tell_refusals = false\n")

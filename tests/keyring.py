@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from ground.keys.authority import Authority
-from ground.keys.folder import CA, USUAL_HOSTS
+from ground.keys.folder import CA, dialled_at
 from protocol.network import Tls
 
 NOW = datetime.now(UTC)
@@ -28,7 +28,7 @@ class Keyring:
         label = label or name
         dialled = name == "router" or name.startswith("robot-")
         if not (self._folder / f"{label}.pem").exists():
-            hosts: Sequence[str] = USUAL_HOSTS if dialled else ()
+            hosts: Sequence[str] = dialled_at(name) if dialled else ()
             pair = self._authority.certify(name, hosts, (since, until))
             (self._folder / f"{label}.pem").write_bytes(pair.certificate)
             (self._folder / f"{label}.key").write_bytes(pair.key)

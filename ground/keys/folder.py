@@ -1,7 +1,7 @@
 """The folder of `keys new`: per role a certificate, its key and a configuration that names them."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Final
@@ -11,7 +11,7 @@ from protocol.bus.access import OPERATOR
 from protocol.errors import UserError
 
 CA: Final = "ca.pem"
-USUAL_HOSTS: Final = ("localhost", "127.0.0.1", "::1", "router", "robot")
+THIS_MACHINE: Final = ("localhost", "127.0.0.1", "::1")
 FOLDER_MODE: Final = 0o700
 SECRET_MODE: Final = 0o600
 PUBLIC_MODE: Final = 0o644
@@ -33,19 +33,23 @@ key = "{role}.key"
 def make(
     folder: Path,
     robots: Sequence[str],
-    hosts: Sequence[str],
+    hosts: Mapping[str, Sequence[str]],
     since: datetime,
     until: datetime,
     operators: Sequence[str] = (),
 ) -> list[str]:
-    """The roles that have a certificate now. Overwrites nothing: UserError names what is there."""
+    """The roles that have a certificate now. Overwrites nothing: UserError names what is there.
+
+    `hosts` are more names and addresses of those that are dialled, by role.
+    """
     prepare(folder)
     authority = Authority(since, until)
     written: list[Path] = []
     try:
         put(folder / CA, authority.pem, PUBLIC_MODE, written)
         for role, robot, dialled in cast(robots, operators):
-            pair = authority.certify(role, (*USUAL_HOSTS, *hosts) if dialled else ())
+            names = (*dialled_at(role), *hosts.get(role, ())) if dialled else ()
+            pair = authority.certify(role, names)
             put(folder / f"{role}.pem", pair.certificate, PUBLIC_MODE, written)
             put(folder / f"{role}.key", pair.key, SECRET_MODE, written)
             text = configuration(role, robot, robots, operators)
@@ -55,6 +59,11 @@ def make(
             path.unlink(missing_ok=True)
         raise UserError(f"{folder}: {error.strerror}: nothing was kept") from error
     return [role for role, _, _ in cast(robots, operators)]
+
+
+def dialled_at(role: str) -> tuple[str, ...]:
+    """Return where a role is dialled: on this machine, or at a host of its own name."""
+    return (*THIS_MACHINE, role)
 
 
 def cast(robots: Sequence[str], operators: Sequence[str]) -> Iterator[tuple[str, str, bool]]:

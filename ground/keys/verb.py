@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Final
 
 from ground.options import add_json
 from ground.says import Says
+from protocol.bus.access import ROBOT, ROUTER
 from protocol.errors import UserError
 from protocol.network import check_operators
 from protocol.options import whole
@@ -40,10 +42,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     new.add_argument(
         "--host",
         nargs="+",
-        type=host,
+        type=place,
         default=[],
-        metavar="NAME",
-        help="more names and addresses of those who are dialled, besides this machine's own",
+        metavar="HOST",
+        help="more names and addresses of the router (and of the robot, if there is one only); "
+        "ROBOT=HOST for a robot that is dialled",
     )
     new.add_argument(
         "--days",
@@ -56,6 +59,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     check.add_argument("folder", type=Path, metavar="DIR", help="as `keys new` made it")
     for action in (new, check):
         add_json(action)
+
+
+def place(text: str) -> tuple[str, str]:
+    """A robot's name, empty for the router, and a host."""
+    robot, _, name = text.rpartition("=")
+    return robot, host(name)
 
 
 def host(text: str) -> str:
@@ -93,7 +102,9 @@ def run_new(options: argparse.Namespace, says: Says) -> int:
     check_operators(operators)
     now = datetime.now(UTC)
     until = now + timedelta(days=options.days)
-    roles = make(options.folder, robots, options.host, now - EARLY, until, operators)
+    roles = make(
+        options.folder, robots, hosts_of(options.host, robots), now - EARLY, until, operators
+    )
     found: dict[str, object] = {
         "ok": True,
         "folder": str(options.folder),
@@ -104,6 +115,18 @@ def run_new(options: argparse.Namespace, says: Says) -> int:
     made = f"{options.folder}: {', '.join(roles)}, until {until:%Y-%m-%d}"
     says.result(found, f"{made}\n  {use}")
     return 0
+
+
+def hosts_of(places: Sequence[tuple[str, str]], robots: Sequence[str]) -> dict[str, list[str]]:
+    """The hosts of each role. UserError names a robot that there is not."""
+    found: dict[str, list[str]] = {}
+    for robot, name in places:
+        if robot and robot not in robots:
+            raise UserError(f"--host {robot}={name}: --robots has no {robot}")
+        router = [ROUTER] if len(robots) > 1 else [ROUTER, ROBOT + robots[0]]
+        for role in [ROBOT + robot] if robot else router:
+            found.setdefault(role, []).append(name)
+    return found
 
 
 def run_check(options: argparse.Namespace, says: Says) -> int:

@@ -1,14 +1,9 @@
-"""Who may do what on the bus, out of the tables of topics and services; all else is refused.
+"""Who may do what on the bus, by certificate, out of the tables of topics and services."""
 
-Whoever listens enforces it, on what comes in by each link and on what goes out. Rules name every
-robot and every key that may be put or asked, so no wildcard is ever covered by one.
-"""
-
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from protocol.network import Network
 from protocol.topic import RESERVED, ROBOT_NAME, operator_called
 from protocol.topics import SERVICES, TOPICS, Role, Service, Topic, robot_name
 
@@ -20,7 +15,6 @@ ROBOT: Final = "robot-"
 OPERATOR: Final = "ground-"
 OPEN: Final = "open"
 ALL: Final = ("**",)
-PRESENCE: Final = ("*/alive/**",)
 DRIVE: Final = "drive/"
 TRUTH: Final = "truth/"
 
@@ -114,6 +108,17 @@ def misfit(name: str | None, role: Role | None, robot: str) -> str:
     )
 
 
+def impostor(name: str | None, own: str, robot: str) -> str:
+    """Why the holder of a certificate is not one to dial; empty when it is.
+
+    `own` is the common name of the certificate of this process, `robot` the robot it is about.
+    """
+    if name == ROUTER or (name == ROBOT + robot and not own.startswith(ROBOT)):
+        return ""
+    wanted = "a router" if own.startswith(ROBOT) else f"a router or the robot {robot}"
+    return f"shows the certificate of {name or 'nobody'!r}, and {own} dials only {wanted}"
+
+
 def unanswered(name: str | None, robot: str, service: Service) -> str:
     """Why a question came back empty at once."""
     nobody = f"nobody serves it (is the {service.server.value} running?)"
@@ -164,58 +169,3 @@ def keys(
         for entry in table
     ]
     return tuple(f"{name}/{path}" for name in names for path in paths)
-
-
-def access_control(network: Network) -> dict[str, object]:
-    """Zenoh's `access_control` for whoever listens: nothing, but for what is granted."""
-    found = grants(network.robots, network.operators)
-    rules = {name: rules_of(name, grant, network.prefix) for name, grant in found.items()}
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": [rule for of_one in rules.values() for rule in of_one],
-        "subjects": [{"id": name, "cert_common_names": [name]} for name in found],
-        "policies": [
-            {"subjects": [name], "rules": [rule["id"] for rule in of_one]}
-            for name, of_one in rules.items()
-        ],
-    }
-
-
-def rules_of(name: str, grant: Grant, prefix: str) -> list[dict[str, object]]:
-    """One rule for each kind of message that comes from the holder, or goes to it."""
-    put, heard = kept(grant.puts), kept(grant.hears)
-    presence = ("declare_liveliness_subscriber", "liveliness_query")
-    come: Mapping[tuple[str, ...], tuple[str, ...]] = {
-        ("put",): grant.puts + put,
-        ("declare_subscriber",): grant.hears + heard,
-        ("query",): grant.asks + heard,
-        ("declare_queryable",): grant.answers + put,
-        ("reply",): grant.answers + grant.puts + put,
-        ("liveliness_token",): grant.shows + put,
-        presence: PRESENCE + heard,
-    }
-    go: Mapping[tuple[str, ...], tuple[str, ...]] = {
-        ("put",): grant.hears + heard,
-        ("query",): grant.answers + put,
-        ("reply",): grant.asks + grant.hears + heard,
-        ("liveliness_token",): PRESENCE + heard,
-        ("declare_subscriber", "declare_queryable", *presence): ALL + kept(ALL),
-    }
-    return [
-        {
-            "id": f"{name} {flow} {messages[0]}",
-            "permission": "allow",
-            "flows": [flow],
-            "messages": list(messages),
-            "key_exprs": [f"{prefix}/{path}" for path in paths],
-        }
-        for flow, table in (("ingress", come), ("egress", go))
-        for messages, paths in table.items()
-        if paths
-    ]
-
-
-def kept(paths: Iterable[str]) -> tuple[str, ...]:
-    """Where Zenoh keeps the events of these keys for those who join late, and asks for them."""
-    return tuple(f"{path}/@adv/**" for path in paths)

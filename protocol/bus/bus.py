@@ -16,7 +16,7 @@ from zenoh.handlers import Callback
 
 from protocol.bus.access import operator_name
 from protocol.bus.asker import Asker
-from protocol.bus.callers import callers
+from protocol.bus.callers import Dialled, callers
 from protocol.bus.certificate import holder
 from protocol.bus.history import following, told_ns
 from protocol.bus.locks import shut
@@ -73,6 +73,7 @@ class Bus:
         self.line = Line(network.trouble, now_ns)
         self.holder = holder(network.tls, role, robot)
         self._session = open_session(network)
+        self._dialled = Dialled(self._session, network, self.holder, robot)
         self._asker = Asker(self._session, network, role, self.operator, self.holder, now_ns)
 
     def __enter__(self) -> Self:
@@ -278,8 +279,13 @@ class Bus:
         return sorted({presence_in(str(r.ok.key_expr)) for r in replies if r.ok is not None})
 
     def hub(self) -> Hub:
-        """Who links this session to the others; calls those it dialled when nobody does."""
+        """Who links this session to the others; calls those it dialled when nobody does.
+
+        A process with the certificate of another role links nobody: it counts as one that hangs.
+        """
         info = self._session.info
+        if self._dialled.wrong:
+            return Hub.HANGS
         if list(info.routers_zid()):
             return Hub.ROUTER
         if list(info.peers_zid()) or not self.network.connect:
@@ -292,8 +298,8 @@ class Bus:
 
         Takes up to two seconds for each of them that takes the call and says nothing.
         """
-        why = shut(self.network)
-        return "" if why is None else str(why)
+        why = self._dialled.wrong or shut(self.network)
+        return str(why or "")
 
     def lost(self) -> str:
         """Why nobody can be heard: the hub is gone, hangs or lets nobody in. Empty while linked."""
@@ -320,6 +326,10 @@ class Bus:
     def on_caller(self, handler: Callable[[str, str | None, str], None]) -> None:
         """Who is linked to us (session id, name of the certificate, address), from now on."""
         self._declared.append(callers(self._session, handler))
+
+    def on_impostor(self, handler: Callable[[str], None]) -> None:
+        """Hand on why a process that answers when it is dialled again is wrong; only enqueue."""
+        self._dialled.on_wrong(handler)
 
     def await_matched(self, publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:
         """Wait until each has a subscriber, and an operator's knows its robot's time.

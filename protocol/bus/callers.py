@@ -1,9 +1,16 @@
 """Who is linked to a session, by certificate and address."""
 
 from collections.abc import Callable
+from typing import Any, Final
 
 import zenoh
 from zenoh.handlers import Callback
+
+from protocol.bus.access import impostor
+from protocol.errors import NotLetIn
+from protocol.network import Network
+
+REPLACED: Final = "nothing is taken from it or sent to it; find out who listens there, by whose key"
 
 
 def callers(
@@ -18,3 +25,54 @@ def callers(
 
     callback = Callback(forward, indirect=False)
     return session.info.declare_link_events_listener(callback, history=True)
+
+
+class Dialled:
+    """Judges each process that a session has dialled by its certificate, after each reconnection.
+
+    `own` is the common name of the certificate of this process, None where no door is locked;
+    `robot` is the robot it is about. The access control of the session sees to it that a wrong
+    process neither brings nor gets anything. Raises NotLetIn when one answers the first call.
+    """
+
+    def __init__(
+        self, session: zenoh.Session, network: Network, own: str | None, robot: str
+    ) -> None:
+        self._own, self._robot = own, robot
+        self._wrong: dict[tuple[str, str], tuple[str, str]] = {}
+        self._tell: Callable[[str], None] = lambda _why: None
+        if own is None or network.listen:
+            return
+        for link in session.info.links():
+            self._came(link)
+        if self._wrong:
+            closing: Any = session
+            closing.close()
+            raise NotLetIn(*next(iter(self._wrong.values())))
+        callback = Callback(self._changed, indirect=False)
+        self._listener: Any = session.info.declare_link_events_listener(callback, history=True)
+
+    @property
+    def wrong(self) -> str:
+        """Why the process at the other end is not the one that was dialled; empty when it is."""
+        return next((": ".join(wrong) for wrong in tuple(self._wrong.values())), "")
+
+    def on_wrong(self, tell: Callable[[str], None]) -> None:
+        """Call `tell` with the reason whenever a link to a wrong process comes; only enqueue."""
+        self._tell = tell
+
+    def _changed(self, event: zenoh.LinkEvent) -> None:
+        if event.kind == zenoh.SampleKind.PUT:
+            self._came(event.link)
+        else:
+            self._wrong.pop(place_of(event.link), None)
+
+    def _came(self, link: zenoh.Link) -> None:
+        why = impostor(link.auth_identifier, self._own or "", self._robot)
+        if why and place_of(link) not in self._wrong:
+            self._wrong[place_of(link)] = f"the process at {link.dst} {why}", REPLACED
+            self._tell(self.wrong)
+
+
+def place_of(link: zenoh.Link) -> tuple[str, str]:
+    return str(link.zid), link.dst

@@ -51,10 +51,13 @@ class Doors:
 
 @contextmanager
 def watched_doors(bus: Bus, tell: Callable[[str], None]) -> Iterator[None]:
-    """Report refusals while the block runs; do nothing for a process without locked doors.
+    """Report while the block runs whom a listening process refuses, and impostors that are dialled.
+
+    Do nothing for a process without locked doors.
 
     Takes the place of standard output, where Zenoh writes: for processes that print nothing there.
     """
+    bus.on_impostor(tell)
     tls = bus.network.tls
     if tls is None or not tls.tell_refusals or not bus.network.listen:
         yield

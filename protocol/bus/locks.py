@@ -9,8 +9,8 @@ from typing import Final
 
 import zenoh
 
-from protocol.bus.access import access_control
 from protocol.bus.certificate import Own, context, own
+from protocol.bus.rules import access_control, dialled_access_control
 from protocol.errors import BadKeys, NotLetIn
 from protocol.network import LOCKED, Network, Tls
 
@@ -37,7 +37,7 @@ PLAINLY: Final[Mapping[str, object]] = MappingProxyType(
 
 
 def lock(network: Network) -> dict[str, object]:
-    """Settings of a session that is locked; whoever listens also says who may do what.
+    """Settings of a session that is locked, and who may do what over its links.
 
     Raises BadKeys for files of no use, and for a listener that nobody would believe.
     """
@@ -58,6 +58,8 @@ def lock(network: Network) -> dict[str, object]:
     }
     if network.listen:
         found["access_control"] = access_control(network)
+    elif allowed := dialled_access_control(network, seen.name):
+        found["access_control"] = allowed
     return found
 
 
@@ -142,7 +144,10 @@ def not_believed(
         words = "has expired" if error.verify_code == EXPIRED_THERE[1] else "is not valid yet"
         return NotLetIn(f"{there} {words}", f"compare the clocks; else {MAKE_NEW}")
     if error.verify_code in WRONG_NAME:
-        do = f"dial a name it has, or make a new set with `sidestep keys new DIR --host {host}`"
+        do = (
+            f"dial a name it has, or make a new set with `sidestep keys new DIR --host {host}` "
+            f"(of one robot among several: --host ROBOT={host})"
+        )
         return NotLetIn(f"{there} is not for {host}", do)
     return NotLetIn(f"{there} is signed by another authority than {tls.ca}", MAKE_NEW)
 

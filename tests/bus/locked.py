@@ -8,7 +8,7 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.session import bound_endpoints, open_session
+from protocol.bus.session import bound_endpoints, configured, open_session
 from protocol.network import Mode, Network, Tls
 from protocol.topics import SERVICES, TOPICS, Role
 from tests.bus.nets import Topology, prefixes, until
@@ -18,6 +18,7 @@ ROBOTS = ("r1", "r2")
 OPERATORS = ("ada", "bob")
 FORGED = b"forged"
 SESSION = "abc"
+DIAL_S = 2.0
 OF_OPERATORS = frozenset(
     {topic.path for topic in TOPICS if topic.of_operators}
     | {service.path for service in SERVICES if service.of_operators}
@@ -43,9 +44,9 @@ class Locked:
         )
         first = self.opened(listening)
         (self.endpoint,) = bound_endpoints(first)
-        self.robot = first if hub else self.join("robot-r1")
-        self.plant = self.join("plant")
-        self.ground = self.join("ground")
+        self.robot = first if hub else self.member("robot-r1")
+        self.plant = self.member("plant")
+        self.ground = self.member("ground")
 
     def network(self, tls: Tls, mode: Mode = "client") -> Network:
         return Network(
@@ -59,14 +60,24 @@ class Locked:
             connect_timeout_s=2.0,
         )
 
+    def member(self, name: str) -> zenoh.Session:
+        """As one of our own processes, with all the settings that it has."""
+        return self.linked(self.opened(self.network(self.ring.tls(name))))
+
     def join(self, name: str, mode: Mode = "client") -> zenoh.Session:
-        """As whoever has the certificate of that name."""
-        session = self.opened(self.network(self.ring.tls(name), mode))
+        """As whoever has the certificate of that name, and keeps to no rules."""
+        config = configured(self.network(self.ring.tls(name), mode), DIAL_S)
+        config.insert_json5("access_control", '{"enabled": false}')
+        return self.linked(self.closed_later(zenoh.open(config)))
+
+    def linked(self, session: zenoh.Session) -> zenoh.Session:
         until(lambda: list(session.info.peers_zid()) or list(session.info.routers_zid()))
         return session
 
     def opened(self, network: Network) -> zenoh.Session:
-        session = open_session(network)
+        return self.closed_later(open_session(network))
+
+    def closed_later(self, session: zenoh.Session) -> zenoh.Session:
         closing: Any = session
         self._stack.callback(closing.close)
         return session

@@ -7,9 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from ground.keys.folder import make
 from protocol.bus import Bus, open_bus
+from protocol.bus.session import configured
 from protocol.codec import Encoder, decode
 from protocol.enums import Command, LeaseAction
 from protocol.errors import NotLetIn
@@ -17,7 +19,7 @@ from protocol.message import Message
 from protocol.messages import CommandAck, CommandRequest, LeaseRequest
 from protocol.network import Network, Tls
 from protocol.reasons import Reason
-from protocol.topics import COMMAND, COMMANDED, ENCODING, LEASE_SERVICE, Role
+from protocol.topics import COMMAND, COMMANDED, ENCODING, LEASE_SERVICE, PREFIX, TELEOP, Role
 from tests.keyring import DAY, NOW, Keyring
 from tests.stack.processes import Crew, Running, until
 
@@ -49,7 +51,7 @@ class Locked(Crew):
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("locks") / "keys"
-    make(folder, ["r1", "r2"], [], NOW - DAY, NOW + DAY, ["ada", "bob"])
+    make(folder, ["r1", "r2"], {}, NOW - DAY, NOW + DAY, ["ada", "bob"])
     return folder
 
 
@@ -93,13 +95,14 @@ def test_another_operator_cannot_command_under_the_lease_of_its_holder(keys: Pat
         with (
             open_bus(dialling(crew.endpoint, tls_of(keys, "ground-ada")), Role.GROUND, "r1") as ada,
             open_bus(dialling(crew.endpoint, tls_of(keys, "ground-bob")), Role.GROUND, "r1") as bob,
+            unruly(dialling(crew.endpoint, tls_of(keys, "ground-bob"))) as intruder,
         ):
             acted_on: list[Message] = []
             bob.stream(COMMANDED, lambda _key, frame, _at: acted_on.append(decode(frame).message))
             assert ada.operator is not None
             assert ada.operator.startswith("ada/")
             assert taken(ada, 1) == Reason.NONE
-            assert forge(bob, ada.operator) == 2 * EACH
+            assert forge(intruder, ada.operator) == 2 * EACH
             assert taken(ada, 2) == Reason.NONE  # for another 3 s
             answer = bob.ask(COMMAND, asking(OURS, Command.DO_PAUSE_CONTINUE), PATIENCE_S)
             assert reason_of(answer) == Reason.LEASE_HELD
@@ -123,7 +126,7 @@ def test_a_robot_does_nothing_of_what_others_command(keys: Path, role: str) -> N
         robot = crew.robot()
         crew.plant()
         with (
-            open_bus(dialling(crew.endpoint, tls_of(keys, role)), None, "r1") as intruder,
+            unruly(dialling(crew.endpoint, tls_of(keys, role))) as intruder,
             open_bus(dialling(crew.endpoint, tls_of(keys, "ground")), Role.GROUND, "r1") as ground,
         ):
             acted_on: list[Message] = []
@@ -149,20 +152,24 @@ def reason_of(answer: Message | bytes) -> int:
     return answer.result_param2
 
 
-def forge(bus: Bus, operator: str = "ground/abc") -> int:
+@contextmanager
+def unruly(network: Network) -> Iterator[zenoh.Session]:
+    """A session that keeps to no rules of its own."""
+    config = configured(network, PATIENCE_S)
+    config.insert_json5("access_control", '{"enabled": false}')
+    with zenoh.open(config) as session:
+        yield session
+
+
+def forge(session: zenoh.Session, operator: str = "ground/abc") -> int:
     """Send an emergency stop and the operator's wheel as that operator; how many of these."""
     frames = Encoder(255, 190)
-    session = bus._session
     for number in range(EACH):
         frame = frames.encode(asking(number + 1))
-        replies = session.get(
-            bus.key(f"{COMMAND.path}/{operator}"),
-            payload=frame,
-            encoding=ENCODING,
-            timeout=PATIENCE_S,
-        )
+        key = f"{PREFIX}/r1/{COMMAND.path}/{operator}"
+        replies = session.get(key, payload=frame, encoding=ENCODING, timeout=PATIENCE_S)
         assert list(replies) == []
-        session.put(bus.key(f"op/teleop/{operator}"), frame, encoding=ENCODING)
+        session.put(f"{PREFIX}/r1/{TELEOP.path}/{operator}", frame, encoding=ENCODING)
     return 2 * EACH
 
 
@@ -191,6 +198,19 @@ def test_whoever_is_not_let_in_is_told_why_on_both_sides(tmp_path: Path) -> None
             router.says(told_here, PATIENCE_S)
         router.says("it shows no certificate", PATIENCE_S)  # the knock of who has none
         assert "not let in: somebody at 127.0.0.1: " in router.said
+
+
+def test_a_robots_key_where_the_router_is_dialled_gets_no_robot_and_no_health(keys: Path) -> None:
+    """Both sides of it are real processes: the robot says why it does not start."""
+    with Locked(keys) as crew:
+        crew.start("router", "--listen", crew.endpoint, role="robot-r2").says("router at")
+        robot = crew.dialling("robot", "--start", "0.6", "2", "0")
+        assert robot.ends() != 0
+        assert "shows the certificate of 'robot-r2', and robot-r1 dials only a router" in robot.said
+        code, said = crew.verb("ground", "doctor")
+        assert code == 1
+        assert "E the process at " in said
+        assert "shows the certificate of 'robot-r2'" in said
 
 
 def test_up_runs_behind_locks(keys: Path) -> None:

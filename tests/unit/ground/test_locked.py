@@ -15,7 +15,7 @@ ROLES = ("router", "robot r1", "robot r2", "recorder r1", "plant")
 
 @pytest.fixture
 def keys(tmp_path: Path) -> str:
-    make(tmp_path / "keys", ["r1", "r2"], [], NOW - DAY, NOW + DAY)
+    make(tmp_path / "keys", ["r1", "r2"], {}, NOW - DAY, NOW + DAY)
     return str(tmp_path / "keys")
 
 

@@ -5,7 +5,6 @@ from typing import Any
 import pytest
 
 from protocol.bus.access import (
-    access_control,
     barred,
     grant_of,
     grants,
@@ -13,6 +12,7 @@ from protocol.bus.access import (
     operator_name,
     unanswered,
 )
+from protocol.bus.rules import access_control
 from protocol.errors import UserError
 from protocol.network import Network
 from protocol.topics import (

@@ -15,7 +15,7 @@ from tests.keyring import DAY, NOW, Keyring
 
 @pytest.fixture
 def keys(tmp_path: Path) -> Path:
-    make(tmp_path / "keys", ["r1"], [], NOW - DAY, NOW + 100 * DAY)
+    make(tmp_path / "keys", ["r1"], {}, NOW - DAY, NOW + 100 * DAY)
     return tmp_path / "keys"
 
 

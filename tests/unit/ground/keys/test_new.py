@@ -32,6 +32,7 @@ def keys(tmp_path: Path) -> Path:
         "--host",
         "rover.local",
         "10.0.0.5",
+        "r2=10.0.0.2",
     ]
     assert main(words) == 0
     return folder
@@ -102,15 +103,38 @@ def test_each_certificate_is_believed_and_says_whose_it_is(keys: Path, name: str
     assert (seen.name, seen.trouble) == (name, "")
 
 
-def test_who_is_dialled_has_the_names_of_where(keys: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "hosts"),
+    [
+        ("router", {"router", "rover.local", "10.0.0.5"}),
+        ("robot-r1", {"robot-r1"}),
+        ("robot-r2", {"robot-r2", "10.0.0.2"}),
+    ],
+)
+def test_no_robot_has_the_names_of_the_router_or_of_another(
+    keys: Path, name: str, hosts: set[str]
+) -> None:
+    assert names_in(keys / f"{name}.pem") == {"localhost", "127.0.0.1", "::1", *hosts}
+
+
+def names_in(path: Path) -> set[str]:
+    """Where its holder is dialled."""
+    names = certificate(path).extensions.get_extension_for_class(x509.SubjectAlternativeName)
+    addresses = {str(one) for one in names.value.get_values_for_type(x509.IPAddress)}
+    return addresses | set(names.value.get_values_for_type(x509.DNSName))
+
+
+def test_a_host_is_that_of_the_only_robot_too(tmp_path: Path) -> None:
+    assert main(["keys", "new", str(tmp_path / "keys"), "--host", "rover.local"]) == 0
     for name in ("router", "robot-r1"):
-        names = certificate(keys / f"{name}.pem").extensions.get_extension_for_class(
-            x509.SubjectAlternativeName
-        )
-        dns = set(names.value.get_values_for_type(x509.DNSName))
-        addresses = {str(one) for one in names.value.get_values_for_type(x509.IPAddress)}
-        assert dns == {"localhost", "router", "robot", "rover.local"}
-        assert addresses == {"127.0.0.1", "::1", "10.0.0.5"}
+        assert "rover.local" in names_in(tmp_path / "keys" / f"{name}.pem")
+
+
+def test_a_host_of_a_robot_that_there_is_not_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["keys", "new", str(tmp_path / "keys"), "--host", "r9=10.0.0.9"]) == 2
+    assert "--robots has no r9" in capsys.readouterr().err
 
 
 def test_who_only_dials_cannot_pose_as_one_who_is_dialled(keys: Path) -> None:

@@ -1,0 +1,139 @@
+"""Zenoh's access control, out of what each certificate may do; all else is refused.
+
+A process that listens enforces it on what comes in by each link and on what goes out. Rules name
+every robot and every key that may be put or asked, so no wildcard is ever covered by one. A process
+that dials enforces the same rules from its side: only a router or its own robot brings it anything,
+and only what its role is for.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Final, TypeAlias
+
+from protocol.bus.access import ALL, OPERATOR, ROBOT, ROUTER, Grant, grant_of, grants
+from protocol.network import Network
+
+Rule: TypeAlias = dict[str, object]
+Table: TypeAlias = Mapping[tuple[str, ...], tuple[str, ...]]
+"""Key expressions by kinds of messages."""
+
+PRESENCE: Final = "alive/**"
+EVERYTHING: Final = ("**", "**/@adv/**", "@/**")
+EVERY_KIND: Final = (
+    "put",
+    "delete",
+    "query",
+    "reply",
+    "declare_subscriber",
+    "declare_queryable",
+    "liveliness_token",
+    "liveliness_query",
+    "declare_liveliness_subscriber",
+)
+
+
+def access_control(network: Network) -> dict[str, object]:
+    """Zenoh's `access_control` for whoever listens: nothing, but for what is granted."""
+    found = grants(network.robots, network.operators)
+    return control({name: rules_of(name, grant, network.prefix) for name, grant in found.items()})
+
+
+def dialled_access_control(network: Network, own: str) -> dict[str, object]:
+    """Zenoh's `access_control` for a process that dials, by the common name of its certificate.
+
+    A router brings what is for this role; a robot that listens brings what is about itself. Any
+    other process brings nothing and is sent nothing. Empty when the certificate has no role.
+    """
+    if grant_of(own) is None:
+        return {}
+    prefix, operators = network.prefix, (own.removeprefix(OPERATOR),) * own.startswith(OPERATOR)
+    robots = (own.removeprefix(ROBOT),) if own.startswith(ROBOT) else network.robots
+    found = {ROUTER: from_dialled(ROUTER, grants(robots, operators)[own], prefix)}
+    for robot in () if own.startswith(ROBOT) else robots:
+        grant = grants((robot,), operators)[own]
+        found[ROBOT + robot] = from_dialled(ROBOT + robot, grant, prefix, robot)
+    return control(found)
+
+
+def control(by_name: Mapping[str, list[Rule]]) -> dict[str, object]:
+    """Deny everything but what the rules of each certificate allow."""
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [rule for of_one in by_name.values() for rule in of_one],
+        "subjects": [{"id": name, "cert_common_names": [name]} for name in by_name],
+        "policies": [
+            {"subjects": [name], "rules": [rule["id"] for rule in of_one]}
+            for name, of_one in by_name.items()
+        ],
+    }
+
+
+def rules_of(name: str, grant: Grant, prefix: str) -> list[Rule]:
+    """One rule for each kind of message that comes from the holder, or goes to it."""
+    come, go = tables(grant)
+    return [*rules(name, "ingress", come, prefix), *rules(name, "egress", go, prefix)]
+
+
+def from_dialled(name: str, own: Grant, prefix: str, robot: str = "") -> list[Rule]:
+    """Return the rules for a process that was dialled: it brings what is for us, `own`.
+
+    What a robot brings is about `robot`. It may be sent everything: it takes what it allows.
+    """
+    _, come = tables(own, robot or "*")
+    sent: Rule = {
+        "id": f"{name} egress",
+        "permission": "allow",
+        "flows": ["egress"],
+        "messages": list(EVERY_KIND),
+        "key_exprs": list(EVERYTHING),
+    }
+    return [*rules(name, "ingress", come, prefix), sent]
+
+
+def tables(grant: Grant, about: str = "*") -> tuple[Table, Table]:
+    """Return what may come from the holder, and what may go to it, by kinds of message.
+
+    `about` is the only robot that all of it is about.
+    """
+    everything = ALL if about == "*" else (f"{about}/**",)
+    hears = everything if grant.hears == ALL else grant.hears
+    presence_of = (f"{about}/{PRESENCE}",)
+    put, heard = kept(grant.puts), kept(hears)
+    presence = ("declare_liveliness_subscriber", "liveliness_query")
+    come: Table = {
+        ("put",): grant.puts + put,
+        ("declare_subscriber",): hears + heard,
+        ("query",): grant.asks + heard,
+        ("declare_queryable",): grant.answers + put,
+        ("reply",): grant.answers + grant.puts + put,
+        ("liveliness_token",): grant.shows + put,
+        presence: presence_of + heard,
+    }
+    go: Table = {
+        ("put",): hears + heard,
+        ("query",): grant.answers + put,
+        ("reply",): grant.asks + hears + heard,
+        ("liveliness_token",): presence_of + heard,
+        ("declare_subscriber", "declare_queryable", *presence): ALL + kept(ALL),
+    }
+    return come, go
+
+
+def rules(name: str, flow: str, table: Table, prefix: str) -> list[Rule]:
+    """One rule for each kind of message that flows that way."""
+    return [
+        {
+            "id": f"{name} {flow} {messages[0]}",
+            "permission": "allow",
+            "flows": [flow],
+            "messages": list(messages),
+            "key_exprs": [f"{prefix}/{path}" for path in paths],
+        }
+        for messages, paths in table.items()
+        if paths
+    ]
+
+
+def kept(paths: Iterable[str]) -> tuple[str, ...]:
+    """Where Zenoh keeps the events of these keys for those who join late, and asks for them."""
+    return tuple(f"{path}/@adv/**" for path in paths)
