@@ -76,7 +76,7 @@ def made_keys(folder: Path) -> Path:
     from ground.keys.folder import make  # its library need not be there for other measurements
 
     now = datetime.now(UTC)
-    make(folder, ["r1", "r2"], [], now - VALID, now + VALID, OPERATORS)
+    make(folder, ["r1", "r2"], {}, now - VALID, now + VALID, OPERATORS)
     return folder
 
 
