@@ -4,7 +4,7 @@ import threading
 from typing import Final, NamedTuple
 
 from protocol.messages import WheelCommand
-from protocol.timing import CONTROL_HZ, PERIOD_MS, TTL_MS
+from protocol.timing import CONTROL_HZ, PERIOD_MS, TTL_MS, UINT32
 
 MAX_AGE_TICKS: Final = TTL_MS // PERIOD_MS
 HELD_TICKS: Final = MAX_AGE_TICKS
@@ -12,8 +12,6 @@ HELD_TICKS: Final = MAX_AGE_TICKS
 
 SILENT_TICKS: Final = round(CONTROL_HZ)
 """A newer robot that has been silent for this second no longer keeps an older one out."""
-
-UINT32: Final = 0xFFFFFFFF
 
 
 class Demand(NamedTuple):

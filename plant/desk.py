@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
+from typing import Final
 
 from plant.plant import Plant
 from protocol.bus import Asked
@@ -11,34 +12,47 @@ from protocol.message import Message
 from protocol.messages import CommandAck, RunRequest
 from protocol.reasons import Reason
 
+MAX_WAITING: Final = 64
+MAX_ANSWERED: Final = 2
+"""In one turn of the loop: the score of a run of many hours takes tens of milliseconds."""
+
 
 class Desk:
-    """Requests are queued by the bus's threads and answered by the plant's own, between ticks."""
+    """Requests are queued by the bus's threads and answered by the plant's own, between ticks.
+
+    What the world is like never changes, so that question does not reach the loop.
+    """
 
     def __init__(self, *, running: bool, world: object, nudge: Callable[[], None]) -> None:
         """`nudge` is called from the bus when there is something to answer."""
         self.running = running
         self._nudge = nudge
         self._world = json.dumps(world).encode()
-        self._requests: SimpleQueue[tuple[int, Asked]] = SimpleQueue()
+        self._requests: SimpleQueue[tuple[int, Asked, RunRequest]] = SimpleQueue()
 
     def ask(self, robot: int, asked: Asked) -> None:
-        """Called from the bus; returns at once."""
-        self._requests.put((robot, asked))
-        self._nudge()
+        """Called from the bus; returns at once. Of too many requests the rest is refused."""
+        request = asked.message
+        if not isinstance(request, RunRequest):
+            asked.reply(self._world)
+        elif self._requests.qsize() >= MAX_WAITING:
+            asked.reply(
+                acknowledge(AckResult.TEMPORARILY_REJECTED, Reason.TOO_MANY_REQUESTS),
+            )
+        else:
+            self._requests.put((robot, asked, request))
+            self._nudge()
 
     def serve(self, plant: Plant) -> None:
-        while True:
+        """Answer the next few requests; further ones wait for the next turn of the loop."""
+        for _ in range(MAX_ANSWERED):
             try:
-                robot, asked = self._requests.get_nowait()
+                robot, asked, request = self._requests.get_nowait()
             except Empty:
                 return
-            request = asked.message
-            asked.reply(
-                self.answer(plant, robot, request)
-                if isinstance(request, RunRequest)
-                else self._world
-            )
+            asked.reply(self.answer(plant, robot, request))
+        if not self._requests.empty():
+            self._nudge()
 
     def answer(self, plant: Plant, robot: int, request: RunRequest) -> Message:
         """START lets a paused plant go on; on a running one it begins a new score."""

@@ -20,18 +20,23 @@ PATIENCE_S: Final = 1.0
 
 
 class Wake:
-    """What the loop waits on: something has arrived, or the process shall end."""
+    """What the loop waits on: something has arrived, or the process shall end.
+
+    One entry is enough, however often it is called: in wall time the loop never waits on it. Safe
+    in a signal handler, which no lock is.
+    """
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[None] = SimpleQueue()
         self.stopping = False
 
     def __call__(self, _: int = 0) -> None:
-        self._queue.put(None)
+        if self._queue.empty():
+            self._queue.put(None)
 
     def stop(self) -> None:
         self.stopping = True
-        self._queue.put(None)
+        self()
 
     def wait(self, timeout_s: float) -> bool:
         """True when something has arrived, False when the time is up."""

@@ -17,7 +17,7 @@ from plant.trouble import Schedule
 from plant.world import Arena
 from plant.world_types import Point
 from protocol.messages import GroundTruth, SonarScan, WheelTicks
-from protocol.timing import PERIOD_NS
+from protocol.timing import PERIOD_NS, UINT32
 
 LEFT: Final = 1
 RIGHT: Final = 2
@@ -141,7 +141,7 @@ class Vehicle:
     def sense(self, now_ns: int, moved: Moved) -> None:
         """Take this tick's senses; `moved`: see `Caster.cast`."""
         trouble = self.faults.at(now_ns)
-        seq = now_ns // PERIOD_NS
+        seq = (now_ns // PERIOD_NS) & UINT32
         reading = self._ring.read(
             self._caster.cast(self.early_pose, self.pose, moved), trouble.sonar
         )
@@ -173,7 +173,7 @@ class Vehicle:
         way_x_m, way_y_m = x_m - self._before[0], y_m - self._before[1]
         return GroundTruth(
             time_ns=now_ns,
-            seq=now_ns // PERIOD_NS,
+            seq=(now_ns // PERIOD_NS) & UINT32,
             x_m=x_m,
             y_m=y_m,
             heading_rad=heading_rad,

@@ -7,7 +7,7 @@ from plant.command_gate import CommandGate
 from plant.plant import Plant
 from protocol.bus import Bus, Publisher
 from protocol.messages import SystemTime
-from protocol.timing import PERIOD_NS
+from protocol.timing import PERIOD_NS, UINT32
 from protocol.topics import CLOCK, DRIVE, SONAR, TRUTH, WHEELS
 
 
@@ -45,7 +45,8 @@ class Wires:
         """What follows the senses: in lockstep the clock, and the truth."""
         if self._clock is not None:
             now_us = plant.now_ns // 1000
-            self._clock.put(SystemTime(time_unix_usec=now_us, time_boot_ms=now_us // 1000))
+            boot_ms = (now_us // 1000) & UINT32
+            self._clock.put(SystemTime(time_unix_usec=now_us, time_boot_ms=boot_ms))
         self._truth.put(plant.truth(self._number))
 
     def framed(self, plant: Plant) -> list[tuple[Publisher[Any], bytes]]:

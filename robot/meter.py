@@ -4,6 +4,7 @@ from typing import Final
 
 from protocol.clock import Clock, Tick
 from protocol.messages import CycleReport
+from protocol.timing import UINT32
 from robot.core.budget import STAGES, TICK_US
 
 OVERRUNS_IN_A_ROW: Final = 3
@@ -60,15 +61,18 @@ class Meter:
         return self._enforced and (late or self._in_a_row >= OVERRUNS_IN_A_ROW)
 
     def report(self, time_ns: int, *, sense_age_us: int, rejected: int) -> CycleReport:
-        """The account of this tick; its writing, not over yet, is that of the tick before."""
+        """The account of this tick; its writing, not over yet, is that of the tick before.
+
+        The number of the tick wraps. A count or a time that 32 bits cannot hold is the largest.
+        """
         return CycleReport(
             time_ns=time_ns,
-            tick=self._tick.index,
-            missed=self._tick.missed,
-            overruns=self.overruns,
-            rejected=rejected,
-            late_us=max(0, self._tick.late_ns) // 1000,
-            sense_age_us=sense_age_us,
+            tick=self._tick.index & UINT32,
+            missed=min(self._tick.missed, UINT32),
+            overruns=min(self.overruns, UINT32),
+            rejected=min(rejected, UINT32),
+            late_us=min(max(0, self._tick.late_ns) // 1000, UINT32),
+            sense_age_us=min(sense_age_us, UINT32),
             budget_us=TICK_US,
             stage_us=tuple([min(spent_us, 65_535) for spent_us in self._stage_us]),
         )

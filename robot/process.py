@@ -40,8 +40,6 @@ MAX_GOOD_NS: Final = 60_000_000_000
 SAVING_S: Final = 1.0
 """So long a robot that ends waits for its disk."""
 
-UINT32: Final = 0xFFFFFFFF
-
 
 class Process:
     """Ties a vehicle to a bus and a clock. All work is in one thread; the bus only enqueues.
@@ -177,7 +175,7 @@ class Process:
             self._meter.report(
                 stamp_ns,
                 sense_age_us=senses.ping_age_us + sent_us,
-                rejected=min(sum(self._bus.rejected.values()), UINT32),
+                rejected=sum(self._bus.rejected.values()),
             )
         )
         reports.events(self.vehicle, stamp_ns, now_ns)

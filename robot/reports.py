@@ -1,12 +1,10 @@
 """What goes out: the wheel command first, then belief, status, decision, cost and events."""
 
-from typing import Final
-
 from protocol.bus import Bus
 from protocol.mailbox import MAX_STAMP_NS
 from protocol.message import Message
 from protocol.messages import WheelCommand
-from protocol.timing import TTL_MS
+from protocol.timing import TTL_MS, UINT32
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -25,8 +23,6 @@ from robot import telemetry
 from robot.core.senses import now_ms_of
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
-
-UINT32: Final = 0xFFFFFFFF
 
 
 class Reports:
@@ -59,7 +55,7 @@ class Reports:
         It is sent whatever the stamp is, as that may be why the loop has ended, and with one that
         the plant takes.
         """
-        self._command(stamp_ns % MAX_STAMP_NS, sense_seq & UINT32, 0, 0, 0)
+        self._command(stamp_ns % MAX_STAMP_NS, sense_seq, 0, 0, 0)
 
     def _command(
         self, stamp_ns: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int
@@ -68,14 +64,14 @@ class Reports:
             WheelCommand(
                 time_ns=stamp_ns,
                 seq=self._commands,
-                sense_seq=sense_seq,
+                sense_seq=sense_seq & UINT32,
                 epoch=self._epoch,
                 left_mrad_s=left_mrad_s,
                 right_mrad_s=right_mrad_s,
                 ttl_ms=ttl_ms,
             )
         )
-        self._commands = (self._commands + 1) & 0xFFFFFFFF
+        self._commands = (self._commands + 1) & UINT32
 
     def tick(self, vehicle: Vehicle, outputs: Outputs, stamp_ns: int, now_ns: int) -> None:
         """Where the robot believes it is, what it is about, and why it turns."""
@@ -108,6 +104,6 @@ class Reports:
     def record(self, request: Message, answer: Message) -> None:
         """Put a request and its answer on the bus, for the black box, and count it."""
         if type(request) in COMMANDED.messages:
-            self.recorded = (self.recorded + 1) & 0xFFFFFFFF
+            self.recorded = (self.recorded + 1) & UINT32
             self.commanded.put(request)
             self.answered.put(answer)

@@ -17,7 +17,7 @@ from protocol.lockstep import LockstepClock
 from protocol.mailbox import MAX_STAMP_NS, Mailbox
 from protocol.messages import SystemTime
 from protocol.pulse import Pulse
-from protocol.timing import CONTROL_HZ, PERIOD_NS
+from protocol.timing import CONTROL_HZ, PERIOD_NS, UINT32
 from protocol.topics import CLOCK, Role
 from protocol.watchdog import Watchdog
 from robot.life import Life
@@ -29,7 +29,6 @@ from robot.senses import Senses
 from robot.vehicle import Vehicle
 
 IDLE_S: Final = 0.2
-UINT32: Final = 0xFFFFFFFF
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

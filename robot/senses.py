@@ -7,7 +7,7 @@ from protocol.bus import Bus
 from protocol.clock import Tick
 from protocol.mailbox import Origin
 from protocol.messages import SonarScan, WheelTicks
-from protocol.timing import PERIOD_NS
+from protocol.timing import PERIOD_NS, UINT32
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from robot.core.senses import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Scan, Wheels
@@ -140,9 +140,16 @@ def newer(
     """What was sent last, and not what came last: that may have been overtaken on its way."""
     if newest is None or last is None:
         return newest
-    return last if 0 < last[0].seq - newest[0].seq <= OVERTAKEN else newest
+    return last if 0 < behind(newest, last) <= OVERTAKEN else newest
 
 
 def begun_anew(newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None) -> bool:
     """Was it sent by a plant that was started again?"""
-    return newest is not None and last is not None and last[0].seq - newest[0].seq > OVERTAKEN
+    if newest is None or last is None:
+        return False
+    return OVERTAKEN < behind(newest, last) < UINT32 // 2
+
+
+def behind(newest: tuple[Sense, int], last: tuple[Sense, int]) -> int:
+    """Return how many ticks it is older; a count that wraps makes a newer one 2^31 or more."""
+    return (last[0].seq - newest[0].seq) & UINT32

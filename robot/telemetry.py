@@ -17,6 +17,7 @@ from protocol.messages import (
     Teleop,
     TickInputs,
 )
+from protocol.timing import UINT32
 from robot.core import states
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs
@@ -148,7 +149,7 @@ def tick_inputs(
     return TickInputs(
         time_ns=time_ns,
         now_ms=inputs.now_ms,
-        tick=tick,
+        tick=tick & UINT32,
         wheels_seq=given.wheels_seq,
         scan_seq=given.scan_seq,
         requests=given.requests,

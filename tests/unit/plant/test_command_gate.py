@@ -237,7 +237,7 @@ frames = st.tuples(
     st.one_of(st.sampled_from([0, 1, 149, 150, 151]), st.integers(0, 65535)),
     st.one_of(st.integers(0, 2), numbers),  # epoch
 )
-periods = st.lists(st.lists(frames, max_size=4), min_size=1, max_size=12)
+periods = st.lists(st.lists(frames, max_size=3), min_size=1, max_size=6)
 firsts = st.sampled_from([0, 7, UINT32 - 4])
 
 
@@ -279,7 +279,7 @@ def test_no_frames_move_a_wheel_150_ms_after_the_tick_they_answer(
     assert before_m == [0.0, 0.0]
 
 
-@given(periods, st.lists(st.integers(0, 4), min_size=12, max_size=12), st.integers(0, 2))
+@given(periods, st.lists(st.integers(0, 4), min_size=6, max_size=6), st.integers(0, 2))
 def test_no_frames_move_a_robot_that_brakes_at_every_tick(
     told: list[list[tuple[int, int, int, int, int, int]]], places: list[int], epoch: int
 ) -> None:

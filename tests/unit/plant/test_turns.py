@@ -58,3 +58,24 @@ def test_in_lockstep_paused_or_slow(running: bool, speed: float) -> None:
 @pytest.mark.parametrize("running", [True, False])
 def test_in_wall_time(running: bool) -> None:
     assert ended(running=running, drive=lambda process: process.run_wall(WallClock())) >= TURNS
+
+
+def test_calls_nobody_waits_for_do_not_add_up() -> None:
+    """In wall time the loop never waits on it, and each command and question calls it."""
+    wake = Wake()
+    for _ in range(10_000):
+        wake()
+    assert wake.wait(0.0)
+    assert not wake.wait(0.0)
+    wake()
+    assert wake.wait(0.0), "and it is not deaf afterwards"
+
+
+@pytest.mark.parametrize("called", [True, False])
+def test_a_stop_wakes_the_loop(called: bool) -> None:
+    wake = Wake()
+    if called:
+        wake()
+    wake.stop()
+    assert wake.wait(0.0)
+    assert wake.stopping

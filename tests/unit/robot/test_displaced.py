@@ -55,3 +55,10 @@ def test_as_long_as_time_goes_on_it_drives() -> None:
 def test_in_lockstep_it_is_the_clock_that_ends_the_run() -> None:
     vehicle = read([*range(100, 120), *range(10)], lockstep=True)
     assert vehicle.state.machine.vehicle == states.ACTIVE
+
+
+def test_a_count_of_ticks_that_wraps_is_no_plant_that_began_anew() -> None:
+    stamps = [number & 0xFFFFFFFF for number in range((1 << 32) - 10, (1 << 32) + 10)]
+    vehicle = read(stamps, lockstep=False)
+    assert vehicle.state.machine.vehicle == states.ACTIVE
+    assert said(vehicle) == []

@@ -1,6 +1,9 @@
 import pytest
 
 from protocol.clock import ManualClock, Tick
+from protocol.codec import Encoder, decode
+from protocol.messages import CycleReport
+from protocol.timing import UINT32
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
 from robot.meter import Meter
 
@@ -95,3 +98,17 @@ def test_a_process_that_was_stopped_violates_it_although_its_frame_has_just_arri
     clock.advance(PERIOD_NS)
     meter.begin(tick(3))
     assert not meter.violated
+
+
+@pytest.mark.parametrize("count", [UINT32 - 1, UINT32, UINT32 + 1, 1 << 40])
+def test_what_32_bits_cannot_hold_ends_no_robot(count: int) -> None:
+    """Five days of 10,000 unreadable frames a second, or a process suspended for 72 minutes."""
+    meter, _ = metered()
+    meter.begin(tick(count, late_ns=count * US, missed=count))
+    meter.overruns = count
+    report = decode(Encoder(1, 1).encode(meter.report(0, sense_age_us=count, rejected=count)))
+    assert isinstance(report.message, CycleReport)
+    assert report.message.tick == count & UINT32
+    told = report.message
+    counted = (told.missed, told.overruns, told.rejected, told.late_us, told.sense_age_us)
+    assert counted == (min(count, UINT32),) * 5

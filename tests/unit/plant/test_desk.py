@@ -1,0 +1,88 @@
+"""Requests to the plant: bounded in their number, answered a few at a time."""
+
+from typing import cast
+
+import pytest
+
+from plant.desk import MAX_ANSWERED, MAX_WAITING, Desk
+from plant.noise import LEVELS
+from plant.plant import Plant
+from plant.world_file import load
+from protocol.bus import Asked
+from protocol.enums import AckResult, RunAction
+from protocol.message import Message
+from protocol.messages import CommandAck, RunRequest, RunScore
+from protocol.reasons import Reason
+
+SCORE = RunRequest(action=RunAction.SCORE, until_ns=0)
+
+
+class Question:
+    """A request and the answers it was given."""
+
+    def __init__(self, message: Message | None = SCORE) -> None:
+        self.message = message
+        self.answers: list[Message | bytes] = []
+
+    def reply(self, answer: Message | bytes) -> bool:
+        self.answers.append(answer)
+        return True
+
+
+class Asking:
+    """A desk without a loop: `nudges` is how often it wanted one to turn."""
+
+    def __init__(self) -> None:
+        self.nudges = 0
+        self.desk = Desk(running=False, world={"name": "open"}, nudge=self._nudge)
+        self.plant = Plant(load("open"), 0, LEVELS["none"])
+
+    def ask(self, *questions: Question) -> None:
+        for question in questions:
+            self.desk.ask(0, cast(Asked, question))
+
+    def _nudge(self) -> None:
+        self.nudges += 1
+
+
+@pytest.fixture
+def asking() -> Asking:
+    return Asking()
+
+
+def test_a_turn_answers_only_a_few_and_the_next_one_goes_on(asking: Asking) -> None:
+    """A flood of questions must not keep time from going by."""
+    questions = [Question() for _ in range(2 * MAX_ANSWERED)]
+    asking.ask(*questions)
+    before = asking.nudges
+    for answered in (MAX_ANSWERED, 2 * MAX_ANSWERED):
+        asking.desk.serve(asking.plant)
+        assert [len(one.answers) for one in questions] == [
+            int(number < answered) for number in range(len(questions))
+        ]
+    assert isinstance(questions[0].answers[0], RunScore)
+    assert asking.nudges == before + 1, "the loop turns again for the rest, and not without one"
+
+
+def test_of_too_many_the_rest_is_refused_and_the_first_are_answered(asking: Asking) -> None:
+    questions = [Question() for _ in range(MAX_WAITING + 2)]
+    asking.ask(*questions)
+    assert [len(one.answers) for one in questions] == [0] * MAX_WAITING + [1, 1]
+    refused = questions[-1].answers[0]
+    assert isinstance(refused, CommandAck)
+    assert refused.result == AckResult.TEMPORARILY_REJECTED
+    assert refused.result_param2 == Reason.TOO_MANY_REQUESTS
+    asking.desk.serve(asking.plant)
+    late = Question()
+    asking.ask(late)
+    assert late.answers == [], "there is room again"
+
+
+def test_the_world_is_told_without_the_loop(asking: Asking) -> None:
+    """Whoever only listens may ask for it: as often as it likes, at no cost to the plant."""
+    asking.ask(*[Question() for _ in range(MAX_WAITING)])
+    before = asking.nudges
+    worlds = [Question(None) for _ in range(MAX_WAITING)]
+    asking.ask(*worlds)
+    assert [one.answers for one in worlds] == [[b'{"name": "open"}']] * MAX_WAITING
+    assert asking.nudges == before
