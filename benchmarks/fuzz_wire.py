@@ -9,7 +9,8 @@ from typing import Any, Final
 from benchmarks.fuzz_messages import packed, pieces
 from benchmarks.fuzz_target import Target
 from ground.missions.wire import fence_of, waypoints_of
-from ground.param import rows_in, table
+from ground.param import table
+from ground.param_rows import rows_in
 from ground.station.world import world_in
 from plant.world_file import load
 from plant.world_json import as_json

@@ -5,6 +5,7 @@ from typing import Final
 from ground.link import Link
 from protocol.messages import LeaseStatus
 from protocol.reasons import Reason
+from protocol.terminal import printable
 from protocol.topics import LEASE
 
 SHOW_NS: Final = 1_500_000_000
@@ -20,4 +21,9 @@ def who_refuses(link: Link, reason: int) -> str:
     if reason != Reason.LEASE_HELD:
         return ""
     found = lease_status(link)
-    return (found.name or found.holder) if found is not None and found.held else ""
+    return words_of(found) if found is not None and found.held else ""
+
+
+def words_of(lease: LeaseStatus) -> str:
+    """Who holds it, in one printable line."""
+    return printable(lease.name or lease.holder)

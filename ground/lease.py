@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from ground.holder import lease_status, who_refuses
+from ground.holder import lease_status, who_refuses, words_of
 from ground.link import NS_PER_S, Link
 from ground.operator import BEAT_NS, Answered, Asking
 from ground.options import add_common, seconds
@@ -112,7 +112,7 @@ def show(link: Link, says: Says) -> int:
     if found is None:
         raise RemoteError(f"nothing is heard of the lease: {link.diagnosis()}")
     ours = found.holder == link.bus.operator
-    who = f"{found.name or found.holder}{' (this is you)' if ours else ''}"
+    who = f"{words_of(found)}{' (this is you)' if ours else ''}"
     left = f", for {found.lapses_ms / 1000:.1f} s more unless heard"
     text = f"{who} commands {link.robot}{left}" if found.held else "nobody holds the lease"
     row: dict[str, object] = {

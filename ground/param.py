@@ -7,15 +7,15 @@ from fnmatch import fnmatchcase
 from math import isclose, isfinite
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, TypeAlias
+from typing import Final
 
 from ground import param_files
 from ground.link import Link, Unanswered
 from ground.options import add_common
+from ground.param_rows import Row, rows_in
 from ground.says import Says
 from protocol.enums import PARAM_TYPE_REAL32
 from protocol.errors import RemoteError, UserError
-from protocol.json_text import value_in
 from protocol.messages import CommandAck, ParamSet, ParamValue
 from protocol.options import finite
 from protocol.reasons import Reason, reason_text
@@ -31,8 +31,6 @@ SAVED: Final[Mapping[bool | None, str]] = MappingProxyType(
     }
 )
 COLUMNS: Final = ("name", "value", "unit", "minimum", "maximum", "default", "doc")
-
-Row: TypeAlias = dict[str, object]
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -79,18 +77,6 @@ def fetch(link: Link) -> list[Row]:
     if not isinstance(answer, bytes):
         raise RemoteError("the robot answers, but not with a list of parameters")
     return rows_in(answer)
-
-
-def rows_in(answer: bytes) -> list[Row]:
-    try:
-        rows = value_in(answer)
-    except ValueError as error:
-        raise RemoteError(f"the robot's list of parameters cannot be read: {error}") from error
-    if not isinstance(rows, list) or not all(
-        isinstance(row, dict) and {"name", "value"} <= row.keys() for row in rows
-    ):
-        raise RemoteError("the robot's list of parameters is not one")
-    return rows
 
 
 def show(says: Says, rows: Iterable[Row], pattern: str, *, wide: bool) -> int:

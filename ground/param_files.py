@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from ground import whole_file
+from ground.param_rows import NAME
 from protocol.config import read_toml, unknown_key
-from protocol.errors import ConfigError
+from protocol.errors import ConfigError, UserError
+from protocol.terminal import printable
 
 TABLE: Final = "parameters"
 HUGE: Final = 1e300
@@ -27,9 +29,22 @@ def same(one: float, other: float) -> bool:
 def write(path: Path, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Those that are not as they are by default; their names. UserError when it cannot be."""
     chosen = [row for row in rows if not is_usual(row)]
-    lines = [f"{row['name']} = {row['value']!r}  # {row.get('doc', '')}" for row in chosen]
+    lines = [f"{name_in(row)} = {row['value']!r}  # {said(row)}".rstrip(" #") for row in chosen]
     whole_file.replace(path, "\n".join([f"[{TABLE}]", *lines, ""]))
     return [str(row["name"]) for row in chosen]
+
+
+def name_in(row: Mapping[str, Any]) -> str:
+    """The name as a key of TOML; UserError for what is none."""
+    name = str(row["name"])
+    if not NAME.match(name):
+        raise UserError(f"{name!r} is no name of a parameter: 1 to 16 letters, digits and _")
+    return name
+
+
+def said(row: Mapping[str, Any]) -> str:
+    """What a comment can hold of its meaning: one line, nothing that ends it."""
+    return printable(str(row.get("doc", "")))
 
 
 def read(path: Path, rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from protocol.message import Message
 from protocol.messages import Statustext
+from protocol.terminal import printable
 from protocol.texts import MOST_PIECES, PIECE_BYTES
 
 NS_PER_S = 1_000_000_000
@@ -10,7 +11,10 @@ NEWS_NS = 2 * NS_PER_S
 
 
 class Texts:
-    """One sender's texts. A piece that belongs to no text begun is shown as it is."""
+    """One sender's texts, each as one printable line.
+
+    A piece that belongs to no text begun is shown as it is.
+    """
 
     def __init__(self) -> None:
         self._id = 0
@@ -21,14 +25,14 @@ class Texts:
         if not isinstance(message, Statustext):
             return ""
         if not message.id:
-            return message.text
+            return printable(message.text)
         if message.id != self._id or message.chunk_seq != len(self._pieces):
             self._id, self._pieces = message.id, []
         self._pieces.append(message.text)
         if len(message.text.encode()) >= PIECE_BYTES and len(self._pieces) < MOST_PIECES:
             return ""
         text, self._pieces, self._id = "".join(self._pieces), [], 0
-        return text
+        return printable(text)
 
 
 def aged(text: str, age_ns: int) -> str:

@@ -7,6 +7,7 @@ from typing import Final, Generic, NamedTuple, TypeVar, cast
 from protocol.codec import decode
 from protocol.errors import RemoteError
 from protocol.message import Message
+from protocol.terminal import printable
 from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, Topic
 
 M = TypeVar("M", bound=Message)
@@ -15,6 +16,9 @@ MAX_STAMP_NS: Final = 1 << 62
 
 MAX_AHEAD_NS: Final = 10_000_000_000
 """A stamp so far ahead of one that has just arrived is no time of the same sender."""
+
+MAX_ENCODING: Final = 60
+"""Characters shown of an encoding that is not ours."""
 
 
 class Sample(NamedTuple):
@@ -51,6 +55,7 @@ def opened(sample: Sample, allowed: tuple[type[Message], ...]) -> Message:
 
 def foreign(encoding: str) -> str:
     """Why an encoding is not ours, with both versions named."""
+    encoding = printable(encoding[:MAX_ENCODING])
     family, _, dialect = encoding.partition(";")
     if family == ENCODING_FAMILY and dialect:
         return f"speaks {dialect}, this is {DIALECT}"

@@ -1,7 +1,7 @@
 """The ground station on a terminal: it samples a station, draws what has changed, and asks."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,7 @@ from textual import events
 from textual.app import App, ScreenStackError
 from textual.command import Provider
 from textual.driver import Driver
+from textual.filter import LineFilter
 from textual.timer import Timer
 
 from ground.app.aside import Aside
@@ -29,6 +30,7 @@ from ground.app.themes import THEMES
 from ground.map import Target
 from ground.station.station import Station
 from ground.telemetry import Age
+from ground.widgets.printable import Printable
 from protocol.clock import WallClock
 from protocol.enums import Severity
 from protocol.topics import HEARTBEAT
@@ -84,6 +86,7 @@ class GroundApp(App[int]):
         self._aside = Aside(self.say)
         self._pace = Pace(self.looks.hz)
         self._settling: Timer | None = None
+        self._printable = Printable()
         self._helm = Helm(self)
         for theme in THEMES:
             self.register_theme(theme)
@@ -192,6 +195,10 @@ class GroundApp(App[int]):
         """From Python 3.12 on the first screen is composed before it is on Textual's stack."""
         with suppress(ScreenStackError):
             super().clear_selection()
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Textual's own, and ours: robots, files and names may say anything."""
+        return [*super().get_line_filters(), self._printable]
 
     def get_driver_class(self) -> type[Driver]:
         from ground.app.driver import steady  # not where nobody has a terminal

@@ -7,6 +7,7 @@ of a robot that is not there: only what was recorded is answered.
 import json
 from bisect import bisect_right
 from collections.abc import Callable
+from math import isfinite
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -14,7 +15,7 @@ from ground.blackbox.frames import opened
 from ground.blackbox.marks import Mark, marks_of
 from ground.blackbox.reel import Reel
 from ground.blackbox.timeline import Timeline
-from ground.param import rows_in
+from ground.param_rows import rows_in
 from protocol.clock import Clock
 from protocol.errors import LocalError, NoAnswer, UserError
 from protocol.mailbox import Mailbox, Sample
@@ -207,11 +208,11 @@ class ReplayBus:
 
     def _parameters_now(self, text: str) -> str:
         """The list as recorded, with the values that were set since; RemoteError: it is none."""
-        rows = rows_in(text.encode())
+        rows = rows_in(text)
         for time_ns, answer in self.reel.on(ANSWERED.path):
             if isinstance(answer, ParamValue) and time_ns <= self.timeline.position_ns:
                 value = float(f"{answer.param_value:.7g}")  # float32 carries seven digits
                 for row in rows:
-                    if row["name"] == answer.param_id:
+                    if row["name"] == answer.param_id and isfinite(value):
                         row["value"] = value
         return json.dumps(rows)

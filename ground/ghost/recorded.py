@@ -10,8 +10,9 @@ from ground.destination import Destination
 from ground.ghost.course import Course, Point
 from ground.ghost.instant import Facts, Instant
 from ground.orders import SIDES
+from ground.param_rows import rows_in
 from protocol.enums import GoalState
-from protocol.errors import UserError
+from protocol.errors import RemoteError, UserError
 from protocol.json_text import value_in
 from protocol.messages import (
     GoalRequest,
@@ -197,10 +198,9 @@ def wanted_of(asked: GoalRequest) -> Destination:
 def parameters_in(text: str) -> dict[str, float]:
     """What differs from the robot's defaults, of its list of parameters as JSON."""
     try:
-        rows = value_in(text)
-    except ValueError:
+        return changed(rows_in(text))
+    except RemoteError:
         return {}
-    return changed(rows if isinstance(rows, list) else ())
 
 
 def changed(rows: Iterable[object]) -> dict[str, float]:

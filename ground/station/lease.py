@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from ground.station.log import plain
 from protocol.messages import LeaseStatus
+from protocol.terminal import printable
 
 
 class Lease(NamedTuple):
@@ -41,4 +41,4 @@ def lease_in(status: LeaseStatus, age_ns: int, own: str) -> Lease:
     held = bool(status.held)
     left_s = max(0.0, status.lapses_ms / 1000 - age_ns / 1e9)
     ours = held and status.holder == own
-    return Lease(held, ours, plain(status.holder), plain(status.name), left_s)
+    return Lease(held, ours, printable(status.holder), printable(status.name), left_s)

@@ -12,11 +12,6 @@ LETTERS: Final = "EEEEWIID"
 """E, W, I or D for each severity, the worst first."""
 
 
-def plain(text: str) -> str:
-    """Without what could command a terminal: a text from the wire may hold anything."""
-    return text if text.isprintable() else "".join(c if c.isprintable() else "?" for c in text)
-
-
 class Line(NamedTuple):
     """`time_s` counts from the start of the station; `source` is the robot's name or `ground`."""
 

@@ -1,6 +1,6 @@
 """The robot's parameters as last read: all of them, or none."""
 
-from ground.param import Row
+from ground.param_rows import Row
 from protocol.messages import ParamValue
 
 

@@ -5,7 +5,7 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Final, NamedTuple
 
-from ground.param import Row, rows_in
+from ground.param_rows import Row, rows_in
 from ground.station.hears import Speaks
 from ground.station.items import Items, downloaded
 from ground.station.requests import Outcome, Works

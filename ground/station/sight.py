@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from ground.map import Scene, Shape, Target
-from ground.param import Row
+from ground.param_rows import Row
 from ground.presence import Crew
 from ground.station.history import History
 from ground.station.lease import UNKNOWN, Lease, lease_in

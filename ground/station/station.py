@@ -5,11 +5,11 @@ from contextlib import suppress
 from time import monotonic
 from typing import Final
 
-from ground.param import rows_in
+from ground.param_rows import rows_in
 from ground.presence import crew_of
 from ground.station.commanding import Commanding
 from ground.station.hears import Hears, Speaks
-from ground.station.log import Line, Log, plain
+from ground.station.log import Line, Log
 from ground.station.operated import Operated
 from ground.station.requests import Job, Lane, Works
 from ground.station.sight import Sight
@@ -18,6 +18,7 @@ from ground.station.world import WorldFacts, world_in
 from protocol.clock import Clock
 from protocol.enums import LeaseAction, Severity
 from protocol.errors import RemoteError
+from protocol.terminal import printable
 from protocol.topics import PARAMETERS, WORLD, robot_name
 
 NS_PER_S: Final = 1_000_000_000
@@ -133,7 +134,7 @@ class Station(Sight):
 
     def _tell(self, source: str, text: str, severity: int) -> None:
         time_s = (self._clock.now_ns() - self._began_ns) / NS_PER_S
-        self.log.add(Line(time_s, severity, source, plain(text)))
+        self.log.add(Line(time_s, severity, source, printable(text)))
 
     def refusal(self, *, moves: bool = True) -> str:
         """Why a request may not be made now; empty when it may. `moves`: it can move something."""

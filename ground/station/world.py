@@ -3,14 +3,21 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from math import dist, radians
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from ground.map import Disc, Outline, Shape, Target
 from protocol.errors import RemoteError
 from protocol.json_text import value_in
+from protocol.terminal import printable
 
 Point = tuple[float, float]
 RADIUS_M = 0.12
+MAX_NUMBER: Final = 1e6
+"""Of metres, degrees and m/s: beyond, nothing could be drawn."""
+
+MAX_NAME: Final = 64
+MAX_OBSTACLES: Final = 4000
+MAX_POINTS: Final = 100_000
 
 
 class Mover(NamedTuple):
@@ -62,37 +69,55 @@ def world_in(answer: bytes | str) -> WorldFacts:
 
 
 def _facts(found: dict[str, Any], text: str) -> WorldFacts:
-    width_m, height_m = map(float, found["size_m"])
-    moving = [one for one in found["obstacles"] if "path_m" in one]
-    shapes = [_shape(one) for one in found["obstacles"] if "path_m" not in one]
+    width_m, height_m = map(_number, found["size_m"])
+    obstacles = found["obstacles"]
+    _judge_size(obstacles)
+    moving = [one for one in obstacles if "path_m" in one]
+    shapes = [_shape(one) for one in obstacles if "path_m" not in one]
     if found.get("walls", True):
         corners = (0.0, 0.0), (width_m, 0.0), (width_m, height_m), (0.0, height_m)
         shapes.insert(0, Outline(corners))
     start = found["start"]
+    x_m, y_m = _number(start["x_m"]), _number(start["y_m"])
     return WorldFacts(
-        name=str(found["name"]),
+        name=printable(str(found["name"])[:MAX_NAME]),
         size_m=(width_m, height_m),
         obstacles=tuple(shapes),
         movers=tuple(_mover(one) for one in moving),
-        start=(float(start["x_m"]), float(start["y_m"]), radians(float(start["heading_deg"]))),
+        start=(x_m, y_m, radians(_number(start["heading_deg"]))),
         goal=_goal(found["goal"]),
-        radius_m=float(found.get("robot", {}).get("radius_m", RADIUS_M)),
+        radius_m=_number(found.get("robot", {}).get("radius_m", RADIUS_M)),
         text=text,
     )
+
+
+def _judge_size(obstacles: list[dict[str, Any]]) -> None:
+    """ValueError when there are more of them, or of their points, than can be drawn."""
+    lists = [one.get(key, ()) for one in obstacles for key in ("polygon_m", "wall_m", "path_m")]
+    if len(obstacles) > MAX_OBSTACLES or sum(map(len, lists)) > MAX_POINTS:
+        raise ValueError("too many obstacles or points")
+
+
+def _number(value: Any) -> float:
+    """ValueError unless it is a number that can be drawn."""
+    number = float(value)
+    if not abs(number) <= MAX_NUMBER:
+        raise ValueError(f"{number} is out of range")
+    return number
 
 
 def _goal(goal: dict[str, Any]) -> Target:
     heading_deg = goal.get("heading_deg")
     return Target(
-        float(goal["x_m"]),
-        float(goal["y_m"]),
-        None if heading_deg is None else radians(float(heading_deg)),
-        float(goal.get("position_tolerance_m", 0.0)),
+        _number(goal["x_m"]),
+        _number(goal["y_m"]),
+        None if heading_deg is None else radians(_number(heading_deg)),
+        _number(goal.get("position_tolerance_m", 0.0)),
     )
 
 
 def _points(points: Sequence[Sequence[float]]) -> tuple[Point, ...]:
-    return tuple((float(x_m), float(y_m)) for x_m, y_m in points)
+    return tuple((_number(x_m), _number(y_m)) for x_m, y_m in points)
 
 
 def _shape(one: dict[str, Any]) -> Shape:
@@ -101,8 +126,11 @@ def _shape(one: dict[str, Any]) -> Shape:
     if "wall_m" in one:
         return Outline(_points(one["wall_m"]), closed=False)
     disc = one["circle_m"]
-    return Disc(float(disc["x"]), float(disc["y"]), float(disc["radius"]))
+    return Disc(_number(disc["x"]), _number(disc["y"]), _number(disc["radius"]))
 
 
 def _mover(one: dict[str, Any]) -> Mover:
-    return Mover(float(one["circle_m"]["radius"]), float(one["speed_m_s"]), _points(one["path_m"]))
+    path_m = _points(one["path_m"])
+    if not path_m:
+        raise ValueError("path_m is empty")
+    return Mover(_number(one["circle_m"]["radius"]), _number(one["speed_m_s"]), path_m)

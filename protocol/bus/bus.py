@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import islice
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -20,7 +21,7 @@ from protocol.bus.callers import Dialled, callers
 from protocol.bus.certificate import holder
 from protocol.bus.history import following, told_ns
 from protocol.bus.locks import shut
-from protocol.bus.presence import Presence, presence_in
+from protocol.bus.presence import MAX_TOKENS, Presence, presence_in
 from protocol.bus.publisher import Publisher
 from protocol.bus.service import Asked, Desk, Handler, attached_time, taken
 from protocol.bus.session import bound_endpoints, called, gone, open_session
@@ -276,7 +277,8 @@ class Bus:
             return sorted(self._watched)
         key = f"{self.network.prefix}/*/alive/*/*"
         replies = self._session.liveliness().get(key, timeout=timeout_s)
-        return sorted({presence_in(str(r.ok.key_expr)) for r in replies if r.ok is not None})
+        keys = islice((str(reply.ok.key_expr) for reply in replies if reply.ok), MAX_TOKENS)
+        return sorted({who for key in keys if (who := presence_in(key)) is not None})
 
     def hub(self) -> Hub:
         """Who links this session to the others; calls those it dialled when nobody does.
@@ -315,6 +317,8 @@ class Bus:
             came = sample.kind == zenoh.SampleKind.PUT
             who = presence_in(str(sample.key_expr))
             seen = self._watched or frozenset()
+            if who is None or (came and len(seen) >= MAX_TOKENS):
+                return
             self._watched = seen | {who} if came else seen - {who}
             handler(who, came)
 

@@ -1,6 +1,14 @@
 """Who is there: the liveliness token of a process, as a key of the bus tells it."""
 
-from typing import NamedTuple
+import re
+from typing import Final, NamedTuple
+
+from protocol.topic import ROBOT_NAME, Role
+
+ROLES: Final = frozenset(role.value for role in Role)
+SESSION: Final = re.compile(r"[0-9a-f]{1,32}\Z")
+MAX_TOKENS: Final = 1000
+"""Tokens taken notice of, of all robots together."""
 
 
 class Presence(NamedTuple):
@@ -11,6 +19,8 @@ class Presence(NamedTuple):
     zid: str
 
 
-def presence_in(key: str) -> Presence:
+def presence_in(key: str) -> Presence | None:
+    """The token that a key names; None unless robot, role and session can be some."""
     robot, _, role, zid = key.split("/")[-4:]
-    return Presence(robot, role, zid)
+    known = ROBOT_NAME.match(robot) and role in ROLES and SESSION.match(zid)
+    return Presence(robot, role, zid) if known else None

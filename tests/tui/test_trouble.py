@@ -9,6 +9,7 @@ from ground.app.looks import speaks_ascii_only, usual_theme
 from ground.app.screens import SCREENS
 from ground.widgets.command_line import CommandLine, printable
 from ground.widgets.lines import Lines
+from ground.widgets.printable import Printable
 from tests.tui.fakes import FakeStation
 from tests.tui.pilot import Stage, play, staged
 from tests.tui.underway import driving
@@ -118,7 +119,7 @@ def test_without_colours_nothing_has_any(theme: str, monkeypatch: pytest.MonkeyP
 
     async def story() -> None:
         async with staged((160, 50), theme=theme) as stage:
-            assert [type(one) for one in stage.app.get_line_filters()] == [NoColor]
+            assert [type(one) for one in stage.app.get_line_filters()] == [NoColor, Printable]
             await stage.press("?", "escape", "v", "escape", "ctrl+p", "escape")
             await stage.press("2", "3", "4", "5")
 

@@ -4,7 +4,7 @@ from math import isclose
 from typing import Final
 
 from ground.app.faces.aged import number
-from ground.param import Row as Parameter
+from ground.param_rows import Row as Parameter
 from ground.station.station import Station
 from ground.widgets.rows import Row, Span, faint, head, row
 
@@ -28,10 +28,10 @@ def heading_row(station: Station, shown: int, words: str, only_different: bool) 
 
 
 def differs(one: Parameter) -> bool:
-    value, default = one["value"], one["default"]
+    value, default = one["value"], one.get("default")
     if isinstance(value, int | float) and isinstance(default, int | float):
         return not isclose(value, default, rel_tol=1e-6, abs_tol=1e-12)
-    return value != default
+    return default is not None and value != default
 
 
 def parameter_row(one: Parameter, chosen: bool) -> Row:

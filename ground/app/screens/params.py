@@ -8,7 +8,7 @@ from ground.app.faces.params import ABOUT_ROWS, about_rows, differs, heading_row
 from ground.app.keys import Layer
 from ground.app.screens.listing import Listing
 from ground.app.screens.sheet import Action
-from ground.param import Row as Parameter
+from ground.param_rows import Row as Parameter
 
 
 class ParamsScreen(Listing):

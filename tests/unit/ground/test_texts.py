@@ -17,6 +17,13 @@ def test_a_short_text_is_shown_at_once() -> None:
     assert Texts().receive(piece("mode AUTO")) == "mode AUTO"
 
 
+@pytest.mark.parametrize("number", [0, 7])
+def test_a_text_is_one_printable_line(number: int) -> None:
+    """A line break would let a robot write lines of somebody else's."""
+    text = Texts().receive(piece("a\nr2: b\x1b]0;c\x07\u202e", number))
+    assert text == "a?r2: b?]0;c??"
+
+
 def test_pieces_are_put_together() -> None:
     texts = Texts()
     assert texts.receive(piece("a" * 50, 7, 0)) == ""

@@ -87,6 +87,9 @@ def test_a_clock_that_stands_still_is_heard_all_the_time() -> None:
         (sample(encoding="application/mavlink2;sidestep@9"), "speaks sidestep@9, this is side"),
         (sample(encoding="zenoh/bytes"), "encoded as zenoh/bytes, not as application/mavlink2"),
         (sample(encoding=""), "encoded as nothing"),
+        (sample(encoding="\x1b]0;a\x07\n"), "encoded as ?]0;a??, not"),
+        (sample(encoding="x" * 1000), f"encoded as {'x' * 60}, not"),
+        (sample(encoding="application/mavlink2;\x9b2J"), "speaks ?2J, this is"),
     ],
 )
 def test_what_cannot_be_read_is_counted_named_and_ignored(bad: Sample, words: str) -> None:

@@ -6,12 +6,13 @@ from math import pi
 import pytest
 
 from ground.map import Disc, Outline
-from ground.station.world import world_in
+from ground.station.world import MAX_OBSTACLES, MAX_POINTS, world_in
 from plant.movers import Mover as Walker
 from plant.world_file import load
 from plant.world_json import as_json
 from plant.world_types import Circle
 from protocol.errors import RemoteError
+from tests.hostile import TEXT, raw_in
 from tests.unit.station.play import WORLD_TEXT
 
 
@@ -37,6 +38,35 @@ def test_walkers_are_where_the_plant_has_them() -> None:
         for time_s in (0.0, 3.3, 17.0, 100.0):
             at = shown.at(time_s)
             assert (at.x_m, at.y_m) == pytest.approx(walker.position_m(time_s))
+
+
+def drawn(obstacles: object, **more: object) -> bytes:
+    return json.dumps({**json.loads(WORLD_TEXT), "obstacles": obstacles, **more}).encode()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        drawn([], size_m=[float("inf"), 1.0]),
+        drawn([], size_m=[float("nan"), 1.0]),
+        drawn([{"circle_m": {"x": 0, "y": 0, "radius": 1e30}}]),
+        drawn([{"circle_m": {"x": 0, "y": 0, "radius": 1}, "speed_m_s": 1, "path_m": []}]),
+        drawn([{"wall_m": [[0, 0]] * (MAX_POINTS + 1)}]),
+        drawn([{"circle_m": {"x": 0, "y": 0, "radius": 1}}] * (MAX_OBSTACLES + 1)),
+    ],
+    ids=["infinite", "nan", "huge", "no path", "points", "obstacles"],
+)
+def test_a_world_that_cannot_be_drawn_is_refused(text: bytes) -> None:
+    """Drawing it would end or stall the app, and with it the operator's heartbeat."""
+    with pytest.raises(RemoteError, match="world cannot be read"):
+        world_in(text)
+
+
+def test_a_name_is_one_printable_line() -> None:
+    name = world_in(drawn([], name=TEXT + "\n" + "x" * 200)).name
+    assert raw_in(name) == []
+    assert "\n" not in name
+    assert len(name) == 64
 
 
 def test_a_walker_that_goes_nowhere_stands() -> None:

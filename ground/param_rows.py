@@ -1,0 +1,66 @@
+"""The robot's list of parameters, read from its JSON: bounded, typed, and all text printable."""
+
+import re
+from math import isfinite
+from typing import Final, TypeAlias
+
+from protocol.errors import RemoteError
+from protocol.json_text import value_in
+from protocol.terminal import printable
+
+Row: TypeAlias = dict[str, object]
+NAME: Final = re.compile(r"[A-Za-z0-9_]{1,16}\Z")
+KEY: Final = re.compile(r"[a-z_]{1,32}\Z")
+NUMBERS: Final = ("default", "minimum", "maximum")
+TEXTS: Final = ("unit", "doc")
+MAX_ROWS: Final = 1000
+MAX_KEYS: Final = 32
+MAX_TEXT: Final = 300
+
+
+def rows_in(answer: bytes | str) -> list[Row]:
+    """One row per parameter; RemoteError names what is wrong with a list that cannot be used."""
+    try:
+        found = value_in(answer)
+    except ValueError as error:
+        raise RemoteError(f"the robot's list of parameters cannot be read: {error}") from error
+    if not isinstance(found, list) or len(found) > MAX_ROWS:
+        raise RemoteError(f"the robot's list of parameters is no list of at most {MAX_ROWS}")
+    rows = [_row(number, one) for number, one in enumerate(found)]
+    if len({row["name"] for row in rows}) < len(rows):
+        raise RemoteError("the robot's list of parameters is malformed: a name is there twice")
+    return rows
+
+
+def _row(number: int, found: object) -> Row:
+    """A name, a value, and whatever else the robot says about it, as far as it is plain."""
+    if not isinstance(found, dict) or len(found) > MAX_KEYS:
+        raise _malformed(number, "is no table")
+    name = found.get("name")
+    if not isinstance(name, str) or not NAME.match(name):
+        raise _malformed(number, "has no name of 1 to 16 letters, digits and _")
+    if not is_number(found.get("value")):
+        raise _malformed(number, "has no value that is a finite number")
+    for key in NUMBERS:
+        if found.get(key) is not None and not is_number(found[key]):
+            raise _malformed(number, f"has a {key} that is no finite number")
+    for key in TEXTS:
+        if not isinstance(found.get(key, ""), str):
+            raise _malformed(number, f"has a {key} that is no text")
+    return {key: _plain(value) for key, value in found.items() if _kept(key, value)}
+
+
+def _kept(key: str, value: object) -> bool:
+    return bool(KEY.match(key)) and (isinstance(value, bool | str) or is_number(value))
+
+
+def _plain(value: object) -> object:
+    return printable(value[:MAX_TEXT]) if isinstance(value, str) else value
+
+
+def is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
+def _malformed(number: int, why: str) -> RemoteError:
+    return RemoteError(f"the robot's list of parameters is malformed: number {number + 1} {why}")

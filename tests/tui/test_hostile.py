@@ -1,0 +1,82 @@
+"""What robots, files and names hold never commands the terminal, on any screen of the app."""
+
+import pytest
+from rich.segment import Segment
+from textual.color import Color
+
+from ground.station import Lease, Loss, LossKind, StreamRow
+from ground.telemetry import Age
+from ground.widgets.printable import Printable
+from protocol.enums import Severity
+from protocol.topics import HEARTBEAT, Role
+from tests.hostile import LETTERS, OWNED, TEXT, raw_in
+from tests.tui.fakes import MS, FakeOrders, FakeStation
+from tests.tui.pilot import Stage, play, staged
+from tests.tui.underway import driving, parameter
+
+SCREENS = {
+    "drive": (), "plots": ("2",), "params": ("3",), "log": ("4",), "links": ("5",),
+    "worlds": ("6",), "faults": ("7",), "help": ("question_mark",), "why": ("e",),
+    "palette": ("ctrl+p",), "robots": ("o",), "completion": ("colon", "g"),
+}  # fmt: skip
+SHOWS = ("drive", "params", "log", "links", "worlds", "faults", "completion")
+"""Screens on which the hostile text is to be seen, so that a blank one does not pass."""
+
+
+def hostile() -> FakeStation:
+    station = driving(FakeStation())
+    station.parameters_now = (
+        {**parameter(f"p{TEXT}", 0.3, 0.4, f"doc {TEXT}"), "unit": TEXT, "value": TEXT},
+    )
+    station.streams_now = [StreamRow(HEARTBEAT, 1.0, MS, Age.LIVE, 1, 0, 0.0, 3, f"no {TEXT}")]
+    station.lease_now = Lease(held=True, holder=TEXT, name=TEXT)
+    station.robots_now = ["r1", f"r{TEXT}"]
+    station.last_now = station.cause_now = station.restarted_now = TEXT
+    station.restarts_now = {Role.ROBOT: 2}
+    for number in range(3):
+        station.note(f"{number} {TEXT}", Severity.ERROR)
+    station.loss_now = Loss(LossKind.HUNG, TEXT, TEXT, TEXT, station.now_ns)
+    return station
+
+
+def screen_of(stage: Stage) -> str:
+    """Everything that is on the terminal, widgets of Textual's own included."""
+    strips = stage.app.screen._compositor.render_strips()
+    return "\n".join("".join(segment.text for segment in strip) for strip in strips)
+
+
+@pytest.fixture
+def worlds(monkeypatch: pytest.MonkeyPatch) -> None:
+    def ask(*words: str) -> dict[str, object]:
+        if words == ("list",):
+            return {"worlds": [{"name": f"w{TEXT}", "says": f"says {TEXT}"}]}
+        fault = {"kind": f"k{TEXT}", "targets": [TEXT], "unit": TEXT, "says": TEXT}
+        return {"faults": [fault]}
+
+    monkeypatch.setattr("ground.app.screens.worlds.ask_worlds", ask)
+    monkeypatch.setattr("ground.app.screens.faults.ask_worlds", ask)
+    monkeypatch.setattr("ground.app.screens.worlds.reached_in", dict)
+
+
+@pytest.mark.usefixtures("worlds")
+def test_no_screen_shows_a_control_character(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(FakeOrders, "complete", lambda _self, _text: [f"g{TEXT}"])
+
+    async def story() -> None:
+        async with staged((120, 40), station=hostile()) as stage:
+            for name, keys in SCREENS.items():
+                await stage.press("escape", "1", *keys)
+                shown = screen_of(stage)
+                assert raw_in(shown) == [], name
+                assert (OWNED in shown) or name not in SHOWS, name
+
+    play(story)
+
+
+@pytest.mark.parametrize("letter", LETTERS)
+def test_a_row_keeps_its_width(letter: str) -> None:
+    """Its cells were counted before: a character more would break the line."""
+    before = [Segment(f"a{letter}b"), Segment("c")]
+    after = Printable().apply(before, Color(0, 0, 0))
+    assert raw_in("".join(segment.text for segment in after)) == []
+    assert sum(one.cell_length for one in after) == sum(one.cell_length for one in before)
