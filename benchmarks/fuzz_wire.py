@@ -189,7 +189,7 @@ def download(data: bytes, _: Path) -> None:
 
 
 def parameters() -> Sequence[bytes]:
-    described = Tuning(DEFAULTS, Store(None), Vehicle(DEFAULTS, Store(None)).state.machine)
+    described = Tuning(DEFAULTS, Store(None), Vehicle(DEFAULTS, Store(None)).state.machine, None)
     return [described.described(), b'[{"name": "side", "value": 1, "default": 1, "unit": ""}]']
 
 

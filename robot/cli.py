@@ -92,13 +92,17 @@ def parser() -> argparse.ArgumentParser:
 
 
 def vehicle_of(arguments: argparse.Namespace, settings: Settings) -> Vehicle:
-    """Defaults, then the file, then what an operator saved, then the command line."""
+    """Defaults, then the file, then what an operator saved, then the command line.
+
+    File and command line are the configuration, which bounds the safety group.
+    """
     store = Store(arguments.state, InlineWriter() if arguments.lockstep else WriterThread())
-    params = adjusted(DEFAULTS, settings.parameters, f"{arguments.config}: [parameters]")
-    params, warnings = store.load(params)
+    configured = adjusted(DEFAULTS, settings.parameters, f"{arguments.config}: [parameters]")
+    configured = adjusted(configured, dict(arguments.param), "--param")
+    params, warnings = store.load(configured, configured)
     params = adjusted(params, dict(arguments.param), "--param")
     x_m, y_m, heading_deg = arguments.start
-    vehicle = Vehicle(params, store, Pose(x_m, y_m, radians(heading_deg)))
+    vehicle = Vehicle(params, store, Pose(x_m, y_m, radians(heading_deg)), configured)
     for warning in warnings:
         vehicle.say(Severity.WARNING, warning)
     return vehicle

@@ -1,7 +1,13 @@
-"""The robot's parameters as an operator sees them: unit, range and meaning of each setting."""
+"""The robot's parameters as an operator sees them: unit, range and meaning of each setting.
+
+What guard and failsafes rest on is the safety group, the geometry that the pose is measured with
+included. An operator may change these only while the robot is disarmed, and only so that it is at
+least as safe as its configuration, which is the file and the command line it was started with.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from math import isfinite
 from types import MappingProxyType
 from typing import Final
@@ -10,6 +16,22 @@ from protocol.errors import UserError
 from robot.core import states
 from robot.core.navigators import NAVIGATORS
 from robot.core.parameters import DEFAULTS, Params
+
+
+class Safer(StrEnum):
+    """Which values of a safety parameter are as safe as the configured one."""
+
+    NONE = ""
+    """All: it is not in the safety group."""
+    UP = "up"
+    DOWN = "down"
+    NEAR = "near"
+    """Those within `NEAR_SHARE`: a measure of the robot, which a calibration makes more exact."""
+
+
+NEAR_SHARE: Final = 0.1
+ROUNDING: Final = 1e-6
+"""Values come as float32, so the configured one may come back a little different."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +44,11 @@ class Spec:
     maximum: float
     doc: str
     choices: tuple[int, ...] = ()
+    safer: Safer = Safer.NONE
+
+    @property
+    def group(self) -> str:
+        return "safety" if self.safer else ""
 
     @property
     def default(self) -> float:
@@ -33,23 +60,62 @@ class Spec:
 
 
 TABLE: Final = (
-    Spec("radius_m", "m", 0.02, 1.0, "radius of the robot"),
-    Spec("track_m", "m", 0.02, 2.0, "distance between the wheels (the paper's l)"),
-    Spec("wheel_radius_m", "m", 0.005, 0.5, "wheel radius"),
-    Spec("wheel_ratio", "", 0.8, 1.25, "diameter of the right wheel over that of the left"),
-    Spec("m_per_tick", "m", 1e-6, 0.05, "distance a wheel rolls per encoder tick"),
-    Spec("wheel_max_m_s", "m/s", 0.01, 3.0, "fastest rim speed of a wheel"),
+    Spec("radius_m", "m", 0.02, 1.0, "radius of the robot", safer=Safer.UP),
+    Spec(
+        "track_m", "m", 0.02, 2.0, "distance between the wheels (the paper's l)", safer=Safer.NEAR
+    ),
+    Spec("wheel_radius_m", "m", 0.005, 0.5, "wheel radius", safer=Safer.NEAR),
+    Spec(
+        "wheel_ratio",
+        "",
+        0.8,
+        1.25,
+        "diameter of the right wheel over that of the left",
+        safer=Safer.NEAR,
+    ),
+    Spec(
+        "m_per_tick", "m", 1e-6, 0.05, "distance a wheel rolls per encoder tick", safer=Safer.NEAR
+    ),
+    Spec("wheel_max_m_s", "m/s", 0.01, 3.0, "fastest rim speed of a wheel", safer=Safer.DOWN),
     Spec("v_max_m_s", "m/s", 0.01, 3.0, "fastest forward speed"),
     Spec("yaw_max_rad_s", "rad/s", 0.1, 10.0, "fastest turn"),
-    Spec("accel_m_s2", "m/s^2", 0.05, 10.0, "strongest acceleration of a wheel"),
+    Spec("accel_m_s2", "m/s^2", 0.05, 10.0, "strongest acceleration of a wheel", safer=Safer.UP),
     Spec("period_s", "s", 0.05, 0.05, "control period; fixed"),
     Spec("k_r_m", "m", 0.0, 0.01, "odometry error of the right wheel, variance per metre"),
     Spec("k_l_m", "m", 0.0, 0.01, "odometry error of the left wheel, variance per metre"),
-    Spec("sonar_max_m", "m", 0.2, 60.0, "farthest range of a sonar"),
-    Spec("sonar_stale_ms", "ms", 25, 1000, "a ping older than this counts as missing"),
-    Spec("freeze_m", "m", 0.01, 5.0, "driven so far with unchanged echoes: sonar frozen"),
-    Spec("freeze_rad", "rad", 0.01, 6.3, "turned so far with unchanged echoes: sonar frozen"),
-    Spec("freeze_front_m", "m", 0.1, 60.0, "an unchanged echo counts as frozen up to this range"),
+    Spec("sonar_max_m", "m", 0.2, 60.0, "farthest range of a sonar", safer=Safer.DOWN),
+    Spec(
+        "sonar_stale_ms",
+        "ms",
+        25,
+        1000,
+        "a ping older than this counts as missing",
+        safer=Safer.DOWN,
+    ),
+    Spec(
+        "freeze_m",
+        "m",
+        0.01,
+        5.0,
+        "driven so far with unchanged echoes: sonar frozen",
+        safer=Safer.DOWN,
+    ),
+    Spec(
+        "freeze_rad",
+        "rad",
+        0.01,
+        6.3,
+        "turned so far with unchanged echoes: sonar frozen",
+        safer=Safer.DOWN,
+    ),
+    Spec(
+        "freeze_front_m",
+        "m",
+        0.1,
+        60.0,
+        "an unchanged echo counts as frozen up to this range",
+        safer=Safer.UP,
+    ),
     Spec(
         "navigator",
         "",
@@ -85,12 +151,30 @@ TABLE: Final = (
     Spec("align_min_rad_s", "rad/s", 0.01, 1.0, "last turn on the spot: slowest turn"),
     Spec("spin_room_m", "m", 0.0, 1.0, "with less room ahead the robot turns on the spot"),
     Spec("goal_max_m", "m", 1.0, 10_000.0, "farthest coordinate of a goal"),
-    Spec("guard_stop_m", "m", 0.0, 1.0, "guard: no forward motion below this range; 0 is off"),
-    Spec("guard_time_s", "s", 0.05, 5.0, "guard: time to cover the range that is left"),
-    Spec("op_lost_ms", "ms", 200, 60_000, "operator lost after this silence"),
-    Spec("wheel_min_m_s", "m/s", 0.01, 1.0, "wheel stuck: judged above this speed"),
-    Spec("wheel_time_ms", "ms", 100, 10_000, "wheel stuck: judged over this time"),
-    Spec("wheel_share", "", 0.01, 0.9, "wheel stuck: turned less than this share"),
+    Spec(
+        "guard_stop_m",
+        "m",
+        0.0,
+        1.0,
+        "guard: no forward motion below this range; 0 is off",
+        safer=Safer.UP,
+    ),
+    Spec(
+        "guard_time_s",
+        "s",
+        0.05,
+        5.0,
+        "guard: time to cover the range that is left",
+        safer=Safer.UP,
+    ),
+    Spec("op_lost_ms", "ms", 200, 60_000, "operator lost after this silence", safer=Safer.DOWN),
+    Spec(
+        "wheel_min_m_s", "m/s", 0.01, 1.0, "wheel stuck: judged above this speed", safer=Safer.DOWN
+    ),
+    Spec(
+        "wheel_time_ms", "ms", 100, 10_000, "wheel stuck: judged over this time", safer=Safer.DOWN
+    ),
+    Spec("wheel_share", "", 0.01, 0.9, "wheel stuck: turned less than this share", safer=Safer.UP),
     Spec("stuck_ms", "ms", 1000, 600_000, "blocked: hardly moved for this long"),
     Spec("stuck_m", "m", 0.005, 1.0, "blocked: moved less than this"),
     Spec("stuck_rad", "rad", 0.01, 6.3, "blocked: turned less than this"),
@@ -141,8 +225,39 @@ def adjusted(params: Params, values: Mapping[str, float], where: str) -> Params:
         raise UserError(f"{where}: {error}") from None
 
 
-def described(params: Params) -> list[dict[str, float | bool | str]]:
-    """All parameters in table order, each with value, default, unit, range and doc."""
+def is_less_safe(name: str, value: float, configured: Params) -> bool:
+    """Return whether a value is less safe than the configured one."""
+    limit = float(getattr(configured, name))
+    slack = ROUNDING * abs(limit)
+    match SPECS[name].safer:
+        case Safer.UP:
+            return value < limit - slack
+        case Safer.DOWN:
+            return value > limit + slack
+        case Safer.NEAR:
+            return abs(value - limit) > NEAR_SHARE * abs(limit) + slack
+        case _:
+            return False
+
+
+def safety_changes(params: Params, configured: Params) -> list[str]:
+    """Return each safety parameter that is not as configured, with both values."""
+    found = []
+    for spec in TABLE:
+        value, limit = float(getattr(params, spec.name)), float(getattr(configured, spec.name))
+        if spec.safer and abs(value - limit) > ROUNDING * abs(limit):
+            found.append(f"{spec.name} {value:g} ({limit:g})")
+    return found
+
+
+def described(
+    params: Params, configured: Params | None = None
+) -> list[dict[str, float | bool | str]]:
+    """All parameters in table order, each with value, default, unit, range and doc.
+
+    Those of the safety group have the direction that is safer than the configured value.
+    """
+    configured = params if configured is None else configured
     return [
         {
             "name": spec.name,
@@ -153,6 +268,9 @@ def described(params: Params) -> list[dict[str, float | bool | str]]:
             "maximum": spec.maximum,
             "integer": spec.integer,
             "doc": spec.doc,
+            "group": spec.group,
+            "direction": str(spec.safer),
+            "configured": getattr(configured, spec.name),
         }
         for spec in TABLE
     ]

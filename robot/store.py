@@ -6,7 +6,7 @@ from typing import Final
 
 from protocol.json_text import value_in
 from robot.core.parameters import Params
-from robot.parameters import OutOfRange, Unknown, with_value
+from robot.parameters import OutOfRange, Unknown, is_less_safe, with_value
 from robot.writer import Directory, Ticket, Writer
 
 NAME: Final = "parameters"
@@ -38,8 +38,11 @@ class Store:
             self._read, self._durable = text, values_in(text)
         return self._durable.get(name) == value
 
-    def load(self, params: Params) -> tuple[Params, list[str]]:
-        """Return parameters with the saved values on top, and a warning for each unusable one."""
+    def load(self, params: Params, configured: Params | None = None) -> tuple[Params, list[str]]:
+        """Return parameters with the saved values on top, and a warning for each unusable one.
+
+        With `configured` the safety group must be at least as safe as there.
+        """
         if self._file is None:
             return params, []
         path = self._file.path
@@ -54,8 +57,11 @@ class Store:
         warnings = []
         for name, value in saved.items():
             try:
-                params = with_value(params, name, float(value))
-                self._values[name] = float(value)
+                changed = with_value(params, name, float(value))
+                if configured is not None and is_less_safe(name, float(value), configured):
+                    limit = getattr(configured, name)
+                    raise ValueError(f"{value:g} is less safe than configured, {limit:g}")
+                params, self._values[name] = changed, float(value)
             except (Unknown, OutOfRange, TypeError, ValueError) as error:
                 warnings.append(f"{path}: {name}: ignored ({error})")
         return params, warnings

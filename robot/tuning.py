@@ -6,10 +6,19 @@ from typing import Final, TypeAlias
 from protocol.enums import PARAM_TYPE_INT32, PARAM_TYPE_REAL32
 from protocol.messages import CommandAck, ParamRequestRead, ParamSet, ParamValue
 from robot.commands import ack
-from robot.core import modes, reasons
+from robot.core import modes, reasons, states
 from robot.core.machine import Machine
 from robot.core.parameters import Params
-from robot.parameters import SPECS, TABLE, OutOfRange, Unknown, described, with_value
+from robot.parameters import (
+    SPECS,
+    TABLE,
+    OutOfRange,
+    Unknown,
+    described,
+    is_less_safe,
+    safety_changes,
+    with_value,
+)
 from robot.store import Store
 
 Answer: TypeAlias = CommandAck | ParamValue
@@ -19,10 +28,16 @@ NO_COMMAND: Final = 0
 
 
 class Tuning:
-    """`params` are replaced as a whole."""
+    """`params` are replaced as a whole.
 
-    def __init__(self, params: Params, store: Store, machine: Machine) -> None:
+    `configured` bounds the safety group; None: nothing is refused as less safe.
+    """
+
+    def __init__(
+        self, params: Params, store: Store, machine: Machine, configured: Params | None
+    ) -> None:
         self.params = params
+        self.configured = configured
         self._store = store
         self._machine = machine
         self._text = b""
@@ -39,7 +54,7 @@ class Tuning:
         if not self._text:
             rows = [
                 row | {"saved": self._store.holds(str(row["name"]), float(row["value"]))}
-                for row in described(self.params)
+                for row in described(self.params, self.configured)
             ]
             self._text = json.dumps(rows).encode()
         return self._text
@@ -53,7 +68,7 @@ class Tuning:
             return ack(NO_COMMAND, reasons.UNKNOWN_PARAMETER)
         except OutOfRange:
             return ack(NO_COMMAND, reasons.PARAMETER_OUT_OF_RANGE)
-        reason = self._adopt(params)
+        reason = self._unsafe(request.param_id, value) or self._adopt(params)
         if reason != reasons.OK:
             return ack(NO_COMMAND, reason)
         self._store.save(request.param_id, float(getattr(params, request.param_id)))
@@ -64,6 +79,22 @@ class Tuning:
         if 0 <= request.param_index < len(TABLE):
             name = TABLE[request.param_index].name
         return self._value(name) if name in SPECS else ack(NO_COMMAND, reasons.UNKNOWN_PARAMETER)
+
+    def safety_changes(self) -> list[str]:
+        """Return each safety parameter that is not as configured, with both values."""
+        if self.configured is None:
+            return []
+        return safety_changes(self.params, self.configured)
+
+    def _unsafe(self, name: str, value: float) -> int:
+        """Return why a safety parameter may not have this value now, or 0."""
+        if not SPECS[name].safer or value == getattr(self.params, name):
+            return reasons.OK
+        if self._machine.vehicle == states.ACTIVE:
+            return reasons.NOT_WHILE_ARMED
+        if self.configured is not None and is_less_safe(name, value, self.configured):
+            return reasons.LESS_SAFE_THAN_CONFIGURED
+        return reasons.OK
 
     def _adopt(self, params: Params) -> int:
         """Put parameters into force; navigator and side are the mode machine's to refuse."""

@@ -64,16 +64,25 @@ ORIGIN: Final = Pose(0.0, 0.0, 0.0)
 
 
 class Vehicle:
-    """Sans-I/O: requests and senses in, answers, wheel speeds and texts out; time is passed in."""
+    """Sans-I/O: requests and senses in, answers, wheel speeds and texts out; time is passed in.
 
-    def __init__(self, params: Params, store: Store, start: Pose = ORIGIN) -> None:
+    `configured` bounds the safety parameters; without it those that it begins with do.
+    """
+
+    def __init__(
+        self,
+        params: Params,
+        store: Store,
+        start: Pose = ORIGIN,
+        configured: Params | None = None,
+    ) -> None:
         self.state = State(params)
         self.state.odometry.pose = start
         self.lease = Lease()
         self.handle = Handle()
         self.mission = Mission(self.state.machine)
         self.commands = Commands(self.state, self.mission)
-        self.tuning = Tuning(params, store, self.state.machine)
+        self.tuning = Tuning(params, store, self.state.machine, configured or params)
         self._store = store
         self._kept = Kept(store.directory)
         fence = FenceItems(self.state)
@@ -133,7 +142,7 @@ class Vehicle:
         if isinstance(request, ParamRequestRead):
             return self.tuning.read(request)
         if isinstance(request, CommandRequest | GoalRequest):
-            return self.commands.receive(request, now_ns // NS_PER_MS, operator)
+            return self._command(request, now_ns, operator)
         if isinstance(request, Transfer):
             return self._transfers.receive(request, operator)
         return self.refused(request, reasons.UNKNOWN_COMMAND)
@@ -233,6 +242,19 @@ class Vehicle:
         progress = (mission.number, len(mission.items), mission.current, mission.state)
         due = self._missions.due((progress, mission.reason), now_ns)
         return mission.status(stamp_ns) if due else None
+
+    def _command(
+        self, request: CommandRequest | GoalRequest, now_ns: int, operator: str
+    ) -> CommandAck:
+        """Act on a command; arming lists the safety parameters that are not as configured."""
+        machine = self.state.machine
+        was_armed = machine.vehicle == states.ACTIVE
+        answer = self.commands.receive(request, now_ns // NS_PER_MS, operator)
+        if machine.vehicle == states.ACTIVE and not was_armed:
+            changes = self.tuning.safety_changes()
+            if changes:
+                self.say(Severity.NOTICE, f"armed, other than configured: {', '.join(changes)}")
+        return answer
 
     def _lease(self, request: LeaseRequest, now_ns: int, operator: str) -> CommandAck:
         holder = self.lease.holder

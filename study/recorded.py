@@ -41,7 +41,11 @@ PREPARES: Final = (
 """Requests that change no more than what a robot begins with, whenever they come before it moves:
 as those by which one that starts has its fence and its mission again."""
 
-IGNORED: Final = (Reason.LEASE_HELD, Reason.FENCE_LEAVES_ROBOT_OUT)
+IGNORED: Final = (
+    Reason.LEASE_HELD,
+    Reason.FENCE_LEAVES_ROBOT_OUT,
+    Reason.LESS_SAFE_THAN_CONFIGURED,
+)
 """Refused for what an execution does not know, or knows only later."""
 
 OUTPUTS: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)

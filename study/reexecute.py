@@ -79,6 +79,7 @@ class Again:
         self._recorded = recorded
         self._other = other
         self._vehicle = Vehicle(params, Store(None), start)
+        self._vehicle.tuning.configured = None  # what was refused for it is left out
         if recorded.fence_lost:
             modes.lose_fence(self._vehicle.state.machine)
         self._asked = 0

@@ -211,6 +211,9 @@ REQUESTS: Final[Mapping[type[Message], Mapping[str, Callable[[int], Message]]]] 
         },
         ParamSet: {
             "set v_max_m_s": parameter("v_max_m_s", 0.25),
+            "tighten the guard": parameter("guard_stop_m", 0.05),
+            "set the guard as configured": parameter("guard_stop_m", 0.04),
+            "switch the guard off": parameter("guard_stop_m", 0.0),
             "set parameter too high": parameter("v_max_m_s", 1e6),
             "set parameter unknown": parameter("nonsense", 1.0),
         },

@@ -47,6 +47,7 @@ class Facts(NamedTuple):
     goal_reason: int
     vehicle_reason: int
     mission_reason: int
+    guard_stop_m: float
     allowed: tuple[str, ...]
 
 
@@ -114,6 +115,7 @@ def facts(world: World) -> Facts:
         goal_reason=machine.goal_reason,
         vehicle_reason=machine.vehicle_reason,
         mission_reason=mission.reason,
+        guard_stop_m=vehicle.params.guard_stop_m,
         allowed=tuple(one for one in (ADA, BOB, STRANGER) if vehicle.lease.allows(one)),
     )
 

@@ -8,7 +8,7 @@ from robot.core import reasons
 from robot.core.failsafe import ROWS
 from verification.mode_model.events import ARM, CLEAR, LOOKS, SEIZE, STOPS, Event, Outcome
 from verification.mode_model.facts import LIVING, Facts
-from verification.mode_model.world import STRANGER
+from verification.mode_model.world import PARAMS, STRANGER
 
 DRIVING_MODES: Final = ("AUTO", "GUIDED", "SMART_RTL")
 NEEDS_OPERATOR: Final = ("GUIDED", "MANUAL")
@@ -146,6 +146,14 @@ def a_mission_needs_an_armed_robot(step: Step) -> bool:
     return step.after.abstract.mission not in ("RUNNING", "HOLDING", "PAUSED")
 
 
+def safety_parameters_only_disarmed_and_tighter(step: Step) -> bool:
+    """A safety parameter changes only while disarmed, and is never less safe than configured."""
+    before, after = step.before, step.after
+    changed = before.guard_stop_m != after.guard_stop_m
+    armed = before.abstract.vehicle == "ACTIVE"
+    return after.guard_stop_m >= PARAMS.guard_stop_m and not (changed and armed)
+
+
 FAILSAFES: Final = frozenset(row.reason for row in ROWS)
 INVARIANTS: Final[tuple[Callable[[Step], bool], ...]] = (
     wheels_turn_only_with_consent,
@@ -161,6 +169,7 @@ INVARIANTS: Final[tuple[Callable[[Step], bool], ...]] = (
     every_end_has_a_reason,
     a_goal_ends_with_the_drive,
     a_mission_needs_an_armed_robot,
+    safety_parameters_only_disarmed_and_tighter,
 )
 
 

@@ -15,6 +15,7 @@ from robot.core.values import Twist
 from robot.lease import Lease
 from robot.mission.mission import Mission
 from robot.process import SERVICES
+from robot.tuning import Tuning
 from verification.mode_model import memento
 from verification.mode_model.diagram import DRAWINGS, HEADER, section
 from verification.mode_model.events import REQUESTS, VARIANTS, Part, causes, name_of, parts
@@ -184,6 +185,10 @@ def mission_ignores_the_vehicle(patch: Patch) -> None:
     patch.setattr(Mission, "_end", lambda _: reasons.OK)
 
 
+def safety_group_is_empty(patch: Patch) -> None:
+    patch.setattr(Tuning, "_unsafe", lambda *_: reasons.OK)
+
+
 DEFECTS: tuple[tuple[Callable[[Patch], None], str, str], ...] = (
     (trip_that_turns_wheels, "modes", "wheels_turn_only_with_consent"),
     (operator_never_lost, "modes", "nobody_is_driven_without_an_operator"),
@@ -198,6 +203,11 @@ DEFECTS: tuple[tuple[Callable[[Patch], None], str, str], ...] = (
     (end_without_reason, "modes", "every_end_has_a_reason"),
     (disarm_keeps_the_goal, "modes", "a_goal_ends_with_the_drive"),
     (mission_ignores_the_vehicle, "missions", "a_mission_needs_an_armed_robot"),
+    (
+        safety_group_is_empty,
+        "fence and settings",
+        "safety_parameters_only_disarmed_and_tighter",
+    ),
 )
 
 

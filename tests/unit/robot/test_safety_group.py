@@ -1,0 +1,215 @@
+"""No operator weakens guard and failsafes: only disarmed, and no less safe than configured."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.enums import Command, Severity
+from protocol.messages import CommandAck, ParamSet
+from protocol.reasons import Reason
+from robot.cli import Settings, parser, vehicle_of
+from robot.core import guard
+from robot.core.failsafe import ROWS
+from robot.core.parameters import DEFAULTS
+from robot.parameters import NEAR_SHARE, SPECS, TABLE, Safer, Spec, is_less_safe
+from robot.store import FILE_NAME
+from robot.vehicle import Vehicle
+from tests.unit.robot.vehicles import Desk
+
+WEAKER = (
+    ("guard_stop_m", 0.0),
+    ("op_lost_ms", 60_000.0),
+    ("wheel_min_m_s", 1.0),
+    ("freeze_m", 5.0),
+    ("m_per_tick", 1e-6),
+)
+"""How a review has weakened a driving robot for ever."""
+
+SAFER = {Safer.UP: 1.01, Safer.DOWN: 0.99, Safer.NEAR: 1.01}
+LESS_SAFE = {Safer.UP: 0.99, Safer.DOWN: 1.01, Safer.NEAR: 1.0 + NEAR_SHARE + 0.01}
+GROUP = [spec for spec in TABLE if spec.safer]
+
+
+def put(desk: Desk, name: str, value: float) -> int:
+    request = ParamSet(param_id=name, param_value=value, param_type=9)
+    answer = desk.vehicle.receive(request, desk.now_ns)
+    return answer.result_param2 if isinstance(answer, CommandAck) else Reason.NONE
+
+
+def value_of(desk: Desk, name: str) -> float:
+    return float(getattr(desk.vehicle.params, name))
+
+
+def moved(name: str, by: float) -> float:
+    """The default times a factor; whole where the parameter is."""
+    value = float(getattr(DEFAULTS, name)) * by
+    return float(round(value)) if SPECS[name].integer else value
+
+
+@pytest.mark.parametrize(("name", "value"), WEAKER)
+def test_driving_robot_refuses_weaker_failsafes(name: str, value: float) -> None:
+    desk = Desk()
+    desk.arm()
+    desk.goto(3.0, 0.0)
+    assert put(desk, name, value) == Reason.NOT_WHILE_ARMED
+    assert desk.vehicle.params == DEFAULTS
+
+
+@pytest.mark.parametrize(("name", "value"), WEAKER)
+def test_disarmed_robot_refuses_weaker_failsafes(name: str, value: float) -> None:
+    desk = Desk()
+    desk.step()
+    assert put(desk, name, value) == Reason.LESS_SAFE_THAN_CONFIGURED
+    assert desk.vehicle.params == DEFAULTS
+
+
+@pytest.mark.parametrize("name", [spec.name for spec in GROUP])
+def test_safer_is_accepted_and_less_safe_refused(name: str) -> None:
+    desk = Desk()
+    safer = SPECS[name].safer
+    assert put(desk, name, moved(name, LESS_SAFE[safer])) == Reason.LESS_SAFE_THAN_CONFIGURED
+    assert put(desk, name, moved(name, SAFER[safer])) == Reason.NONE
+    assert value_of(desk, name) == pytest.approx(moved(name, SAFER[safer]))
+    assert put(desk, name, float(getattr(DEFAULTS, name))) == Reason.NONE, "back as configured"
+
+
+@pytest.mark.parametrize("name", [spec.name for spec in GROUP])
+def test_safety_parameters_change_only_while_disarmed(name: str) -> None:
+    desk = Desk()
+    desk.arm()
+    safer = moved(name, SAFER[SPECS[name].safer])
+    assert put(desk, name, safer) == Reason.NOT_WHILE_ARMED
+    assert put(desk, name, value_of(desk, name)) == Reason.NONE, "a repeated request is harmless"
+    desk.command(Command.COMPONENT_ARM_DISARM, 0)
+    assert put(desk, name, safer) == Reason.NONE
+
+
+def test_all_other_parameters_change_under_way() -> None:
+    desk = Desk()
+    desk.arm()
+    for spec in TABLE:
+        if not spec.safer:
+            assert put(desk, spec.name, spec.default) == Reason.NONE
+    assert put(desk, "v_max_m_s", 0.2) == Reason.NONE
+
+
+def test_group_holds_all_that_guard_and_failsafes_rest_on() -> None:
+    """By the words of the failsafe table and the source of the guard."""
+    source = Path(guard.__file__).read_text()
+    named = {*re.findall(r"\w+", " ".join(row.limit for row in ROWS))}
+    named |= set(re.findall(r"params\.(\w+)", source))
+    assert {"guard_stop_m", "op_lost_ms", "freeze_rad", "wheel_share"} <= named
+    assert named & SPECS.keys() <= {spec.name for spec in GROUP}
+
+
+@given(st.sampled_from(GROUP), st.floats(1e-9, 1e9), st.floats(1e-9, 1e9))
+def test_what_is_as_configured_is_never_less_safe(spec: Spec, limit: float, value: float) -> None:
+    configured = DEFAULTS._replace(**{spec.name: limit})  # type: ignore[arg-type]
+    assert not is_less_safe(spec.name, limit, configured)
+    assert not is_less_safe(spec.name, float(f"{limit:.7g}"), configured)
+    if not is_less_safe(spec.name, value, configured):
+        assert spec.safer is Safer.DOWN or value >= 0.89 * limit
+        assert spec.safer is Safer.UP or value <= 1.11 * limit
+
+
+# The configuration.
+
+
+def started(state: Path, *words: str, settings: dict[str, float] | None = None) -> Vehicle:
+    """The vehicle of a robot process that starts so."""
+    arguments = parser().parse_args(["--state", str(state), "--lockstep", *words])
+    return vehicle_of(arguments, Settings(parameters=settings or {}))
+
+
+def warnings(vehicle: Vehicle) -> str:
+    return "".join(text.text for text in vehicle.texts() if text.severity == Severity.WARNING)
+
+
+def test_configuration_may_be_weaker_than_the_default(tmp_path: Path) -> None:
+    vehicle = started(tmp_path, settings={"op_lost_ms": 3000.0})
+    assert vehicle.params.op_lost_ms == 3000
+    desk = Desk()
+    desk.vehicle = vehicle
+    assert put(desk, "op_lost_ms", 2000.0) == Reason.NONE
+    assert put(desk, "op_lost_ms", 3000.0) == Reason.NONE
+    assert put(desk, "op_lost_ms", 3001.0) == Reason.LESS_SAFE_THAN_CONFIGURED
+
+
+def test_saved_values_are_held_to_the_configuration(tmp_path: Path) -> None:
+    """Saved by an older robot, or under a looser configuration."""
+    weaker: dict[str, float] = dict(WEAKER)
+    (tmp_path / FILE_NAME).write_text(json.dumps(weaker | {"d_obs_m": 0.4, "wheel_time_ms": 400}))
+    vehicle = started(tmp_path)
+    assert vehicle.params == DEFAULTS._replace(d_obs_m=0.4, wheel_time_ms=400)
+    told = warnings(vehicle)
+    assert all(f"{name}: ignored" in told for name in weaker)
+    assert "op_lost_ms: ignored (60000 is less safe than configured, 1500)" in told
+
+
+def test_safe_saved_values_do_not_tighten_the_configuration(tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).write_text(json.dumps({"op_lost_ms": 800}))
+    desk = Desk()
+    desk.vehicle = started(tmp_path)
+    assert desk.vehicle.params.op_lost_ms == 800
+    assert put(desk, "op_lost_ms", 1500.0) == Reason.NONE
+
+
+def test_command_line_is_part_of_the_configuration(tmp_path: Path) -> None:
+    vehicle = started(tmp_path, "--param", "op_lost_ms=2500")
+    assert vehicle.params.op_lost_ms == 2500
+    (tmp_path / FILE_NAME).write_text(json.dumps({"op_lost_ms": 2400}))
+    vehicle = started(tmp_path, "--param", "op_lost_ms=2500")
+    assert vehicle.params.op_lost_ms == 2500
+    assert warnings(vehicle) == ""
+
+
+# What is shown.
+
+
+def notices(desk: Desk) -> list[str]:
+    whole = ""
+    for text in desk.vehicle.texts():
+        whole += text.text if text.severity == Severity.NOTICE else ""
+    return [whole] if whole else []
+
+
+def test_arming_lists_what_is_not_as_configured() -> None:
+    desk = Desk()
+    desk.step()
+    put(desk, "op_lost_ms", 1000.0)
+    put(desk, "guard_stop_m", 0.05)
+    put(desk, "d_obs_m", 0.4)
+    assert notices(desk) == []
+    desk.arm()
+    words = "armed, other than configured: guard_stop_m 0.05 (0.04), op_lost_ms 1000 (1500)"
+    assert notices(desk) == [words]
+    desk.arm()
+    assert notices(desk) == [], "it was armed before"
+
+
+def test_arming_as_configured_lists_nothing() -> None:
+    desk = Desk()
+    desk.arm()
+    assert notices(desk) == []
+
+
+def test_refused_arming_lists_nothing() -> None:
+    desk = Desk()
+    put(desk, "op_lost_ms", 1000.0)
+    assert desk.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NO_SENSES
+    assert notices(desk) == []
+
+
+def test_list_tells_group_direction_and_configured_value() -> None:
+    desk = Desk()
+    put(desk, "op_lost_ms", 1000.0)
+    rows = {row["name"]: row for row in json.loads(desk.vehicle.tuning.described())}
+    lost = rows["op_lost_ms"]
+    shown = lost["group"], lost["direction"], lost["value"], lost["configured"]
+    assert shown == ("safety", "down", 1000, 1500)
+    assert (rows["track_m"]["group"], rows["track_m"]["direction"]) == ("safety", "near")
+    assert (rows["d_obs_m"]["group"], rows["d_obs_m"]["direction"]) == ("", "")
