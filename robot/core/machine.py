@@ -76,9 +76,8 @@ def drives(machine: Machine) -> bool:
 
 
 def start_goal(machine: Machine, goal: Goal, mode: int, now_ms: int) -> None:
-    """Take a new goal; a living one is ABORTED, REPLACED."""
+    """Take a new goal; `replaced_serial` tells that a living one is ABORTED, REPLACED."""
     if goal_lives(machine):
-        end_goal(machine, states.ABORTED, reasons.REPLACED, now_ms)
         machine.replaced_serial = machine.serial
     machine.serial += 1
     machine.pursuits += 1

@@ -12,8 +12,12 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         "robot/core/guard.py": (f"{CORE}/test_guard.py",),
         "robot/core/failsafe.py": (f"{CORE}/test_failsafe.py",),
-        "robot/core/machine.py": (f"{CORE}/test_modes.py",),
-        "robot/core/modes.py": (f"{CORE}/test_modes.py", f"{CORE}/test_fence.py"),
+        "robot/core/machine.py": (f"{CORE}/test_machine.py",),
+        "robot/core/modes.py": (
+            f"{CORE}/test_modes_in_detail.py",
+            f"{CORE}/test_modes.py",
+            f"{CORE}/test_fence.py",
+        ),
         "robot/lease.py": (f"{ROBOT}/test_lease.py",),
         "robot/teleop.py": (f"{ROBOT}/test_teleop.py",),
         "robot/commands.py": (f"{ROBOT}/test_vehicle.py",),

@@ -1,10 +1,12 @@
+import re
 from math import inf, nan
 
 import pytest
 
+from protocol.topics import MS, SONAR, WHEELS
 from robot.core import failsafe, modes, reasons, states
 from robot.core.fence import Fence
-from robot.core.parameters import DEFAULTS
+from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Inputs, Pose, Scan, Twist, Wheels
 from tests.unit.core.driving import OPEN_SPACE, Driven, armed, driving
 
@@ -23,15 +25,34 @@ def stopped_by(driven: Driven, reason: int, within_ticks: int = 1) -> None:
     assert driven.stands
 
 
-OF_THE_PROCESS = {reasons.NAME_TAKEN}
-"""Reasons that the robot process acts on itself, by `Vehicle.stop`."""
-
-
-def test_every_failsafe_reason_of_the_core_has_one_row() -> None:
+def test_every_failsafe_reason_has_one_row() -> None:
     failsafes = {
         value for name, value in vars(reasons).items() if name.isupper() and 30 <= value < 60
     }
-    assert sorted(row.reason for row in failsafe.ROWS) == sorted(failsafes - OF_THE_PROCESS)
+    assert sorted(row.reason for row in failsafe.ROWS) == sorted(failsafes)
+
+
+def test_limits_of_rows_name_parameters_and_times_that_exist() -> None:
+    for row in failsafe.ROWS:
+        names = re.findall(r"\b\w+_\w+\b", row.limit)
+        assert set(names) <= set(Params._fields), row.limit
+    limits = {row.reason: row.limit for row in failsafe.ROWS}
+    for reason, topic in ((reasons.TICKS_LOST, WHEELS), (reasons.SCAN_LOST, SONAR)):
+        assert limits[reason] == f"{topic.stale_after_ns // MS} ms, decided by the host"
+
+
+def test_the_first_of_several_causes_is_the_one_that_is_named() -> None:
+    driven = driving()
+    driven.has_wheels, driven.scan = False, None
+    stopped_by(driven, reasons.TICKS_LOST)
+    assert driven.machine.cause == reasons.TICKS_LOST
+
+
+def test_what_the_host_has_reported_counts_for_one_tick() -> None:
+    driven = driving()
+    driven.state.reported = reasons.BUDGET
+    driven.tick()
+    assert driven.state.reported == reasons.OK
 
 
 def test_lost_ticks_stop_the_robot_in_the_tick_they_are_missed() -> None:

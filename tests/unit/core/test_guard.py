@@ -8,7 +8,7 @@ from robot.core import guard, reasons
 from robot.core import ring as rings
 from robot.core.geometry import COSINES
 from robot.core.parameters import DEFAULTS, Params
-from robot.core.ring import Ring
+from robot.core.ring import FRONT, Ring
 from robot.core.values import Scan, Wheels
 
 REST = Wheels(0, 0, 0, 0)
@@ -72,8 +72,9 @@ def test_blind_ahead_there_is_no_going_forward_but_turning() -> None:
     assert limit(0.0, 1.0, blind) == (1.0, reasons.OK)
 
 
-def test_one_dead_sonar_does_not_stop_the_robot() -> None:
-    assert limit(0.1, 0.0, ring(valid=0xFF & ~0b1000)) == (1.0, reasons.OK)
+@pytest.mark.parametrize("dead", range(8))
+def test_one_dead_sonar_does_not_stop_the_robot(dead: int) -> None:
+    assert limit(0.1, 0.0, ring(valid=0xFF & ~(1 << dead))) == (1.0, reasons.OK)
 
 
 def test_standing_still_needs_no_reason() -> None:
@@ -84,6 +85,26 @@ def test_too_fast_wheels_are_scaled_together() -> None:
     factor, reason = limit(0.3, 1.5, ring())
     assert factor == pytest.approx(0.3 / 0.45)
     assert reason == reasons.WHEEL_LIMIT
+
+
+def test_a_command_at_the_wheel_limit_passes_up_to_rounding() -> None:
+    most_m_s = DEFAULTS.wheel_max_m_s
+    assert limit(most_m_s * (1 + 1e-9), 0.0, ring()) == (1.0, reasons.OK)
+    assert limit(most_m_s * (1 + 1e-8), 0.0, ring())[1] == reasons.WHEEL_LIMIT
+    assert limit(most_m_s * 1.005, 0.0, ring())[0] == pytest.approx(1 / 1.005)
+
+
+@pytest.mark.parametrize("i", FRONT)
+def test_an_echo_ahead_leaves_the_speed_that_closes_in_as_fast_as_allowed(i: int) -> None:
+    factor, reason = limit(0.3, 0.0, ring({i: 60}))
+    closing_m_s = factor * 0.3 * COSINES[i]
+    assert closing_m_s == pytest.approx((0.06 - DEFAULTS.guard_stop_m) / DEFAULTS.guard_time_s)
+    assert reason == reasons.SLOWED
+
+
+def test_room_never_lets_a_command_grow() -> None:
+    assert guard.forward_factor(0.01, ring({3: 3000}), DEFAULTS) == 1.0
+    assert guard.forward_factor(0.01, ring(), DEFAULTS._replace(guard_stop_m=0.0)) == 1.0
 
 
 def test_speed_falls_with_the_room_ahead_down_to_a_stop() -> None:
@@ -135,3 +156,8 @@ def test_a_pressed_bumper_forbids_pressing_on() -> None:
         assert limit(-0.1, 0.0, ring(), Wheels(0, 0, sector, 0)) == (1.0, reasons.OK)
     assert limit(-0.1, 0.0, ring(), Wheels(0, 0, 4, 0)) == (0.0, reasons.BUMPER)
     assert limit(0.1, 0.0, ring(), Wheels(0, 0, 4, 0)) == (1.0, reasons.OK)
+
+
+@pytest.mark.parametrize("sector", [1, 2, 4])
+def test_a_pressed_bumper_allows_a_turn_on_the_spot(sector: int) -> None:
+    assert limit(0.0, 1.0, ring(), Wheels(0, 0, sector, 0)) == (1.0, reasons.OK)
