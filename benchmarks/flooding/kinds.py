@@ -12,7 +12,7 @@ from zenoh.handlers import Callback
 
 from benchmarks.flooding import shots
 from benchmarks.flooding.shots import Shot
-from protocol.bus.session import open_session
+from protocol.bus.session import configured
 from protocol.codec import Encoder, decode
 from protocol.enums import AckResult, Command
 from protocol.errors import RemoteError
@@ -37,6 +37,7 @@ from protocol.topics import (
 ROBOT: Final = "r1"
 ACTED: Final = "acted upon"
 ANSWER_S: Final = 1.0
+DIAL_S: Final = 5.0
 KEPT: Final = 500
 """Samples remembered for replay."""
 
@@ -52,7 +53,7 @@ class Attacker:
 
     def __init__(self, network: Network, name: str) -> None:
         self.network = network
-        self.session = open_session(network)
+        self.session = unruly(network)
         self.operator = f"{name}/{self.session.zid()}"
         self.answers = Counter[str]()
         self._key = f"{network.prefix}/{ROBOT}"
@@ -126,6 +127,13 @@ class Attacker:
 
     def _count(self, reply: zenoh.Reply) -> None:
         self.answers["unanswered" if reply.ok is None else in_a_word(reply.ok)] += 1
+
+
+def unruly(network: Network) -> zenoh.Session:
+    """A session that keeps to no access list of its own, whoever it has dialled."""
+    config = configured(network, DIAL_S)
+    config.insert_json5("access_control", '{"enabled": false}')
+    return zenoh.open(config)
 
 
 class Heard(NamedTuple):
