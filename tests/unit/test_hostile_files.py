@@ -42,7 +42,8 @@ LINES = (
     "doctor --config config.toml", "doctor --config text.toml", "robot --config config.toml",
     "plant --config config.toml", "ground --print-keys --keys keymap.toml",
     "replay r1.tlog --plain", "replay r1.tlog --json", "export r1.tlog", "plot r1.tlog --out a.png",
-    "explain r1.tlog", "replay nowhere.tlog", "ghost r1.tlog --navigator bug", "keys check no.where",
+    "explain r1.tlog", "replay nowhere.tlog", "ghost r1.tlog --navigator bug",
+    "keys check no.where",
 )  # fmt: skip
 
 
