@@ -41,6 +41,9 @@ DIAL_S: Final = 5.0
 KEPT: Final = 500
 """Samples remembered for replay."""
 
+FETCHES: Final = 5
+"""One of so many questions is a request, for the history to come of."""
+
 NEWEST: Final = 8
 """Ids of others that the robot has surely not forgotten."""
 
@@ -247,7 +250,7 @@ def readers(attacker: Attacker) -> Shoot:
 def history(attacker: Attacker) -> Shoot:
     """Everything that was told, again and again; and requests, so that there is much of it."""
     supply, topics = cycle(shots.questions(attacker.operator)[:16]), cycle(HISTORIES)
-    turns = cycle((True, False))
+    turns = cycle(range(FETCHES))
 
     def shoot() -> None:
         if next(turns):
@@ -317,7 +320,7 @@ KINDS: Final[Mapping[str, Kind]] = {
     "replays": Kind(replays, 1000.0, "what operators said and asked, under their names", held=True),
     "collisions": Kind(collisions, 500.0, "known ids with other commands", held=True, judged=True),
     "readers": Kind(readers, 200.0, "long answers, read at 20 kB/s", bytes_per_s=20_000.0),
-    "history": Kind(history, 200.0, "the histories of all events"),
+    "history": Kind(history, 500.0, "the histories of all events"),
     "puts": Kind(puts, 170.0, "puts on keys of 60 kB"),
     "wheels": Kind(wheels, 2000.0, "wheel commands"),
 }
