@@ -162,6 +162,11 @@ class Peers:
         self.operator = self._listening = True
         self.reconnect()
 
+    @property
+    def dialling(self) -> Network:
+        """How a client gets in."""
+        return Network(mode="client", connect=(self._hub,), prefix=self._prefix)
+
     def join(self, role: Role) -> Bus:
         """One more on the bus, beside the operator there is."""
         return self._open("ground", role)
@@ -173,7 +178,7 @@ class Peers:
             mode: Mode = "router" if self._router else "peer"
             network = Network(mode=mode, listen=(self._hub,), prefix=self._prefix)
         else:
-            network = Network(mode="client", connect=(self._hub,), prefix=self._prefix)
+            network = self.dialling
         bus = self._scopes[name].enter_context(open_bus(network, role, "r1", self.clock.now_ns))
         bus.line.by_hand = True
         self.buses[name] = bus

@@ -1,0 +1,64 @@
+"""One frame does not end the robot, however far in the future it says that it was made."""
+
+import pytest
+
+from protocol.clock import Tick, WallClock
+from protocol.messages import SonarScan, WheelCommand
+from protocol.timing import PERIOD_NS
+from protocol.topics import DRIVE, SONAR
+from robot.core.parameters import DEFAULTS
+from robot.meter import Meter
+from robot.process import Process
+from robot.senses import Senses
+from robot.store import Store
+from robot.vehicle import Vehicle
+from tests.attacks.attacker import Attacker
+from tests.bus.nets import Net, net, until
+
+EXTREME = (2**62, 2**63 - 1, 2**63, 2**64 - 1)
+
+
+def scan(time_ns: int, seq: int) -> SonarScan:
+    return SonarScan(
+        time_ns=time_ns, seq=seq, range_mm=(900,) * 8, ping_age_us=(0,) * 8, valid=255, echo=255
+    )
+
+
+def robot(bus: Net) -> Process:
+    """The robot's loop in wall time, to be turned by hand."""
+    vehicle, clock = Vehicle(DEFAULTS, Store(None)), WallClock()
+    senses = Senses(bus.robot, lockstep=False, accept=vehicle.lease.allows)
+    meter = Meter(clock, period_ns=PERIOD_NS, enforced=False)
+    process = Process(vehicle, bus.robot, clock, senses, meter)
+    process.serve()
+    return process
+
+
+@pytest.mark.parametrize("stamp_ns", EXTREME)
+def test_a_scan_of_the_far_future_ends_nothing(stamp_ns: int) -> None:
+    """A4: its stamp left 64 bits in the next tick, and the process ended without its brake."""
+    with net() as bus:
+        process = robot(bus)
+        commands = bus.plant.mailbox(DRIVE)
+        until(lambda: process.reports.drive.matched)
+        arrived: list[int] = []
+        bus.robot.stream(SONAR, lambda *_: arrived.append(1))
+        attacker = Attacker(bus.plant.network)
+        with attacker:
+            until(lambda: seen(attacker, arrived, scan(1_000_000, 1)))
+            there = len(arrived)
+            attacker.put(SONAR, scan(stamp_ns, 2))
+            until(lambda: len(arrived) > there)
+            for number in range(4):
+                process.cycle(Tick(number, WallClock().now_ns(), 0, 0))
+        until(lambda: counted(commands.latest()) >= 3)
+
+
+def counted(newest: tuple[WheelCommand, int] | None) -> int:
+    return -1 if newest is None else newest[0].seq
+
+
+def seen(attacker: Attacker, arrived: list[int], message: SonarScan) -> bool:
+    """Whether the robot hears the attacker by now."""
+    attacker.put(SONAR, message)
+    return bool(arrived)
