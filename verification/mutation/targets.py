@@ -17,6 +17,7 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             f"{CORE}/test_modes_in_detail.py",
             f"{CORE}/test_modes.py",
             f"{CORE}/test_fence.py",
+            f"{CORE}/test_lost_fence.py",
         ),
         "robot/lease.py": (f"{ROBOT}/test_lease.py",),
         "robot/teleop.py": (f"{ROBOT}/test_teleop.py",),
