@@ -44,6 +44,7 @@ def test_a_new_machine_is_at_rest_and_trusts_nothing() -> None:
         "navigator": DEFAULTS.navigator,
         "side": DEFAULTS.side,
         "fence": None,
+        "fence_unreadable": False,
         "senses": False,
         "operator": False,
         "cause": reasons.OK,
