@@ -22,7 +22,7 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         ),
         "robot/lease.py": (f"{ROBOT}/test_lease.py",),
         "robot/teleop.py": (f"{ROBOT}/test_teleop.py",),
-        "robot/commands.py": (f"{ROBOT}/test_vehicle.py",),
+        "robot/commands.py": (f"{ROBOT}/test_commands.py", f"{ROBOT}/test_vehicle.py"),
         "protocol/mailbox.py": (f"{PROTOCOL}/test_mailbox.py",),
         "plant/command_gate.py": (f"{PLANT}/test_command_gate.py",),
     }
