@@ -72,9 +72,8 @@ def read_world(raw: object, report: Report) -> World | None:
 
 def _name(table: Table) -> str:
     name = table.text("name")
-    if "name" in table and isinstance(table.raw["name"], str):
-        if why := bad_name(name):
-            table.refuse("name", why, f"write name = {EXAMPLES['name']}")
+    if "name" in table and isinstance(table.raw["name"], str) and (why := bad_name(name)):
+        table.refuse("name", why, f"write name = {EXAMPLES['name']}")
     return name
 
 
