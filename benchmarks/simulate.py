@@ -2,7 +2,8 @@
 
 Each seed draws operators, faults and attacks over 20 simulated seconds. A seed that violates an
 invariant is shrunk to the fewest events; `--events FILE` writes them, `--replay FILE` runs them.
-`--seed S --replay` runs one seed twice and compares the two runs bit by bit.
+`--defects` puts mended defects back and counts the seeds that find each. `--seed S --replay` runs
+one seed twice and compares the two runs bit by bit.
 """
 
 import argparse
@@ -11,8 +12,9 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.figures import Figure, Report
-from verification.simulation.campaign import Ran, in_processes
+from verification.simulation.campaign import MOST_HUNTED, Ran, hunted, in_processes
 from verification.simulation.coverage import Coverage
+from verification.simulation.defects import DEFECTS
 from verification.simulation.draw import drawn
 from verification.simulation.events import from_json, to_json
 from verification.simulation.shrink import shrunk
@@ -39,11 +41,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="run the seed twice and compare; with FILE run these events only",
     )
     parser.add_argument("--events", type=Path, metavar="FILE", help="write the shrunk events there")
+    parser.add_argument(
+        "--defects",
+        nargs="*",
+        choices=DEFECTS,
+        metavar="NAME",
+        help="put mended defects back, these or all, and count the seeds that find each",
+    )
     parser.add_argument("--no-shrink", action="store_true", help="show the events as drawn")
 
 
 def measure(options: argparse.Namespace) -> Report:
     """Run one scenario or many seeds."""
+    if options.defects is not None:
+        return _report_of_defects(options)
     if options.replay not in (None, AGAIN):
         return _report_of_one(options, run(from_json(Path(options.replay).read_text("utf-8"))))
     if options.seed is not None:
@@ -105,6 +116,26 @@ def _report_of_one(options: argparse.Namespace, result: Result) -> Report:
             *(explained(result, options) if failed else ()),
         ),
     )
+
+
+def _report_of_defects(options: argparse.Namespace) -> Report:
+    """Seeds until each defect is found, and by which invariant."""
+    names = options.defects or tuple(DEFECTS)
+    figures, notes = [], []
+    for name in names:
+        hunt = hunted(name, options.first)
+        words = "not found"
+        if hunt.found is not None and hunt.found.violation is not None:
+            words = f"seed {hunt.found.scenario.seed}: «{hunt.found.violation.invariant}»"
+        notes.append(f"{name}, {DEFECTS[name].says}: {words}")
+        print(f"{hunt.seeds:5} seeds  {notes[-1]}", file=sys.stderr, flush=True)
+        seeds = hunt.seeds if hunt.found is not None else MOST_HUNTED + 1
+        figures.append(
+            Figure(
+                name=f"seeds until {name} is found", unit="", values=(seeds,), at_most=MOST_HUNTED
+            )
+        )
+    return Report(benchmark="simulate", figures=tuple(figures), notes=tuple(notes))
 
 
 def explained(result: Result, options: argparse.Namespace) -> list[str]:

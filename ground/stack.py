@@ -39,8 +39,6 @@ TROUBLES: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyType(
 PAUSED: Final = "--paused"
 PLANT: Final = "plant"
 DIAL_S: Final = 0.5
-CHANGED_WORLD: Final = "world.json"
-"""Not the name of the world, which may come from anywhere."""
 
 
 class Stack:
@@ -187,7 +185,7 @@ class Stack:
         world["faults"] = [*facts.get("faults", ()), *faults]
         if self._folder is None:
             self._folder = TemporaryDirectory(prefix="sidestep-")
-        path = Path(self._folder.name) / CHANGED_WORLD
+        path = Path(self._folder.name) / f"{facts['name']}.json"
         path.write_text(json.dumps(world), encoding="utf-8")
         return str(path)
 

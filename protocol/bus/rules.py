@@ -97,9 +97,8 @@ def tables(grant: Grant, about: str = "*") -> tuple[Table, Table]:
     """
     everything = ALL if about == "*" else (f"{about}/**",)
     hears = everything if grant.hears == ALL else grant.hears
-    fetches = everything if grant.fetches == ALL else grant.fetches
     presence_of = (f"{about}/{PRESENCE}",)
-    put, heard = kept(grant.puts), kept(fetches)
+    put, heard = kept(grant.puts), kept(hears)
     presence = ("declare_liveliness_subscriber", "liveliness_query")
     come: Table = {
         ("put",): grant.puts + put,

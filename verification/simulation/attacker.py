@@ -39,6 +39,7 @@ from verification.simulation.scheduler import Host, Scheduler
 ROBOT: Final = "sidestep/r1/"
 MINE: Final = f"open/{0xBAD:032x}"
 KEPT: Final = 300
+MAX_ID: Final = (1 << 64) - 1
 SOON_NS: Final = 500 * MS
 STRANGE_TOPICS: Final = tuple(topic for topic in TOPICS if topic.publisher is not Role.ROBOT)
 REQUESTS: Final = tuple(
@@ -174,11 +175,17 @@ class Attacker:
         )
         self._put(f"{TELEOP.path}/{MINE}", teleop, note)
 
+    def known_stops(self, random: Random) -> None:
+        """Press the stop with the number of a request that was answered."""
+        known = [one.frame for one in self._heard if one.asked and COMMAND.path in one.key]
+        if known:
+            end = random.choice((MINE, "x"))
+            self._hub.put(self.host, f"{ROBOT}{STOP.path}/{end}", known[-1], ENCODING, None)
+
     def stops(self, random: Random) -> None:
-        """Press the stop: with a known number, a new one, or bytes that say nothing."""
-        known = [one.frame for one in self._heard if one.asked]
+        """Press the stop: with a number of its own, or bytes that say nothing."""
         forged = self._encoder.encode(command(Command.DO_FLIGHTTERMINATION, random))
-        frame = random.choice((forged, forged, b"", b"\0" * 40, *known[-1:]))
+        frame = random.choice((forged, forged, b"", b"\0" * 40))
         way = random.randrange(3)
         if way == 0:
             self._ask(f"{ROBOT}{STOP_SERVICE.path}/{MINE}", frame, None)
@@ -219,14 +226,15 @@ class Attacker:
             self._hub.put(self.host, one.key, one.frame, ENCODING, one.note)
 
     def collides(self, random: Random) -> None:
-        """Ask something harmless under the number of somebody else's request, in its name too."""
+        """Ask something harmless under the number of somebody else's request, or of the next one
+        if numbers count up, in its name too."""
         asked = [one for one in self._heard if one.asked and COMMAND.path in one.key]
         if not asked:
             return
         one = random.choice(asked)
         known = decode(one.frame).message
         request = CommandRequest(
-            request_id=getattr(known, "request_id", 0),
+            request_id=min(getattr(known, "request_id", 0) + random.choice((0, 1, 2, 3)), MAX_ID),
             param1=1.0,
             param2=0.0,
             command=random.choice(HARMLESS),
@@ -243,6 +251,7 @@ ATTACKS: Final[dict[str, Callable[..., None]]] = {
     "strange": Attacker.strange,
     "commands": Attacker.commands,
     "stops": Attacker.stops,
+    "known stops": Attacker.known_stops,
     "requests": Attacker.requests,
     "seizes": Attacker.seizes,
     "replays": Attacker.replays,

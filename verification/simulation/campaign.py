@@ -10,6 +10,8 @@ from verification.simulation.draw import DURATION_NS, drawn
 from verification.simulation.simulation import Result, run
 
 CHUNK: Final = 20
+MOST_HUNTED: Final = 2000
+"""Seeds within which a defect that was put back is to be found."""
 
 
 class Ran(NamedTuple):
@@ -46,3 +48,20 @@ def in_processes(first: int, count: int, jobs: int) -> Iterator[Ran]:
         return
     with get_context("spawn").Pool(jobs) as pool:
         yield from pool.imap(ran, chunks)
+
+
+class Hunted(NamedTuple):
+    """How a defect was found: after how many seeds, by which of them, and which invariant."""
+
+    defect: str
+    seeds: int
+    found: Result | None
+
+
+def hunted(defect: str, first: int = 0, most: int = MOST_HUNTED) -> Hunted:
+    """Put a mended defect back and run seeds until one violates an invariant."""
+    for number, seed in enumerate(range(first, first + most), 1):
+        result = run(drawn(seed), defect)
+        if result.violation is not None:
+            return Hunted(defect, number, result)
+    return Hunted(defect, most, None)

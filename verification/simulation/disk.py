@@ -77,6 +77,14 @@ class Disk:
         if self.files.pop(name, None) is None:
             raise FileNotFoundError(2, "No such file or directory", name)
 
+    def damage(self, name: str) -> bool:
+        """Make the content of a file unreadable; False where there is no such file."""
+        inode = self.files.get(name)
+        if inode is None or not inode.live:
+            return False
+        inode.live = inode.synced = inode.live[: len(inode.live) // 2]
+        return True
+
     def cut_power(self, salt: int) -> None:
         """Lose what is not on the medium; each change of a name that is not may be, or not.
 

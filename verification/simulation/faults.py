@@ -75,6 +75,18 @@ def apply_rough(simulation: "Simulation", event: Event) -> None:
     impair(simulation, event, [(str(source), str(target))], impairment, int(for_ms), late_ms)
 
 
+def draw_queue(random: Random) -> Arguments:
+    source, target = pair(random)
+    return source, target, random.choice((0.2, 0.5, 0.8)), random.choice((2000, 4000, 8000))
+
+
+def apply_queue(simulation: "Simulation", event: Event) -> None:
+    """The delay of a link grows slowly, so that its frames never fail to come, but late."""
+    source, target, growth, for_ms = event.arguments
+    impairment = Impairment(growth=float(growth), since_ns=simulation.scheduler.now_ns)
+    impair(simulation, event, [(str(source), str(target))], impairment, int(for_ms), 4400)
+
+
 def draw_cut(random: Random) -> Arguments:
     source, target = pair(random)
     return source, target, random.randrange(2), span_ms(random)
@@ -200,6 +212,17 @@ def apply_power_cut(simulation: "Simulation", event: Event) -> None:
     simulation.scheduler.at(back_ns, simulation.start_robot)
 
 
+def apply_rot(simulation: "Simulation", event: Event) -> None:
+    """A file is damaged while the robot does not run."""
+    name, back_ms = str(event.arguments[0]), int(event.arguments[1])
+    simulation.robot.kill()
+    if simulation.robot.disk.damage(f"{name}.json"):
+        simulation.oracle.keeping.damaged(name)
+    back_ns = simulation.scheduler.now_ns + back_ms * MS
+    simulation.oracle.facts.held_up(back_ns + 1000 * MS)
+    simulation.scheduler.at(back_ns, simulation.start_robot)
+
+
 # Clocks.
 
 
@@ -296,6 +319,7 @@ FAULTS: Final[Mapping[str, Fault]] = MappingProxyType(
         "operate": Fault(0, draw_operate, apply_operate),
         "leave": Fault(2, lambda r: (r.choice(OPERATORS),), apply_leave),
         "rough": Fault(8, draw_rough, apply_rough),
+        "queue": Fault(5, draw_queue, apply_queue),
         "cut": Fault(6, draw_cut, apply_cut),
         "kill": Fault(4, draw_kill, apply_kill),
         "suspend": Fault(4, draw_suspend, apply_suspend),
@@ -303,6 +327,7 @@ FAULTS: Final[Mapping[str, Fault]] = MappingProxyType(
         "busy": Fault(2, draw_busy, apply_busy),
         "slow disk": Fault(2, draw_slow_disk, apply_slow_disk),
         "failing disk": Fault(1, lambda r: (span_ms(r) * 2,), apply_failing_disk),
+        "rot": Fault(2, lambda r: (r.choice(("fence", "fence", "mission")), 300), apply_rot),
         "sleep": Fault(2, draw_sleep, apply_sleep),
         "clock": Fault(2, draw_clock, apply_clock),
         "wall clock": Fault(1, lambda r: (r.choice((-86_400, -5, 5, 86_400)),), apply_wall_clock),

@@ -26,7 +26,10 @@ class Payload(bytes):
 class Sample:
     """As zenoh.Sample."""
 
-    __slots__ = ("attachment", "encoding", "key_expr", "kind", "payload", "source", "timestamp")
+    __slots__ = (
+        *("attachment", "encoding", "key_expr", "kind", "payload"),
+        *("sent_ns", "source", "timestamp"),
+    )
     congestion_control = zenoh.CongestionControl.DROP
     source_info = None
 
@@ -45,6 +48,7 @@ class Sample:
         self.attachment = None if attachment is None else Payload(attachment)
         self.kind = kind
         self.source = source
+        self.sent_ns = source.scheduler.now_ns
         self.timestamp = None
 
 
@@ -197,6 +201,18 @@ class Hub:
         self.watchers = Table()
         self.taps: list[Tap] = []
         """Called with each frame that is put or asked: source, key, payload, attachment, asked."""
+        self.arrivals: list[Callable[[Sample], None]] = []
+        """Called with each sample of an operator that arrives at the robot, before it is heard."""
+
+    def heard(self, callback: Callable[[Any], object]) -> Callable[[Any], object]:
+        """A callback that tells of what arrives, and then takes it."""
+
+        def take(sample: Sample) -> None:
+            for tap in self.arrivals:
+                tap(sample)
+            callback(sample)
+
+        return take
 
     def leave(self, host: Host) -> None:
         """A host has ended: its declarations end, and others learn it."""

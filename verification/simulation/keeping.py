@@ -5,9 +5,10 @@ from typing import Any, Final
 
 from protocol.enums import MissionType
 from protocol.message import Message
-from protocol.messages import MissionItemInt, ParamSet
+from protocol.messages import MissionClearAll, MissionItemInt, ParamSet
 from protocol.wire import wire_of
 from robot.core import fence as fences
+from robot.core import states
 from robot.mission.stops import stop_of
 from robot.vehicle import Vehicle
 from verification.simulation.facts import Facts
@@ -45,6 +46,7 @@ class Keeping:
         self._items: defaultdict[int, Value] = defaultdict(lambda: Value(()))
         self._seen: dict[int, Items] = {}
         self._last_mission: Items = ()
+        self._fence_lost = False
 
     def restored(self, vehicle: Vehicle) -> None:
         """The robot has started again and put up what it has found."""
@@ -72,6 +74,17 @@ class Keeping:
             "acknowledged survives", f"{name} is {found} after a restart, not {wanted}"
         )
 
+    def damaged(self, name: str) -> None:
+        """A file cannot be read any more: what was in it is lost."""
+        kind = MissionType[name.upper()]
+        self._items[kind].taken(())
+        self._fence_lost = self._fence_lost or kind == MissionType.FENCE
+
+    def cycled(self, vehicle: Vehicle) -> None:
+        """Without the fence that it had, a robot is not armed until there is another one."""
+        if self._fence_lost and vehicle.state.machine.vehicle == states.ACTIVE:
+            self._facts.fail("no fence is forgotten", "armed; its fence was damaged on the disk")
+
     def received(self, vehicle: Vehicle, request: Message) -> None:
         """A request was acted upon: note what it has changed."""
         if isinstance(request, ParamSet) and hasattr(vehicle.params, request.param_id):
@@ -83,6 +96,9 @@ class Keeping:
             self._params[name].taken(value)
         for kind in ITEMS:
             items = held(vehicle, kind)
+            cleared = isinstance(request, MissionClearAll) and request.mission_type == kind
+            if kind == MissionType.FENCE and (cleared or items is not self._seen.get(kind)):
+                self._fence_lost = False
             if items is not self._seen.get(kind):
                 self._seen[kind] = items
                 if kind == MissionType.MISSION:

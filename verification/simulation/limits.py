@@ -79,3 +79,6 @@ BACKLOG: Final = 64
 STANDSTILL_NS: Final = 12_000 * MS
 """A goal that is being driven to ends as STUCK after 10 s without motion, a tick is 50 ms; the
 rest is for a robot that turns on the spot."""
+
+CALM_NS: Final = 3_000 * MS
+"""After so long with nothing wrong everything that was late or is remembered is over."""

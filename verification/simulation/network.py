@@ -12,19 +12,24 @@ from verification.simulation.scheduler import Host, Scheduler
 
 MS: Final = 1_000_000
 USUAL_DELAY_NS: Final = 300_000
-RECONNECT_NS: Final = 200 * MS
-"""A process that was started again is dialled by the others within this time."""
+GROWN_NS: Final = 4_000 * MS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Impairment:
-    """What is wrong with a link; shares from 0 to 1. `paths`: beginnings of topics, none: all."""
+    """What is wrong with a link; shares from 0 to 1. `paths`: beginnings of topics, none: all.
+
+    `growth`: since `since_ns` the delay grows by this share of the time, as behind a queue that
+    fills; up to GROWN_NS.
+    """
 
     loss: float = 0.0
     duplicate: float = 0.0
     reorder: float = 0.0
     delay_ns: int = 0
     jitter_ns: int = 0
+    growth: float = 0.0
+    since_ns: int = 0
     paths: tuple[str, ...] = ()
 
     def concerns(self, path: str) -> bool:
@@ -50,7 +55,7 @@ class Link:
     def cut(self) -> bool:
         return any(one.loss >= 1.0 and not one.paths for one, _ in self.impairments)
 
-    def arrivals_ns(self, path: str) -> list[int]:
+    def arrivals_ns(self, path: str, now_ns: int) -> list[int]:
         """After how long each copy of a frame arrives; none: it is lost."""
         delays_ns = [self.delay_ns]
         for impairment, random in self.impairments:
@@ -62,6 +67,8 @@ class Link:
             if draw() < impairment.duplicate:
                 delays_ns.append(delays_ns[0] + round(draw() * 200 * MS))
             late_ns = impairment.delay_ns + round(draw() * impairment.jitter_ns)
+            if impairment.growth:
+                late_ns += min(round(impairment.growth * (now_ns - impairment.since_ns)), GROWN_NS)
             if draw() < impairment.reorder:
                 late_ns += round(draw() * 120 * MS)
             delays_ns = [delay_ns + late_ns for delay_ns in delays_ns]
@@ -100,5 +107,5 @@ class Network:
         if not link.impairments:
             scheduler.at(scheduler.now_ns + link.delay_ns, target.deliver, action, *arguments)
             return
-        for delay_ns in link.arrivals_ns(path):
+        for delay_ns in link.arrivals_ns(path, scheduler.now_ns):
             scheduler.at(scheduler.now_ns + delay_ns, target.deliver, action, *arguments)

@@ -3,6 +3,7 @@
 from math import hypot
 from typing import Any
 
+from protocol.reasons import Reason
 from robot.core import states
 from robot.core.geometry import wrap
 from robot.core.machine import Machine, drives, goal_lives
@@ -11,6 +12,9 @@ from verification.simulation import limits
 from verification.simulation.facts import Facts
 from verification.simulation.limits import MS
 from verification.simulation.requests import Requests
+
+CALM = (Reason.BUDGET, Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.NAME_TAKEN)
+"""Failsafes that nothing in a calm run can cause."""
 
 AWAY_M = 0.05
 AWAY_RAD = 0.35
@@ -24,12 +28,14 @@ class Onboard:
         self._requests = requests
         self._cycled_ns: int | None = None
         self._mode: int | None = None
+        self._failsafe = False
         self._stray_ticks = 0
         self._place = self._anchor = (0.0, 0.0, 0.0)
         self._moved_ns = 0
 
     def robot_started(self) -> None:
         self._mode = self._cycled_ns = None
+        self._failsafe = False
 
     def moved(self, x_m: float, y_m: float, heading_rad: float) -> None:
         self._place = x_m, y_m, heading_rad
@@ -38,6 +44,7 @@ class Onboard:
         machine = vehicle.state.machine
         self._ticks()
         self._goals(vehicle, machine)
+        self._causes(machine)
         self._progress(machine)
         self._modes(machine)
         for name in ("_requests", "_strangers"):
@@ -62,6 +69,24 @@ class Onboard:
         self._stray_ticks = self._stray_ticks + 1 if vehicle.mission.active and not active else 0
         if self._stray_ticks > 2:
             self._facts.fail("a goal ends", f"a mission runs in vehicle state {machine.vehicle}")
+
+    def _causes(self, machine: Machine) -> None:
+        """A failsafe has a cause: with all well for a while, and nothing forged, none trips."""
+        facts, failsafe = self._facts, machine.vehicle == states.FAILSAFE
+        tripped, self._failsafe = failsafe and not self._failsafe, failsafe
+        if not tripped or facts.now_ns - facts.sound_since_ns < limits.CALM_NS:
+            return
+        if facts.now_ns - max(facts.forged_ns, facts.started_ns) < limits.CALM_NS:
+            return
+        reason = Reason(machine.vehicle_reason)
+        fence, (x_m, y_m, _) = machine.fence, self._place
+        inner_m = (
+            0.0
+            if fence is None or not fence.radius_m
+            else fence.radius_m - hypot(x_m - fence.xs_m[0], y_m - fence.ys_m[0])
+        )
+        if reason in CALM or (reason == Reason.FENCE_BREACHED and inner_m > limits.FENCE_M):
+            facts.fail("a failsafe has a cause", f"{reason.name} with nothing wrong")
 
     def _progress(self, machine: Machine) -> None:
         """A goal that is driven to ends, or the robot gets somewhere."""

@@ -27,6 +27,9 @@ from verification.simulation.requests import Requests
 from verification.simulation.robot_side import RobotSide
 from verification.simulation.scheduler import Host, Scheduler
 
+FORGED_NS = 1_000_000_000
+"""For so long after forged senses the robot may take its ticks at other times."""
+
 
 class Oracle:
     """Ties the invariants to what is observed; `facts` tells how it went."""
@@ -43,8 +46,8 @@ class Oracle:
 
     # The network.
 
-    def put(self, source: Host, path: str, frame: bytes, own: bool) -> None:
-        """A frame leaves a host; `own`: under its own name, and not a copy of an earlier one."""
+    def put(self, source: Host, path: str, frame: bytes) -> None:
+        """A frame leaves a host."""
         if path == "drive/wheels":
             if source.name == "robot":
                 self.motion.command(frame)
@@ -52,8 +55,7 @@ class Oracle:
                 self.motion.forged(frame)
         elif path.startswith("sense/") and source.name != "plant":
             self.motion.place_known = False
-        elif own and path.startswith("op/"):
-            self.presence.sent(path, frame)
+            self.facts.held_up(self.facts.now_ns + FORGED_NS)
 
     # The plant.
 
@@ -101,6 +103,7 @@ class Oracle:
         self._reach(vehicle.state.machine)
         self.onboard.cycled(vehicle, process)
         self.presence.cycled(vehicle)
+        self.keeping.cycled(vehicle)
 
     def _reach(self, machine: Machine) -> None:
         """Count each vehicle state and each failsafe once per run."""

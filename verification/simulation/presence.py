@@ -22,7 +22,7 @@ TELEOP = "op/teleop/"
 
 
 class Presence:
-    """Knows what each operator has truly sent, and when."""
+    """Knows what the robot has heard of each operator, and when it was truly sent."""
 
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
@@ -37,23 +37,20 @@ class Presence:
         self.lies_until_ns = NEVER
         """Until then an operator sends frames that carry times which are not true."""
 
-    def sent(self, path: str, frame: bytes) -> None:
-        """Take a frame of an operator, as it is put on the bus under its own name."""
-        now_ns = self._facts.now_ns
+    def arrived(self, path: str, frame: bytes, sent_ns: int) -> None:
+        """Take a frame that an operator sent under its own name, as it arrives at the robot."""
         if path.startswith(HEARTBEAT):
-            self._beat_ns[operator_in(path.removeprefix(HEARTBEAT))] = now_ns
+            newest(self._beat_ns, operator_in(path.removeprefix(HEARTBEAT)), sent_ns)
         elif path.startswith(TELEOP):
-            self._steered(operator_in(path.removeprefix(TELEOP)), frame)
+            self._steered(operator_in(path.removeprefix(TELEOP)), frame, sent_ns)
 
-    def _steered(self, operator: str, frame: bytes) -> None:
+    def _steered(self, operator: str, frame: bytes, sent_ns: int) -> None:
         try:
             teleop = decode(frame).message
         except RemoteError:
             return
         if isinstance(teleop, Teleop):
-            until_ns = self._facts.now_ns + teleop.ttl_ms * MS
-            known_ns = self._steers_until_ns.get(operator, NEVER)
-            self._steers_until_ns[operator] = max(known_ns, until_ns)
+            newest(self._steers_until_ns, operator, sent_ns + teleop.ttl_ms * MS)
             self._sender[teleop] = operator
 
     def leased(self, operator: str) -> None:
@@ -76,7 +73,9 @@ class Presence:
         age_ns = now_ns - self._newest(self._beat_ns, holder)
         if age_ns > vehicle.params.op_lost_ms * MS + limits.ROUNDING_NS:
             words = "never" if age_ns > 1 << 61 else f"{age_ns // MS} ms ago"
-            facts.fail("operator present", f"it drives; the last heartbeat was sent {words}")
+            facts.fail(
+                "operator present", f"it drives; the newest heartbeat it has heard was sent {words}"
+            )
         elif now_ns > facts.sound_since_ns:
             facts.worst("operator's last heartbeat to last command to move", age_ns)
         over_ns = now_ns - self._newest(self._steers_until_ns, holder)
@@ -125,3 +124,8 @@ class Presence:
         if now_ns - heard_ns > limits.LAPSE_NS:
             ago_ms = (now_ns - heard_ns) // MS
             facts.fail("a lease lapses", f"held {ago_ms} ms after its holder's last heartbeat")
+
+
+def newest(times_ns: dict[str, int], who: str, time_ns: int) -> None:
+    """Note a time, unless a newer one is known."""
+    times_ns[who] = max(times_ns.get(who, NEVER), time_ns)

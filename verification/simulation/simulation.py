@@ -1,6 +1,7 @@
 """One run: a scenario in, a violation or none out, and a digest that is the same each time."""
 
 import gc
+from contextlib import nullcontext
 from random import Random
 from typing import Final, NamedTuple
 
@@ -9,9 +10,10 @@ from robot.core.values import Pose
 from verification.simulation import robot_side
 from verification.simulation.attacker import MINE, Attacker
 from verification.simulation.coverage import Coverage
+from verification.simulation.defects import defective
 from verification.simulation.events import Event, Scenario
 from verification.simulation.facts import Violation
-from verification.simulation.hub import Hub, path_of
+from verification.simulation.hub import Hub, Sample, path_of
 from verification.simulation.network import Network
 from verification.simulation.operators import History, Operator
 from verification.simulation.oracle import Oracle
@@ -72,6 +74,7 @@ class Simulation:
             scheduler, self.hub, lambda: self.robot.host.now_ns(), lambda: facts.plant_ns, self.lie
         )
         self.hub.taps.append(self._tap)
+        self.hub.arrivals.append(self._arrived)
         self._zid_of: dict[str, str] = {}
         self._watched: dict[str, str] = {}
 
@@ -143,13 +146,17 @@ class Simulation:
             path = self._watched[key] = path if path.startswith(WATCHED) else ""
         if not path:
             return
-        attacks = source is self.attacker.host
-        if not attacks:
+        if source is not self.attacker.host:
             self.attacker.hear(key, frame, note, asked=asked)
-        if asked:
-            return
-        mine = MINE if attacks else self._zid_of.get(source.name, "")
-        self.oracle.put(source, path, frame, own=path.endswith(f"/{mine}"))
+        if not asked:
+            self.oracle.put(source, path, frame)
+
+    def _arrived(self, sample: Sample) -> None:
+        """What an operator has sent under its own name is at the robot."""
+        source, path = sample.source, path_of(sample.key_expr)
+        mine = MINE if source is self.attacker.host else self._zid_of.get(source.name, "")
+        if path.endswith(f"/{mine}"):
+            self.oracle.presence.arrived(path, sample.payload, sample.sent_ns)
 
     def _judge(self) -> None:
         hosts = [operator.host for operator in self.operators.values()]
@@ -163,12 +170,15 @@ class Simulation:
         self.plant.kill()
 
 
-def run(scenario: Scenario) -> Result:
-    """Run a scenario; everything that blocks is simulated meanwhile."""
+def run(scenario: Scenario, defect: str = "") -> Result:
+    """Run a scenario; everything that blocks is simulated meanwhile.
+
+    With `defect` one that was mended is put back: the name of a row of `defects.DEFECTS`.
+    """
     collects = gc.isenabled()
     gc.disable()
     try:
-        with substituted():
+        with substituted(), defective(defect) if defect else nullcontext():
             return Simulation(scenario).run()
     finally:
         if collects:

@@ -106,6 +106,7 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("protocol.bus.publisher", "keeping", PlainPublisher),
     ("robot.run", "WallClock", SimulatedClock),
     ("robot.run", "Pulse", simulated_pulse),
+    ("robot.run", "time", TIME.time),
     ("robot.run", "Rehearsed", no_rehearsal),
     ("robot.run", "Rehearsal", lambda _params: None),
     ("robot.run", "on_signal", no_signal),

@@ -1,0 +1,229 @@
+"""Defects that were mended, to be put back: does the simulation find each of them?
+
+Each is a patch of the product's code in this process, with the name that the review gave it.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from importlib import import_module
+from typing import Any, Final, NamedTuple
+from unittest.mock import patch
+
+from protocol.timing import PERIOD_MS
+from robot.core import reasons, states
+from robot.writer import InlineWriter
+from verification.simulation.disk import SimulatedOs
+
+Patches = dict[str, object]
+
+
+class Defect(NamedTuple):
+    """`patches` returns what takes the place of what, afresh for each run."""
+
+    says: str
+    patches: Callable[[], Patches]
+
+
+def _swallowed_stop() -> Patches:
+    """Ids count up, and an answer is found by its id alone, for stops too."""
+    from robot.commands import acknowledge, is_stop
+
+    counted = [0]
+    answers: deque[tuple[object, int, object]] = deque(maxlen=1000)
+
+    class Counting:
+        @staticmethod
+        def randbits(_bits: int) -> int:
+            counted[0] += 1
+            return counted[0]
+
+    def receive(self: Any, request: Any, now_ms: int, operator: str = "") -> Any:
+        for commands, number, answer in answers:
+            if commands is self and number == request.request_id:
+                return answer
+        if is_stop(request):
+            self.stop_id = request.request_id
+        answer = acknowledge(request, self._act(request, now_ms))
+        answers.append((self, request.request_id, answer))
+        return answer
+
+    return {
+        "robot.commands.Commands.receive": receive,
+        "ground.operator.secrets": Counting,
+        "ground.emergency_stop.secrets": Counting,
+    }
+
+
+def _queue_of_stops() -> Patches:
+    """Stops wait in a line of 64, six are looked at in a tick, and a known id does nothing."""
+    from robot.stop_latch import stop_in
+
+    class Line:
+        def __init__(self, _is_holder: object) -> None:
+            self._waiting: deque[bytes] = deque()
+            self._known: set[int] = set()
+
+        def press(self, _operator: str, frame: bytes) -> None:
+            if len(self._waiting) < 64:
+                self._waiting.append(frame)
+
+        def take(self) -> Any:
+            for _ in range(min(6, len(self._waiting))):
+                request = stop_in(self._waiting.popleft())
+                if request.request_id not in self._known:
+                    self._known.add(request.request_id)
+                    return request
+            return None
+
+    return {"robot.process.StopLatch": Line}
+
+
+def _trusting_driver() -> Patches:
+    """A command from the future has no age, and its time to live is taken as it comes."""
+
+    class Gate:
+        def __init__(self) -> None:
+            self._sent = 0
+            self._last = (0, -1)
+            self._pending: tuple[int, int, int] | None = None
+            self.answered = False
+
+        def begin_tick(self, tick: int) -> None:
+            self._sent = tick
+
+        def receive(self, command: Any) -> str:
+            left_ms = command.ttl_ms - max(0, (self._sent - command.sense_seq) * PERIOD_MS)
+            if left_ms >= 0 and (command.sense_seq, command.seq) >= self._last:
+                self._last = command.sense_seq, command.seq
+                self._pending = command.left_mrad_s, command.right_mrad_s, left_ms
+            return ""
+
+        def take(self) -> Any:
+            pending, self._pending = self._pending, None
+            return pending
+
+    return {"plant.wires.CommandGate": Gate}
+
+
+def _unbounded_stamp() -> Patches:
+    return {
+        "protocol.mailbox.MAX_STAMP_NS": 1 << 65,
+        "protocol.mailbox.MAX_AHEAD_NS": 1 << 65,
+    }
+
+
+def _age_by_arrival() -> Patches:
+    """Heartbeat and teleop count from their arrival, however late they are."""
+
+    def counts(self: Any, origin: Any, vehicle: Any) -> bool:
+        return bool(origin.sender and vehicle.lease.allows(origin.sender))
+
+    def sent_ns(self: Any, origin: Any, now_ns: int) -> int:
+        return int(origin.arrived_ns)
+
+    return {"robot.senses.Senses._counts": counts, "robot.senses.Senses._sent_ns": sent_ns}
+
+
+def _late_requests() -> Patches:
+    return {"robot.process.Process._void": lambda self, asked: reasons.OK}
+
+
+def _mission_to_auto() -> Patches:
+    """The next item of a mission starts in AUTO, whatever mode was chosen."""
+
+    def end(self: Any) -> int:
+        machine = self._machine
+        guided = machine.mode == states.GUIDED and not machine.operator
+        found = int(original(self))
+        return reasons.OK if guided and found == reasons.OPERATOR_LOST else found
+
+    original = import_module("robot.mission.mission").Mission._end
+    return {
+        "robot.mission.mission.Mission._mode": lambda self: states.AUTO,
+        "robot.mission.mission.Mission._end": end,
+    }
+
+
+def _steered_after_seizure() -> Patches:
+    """Who sent a frame is asked when it arrives, not when it is read."""
+
+    def counts(self: Any, origin: Any, vehicle: Any) -> bool:
+        late = self._delays.is_late(origin.sender, origin.sent_ns or 0, origin.arrived_ns)
+        return bool(origin.sender) and not late
+
+    return {"robot.senses.Senses._counts": counts}
+
+
+def _disk_in_the_loop() -> Patches:
+    return {"verification.simulation.robot_side.WriterThread": InlineWriter}
+
+
+def _directory_not_synced() -> Patches:
+    return {"protocol.whole_file.sync_folder": lambda path: None}
+
+
+def _content_not_synced() -> Patches:
+    """The file is renamed before its content is on the disk; the directory is synchronised."""
+
+    def write(path: Any, data: bytes) -> None:
+        number = SimulatedOs.open(path, SimulatedOs.O_TRUNC)
+        SimulatedOs.write(number, data)
+
+    return {"protocol.whole_file.write": write}
+
+
+def _fence_inside_out() -> Patches:
+    fences, failsafe = import_module("robot.core.fence"), import_module("robot.core.failsafe")
+
+    def breached(state: Any, inputs: Any, params: Any) -> bool:
+        fence, pose = state.machine.fence, state.odometry.pose
+        return fence is not None and bool(fences.inside(fence, pose.x_m, pose.y_m))
+
+    return {
+        "robot.core.failsafe.TRIGGERS": tuple(
+            (breached, row) if trigger is failsafe.fence_breached else (trigger, row)
+            for trigger, row in failsafe.TRIGGERS
+        )
+    }
+
+
+def _fence_forgotten() -> Patches:
+    arm = import_module("robot.core.modes").arm
+
+    def armed(machine: Any) -> int:
+        machine.fence_unreadable = False
+        return int(arm(machine))
+
+    return {"robot.core.modes.arm": armed}
+
+
+def _acknowledged_before_saved() -> Patches:
+    return {"robot.vehicle.Vehicle.saving": lambda self, request, answer: None}
+
+
+DEFECTS: Final[dict[str, Defect]] = {
+    "A1": Defect("an answer is found by its id alone, for stops too", _swallowed_stop),
+    "A2": Defect("emergency stops wait in a line", _queue_of_stops),
+    "A3": Defect("the motor driver believes the frame", _trusting_driver),
+    "A4": Defect("stamps are not bounded", _unbounded_stamp),
+    "A7a": Defect("heartbeat and teleop are as old as their arrival", _age_by_arrival),
+    "A7b": Defect("requests have no deadline", _late_requests),
+    "A8": Defect("a mission goes on in AUTO", _mission_to_auto),
+    "A9": Defect("the disk is in the control loop", _disk_in_the_loop),
+    "A12": Defect("teleop goes on after a seizure", _steered_after_seizure),
+    "A13a": Defect("a directory is not synchronised", _directory_not_synced),
+    "A13b": Defect("a content is renamed before it is synchronised", _content_not_synced),
+    "A13c": Defect("a robot with an unreadable fence is armed", _fence_forgotten),
+    "D-fence": Defect("the fence's failsafe is inside out", _fence_inside_out),
+    "early": Defect("a change is acknowledged before it is saved", _acknowledged_before_saved),
+}
+
+
+@contextmanager
+def defective(name: str) -> Iterator[None]:
+    """Put a defect back; enter it within the substitutes of the simulation."""
+    with ExitStack() as stack:
+        for place, stand_in in DEFECTS[name].patches().items():
+            stack.enter_context(patch(place, stand_in))
+        yield
