@@ -13,8 +13,8 @@ from protocol.messages import CommandAck, RunRequest
 from protocol.reasons import Reason
 
 MAX_WAITING: Final = 64
-MAX_ANSWERED: Final = 2
-"""In one turn of the loop: the score of a run of many hours takes tens of milliseconds."""
+MAX_ANSWERED: Final = 6
+"""In one turn of the loop; the score of a run takes up to a millisecond."""
 
 
 class Desk:

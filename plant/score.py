@@ -3,15 +3,20 @@
 from array import array
 from hashlib import sha256
 from math import hypot
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from protocol.messages import RunScore
 from protocol.timing import PERIOD_NS
 
+if TYPE_CHECKING:
+    from hashlib import _Hash
+
 MOST_TICKS: Final = 1_000_000
 COLUMNS: Final = 5
+HASHED: Final = 4096
+"""Ticks from one kept state of the hash to the next: no digest takes more than these."""
 
 _SIGNED: Final = np.dtype([("time_ns", "<u8"), ("pose", "<f8", 3)])
 
@@ -30,6 +35,7 @@ class Score:
         self._contacts = array("L", (0,))
         self._own_contacts = array("L", (0,))
         self._touching = False
+        self._hashes = [sha256()]
 
     @property
     def ticks(self) -> int:
@@ -61,6 +67,8 @@ class Score:
         self._contacts.append(self._contacts[-1] + begun)
         self._own_contacts.append(self._own_contacts[-1] + (begun and closing))
         self._touching = touching
+        if not self.ticks % HASHED:
+            self._hashes.append(self._hash(self.ticks - HASHED, self.ticks))
 
     def until(self, until_ns: int) -> RunScore:
         """The run from the first tick up to the one at `until_ns`, or as far as it has come."""
@@ -84,8 +92,15 @@ class Score:
 
     def _digest(self, ticks: int) -> bytes:
         """SHA-256 over stamp and true pose of every tick but the first, at which nothing moved."""
-        signed = np.empty(ticks, dtype=_SIGNED)
-        stamps = np.arange(1, ticks + 1, dtype=np.uint64) * np.uint64(PERIOD_NS)
+        return self._hash(ticks - ticks % HASHED, ticks).digest()
+
+    def _hash(self, kept: int, ticks: int) -> "_Hash":
+        """Return the hash up to a tick, from the state that was kept at an earlier one."""
+        hashed = self._hashes[kept // HASHED].copy()
+        signed = np.empty(ticks - kept, dtype=_SIGNED)
+        stamps = np.arange(kept + 1, ticks + 1, dtype=np.uint64) * np.uint64(PERIOD_NS)
         signed["time_ns"] = stamps + np.uint64(self._start_ns)
-        signed["pose"] = np.array(self._rows).reshape(-1, COLUMNS)[1 : ticks + 1, :3]
-        return sha256(signed.tobytes()).digest()
+        rows = self._rows[(kept + 1) * COLUMNS : (ticks + 1) * COLUMNS]
+        signed["pose"] = np.array(rows).reshape(-1, COLUMNS)[:, :3]
+        hashed.update(signed.tobytes())
+        return hashed

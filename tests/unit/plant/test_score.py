@@ -50,6 +50,22 @@ def test_the_digest_is_that_of_the_stamps_and_true_poses() -> None:
     assert bytes(square_run().until(START_NS + 2 * TICK_NS).digest) == wanted.digest()
 
 
+def test_the_digest_is_the_same_wherever_states_of_the_hash_are_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """So that the score of a run of many hours does not keep the plant from its period."""
+    monkeypatch.setattr(score_module, "HASHED", 4)
+    run, wanted = Score(START_NS, 0.0, 0.0, 0.0, 1.0), [sha256()]
+    for tick in range(1, 15):
+        pose = (0.1 * tick, -0.2 * tick, 0.01 * tick)
+        run.add(*pose, 1.0, touching=False)
+        wanted.append(wanted[-1].copy())
+        wanted[-1].update(pack("<Qddd", START_NS + tick * TICK_NS, *pose))
+    for tick in (14, 3, 4, 5, 0, 8, 12, 11):
+        digest = bytes(run.until(START_NS + tick * TICK_NS).digest)
+        assert digest == wanted[tick].digest(), tick
+
+
 def test_a_touch_that_lasts_is_one_contact_wherever_the_run_is_cut() -> None:
     run = square_run()
     assert [run.until(START_NS + tick * TICK_NS).contacts for tick in range(6)] == [
