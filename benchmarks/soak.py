@@ -1,6 +1,7 @@
 """A fleet driven to and fro for a long time while things are done to it: what grows, what is lost.
 
-Judged are processes that lived for five minutes and more. Memory may grow by 1 MB in ten minutes,
+Judged are processes that lived for five minutes and more; beside the fleet there is a supervisor
+in a process of its own, with a plant that is left alone. Memory may grow by 1 MB in ten minutes,
 open files and threads by one. From the scan to the wheel command, both heard at one place, the last
 third of the run may take half as much again as the first, and one tick in a hundred may be missed;
 for both, what is within five seconds of something that was done does not count. Then all robots and

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple, Self
 from benchmarks.cable import Cable
 from benchmarks.flooding.attack import Attack, Door
 from benchmarks.soak_faults import CUT, Fault
+from benchmarks.soak_supervised import Supervised
 from ground.children import Children
 from ground.cli import parse
 from ground.leash import command
@@ -41,6 +42,7 @@ class Fleet:
         facts = world_facts(command(question(options), os.getpid()))
         self.scenario: Scenario = scenario_of(options, facts)
         self.endpoint = free_endpoint()
+        self._world = world
         self._folder = folder
         self._clock = clock
         self._scope = ExitStack()
@@ -56,6 +58,7 @@ class Fleet:
                 self._children.start(role, words)
             supervisor = Supervisor(self._words)
             self._upkeep = Upkeep(self._children, supervisor, None, self._again)
+            self._supervised = self._scope.enter_context(Supervised(self._world))
             network = Network(mode="client", connect=(self.endpoint,), connect_timeout_s=LISTENS_S)
             self.bus: Bus = self._scope.enter_context(open_bus(network, Role.GROUND, "r1"))
             self._scope = self._scope.pop_all()
@@ -106,7 +109,8 @@ class Fleet:
     def sizes(self) -> dict[tuple[str, int], Size]:
         """By role and process id; who is just ending is left out."""
         found = {}
-        for role, pid in zip(self._children.roles, self._children.pids, strict=True):
+        children = zip(self._children.roles, self._children.pids, strict=True)
+        for role, pid in (*children, *self._supervised.pids.items()):
             size = size_of(pid)
             if size is not None:
                 found[role, pid] = size

@@ -5,6 +5,7 @@ import argparse
 import pytest
 
 from benchmarks import soak
+from benchmarks.soak_supervised import PLANT, SUPERVISOR
 
 pytestmark = pytest.mark.stack
 
@@ -23,4 +24,4 @@ def test_half_a_minute_of_it_heals_every_time_and_the_log_lacks_no_event() -> No
     assert "robot r1 cut off for 4 s" in happened
     roles = {line.split(":")[0] for line in rest}
     assert roles >= {"router", "robot r1", "robot r2", "robot r3", "plant", "recorder r1"}
-    assert {"ground r1", "ground r2"} <= roles
+    assert {"ground r1", "ground r2", SUPERVISOR, PLANT} <= roles

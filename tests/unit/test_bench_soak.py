@@ -7,18 +7,20 @@ from itertools import pairwise
 from math import inf
 from pathlib import Path
 from random import Random
+from threading import Event
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import pytest
 
-from benchmarks import soak
+from benchmarks import soak, soak_supervised
 from benchmarks.figures import Figure
 from benchmarks.soak_drift import SETTLE_S, student, trend
 from benchmarks.soak_ears import Heard
 from benchmarks.soak_faults import CUT, KILLED, STOPPED, faults, schedule
 from benchmarks.soak_fleet import Size, size_of
 from benchmarks.soak_report import Course, report_of
+from benchmarks.soak_supervised import KILL_NS
 from ground.blackbox.mcap_form import McapForm
 from protocol.codec import Encoder
 from protocol.enums import Severity
@@ -210,3 +212,45 @@ def test_ctrl_c_gives_the_report_of_what_there_was(
     options = argparse.Namespace(minutes=30.0, robots=3, world="open", seed=0)
     report = soak.measure(options)
     assert "ended by a signal after 42 s" in report.text()
+
+
+class Sent:
+    """Children that are only told what is done to them; the loop ends after the second."""
+
+    def __init__(self, over: Event) -> None:
+        self.killed: list[str] = []
+        self._over = over
+
+    def send(self, role: str, _number: int) -> bool:
+        self.killed.append(role)
+        if len(self.killed) == 2:
+            self._over.set()
+        return True
+
+    def round(self, _now_ns: int) -> None: ...
+
+    def news(self) -> str:
+        return ""
+
+
+class Leaping:
+    """A clock on which half a minute goes by between two looks."""
+
+    def __init__(self) -> None:
+        self._now_ns = 0
+
+    def now_ns(self) -> int:
+        self._now_ns += KILL_NS // 2
+        return self._now_ns
+
+
+def test_the_supervisor_that_is_watched_has_a_robot_to_start_again_each_minute(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(soak_supervised, "ROUND_S", 0.0)
+    over = Event()
+    sent: Any = Sent(over)
+    clock: Any = Leaping()
+    soak_supervised.supervise(sent, sent, clock, over)
+    assert sent.killed == ["robot r1", "robot r1"]
+    assert clock.now_ns() == 3 * KILL_NS

@@ -1,0 +1,91 @@
+"""A supervisor in a process of its own: does it grow, and does a plant that lives through all?
+
+`python -m benchmarks.soak_supervised PARENT WORLD` starts a robot and a plant as `up` does, tells
+the plant's process id on its standard output, kills the robot now and then, and keeps both running
+until its own standard input ends. In the fleet the plant itself is killed too often to be judged.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from typing import IO, Final, Self
+
+from ground.children import Children
+from ground.cli import parse
+from ground.leash import command, tie_to
+from ground.scenario import cast, question, scenario_of, world_facts
+from ground.supervisor import Supervisor
+from ground.up import free_endpoint
+from ground.upkeep import Upkeep
+from protocol.clock import Clock, WallClock
+
+ROUND_S: Final = 0.1
+KILL_NS: Final = 60_000_000_000
+SUPERVISOR: Final = "supervisor"
+PLANT: Final = "plant that is left alone"
+VICTIM: Final = "robot r1"
+
+
+class Supervised:
+    """That process, as its parent sees it; `pids` are by what is said of them."""
+
+    def __init__(self, world: str) -> None:
+        words = [sys.executable, "-m", "benchmarks.soak_supervised", str(os.getpid()), world]
+        self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.pids: Mapping[str, int] = {}
+
+    def __enter__(self) -> Self:
+        out: IO[bytes] | None = self._process.stdout
+        assert out is not None
+        line = out.readline()
+        if not line:
+            raise RuntimeError("the supervisor did not start")
+        self.pids = {SUPERVISOR: self._process.pid, PLANT: json.loads(line)["plant"]}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.communicate()
+
+
+def supervise(upkeep: Upkeep, children: Children, clock: Clock, over: threading.Event) -> None:
+    """Keep all running, and give the supervisor something to do."""
+    killed_ns = clock.now_ns()
+    while not over.wait(ROUND_S):
+        now_ns = clock.now_ns()
+        if now_ns - killed_ns >= KILL_NS:
+            killed_ns = now_ns
+            children.send(VICTIM, signal.SIGKILL)
+        upkeep.round(now_ns)
+        upkeep.news()
+
+
+def await_end(over: threading.Event) -> None:
+    sys.stdin.read()
+    over.set()
+
+
+def main(arguments: Sequence[str]) -> int:
+    parent, world = arguments
+    if not tie_to(int(parent)):
+        return 1
+    options = parse(["up", "--headless", "--world", world])
+    facts = world_facts(command(question(options), os.getpid()))
+    words = dict(cast(scenario_of(options, facts), free_endpoint()))
+    clock, over = WallClock(), threading.Event()
+    with Children(clock) as children:
+        for role, line in words.items():
+            children.start(role, line)
+        pids = dict(zip(children.roles, children.pids, strict=True))
+        print(json.dumps({"plant": pids["plant"]}), flush=True)
+        threading.Thread(target=await_end, args=(over,), daemon=True).start()
+        upkeep = Upkeep(children, Supervisor(words), None, lambda role, _cause: words[role])
+        supervise(upkeep, children, clock, over)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
