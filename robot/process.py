@@ -134,7 +134,7 @@ class Process:
             reports.state(self.vehicle, senses.stamp_ns, now_ns)
             reports.events(self.vehicle, senses.stamp_ns, now_ns)
         self.vehicle.finish_saving(SAVING_S)
-        self._saved.settle()
+        self._saved.settle(now_ns)
 
     def cycle(self, tick: Tick) -> None:
         """One control period: read, think, write, account."""
@@ -201,7 +201,7 @@ class Process:
 
     def _answer(self) -> None:
         """Act on no more requests than a control period can bear."""
-        self._saved.settle()
+        self._saved.settle(self._clock.now_ns())
         for line in (self._requests, self._strangers):
             for _ in range(MAX_ANSWERED):
                 try:
@@ -231,8 +231,9 @@ class Process:
         if refusal != reasons.OK:
             asked.reply(self.vehicle.refused(asked.message, refusal))
             return
-        answer = self.vehicle.receive(asked.message, self._clock.now_ns(), asked.operator)
-        self._saved.reply(asked, asked.message, answer)
+        now_ns = self._clock.now_ns()
+        answer = self.vehicle.receive(asked.message, now_ns, asked.operator)
+        self._saved.reply(asked, asked.message, answer, now_ns)
         self.reports.record(asked.message, answer)
 
     def _void(self, asked: Asked) -> int:

@@ -274,8 +274,11 @@ class Vehicle:
 
 def once_saved(answer: Answer, ticket: Ticket) -> Answer:
     """Return the answer, or the refusal NOT_SAVED where what it vouches for is not on the disk."""
-    if ticket.error is None:
-        return answer
+    return answer if ticket.error is None else not_saved(answer)
+
+
+def not_saved(answer: Answer) -> Answer:
+    """Return the answer that says: in force, but a restart will not find it."""
     if isinstance(answer, MissionVerdict):
         return msgspec.structs.replace(answer, reason=reasons.NOT_SAVED)
     return ack(NO_COMMAND, reasons.NOT_SAVED)

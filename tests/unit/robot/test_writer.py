@@ -49,12 +49,18 @@ class Robot:
 
     def ask(self, request: Message) -> Question:
         asked = Question(request)
-        self.replies.reply(asked, request, self.desk.vehicle.receive(request, self.desk.now_ns))
+        answer = self.desk.vehicle.receive(request, self.desk.now_ns)
+        self.replies.reply(asked, request, answer, self.desk.now_ns)
         return asked
 
     def finish(self, error: OSError | None = None) -> None:
         self.writer.finish(error)
-        self.replies.settle()
+        self.settle()
+
+    def settle(self, after_s: float = 0.0) -> None:
+        """As the loop does in each tick; first let this time go by."""
+        self.desk.now_ns += round(after_s * 1e9)
+        self.replies.settle(self.desk.now_ns)
 
     def errors(self) -> list[str]:
         texts = self.desk.vehicle.texts()
@@ -83,7 +89,7 @@ def test_a_value_is_in_force_at_once_and_acknowledged_once_durable(
     robot: Robot, tmp_path: Path
 ) -> None:
     asked = robot.ask(setting(0.45))
-    robot.replies.settle()
+    robot.settle()
     assert robot.desk.vehicle.params.d_obs_m == 0.45
     assert asked.answers == []
     robot.finish()
@@ -137,7 +143,7 @@ def test_an_older_content_that_failed_counts_as_saved_with_the_newer(robot: Robo
     robot.writer.finish(FULL)
     robot.desk.vehicle.collect_saved()
     robot.writer.finish()
-    robot.replies.settle()
+    robot.settle()
     assert (reason(first), reason(second)) == (Reason.NONE, Reason.NONE)
 
 
@@ -155,6 +161,26 @@ def test_beyond_a_bound_requests_are_to_be_asked_again(robot: Robot) -> None:
     assert answer.result == AckResult.TEMPORARILY_REJECTED
     robot.finish()
     assert all(len(one.answers) == 1 for one in asked)
+
+
+def test_disk_that_hangs_is_told_once_and_answered_as_not_saved(robot: Robot) -> None:
+    asked = robot.ask(setting(0.45))
+    robot.settle(after_s=2.9)
+    assert slow(robot) == []
+    for _ in range(5):
+        robot.settle(after_s=0.2)
+    assert slow(robot) == ["not saved for 3 s: the disk is slow, or it hangs"]
+    assert asked.answers == []
+    robot.settle(after_s=7.0)
+    assert reason(asked) == Reason.NOT_SAVED
+    again = robot.ask(setting(0.45))
+    robot.finish()
+    assert reason(again) == Reason.NONE, "it has only been slow"
+
+
+def slow(robot: Robot) -> list[str]:
+    texts = robot.desk.vehicle.texts()
+    return [text.text for text in texts if text.severity == Severity.WARNING]
 
 
 def test_a_fence_and_its_removal_are_acknowledged_once_durable(
@@ -203,7 +229,7 @@ def saved_names(robot: Robot) -> list[str]:
 def test_a_robot_that_ends_waits_for_what_is_on_its_way(robot: Robot, tmp_path: Path) -> None:
     asked = robot.ask(setting(0.45))
     robot.desk.vehicle.finish_saving(1.0)
-    robot.replies.settle()
+    robot.settle()
     assert reason(asked) == Reason.NONE
     assert saved_value(tmp_path / "state") == 0.45
 
