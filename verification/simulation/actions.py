@@ -56,3 +56,8 @@ ACTIONS: Final[tuple[tuple[int, Callable[[Random], Arguments]], ...]] = (
     (2, lambda random: ("fence", random.choice((0.0, 0.8, 1.5, 5.0)))),
 )
 WEIGHTS: Final = [weight for weight, _ in ACTIONS]
+
+
+def draw_driving(random: Random) -> Arguments:
+    """One of the actions that drive."""
+    return random.choice(ACTIONS[:4])[1](random)

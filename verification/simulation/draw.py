@@ -3,6 +3,7 @@
 from random import Random
 from typing import Final
 
+from verification.simulation.actions import draw_driving
 from verification.simulation.events import Event, Scenario
 from verification.simulation.faults import FAULTS
 
@@ -10,6 +11,9 @@ MS: Final = 1_000_000
 SECOND: Final = 1_000 * MS
 DURATION_NS: Final = 20 * SECOND
 BOOT_NS: Final = 300 * MS
+SETS_OFF: Final = 0.7
+"""In this share of all seeds an operator begins by driving."""
+
 QUIET: Final = 0.1
 """This share of all seeds has no fault at all."""
 
@@ -21,6 +25,10 @@ def drawn(seed: int, duration_ns: int = DURATION_NS) -> Scenario:
     for name, share in (("operator-b", 0.4), ("operator-c", 0.15)):
         if random.random() < share:
             events.append(_event(random, "come", (name, random.randrange(2)), duration_ns))
+    if random.random() < SETS_OFF:
+        at_ns = BOOT_NS + round(random.uniform(0.1, 4.0) * 1000) * MS
+        driving = ("operator-a", *draw_driving(random))
+        events.append(Event(at_ns, "operate", driving, random.getrandbits(32)))
     kinds = ["operate"] * random.randint(3, 9)
     if random.random() >= QUIET:
         weights = [fault.weight for fault in FAULTS.values()]

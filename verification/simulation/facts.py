@@ -42,6 +42,8 @@ class Facts:
         """Time of the plant's tick that the newest forged wheel command answers."""
         self.armed_ns = NEVER
         """When the robot was armed last, or started."""
+        self.awake_ns = NEVER
+        """When the plant was resumed last; the world stands still while it is suspended."""
         self.started_ns = 0
         """When the robot or the plant was started last."""
         self._scheduler = scheduler

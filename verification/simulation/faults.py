@@ -152,6 +152,8 @@ def apply_suspend(simulation: "Simulation", event: Event) -> None:
     until_ns = scheduler.now_ns + for_ms * MS
     simulation.oracle.facts.held_up(until_ns + 300 * MS)
     simulation.oracle.facts.impaired(until_ns + 300 * MS)
+    if name == "plant":
+        simulation.oracle.facts.awake_ns = until_ns
     host.suspend()
     scheduler.at(until_ns, host.resume)
 

@@ -8,6 +8,9 @@ import zenoh
 from verification.simulation.network import Network
 from verification.simulation.scheduler import Host, Task
 
+WATCHED: Final = ("drive/", "sense/", "op/", "srv/")
+"""Beginnings of the topics and services that invariants or the attacker look at."""
+
 Tap = Callable[[Host, str, bytes, bytes | None, bool], None]
 
 Put: Final = zenoh.SampleKind.PUT
@@ -147,30 +150,30 @@ class Table:
 
     def __init__(self) -> None:
         self._all: list[Subscription] = []
-        self._routes: dict[str, tuple[Subscription, ...]] = {}
+        self.routes: dict[str, tuple[Subscription, ...]] = {}
 
     def add(self, one: Subscription) -> Subscription:
         self._all.append(one)
-        self._routes.clear()
+        self.routes.clear()
         return one
 
     def remove(self, one: Subscription) -> None:
         if one in self._all:
             self._all.remove(one)
-            self._routes.clear()
+            self.routes.clear()
 
     def leave(self, host: Host) -> list[Subscription]:
         """Remove all of a host that has ended; what they were."""
         gone = [one for one in self._all if one.host is host]
         self._all = [one for one in self._all if one.host is not host]
-        self._routes.clear()
+        self.routes.clear()
         return gone
 
     def met_by(self, key: str) -> tuple[Subscription, ...]:
-        found = self._routes.get(key)
+        found = self.routes.get(key)
         if found is None:
             found = tuple(one for one in self._all if intersects(one.key, key))
-            self._routes[key] = found
+            self.routes[key] = found
         return found
 
 
@@ -231,20 +234,25 @@ class Hub:
 
     def put(self, source: Host, key: str, frame: bytes, encoding: str, note: bytes | None) -> None:
         """Send a sample to all subscribers of its key."""
-        if not source.alive:
+        if not source.alive or self.quiet(key):
             return
         for tap in self.taps:
             tap(source, key, frame, note, False)
         found = self.subscribers.met_by(key)
         if not found:
             return
-        sample, path, network = (
-            Sample(key, frame, encoding, note, source),
-            path_of(key),
-            self.network,
-        )
+        path, network = path_of(key), self.network
+        sample = Sample(key, frame, encoding, note, source)
         for one in found:
             network.send(source, one.host, path, one.callback, sample)
+
+    def quiet(self, key: str) -> bool:
+        """Whether nobody looks at what is put on a key."""
+        routes = self.subscribers.routes
+        found = routes.get(key)
+        if found is None:
+            found = self.subscribers.met_by(key)
+        return not found and not path_of(key).startswith(WATCHED)
 
     def ask(self, asked: Sample, waiting: Waiting, *, has_payload: bool) -> bool:
         """Send a query to its servers; False when there is none."""

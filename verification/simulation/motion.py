@@ -138,7 +138,7 @@ class Motion:
             elif since_ns < asked.asked_ns:
                 facts.worst("stop pressed to wheels standing", took_ns)
         for asked in self._told:
-            told_ns = asked.ended_ns or now_ns
+            told_ns = max(asked.ended_ns or now_ns, facts.awake_ns)
             if since_ns < asked.asked_ns:
                 facts.worst("stop pressed to wheels standing", now_ns - asked.asked_ns)
             sound = facts.sound_since_ns < told_ns - limits.TICK_NS

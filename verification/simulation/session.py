@@ -43,6 +43,10 @@ class Publisher:
         session.hub.put(session.host, self._key, payload, self._encoding, note_of(attachment))
 
     @property
+    def quiet(self) -> bool:
+        return self._session.hub.quiet(self._key)
+
+    @property
     def matching_status(self) -> Matching:
         return Matching(bool(self._session.hub.subscribers.met_by(self._key)))
 

@@ -13,7 +13,7 @@ from verification.simulation.coverage import Coverage
 from verification.simulation.defects import defective
 from verification.simulation.events import Event, Scenario
 from verification.simulation.facts import Violation
-from verification.simulation.hub import Hub, Sample, path_of
+from verification.simulation.hub import WATCHED, Hub, Sample, path_of
 from verification.simulation.network import Network
 from verification.simulation.operators import History, Operator
 from verification.simulation.oracle import Oracle
@@ -25,9 +25,6 @@ from verification.simulation.substitutes import Drawn, Opened, substituted
 
 MS: Final = 1_000_000
 OPERATORS: Final = ("operator-a", "operator-b", "operator-c")
-WATCHED: Final = ("drive/", "sense/", "op/", "srv/")
-"""Beginnings of the topics and services that invariants or the attacker look at."""
-
 LIES_NS: Final = 15_000 * MS
 """For so long after a time that is not true the robot may be wrong about its sender."""
 
@@ -76,7 +73,6 @@ class Simulation:
         self.hub.taps.append(self._tap)
         self.hub.arrivals.append(self._arrived)
         self._zid_of: dict[str, str] = {}
-        self._watched: dict[str, str] = {}
 
     def run(self) -> Result:
         """Run to the end of the scenario or to the first violation."""
@@ -140,11 +136,8 @@ class Simulation:
         return session
 
     def _tap(self, source: Host, key: str, frame: bytes, note: bytes | None, asked: bool) -> None:
-        path = self._watched.get(key)
-        if path is None:
-            path = path_of(key)
-            path = self._watched[key] = path if path.startswith(WATCHED) else ""
-        if not path:
+        path = path_of(key)
+        if not path.startswith(WATCHED):
             return
         if source is not self.attacker.host:
             self.attacker.hear(key, frame, note, asked=asked)

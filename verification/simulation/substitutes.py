@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, Final
 
+from protocol.bus.publisher import Publisher
+from protocol.message import Message
 from protocol.pulse import Pulse
 from verification.simulation.disk import SimulatedOs
 from verification.simulation.scheduler import current_host
@@ -59,6 +61,17 @@ def no_rehearsal(pulse: Any, _rehearsal: Any, _patience_ns: int) -> Any:
 
 def no_signal(_stop: Callable[[], None]) -> None:
     """A simulated process is stopped by a call of its `stop`."""
+
+
+def sparing_put(self: Any, message: Message) -> bytes:
+    """Publish; of what nobody looks at every eighth frame only is made, to find what cannot be."""
+    if self._matching.quiet:
+        self.unheard = getattr(self, "unheard", 0) + 1
+        if self.unheard % 8:
+            return b""
+    frame: bytes = self.frame(message)
+    self.put_frame(frame)
+    return frame
 
 
 class PlainPublisher:
@@ -124,6 +137,7 @@ def replacements() -> Iterator[tuple[Any, str, object]]:
             for name, stand_in in names.items():
                 if name in vars(module):
                     yield module, name, stand_in
+    yield Publisher, "put", sparing_put
     for module_name, name, stand_in in SPECIAL:
         module = import_module(module_name)
         if name not in vars(module):
