@@ -92,7 +92,7 @@ class Bridge:
     def __init__(self, link: Link, prefix: str) -> None:
         self._link = link
         self._offset_ns = time_ns() - link.clock.now_ns()
-        self._spread = Spread(link.robot)
+        self._spread = Spread()
         self._facts = Facts(link.bus, link.robot)
         self._arrived: deque[tuple[str, bytes, int]] = deque(maxlen=MOST_WAITING)
         self._channels: dict[str, Any] = {}

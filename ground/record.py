@@ -62,7 +62,7 @@ def tape_in(folder: Path, link: Link) -> Tape:
 
 def keep_writing(link: Link, tape: Tape, facts: Facts, shelf: Shelf, says: Says) -> None:
     """Four rounds a second, one of them down to the disk; trouble is told at once and again."""
-    told_ns: int | None = None
+    alarms = Alarms(says)
     round_number = 0
     while True:
         due_ns = link.clock.now_ns() + FLUSH_NS
@@ -73,13 +73,34 @@ def keep_writing(link: Link, tape: Tape, facts: Facts, shelf: Shelf, says: Says)
             for name, text in facts.learned(link.clock.now_ns()).items():
                 tape.know(name, text)
             tape.flush(round_number, SYNC_EVERY)
-        if not tape.trouble and told_ns is not None:
-            says.note("RECORDING goes on: the log can be written again")
-            told_ns = None
-        elif tape.trouble and (told_ns is None or due_ns - told_ns >= COMPLAIN_NS):
-            says.note(f"RECORDING IN TROUBLE: {tape.trouble}; the robot drives on")
-            told_ns = due_ns
+        alarms.look(tape, due_ns)
         link.clock.sleep_until(due_ns)
+
+
+class Alarms:
+    """Tells what ails a recording: at once, and again every few seconds while it does."""
+
+    def __init__(self, says: Says) -> None:
+        self._says = says
+        self._trouble_ns: int | None = None
+        self._dropped_ns: int | None = None
+        self._dropped = 0
+
+    def look(self, tape: Tape, now_ns: int) -> None:
+        if not tape.trouble and self._trouble_ns is not None:
+            self._says.note("RECORDING goes on: the log can be written again")
+            self._trouble_ns = None
+        elif tape.trouble and is_due(self._trouble_ns, now_ns):
+            self._says.note(f"RECORDING IN TROUBLE: {tape.trouble}; the robot drives on")
+            self._trouble_ns = now_ns
+        if tape.dropped > self._dropped and is_due(self._dropped_ns, now_ns):
+            self._dropped, self._dropped_ns = tape.dropped, now_ns
+            self._says.note(f"RECORDING HAS LOST {tape.dropped} frames: {tape.why_dropped}")
+
+
+def is_due(told_ns: int | None, now_ns: int) -> bool:
+    """Whether it was never told, or some seconds ago."""
+    return told_ns is None or now_ns - told_ns >= COMPLAIN_NS
 
 
 def note(says: Says, words: str) -> None:
@@ -100,13 +121,13 @@ def account(recorder: Recorder) -> dict[str, object]:
         "frames": recorder.written,
         "dropped": recorder.dropped,
         "rejected": recorder.rejected,
-        "reason": recorder.trouble,
+        "reason": recorder.trouble or recorder.why_dropped,
     }
 
 
 def in_words(track: Track) -> str:
     recorder = track.recorder
-    lost = f", {recorder.dropped} LOST ({recorder.trouble})" if recorder.dropped else ""
+    lost = f", {recorder.dropped} LOST ({recorder.why_dropped})" if recorder.dropped else ""
     odd = f", {recorder.rejected} no frames and left out" if recorder.rejected else ""
     return f"{track.path}: {recorder.written} frames{odd}{lost}"
 

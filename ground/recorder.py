@@ -1,11 +1,14 @@
 """The black box: frames go to the end of a file in whole batches; it never holds up who sent them.
 
-A batch is one `write`, so a kill leaves whole records and at most one torn tail. When the disk is
-full the frames wait in bounded memory and the newest are let go, counted, until there is room.
+A batch is one `write`, so a kill leaves whole records and at most one torn tail. While the disk is
+full or hangs the frames wait in bounded memory and the newest are let go, counted, until there is
+room. What was written since the last good synchronisation counts as lost when one fails: the kernel
+may have dropped it, and reports success the next time.
 """
 
 import fcntl
 import os
+import threading
 from collections import deque
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -15,6 +18,10 @@ from typing import Final, Protocol
 from ground.tlog import record_bytes, whole
 
 HELD_BYTES: Final = 8 << 20
+FRAME_COST: Final = 300
+"""Bytes of memory that a waiting frame takes beside its own."""
+
+TOO_SLOW: Final = "the disk took too long"
 NS_PER_US: Final = 1000
 
 
@@ -108,17 +115,33 @@ class Recorder:
         self._held_bytes = held_bytes
         self._form: Form = TlogForm() if form is None else form
         self._arrived: deque[tuple[str, bytes, int]] = deque()
+        self._arrived_bytes = 0
+        self._arriving = threading.Lock()
+        self._overflowed = 0  # changed under the lock
+        self._dropped = 0  # changed by the thread that writes
+        self._synced = self._unsynced = 0  # changed by the thread that synchronises
         self._waiting = bytearray()
         self._waiting_frames = 0
         self._newest_us = began_us
         self.written = 0
-        self.dropped = 0
         self.rejected = 0
         self.trouble = ""
+        self.why_dropped = ""
+
+    @property
+    def dropped(self) -> int:
+        """Frames that are not in the file, or may not be on the disk."""
+        return self._overflowed + self._dropped + self._unsynced
 
     def take(self, key: str, frame: bytes, told_ns: int) -> None:
-        """Called by the bus: keeps a reference, no more."""
-        self._arrived.append((key, frame, told_ns))
+        """Called by the bus: keeps a reference, no more, and no more than so many bytes."""
+        with self._arriving:
+            if self._arrived_bytes > self._held_bytes:
+                self._overflowed += 1
+                self.why_dropped = TOO_SLOW
+                return
+            self._arrived_bytes += len(frame) + FRAME_COST
+            self._arrived.append((key, frame, told_ns))
 
     def know(self, name: str, text: str) -> None:
         """A fact beside the frames, where the form has a place for it."""
@@ -131,11 +154,17 @@ class Recorder:
         return self._append()
 
     def sync(self) -> None:
-        """Ask the disk to have it too; a disk that cannot is named in `trouble`."""
+        """Ask the disk to have it too; a disk that cannot is named in `trouble`.
+
+        What was written since the last good one is counted as dropped then, once and for all.
+        """
+        written = self.written
         try:
             self._sink.sync()
         except OSError as error:
-            self.trouble = error.strerror or str(error)
+            self.trouble = self.why_dropped = error.strerror or str(error)
+            self._unsynced += written - self._synced
+        self._synced = written
 
     def close(self) -> bool:
         """Write the rest and close; did everything get in?"""
@@ -143,7 +172,9 @@ class Recorder:
         self._waiting += self._form.end()
         complete = self._append()
         if not complete:
-            self.dropped += self._waiting_frames
+            self._dropped += self._waiting_frames
+            self.why_dropped = self.trouble
+        self.sync()
         self._sink.close()
         return complete and not self.dropped
 
@@ -162,12 +193,15 @@ class Recorder:
         return True
 
     def _collect(self) -> None:
-        for _ in range(len(self._arrived)):
-            key, frame, told_ns = self._arrived.popleft()
+        with self._arriving:
+            arrived, self._arrived = self._arrived, deque()
+            self._arrived_bytes = 0
+        for key, frame, told_ns in arrived:
             if not whole(frame):
                 self.rejected += 1  # written, it would put a reader out of step
             elif len(self._waiting) > self._held_bytes:
-                self.dropped += 1
+                self._dropped += 1
+                self.why_dropped = self.trouble
             else:
                 told_us = (told_ns + self._utc_offset_ns) // NS_PER_US
                 self._newest_us = max(self._newest_us, told_us)

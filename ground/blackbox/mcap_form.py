@@ -59,7 +59,7 @@ class McapForm:
     def __init__(self, robot: str, build: Mapping[str, str]) -> None:
         self._outbox = Outbox()
         self._writer: Any = Writer(self._outbox, compression=CompressionType.ZSTD)
-        self._spread = Spread(robot)
+        self._spread = Spread()
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._counts: dict[int, int] = {}

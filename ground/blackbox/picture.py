@@ -66,6 +66,7 @@ LEVELS: Final = {
     Severity.ERROR: 4,
 }
 FATAL: Final = 5
+MAX_SENDERS: Final = 64
 
 
 class Drawn(NamedTuple):
@@ -198,9 +199,16 @@ class Picture:
         zone = entity("zone", ROBOT, time_ns, lines=rings)
         return [Drawn("/goal/virtual", schemas.SCENE_UPDATE, scene(spheres, zone))]
 
+    def _texts_of(self, key: str) -> Texts:
+        """Those of one sender; beyond so many senders the oldest are forgotten."""
+        texts = self._texts.setdefault(key, Texts())
+        if len(self._texts) > MAX_SENDERS:
+            del self._texts[next(iter(self._texts))]
+        return texts
+
     def _text(self, key: str, text: Statustext, time_ns: int) -> list[Drawn]:
         """What the robot says, and remarks: their pieces may come between each other."""
-        words = self._texts.setdefault(key, Texts()).receive(text)
+        words = self._texts_of(key).receive(text)
         if not words:
             return []
         content: Json = {

@@ -15,6 +15,7 @@ from ground.blackbox.shape_schemas import SHAPES
 from protocol.codec import decode
 from protocol.errors import RemoteError
 from protocol.message import Message
+from protocol.topics import path_of
 
 TO_JSON: Final = msgspec.json.Encoder()
 """What is not finite becomes null: JSON has no infinity. The raw frame beside it is exact."""
@@ -31,33 +32,37 @@ class Piece(NamedTuple):
 class Spread:
     """Of one robot."""
 
-    def __init__(self, robot: str) -> None:
-        self._robot = robot
+    def __init__(self) -> None:
         self._picture = Picture()
         self._topics: dict[tuple[str, str], tuple[str, Schema]] = {}
 
     def add(self, key: str, frame: bytes, time_ns: int) -> Iterator[Piece]:
-        """A whole frame. One of a newer dialect cannot be shown: it is there raw."""
+        """A whole frame. What is of a newer dialect or on a foreign key is there raw only."""
         yield Piece(RAW_TOPIC, RAW_SCHEMA, TO_JSON.encode(Raw(key, frame)))
+        path = path_of(key)
+        if not path:
+            return
         try:
             message = decode(frame).message
         except RemoteError:
             return
-        yield Piece(*self._topic_of(key, message), TO_JSON.encode(message))
+        yield Piece(*self._topic_of(path, message), TO_JSON.encode(message))
         yield from map(drawn_piece, self._picture.see(key, message, time_ns))
 
     def know(self, name: str, text: str, time_ns: int) -> Iterator[Piece]:
         """What is drawn of a fact."""
         yield from map(drawn_piece, self._picture.know(name, text, time_ns))
 
-    def _topic_of(self, key: str, message: Message) -> tuple[str, Schema]:
-        """Keys that carry several messages have a topic for each: a topic has one schema."""
+    def _topic_of(self, path: str, message: Message) -> tuple[str, Schema]:
+        """Keys that carry several messages have a topic for each: a topic has one schema.
+
+        All operators share one: each session has a key of its own, and they come and go.
+        """
         kind = type(message)
-        found = self._topics.get((key, kind.__name__))
+        found = self._topics.get((path, kind.__name__))
         if found is None:
-            path = key.partition(f"/{self._robot}/")[2] or key
             found = f"/{path}/{kind.__name__}", schema_of(kind)
-            self._topics[(key, kind.__name__)] = found
+            self._topics[(path, kind.__name__)] = found
         return found
 
 

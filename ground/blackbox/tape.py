@@ -85,6 +85,15 @@ class Tape:
         """What ails the first file that ails; empty when none does."""
         return next((t.recorder.trouble for t in self.tracks if t.recorder.trouble), "")
 
+    @property
+    def dropped(self) -> int:
+        """Frames that one of the files has not got."""
+        return max(track.recorder.dropped for track in self.tracks)
+
+    @property
+    def why_dropped(self) -> str:
+        return next((t.recorder.why_dropped for t in self.tracks if t.recorder.dropped), "")
+
     def take(self, key: str, frame: bytes, told_ns: int) -> None:
         for track in self.tracks:
             track.recorder.take(key, frame, told_ns)

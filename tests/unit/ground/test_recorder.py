@@ -6,12 +6,13 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
-from ground.recorder import LogFile, Recorder, new_log
+from ground.recorder import FRAME_COST, LogFile, Recorder, new_log
 from ground.tlog import Reader, read
 from protocol.codec import Encoder
 from protocol.messages import Statustext
@@ -25,7 +26,7 @@ class Disk:
 
     def __init__(self) -> None:
         self.data = b""
-        self.full = False
+        self.full = self.fails = False
         self.closed = False
 
     def append(self, batch: bytes) -> None:
@@ -34,7 +35,7 @@ class Disk:
         self.data += batch
 
     def sync(self) -> None:
-        if self.full:
+        if self.full or self.fails:
             raise OSError(errno.EIO, "Input/output error")
 
     def close(self) -> None:
@@ -114,6 +115,77 @@ def test_a_disk_that_stays_full_costs_bounded_memory_and_is_admitted() -> None:
     assert not recorder.close()
     assert recorder.dropped == 1000
     assert disk.closed
+
+
+def test_memory_is_bounded_while_the_disk_hangs() -> None:
+    """The thread that writes does not come back, and frames go on arriving."""
+    disk = Disk()
+    recorder = Recorder(disk, OFFSET_NS, held_bytes=100 * (FRAME_COST + 30))
+    one = frame("while it hangs")
+    for n in range(10_000):
+        recorder.take("k", one, n)
+    assert len(recorder._arrived) < 110
+    assert recorder.dropped == 10_000 - len(recorder._arrived)
+    kept = len(recorder._arrived)
+    assert recorder.flush()
+    assert recorder.why_dropped == "the disk took too long"
+    recorder.take("k", one, 10_000)
+    assert not recorder.close(), "it is admitted in the end"
+    assert texts(disk.data) == recorder.written == kept + 1
+    assert recorder.dropped == 10_000 - kept
+
+
+def test_frames_from_many_threads_are_all_counted_once() -> None:
+    disk = Disk()
+    recorder = Recorder(disk, OFFSET_NS, held_bytes=50 * FRAME_COST)
+    one = frame("x")
+
+    def send() -> None:
+        for _ in range(500):
+            recorder.take("k", one, 0)
+
+    threads = [threading.Thread(target=send) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    while any(thread.is_alive() for thread in threads):
+        recorder.flush()
+    recorder.close()
+    assert recorder.written + recorder.dropped == 2000
+
+
+def test_a_synchronisation_that_failed_once_has_lost_what_was_written() -> None:
+    """The kernel drops such pages and reports success the next time ("fsyncgate")."""
+    disk = Disk()
+    recorder = Recorder(disk, OFFSET_NS)
+
+    def written(count: int) -> None:
+        for n in range(count):
+            recorder.take("k", frame(f"{n}"), n)
+        assert recorder.flush()
+
+    written(3)
+    recorder.sync()
+    assert recorder.dropped == 0
+    written(5)
+    disk.fails = True
+    recorder.sync()
+    assert recorder.dropped == 5
+    disk.fails = False
+    written(2)
+    recorder.sync()
+    assert (recorder.dropped, recorder.trouble) == (5, "")
+    assert recorder.why_dropped == "Input/output error"
+    assert not recorder.close()
+    assert recorder.dropped == 5
+
+
+def test_what_was_written_last_is_synchronised_before_the_file_is_closed() -> None:
+    disk = Disk()
+    recorder = Recorder(disk, OFFSET_NS)
+    recorder.take("k", frame("last"), 0)
+    disk.fails = True
+    assert not recorder.close()
+    assert (recorder.dropped, disk.closed) == (1, True)
 
 
 def test_a_half_written_batch_is_taken_back(

@@ -165,3 +165,14 @@ def test_messages_of_a_topic_are_numbered_one_after_the_other(tmp_path: Path) ->
         numbers.setdefault(channel.topic, []).append(message.sequence)
     assert len(numbers["/mavlink"]) > 100
     assert all(found == list(range(len(found))) for found in numbers.values())
+
+
+def test_keys_of_strangers_and_of_many_operators_cost_no_channels() -> None:
+    """Each session of an operator has a key of its own, and anybody may invent others."""
+    form = McapForm("r1", {})
+    text = Encoder(1, 1).encode(Statustext(severity=6, text="x"))
+    for number in range(500):
+        form.add(f"sidestep/r1/op/mark/open/{number:x}", text, number)
+        form.add(f"sidestep/r1/strange/{number}", text, number)
+    assert len(form._channels) == 3  # raw, the mark, and the log of the viewer
+    assert len(form._spread._picture._texts) <= 64
