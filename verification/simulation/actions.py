@@ -29,6 +29,16 @@ def mission(random: Random) -> Arguments:
     return ("mission", random.choice((0.0, 0.5, 2.0)), *stops)
 
 
+SAFETY: Final = (
+    ("guard_stop_m", 0.0),
+    ("guard_stop_m", 0.06),
+    ("op_lost_ms", 60_000.0),
+    ("op_lost_ms", 1000.0),
+    ("wheel_max_m_s", 0.2),
+    ("freeze_m", 5.0),
+)
+"""Parameters of the safety group, with values that are safer than the configured one, and not."""
+
 ACTIONS: Final[tuple[tuple[int, Callable[[Random], Arguments]], ...]] = (
     (8, lambda random: ("drive", *place(random), "GUIDED")),
     (4, lambda random: ("drive", *place(random), "AUTO")),
@@ -53,7 +63,8 @@ ACTIONS: Final[tuple[tuple[int, Callable[[Random], Arguments]], ...]] = (
     (2, lambda random: ("mode", random.choice(("GUIDED", "AUTO", "HOLD", "MANUAL")))),
     (3, lambda random: ("lease", random.choice(("TAKE", "TAKE", "SEIZE", "RELEASE")))),
     (3, lambda random: ("param", "d_obs_m", random.choice((0.2, 0.25, 0.31)))),
-    (2, lambda random: ("fence", random.choice((0.0, 0.8, 1.5, 5.0)))),
+    (2, lambda random: ("param", *random.choice(SAFETY))),
+    (3, lambda random: ("fence", random.choice((0.0, 0.8, 1.5, 5.0)), random.randrange(2))),
 )
 WEIGHTS: Final = [weight for weight, _ in ACTIONS]
 

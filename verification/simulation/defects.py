@@ -198,6 +198,10 @@ def _fence_forgotten() -> Patches:
     return {"robot.core.modes.arm": armed}
 
 
+def _weakened() -> Patches:
+    return {"robot.tuning.Tuning._unsafe": lambda self, name, value: reasons.OK}
+
+
 def _acknowledged_before_saved() -> Patches:
     return {"robot.vehicle.Vehicle.saving": lambda self, request, answer: None}
 
@@ -215,6 +219,7 @@ DEFECTS: Final[dict[str, Defect]] = {
     "A13a": Defect("a directory is not synchronised", _directory_not_synced),
     "A13b": Defect("a content is renamed before it is synchronised", _content_not_synced),
     "A13c": Defect("a robot with an unreadable fence is armed", _fence_forgotten),
+    "A14": Defect("failsafes can be weakened from the ground", _weakened),
     "D-fence": Defect("the fence's failsafe is inside out", _fence_inside_out),
     "early": Defect("a change is acknowledged before it is saved", _acknowledged_before_saved),
 }

@@ -214,6 +214,10 @@ def apply_power_cut(simulation: "Simulation", event: Event) -> None:
     simulation.scheduler.at(back_ns, simulation.start_robot)
 
 
+def draw_rot(random: Random) -> Arguments:
+    return random.choice(("fence", "fence", "mission", "parameters")), 300
+
+
 def apply_rot(simulation: "Simulation", event: Event) -> None:
     """A file is damaged while the robot does not run."""
     name, back_ms = str(event.arguments[0]), int(event.arguments[1])
@@ -329,7 +333,7 @@ FAULTS: Final[Mapping[str, Fault]] = MappingProxyType(
         "busy": Fault(2, draw_busy, apply_busy),
         "slow disk": Fault(2, draw_slow_disk, apply_slow_disk),
         "failing disk": Fault(1, lambda r: (span_ms(r) * 2,), apply_failing_disk),
-        "rot": Fault(2, lambda r: (r.choice(("fence", "fence", "mission")), 300), apply_rot),
+        "rot": Fault(2, draw_rot, apply_rot),
         "sleep": Fault(2, draw_sleep, apply_sleep),
         "clock": Fault(2, draw_clock, apply_clock),
         "wall clock": Fault(1, lambda r: (r.choice((-86_400, -5, 5, 86_400)),), apply_wall_clock),

@@ -76,6 +76,11 @@ class Keeping:
 
     def damaged(self, name: str) -> None:
         """A file cannot be read any more: what was in it is lost."""
+        if name == "parameters":
+            assert self._facts.robot is not None
+            for param, value in self._params.items():
+                value.taken(float(getattr(self._facts.robot.params, param)))
+            return
         kind = MissionType[name.upper()]
         self._items[kind].taken(())
         self._fence_lost = self._fence_lost or kind == MissionType.FENCE

@@ -16,6 +16,17 @@ from verification.simulation.requests import Requests
 CALM = (Reason.BUDGET, Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.NAME_TAKEN)
 """Failsafes that nothing in a calm run can cause."""
 
+SAFER_UP = {
+    "guard_stop_m": True,
+    "guard_time_s": True,
+    "op_lost_ms": False,
+    "wheel_max_m_s": False,
+    "freeze_m": False,
+    "wheel_min_m_s": False,
+}
+"""Of the parameters that safety rests on those which an operator of the simulation sets, and some
+more: whether more is safer."""
+
 AWAY_M = 0.05
 AWAY_RAD = 0.35
 
@@ -29,12 +40,13 @@ class Onboard:
         self._cycled_ns: int | None = None
         self._mode: int | None = None
         self._failsafe = False
+        self._armed_with: tuple[float, ...] | None = None
         self._stray_ticks = 0
         self._place = self._anchor = (0.0, 0.0, 0.0)
         self._moved_ns = 0
 
     def robot_started(self) -> None:
-        self._mode = self._cycled_ns = None
+        self._mode = self._cycled_ns = self._armed_with = None
         self._failsafe = False
 
     def moved(self, x_m: float, y_m: float, heading_rad: float) -> None:
@@ -45,6 +57,7 @@ class Onboard:
         self._ticks()
         self._goals(vehicle, machine)
         self._causes(machine)
+        self._safety(vehicle)
         self._progress(machine)
         self._modes(machine)
         for name in ("_requests", "_strangers"):
@@ -87,6 +100,20 @@ class Onboard:
         )
         if reason in CALM or (reason == Reason.FENCE_BREACHED and inner_m > limits.FENCE_M):
             facts.fail("a failsafe has a cause", f"{reason.name} with nothing wrong")
+
+    def _safety(self, vehicle: Vehicle) -> None:
+        """What guard and failsafes rest on is as safe as configured, and kept while armed."""
+        assert self._facts.robot is not None
+        params, configured = vehicle.params, self._facts.robot.params
+        for name, up in SAFER_UP.items():
+            value, limit = getattr(params, name), getattr(configured, name)
+            if value < limit if up else value > limit:
+                self._facts.fail("as safe as configured", f"{name} is {value:g}, not {limit:g}")
+        active = vehicle.state.machine.vehicle == states.ACTIVE
+        values = tuple([getattr(params, name) for name in SAFER_UP])
+        if active and self._armed_with not in (None, values):
+            self._facts.fail("as safe as configured", f"{self._armed_with} became {values}, armed")
+        self._armed_with = values if active else None
 
     def _progress(self, machine: Machine) -> None:
         """A goal that is driven to ends, or the robot gets somewhere."""

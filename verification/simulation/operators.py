@@ -13,7 +13,7 @@ from ground import lease
 from ground.destination import destination, goal_request
 from ground.emergency_stop import EmergencyStop
 from ground.link import Link
-from ground.missions.mission import Circle, Waypoint
+from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict
 from ground.missions.wire import fence_items_of, items_of
 from ground.operator import BEAT_NS, Answered
@@ -241,12 +241,19 @@ class Operator:
             return self._end(asked, True)
         return self._end(asked, False, getattr(answer, "result_param2", 0))
 
-    def fence(self, link: Link, radius_m: float) -> bool:
-        """A circle around the world's start; 0: none."""
+    def fence(self, link: Link, radius_m: float, corners: int) -> bool:
+        """A circle around the world's start, or a square as wide; 0: none."""
         if not radius_m:
             return self._transfer(link, "fence off", MissionType.FENCE, ())
-        items = fence_items_of(Circle(x_m=self.centre[0], y_m=self.centre[1], radius_m=radius_m))
-        return self._transfer(link, "fence", MissionType.FENCE, tuple(items))
+        x_m, y_m = self.centre
+        fence: Circle | Polygon = Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
+        if corners:
+            sides = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+            fence = Polygon(
+                corners=tuple((x_m + right * radius_m, y_m + up * radius_m) for right, up in sides)
+            )
+        items = tuple(fence_items_of(fence))
+        return self._transfer(link, "fence", MissionType.FENCE, items)
 
     def mission(self, link: Link, hold_s: float, *places: float) -> bool:
         """Upload stops and start them."""

@@ -98,8 +98,8 @@ class RobotSide:
     def _main(self) -> None:
         directory: Any = SimulatedPath(self.disk)
         store = Store(directory, WriterThread())
-        params, warnings = store.load(self.params)
-        vehicle = ObservedVehicle(params, store, self._start)
+        params, warnings = store.load(self.params, self.params)
+        vehicle = ObservedVehicle(params, store, self._start, self.params)
         vehicle.observer = self._observer
         for warning in warnings:
             vehicle.say(4, warning)
