@@ -63,6 +63,8 @@ class Tape:
 
     def __init__(self, tracks: tuple[Track, ...]) -> None:
         self.tracks = tracks
+        self._taking = threading.Lock()
+        self._closing = False
         self._syncing = Syncing([track.recorder for track in tracks])
 
     @classmethod
@@ -95,8 +97,11 @@ class Tape:
         return next((t.recorder.why_dropped for t in self.tracks if t.recorder.dropped), "")
 
     def take(self, key: str, frame: bytes, told_ns: int) -> None:
-        for track in self.tracks:
-            track.recorder.take(key, frame, told_ns)
+        """In all files or, once they are being closed, in none."""
+        with self._taking:
+            if not self._closing:
+                for track in self.tracks:
+                    track.recorder.take(key, frame, told_ns)
 
     def know(self, name: str, text: str) -> None:
         for track in self.tracks:
@@ -111,6 +116,8 @@ class Tape:
             self._syncing.ask()
 
     def close(self) -> bool:
+        with self._taking:
+            self._closing = True
         self._syncing.close()
         complete = [track.recorder.close() for track in self.tracks]
         return all(complete)

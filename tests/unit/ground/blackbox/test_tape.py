@@ -89,6 +89,22 @@ def test_a_disk_that_takes_its_time_holds_up_no_batch(
     assert tape.close()
 
 
+def test_what_arrives_while_the_files_are_closed_is_in_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first one takes time to be synchronised: the second one has no more frames."""
+    tape, said = tape_in(tmp_path), list(run())
+    fed(tape, said[:10])
+
+    def arrive(_log: LogFile) -> None:
+        for one in said[10:20]:
+            tape.take(one.key, one.frame, one.time_us * 1000)
+
+    monkeypatch.setattr(LogFile, "sync", arrive)
+    assert tape.close()
+    assert [len(list(frames(track.path))) for track in tape.tracks] == [10, 10]
+
+
 def test_what_the_disk_cannot_keep_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told = threading.Event()
 
