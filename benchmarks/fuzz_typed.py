@@ -25,7 +25,7 @@ from robot.cli import parser as robot_parser
 from study.calibration.cli import parser as calibrate_parser
 
 TOKEN: Final = "0123456789abcdefgh"
-DOOR: Final = Door(TOKEN, 8765)
+SESSION: Final = "abcdefgh0123456789"
 LINES: Final = (
     *("goto 5.4 2 -90", "param set d_obs_m 0.4", "mission upload 'my file.toml'", "teleop 0.2 30"),
     *("fence polygon 0 0 4 0 4 4", "mode manual", "export run.mcap --shape wide --out x.csv"),
@@ -73,7 +73,7 @@ PARSERS: Final[dict[str, Callable[[], ArgumentParser]]] = {
 }
 REQUESTS: Final = (
     f"/?token={TOKEN}\n".encode(),
-    f"/ws?width=80\nCookie: sidestep_8765={TOKEN}\nOrigin: http://127.0.0.1:8765\n".encode(),
+    f"/ws?width=80\nCookie: sidestep_8765={SESSION}\nOrigin: http://127.0.0.1:8765\n".encode(),
     b"/static/js/textual.js\nCookie: sidestep_8765=wrong\nHost: [::1]:8765\n",
     b"/?token=%ff%fe\nOrigin: http://[\nCookie: a=b; sidestep_8765=\n",
 )
@@ -133,8 +133,10 @@ def door(data: bytes, _: Path) -> None:
         inside.append(asked)
         return web.Response(text="in")
 
-    answer = finished(DOOR.middleware()(request, handler))
-    if inside and TOKEN not in headers.get("Cookie", request.headers.get("Cookie", "")):
+    doorway = Door(TOKEN, 8765)
+    doorway.sessions.append(SESSION)
+    answer = finished(doorway.middleware()(request, handler))
+    if inside and SESSION not in headers.get("Cookie", request.headers.get("Cookie", "")):
         raise AssertionError("somebody came in without the token")
     if answer.status not in (200, 303, 403):
         raise AssertionError(f"the door answers {answer.status}")

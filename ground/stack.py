@@ -39,6 +39,8 @@ TROUBLES: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyType(
 PAUSED: Final = "--paused"
 PLANT: Final = "plant"
 DIAL_S: Final = 0.5
+CHANGED_WORLD: Final = "world.json"
+"""Not the name of the world, which may come from anywhere."""
 
 
 class Stack:
@@ -185,7 +187,7 @@ class Stack:
         world["faults"] = [*facts.get("faults", ()), *faults]
         if self._folder is None:
             self._folder = TemporaryDirectory(prefix="sidestep-")
-        path = Path(self._folder.name) / f"{facts['name']}.json"
+        path = Path(self._folder.name) / CHANGED_WORLD
         path.write_text(json.dumps(world), encoding="utf-8")
         return str(path)
 

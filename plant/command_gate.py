@@ -7,11 +7,18 @@ from protocol.messages import WheelCommand
 from protocol.timing import CONTROL_HZ, PERIOD_MS, TTL_MS, UINT32
 
 MAX_AGE_TICKS: Final = TTL_MS // PERIOD_MS
+WINDOW: Final = MAX_AGE_TICKS + 1
+"""So many of the newest ticks may be answered."""
+
 HELD_TICKS: Final = MAX_AGE_TICKS
 """The wheels are held for so long after a contradiction."""
 
 SILENT_TICKS: Final = round(CONTROL_HZ)
 """A newer robot that has been silent for this second no longer keeps an older one out."""
+
+
+STAND: Final = (0, 0, 0)
+"""No speeds, which ended at tick 0."""
 
 
 class Demand(NamedTuple):
@@ -20,6 +27,15 @@ class Demand(NamedTuple):
     left_mrad_s: int
     right_mrad_s: int
     ttl_ms: int
+
+
+class Heard(NamedTuple):
+    """The newest robot: its epoch, the tick at which it was last heard, its newest command."""
+
+    epoch: int
+    at: int
+    tick: int
+    seq: int
 
 
 class CommandGate:
@@ -35,31 +51,26 @@ class CommandGate:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._first: int | None = None
-        self._sent = 0
-        self._epoch = -1
-        self._heard = 0
-        """Tick at which the newest epoch was last heard."""
-        self._newest: tuple[int, int] | None = None
-        """Tick answered by, and number of, the newest command of the epoch."""
-        self._braked: set[int] = set()
-        self._moved: set[int] = set()
-        self._held_until = 0
+        self._ticks = range(0)
+        """All that were sent, counted without wrapping."""
+        self._heard: Heard | None = None
+        self._braked: list[int | None] = [None] * WINDOW
+        self._moved: list[int | None] = [None] * WINDOW
+        """The ticks that were answered so, each at its place in the window."""
+        self._held: range = range(0)
         self._pending: tuple[int, int, int] | None = None
         """Speeds, and when they end in ms since tick 0."""
 
     def begin_tick(self, tick: int) -> None:
-        """Take note that the plant sends this tick, counted without wrapping."""
+        """Take note that the plant sends this tick."""
         with self._lock:
-            self._first = tick if self._first is None else self._first
-            self._sent = tick
-            for answered in (self._braked, self._moved):
-                answered.difference_update({one for one in answered if not self._counts(one)})
+            self._ticks = range(self._ticks.start if self._ticks else tick, tick + 1)
 
     @property
     def answered(self) -> bool:
         """Whether the robot has answered the newest tick."""
-        return self._newest is not None and self._newest[0] == self._sent
+        heard, ticks = self._heard, self._ticks
+        return heard is not None and heard.tick == ticks[-1]
 
     def receive(self, command: WheelCommand) -> str:
         """Take a command, or leave it; return what is wrong with one that no robot sends here.
@@ -67,15 +78,18 @@ class CommandGate:
         One that is only late or was overtaken is left without a word.
         """
         with self._lock:
-            if self._first is None:
+            if not self._ticks:
                 return ""
-            tick = self._tick_of(command, self._first)
+            newest = self._ticks[-1]
+            tick = newest - ((newest - command.sense_seq) & UINT32)
+            counts = tick in self._ticks[-WINDOW:]
             if is_brake(command):
-                self._brake(command, tick)
-                return ""
-            if tick is None:
+                self._brake(command, tick if counts else None)
+            elif counts:
+                return self._move(command, tick)
+            elif tick not in self._ticks:
                 return "answers a tick that was never sent"
-            return self._move(command, tick) if self._counts(tick) else ""
+            return ""
 
     def take(self) -> Demand | None:
         """Return what is new for the motor driver since the last call."""
@@ -84,55 +98,54 @@ class CommandGate:
             if pending is None:
                 return None
             left_mrad_s, right_mrad_s, ends_ms = pending
-            return Demand(left_mrad_s, right_mrad_s, max(0, ends_ms - self._sent * PERIOD_MS))
-
-    def _tick_of(self, command: WheelCommand, first: int) -> int | None:
-        """Return the tick that a command answers; None when the plant has not sent it."""
-        tick = self._sent - ((self._sent - command.sense_seq) & UINT32)
-        return tick if tick >= first else None
-
-    def _counts(self, tick: int) -> bool:
-        return self._sent - tick <= MAX_AGE_TICKS
+            return Demand(left_mrad_s, right_mrad_s, max(0, ends_ms - self._ticks[-1] * PERIOD_MS))
 
     def _brake(self, command: WheelCommand, tick: int | None) -> None:
-        answered = tick if tick is not None and self._counts(tick) else None
-        if answered is not None and not self._fenced_off(command):
-            self._heed(command, answered)
-        braked = self._sent if answered is None else answered
-        self._braked.add(braked)
-        self._pending = (0, 0, 0 if answered is None else ends_ms(command, answered))
-        if braked in self._moved:
+        """Obey a brake; `tick` is what it answers, None when that does not count any more."""
+        self._pending = STAND
+        if tick is None:
+            tick = self._ticks[-1]
+        else:
+            self._pending = (0, 0, ends_ms(command, tick))
+            if not self._is_fenced_off(command):
+                self._heed(command, tick)
+        self._braked[tick % WINDOW] = tick
+        if self._moved[tick % WINDOW] == tick:
             self._hold()
 
     def _move(self, command: WheelCommand, tick: int) -> str:
-        if self._fenced_off(command):
+        if self._is_fenced_off(command):
             return "is of a robot that was started before the one that drives"
-        newest = self._newest if command.epoch == self._epoch else None
-        self._heed(command, tick)
-        self._moved.add(tick)
-        if tick in self._braked:
+        is_newest = self._heed(command, tick)
+        self._moved[tick % WINDOW] = tick
+        if self._braked[tick % WINDOW] == tick:
             self._hold()
-        if self._sent < self._held_until:
+        if self._ticks[-1] in self._held:
             return "moves the wheels while the robot brakes"
-        if newest is None or (tick, command.seq) > newest:
+        if is_newest:
             self._pending = (command.left_mrad_s, command.right_mrad_s, ends_ms(command, tick))
         return ""
 
     def _hold(self) -> None:
-        self._held_until = self._sent + HELD_TICKS
-        self._pending = (0, 0, 0)
+        newest = self._ticks[-1]
+        self._held = range(newest, newest + HELD_TICKS)
+        self._pending = STAND
 
-    def _fenced_off(self, command: WheelCommand) -> bool:
+    def _is_fenced_off(self, command: WheelCommand) -> bool:
         """Return whether a robot that was started later lives."""
-        return command.epoch < self._epoch and self._sent - self._heard < SILENT_TICKS
+        heard = self._heard
+        if heard is None or command.epoch >= heard.epoch:
+            return False
+        return self._ticks[-1] - heard.at < SILENT_TICKS
 
-    def _heed(self, command: WheelCommand, tick: int) -> None:
-        """Go on with the epoch of a command; remember the newest command of it."""
-        number = (tick, command.seq)
-        if command.epoch == self._epoch and self._newest is not None:
-            number = max(number, self._newest)
-        self._newest = number
-        self._epoch, self._heard = command.epoch, self._sent
+    def _heed(self, command: WheelCommand, tick: int) -> bool:
+        """Go on with the robot that sent a command; return whether it is its newest."""
+        heard, number = self._heard, (tick, command.seq)
+        if heard is not None and heard.epoch == command.epoch and number <= heard[2:]:
+            self._heard = heard._replace(at=self._ticks[-1])
+            return False
+        self._heard = Heard(command.epoch, self._ticks[-1], *number)
+        return True
 
 
 def is_brake(command: WheelCommand) -> bool:

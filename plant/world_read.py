@@ -10,7 +10,7 @@ from plant.world_overrides import read_fault, read_noise, read_robot
 from plant.world_problems import Report
 from plant.world_shapes import read_obstacle
 from plant.world_table import COORDINATE, Limits, Table, type_name
-from plant.world_types import GoalPose, Settings, Start, World
+from plant.world_types import GoalPose, Settings, Start, World, bad_name
 from protocol.toml_lines import Key
 
 EXAMPLES: Final = {
@@ -31,7 +31,6 @@ SIZE: Final = Limits(0.5, 100.0, "m")
 HEADING: Final = Limits(-360.0, 360.0, "degrees")
 POSITION_TOLERANCE: Final = Limits(0.001, 2.0, "m")
 HEADING_TOLERANCE: Final = Limits(0.1, 180.0, "degrees")
-LONGEST_NAME: Final = 64
 MOST_OBSTACLES: Final = 4000
 
 
@@ -73,11 +72,8 @@ def read_world(raw: object, report: Report) -> World | None:
 
 def _name(table: Table) -> str:
     name = table.text("name")
-    if "name" in table and isinstance(table.raw["name"], str):
-        if not name.strip() or not name.isprintable():
-            table.refuse("name", "empty or unprintable", f"write name = {EXAMPLES['name']}")
-        elif len(name) > LONGEST_NAME:
-            table.refuse("name", f"longer than {LONGEST_NAME} characters", "shorten it")
+    if "name" in table and isinstance(table.raw["name"], str) and (why := bad_name(name)):
+        table.refuse("name", why, f"write name = {EXAMPLES['name']}")
     return name
 
 

@@ -9,6 +9,7 @@ from math import degrees, inf, nextafter, radians
 from typing import Final
 
 from plant.world_types import Circle, Obstacle, Point, Polygon, Setting, Settings, World
+from protocol.terminal import printable
 
 MOST_DECIMALS: Final = 15
 
@@ -22,7 +23,7 @@ def dumps(world: World, says: str = "") -> str:
         goal_table["heading_rad"] = goal.heading_rad
     goal_table["position_tolerance_m"] = goal.position_tolerance_m
     goal_table["heading_tolerance_rad"] = goal.heading_tolerance_rad
-    lines = [f"# {line}".rstrip() for line in says.splitlines()]
+    lines = [f"# {printable(line)}".rstrip() for line in says.splitlines()]
     lines += [f"name = {_text(world.name)}", f"size_m = {_pair(world.size_m)}"]
     lines += [] if world.walls else ["walls = false"]
     lines += [f"start = {{ {', '.join(_pairs(start_table))} }}"]

@@ -1,14 +1,27 @@
 """What a world is once read: frozen values in metres and radians, checked before they exist."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 Point: TypeAlias = tuple[float, float]
 Setting: TypeAlias = bool | int | float | str
 Settings: TypeAlias = Mapping[str, Setting]
 
 WALL_THICKNESS_M = 0.02
+LONGEST_NAME: Final = 64
+NAME: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*\Z")
+"""Of a world: it becomes the name of a file, and never leads out of its directory."""
+
+
+def bad_name(name: str) -> str:
+    """Why a world cannot have this name; empty when it can."""
+    if len(name) > LONGEST_NAME:
+        return f"longer than {LONGEST_NAME} characters"
+    if not NAME.match(name):
+        return f"{name!r} is no name: use A-Z, a-z, 0-9, '_', '-', and '.' but not first"
+    return ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
 from plant.imports.anyone import CELL_M, TAKES, Wishes, import_worlds
-from plant.world_problems import WorldError
+from plant.world_problems import Problem, WorldError
 from plant.world_toml import dumps
-from plant.world_types import World
+from plant.world_types import World, bad_name
 from protocol.options import whole
 
 EXIT_OK: Final = 0
@@ -104,6 +104,8 @@ def write(worlds: Iterable[tuple[World, str]], directory: Path) -> int:
     count = 0
     try:
         for world, says in worlds:
+            if why := bad_name(world.name):
+                raise WorldError([Problem(str(directory), None, "name", why, "rename the file")])
             directory.mkdir(parents=True, exist_ok=True)
             path = directory / f"{world.name}.toml"
             path.write_text(dumps(world, says), encoding="utf-8")

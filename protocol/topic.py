@@ -22,6 +22,7 @@ RESERVED: Final = MappingProxyType(
         "plant": "a role is called so",
         "robot": "a role is called so",
         "viewer": "a role is called so",
+        "recorder": "a role is called so",
     }
 )
 """Names that no operator can have, and why."""

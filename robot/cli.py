@@ -22,7 +22,7 @@ from robot.core.values import Pose
 from robot.life import Life
 from robot.parameters import adjusted
 from robot.run import Options, run
-from robot.store import Store
+from robot.store import Store, own
 from robot.vehicle import Vehicle
 from robot.writer import InlineWriter, WriterThread
 
@@ -41,14 +41,17 @@ def main(argv: Sequence[str]) -> int:
     arguments = parser().parse_args(numbers_kept(argv))
     settings = config.load_shared(arguments.config, Settings) if arguments.config else Settings()
     network = network_of(arguments, settings.network, listens=True)
+    name = robot_name(arguments.id or settings.robot)
+    warning = own(arguments.state, name)
     vehicle = vehicle_of(arguments, settings)
+    if warning:
+        vehicle.say(Severity.WARNING, warning)
     options = Options(
         lockstep=arguments.lockstep,
         freeze=arguments.gc_freeze,
         fifo=arguments.realtime,
         after=arguments.after,
     )
-    name = robot_name(arguments.id or settings.robot)
     return run(vehicle, network, name, options, Life(arguments.state))
 
 

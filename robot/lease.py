@@ -15,6 +15,7 @@ from protocol.messages import (
     MissionRequestList,
     ParamRequestRead,
 )
+from protocol.terminal import printable
 from robot.core import reasons
 
 LAPSE_NS: Final = 3_000_000_000
@@ -111,11 +112,6 @@ class Lease:
 
     def _tell(self, severity: Severity, words: str) -> None:
         self._news.append((severity, words))
-
-
-def printable(name: str) -> str:
-    """What goes to other people's terminals; nothing in it may command them."""
-    return "".join(letter if letter.isprintable() else "?" for letter in name)
 
 
 def open_to_all(request: Message) -> bool:

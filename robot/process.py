@@ -10,12 +10,12 @@ from protocol.bus import Asked, Bus
 from protocol.bus.service import refusal
 from protocol.claim import Twins
 from protocol.clock import Clock, Tick
-from protocol.enums import AckResult
+from protocol.enums import AckResult, Command
 from protocol.errors import LocalError
 from protocol.messages import Teleop
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
 from robot import telemetry
-from robot.commands import is_stop
+from robot.commands import ack, is_stop
 from robot.core import reasons
 from robot.core.budget import READ
 from robot.core.values import Inputs, Outputs
@@ -39,6 +39,8 @@ MAX_GOOD_NS: Final = 60_000_000_000
 
 SAVING_S: Final = 1.0
 """So long a robot that ends waits for its disk."""
+
+STOPPED: Final = ack(Command.DO_FLIGHTTERMINATION, reasons.OK)
 
 
 class Process:
@@ -211,17 +213,23 @@ class Process:
                 self._give(asked)
 
     def _take_stop(self) -> None:
-        """Act on the emergency stop that has been pressed, and answer those who asked for it."""
-        request = self._stop.take()
-        if request is None:
-            return
-        vehicle, now_ns = self.vehicle, self._clock.now_ns()
-        again = vehicle.stopped and vehicle.commands.stop_id == request.request_id
-        answer = vehicle.receive(request, now_ns)
-        if not again:
-            self.reports.record(request, answer)
+        """Act on the emergency stop that has been pressed, and answer those who asked for one.
+
+        A request may be read only after its stop was acted upon: it is acknowledged as long as
+        that stop holds.
+        """
+        request, vehicle = self._stop.take(), self.vehicle
+        if request is not None:
+            again = vehicle.stopped and vehicle.commands.stop_id == request.request_id
+            answer = vehicle.receive(request, self._clock.now_ns())
+            if not again:
+                self.reports.record(request, answer)
         for _ in range(len(self._stop_askers)):
-            self._stop_askers.popleft().reply(answer)
+            asked = self._stop_askers.popleft()
+            if vehicle.stopped:
+                asked.reply(STOPPED)
+            else:
+                asked.drop()
 
     def _give(self, asked: Asked) -> None:
         if asked.message is None:

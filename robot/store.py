@@ -1,9 +1,15 @@
-"""Parameters that survive a restart: a small JSON file, replaced as a whole or not at all."""
+"""Parameters that survive a restart: a small JSON file, replaced as a whole or not at all.
+
+A directory of saved state belongs to one robot, whose name is in a file there: no robot drives with
+the fence or the parameters of another.
+"""
 
 import json
 from pathlib import Path
 from typing import Final
 
+from protocol import whole_file
+from protocol.errors import UserError
 from protocol.json_text import value_in
 from robot.core.parameters import Params
 from robot.parameters import OutOfRange, Unknown, is_less_safe, with_value
@@ -11,6 +17,38 @@ from robot.writer import Directory, Ticket, Writer
 
 NAME: Final = "parameters"
 FILE_NAME: Final = f"{NAME}.json"
+OWNER_NAME: Final = "robot.txt"
+
+
+def own(directory: Path | None, robot: str) -> str:
+    """Note that a directory is this robot's; return a warning if that cannot be written.
+
+    Raises UserError if it is another's, or does not tell whose it is.
+    """
+    if directory is None:
+        return ""
+    path = directory / OWNER_NAME
+    try:
+        owner = path.read_text(encoding="utf-8").strip()
+    except (FileNotFoundError, NotADirectoryError):
+        return _note(path, robot)
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: cannot tell whose state this is: {error}") from None
+    if owner != robot:
+        raise UserError(
+            f"--state {directory}: belongs to robot {owner[:32]!r}; give robot {robot} a directory "
+            f"of its own, or remove {path.name} there if it is to take that over"
+        )
+    return ""
+
+
+def _note(path: Path, robot: str) -> str:
+    try:
+        whole_file.make_folder(path.parent)
+        whole_file.replace(path, robot)
+    except OSError as error:
+        return f"{path}: not written ({error.strerror})"
+    return ""
 
 
 class Store:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from ground.keys.authority import Authority
-from protocol.bus.access import OPERATOR
+from protocol.bus.access import OPERATOR, RECORDER, VIEWER
 from protocol.errors import UserError
 
 CA: Final = "ca.pem"
@@ -73,7 +73,8 @@ def cast(robots: Sequence[str], operators: Sequence[str]) -> Iterator[tuple[str,
     yield "ground", robots[0], False
     for operator in operators:
         yield f"{OPERATOR}{operator}", robots[0], False
-    yield "viewer", robots[0], False
+    yield VIEWER, robots[0], False
+    yield RECORDER, robots[0], False
     for robot in robots:
         yield f"robot-{robot}", robot, True
 

@@ -1,10 +1,13 @@
 """Who may come in: textual-serve asks nobody who they are, so this does, before it hears of them.
 
-The token comes once in the address and then in a cookie, so that neither the address bar nor a
-referrer keeps it. A web socket is opened only from a page that we have served.
+The token comes once in the address, and is exchanged for a cookie with a random session id: neither
+the address bar, a referrer nor another service on this host, to which a browser sends the cookie,
+learns the token. A web socket is opened only from a page that we have served.
 """
 
+from collections import deque
 from hmac import compare_digest
+from secrets import token_urlsafe
 from typing import Final
 from urllib.parse import urlsplit
 
@@ -26,23 +29,33 @@ HEADERS: Final = {
 }
 
 
+SESSION_BYTES: Final = 24
+MAX_SESSIONS: Final = 64
+"""Browsers that are let in without the token; the oldest session ends for a new one."""
+
+
 class Door:
     """Lets in who has the token. `cookie` has the port in its name: cookies do not know ports."""
 
     def __init__(self, token: str, port: int) -> None:
         self._token = token
+        self.sessions: deque[str] = deque(maxlen=MAX_SESSIONS)
         self.cookie = f"sidestep_{port}"
 
     def knows(self, token: str | None) -> bool:
-        """In a time that says nothing about how much of it was right."""
-        return token is not None and compare_digest(token.encode(), self._token.encode())
+        """Return whether it is the token."""
+        return token is not None and same(token, self._token)
+
+    def has_let_in(self, session: str | None) -> bool:
+        """Return whether it is the session id of a browser that has shown the token."""
+        return session is not None and any(same(session, one) for one in self.sessions)
 
     def middleware(self) -> Middleware:
         @web.middleware
         async def ask(request: web.Request, handler: Handler) -> web.StreamResponse:
             if self.knows(request.query.get("token")):
                 return self._admit(request)
-            if not self.knows(request.cookies.get(self.cookie)):
+            if not self.has_let_in(request.cookies.get(self.cookie)):
                 return web.Response(status=403, text=REFUSAL, headers=HEADERS)
             if not from_here(request.headers.get("Origin"), request.host):
                 return web.Response(status=403, text=FOREIGN, headers=HEADERS)
@@ -56,8 +69,18 @@ class Door:
     def _admit(self, request: web.Request) -> web.StreamResponse:
         """Once more without the token in the address."""
         answer = web.Response(status=303, headers={"Location": request.path, **HEADERS})
-        answer.set_cookie(self.cookie, self._token, httponly=True, samesite="Lax", path="/")
+        self.sessions.append(token_urlsafe(SESSION_BYTES))
+        session = self.sessions[-1]
+        answer.set_cookie(self.cookie, session, httponly=True, samesite="Strict", path="/")
         return answer
+
+
+def same(given: str, secret: str) -> bool:
+    """Compare in a time that says nothing about how much of it was right.
+
+    What came in may hold bytes that are no text, as halves of surrogate pairs.
+    """
+    return compare_digest(given.encode(errors="surrogatepass"), secret.encode())
 
 
 def from_here(origin: str | None, host: str) -> bool:

@@ -1,5 +1,6 @@
 """Makes worlds of a file, whatever it is: by its suffix, with what the person wishes for."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -153,5 +154,5 @@ def _random(path: Path, wishes: Wishes, index: int) -> Random:
 def _stem(path: Path) -> str:
     """The file's name as a world's: without its suffixes, and nothing odd in it."""
     stem = path.name.removesuffix(path.suffix).removesuffix(".map")
-    clean = "".join(one if one.isalnum() or one in "-_." else "_" for one in stem)
+    clean = re.sub(r"[^A-Za-z0-9._-]|^\.", "_", stem)
     return clean[:LONGEST_STEM] or "world"

@@ -5,18 +5,21 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from protocol.topic import RESERVED, ROBOT_NAME, operator_called
-from protocol.topics import SERVICES, TOPICS, Role, Service, Topic, robot_name
+from protocol.topics import MARK, SERVICES, TEXT, TOPICS, Role, Service, Topic, robot_name
 
 ROUTER: Final = "router"
 PLANT: Final = "plant"
 GROUND: Final = "ground"
 VIEWER: Final = "viewer"
+RECORDER: Final = "recorder"
 ROBOT: Final = "robot-"
 OPERATOR: Final = "ground-"
 OPEN: Final = "open"
 ALL: Final = ("**",)
 DRIVE: Final = "drive/"
 TRUTH: Final = "truth/"
+FOR_VIEWERS: Final = (TEXT, MARK)
+"""What was asked of a robot, and answered, is long: of these a viewer hears only what is new."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +29,9 @@ class Grant:
     says: str
     puts: tuple[str, ...] = ()
     hears: tuple[str, ...] = ()
+    fetches: tuple[str, ...] = ()
+    """Of the kept events of these keys it may ask for those that it has missed."""
+
     asks: tuple[str, ...] = ()
     answers: tuple[str, ...] = ()
     shows: tuple[str, ...] = ()
@@ -40,13 +46,22 @@ def grants(robots: Iterable[str], operators: Iterable[str] = ()) -> dict[str, Gr
             says="passes on what it lets through",
             puts=ALL,
             hears=ALL,
+            fetches=ALL,
             asks=ALL,
             answers=ALL,
             shows=ALL,
         ),
         PLANT: granted("senses and drives the robots", Role.PLANT, names),
         GROUND: granted("commands the robots", Role.GROUND, names, GROUND),
-        VIEWER: Grant(says="only listens", hears=ALL, asks=keys(names, open_to_all())),
+        VIEWER: Grant(
+            says="only listens",
+            hears=ALL,
+            fetches=keys(names, FOR_VIEWERS, "**"),
+            asks=keys(names, open_to_all()),
+        ),
+        RECORDER: Grant(
+            says="listens and records", hears=ALL, fetches=ALL, asks=keys(names, open_to_all())
+        ),
     }
     for operator in operators:
         says = f"commands the robots as {operator}"
@@ -97,6 +112,14 @@ def barred(name: str | None, robot: str, service: Service) -> str:
     return f"the certificate in use is that of {name!r}, which {grant.says} {may_not}"
 
 
+def may_fetch(name: str | None, robot: str, topic: Topic[Any]) -> bool:
+    """Return whether the holder of a certificate may ask for what a topic's senders have kept."""
+    grant = None if name is None else grant_of(name, robot)
+    if name is None or grant is None or grant.fetches == ALL:
+        return True
+    return any(f"{key}/".startswith(f"{robot}/{topic.path}/") for key in grant.fetches)
+
+
 def misfit(name: str | None, role: Role | None, robot: str) -> str:
     """Why a certificate is none for a process of this role; empty when it is one."""
     needed = {Role.PLANT: PLANT, Role.ROBOT: ROBOT + robot}.get(role or Role.GROUND)
@@ -129,11 +152,12 @@ def granted(says: str, role: Role, names: tuple[str, ...], operator: str = "") -
     """What the tables give to a role: to an operator only keys that name it, of any session."""
     ground = role is Role.GROUND
     speaks = f"{operator}/*" if ground else ""
-    heard = [topic for topic in TOPICS if told(topic, role)]
+    heard = keys(names, [topic for topic in TOPICS if told(topic, role)], "**")
     return Grant(
         says=says,
         puts=keys(names, (topic for topic in TOPICS if topic.publisher is role), speaks),
-        hears=ALL if ground else keys(names, heard, "**"),
+        hears=ALL if ground else heard,
+        fetches=ALL if ground else heard,
         asks=keys(names, SERVICES, speaks) if ground else (),
         answers=keys(names, (service for service in SERVICES if service.server is role), "**"),
         shows=tuple(f"{name}/alive/{role.value}/*" for name in names),

@@ -15,7 +15,7 @@ from typing import Any, Self, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.access import operator_name
+from protocol.bus.access import may_fetch, operator_name
 from protocol.bus.asker import Asker
 from protocol.bus.callers import Dialled, callers
 from protocol.bus.certificate import holder
@@ -173,7 +173,8 @@ class Bus:
     def stream(self, source: Topic[Any] | str, handler: Take, robot: str | None = None) -> None:
         """Every frame of a topic, or of a key expression such as `sidestep/**`.
 
-        Of a topic with a history also what was told before, and while nothing came through.
+        Of a topic with a history also what was told before, and while nothing came through, if our
+        certificate allows to ask for it.
         """
         now_ns = self._now_ns
 
@@ -184,7 +185,9 @@ class Bus:
             self._declared.append(self._subscriber(source, forward))
         else:
             key = self._heard_on(source, robot)
-            self._declared.append(self._subscriber(key, forward, source.history))
+            may = may_fetch(self.holder, robot or self.robot, source)
+            history = source.history if may else 0
+            self._declared.append(self._subscriber(key, forward, history))
 
     def everything(self, handler: Take, robot: str | None = None) -> None:
         """Every frame of one robot, once each, with all that its topics' histories hold."""

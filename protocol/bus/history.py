@@ -25,7 +25,8 @@ later than that."""
 
 TOLD: Final = zenoh.CongestionControl.DROP
 FETCHED: Final = zenoh.CongestionControl.BLOCK
-"""What tells the two apart on arrival; only an answer may wait, for it is asked for."""
+"""What tells the two apart on arrival: an answer looks as the question did, and questions of
+advanced subscribers are asked like that. How it is really sent is up to `congestion`."""
 
 FETCH_S: Final = 2.0
 FETCHES: Final = 16
@@ -42,9 +43,7 @@ def keeping(
         session,
         key,
         congestion_control=TOLD,
-        cache=ext.CacheConfig(
-            newest, replies_config=ext.RepliesConfig(congestion_control=FETCHED, express=False)
-        ),
+        cache=ext.CacheConfig(newest),
         sample_miss_detection=ext.MissDetectionConfig(heartbeat=BEAT_S, sporadic_heartbeat=None),
         publisher_detection=True,
         **service,

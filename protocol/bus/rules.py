@@ -97,8 +97,9 @@ def tables(grant: Grant, about: str = "*") -> tuple[Table, Table]:
     """
     everything = ALL if about == "*" else (f"{about}/**",)
     hears = everything if grant.hears == ALL else grant.hears
+    fetches = everything if grant.fetches == ALL else grant.fetches
     presence_of = (f"{about}/{PRESENCE}",)
-    put, heard = kept(grant.puts), kept(hears)
+    put, heard = kept(grant.puts), kept(fetches)
     presence = ("declare_liveliness_subscriber", "liveliness_query")
     come: Table = {
         ("put",): grant.puts + put,

@@ -11,6 +11,7 @@ from time import monotonic
 
 import zenoh
 
+from protocol.bus.congestion import congestion
 from protocol.bus.locks import lock, shut
 from protocol.errors import BadEndpoint, EndpointInUse, NoPeer, PeerHangs, UserError
 from protocol.network import Hub, Network
@@ -43,6 +44,7 @@ def settings(network: Network, dial_s: float) -> dict[str, object]:
         "transport/link/rx/max_message_size": LARGEST_BYTES,
         "transport/shared_memory/enabled": False,
         "adminspace/enabled": bool(network.listen),  # the only place that tells a bound port
+        **congestion(network.prefix),
         **lock(network),
     }
 

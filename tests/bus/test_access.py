@@ -28,6 +28,7 @@ OURS = {
     "ground-bob": ("op/",),
     "plant": ("sense/", "truth/"),
     "viewer": (),
+    "recorder": (),
     "robot-r2": (),
     "stranger": (),
 }
@@ -37,6 +38,7 @@ MAY_ASK = {
     "ground": ("srv/", "sim/"),
     "ground-bob": ("srv/", "sim/"),
     "viewer": ("srv/parameters", "sim/world"),
+    "recorder": ("srv/parameters", "sim/world"),
 }
 WILD = (
     "{p}/**",

@@ -25,6 +25,7 @@ class Question(Asked):
         self.operator = operator
         self.good_until_ns = 30_000_000_000
         self.answers: list[Message | bytes] = []
+        self.dropped = False
 
     def reply(self, answer: Message | bytes) -> bool:
         self.answers.append(answer)
@@ -34,6 +35,9 @@ class Question(Asked):
     def payload(self) -> bytes:
         assert self.message is not None
         return Encoder(255, 190).encode(self.message)
+
+    def drop(self) -> None:
+        self.dropped = True
 
     @property
     def reason(self) -> Reason | None:
@@ -89,6 +93,30 @@ def test_an_emergency_stop_overtakes_all_that_waits(served: dict[str, Take]) -> 
         stack.forward(0.05)
         assert stop.reason == Reason.NONE
         assert stack.state == Vehicle.EMERGENCY_STOP
+
+
+def test_a_request_read_after_its_stop_was_acted_upon_is_acknowledged(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The bus's thread sets the latch before another thread reads the request."""
+    handlers: list[Take] = []
+    real = Bus.serve_stop
+
+    def serve_stop(bus: Bus, pressed: Callable[[str, bytes], None], handler: Take) -> None:
+        handlers.append(handler)
+        real(bus, pressed, handler)
+
+    monkeypatch.setattr(Bus, "serve_stop", serve_stop)
+    with Stack("open") as stack:
+        stack.command(Command.DO_FLIGHTTERMINATION)
+        late, later = (question(9, Command.DO_FLIGHTTERMINATION) for _ in range(2))
+        handlers[0](late)
+        stack.forward(0.05)
+        assert late.reason == Reason.NONE
+        stack.command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
+        handlers[0](later)
+        stack.forward(0.05)
+        assert later.dropped, "it was acted upon, and holds no more"
 
 
 def test_strangers_do_not_hold_up_who_has_the_lease(served: dict[str, Take]) -> None:

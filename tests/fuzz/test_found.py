@@ -50,7 +50,7 @@ FOUND = {
     ),
     "an origin that is no address": (
         "door",
-        b"/ws\nCookie: sidestep_8765=0123456789abcdefgh\nOrigin: http://[\n",
+        b"/ws\nCookie: sidestep_8765=abcdefgh0123456789\nOrigin: http://[\n",
     ),
     "a robot with a heading that is no number": ("recording", packed(HEADLESS, after=1)),
     "a table of truth values two bytes wide": (

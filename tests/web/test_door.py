@@ -10,7 +10,7 @@ from aiohttp import CookieJar, web
 from aiohttp.test_utils import TestClient, TestServer
 
 from ground.web.address import Address
-from ground.web.door import REFUSAL, Door, from_here
+from ground.web.door import MAX_SESSIONS, REFUSAL, Door, from_here
 from ground.web.server import MOST_SESSIONS, WebServer
 
 TOKEN = "0123456789abcdefgh"
@@ -50,7 +50,9 @@ def test_with_the_token_the_page_comes_and_the_address_forgets_it() -> None:
         first = await client.get(f"/?token={TOKEN}", allow_redirects=False)
         assert (first.status, first.headers["Location"]) == (303, "/")
         cookie = first.cookies[server.door.cookie]
-        assert (cookie["httponly"], cookie["samesite"]) == (True, "Lax")
+        assert (cookie["httponly"], cookie["samesite"]) == (True, "Strict")
+        assert TOKEN not in cookie.value
+        assert len(cookie.value) >= 32
         page = await client.get("/")
         assert page.status == 200
         text = await page.text()
@@ -60,6 +62,47 @@ def test_with_the_token_the_page_comes_and_the_address_forgets_it() -> None:
         assert page.headers["Cache-Control"] == "no-store"
         script = await client.get("/static/js/textual.js")
         assert script.status == 200
+
+    with_client(story)
+
+
+def test_each_browser_has_a_session_of_its_own_and_the_oldest_end() -> None:
+    """The cookie goes to every service on this host: it must not be the token."""
+
+    async def story(client: Client, server: WebServer) -> None:
+        sessions = []
+        for _ in range(MAX_SESSIONS + 1):
+            answer = await client.get(f"/?token={TOKEN}", allow_redirects=False)
+            sessions.append(answer.cookies[server.door.cookie].value)
+        assert len(set(sessions)) == len(sessions)
+        allowed = [server.door.has_let_in(one) for one in sessions]
+        assert allowed == [False] + [True] * MAX_SESSIONS
+        client.session.cookie_jar.clear()
+        assert (await client.get("/", headers=cookie(server, TOKEN))).status == 403
+        assert (await client.get("/", headers=cookie(server, sessions[-1]))).status == 200
+
+    with_client(story)
+
+
+def cookie(server: WebServer, value: str) -> dict[str, str]:
+    return {"Cookie": f"{server.door.cookie}={value}"}
+
+
+@pytest.mark.parametrize("sent", [b"\xe4\xff", b"\xc3\xa4", b"\x80" * 40, b'"\xff'])
+@pytest.mark.parametrize("place", ["cookie", "token"])
+def test_bytes_that_are_no_text_are_refused_without_an_error(sent: bytes, place: str) -> None:
+    """They were an internal error, before any token was asked for."""
+
+    async def story(client: Client, server: WebServer) -> None:
+        reader, writer = await asyncio.open_connection(client.host, client.port)
+        query = b"?token=" + sent if place == "token" else b""
+        crumb = f"{server.door.cookie}=".encode() + sent if place == "cookie" else b"a=b"
+        head = b"GET /%b HTTP/1.1\r\nHost: here\r\nCookie: %b\r\nConnection: close\r\n\r\n"
+        writer.write(head % (query, crumb))
+        status = await reader.readline()
+        assert status.split()[1] in (b"400", b"403")
+        writer.close()
+        await writer.wait_closed()
 
     with_client(story)
 
@@ -122,6 +165,9 @@ def test_tokens_are_compared_as_a_whole() -> None:
     assert not door.knows("")
     assert not door.knows(TOKEN[:-1])
     assert not door.knows("\u00e4" * 20)
+    assert not door.knows("\udce4" * 20)
+    assert not door.has_let_in(None)
+    assert not door.has_let_in(TOKEN)
 
 
 @pytest.mark.parametrize(

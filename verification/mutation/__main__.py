@@ -1,6 +1,7 @@
 """`python -m verification.mutation`: try all mutants, print the scores and the survivors.
 
-It ends with 1 if a mutant survives that is not listed as equivalent, or if the list is wrong.
+It ends with 1 if a mutant survives that is not listed as equivalent, or if the list is wrong, and
+with 2 if the tests fail without any mutant.
 """
 
 import argparse
@@ -14,7 +15,7 @@ from pathlib import Path
 from verification.mutation import equivalent
 from verification.mutation.forks import Verdict
 from verification.mutation.mutants import Identity, Mutant, mutants_of
-from verification.mutation.runner import Target, verdicts
+from verification.mutation.runner import Broken, Target, verdicts
 from verification.mutation.targets import TARGETS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,7 +44,11 @@ def main(arguments: Sequence[str]) -> int:
             for mutant in mutants_of(ROOT / module, ROOT):
                 print(f"{mutant.line}: {mutant.identity}")
         return 0
-    return report(chosen, options.jobs)
+    try:
+        return report(chosen, options.jobs)
+    except Broken as broken:
+        print(f"\n{broken}", file=sys.stderr)
+        return 2
 
 
 def named_by(module: str, words: Sequence[str]) -> bool:

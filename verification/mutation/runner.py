@@ -70,7 +70,8 @@ def verdicts(target: Target, mutants: Sequence[Mutant], jobs: int) -> list[Verdi
     try:
         tests, found = receiving.recv()
     except EOFError:
-        raise Broken(f"the tests of {target.name} cannot be run") from None
+        tests = " ".join(target.tests)
+        raise Broken(f"{target.name}: its tests fail without a mutant: pytest {tests}") from None
     finally:
         process.join()
     by_mutant = dict(zip(map(id, inner), found, strict=True))

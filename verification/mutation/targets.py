@@ -6,6 +6,7 @@ from typing import Final
 
 CORE: Final = "tests/unit/core"
 ROBOT: Final = "tests/unit/robot"
+PLANT: Final = "tests/unit/plant"
 PROTOCOL: Final = "tests/unit/protocol"
 
 TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
@@ -21,8 +22,9 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         ),
         "robot/lease.py": (f"{ROBOT}/test_lease.py",),
         "robot/teleop.py": (f"{ROBOT}/test_teleop.py",),
-        "robot/commands.py": (f"{ROBOT}/test_vehicle.py",),
+        "robot/commands.py": (f"{ROBOT}/test_commands.py", f"{ROBOT}/test_vehicle.py"),
         "protocol/mailbox.py": (f"{PROTOCOL}/test_mailbox.py",),
+        "plant/command_gate.py": (f"{PLANT}/test_command_gate.py",),
     }
 )
 """Source files with their tests, the module's own first."""

@@ -95,6 +95,8 @@ def test_a_fault_is_added_to_the_world_and_judged_by_the_plant() -> None:
         written = json.loads(Path(scenario.world).read_text(encoding="utf-8"))
         assert [one["kind"] for one in written["faults"]] == ["sonar_frozen"]
         assert scenario.name == "box"
+        inside = stack._with([fault], {"name": "../../escaped"})
+        assert Path(inside).parent == Path(scenario.world).parent
         with pytest.raises(UserError):
             stack.scenario_in("box", [{**fault, "target": "9"}])
     assert not Path(scenario.world).exists()

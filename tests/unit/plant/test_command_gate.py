@@ -1,48 +1,13 @@
 """The motor driver's last word: which wheel commands are obeyed, and for how long."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from plant.body import Body
 from plant.command_gate import HELD_TICKS, SILENT_TICKS, CommandGate, Demand
-from plant.drive import Drive
-from plant.noise import LEVELS
-from plant.trouble import NO_TROUBLE
 from protocol.messages import WheelCommand
-from protocol.timing import PERIOD_MS, PERIOD_NS, TTL_MS
+from protocol.timing import PERIOD_MS, TTL_MS, UINT32
+from tests.unit.plant.commands import FAST, command, gate_at, taken
 
-UINT32 = 0xFFFFFFFF
-FAST = 9000
 BRAKE = Demand(0, 0, 0)
-
-
-def command(
-    sense_seq: int, *, seq: int = 1, mrad_s: int = FAST, ttl_ms: int = TTL_MS, epoch: int = 0
-) -> WheelCommand:
-    return WheelCommand(
-        time_ns=0,
-        seq=seq,
-        sense_seq=sense_seq & UINT32,
-        epoch=epoch,
-        left_mrad_s=mrad_s,
-        right_mrad_s=mrad_s,
-        ttl_ms=ttl_ms,
-    )
-
-
-def gate_at(tick: int, first: int = 0) -> CommandGate:
-    """A plant that has sent all ticks from the first one on."""
-    gate = CommandGate()
-    for sent in range(first, tick + 1):
-        gate.begin_tick(sent)
-    return gate
-
-
-def taken(gate: CommandGate, *commands: WheelCommand) -> Demand | None:
-    for one in commands:
-        gate.receive(one)
-    return gate.take()
 
 
 @pytest.mark.parametrize(
@@ -88,7 +53,19 @@ def test_the_number_of_a_tick_may_wrap(tick: int) -> None:
 
 
 def test_nothing_counts_before_the_first_tick() -> None:
-    assert taken(CommandGate(), command(0), command(0, mrad_s=0)) is None
+    gate = CommandGate()
+    assert [gate.receive(command(0)), gate.receive(command(0, mrad_s=0))] == ["", ""]
+    assert gate.take() is None
+    assert not gate.answered
+
+
+@pytest.mark.parametrize(
+    "one", [command(20), command(20, mrad_s=0), command(16), command(2), command(40, mrad_s=0)]
+)
+def test_a_command_that_is_only_late_is_no_fault_of_its_sender(one: WheelCommand) -> None:
+    gate = gate_at(20)
+    assert gate.receive(one) == ""
+    assert gate.receive(one) == ""
 
 
 def test_a_robot_that_remembers_the_plant_before_is_not_obeyed() -> None:
@@ -161,6 +138,36 @@ def test_a_brake_out_of_time_contradicts_a_move_for_this_tick() -> None:
     assert taken(gate_at(20), command(3, mrad_s=0), command(20, seq=2)) == BRAKE
 
 
+@pytest.mark.parametrize("sense_seq", [1, UINT32])
+def test_a_brake_out_of_time_stops_at_once(sense_seq: int) -> None:
+    """Also at tick 0, where all times are small."""
+    assert taken(gate_at(0), command(sense_seq, mrad_s=0)) == BRAKE
+    assert taken(gate_at(0), command(0), command(sense_seq, mrad_s=0)) == BRAKE
+    assert taken(gate_at(0), command(0), command(0, seq=2, mrad_s=0)) == BRAKE
+
+
+@pytest.mark.parametrize("age", [0, 1, 2, 3])
+@pytest.mark.parametrize("first", [0, FAST])
+def test_each_tick_that_counts_is_held_to_one_answer(age: int, first: int) -> None:
+    gate = gate_at(20)
+    for tick in range(20, 24):
+        gate.begin_tick(tick)
+        taken(gate, command(tick, seq=1, mrad_s=first))
+    assert taken(gate, command(23 - age, seq=2, mrad_s=FAST - first)) == BRAKE
+    assert gate.receive(command(23, seq=3)) == "moves the wheels while the robot brakes"
+
+
+@pytest.mark.parametrize("braked", [17, 18, 19])
+def test_a_late_brake_for_another_tick_does_not_hold_the_wheels(braked: int) -> None:
+    gate = gate_at(20)
+    taken(gate, command(20, seq=5))
+    late = taken(gate, command(braked, seq=9, mrad_s=0))
+    assert late == Demand(0, 0, (braked - 17) * PERIOD_MS), "it is obeyed"
+    assert gate.answered
+    assert taken(gate, command(20, seq=5)) is None, "a copy of what it stopped is not"
+    assert taken(gate, command(20, seq=6)) == Demand(FAST, FAST, TTL_MS)
+
+
 def test_a_move_for_the_tick_after_a_brake_is_obeyed_at_once() -> None:
     gate = gate_at(20)
     taken(gate, command(20, mrad_s=0))
@@ -184,6 +191,24 @@ def test_a_braking_newer_robot_keeps_the_older_out() -> None:
     gate = gate_at(20)
     taken(gate, command(20, mrad_s=0, epoch=6))
     assert taken(gate, command(20, seq=9, epoch=5)) is None
+
+
+def test_an_older_robot_is_obeyed_when_it_brakes_and_takes_nothing_over() -> None:
+    gate = gate_at(20)
+    taken(gate, command(19, epoch=6))
+    assert taken(gate, command(18, mrad_s=0, epoch=5)) == Demand(0, 0, 50)
+    assert taken(gate, command(20, epoch=5)) is None
+
+
+def test_a_newer_robot_lives_while_its_late_commands_come() -> None:
+    gate = gate_at(20)
+    taken(gate, command(20, seq=2, epoch=6))
+    gate.begin_tick(22)
+    taken(gate, command(20, seq=1, epoch=6))
+    gate.begin_tick(21 + SILENT_TICKS)
+    assert taken(gate, command(21 + SILENT_TICKS, epoch=5)) is None
+    gate.begin_tick(22 + SILENT_TICKS)
+    assert taken(gate, command(22 + SILENT_TICKS, epoch=5)) == Demand(FAST, FAST, TTL_MS)
 
 
 @pytest.mark.parametrize(("silent", "drives"), [(SILENT_TICKS - 1, False), (SILENT_TICKS, True)])
@@ -223,86 +248,3 @@ def test_what_answers_the_newest_tick(
     gate.begin_tick(20)
     taken(gate, command(sense_seq, mrad_s=mrad_s, epoch=epoch))
     assert gate.answered == answered
-
-
-# Any frames at all.
-
-numbers = st.integers(0, UINT32)
-speeds = st.one_of(st.integers(-(1 << 31), (1 << 31) - 1), st.sampled_from([0, FAST, -FAST]))
-frames = st.tuples(
-    st.one_of(st.integers(-6, 6), numbers),  # relative to the newest tick
-    st.one_of(st.integers(0, 3), numbers),  # seq
-    speeds,
-    speeds,
-    st.one_of(st.sampled_from([0, 1, 149, 150, 151]), st.integers(0, 65535)),
-    st.one_of(st.integers(0, 2), numbers),  # epoch
-)
-periods = st.lists(st.lists(frames, max_size=3), min_size=1, max_size=6)
-firsts = st.sampled_from([0, 7, UINT32 - 4])
-
-
-def forged(frame: tuple[int, int, int, int, int, int], tick: int) -> WheelCommand:
-    ahead, seq, left_mrad_s, right_mrad_s, ttl_ms, epoch = frame
-    return WheelCommand(
-        time_ns=0,
-        seq=seq,
-        sense_seq=(tick + ahead) & UINT32,
-        epoch=epoch,
-        left_mrad_s=left_mrad_s,
-        right_mrad_s=right_mrad_s,
-        ttl_ms=ttl_ms,
-    )
-
-
-@given(periods, firsts)
-def test_no_frames_move_a_wheel_150_ms_after_the_tick_they_answer(
-    told: list[list[tuple[int, int, int, int, int, int]]], first: int
-) -> None:
-    """From then on each wheel slows down until it stands, whatever came and in which order."""
-    gate, drive = CommandGate(), Drive(Body(), LEVELS["none"], 0, 0)
-    ends_ms, before_m = first * PERIOD_MS, [0.0, 0.0]
-    for tick, coming in enumerate([*told, *[[]] * 8], first):
-        gate.begin_tick(tick)
-        for frame in coming:
-            one = forged(frame, tick)
-            gate.receive(one)
-            answers = [t for t in range(first, tick + 1) if t & UINT32 == one.sense_seq]
-            ends_ms = max([ends_ms, *[t * PERIOD_MS + TTL_MS for t in answers]])
-        demand = gate.take()
-        if demand is not None:
-            drive.command(*demand, tick * PERIOD_NS)
-        for now_ms in (tick * PERIOD_MS, tick * PERIOD_MS + PERIOD_MS // 2):
-            ways_m = drive.roll(now_ms * 1_000_000, PERIOD_MS / 2000, NO_TROUBLE)
-            for before, way_m in zip(before_m, ways_m, strict=True):
-                assert now_ms < ends_ms or abs(way_m) < abs(before) or way_m == 0.0
-            before_m = list(ways_m)
-    assert before_m == [0.0, 0.0]
-
-
-@given(periods, st.lists(st.integers(0, 4), min_size=6, max_size=6), st.integers(0, 2))
-def test_no_frames_move_a_robot_that_brakes_at_every_tick(
-    told: list[list[tuple[int, int, int, int, int, int]]], places: list[int], epoch: int
-) -> None:
-    """A robot that is disarmed or stopped stands, whatever else answers its ticks."""
-    gate = gate_at(6)
-    for tick in range(4, 7):
-        taken(gate, command(tick, seq=tick, mrad_s=0, epoch=epoch))
-    for (tick, coming), place in zip(enumerate(told, 7), places, strict=False):
-        gate.begin_tick(tick)
-        brake = command(tick, seq=tick, mrad_s=0, epoch=epoch)
-        said = [forged(frame, tick) for frame in coming]
-        found = taken(gate, *said[:place], brake, *said[place:])
-        assert found is not None
-        assert found.ttl_ms == 0 or found[:2] == (0, 0)
-
-
-@given(st.lists(st.tuples(speeds, speeds, st.booleans()), max_size=30), numbers)
-def test_a_robot_that_is_alone_is_always_obeyed(
-    told: list[tuple[int, int, bool]], epoch: int
-) -> None:
-    gate = CommandGate()
-    for tick, (left_mrad_s, right_mrad_s, lost) in enumerate(told):
-        gate.begin_tick(tick)
-        one = forged((0, tick, left_mrad_s, right_mrad_s, TTL_MS, epoch), tick)
-        expected = None if lost else Demand(left_mrad_s, right_mrad_s, TTL_MS)
-        assert taken(gate, *[] if lost else [one]) == expected

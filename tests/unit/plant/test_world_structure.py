@@ -59,7 +59,16 @@ BAD = [
         "did you mean speed_m_s = 0.1? (metres per second)",
     ),
     Bad("a number as name", with_line(1, "name = 3"), 1, "name", "expected text", 'name = "my'),
-    Bad("no name in it", with_line(1, 'name = " "'), 1, "name", "empty", "write name = "),
+    Bad("no name in it", with_line(1, 'name = ""'), 1, "name", "is no name", "write name = "),
+    Bad("blank name", with_line(1, 'name = " "'), 1, "name", "is no name", "write name = "),
+    Bad("path up", with_line(1, 'name = "../up"'), 1, "name", "'../up' is no name", "write name"),
+    Bad("root", with_line(1, 'name = "/etc/x"'), 1, "name", "is no name", "write name = "),
+    Bad("parent", with_line(1, 'name = ".."'), 1, "name", "is no name", "write name = "),
+    Bad("hidden", with_line(1, 'name = ".x"'), 1, "name", "is no name", "write name = "),
+    Bad("backslash", with_line(1, 'name = "a\\\\b"'), 1, "name", "is no name", "write name = "),
+    Bad("two lines", with_line(1, 'name = "a\\nb"'), 1, "name", "is no name", "write name = "),
+    Bad("end of line", with_line(1, 'name = "a\\n"'), 1, "name", "is no name", "write name = "),
+    Bad("long", with_line(1, f'name = "{"x" * 65}"'), 1, "name", "longer than 64", "write name"),
     Bad(
         "a flag as word", with_line(5, 'walls = "no"'), 5, "walls", "true or false", "walls = true"
     ),

@@ -47,9 +47,9 @@ def test_everything_a_file_can_say_comes_back_the_same() -> None:
     assert (world.faults, world.robot, world.noise) != ((), {}, {})
 
 
-def test_no_outer_walls_and_an_odd_name_come_back_the_same() -> None:
-    text = GOOD.replace('"test"', "'a \"b\" \\ é 世'\nwalls = false")
-    world = loads(text)
+def test_no_outer_walls_and_an_odd_family_come_back_the_same() -> None:
+    family = "[corpus]\nfamily = 'a \"b\" \\ é 世'\n"
+    world = loads(GOOD.replace('"test"', '"te.st-1"\nwalls = false') + family)
     assert not world.walls
     assert loads(dumps(world)) == world
 

@@ -1,5 +1,6 @@
 """`sidestep worlds generate` and `sidestep worlds import`."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from plant.geometry import clearance_m
 from plant.shortest_path import shortest_path_m
 from plant.world_file import load
 from plant.worlds_cli import main
+from plant.worlds_make import write
 from tests.unit.plant.imports.files import MAP, P5, SCEN, YAML
 
 Told = pytest.CaptureFixture[str]
@@ -83,6 +85,26 @@ def test_a_place_that_cannot_be_written_to_is_told(tmp_path: Path, capsys: Told)
     told = refusal(capsys, "generate", "--family", "open", "--out", str(tmp_path / "file"))
     reason = "File exists; fix: give a directory that can be written to"
     assert told == f"{tmp_path / 'file'}: --out: {reason}\n"
+
+
+@pytest.mark.parametrize("name", ["../escaped", "/tmp/escaped", "..", "a/b", "a\0b", ""])
+def test_no_name_of_a_world_leads_out_of_the_directory(
+    name: str, tmp_path: Path, capsys: Told
+) -> None:
+    out = tmp_path / "out"
+    world = replace(load("box"), name=name)
+    assert write([(world, "")], out) == 2
+    assert f"{out}: name: {name!r} is no name" in capsys.readouterr().err
+    assert list(tmp_path.rglob("*")) == []
+
+
+def test_an_odd_name_of_a_file_makes_a_world_that_can_be_read(folder: Path) -> None:
+    """Its comment names the file, which may hold line breaks and control characters."""
+    odd = folder / ".b\x1b\nname = 3\u2028.map"
+    (folder / "hand.map").rename(odd)
+    (file,) = made(folder, str(odd))
+    assert file.name == "_b__name___3__1_000.toml"
+    assert load(str(file)).name == file.stem
 
 
 def test_a_moving_ai_map_becomes_a_world(folder: Path) -> None:

@@ -3,11 +3,13 @@
 from typing import Any
 
 import pytest
+import zenoh
 
 from protocol.bus.access import (
     barred,
     grant_of,
     grants,
+    may_fetch,
     misfit,
     operator_name,
     unanswered,
@@ -16,16 +18,20 @@ from protocol.bus.rules import access_control
 from protocol.errors import UserError
 from protocol.network import Network
 from protocol.topics import (
+    ANSWERED,
     COMMAND,
+    COMMANDED,
+    MARK,
     PARAMETERS,
     RUN,
     SERVICES,
+    TEXT,
     TOPICS,
     WORLD,
     Role,
 )
 
-ALL_ROLES = {"router", "plant", "ground", "viewer", "robot-r1", "robot-r2"}
+ALL_ROLES = {"router", "plant", "ground", "viewer", "recorder", "robot-r1", "robot-r2"}
 
 
 def rules(network: Network | None = None) -> dict[str, Any]:
@@ -49,7 +55,7 @@ def test_a_topic_has_one_kind_of_publisher(topic: Any) -> None:
 def test_only_the_ground_station_asks_what_changes_something(service: Any) -> None:
     keys = {f"r1/{service.path}", f"r1/{service.path}/ground/*"}
     asks = {name for name, grant in grants(("r1",)).items() if keys & set(grant.asks)}
-    assert asks == ({"ground"} if service.requests else {"ground", "viewer"})
+    assert asks == ({"ground"} if service.requests else {"ground", "viewer", "recorder"})
 
 
 def test_the_plant_is_told_to_drive_and_else_what_it_says_itself() -> None:
@@ -75,6 +81,28 @@ def test_a_robot_may_nothing_under_the_name_of_another() -> None:
         assert all(path.startswith("r2/") for path in paths)
 
 
+@pytest.mark.parametrize(("name", "fetches"), [("viewer", False), ("recorder", True)])
+def test_only_a_recorder_fetches_what_was_commanded(name: str, fetches: bool) -> None:
+    asked = [
+        key
+        for rule in rules()["rules"]
+        if rule["id"] == f"{name} ingress query"
+        for key in rule["key_exprs"]
+    ]
+    may = [zenoh.KeyExpr(key) for key in asked]
+
+    def covered(path: str) -> bool:
+        key = zenoh.KeyExpr(f"sidestep/r1/{path}/@adv/pub/1/2/**")
+        return any(one.includes(key) for one in may)
+
+    assert covered(TEXT.path)
+    assert covered(f"{MARK.path}/ada/1")
+    assert [covered(topic.path) for topic in (COMMANDED, ANSWERED)] == [fetches, fetches]
+    for topic in (TEXT, MARK, COMMANDED, ANSWERED):
+        assert may_fetch(name, "r1", topic) is (fetches or topic in (TEXT, MARK))
+        assert may_fetch(None, "r1", topic)
+
+
 def test_all_that_is_not_granted_is_denied() -> None:
     found = rules()
     assert (found["enabled"], found["default_permission"]) == (True, "deny")
@@ -92,7 +120,7 @@ def test_no_rule_but_the_routers_lets_a_wildcard_be_put_or_asked() -> None:
             commands = [key for key in rule["key_exprs"] if "/@adv/" not in key]
             own = [key.removesuffix("/ground/*").removesuffix("/**") for key in commands]
             assert all("*" not in key for key in own), rule["id"]
-            asker = name in ("ground", "viewer") or name.startswith("robot-")
+            asker = name in ("ground", "viewer", "recorder") or name.startswith("robot-")
             assert asker or all("*" not in key for key in plain), rule["id"]
 
 
@@ -182,7 +210,10 @@ def test_the_name_of_an_operator_comes_from_its_certificate() -> None:
     [
         ("open", "every operator of an open bus is called so"),
         ("ground", "the certificate `ground` is called so"),
-        *((role, "a role is called so") for role in ("router", "plant", "robot", "viewer")),
+        *(
+            (role, "a role is called so")
+            for role in ("router", "plant", "robot", "viewer", "recorder")
+        ),
         ("Ada", "use 1 to 16 of the characters"),
     ],
 )

@@ -5,10 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.codec import Encoder
-from protocol.mailbox import Mailbox, Sample
+from protocol.errors import RemoteError
+from protocol.mailbox import Mailbox, Origin, Sample, opened, stamp_of
 from protocol.message import Message
-from protocol.messages import SonarScan, WheelTicks
-from protocol.topics import ENCODING, MS, TEXT, WHEELS
+from protocol.messages import SonarScan, Statustext, WheelTicks
+from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, MS, TEXT, WHEELS
 
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=3, bumper=0, expired=0)
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
@@ -22,6 +23,8 @@ def test_an_empty_mailbox_has_nothing() -> None:
     box = Mailbox(WHEELS)
     assert box.latest() is None
     assert box.fresh(0) is None
+    assert box.received() is None
+    assert (box.rejected, box.last_rejection) == (0, "")
 
 
 def test_the_newest_message_is_kept_with_its_arrival() -> None:
@@ -71,6 +74,50 @@ def test_who_begins_anew_is_heard_when_the_other_has_been_silent_for_long_enough
     assert (newest[0].time_ns, box.rejected) == (50 * MS, 0)
 
 
+def test_a_box_that_may_go_back_in_time_takes_older_stamps() -> None:
+    box = Mailbox(WHEELS)
+    for stamp_ms, arrived_ms in ((50_000, 1_000), (10, 1_001), (50_000, 1_002)):
+        box.store(ticks_at(stamp_ms * MS), arrived_ms * MS)
+        newest = box.latest()
+        assert newest is not None
+        assert (newest[0].time_ns, newest[1]) == (stamp_ms * MS, arrived_ms * MS)
+    assert box.rejected == 0
+
+
+@pytest.mark.parametrize("forward", [False, True])
+def test_a_stamp_of_two_to_the_62nd_is_no_time(forward: bool) -> None:
+    box = Mailbox(WHEELS, forward=forward)
+    for stamp_ns in (2**62, 2**63, 2**64 - 1):
+        box.store(ticks_at(stamp_ns), 10)
+        assert box.last_rejection == "WheelTicks has a stamp that is no time"
+    assert (box.latest(), box.rejected) == (None, 3)
+    box.store(ticks_at(2**62 - 1), 10)
+    assert (box.latest() is not None, box.rejected) == (True, 3)
+
+
+def test_a_stamp_may_be_ten_seconds_ahead_of_the_one_before_and_no_more() -> None:
+    box = Mailbox(WHEELS, forward=True)
+    box.store(ticks_at(5_000 * MS), 1_000 * MS)
+    box.store(ticks_at(15_000 * MS), 1_050 * MS)
+    assert box.latest() is not None
+    assert box.rejected == 0
+    box.store(ticks_at(25_000 * MS + 1), 1_100 * MS)
+    words = "WheelTicks is far ahead of the one before it"
+    assert (box.rejected, box.last_rejection) == (1, words)
+    box.store(ticks_at(25_000 * MS + 1), 1_050 * MS + WHEELS.stale_after_ns + 1)
+    newest = box.latest()
+    assert newest is not None
+    assert newest[0].time_ns == 25_000 * MS + 1, "the one before was no longer fresh"
+
+
+def test_messages_without_a_stamp_are_never_out_of_order() -> None:
+    assert stamp_of(TEXT.messages[0](severity=6, text="started")) == 0
+    box = Mailbox(TEXT, forward=True)
+    for _ in range(2):
+        box.store(sample(TEXT.messages[0](severity=6, text="started")), 0)
+    assert box.rejected == 0
+
+
 def test_a_clock_that_stands_still_is_heard_all_the_time() -> None:
     box = Mailbox(WHEELS, forward=True)
     for arrived_ms in range(0, 500, 50):
@@ -82,14 +129,15 @@ def test_a_clock_that_stands_still_is_heard_all_the_time() -> None:
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
-        (Sample(ENCODING, b"garbage"), "too few"),
+        (Sample(ENCODING, b"garbage"), "7 bytes are too few for a frame"),
         (sample(SCAN), "carries SonarScan, not WheelTicks"),
-        (sample(encoding="application/mavlink2;sidestep@9"), "speaks sidestep@9, this is side"),
-        (sample(encoding="zenoh/bytes"), "encoded as zenoh/bytes, not as application/mavlink2"),
-        (sample(encoding=""), "encoded as nothing"),
-        (sample(encoding="\x1b]0;a\x07\n"), "encoded as ?]0;a??, not"),
-        (sample(encoding="x" * 1000), f"encoded as {'x' * 60}, not"),
-        (sample(encoding="application/mavlink2;\x9b2J"), "speaks ?2J, this is"),
+        (sample(encoding=f"{ENCODING_FAMILY};sidestep@9"), f"speaks sidestep@9, this is {DIALECT}"),
+        (sample(encoding=ENCODING_FAMILY), f"is encoded as {ENCODING_FAMILY}, not as {ENCODING}"),
+        (sample(encoding="text;plain"), f"is encoded as text;plain, not as {ENCODING}"),
+        (sample(encoding=""), f"is encoded as nothing, not as {ENCODING}"),
+        (sample(encoding="x" * 61), f"is encoded as {'x' * 60}, not as {ENCODING}"),
+        (sample(encoding="\x1b]0;a\x07\n"), f"is encoded as ?]0;a??, not as {ENCODING}"),
+        (sample(encoding="application/mavlink2;\x9b2J"), f"speaks ?2J, this is {DIALECT}"),
     ],
 )
 def test_what_cannot_be_read_is_counted_named_and_ignored(bad: Sample, words: str) -> None:
@@ -100,7 +148,12 @@ def test_what_cannot_be_read_is_counted_named_and_ignored(bad: Sample, words: st
     assert box.latest() == (TICKS, 10)
     assert box.latest() == (TICKS, 10)
     assert box.rejected == 1
-    assert words in box.last_rejection
+    assert box.last_rejection == words
+
+
+def test_a_key_with_several_messages_names_them_all() -> None:
+    with pytest.raises(RemoteError, match=r"^carries WheelTicks, not SonarScan or Statustext$"):
+        opened(sample(), (SonarScan, Statustext))
 
 
 @given(st.binary(max_size=200))
@@ -155,3 +208,54 @@ def test_what_the_check_finds_wrong_is_counted_named_and_ignored() -> None:
     assert box.latest() == (TICKS, 10)
     assert (box.rejected, box.last_rejection) == (1, "WheelTicks is forged")
     assert heard == [10]
+
+
+def sent(sent_ns: int | None, sender: str = "ada", seq: int = 1) -> Sample:
+    ticks = WheelTicks(time_ns=0, seq=seq, left=0, right=0, bumper=0, expired=0)
+    return sample(ticks)._replace(sender=sender, sent_ns=sent_ns)
+
+
+@pytest.mark.parametrize(
+    ("newer", "taken"),
+    [
+        (sent(99, seq=2), False),
+        (sent(100, seq=2), True),
+        (sent(101, seq=2), True),
+        (sent(None, seq=2), True),
+        (sent(99, sender="bob", seq=2), True),
+    ],
+    ids=["sent before", "sent at once", "sent later", "without a time", "of another"],
+)
+def test_of_one_sender_nothing_sent_before_its_newest_is_taken(newer: Sample, taken: bool) -> None:
+    heard: list[int] = []
+    box = Mailbox(WHEELS, heard.append, accept=lambda _: True)
+    box.store(sent(100), 10)
+    box.store(newer, 20)
+    received = box.received()
+    assert received is not None
+    if taken:
+        assert (received[0].seq, received[1]) == (2, Origin(newer.sender, newer.sent_ns, 20))
+    else:
+        assert (received[0].seq, received[1]) == (1, Origin("ada", 100, 10))
+    assert heard == ([10, 20] if taken else [10])
+    assert box.rejected == 0, "late is not wrong"
+
+
+def test_after_a_sample_without_a_time_any_time_is_taken() -> None:
+    box = Mailbox(WHEELS, accept=lambda _: True)
+    box.store(sent(None), 10)
+    box.store(sent(5, seq=2), 20)
+    assert box.received() == (opened(sent(5, seq=2), (WheelTicks,)), Origin("ada", 5, 20))
+
+
+def test_without_senders_to_tell_apart_the_time_of_sending_does_not_count() -> None:
+    box = Mailbox(WHEELS)
+    box.store(sent(100), 10)
+    box.store(sent(99, seq=2), 20)
+    newest = box.latest()
+    assert newest is not None
+    assert newest[0].seq == 2
+
+
+def test_a_sample_names_no_sender_and_no_time_by_itself() -> None:
+    assert Sample(ENCODING, b"")[2:] == ("", None)

@@ -89,10 +89,47 @@ def test_it_lapses_when_its_holder_has_not_been_heard_for_three_seconds() -> Non
     lease.due(1 * S)
     assert lease.due(1 * S + LAPSE_NS) == []
     assert not lease.allows(BOB)
-    ((severity, words),) = lease.due(1 * S + LAPSE_NS + 1)
-    assert severity == Severity.WARNING
-    assert "lapsed" in words
+    words = "lease of Ada lapsed: not heard for 3 s"
+    assert lease.due(1 * S + LAPSE_NS + 1) == [(Severity.WARNING, words)]
     assert lease.allows(BOB)
+
+
+def test_the_three_seconds_count_from_when_it_was_taken() -> None:
+    lease = Lease()
+    lease.receive(ask(LeaseAction.TAKE, "Ada"), ADA, 10 * S)
+    lease.due(10 * S)
+    assert lease.status(0, 10 * S).lapses_ms == 3_000
+    assert lease.due(13 * S) == []
+    assert lease.is_holder(ADA)
+    assert len(lease.due(13 * S + 1)) == 1
+    assert not lease.is_holder(ADA)
+
+
+def test_a_heartbeat_that_was_overtaken_does_not_shorten_it() -> None:
+    lease = taken()
+    lease.hear(2 * S)
+    lease.hear(1 * S)
+    assert lease.status(0, 2 * S).lapses_ms == 3_000
+
+
+def test_a_lease_that_nobody_holds_has_no_time_and_no_name() -> None:
+    for lease in (Lease(), taken()):
+        lease.receive(ask(LeaseAction.RELEASE), ADA, 1 * S)
+        status = lease.status(7, 1 * S)
+        assert (status.time_ns, status.held, status.lapses_ms) == (7, 0, 0)
+        assert (status.holder, status.name) == ("", "")
+        assert lease.holder is None
+        assert not lease.is_holder(ADA)
+        assert not lease.is_holder("")
+
+
+def test_giving_it_back_is_told_to_all() -> None:
+    lease = taken()
+    lease.due(0)
+    lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
+    assert lease.due(0) == [(Severity.INFO, "Ada has given back the lease")]
+    lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
+    assert lease.due(0) == []
 
 
 def test_who_is_no_operator_cannot_hold_it() -> None:

@@ -161,7 +161,7 @@ def test_mutant_dies_by_a_failing_test_or_by_an_endless_loop(tmp_path: Path) -> 
 def test_nothing_is_tried_while_a_test_fails_anyway(tmp_path: Path) -> None:
     ended = tried(tmp_path, LAMP.replace("3", "9"))
     assert ended.returncode != 0
-    assert "Broken: the tests of lamp cannot be run" in ended.stderr
+    assert "lamp: its tests fail without a mutant: pytest test_lamp.py" in ended.stderr
 
 
 HALF = Identity("a.py", "f", "x < 1", "x <= 1")

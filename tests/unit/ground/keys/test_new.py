@@ -16,7 +16,7 @@ from ground.options import common_of
 from protocol.bus.certificate import own
 from protocol.network import Tls
 
-NAMES = ("router", "plant", "ground", "viewer", "robot-r1", "robot-r2")
+NAMES = ("router", "plant", "ground", "viewer", "recorder", "robot-r1", "robot-r2")
 
 
 @pytest.fixture
@@ -138,7 +138,7 @@ def test_a_host_of_a_robot_that_there_is_not_is_refused(
 
 
 def test_who_only_dials_cannot_pose_as_one_who_is_dialled(keys: Path) -> None:
-    for name in ("plant", "ground", "viewer"):
+    for name in ("plant", "ground", "viewer", "recorder"):
         extensions = certificate(keys / f"{name}.pem").extensions
         usage = extensions.get_extension_for_class(x509.ExtendedKeyUsage)
         assert list(usage.value) == [ExtendedKeyUsageOID.CLIENT_AUTH]
@@ -237,5 +237,5 @@ def test_with_json_it_says_what_there_is_now(
 ) -> None:
     assert main(["keys", "new", str(tmp_path / "keys"), "--days", "7", "--json"]) == 0
     told = capsys.readouterr().out
-    assert '"roles": ["router", "plant", "ground", "viewer", "robot-r1"]' in told
+    assert '"roles": ["router", "plant", "ground", "viewer", "recorder", "robot-r1"]' in told
     assert "PRIVATE" not in told

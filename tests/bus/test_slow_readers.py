@@ -1,0 +1,111 @@
+"""A reader that is slow is dropped from, and neither the loop nor another asker waits for it."""
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import pytest
+import zenoh
+from zenoh.handlers import Callback
+
+from benchmarks.flooding.relay import SlowRelay
+from protocol.bus import Bus, open_bus
+from protocol.bus.service import Asked
+from protocol.bus.session import configured
+from protocol.messages import Statustext
+from protocol.network import Network
+from protocol.topics import PARAMETERS, TEXT, Role
+from tests.bus.nets import until
+from tests.keyring import Keyring
+
+BYTES_PER_S = 20_000.0
+LIST = bytes(200_000)
+QUESTIONS = 40
+WAITS_S = 1.0
+"""Zenoh waits 5 s for a reader, one that does not wait takes some milliseconds."""
+
+
+@contextmanager
+def slow_viewer(robot: Bus, ring: Keyring) -> Iterator[zenoh.Session]:
+    """Only listens, behind locked doors, and reads 20 kB/s."""
+    with SlowRelay(robot.locator(), BYTES_PER_S) as relay:
+        network = Network(mode="client", connect=(relay.endpoint,), tls=ring.tls("viewer"))
+        with zenoh.open(configured(network, 2.0)) as session:
+            yield session
+
+
+@pytest.fixture
+def locked(tmp_path: Path) -> Iterator[tuple[Bus, zenoh.Session, Bus]]:
+    """A robot that listens, a slow viewer and the ground station."""
+    ring = Keyring(tmp_path / "ring")
+    listening = Network(listen=("tls/127.0.0.1:0",), tls=ring.tls("robot-r1"))
+    with ExitStack() as stack:
+        robot = stack.enter_context(open_bus(listening, Role.ROBOT, "r1"))
+        viewer = stack.enter_context(slow_viewer(robot, ring))
+        dialling = Network(mode="client", connect=(robot.locator(),), tls=ring.tls("ground"))
+        yield robot, viewer, stack.enter_context(open_bus(dialling, Role.GROUND, "r1"))
+
+
+def ignored() -> Any:
+    return Callback(lambda _: None, indirect=False)
+
+
+def ask(viewer: zenoh.Session, key: str) -> None:
+    """Ask for what is long, in the way that makes Zenoh wait, at a priority of our choice."""
+    for number in range(QUESTIONS):
+        viewer.get(
+            key,
+            ignored(),
+            timeout=10.0,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            priority=(zenoh.Priority.DATA, zenoh.Priority.REAL_TIME)[number % 2],
+            consolidation=zenoh.ConsolidationMode.NONE,
+            accept_replies=zenoh.ReplyKeyExpr.ANY,
+        )
+
+
+def worst_put_s(robot: Bus, times: int = 40) -> float:
+    """The longest time that one of some puts has taken, on a topic that the viewer hears."""
+    publisher, pause, worst_s = robot.publisher(TEXT), Event(), 0.0
+    for _ in range(times):
+        begun_s = time.monotonic()
+        publisher.put(Statustext(severity=6, text="as ever"))
+        worst_s = max(worst_s, time.monotonic() - begun_s)
+        pause.wait(0.005)
+    return worst_s
+
+
+def test_long_answers_that_are_hardly_read_delay_nobody(
+    locked: tuple[Bus, zenoh.Session, Bus],
+) -> None:
+    robot, viewer, ground = locked
+    asked: list[Asked] = []
+
+    def answer(question: Asked) -> None:
+        asked.append(question)
+        question.reply(LIST if len(asked) <= QUESTIONS else b"{}")
+
+    robot.serve(PARAMETERS, answer)
+    viewer.declare_subscriber(robot.key("**"), ignored())
+    ask(viewer, robot.key(PARAMETERS.path))
+    until(lambda: len(asked) >= QUESTIONS)
+    assert worst_put_s(robot) < WAITS_S
+    begun_s = time.monotonic()
+    assert ground.ask(PARAMETERS, timeout_s=10.0) == b"{}"
+    assert time.monotonic() - begun_s < 2 * WAITS_S
+
+
+def test_histories_that_are_hardly_read_delay_nobody(
+    locked: tuple[Bus, zenoh.Session, Bus],
+) -> None:
+    robot, viewer, _ = locked
+    viewer.declare_subscriber(robot.key("**"), ignored())
+    publisher = robot.publisher(TEXT)
+    for _ in range(TEXT.history):
+        publisher.put(Statustext(severity=6, text="x" * 50))
+    for _ in range(5):
+        ask(viewer, f"{robot.key(TEXT.path)}/@adv/**?_max=512")
+        assert worst_put_s(robot) < WAITS_S

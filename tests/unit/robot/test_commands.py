@@ -1,0 +1,288 @@
+"""Commands: acted upon once, bound to who asked and what, and answered in full."""
+
+from math import nan
+
+import pytest
+
+from protocol.enums import AckResult, Command, GoalState, MissionState, Mode, Navigator
+from protocol.messages import CommandAck, CommandRequest, GoalRequest
+from protocol.reasons import Reason
+from robot.commands import (
+    MAX_ANSWERS,
+    MAX_OPERATORS,
+    Answered,
+    Commands,
+    acknowledge,
+    is_stop,
+    result_of,
+)
+from robot.core import states
+from robot.core.parameters import DEFAULTS
+from robot.core.state import State
+from robot.mission.mission import Mission
+from tests.unit.robot.mission.items import line
+from tests.unit.robot.vehicles import goal
+
+ADA, BOB = "ada/1", "bob/2"
+
+
+class Robot:
+    """Commands of an armed robot with senses, its state and its mission, without a bus."""
+
+    def __init__(self) -> None:
+        self.state = State(DEFAULTS)
+        self.machine = self.state.machine
+        self.machine.vehicle, self.machine.senses = states.ACTIVE, True
+        self.mission = Mission(self.machine)
+        self.commands = Commands(self.state, self.mission)
+
+    def ask(self, request: CommandRequest | GoalRequest, operator: str = ADA) -> int:
+        return self.commands.receive(request, 0, operator).result_param2
+
+    def on_a_mission(self) -> "Robot":
+        assert self.mission.put(tuple(line(2))) == (None, Reason.NONE)
+        assert self.ask(command(Command.MISSION_START, 0.0, request_id=1000)) == Reason.NONE
+        return self
+
+
+def command(
+    number: int, param1: float = 0.0, param2: float = 0.0, request_id: int = 1
+) -> CommandRequest:
+    return CommandRequest(request_id=request_id, command=number, param1=param1, param2=param2)
+
+
+def hold(request_id: int) -> CommandRequest:
+    return command(Command.DO_PAUSE_CONTINUE, 0.0, request_id=request_id)
+
+
+STOP = command(Command.DO_FLIGHTTERMINATION, 1.0, request_id=7)
+CLEAR = command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP, request_id=8)
+
+
+# Each request once, and only for who asked.
+
+
+def test_a_new_robot_has_no_goal_and_no_stop_to_name() -> None:
+    robot = Robot()
+    assert (robot.commands.goal_id, robot.commands.stop_id) == (0, 0)
+
+
+def test_a_repeated_request_has_its_answer_again_and_no_effect() -> None:
+    robot = Robot()
+    assert robot.ask(hold(5)) == Reason.NONE
+    robot.machine.mode = states.AUTO
+    assert robot.commands.receive(hold(5), 0, ADA).result == AckResult.ACCEPTED
+    assert robot.machine.mode == states.AUTO
+
+
+def test_another_request_under_a_known_id_is_refused() -> None:
+    robot = Robot()
+    robot.ask(hold(5))
+    for other in (
+        command(Command.COMPONENT_ARM_DISARM, 0.0, request_id=5),
+        command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=5),
+        goal(5, 1.0, 0.0),
+    ):
+        assert robot.ask(other) == Reason.ID_REUSED
+    assert robot.machine.vehicle == states.ACTIVE
+    assert robot.machine.goal is None
+    assert robot.ask(hold(5)) == Reason.NONE, "the first keeps the id"
+
+
+def test_a_request_with_nan_is_the_same_when_it_is_repeated() -> None:
+    robot = Robot()
+    for _ in range(2):
+        assert robot.ask(command(Command.DO_PAUSE_CONTINUE, 0.0, nan)) == Reason.NONE
+
+
+def test_operators_have_ids_of_their_own() -> None:
+    robot = Robot()
+    robot.ask(hold(5), ADA)
+    assert robot.ask(goal(5, 1.0, 0.0), BOB) == Reason.NONE
+    assert robot.machine.goal_state == GoalState.ACCEPTED
+
+
+def test_who_has_no_name_is_one_operator() -> None:
+    robot = Robot()
+    robot.ask(hold(5), "")
+    answer = robot.commands.receive(goal(5, 1.0, 0.0), 0)
+    assert answer.result_param2 == Reason.ID_REUSED
+
+
+# The emergency stop.
+
+
+def test_a_stop_under_a_known_id_stops() -> None:
+    robot = Robot()
+    robot.ask(hold(STOP.request_id))
+    answer = robot.commands.receive(STOP, 0, ADA)
+    assert (answer.command, answer.result_param2) == (Command.DO_FLIGHTTERMINATION, Reason.NONE)
+    assert robot.machine.vehicle == states.EMERGENCY_STOP
+
+
+def test_a_repeated_stop_stops_again_and_is_named() -> None:
+    robot = Robot()
+    for request_id in (7, 7, 9):
+        stop = command(Command.DO_FLIGHTTERMINATION, 1.0, request_id=request_id)
+        robot.machine.vehicle = states.ACTIVE
+        assert robot.ask(stop) == Reason.NONE
+        assert robot.machine.vehicle == states.EMERGENCY_STOP
+        assert robot.commands.stop_id == request_id
+
+
+def test_a_stop_takes_no_place_among_the_answers() -> None:
+    robot = Robot()
+    robot.ask(STOP)
+    assert robot.ask(hold(STOP.request_id)) == Reason.NONE
+
+
+def test_only_an_emergency_stop_is_one() -> None:
+    assert is_stop(STOP)
+    assert not is_stop(CLEAR)
+    assert not is_stop(goal(Command.DO_FLIGHTTERMINATION, 0.0, 0.0))
+    assert not is_stop(None)
+
+
+# What is remembered is bounded.
+
+
+def found(answered: Answered, operator: str, request_id: int) -> bool:
+    return answered.find(operator, hold(request_id)) is not None
+
+
+def keep(answered: Answered, operator: str, request_id: int) -> None:
+    answered.keep(operator, hold(request_id), acknowledge(hold(request_id), Reason.NONE))
+
+
+def test_the_newest_32_answers_of_an_operator_are_kept() -> None:
+    assert MAX_ANSWERS == 32
+    answered = Answered()
+    for request_id in range(100):
+        keep(answered, ADA, request_id)
+    assert [request_id for request_id in range(100) if found(answered, ADA, request_id)] == (
+        list(range(68, 100))
+    )
+
+
+def test_answers_of_the_64_operators_that_have_asked_last_are_kept() -> None:
+    assert MAX_OPERATORS == 64
+    answered = Answered()
+    for number in range(64):
+        keep(answered, f"op/{number}", 1)
+    keep(answered, "op/0", 2)
+    for number in range(100, 110):
+        keep(answered, f"op/{number}", 1)
+    kept = {number for number in range(110) if found(answered, f"op/{number}", 1)}
+    assert kept == {0, *range(11, 64), *range(100, 110)}
+
+
+def test_a_flood_of_one_operator_forgets_nothing_of_another() -> None:
+    answered = Answered()
+    keep(answered, ADA, 1)
+    for request_id in range(1000):
+        keep(answered, BOB, request_id)
+    assert found(answered, ADA, 1)
+
+
+# Answers.
+
+
+def test_an_answer_names_command_result_and_reason() -> None:
+    assert acknowledge(hold(1), Reason.NOT_ARMED) == CommandAck(
+        command=Command.DO_PAUSE_CONTINUE,
+        result=AckResult.DENIED,
+        progress=0,
+        result_param2=Reason.NOT_ARMED,
+        target_system=0,
+        target_component=0,
+    )
+
+
+def test_a_goal_is_acknowledged_as_do_reposition() -> None:
+    assert acknowledge(goal(1, 0.0, 0.0), Reason.NONE).command == Command.DO_REPOSITION
+
+
+@pytest.mark.parametrize("reason", Reason)
+def test_a_result_follows_from_its_reason(reason: Reason) -> None:
+    results = {
+        Reason.NONE: AckResult.ACCEPTED,
+        Reason.UNKNOWN_COMMAND: AckResult.UNSUPPORTED,
+    }
+    assert result_of(reason) == results.get(reason, AckResult.DENIED)
+
+
+# Which request led to the goal there is.
+
+
+def test_a_goal_is_named_by_the_request_that_led_to_it() -> None:
+    robot = Robot()
+    robot.ask(goal(21, 1.0, 0.0))
+    assert robot.commands.goal_id == 21
+    robot.ask(hold(22))
+    robot.ask(goal(23, 1e6, 0.0))
+    assert robot.commands.goal_id == 21, "no new goal"
+    robot.on_a_mission()
+    assert robot.commands.goal_id == 1000
+
+
+# Each command does what it is for.
+
+
+@pytest.mark.parametrize(
+    ("arm", "vehicle"), [(0.0, states.STANDBY), (1.0, states.ACTIVE), (2.0, states.ACTIVE)]
+)
+def test_arming_and_disarming_are_one_command(arm: float, vehicle: int) -> None:
+    for before in (states.STANDBY, states.ACTIVE):
+        robot = Robot()
+        robot.machine.vehicle = before
+        assert robot.ask(command(Command.COMPONENT_ARM_DISARM, arm)) == Reason.NONE
+        assert robot.machine.vehicle == vehicle
+
+
+def test_continue_resumes_the_goal_that_pause_has_held() -> None:
+    robot = Robot()
+    robot.ask(goal(1, 1.0, 0.0))
+    robot.ask(command(Command.DO_PAUSE_CONTINUE, 0.0, request_id=2))
+    assert robot.machine.mode == states.HOLD
+    assert robot.ask(command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=3)) == Reason.NONE
+    assert robot.machine.mode == states.AUTO
+
+
+def test_continue_without_goal_and_mission_is_refused() -> None:
+    assert Robot().ask(command(Command.DO_PAUSE_CONTINUE, 1.0)) == Reason.NO_GOAL
+
+
+def test_continue_resumes_a_mission_between_its_goals() -> None:
+    robot = Robot().on_a_mission()
+    robot.mission.state = MissionState.PAUSED
+    robot.machine.mode, robot.machine.resume_mode = states.HOLD, states.AUTO
+    robot.machine.goal_state = states.REACHED
+    assert robot.ask(command(Command.DO_PAUSE_CONTINUE, 1.0)) == Reason.NONE
+    assert robot.machine.mode == states.AUTO
+
+
+def test_abort_ends_the_mission_or_else_the_goal() -> None:
+    on_a_mission = Robot().on_a_mission()
+    assert on_a_mission.ask(command(Command.SIDESTEP_ABORT_GOAL)) == Reason.NONE
+    assert not on_a_mission.mission.active
+    robot = Robot()
+    assert robot.ask(command(Command.SIDESTEP_ABORT_GOAL)) == Reason.NO_GOAL
+    robot.ask(goal(2, 1.0, 0.0))
+    assert robot.ask(command(Command.SIDESTEP_ABORT_GOAL, request_id=3)) == Reason.NONE
+    assert robot.machine.goal_state == GoalState.ABORTED
+
+
+@pytest.mark.parametrize(
+    ("asked", "side"), [(0, states.RIGHT), (states.LEFT, states.LEFT), (states.RIGHT, states.RIGHT)]
+)
+def test_a_navigator_without_a_side_keeps_the_side_there_is(asked: int, side: int) -> None:
+    robot = Robot()
+    robot.machine.side = states.RIGHT
+    assert robot.ask(command(Command.SIDESTEP_SET_NAVIGATOR, Navigator.BUG2, asked)) == Reason.NONE
+    assert (robot.machine.navigator, robot.machine.side) == (Navigator.BUG2, side)
+
+
+def test_a_mode_is_set_by_the_second_field_as_in_mavlink() -> None:
+    robot = Robot()
+    assert robot.ask(command(Command.DO_SET_MODE, 1.0, Mode.AUTO)) == Reason.NONE
+    assert robot.machine.mode == states.AUTO
