@@ -1,0 +1,200 @@
+"""A robot's clock as a ground process estimates it: never later than the robot's own time."""
+
+import threading
+from collections.abc import Mapping
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.bus.robot_clock import SAMPLES, RobotClock, RobotClocks, time_bytes, time_in
+
+MS = 1_000_000
+LIMIT_S = 10.0
+
+
+@pytest.mark.parametrize("time_ns", [0, 1, -1, 2**63 - 1, -(2**63)])
+def test_a_time_comes_through_as_eight_bytes(time_ns: int) -> None:
+    assert len(time_bytes(time_ns)) == 8
+    assert time_in(time_bytes(time_ns)) == time_ns
+
+
+def test_a_time_is_little_endian_on_every_machine() -> None:
+    assert time_bytes(258) == b"\x02\x01\0\0\0\0\0\0"
+
+
+@pytest.mark.parametrize("size", [0, 7, 9, 1000])
+def test_an_attachment_of_another_size_carries_no_time(size: int) -> None:
+    assert time_in(b"\0" * size) is None
+
+
+def test_an_unknown_clock_has_no_time() -> None:
+    assert RobotClock().time_ns(5) is None
+
+
+def test_one_measurement_tells_the_time_but_for_the_way_back() -> None:
+    clock = RobotClock()
+    clock.observe(asked_ns=100, robot_ns=5_000, answered_ns=140)
+    assert clock.time_ns(140) == 5_000
+    assert clock.time_ns(1_140) == 6_000
+
+
+ways = st.tuples(st.integers(0, 500 * MS), st.integers(0, 500 * MS))
+
+
+@given(st.integers(-(10**15), 10**15), st.lists(ways, min_size=1, max_size=30))
+def test_an_estimate_is_never_late_and_as_near_as_the_best_way_back(
+    ahead_ns: int, measured: list[tuple[int, int]]
+) -> None:
+    clock, now_ns = RobotClock(), 0
+    for there_ns, back_ns in measured:
+        asked_ns, now_ns = now_ns, now_ns + there_ns + back_ns
+        clock.observe(asked_ns, asked_ns + there_ns + ahead_ns, now_ns)
+    best_ns = min(back_ns for _, back_ns in measured[-SAMPLES:])
+    assert clock.time_ns(now_ns) == now_ns + ahead_ns - best_ns
+
+
+def test_the_newest_eight_measurements_count() -> None:
+    clock = RobotClock()
+    clock.observe(0, 1_000, 1)
+    for _ in range(7):
+        clock.observe(0, 1_000, 50)
+    assert clock.time_ns(0) == 999
+    clock.observe(0, 1_000, 50)
+    assert clock.time_ns(0) == 950
+
+
+def test_a_clock_that_has_gone_back_is_measured_afresh() -> None:
+    clock = RobotClock()
+    clock.observe(asked_ns=0, robot_ns=10**12, answered_ns=10)
+    clock.observe(asked_ns=20, robot_ns=500, answered_ns=30)
+    assert clock.time_ns(30) == 500
+
+
+def test_a_measurement_that_fits_the_earlier_ones_keeps_them() -> None:
+    clock = RobotClock()
+    clock.observe(asked_ns=0, robot_ns=1_010, answered_ns=10)
+    clock.observe(asked_ns=100, robot_ns=1_100, answered_ns=900)
+    assert clock.time_ns(0) == 1_000, "the robot's clock may be just that far ahead"
+    clock.observe(asked_ns=100, robot_ns=1_099, answered_ns=900)
+    assert clock.time_ns(0) == 199, "it cannot: it was read 999 after the question at most"
+
+
+def test_a_clock_that_was_contradicted_is_forgotten() -> None:
+    clock = RobotClock()
+    clock.observe(0, 1_000, 1)
+    clock.forget()
+    assert clock.time_ns(5) is None
+
+
+# All robots of a process, measured in a thread.
+
+
+class Pauses(threading.Event):
+    """Waits until it is set, however short a pause was asked for.
+
+    `asked` tells how long each was to be, and which robots had been measured before it.
+    """
+
+    def __init__(self, measured: Mapping[str, int]) -> None:
+        super().__init__()
+        self.asked: list[tuple[float | None, tuple[str, ...]]] = []
+        self._measured = measured
+        self._changed = threading.Condition()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        with self._changed:
+            self.asked.append((timeout, tuple(self._measured)))
+            self._changed.notify_all()
+        return super().wait(10 * LIMIT_S)
+
+    def wait_for(self, robot: str) -> float | None:
+        """Return the first pause that was asked for after this robot had been measured."""
+
+        def after() -> list[float | None]:
+            return [pause_s for pause_s, measured in self.asked if robot in measured]
+
+        with self._changed:
+            assert self._changed.wait_for(after, LIMIT_S)
+            return after()[0]
+
+
+class Measured:
+    """Clocks that are measured without a network: each robot is 1 s ahead, unless it is silent."""
+
+    def __init__(self, *silent: str) -> None:
+        self.times: dict[str, int] = {}
+        self.clocks = RobotClocks(lambda: 7, self._measure)
+        self._pauses = self.clocks._wake = Pauses(self.times)
+        self._silent = silent
+        self._before = set(threading.enumerate())
+
+    @property
+    def threads(self) -> list[threading.Thread]:
+        return list(set(threading.enumerate()) - self._before)
+
+    def _measure(self, robot: str) -> bool:
+        self.times[robot] = self.times.get(robot, 0) + 1
+        if robot in self._silent:
+            return False
+        self.clocks.of(robot).observe(0, 1_000_000_000, 0)
+        return True
+
+    def follow(self, robot: str) -> float | None:
+        """Follow a robot until it was measured; return the pause after that."""
+        self.clocks.follow(robot)
+        return self._pauses.wait_for(robot)
+
+
+def test_a_robot_that_is_not_followed_has_no_time() -> None:
+    measured = Measured()
+    assert measured.clocks.time_ns("r1") is None
+    assert measured.threads == []
+
+
+def test_after_the_end_no_robot_is_measured() -> None:
+    measured = Measured()
+    measured.clocks.close()
+    measured.clocks.follow("r1")
+    assert (measured.times, measured.threads) == ({}, [])
+
+
+def test_a_robot_is_measured_as_soon_as_it_is_followed() -> None:
+    measured = Measured()
+    measured.follow("r1")
+    assert measured.clocks.time_ns("r1") == 1_000_000_007
+    measured.follow("r2")
+    assert measured.clocks.time_ns("r2") == 1_000_000_007
+    assert measured.clocks.time_ns("r3") is None
+    assert measured.clocks.of("r1") is measured.clocks.of("r1")
+    assert [(thread.name, thread.daemon) for thread in measured.threads] == [("robot clocks", True)]
+    measured.clocks.close()
+    assert measured.threads == []
+
+
+def test_robots_are_measured_every_other_second() -> None:
+    measured = Measured()
+    assert measured.follow("r1") == 2.0
+    measured.clocks.close()
+
+
+def test_a_robot_that_does_not_answer_is_asked_again_soon() -> None:
+    measured = Measured("r2")
+    measured.follow("r1")
+    assert measured.follow("r2") == 0.1
+    measured.clocks.close()
+    assert measured.clocks.time_ns("r2") is None
+
+
+def test_the_end_does_not_wait_for_the_end_of_a_pause() -> None:
+    before, measured = set(threading.enumerate()), threading.Event()
+
+    def measure(_: str) -> bool:
+        measured.set()
+        return True
+
+    clocks = RobotClocks(lambda: 7, measure)
+    clocks.follow("r1")
+    assert measured.wait(LIMIT_S)
+    clocks.close()
+    assert set(threading.enumerate()) <= before

@@ -1,0 +1,100 @@
+"""Which frames come too late: more than 200 ms over what is usual for their sender."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.delays import MAX_SENDERS, Delays
+from tests.unit.robot.vehicles import MS
+
+S = 1_000 * MS
+ADA, BOB = "ada/1", "bob/2"
+
+
+def late(delays: Delays, delay_ms: float, at_ns: int, sender: str = ADA) -> bool:
+    """Whether a frame that was so long under way is late when it arrives then."""
+    return delays.is_late(sender, at_ns - round(delay_ms * MS), at_ns)
+
+
+def used_to(delay_ms: float, sender: str = ADA) -> Delays:
+    """A sender whose frames took so long at second 0."""
+    delays = Delays()
+    assert not late(delays, delay_ms, 0, sender)
+    return delays
+
+
+@pytest.mark.parametrize("delay_ms", [-5_000.0, 0.0, 3_000.0])
+def test_the_first_frame_tells_what_is_usual_and_is_not_late(delay_ms: float) -> None:
+    """Clocks may differ: what is usual may be anything, even less than nothing."""
+    delays = used_to(delay_ms)
+    assert not late(delays, delay_ms + 200.0, 1 * S)
+    assert late(delays, delay_ms + 200.000_001, 1 * S)
+
+
+def test_a_quicker_frame_is_the_measure_from_then_on() -> None:
+    delays = used_to(300.0)
+    assert not late(delays, 50.0, 1 * S)
+    assert late(delays, 300.0, 2 * S)
+
+
+def test_a_late_frame_changes_nothing_for_the_next() -> None:
+    delays = used_to(50.0)
+    for second in (1, 2, 3):
+        assert late(delays, 900.0, second * S)
+    assert not late(delays, 250.0, 4 * S)
+
+
+def test_a_way_that_has_become_longer_is_usual_after_two_spans_of_five_seconds() -> None:
+    delays = used_to(50.0)
+    for at_ms in range(100, 10_000, 100):
+        assert late(delays, 300.0, at_ms * MS), at_ms
+    assert not late(delays, 300.0, 10_000 * MS)
+    assert not late(delays, 500.0, 10_100 * MS)
+    assert late(delays, 500.001, 10_200 * MS)
+
+
+def test_a_span_lasts_five_seconds_to_the_nanosecond() -> None:
+    delays = used_to(50.0)
+    assert late(delays, 300.0, 5 * S - 1)
+    assert late(delays, 300.0, 5 * S)
+    assert late(delays, 300.0, 10 * S - 1)
+    assert not late(delays, 300.0, 10 * S)
+
+
+def test_the_quickest_of_the_span_before_still_counts() -> None:
+    delays = used_to(300.0)
+    assert not late(delays, 50.0, 4 * S)
+    assert late(delays, 300.0, 5 * S)
+    assert late(delays, 300.0, 9 * S)
+
+
+def test_senders_have_delays_of_their_own() -> None:
+    delays = used_to(50.0)
+    assert not late(delays, 2_000.0, 1 * S, BOB)
+    assert not late(delays, 2_200.0, 1 * S, BOB)
+    assert late(delays, 300.0, 1 * S, ADA)
+
+
+def test_the_sixteen_senders_heard_last_are_remembered() -> None:
+    assert MAX_SENDERS == 16
+    delays = used_to(0.0)
+    for number in range(15):
+        late(delays, 0.0, 0, f"op/{number}")
+    assert late(delays, 300.0, 1, ADA), "heard again, and so the last of all"
+    for number in range(15, 30):
+        late(delays, 0.0, 1, f"op/{number}")
+    assert late(delays, 300.0, 2, ADA)
+    for number in range(30, 46):
+        late(delays, 0.0, 3, f"op/{number}")
+    assert not late(delays, 300.0, 4, ADA), "forgotten, so this is its first"
+
+
+@given(st.lists(st.integers(0, 190), min_size=1, max_size=50), st.integers(-(10**6), 10**6))
+def test_jitter_of_less_than_200_ms_makes_no_frame_late(
+    jitters_ms: list[int], offset_ms: int
+) -> None:
+    delays = Delays()
+    assert not any(
+        late(delays, offset_ms + jitter_ms, at * 300 * MS)
+        for at, jitter_ms in enumerate(jitters_ms)
+    )

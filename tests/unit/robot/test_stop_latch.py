@@ -1,0 +1,153 @@
+"""The latch of the emergency stop: whatever arrives sets it, and nothing fills or blocks it."""
+
+import threading
+import weakref
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.codec import Encoder
+from protocol.enums import Command
+from protocol.message import Message
+from protocol.messages import CommandRequest, MissionRequestList
+from robot.stop_latch import StopLatch, emergency_stop
+from tests.unit.robot.vehicles import goal
+
+ADA, BOB, STRANGER = "ada/1", "bob/2", ""
+
+
+def frame(message: Message) -> bytes:
+    return Encoder(1, 1).encode(message)
+
+
+def stop(request_id: int) -> bytes:
+    return frame(emergency_stop(request_id))
+
+
+def latch(holder: str = ADA) -> StopLatch:
+    """A latch of a robot whose lease an operator holds."""
+    return StopLatch(lambda operator: operator == holder)
+
+
+def test_nothing_is_taken_before_somebody_presses() -> None:
+    assert latch().take() is None
+
+
+@pytest.mark.parametrize("operator", [ADA, BOB, STRANGER])
+def test_anybody_stops_and_the_latch_is_reset_by_taking_it(operator: str) -> None:
+    pressed = latch()
+    pressed.press(operator, stop(17))
+    taken = pressed.take()
+    assert taken == CommandRequest(
+        request_id=17, param1=1.0, param2=0.0, command=Command.DO_FLIGHTTERMINATION
+    )
+    assert pressed.take() is None
+
+
+@pytest.mark.parametrize("operator", [ADA, BOB])
+def test_the_newest_of_several_stops_is_named(operator: str) -> None:
+    pressed = latch()
+    for request_id in (1, 2, 3):
+        pressed.press(operator, stop(request_id))
+    taken = pressed.take()
+    assert taken is not None
+    assert taken.request_id == 3
+    assert pressed.take() is None, "one stop is enough"
+
+
+@pytest.mark.parametrize("other", [BOB, STRANGER])
+def test_a_flood_of_others_does_not_hide_the_holders_stop(other: str) -> None:
+    pressed = latch()
+    pressed.press(ADA, stop(7))
+    for request_id in range(100, 1100):
+        pressed.press(other, stop(request_id))
+    taken = pressed.take()
+    assert taken is not None
+    assert taken.request_id == 7
+    assert pressed.take() is None, "those of the others are done with it"
+
+
+def test_who_has_no_name_holds_no_lease() -> None:
+    pressed = StopLatch(lambda _: True)
+    pressed.press(ADA, stop(1))
+    pressed.press(STRANGER, stop(2))
+    taken = pressed.take()
+    assert taken is not None
+    assert taken.request_id == 1
+
+
+class Name(str):
+    """A name that tells when nobody keeps it any more."""
+
+
+@pytest.mark.parametrize("holder", [True, False])
+def test_the_newest_eight_frames_are_kept(holder: bool) -> None:
+    pressed = StopLatch(lambda _: holder)
+    name = Name("ada/1")
+    kept = weakref.ref(name)
+    pressed.press(name, stop(0))
+    del name
+    for request_id in range(1, 8):
+        pressed.press(ADA, stop(request_id))
+    assert kept() is not None
+    pressed.press(ADA, stop(8))
+    assert kept() is None
+
+
+@pytest.mark.parametrize(
+    ("content", "request_id"),
+    [
+        (b"", 0),
+        (b"garbage", 0),
+        (frame(MissionRequestList()), 0),
+        (frame(goal(5, 1.0, 0.0)), 0),
+        (frame(CommandRequest(request_id=6, command=400, param1=1.0, param2=0.0)), 6),
+    ],
+    ids=["nothing", "garbage", "a look", "a goal", "another command"],
+)
+def test_whatever_comes_on_the_way_of_the_stop_is_a_stop(content: bytes, request_id: int) -> None:
+    pressed = latch()
+    pressed.press(ADA, content)
+    assert pressed.take() == emergency_stop(request_id)
+
+
+presses = st.tuples(st.sampled_from([ADA, BOB, STRANGER]), st.binary(max_size=40))
+
+
+@given(st.lists(st.one_of(st.none(), presses), max_size=60))
+def test_a_stop_is_taken_exactly_if_one_came_since_the_last(
+    events: list[tuple[str, bytes] | None],
+) -> None:
+    """None takes; all else presses."""
+    pressed, waiting = latch(), False
+    for event in [*events, None]:
+        if event is None:
+            assert (pressed.take() is not None) == waiting
+            waiting = False
+        else:
+            pressed.press(*event)
+            waiting = True
+
+
+def test_no_stop_is_lost_between_threads() -> None:
+    pressed = latch()
+    last = stop(10**6)
+
+    def press() -> None:
+        for request_id in range(1, 2_000):
+            pressed.press(ADA, stop(request_id))
+        pressed.press(ADA, last)
+
+    thread = threading.Thread(target=press)
+    thread.start()
+    newest = 0
+    while newest != 10**6:
+        alive = thread.is_alive()
+        taken = pressed.take()
+        assert taken is not None or alive
+        if taken is not None:
+            assert taken.request_id > newest
+            newest = taken.request_id
+    thread.join()
+    assert pressed.take() is None
