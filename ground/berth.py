@@ -23,6 +23,7 @@ from protocol.network import MOST_ROBOTS
 from protocol.options import whole
 from protocol.wire_goal import start_words
 
+KEY: Final = ".key"
 NAME: Final = "{id}"
 """Stands for the robot's name in file names and in the verb's words."""
 
@@ -119,9 +120,45 @@ def addresses(name: str) -> frozenset[str]:
 
 
 def config_of(files: Sequence[str], place: Place) -> str:
-    """The first that is there; the last one otherwise, so that its reader says that it is not."""
-    named = [file.replace(NAME, place.robot) for file in files]
-    return next((file for file in named if Path(file).exists()), named[-1])
+    """The first that is there; the last one otherwise, so that its reader says that it is not.
+
+    UserError where keys are meant to be used and cannot be: the next file may be one without.
+    """
+    named = [Path(file.replace(NAME, place.robot)) for file in files]
+    for file in named[:-1]:
+        if is_there(file):
+            return str(file)
+        refuse_keys_of_others(file)
+    return str(named[-1])
+
+
+def is_there(file: Path) -> bool:
+    """Whether there is such a file; UserError when that cannot be found out."""
+    try:
+        file.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError as error:
+        raise UserError(
+            f"berth: {file}: {error.strerror}: without its keys this process does not start; "
+            "let its user read that folder"
+        ) from error
+    return True
+
+
+def refuse_keys_of_others(file: Path) -> None:
+    """Raise UserError when the folder of a missing file holds keys: our own are not among them."""
+    try:
+        keys = sorted(path.name for path in file.parent.iterdir() if path.suffix == KEY)
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except OSError as error:
+        raise UserError(f"berth: {file.parent}: {error.strerror}: let its user read it") from error
+    if keys:
+        raise UserError(
+            f"berth: {file.parent} holds {keys[0]} and no {file.name}: this process does "
+            "not start without keys of its own; give it these, or take the others away"
+        )
 
 
 def takes_config(verb: str) -> bool:

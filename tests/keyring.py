@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from ground.keys.authority import Authority
-from ground.keys.folder import CA, dialled_at
+from ground.keys.folder import CA, SECRET_MODE, dialled_at
 from protocol.network import Tls
 
 NOW = datetime.now(UTC)
@@ -31,6 +31,7 @@ class Keyring:
             hosts: Sequence[str] = dialled_at(name) if dialled else ()
             pair = self._authority.certify(name, hosts, (since, until))
             (self._folder / f"{label}.pem").write_bytes(pair.certificate)
+            (self._folder / f"{label}.key").touch(SECRET_MODE)
             (self._folder / f"{label}.key").write_bytes(pair.key)
         return Tls(
             ca=str(self._folder / CA),

@@ -12,10 +12,10 @@ from cryptography.x509.oid import NameOID
 
 from ground.keys.folder import CA
 from protocol.bus.access import grant_of
+from protocol.bus.certificate import OPEN_TO_OTHERS
 from protocol.errors import UserError
 
 SOON: Final = timedelta(days=30)
-OPEN_TO_OTHERS: Final = 0o077
 
 
 class Checked(NamedTuple):

@@ -16,6 +16,9 @@ WHENEVER: Final = 0x200000
 
 NOT_YET_VALID: Final = 9
 EXPIRED: Final = 10
+OPEN_TO_OTHERS: Final = 0o077
+"""Permissions of a key that nobody but its owner may have."""
+
 CN: Final = "commonName"
 NO_PASSWORD: Final = ""
 """Said at once where a key has one: OpenSSL would ask at the terminal."""
@@ -67,6 +70,11 @@ def check_files(tls: Tls) -> None:
             raise BadKeys(
                 f"network.tls.{name}: {path}: {error.strerror}: check the path"
             ) from error
+    if Path(tls.key).stat().st_mode & OPEN_TO_OTHERS:
+        raise BadKeys(
+            f"network.tls.key: {tls.key} can be read by others, who may be this process with it: "
+            f"chmod 600 {tls.key}, and make a new set if somebody has read it"
+        )
     try:
         context(ssl.PROTOCOL_TLS_CLIENT, tls)
     except ssl.SSLError as error:

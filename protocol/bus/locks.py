@@ -55,6 +55,7 @@ def lock(network: Network) -> dict[str, object]:
         "transport/link/tls/listen_private_key": tls.key,
         "transport/link/tls/connect_certificate": tls.certificate,
         "transport/link/tls/connect_private_key": tls.key,
+        "transport/link/tls/close_link_on_expiration": True,
     }
     if network.listen:
         found["access_control"] = access_control(network)

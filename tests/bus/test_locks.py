@@ -2,6 +2,7 @@
 
 import json
 import socket
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from ground.cli import main
 from protocol.bus import locks, open_bus
 from protocol.bus.locks import NO_TLS
 from protocol.errors import BadKeys, NotLetIn, PeerHangs, UserError
-from protocol.network import Network, Tls
+from protocol.network import Hub, Network, Tls
 from protocol.topics import Role
 from tests.bus.nets import until
 from tests.keyring import Keyring
@@ -156,6 +157,27 @@ def test_a_file_that_is_not_there_is_named_by_its_key(ring: Keyring) -> None:
     tls = Tls(ca=good.ca, certificate=good.certificate, key="nowhere.key")
     with pytest.raises(UserError, match=r"network\.tls\.key: nowhere\.key: No such file"):
         open_bus(dialling("tls/127.0.0.1:1", tls), Role.GROUND, "r1")
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o620])
+def test_a_process_does_not_start_with_a_key_that_others_can_read(ring: Keyring, mode: int) -> None:
+    tls = ring.tls("ground")
+    Path(tls.key).chmod(mode)
+    with pytest.raises(BadKeys, match=r"ground\.key can be read by others.*chmod 600"):
+        open_bus(dialling("tls/127.0.0.1:1", tls), Role.GROUND, "r1")
+
+
+def test_a_link_ends_when_the_certificate_of_the_other_side_does(ring: Keyring) -> None:
+    """Who is linked before that must not stay for ever."""
+    until_s = datetime.now(UTC) + timedelta(seconds=2)
+    tls = ring.tls("ground", until=until_s, label="brief")
+    with (
+        open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot,
+        open_bus(dialling(robot.locator(), tls), Role.GROUND, "r1") as ground,
+    ):
+        assert ground.hub() is Hub.PEER
+        until(lambda: not list(ground._session.info.links()), 10.0)
+        assert datetime.now(UTC) >= until_s - timedelta(seconds=1)
 
 
 def config(folder: Path, tls: Tls | None, endpoint: str) -> str:

@@ -1,6 +1,7 @@
 """A verb in a container finds out which robot it has, where that stands, and its network."""
 
 import argparse
+import errno
 import os
 import socket
 from pathlib import Path
@@ -95,6 +96,37 @@ def test_the_first_file_that_is_there_is_the_network(tmp_path: Path) -> None:
     assert after(became(*both), "--config") == [str(bus)]
     (tmp_path / "robot-r2.toml").write_text("")
     assert after(became(*both), "--config") == [str(tmp_path / "robot-r2.toml")]
+
+
+def forbidding(monkeypatch: pytest.MonkeyPatch, call: str) -> None:
+    """As for a user who may not look into a folder; whoever runs the tests may be root."""
+
+    def refused(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(Path, call, refused)
+
+
+@pytest.mark.parametrize("call", ["stat", "iterdir"])
+def test_a_folder_of_keys_that_cannot_be_read_is_no_reason_to_go_without(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    keys, bus = tmp_path / "keys" / "bus.toml", tmp_path / "bus.toml"
+    bus.write_text("")
+    forbidding(monkeypatch, call)
+    with pytest.raises(UserError, match=r"keys.*: Permission denied"):
+        became("--config", str(keys), "--config", str(bus), "hold")
+
+
+def test_a_robot_without_its_own_keys_among_those_of_others_does_not_start(tmp_path: Path) -> None:
+    bus = tmp_path / "bus.toml"
+    bus.write_text("")
+    (tmp_path / "keys").mkdir()
+    both = ("--config", str(tmp_path / "keys" / "bus-{id}.toml"), "--config", str(bus))
+    assert after(became(*both, *SECOND, "hold"), "--config") == [str(bus)]
+    (tmp_path / "keys" / "robot-r1.key").write_text("")
+    with pytest.raises(UserError, match=r"holds robot-r1\.key and no bus-r2\.toml"):
+        became(*both, *SECOND, "hold")
 
 
 def test_where_no_file_is_there_the_verb_says_so(tmp_path: Path) -> None:
