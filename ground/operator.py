@@ -133,6 +133,11 @@ class Asking:
         self._why = why
 
 
+def is_saving(answer: object) -> bool:
+    """Return whether a robot says: in force and being saved. It is to be asked again."""
+    return isinstance(answer, CommandAck) and answer.result == AckResult.IN_PROGRESS
+
+
 def acknowledges(answer: CommandAck, request: Request) -> bool:
     """Return whether an answer is one to this request. A refusal may leave out the command."""
     if answer.command == command_of(request):

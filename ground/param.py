@@ -11,6 +11,7 @@ from typing import Final
 
 from ground import param_files
 from ground.link import Link, Unanswered
+from ground.operator import is_saving
 from ground.options import add_common
 from ground.param_rows import Row, rows_in
 from ground.says import Says
@@ -23,6 +24,9 @@ from protocol.topics import PARAMETER, PARAMETERS
 
 ATTEMPTS: Final = 3
 PATIENCE_S: Final = 0.5
+SAVING_NS: Final = 15_000_000_000
+"""Longer than a robot waits for its disk before it says that nothing is saved."""
+
 SAVED: Final[Mapping[bool | None, str]] = MappingProxyType(
     {
         True: "saved on the robot",
@@ -221,14 +225,22 @@ def change(link: Link, says: Says, name: str, value: float) -> int:
 
 
 def ask(link: Link, request: ParamSet | None) -> object:
-    """Setting the same value twice does no harm, so it is simply asked again."""
-    said = ""
-    for _ in range(ATTEMPTS):
+    """Setting the same value twice does no harm, so it is simply asked again.
+
+    Also while the robot says that it is saving the value, which a slow disk may take long for.
+    """
+    said, left = "", ATTEMPTS
+    until_ns = link.clock.now_ns() + SAVING_NS
+    while left and link.clock.now_ns() < until_ns:
         asked_ns = link.clock.now_ns()
         try:
             service = PARAMETERS if request is None else PARAMETER
-            return link.bus.ask(service, request, PATIENCE_S, robot=link.robot)
+            answer = link.bus.ask(service, request, PATIENCE_S, robot=link.robot)
         except RemoteError as error:
-            said = str(error)
+            said, left = str(error), left - 1
             link.clock.sleep_until(asked_ns + round(PATIENCE_S * 1e9))
+            continue
+        if not is_saving(answer):
+            return answer
+        said = "it is in force, and still being saved"
     raise Unanswered(f"{link.diagnosis()} ({said})")

@@ -6,16 +6,22 @@ from protocol.bus import Asked
 from protocol.bus.service import refusal
 from protocol.enums import AckResult, Severity
 from protocol.message import Message
+from protocol.messages import CommandAck
 from robot.core import reasons
 from robot.vehicle import Answer, Vehicle, not_saved, once_saved
-from robot.writer import Ticket
+from robot.writer import File, Ticket
 
 MAX_WITHHELD: Final = 64
+INTERIM_NS: Final = 300_000_000
+"""After this time the answer is IN_PROGRESS: in force, being saved, ask again."""
+
 SLOW_NS: Final = 3_000_000_000
-"""An answer that waits for longer is told: the disk may hang."""
+"""A write that takes longer is told: the disk may hang."""
 
 MAX_WAIT_NS: Final = 10_000_000_000
 """After this time the answer is that nothing has been saved so far."""
+
+SAVING: Final = CommandAck(command=0, result=AckResult.IN_PROGRESS, result_param2=reasons.OK)
 
 
 class Withheld(NamedTuple):
@@ -36,6 +42,8 @@ class SavedReplies:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._withheld: list[Withheld] = []
+        self._stalled: dict[File, tuple[int, int]] = {}
+        """Files that are being written: what had ended when, at the last progress."""
         self._told_slow = False
 
     def reply(self, asked: Asked, request: Message, answer: Answer, now_ns: int) -> None:
@@ -44,27 +52,37 @@ class SavedReplies:
         if ticket is None or not ticket.is_open:
             asked.reply(answer)
         elif len(self._withheld) < MAX_WITHHELD:
+            self._stalled.setdefault(ticket.file, (ticket.file.ended, now_ns))
             self._withheld.append(Withheld(asked, answer, ticket, now_ns))
         else:
             asked.reply(refusal(reasons.TOO_MANY_REQUESTS, result=AckResult.TEMPORARILY_REJECTED))
 
     def settle(self, now_ns: int) -> None:
-        """Send the answers whose files have been written meanwhile."""
+        """Send the answers whose files have been written meanwhile, or wait for too long."""
         self._vehicle.collect_saved()
+        self._watch(now_ns)
         withheld, self._withheld = self._withheld, []
         for one in withheld:
             if not one.ticket.is_open:
                 one.asked.reply(once_saved(one.answer, one.ticket))
-            elif now_ns - one.since_ns > MAX_WAIT_NS:
+            elif self._stalled_ns(one.ticket.file, now_ns) > MAX_WAIT_NS:
                 one.asked.reply(not_saved(one.answer))
+            elif now_ns - one.since_ns > INTERIM_NS:
+                one.asked.reply(SAVING)
             else:
                 self._withheld.append(one)
-        self._tell_slow(now_ns)
 
-    def _tell_slow(self, now_ns: int) -> None:
-        """Say once that a file is not being written."""
-        since_ns = min((one.since_ns for one in self._withheld), default=now_ns)
-        is_slow = now_ns - since_ns > SLOW_NS
+    def _watch(self, now_ns: int) -> None:
+        """Note which files get on, and say once that one does not."""
+        for file, (ended, _) in tuple(self._stalled.items()):
+            if not file.ticket.is_open:
+                del self._stalled[file]
+            elif file.ended != ended:
+                self._stalled[file] = file.ended, now_ns
+        is_slow = any(self._stalled_ns(file, now_ns) > SLOW_NS for file in self._stalled)
         if is_slow and not self._told_slow:
             self._vehicle.say(Severity.WARNING, "not saved for 3 s: the disk is slow, or it hangs")
         self._told_slow = is_slow
+
+    def _stalled_ns(self, file: File, now_ns: int) -> int:
+        return now_ns - self._stalled[file][1]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from ground.operator import GaveUp, Send
+from ground.operator import GaveUp, Send, is_saving
 from protocol.enums import MissionType
 from protocol.message import Message
 from protocol.messages import (
@@ -23,6 +23,9 @@ from protocol.reasons import Reason, reason_text
 MS: Final = 1_000_000
 ATTEMPTS: Final = 5
 PATIENCE_NS: Final = 500 * MS
+MAX_SAVING: Final = 60
+"""So often a robot may say that its disk is slow: longer than it waits for it."""
+
 NO_ITEM: Final = 65_535
 
 
@@ -66,6 +69,7 @@ class Transfer:
         self._question = first
         self._left = ATTEMPTS
         self._steps_left = most
+        self._saving_left = MAX_SAVING
         self._why = "no answer"
 
     @property
@@ -87,6 +91,11 @@ class Transfer:
     def receive(self, answer: object, now_ns: int) -> None:
         """Sets the next question, or the outcome."""
         if self.over:
+            return
+        if is_saving(answer) and self._saving_left:
+            self._saving_left -= 1
+            self._steps_left += 1
+            self._left, self.next_ns, self._why = ATTEMPTS, now_ns, "in force, still being saved"
             return
         if isinstance(answer, MissionVerdict) and answer.mission_type == self._kind:
             item = None if answer.item == NO_ITEM else answer.item + 1

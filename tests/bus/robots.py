@@ -68,6 +68,8 @@ class PlayedRobot:
         self.deaf = False
         """Whether it takes no notice of emergency stops."""
         self.saves: bool | None = True
+        self.saving = 0
+        """So many times it says of a parameter that it is being saved."""
         self.stale: NavigatorStatus | None = None
         """What it says for as long as this is there, whatever has happened since."""
         self._time_ns = 0
@@ -178,6 +180,10 @@ class PlayedRobot:
             asked.reply(CommandAck(command=0, result=AckResult.DENIED, result_param2=reason))
             return
         value = message.param_value
+        if self.saving:
+            self.saving -= 1
+            asked.reply(CommandAck(command=0, result=AckResult.IN_PROGRESS))
+            return
         asked.reply(
             ParamValue(
                 param_id="d_obs_m", param_value=value, param_type=9, param_count=2, param_index=0

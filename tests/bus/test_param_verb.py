@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from ground.param import ATTEMPTS
 from tests.bus.robots import PlayedRobot, Say
 
 
@@ -32,6 +33,12 @@ def test_whether_a_value_survives_a_restart_is_what_the_robot_says(
     assert json.loads(say("param", "set", "d_obs_m", "0.5", "--json")[1])["saved"] is saves
     code, out, _ = say("param", "save")
     assert (code, "d_obs_m" in out) == ((0, True) if saves else (1, False))
+
+
+def test_robot_on_a_slow_disk_is_asked_until_it_has_saved(robot: PlayedRobot, say: Say) -> None:
+    robot.saving = 2 * ATTEMPTS
+    assert say("param", "set", "d_obs_m", "0.5")[1] == "d_obs_m = 0.5, saved on the robot\n"
+    assert robot.saving == 0
 
 
 def test_a_parameter_nobody_knows_is_refused_with_a_reason(say: Say) -> None:

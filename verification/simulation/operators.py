@@ -16,7 +16,7 @@ from ground.link import Link
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict
 from ground.missions.wire import fence_items_of, items_of
-from ground.operator import BEAT_NS, Answered
+from ground.operator import BEAT_NS, Answered, is_saving
 from ground.options import Common
 from ground.orders import ORDERS
 from ground.teleop import Stick
@@ -229,12 +229,12 @@ class Operator:
         request = ParamSet(param_id=name, param_value=value, param_type=PARAM_TYPE_REAL32)
         asked = self._begin("param", request, name, value)
         answer: object = None
-        for _ in range(3):
+        left = 3
+        while left and (answer is None or is_saving(answer)):
             try:
                 answer = link.bus.ask(PARAMETER, request, 0.5, robot=link.robot)
             except RemoteError:
-                continue
-            break
+                answer, left = None, left - 1
         if answer is None:
             return self._end(asked, None)
         if isinstance(answer, ParamValue):

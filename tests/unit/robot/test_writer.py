@@ -22,7 +22,7 @@ from protocol.messages import (
 )
 from protocol.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.saved_replies import MAX_WITHHELD, SavedReplies
+from robot.saved_replies import MAX_WITHHELD, SAVING, SavedReplies
 from robot.store import Store
 from robot.writer import Directory, Done, Job, WriterThread
 from tests.stack.processes import until
@@ -163,19 +163,49 @@ def test_beyond_a_bound_requests_are_to_be_asked_again(robot: Robot) -> None:
     assert all(len(one.answers) == 1 for one in asked)
 
 
+def test_slow_disk_is_answered_as_in_progress(robot: Robot) -> None:
+    first = robot.ask(setting(0.45))
+    robot.settle(after_s=0.3)
+    assert first.answers == []
+    robot.settle(after_s=0.05)
+    assert first.answers == [SAVING]
+    again = robot.ask(setting(0.45))
+    robot.finish()
+    assert reason(again) == Reason.NONE
+    assert len(first.answers) == 1
+
+
+def asked_for(robot: Robot, seconds: float) -> list[Message | bytes]:
+    """The answers of an operator who asks again and again."""
+    answers: list[Message | bytes] = []
+    for _ in range(round(seconds / 0.4)):
+        asked = robot.ask(setting(0.45))
+        robot.settle(after_s=0.4)
+        answers += asked.answers
+    return answers
+
+
 def test_disk_that_hangs_is_told_once_and_answered_as_not_saved(robot: Robot) -> None:
-    asked = robot.ask(setting(0.45))
-    robot.settle(after_s=2.9)
+    assert asked_for(robot, 2.8) == [SAVING] * 7
     assert slow(robot) == []
-    for _ in range(5):
-        robot.settle(after_s=0.2)
+    assert set(asked_for(robot, 6.8)) == {SAVING}
     assert slow(robot) == ["not saved for 3 s: the disk is slow, or it hangs"]
-    assert asked.answers == []
-    robot.settle(after_s=7.0)
-    assert reason(asked) == Reason.NOT_SAVED
+    assert [reason_of(answer) for answer in asked_for(robot, 2.0)][1:] == [Reason.NOT_SAVED] * 4
     again = robot.ask(setting(0.45))
     robot.finish()
     assert reason(again) == Reason.NONE, "it has only been slow"
+    robot.ask(setting(0.5))
+    robot.settle(after_s=0.4)
+    assert slow(robot) == [], "a new write has its own time"
+
+
+def test_busy_disk_that_gets_on_is_not_taken_for_one_that_hangs(robot: Robot) -> None:
+    for number in range(20):
+        robot.ask(setting(0.2 + number / 100))
+        robot.ask(setting(0.21 + number / 100))
+        robot.settle(after_s=0.9)
+        robot.finish()
+    assert slow(robot) == []
 
 
 def slow(robot: Robot) -> list[str]:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from ground.missions.mission import Waypoint
 from ground.missions.transfer import (
     ATTEMPTS,
+    MAX_SAVING,
     NO_ITEM,
     PATIENCE_NS,
     Clear,
@@ -20,7 +21,7 @@ from ground.missions.transfer import (
 )
 from ground.missions.wire import items_of
 from ground.operator import GaveUp
-from protocol.enums import MissionType
+from protocol.enums import AckResult, MissionType
 from protocol.message import Message
 from protocol.messages import (
     CommandAck,
@@ -57,6 +58,32 @@ def test_an_upload_gives_what_it_is_asked_for_until_there_is_a_verdict() -> None
     upload.receive(verdict(), 9)
     assert upload.outcome == Verdict(0, None, 4)
     assert upload.due(10**12) == []
+
+
+SAVING = CommandAck(command=0, result=AckResult.IN_PROGRESS)
+
+
+def test_robot_that_is_saving_is_asked_until_it_has_saved() -> None:
+    """A slow disk takes longer than all attempts for a robot that does not answer."""
+    clear, now_ns = Clear(MISSION, 0), 0
+    for _ in range(4 * ATTEMPTS):
+        assert asked(clear, now_ns) == MissionClearAll(mission_type=MISSION)
+        now_ns += PATIENCE_NS
+        clear.receive(SAVING, now_ns)
+        assert not clear.over
+    asked(clear, now_ns)
+    clear.receive(verdict(Reason.NOT_SAVED), now_ns)
+    assert clear.outcome == Verdict(Reason.NOT_SAVED, None, 4)
+
+
+def test_robot_that_never_ends_saving_is_given_up() -> None:
+    clear, now_ns = Clear(MISSION, 0), 0
+    for _ in range(MAX_SAVING + ATTEMPTS):
+        clear.due(now_ns)
+        now_ns += PATIENCE_NS
+        clear.receive(SAVING, now_ns)
+    assert clear.due(now_ns) == []
+    assert isinstance(clear.outcome, GaveUp)
 
 
 def test_a_refusal_may_come_at_any_step_and_names_the_item() -> None:
