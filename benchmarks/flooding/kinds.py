@@ -1,5 +1,6 @@
 """The kinds of attack, each as what an attacker does again and again at a rate of its own."""
 
+import json
 import secrets
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
@@ -136,6 +137,13 @@ def unruly(network: Network) -> zenoh.Session:
     """A session that keeps to no access list of its own, whoever it has dialled."""
     config = configured(network, DIAL_S)
     config.insert_json5("access_control", '{"enabled": false}')
+    return zenoh.open(config)
+
+
+def opened(network: Network) -> zenoh.Session:
+    """Open a session that keeps to no rules of its own; fails when it is not let in."""
+    config = configured(network, DIAL_S)
+    config.insert_json5("access_control", json.dumps({"enabled": False}))
     return zenoh.open(config)
 
 
