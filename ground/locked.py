@@ -38,7 +38,12 @@ def dialling(locks: str | None, network: Network) -> Network:
     found = load_shared(file_of(locks, GROUND), Config).network or Network()
     connect = tuple(locked(locks, endpoint) for endpoint in network.connect)
     return replace(
-        network, connect=connect, tls=found.tls, robots=found.robots, operators=found.operators
+        network,
+        connect=connect,
+        tls=found.tls,
+        robots=found.robots,
+        operators=found.operators,
+        revoked=found.revoked,
     )
 
 

@@ -56,7 +56,8 @@ class Network:
 
     With `tls` all links are locked, and whoever listens lets in what each certificate may do;
     `robots` are then the names of the robots that there may be, and `operators` those of the
-    operators with a certificate of their own, `ground-NAME`.
+    operators with a certificate of their own, `ground-NAME`. The holder of a certificate that is
+    named in `revoked` may do nothing, however long it is valid.
     """
 
     mode: Mode = "peer"
@@ -67,6 +68,7 @@ class Network:
     tls: Tls | None = None
     robots: tuple[str, ...] = USUAL_ROBOTS
     operators: tuple[str, ...] = ()
+    revoked: tuple[str, ...] = ()
     trouble: Trouble | None = None
 
     def __post_init__(self) -> None:

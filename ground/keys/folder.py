@@ -1,17 +1,23 @@
 """The folder of `keys new`: per role a certificate, its key and a configuration that names them."""
 
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Final
 
 from ground.keys.authority import Authority
+from ground.options import Config
 from protocol.bus.access import OPERATOR, RECORDER, VIEWER
+from protocol.config import load_shared
 from protocol.errors import UserError
+from protocol.network import Network
+from protocol.whole_file import replace
 
 CA: Final = "ca.pem"
 THIS_MACHINE: Final = ("localhost", "127.0.0.1", "::1")
+REVOKED: Final = re.compile(r"^revoked = \[.*\]$", re.MULTILINE)
 FOLDER_MODE: Final = 0o700
 SECRET_MODE: Final = 0o600
 PUBLIC_MODE: Final = 0o644
@@ -22,6 +28,7 @@ robot = "{robot}"
 [network]
 robots = [{robots}]
 operators = [{operators}]
+revoked = []
 
 [network.tls]
 ca = "{ca}"
@@ -84,6 +91,28 @@ def configuration(role: str, robot: str, robots: Sequence[str], operators: Seque
     return CONFIG.format(
         role=role, robot=robot, robots=listed(robots), operators=listed(operators), ca=CA
     )
+
+
+def revoke(folder: Path, names: Sequence[str]) -> list[str]:
+    """Add names to those revoked in every configuration of a folder; all that are now.
+
+    UserError names a certificate that there is not, or a file that cannot be changed.
+    """
+    for name in names:
+        if not (folder / f"{name}.pem").is_file():
+            raise UserError(f"{folder} has no certificate {name}.pem: name one that it has")
+    found: list[str] = []
+    for path in sorted(folder.glob("*.toml")):
+        before = load_shared(path, Config).network or Network()
+        found = list(dict.fromkeys((*before.revoked, *names)))
+        text, count = REVOKED.subn(f"revoked = [{listed(found)}]", path.read_text())
+        if count != 1:
+            raise UserError(f"{path}: there is no line `revoked = []` to change: make a new set")
+        try:
+            replace(path, text)
+        except OSError as error:
+            raise UserError(f"{path}: {error.strerror}") from error
+    return found
 
 
 def listed(names: Sequence[str]) -> str:

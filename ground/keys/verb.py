@@ -55,9 +55,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=f"for which they are valid ({USUAL_DAYS})",
     )
+    revoke = actions.add_parser("revoke", help="have a certificate refused, though it is valid")
+    revoke.add_argument("folder", type=Path, metavar="DIR", help="as `keys new` made it")
+    revoke.add_argument("names", nargs="+", metavar="NAME", help="as in ground-ada or robot-r2")
     check = actions.add_parser("check", help="until when each is valid, and what is wrong")
     check.add_argument("folder", type=Path, metavar="DIR", help="as `keys new` made it")
-    for action in (new, check):
+    for action in (new, revoke, check):
         add_json(action)
 
 
@@ -81,7 +84,7 @@ def host(text: str) -> str:
 def run(options: argparse.Namespace, says: Says) -> int:
     """0 when made or good, 1 when something is wrong with a certificate."""
     require_library()
-    return run_new(options, says) if options.action == "new" else run_check(options, says)
+    return {"new": run_new, "revoke": run_revoke, "check": run_check}[options.action](options, says)
 
 
 def require_library() -> None:
@@ -114,6 +117,16 @@ def run_new(options: argparse.Namespace, says: Says) -> int:
     use = f"use them with --config, as in: sidestep ground --config {options.folder}/ground.toml"
     made = f"{options.folder}: {', '.join(roles)}, until {until:%Y-%m-%d}"
     says.result(found, f"{made}\n  {use}")
+    return 0
+
+
+def run_revoke(options: argparse.Namespace, says: Says) -> int:
+    from ground.keys.folder import revoke
+
+    found = revoke(options.folder, options.names)
+    use = "give its .toml to each process that listens or dials, and start these again"
+    row: dict[str, object] = {"ok": True, "folder": str(options.folder), "revoked": found}
+    says.result(row, f"{options.folder}: revoked are {', '.join(found)}\n  {use}")
     return 0
 
 

@@ -38,7 +38,7 @@ class Dialled:
     def __init__(
         self, session: zenoh.Session, network: Network, own: str | None, robot: str
     ) -> None:
-        self._own, self._robot = own, robot
+        self._own, self._robot, self._revoked = own, robot, network.revoked
         self._wrong: dict[tuple[str, str], tuple[str, str]] = {}
         self._tell: Callable[[str], None] = lambda _why: None
         if own is None or network.listen:
@@ -68,7 +68,10 @@ class Dialled:
             self._wrong.pop(place_of(event.link), None)
 
     def _came(self, link: zenoh.Link) -> None:
-        why = impostor(link.auth_identifier, self._own or "", self._robot)
+        name = link.auth_identifier
+        why = impostor(name, self._own or "", self._robot)
+        if name in self._revoked:
+            why = f"shows the certificate of {name!r}, which is revoked"
         if why and place_of(link) not in self._wrong:
             self._wrong[place_of(link)] = f"the process at {link.dst} {why}", REPLACED
             self._tell(self.wrong)

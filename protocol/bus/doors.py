@@ -28,6 +28,7 @@ class Doors:
         self._refusals = Refusals()
         self._strangers = Strangers([end_in(bus.locator()).port])
         self._callers: dict[str, Caller] = {}
+        self._revoked = bus.network.revoked
         bus.on_caller(self._came)
 
     def look(self) -> None:
@@ -37,7 +38,8 @@ class Doors:
             self._tell(line)
 
     def _came(self, zid: str, name: str | None, address: str) -> None:
-        self._callers[zid] = Caller(name or NAMELESS, address.partition("/")[2])
+        shown = f"{name} (revoked)" if name in self._revoked else name or NAMELESS
+        self._callers[zid] = Caller(shown, address.partition("/")[2])
         while len(self._callers) > CALLERS:
             del self._callers[next(iter(self._callers))]
 

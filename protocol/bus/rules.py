@@ -34,7 +34,13 @@ EVERY_KIND: Final = (
 def access_control(network: Network) -> dict[str, object]:
     """Zenoh's `access_control` for whoever listens: nothing, but for what is granted."""
     found = grants(network.robots, network.operators)
-    return control({name: rules_of(name, grant, network.prefix) for name, grant in found.items()})
+    return control(
+        {
+            name: rules_of(name, grant, network.prefix)
+            for name, grant in found.items()
+            if name not in network.revoked
+        }
+    )
 
 
 def dialled_access_control(network: Network, own: str) -> dict[str, object]:
@@ -51,7 +57,7 @@ def dialled_access_control(network: Network, own: str) -> dict[str, object]:
     for robot in () if own.startswith(ROBOT) else robots:
         grant = grants((robot,), operators)[own]
         found[ROBOT + robot] = from_dialled(ROBOT + robot, grant, prefix, robot)
-    return control(found)
+    return control({name: of_one for name, of_one in found.items() if name not in network.revoked})
 
 
 def control(by_name: Mapping[str, list[Rule]]) -> dict[str, object]:

@@ -29,7 +29,9 @@ OF_OPERATORS = frozenset(
 class Locked:
     """Robot r1, plant and ground; whoever listens is the robot, or a router."""
 
-    def __init__(self, stack: ExitStack, topology: Topology, ring: Keyring) -> None:
+    def __init__(
+        self, stack: ExitStack, topology: Topology, ring: Keyring, revoked: tuple[str, ...] = ()
+    ) -> None:
         self.prefix = next(prefixes)
         self.ring = ring
         self._stack = stack
@@ -40,6 +42,7 @@ class Locked:
             prefix=self.prefix,
             robots=ROBOTS,
             operators=OPERATORS,
+            revoked=revoked,
             tls=ring.tls("robot-r1" if hub else "router"),
         )
         first = self.opened(listening)
@@ -97,9 +100,9 @@ class Locked:
 
 
 @contextmanager
-def locked(topology: Topology, folder: Path) -> Iterator[Locked]:
+def locked(topology: Topology, folder: Path, revoked: tuple[str, ...] = ()) -> Iterator[Locked]:
     with ExitStack() as stack:
-        yield Locked(stack, topology, Keyring(folder))
+        yield Locked(stack, topology, Keyring(folder), revoked)
 
 
 class Watchful:

@@ -114,6 +114,26 @@ def test_of_a_thousand_forgeries_none_arrives(topology: Topology, tmp_path: Path
     assert tried >= AT_LEAST
 
 
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_a_revoked_certificate_may_do_nothing_though_it_is_valid(
+    topology: Topology, tmp_path: Path
+) -> None:
+    with locked(topology, tmp_path / "ring", revoked=("ground-bob",)) as net:
+        watchful = Watchful(net)
+        for name, arrives in (("ground-bob", False), ("ground-ada", True)):
+            intruder = Intruder(net.join(name))
+            operator = name.removeprefix("ground-")
+            intruder.put(net.key(OPERATOR.path, operator=operator))
+            until(partial(asked, intruder, net.key(COMMAND.path, operator=operator), arrives))
+            assert bool(watchful.forged) is bool(intruder.answered) is arrives
+
+
+def asked(intruder: Intruder, key: str, arrives: bool) -> bool:
+    """Whether a question was answered, or need not be."""
+    intruder.ask(key)
+    return not arrives or bool(intruder.answered)
+
+
 def what_is_allowed_arrives(net: Locked, watchful: Watchful) -> None:
     before = watchful.good
     net.ground.put(net.key(OPERATOR.path), b"beat")

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,13 @@ def test_a_robot_does_not_even_believe_its_own_certificate_at_the_router(ring: K
         with pytest.raises(NotLetIn, match="robot-r1 dials only a router"):
             opened(ring, "robot-r1", port)
         opened(ring, "ground", port).close()
+
+
+def test_a_router_whose_certificate_is_revoked_is_refused(ring: Keyring) -> None:
+    with listening(ring, "router") as (_, port):
+        network = replace(dialling(ring, "robot-r1", port), revoked=("router",))
+        with pytest.raises(NotLetIn, match="certificate of 'router', which is revoked"):
+            open_bus(network, Role.ROBOT, "r1")
 
 
 class Robot:

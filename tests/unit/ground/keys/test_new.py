@@ -73,6 +73,24 @@ def test_operators_that_cannot_be_are_refused_before_anything_is_made(
     assert not (tmp_path / "keys").exists()
 
 
+def test_a_certificate_that_is_revoked_is_so_in_every_configuration(keys: Path) -> None:
+    assert main(["keys", "revoke", str(keys), "robot-r2"]) == 0
+    assert main(["keys", "revoke", str(keys), "viewer", "robot-r2"]) == 0
+    for name in NAMES:
+        common = common_of(parse(["hold", "--id", "r1", "--config", str(keys / f"{name}.toml")]))
+        assert common.network.revoked == ("robot-r2", "viewer")
+
+
+def test_what_has_no_certificate_cannot_be_revoked(
+    keys: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["keys", "revoke", str(keys), "robot-r9"]) == 2
+    assert "has no certificate robot-r9.pem" in capsys.readouterr().err
+    (keys / "ground.toml").write_text("[network]\n")
+    assert main(["keys", "revoke", str(keys), "robot-r2"]) == 2
+    assert "ground.toml: there is no line `revoked = []`" in capsys.readouterr().err
+
+
 def test_only_the_owner_can_read_a_key(keys: Path) -> None:
     assert stat.S_IMODE(keys.stat().st_mode) == 0o700
     modes = {path.name: stat.S_IMODE(path.stat().st_mode) for path in keys.glob("*.key")}
