@@ -15,6 +15,8 @@ from protocol.errors import RemoteError
 
 LAST_LINES: Final = 5
 TAIL_BYTES: Final = 4000
+MAX_OUTPUT: Final = 4 << 20
+"""Bytes that a child may have written before its file is begun anew."""
 BLAME_NS: Final = 300_000_000
 PAUSE_NS: Final = 10_000_000
 ENDS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -53,6 +55,16 @@ class Child(NamedTuple):
         self.output.seek(max(0, size - TAIL_BYTES))
         lines = self.output.read().decode(errors="replace").splitlines()
         return "\n".join(f"  {line}" for line in lines[-LAST_LINES:])
+
+    def trim(self) -> None:
+        """Begin its file anew when it has grown too large: a child may run, and tell, for months.
+
+        Parent and child share the place in the file, so the child goes on at the beginning.
+        """
+        number = self.output.fileno()
+        if os.fstat(number).st_size > MAX_OUTPUT:
+            os.lseek(number, 0, os.SEEK_SET)
+            os.ftruncate(number, 0)
 
 
 class Children:
@@ -118,6 +130,8 @@ class Children:
                 found.append(Ended(child.role, code, child.last_words()))
                 self._children.remove(child)
                 child.output.close()
+            else:
+                child.trim()
         return found
 
     def blame(self) -> None:
@@ -135,6 +149,7 @@ class Children:
                 words = child.last_words()
                 why = f"the {child.role} process ended by itself ({how(code)})"
                 raise ChildDied(f"{why}:\n{words}" if words else why, 2 if code == 2 else 1)
+            child.trim()
 
     def stop(self) -> None:
         """End all of them within two seconds. Further signals must not cut this short."""

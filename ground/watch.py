@@ -2,8 +2,8 @@
 
 import argparse
 import sys
+from collections import deque
 from contextlib import suppress
-from queue import SimpleQueue
 from typing import Final
 
 from ground import web
@@ -27,6 +27,8 @@ from protocol.topics import HEARTBEAT, STATUS, TEXT
 SILENT_NS: Final = 2_000_000_000
 SHOW_NS: Final = 200_000_000
 SHOW_PLAIN_NS: Final = 1_000_000_000
+MAX_WAITING: Final = 1000
+"""Frames of texts kept while the terminal takes no more; the oldest give way."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -126,11 +128,11 @@ class Lookout:
         self._beats = beats
         self._telemetry = Telemetry(link.bus, link.robot, notify=link.pulse.beat)
         self._texts = Texts()
-        self._frames: SimpleQueue[tuple[bytes, int]] = SimpleQueue()
+        self._frames: deque[tuple[bytes, int]] = deque(maxlen=MAX_WAITING)
         self._pace = Pace()
         self._silent = False
         self._began_ns = link.clock.now_ns()
-        link.bus.stream(TEXT, lambda _key, *told: self._frames.put(told), link.robot)
+        link.bus.stream(TEXT, lambda _key, *told: self._frames.append(told), link.robot)
 
     def run(self) -> None:
         every_ns = SHOW_NS if self._says.live else SHOW_PLAIN_NS
@@ -162,9 +164,9 @@ class Lookout:
         return 0 if newest is None else newest[0].time_ns
 
     def _tell_texts(self) -> None:
-        while not self._frames.empty():
+        while self._frames:
             with suppress(RemoteError):
-                frame, told_ns = self._frames.get()
+                frame, told_ns = self._frames.popleft()
                 text = self._texts.receive(decode(frame).message)
                 if text:
                     words = aged(text, self._link.clock.now_ns() - told_ns)

@@ -1,11 +1,13 @@
 """The beat of arriving frames, to which the loop's grid locks its phase."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from time import monotonic_ns
 from typing import Protocol
 
 NS_PER_S = 1_000_000_000
+MAX_BEATS = 1000
 
 
 class Beats(Protocol):
@@ -25,6 +27,9 @@ class Pulse:
     def beat(self, arrived_ns: int) -> None:
         """A frame has arrived; called from the bus, returns at once."""
         self._beats.put(arrived_ns)
+        if self._beats.qsize() > MAX_BEATS:  # nobody waits: the oldest says nothing any more
+            with suppress(Empty):
+                self._beats.get_nowait()
 
     def wait_until(self, deadline_ns: int) -> int | None:
         """When the newest beat not yet taken arrived; None when none came by the deadline."""

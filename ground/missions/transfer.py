@@ -27,6 +27,8 @@ MAX_SAVING: Final = 60
 """So often a robot may say that its disk is slow: longer than it waits for it."""
 
 NO_ITEM: Final = 65_535
+MAX_ITEMS: Final = 4096
+"""More than any robot takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,13 +137,17 @@ class Download(Transfer):
     """Gets what the robot has; a refusal is a Verdict."""
 
     def __init__(self, kind: MissionType, now_ns: int) -> None:
-        super().__init__(MissionRequestList(mission_type=kind), kind, now_ns, ATTEMPTS * NO_ITEM)
+        super().__init__(
+            MissionRequestList(mission_type=kind), kind, now_ns, ATTEMPTS * (MAX_ITEMS + 2)
+        )
         self._count: int | None = None
         self._items: list[MissionItemInt] = []
 
     def _after(self, answer: object) -> Message | None:
         if isinstance(answer, MissionCount) and self._count is None:
             self._count = answer.count
+            if self._count > MAX_ITEMS:
+                self.outcome = GaveUp(f"{self._count} items are announced, at most {MAX_ITEMS}")
         elif isinstance(answer, MissionItemInt) and answer.seq == len(self._items):
             self._items.append(answer)
         else:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from ground.map import Disc, Outline, Shape, Target
 from ground.missions.mission import Circle, Fence, Waypoint
-from ground.missions.transfer import Download, Downloaded
+from ground.missions.transfer import MAX_ITEMS, Download, Downloaded
 from ground.missions.wire import fence_of, waypoints_of
 from ground.station.hears import Hears
 from protocol.clock import Clock
@@ -19,8 +19,6 @@ from protocol.topics import MISSION_SERVICE
 PATIENCE_S = 0.5
 IN_FORCE = (Reason.NONE, Reason.NOT_SAVED)
 KINDS = frozenset(MissionType)
-MOST = 4096
-"""More items than any robot takes."""
 
 
 class Items(NamedTuple):
@@ -45,7 +43,7 @@ class Charts:
         match message:
             case MissionCount(mission_type=kind) | MissionClearAll(mission_type=kind):
                 self._uploads[kind] = {}
-            case MissionItemInt(mission_type=kind, seq=seq) if seq < MOST:
+            case MissionItemInt(mission_type=kind, seq=seq) if seq < MAX_ITEMS:
                 self._uploads.setdefault(kind, {})[seq] = message
             case MissionVerdict(reason=reason, mission_type=kind) if (
                 reason in IN_FORCE and kind in self._uploads

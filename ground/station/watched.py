@@ -61,7 +61,7 @@ class Watched:
 
     def poll(self, now_ns: int, present: Collection[Token]) -> set[Role]:
         """Look once; who has been restarted since the last time."""
-        for coming in self._comings.see(present):
+        for coming in self._comings.see(present, now_ns):
             self._tell("ground", coming.text, coming.severity)
         again = self._see_tokens(present, now_ns) | self._see_counts()
         for role in again:

@@ -31,6 +31,9 @@ advanced subscribers are asked like that. How it is really sent is up to `conges
 FETCH_S: Final = 2.0
 FETCHES: Final = 16
 """At a time; whoever makes up more senders than that gets no more threads."""
+MAX_WAITING: Final = 1000
+"""Samples of one sender kept until what it told before is there; later ones are dropped."""
+
 SOURCES: Final = 1000
 """So many senders are remembered; of later ones the beginning is what Zenoh makes of it."""
 
@@ -81,7 +84,8 @@ class Whole:
         source = source_of(sample)
         with self._lock:
             if source in self._waiting:
-                self._waiting[source].append(sample)
+                if len(self._waiting[source]) < MAX_WAITING:
+                    self._waiting[source].append(sample)
             elif source is not None and self._lacks(source, sample):
                 self._waiting[source] = [sample]
                 Thread(target=self._complete, args=(source, number_of(sample)), daemon=True).start()

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.children import ENDS, ChildDied, Children, held_back, how
+from ground.children import ENDS, Child, ChildDied, Children, held_back, how
 from ground.leash import command
 from protocol.clock import WallClock
 
@@ -227,3 +227,29 @@ def test_an_interrupt_at_the_birth_of_a_child_leaves_nothing_behind() -> None:
         (pid,) = children.pids
         assert alive(pid)
     assert not alive(pid)
+
+
+TALKER = """
+import signal, sys
+signal.signal(signal.SIGUSR1, lambda *_: (print("the end", flush=True), sys.exit(3)))
+print("x" * 3000, flush=True)
+while True: signal.pause()
+"""
+
+
+def test_what_a_child_tells_for_months_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ground.children.MAX_OUTPUT", 2000)
+    with Children(WallClock(), python) as children:
+        children.start("one", [TALKER])
+        (child,) = children._children
+        assert until(lambda: size_of(child) == 3001)
+        children.check()
+        assert size_of(child) == 0
+        os.kill(child.process.pid, signal.SIGUSR1)
+        child.process.wait(DEADLINE_S)
+        (ended,) = children.ended()
+    assert ended.words == "  the end"
+
+
+def size_of(child: Child) -> int:
+    return os.fstat(child.output.fileno()).st_size

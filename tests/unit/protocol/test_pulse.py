@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from itertools import count
 
 from protocol.clock import Pulse
+from protocol.pulse import MAX_BEATS
 
 
 def stepping(step_ns: int) -> Iterator[int]:
@@ -41,3 +42,11 @@ def test_a_beat_from_another_thread_ends_the_wait() -> None:
     beater.start()
     assert pulse.wait_until(60_000_000_000) == 9
     beater.join()
+
+
+def test_beats_that_nobody_takes_cost_bounded_memory() -> None:
+    pulse = Pulse()
+    for arrived_ns in range(50_000):
+        pulse.beat(arrived_ns)
+    assert pulse._beats.qsize() <= MAX_BEATS
+    assert pulse.wait_until(0) == 49_999

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from ground.missions.mission import Waypoint
 from ground.missions.transfer import (
     ATTEMPTS,
+    MAX_ITEMS,
     MAX_SAVING,
     NO_ITEM,
     PATIENCE_NS,
@@ -217,3 +218,10 @@ def carried(transfer: Transfer, robot: Robot, fates: Iterator[str]) -> object:
                 transfer.receive(answer, now_ns)
         now_ns = max(now_ns, transfer.next_ns)
     return transfer.outcome
+
+
+def test_a_robot_that_announces_too_many_items_is_left_alone() -> None:
+    download = Download(MISSION, 0)
+    download.due(0)
+    download.receive(MissionCount(count=MAX_ITEMS + 1, mission_type=MISSION), 0)
+    assert download.outcome == GaveUp("4097 items are announced, at most 4096")
