@@ -12,6 +12,7 @@ from typing import Final
 
 from protocol.enums import MissionState
 from protocol.messages import MissionItemInt, MissionStatus
+from protocol.timing import UINT32
 from robot.core import machine as machines
 from robot.core import modes, reasons, states
 from robot.core.machine import Machine
@@ -57,7 +58,7 @@ class Mission:
                 return index, reason
         self.items = items
         self._stops = tuple(stop_of(item) for item in items)
-        self.number += 1
+        self.number = self.number % UINT32 + 1  # 0 says that there is none
         self._rest(MissionState.READY)
         return None, reasons.OK
 

@@ -4,6 +4,7 @@ import pytest
 
 from protocol.enums import Command, GoalState, MissionState, Mode, Severity
 from protocol.reasons import Reason
+from protocol.timing import UINT32
 from robot.core import states
 from tests.unit.robot.mission.items import (
     circle,
@@ -68,6 +69,14 @@ def test_without_a_mission_there_is_nothing_to_start_or_jump_to() -> None:
     desk.arm()
     assert start(desk) == Reason.NO_MISSION
     assert desk.command(Command.DO_SET_MISSION_CURRENT, 0) == Reason.NO_MISSION
+
+
+def test_the_number_of_a_mission_fits_its_field_and_is_never_0() -> None:
+    desk = ready(2)
+    desk.vehicle.mission.number = UINT32
+    desk.vehicle.mission.clear()
+    upload(desk, line(2))
+    assert desk.vehicle.mission.number == 1
 
 
 def test_a_start_that_is_refused_changes_nothing() -> None:
