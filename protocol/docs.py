@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from protocol import topics
+from protocol import access_table, topics
 from protocol.bus.access import grants
 from protocol.layout import LAYOUT, class_name
 from protocol.message import Message
@@ -33,11 +33,18 @@ each such topic there is `@adv/**` for that. What its sender had not got rid of 
 is lost."""
 
 SOME_ROBOT: Final = "r1"
+SOMEBODY: Final = "ada"
 ACCESS: Final = """\
-Where doors are locked (`[network.tls]`), whoever listens lets in what the certificate of the other
-side may do, by its common name, and refuses all else. `robot-NAME` may so of that robot only, the
-others of all robots in `[network] robots`. Behind a router only the router filters. Everybody sees
-who is there (`alive/`); events kept for who joins late (`@adv/`) go with their key."""
+On an open bus every process can do everything. Where doors are locked (`[network.tls]`), a process
+that listens lets in what the certificate of the other side may do, by its common name, and refuses
+all else. A process that dials takes only from a router, or from the robot it is about, what its own
+role is for. An operator's name is that in its certificate: `ground-NAME` commands as NAME, `ground`
+as `ground`. What a table calls NAME has to be named in `[network] robots` or `operators`, and not
+in `revoked`. Who has the certificate of the router can do everything."""
+
+ACCESS_KEYS: Final = """\
+The same by keys. `robot-NAME` may so of that robot only, the others of all robots. Everybody sees
+who is there (`alive/`)."""
 
 
 def page(
@@ -45,7 +52,7 @@ def page(
 ) -> str:
     """The whole page as Markdown."""
     stream_head = ("key", "messages", "from", "rate", "stale after", "priority", "what")
-    access_head = ("certificate", "puts", "hears", "asks", "answers")
+    access_head = ("certificate", "puts", "hears", "fetches", "asks", "answers")
     service_head = ("key", "asked", "answered by", "what")
     lines = [
         HEAD.rstrip(),
@@ -54,6 +61,10 @@ def page(
         *section("Questions", "A question is a query; it is always answered, with a reason."),
         *table(service_head, map(service_row, services)),
         *section("Who may do what", ACCESS),
+        *table(access_table.head(), access_table.rows()),
+        "",
+        *ACCESS_KEYS.splitlines(),
+        "",
         *table(access_head, access_rows()),
         *section("Messages of our own"),
         *flat(map(message_lines, dialect.iterfind("messages/message"))),
@@ -67,9 +78,11 @@ def page(
 
 def access_rows() -> Iterator[Sequence[str]]:
     """What each certificate is granted, without the robot that each key begins with."""
-    for name, grant in grants((SOME_ROBOT,)).items():
-        lists = (grant.puts, grant.hears, grant.asks, grant.answers)
-        yield f"`{name.replace(SOME_ROBOT, 'NAME')}`", *(families(paths) for paths in lists)
+    for name, grant in grants((SOME_ROBOT,), (SOMEBODY,)).items():
+        lists = (grant.puts, grant.hears, grant.fetches, grant.asks, grant.answers)
+        shown = name.replace(SOME_ROBOT, "NAME").replace(SOMEBODY, "NAME")
+        told = (families(paths).replace(SOMEBODY, "NAME") for paths in lists)
+        yield f"`{shown}`", *told
 
 
 def families(paths: Iterable[str]) -> str:

@@ -1,0 +1,137 @@
+"""Who can do what with which certificate: a table out of the rules that Zenoh is given."""
+
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+
+import zenoh
+
+from protocol.bus.access import GROUND, OPERATOR, PLANT, RECORDER, ROBOT, ROUTER, VIEWER, impostor
+from protocol.bus.rules import access_control
+from protocol.network import Network
+from protocol.topics import (
+    COMMAND,
+    COMMANDED,
+    DRIVE,
+    LEASE_SERVICE,
+    MISSION_SERVICE,
+    PARAMETER,
+    PARAMETERS,
+    RUN,
+    SONAR,
+    STATUS,
+    STOP,
+    STOP_SERVICE,
+    TELEOP,
+    TEXT,
+    TRUTH,
+)
+
+OURS: Final = "r1"
+OTHERS: Final = "r2"
+NAME: Final = "ada"
+OTHER_NAME: Final = "bob"
+NETWORK: Final = Network(robots=(OURS, OTHERS), operators=(NAME, OTHER_NAME))
+OPEN: Final = "open bus: anybody"
+NONE: Final = "any other, or revoked"
+COLUMNS: Final = (
+    (VIEWER, VIEWER),
+    (RECORDER, RECORDER),
+    (GROUND, GROUND),
+    (OPERATOR + NAME, f"{OPERATOR}NAME"),
+    (PLANT, PLANT),
+    (ROBOT + OURS, f"{ROBOT}NAME, of NAME"),
+    (ROBOT + OTHERS, f"{ROBOT}NAME, of others"),
+    (ROUTER, ROUTER),
+    ("stranger", NONE),
+)
+"""Common name of a certificate, and what the table calls it. All rows are about robot OURS."""
+
+LISTEN: Final = ("egress", "put")
+PUT: Final = ("ingress", "put")
+ASK: Final = ("ingress", "query")
+ANSWER: Final = ("ingress", "reply")
+SHOW: Final = ("ingress", "liveliness_token")
+YES: Final = "yes"
+NO: Final = "no"
+
+
+class Ability(NamedTuple):
+    """Something that a holder can do, by a message of a kind on a key, or on another one.
+
+    In a path `{own}` is the holder's operator name, and `{other}` that of another operator.
+    """
+
+    says: str
+    kind: tuple[str, str]
+    path: str
+    or_path: str = ""
+
+
+OWN: Final = "{own}/1"
+FOREIGN: Final = "{other}/1"
+KEPT: Final = "@adv/pub/1/1/**"
+ABILITIES: Final = (
+    Ability("hear telemetry", LISTEN, STATUS.path),
+    Ability("hear what operators send", LISTEN, f"{TELEOP.path}/{FOREIGN}"),
+    Ability("hear the truth of the simulation", LISTEN, TRUTH.path),
+    Ability("fetch texts that it has missed", ASK, f"{TEXT.path}/{KEPT}"),
+    Ability("fetch commands and answers that it has missed", ASK, f"{COMMANDED.path}/{KEPT}"),
+    Ability("read the parameters", ASK, PARAMETERS.path, f"{PARAMETERS.path}/{OWN}"),
+    Ability("stop the robot", PUT, f"{STOP.path}/{OWN}"),
+    Ability("stop the robot and hear its answer", ASK, f"{STOP_SERVICE.path}/{OWN}"),
+    Ability("take or seize the lease", ASK, f"{LEASE_SERVICE.path}/{OWN}"),
+    Ability("arm, send off, hold (unless another has the lease)", ASK, f"{COMMAND.path}/{OWN}"),
+    Ability("drive by hand (likewise)", PUT, f"{TELEOP.path}/{OWN}"),
+    Ability("set a parameter (likewise)", ASK, f"{PARAMETER.path}/{OWN}"),
+    Ability("load a mission or fence (likewise)", ASK, f"{MISSION_SERVICE.path}/{OWN}"),
+    Ability("command as another operator, under its lease", ASK, f"{COMMAND.path}/{FOREIGN}"),
+    Ability("pause or score a simulated run", ASK, RUN.path),
+    Ability("publish what the robot senses", PUT, SONAR.path),
+    Ability("command the wheels past the robot", PUT, DRIVE.path),
+    Ability("publish telemetry as the robot", PUT, STATUS.path),
+    Ability("answer as the robot", ANSWER, f"{COMMAND.path}/{OWN}"),
+    Ability("show itself as the robot", SHOW, "alive/robot/1"),
+)
+DIALLED: Final = (
+    ("be believed by a robot that dials it", ROBOT + OURS),
+    ("be believed by the plant, an operator or a viewer that dials it", GROUND),
+)
+
+
+def rows() -> Iterator[Sequence[str]]:
+    """Each ability, whether everybody on an open bus has it, and who has it behind locks."""
+    for ability in ABILITIES:
+        yield ability.says, YES, *(answer(may(name, ability)) for name, _ in COLUMNS)
+    for says, own in DIALLED:
+        yield says, YES, *(answer(not impostor(name, own, OURS)) for name, _ in COLUMNS)
+
+
+def head() -> Sequence[str]:
+    return "can", OPEN, *(f"`{shown}`" if shown != NONE else shown for _, shown in COLUMNS)
+
+
+def answer(may: bool) -> str:
+    return YES if may else NO
+
+
+def may(name: str, ability: Ability) -> bool:
+    """Return whether the rules let the holder of a certificate do that to robot OURS."""
+    own = name.removeprefix(OPERATOR)
+    other = OTHER_NAME if own == NAME else NAME
+    paths = (path.format(own=own, other=other) for path in ability[2:] if path)
+    return any(allowed(name, ability.kind, f"{NETWORK.prefix}/{OURS}/{path}") for path in paths)
+
+
+def allowed(name: str, kind: tuple[str, str], key: str) -> bool:
+    """Return whether a rule for this certificate covers a message of a kind on a key."""
+    flow, message = kind
+    rules = access_control(NETWORK)["rules"]
+    assert isinstance(rules, list)
+    return any(
+        zenoh.KeyExpr(expression).includes(zenoh.KeyExpr(key))
+        for rule in rules
+        if rule["id"].startswith(f"{name} ")
+        and flow in rule["flows"]
+        and message in rule["messages"]
+        for expression in rule["key_exprs"]
+    )

@@ -1,0 +1,41 @@
+"""The table of who can do what says what the rules do, and no more."""
+
+import pytest
+
+from protocol import access_table
+from protocol.access_table import COLUMNS, rows
+
+OPERATORS = {"`ground`", "`ground-NAME`"}
+ROUTER = {"`router`"}
+OWN_ROBOT = {"`robot-NAME, of NAME`"}
+
+
+def able(says: str) -> set[str]:
+    """What the table calls the certificates that can do this; on an open bus everybody can."""
+    (row,) = [row for row in rows() if row[0].startswith(says)]
+    assert row[1] == "yes"
+    cells = zip(access_table.head()[2:], row[2:], strict=True)
+    return {name for name, cell in cells if cell == "yes"}
+
+
+@pytest.mark.parametrize(
+    ("says", "who"),
+    [
+        ("stop the robot and hear", OPERATORS | ROUTER),
+        ("take or seize", OPERATORS | ROUTER),
+        ("command as another operator", ROUTER),
+        ("fetch commands", OPERATORS | ROUTER | OWN_ROBOT | {"`recorder`"}),
+        ("fetch texts", OPERATORS | ROUTER | OWN_ROBOT | {"`recorder`", "`viewer`"}),
+        ("publish what the robot senses", ROUTER | {"`plant`"}),
+        ("command the wheels", ROUTER | OWN_ROBOT),
+        ("be believed by a robot", ROUTER),
+        ("be believed by the plant", ROUTER | OWN_ROBOT),
+    ],
+)
+def test_a_cell_says_yes_only_to_whom_the_rules_let(says: str, who: set[str]) -> None:
+    assert able(says) == who
+
+
+def test_who_has_no_role_can_do_nothing() -> None:
+    assert COLUMNS[-1][0] == "stranger"
+    assert {row[-1] for row in rows()} == {"no"}
