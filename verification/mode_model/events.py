@@ -33,7 +33,7 @@ from protocol.messages import (
 )
 from robot.commands import HANDLERS
 from robot.core import machine as machines
-from robot.core import reasons, states
+from robot.core import modes, reasons, states
 from robot.core.failsafe import ROWS
 from robot.core.values import Outputs, Pose
 from robot.process import SERVICES
@@ -295,6 +295,7 @@ def parts() -> tuple[Part, ...]:
             "fence and settings",
             requests(ADA, {*BASE, "return"} | every_request() - {*MODES, *of_mission, *lease}),
             transfers(ADA, TRANSFERS),
+            lost_fence(),
             displacement(),
             ticks(),
             ends_of_goals(),
@@ -421,6 +422,19 @@ def ticking(after_ns: int) -> Callable[[World], Outcome]:
         return Outcome(outputs=world.tick())
 
     return act
+
+
+def lost_fence() -> Iterator[Event]:
+    """The robot starts and cannot read the fence of before."""
+
+    def lose(world: World) -> Outcome:
+        modes.lose_fence(world.vehicle.state.machine)
+        return Outcome()
+
+    def begins(world: World) -> bool:
+        return world.ticks == 0
+
+    yield Event("fence cannot be read", lose, enabled=begins)
 
 
 def displacement() -> Iterator[Event]:

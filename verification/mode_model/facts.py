@@ -28,6 +28,7 @@ class Abstract(NamedTuple):
     item: int
     leg: str
     fence: tuple[float, float] | None
+    fence_lost: bool
     is_far: bool
     holder: str
     present: frozenset[str]
@@ -66,6 +67,7 @@ def abstract(world: World) -> Abstract:
         item=mission.current,
         leg=leg_of(machine, mission),
         fence=None if fence is None else (fence.xs_m[0], fence.radius_m),
+        fence_lost=machine.fence_unreadable,
         is_far=world.here == FAR,
         holder=STRANGER if holder is None else holder.operator,
         present=world.present,

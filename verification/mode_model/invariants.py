@@ -70,6 +70,11 @@ def only_arming_arms(step: Step) -> bool:
     return step.accepted and step.event.name == ARM
 
 
+def no_arming_without_the_fence(step: Step) -> bool:
+    """A robot that cannot read its fence is armed only after that was put up anew or taken down."""
+    return not (step.after.abstract.fence_lost and step.after.abstract.vehicle == "ACTIVE")
+
+
 def only_clear_ends_an_emergency_stop(step: Step) -> bool:
     """EMERGENCY_STOP is left only by an accepted request to clear it, for STANDBY."""
     if step.before.abstract.vehicle != "EMERGENCY_STOP":
@@ -160,6 +165,7 @@ INVARIANTS: Final[tuple[Callable[[Step], bool], ...]] = (
     nobody_is_driven_without_an_operator,
     only_requests_change_the_mode,
     only_arming_arms,
+    no_arming_without_the_fence,
     only_clear_ends_an_emergency_stop,
     a_stop_stops,
     a_cause_stops,

@@ -130,6 +130,18 @@ def clear_arms(patch: Patch) -> None:
     patch.setattr(modes, "clear_estop", clear)
 
 
+def arm_without_fence(patch: Patch) -> None:
+    arm = modes.arm
+
+    def careless(machine: machine.Machine) -> int:
+        was, machine.fence_unreadable = machine.fence_unreadable, False
+        reason = arm(machine)
+        machine.fence_unreadable = was
+        return reason
+
+    patch.setattr(modes, "arm", careless)
+
+
 def disarm_clears(patch: Patch) -> None:
     def disarm(machine: machine.Machine, _now_ms: int) -> int:
         machine.vehicle = states.STANDBY
@@ -194,6 +206,7 @@ DEFECTS: tuple[tuple[Callable[[Patch], None], str, str], ...] = (
     (operator_never_lost, "modes", "nobody_is_driven_without_an_operator"),
     (mission_takes_the_mode, "missions", "only_requests_change_the_mode"),
     (clear_arms, "modes", "only_arming_arms"),
+    (arm_without_fence, "fence and settings", "no_arming_without_the_fence"),
     (disarm_clears, "modes", "only_clear_ends_an_emergency_stop"),
     (estop_only_when_armed, "modes", "a_stop_stops"),
     (trip_without_effect, "modes", "a_cause_stops"),
