@@ -1,12 +1,12 @@
 """A world from its JSON: what `worlds show --json` and the plant tell is a world again."""
 
-import json
 from collections.abc import Iterator
 from typing import Any, Final
 
 from plant.world_problems import Problem, Report, WorldError
 from plant.world_read import read_world
 from plant.world_types import World
+from protocol.json_text import value_in
 from protocol.toml_lines import Key
 
 IN_THE_FILE: Final = {"obstacles": "obstacle", "faults": "fault"}
@@ -24,8 +24,8 @@ def is_json(text: str) -> bool:
 def from_json(text: str, file: str) -> World:
     """Raises WorldError, as for a world file."""
     try:
-        facts: dict[str, Any] = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        facts: dict[str, Any] = value_in(text)
+    except ValueError as error:
         line = getattr(error, "lineno", 1)
         reason = getattr(error, "msg", "nested too deeply")
         raise WorldError(

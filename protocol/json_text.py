@@ -3,6 +3,8 @@
 import json
 from typing import Any, Final
 
+MAX_DEPTH: Final = 100
+TOO_DEEP: Final = "nested too deeply"
 LONGEST_WHOLE: Final = 18
 """Digits; a longer whole number is a float, perhaps infinite, as it would be anywhere else."""
 
@@ -10,9 +12,24 @@ LONGEST_WHOLE: Final = 18
 def value_in(text: str | bytes) -> Any:
     """What the text says; ValueError when it is no JSON."""
     try:
-        return json.loads(text, parse_int=_number)
+        value = json.loads(text, parse_int=_number)
     except RecursionError as error:
-        raise ValueError("nested too deeply") from error
+        raise ValueError(TOO_DEEP) from error
+    _judge_depth(value)
+    return value
+
+
+def _judge_depth(value: object) -> None:
+    """ValueError for what the parser takes and a recursive reader or writer would not."""
+    level = [value]
+    for _ in range(MAX_DEPTH):
+        nested = [one for one in level if isinstance(one, dict | list)]
+        level = [
+            inner for one in nested for inner in (one.values() if isinstance(one, dict) else one)
+        ]
+        if not level:
+            return
+    raise ValueError(TOO_DEEP)
 
 
 def _number(digits: str) -> int | float:

@@ -13,6 +13,7 @@ import pytest
 import zenoh
 
 import sidestep
+from benchmarks.terminal import Terminal
 from protocol.bus import Asked
 from protocol.enums import Severity
 from protocol.messages import Statustext
@@ -143,3 +144,19 @@ def test_a_token_with_no_name_of_a_robot_is_none(run: Run) -> None:
     said = run("watch", "--once", "--id", "nobody")
     assert "there is r1: use --id" in said
     assert OWNED not in said
+
+
+def test_the_app_on_a_terminal_lets_none_out(endpoint: str, tmp_path: Path) -> None:
+    """Every byte that it writes: only Textual's own sequences may be among them."""
+    words = ("ground", "--connect", endpoint, "--no-record")
+    with Terminal(words, (120, 40), {"XDG_STATE_HOME": str(tmp_path)}) as terminal:
+        for key, sign in (("", "long"), ("4", "long"), ("3", "zone"), ("5", "is encoded as")):
+            terminal.forget()
+            terminal.type(key)
+            terminal.shown(sign, PATIENCE_S)
+            terminal.shown(OWNED, PATIENCE_S)
+            shown = terminal.text()
+            assert f"\x1b]0;{OWNED}" not in shown
+            assert "\x9b" not in shown
+            assert "\u202e" not in shown
+            assert "\x7f" not in shown

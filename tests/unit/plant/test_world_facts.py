@@ -72,6 +72,7 @@ def broken(**changes: object) -> str:
         ("{", "-:1: json"),
         ('{\n"name": "x"\n"}', "-:3: json"),
         ("{" + '"a":{' * 100_000, "nested too deeply"),
+        ("{" + '"a":{' * 500 + "}" * 501, "nested too deeply"),
         ("{}", "size_m: missing"),
         (broken(obstacles=3), "obstacle: expected"),
         (broken(goal=None), "goal"),
