@@ -34,7 +34,11 @@ SAVED: Final[Mapping[bool | None, str]] = MappingProxyType(
         None: "in force; whether it is saved the robot does not say",
     }
 )
-COLUMNS: Final = ("name", "value", "unit", "minimum", "maximum", "default", "doc")
+COLUMNS: Final = ("name", "value", "unit", "minimum", "maximum", "default", "safer", "doc")
+ALLOWED: Final[Mapping[object, str]] = MappingProxyType(
+    {"up": ", no lower", "down": ", no higher", "near": ", within a tenth of that"}
+)
+"""Values of a safety parameter, by its direction."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -169,6 +173,9 @@ def hint(link: Link, name: str, reason: int) -> str:
         near = get_close_matches(name, rows, n=1)
         return f"; did you mean {near[0]}?" if near else "; see sidestep param list"
     row = rows.get(name, {})
+    if reason == Reason.LESS_SAFE_THAN_CONFIGURED and "configured" in row:
+        configured = f"{number(row['configured'])} {row.get('unit', '')}".rstrip()
+        return f"; configured: {configured}{ALLOWED.get(row.get('direction'), '')}"
     if reason != Reason.PARAMETER_OUT_OF_RANGE or not {"minimum", "maximum"} <= row.keys():
         return ""
     limits = f"{number(row['minimum'])} to {number(row['maximum'])} {row.get('unit', '')}"
@@ -185,7 +192,8 @@ def table(rows: list[Row]) -> str:
     cells = [list(COLUMNS)]
     for row in rows:
         mark = "" if row["value"] == row.get("default") else " *"
-        cells.append([cell(row.get(name, "")) for name in COLUMNS])
+        shown = row | {"safer": row.get("direction", "")}
+        cells.append([cell(shown.get(name, "")) for name in COLUMNS])
         cells[-1][1] += mark
     widths = [max(len(one[at]) for one in cells) for at in range(len(COLUMNS))]
     return "\n".join(

@@ -11,8 +11,8 @@ from protocol.terminal import printable
 Row: TypeAlias = dict[str, object]
 NAME: Final = re.compile(r"[A-Za-z0-9_]{1,16}\Z")
 KEY: Final = re.compile(r"[a-z_]{1,32}\Z")
-NUMBERS: Final = ("default", "minimum", "maximum")
-TEXTS: Final = ("unit", "doc")
+NUMBERS: Final = ("default", "minimum", "maximum", "configured")
+TEXTS: Final = ("unit", "doc", "group", "direction")
 MAX_ROWS: Final = 1000
 MAX_KEYS: Final = 32
 MAX_TEXT: Final = 300
