@@ -12,7 +12,7 @@ OPERATORS: Final = ("operator-a", "operator-b", "operator-c")
 
 def draw_operate(random: Random) -> Arguments:
     """An operator does something; most of it leads to driving."""
-    who = random.choice((*OPERATORS[:1] * 4, *OPERATORS[1:] * 1))
+    who = random.choice((*OPERATORS[:1] * 4, *OPERATORS[1:]))
     return (who, *ACTIONS[random.choices(range(len(ACTIONS)), WEIGHTS)[0]][1](random))
 
 
@@ -25,7 +25,9 @@ def place(random: Random) -> tuple[float, float]:
 
 
 def mission(random: Random) -> Arguments:
-    stops = [coordinate for _ in range(random.randint(1, 3)) for coordinate in place(random)]
+    """Stops close to each other, so that many of them are reached."""
+    near = [(random.uniform(-0.2, 1.2), random.uniform(-0.7, 0.7)) for _ in range(4)]
+    stops = [round(30.0 + off_m, 2) for stop in near[random.randrange(3) :] for off_m in stop]
     return ("mission", random.choice((0.0, 0.5, 2.0)), *stops)
 
 
@@ -42,7 +44,7 @@ SAFETY: Final = (
 ACTIONS: Final[tuple[tuple[int, Callable[[Random], Arguments]], ...]] = (
     (8, lambda random: ("drive", *place(random), "GUIDED")),
     (4, lambda random: ("drive", *place(random), "AUTO")),
-    (4, mission),
+    (6, mission),
     (
         5,
         lambda random: (
@@ -60,8 +62,8 @@ ACTIONS: Final[tuple[tuple[int, Callable[[Random], Arguments]], ...]] = (
     (2, lambda _: ("order", "resume")),
     (1, lambda _: ("order", "abort")),
     (2, lambda _: ("order", "rtl")),
-    (2, lambda random: ("mode", random.choice(("GUIDED", "AUTO", "HOLD", "MANUAL")))),
-    (3, lambda random: ("lease", random.choice(("TAKE", "TAKE", "SEIZE", "RELEASE")))),
+    (4, lambda random: ("mode", random.choice(("GUIDED", "GUIDED", "AUTO", "HOLD", "MANUAL")))),
+    (3, lambda random: ("lease", random.choice(("TAKE", "SEIZE", "SEIZE", "RELEASE")))),
     (3, lambda random: ("param", "d_obs_m", random.choice((0.2, 0.25, 0.31)))),
     (2, lambda random: ("param", *random.choice(SAFETY))),
     (3, lambda random: ("fence", random.choice((0.0, 0.8, 1.5, 5.0)), random.randrange(2))),
