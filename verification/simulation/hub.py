@@ -11,6 +11,7 @@ from verification.simulation.scheduler import Host, Task
 WATCHED: Final = ("drive/", "sense/", "op/", "srv/")
 """Beginnings of the topics and services that invariants or the attacker look at."""
 
+MANY: Final = 10_000
 Tap = Callable[[Host, str, bytes, bytes | None, bool], None]
 
 Put: Final = zenoh.SampleKind.PUT
@@ -150,30 +151,35 @@ class Table:
 
     def __init__(self) -> None:
         self._all: list[Subscription] = []
-        self.routes: dict[str, tuple[Subscription, ...]] = {}
+        self._routes: dict[str, tuple[Subscription, ...]] = {}
+        self.quiet: dict[str, bool] = {}
+        """Keys that nobody looks at, for as long as the declarations are what they are."""
 
     def add(self, one: Subscription) -> Subscription:
         self._all.append(one)
-        self.routes.clear()
+        self._routes.clear()
+        self.quiet.clear()
         return one
 
     def remove(self, one: Subscription) -> None:
         if one in self._all:
             self._all.remove(one)
-            self.routes.clear()
+            self._routes.clear()
+            self.quiet.clear()
 
     def leave(self, host: Host) -> list[Subscription]:
         """Remove all of a host that has ended; what they were."""
         gone = [one for one in self._all if one.host is host]
         self._all = [one for one in self._all if one.host is not host]
-        self.routes.clear()
+        self._routes.clear()
+        self.quiet.clear()
         return gone
 
     def met_by(self, key: str) -> tuple[Subscription, ...]:
-        found = self.routes.get(key)
+        found = self._routes.get(key)
         if found is None:
             found = tuple(one for one in self._all if intersects(one.key, key))
-            self.routes[key] = found
+            self._routes[key] = found
         return found
 
 
@@ -188,9 +194,17 @@ def intersects(one: str, other: str) -> bool:
     return found
 
 
+_PATHS: dict[str, str] = {}
+
+
 def path_of(key: str) -> str:
     """What follows prefix and robot in a key."""
-    return key.split("/", 2)[2]
+    path = _PATHS.get(key)
+    if path is None:
+        path = key.split("/", 2)[2]
+        if len(_PATHS) < MANY:
+            _PATHS[key] = path
+    return path
 
 
 class Hub:
@@ -236,23 +250,24 @@ class Hub:
         """Send a sample to all subscribers of its key."""
         if not source.alive or self.quiet(key):
             return
-        for tap in self.taps:
-            tap(source, key, frame, note, False)
+        path = path_of(key)
+        if path.startswith(WATCHED) and not (source.name == "plant" and path.startswith("sense/")):
+            for tap in self.taps:
+                tap(source, key, frame, note, False)
         found = self.subscribers.met_by(key)
         if not found:
             return
-        path, network = path_of(key), self.network
-        sample = Sample(key, frame, encoding, note, source)
+        network, sample = self.network, Sample(key, frame, encoding, note, source)
         for one in found:
             network.send(source, one.host, path, one.callback, sample)
 
     def quiet(self, key: str) -> bool:
         """Whether nobody looks at what is put on a key."""
-        routes = self.subscribers.routes
-        found = routes.get(key)
+        found = self.subscribers.quiet.get(key)
         if found is None:
-            found = self.subscribers.met_by(key)
-        return not found and not path_of(key).startswith(WATCHED)
+            listened = self.subscribers.met_by(key) or path_of(key).startswith(WATCHED)
+            found = self.subscribers.quiet[key] = not listened
+        return found
 
     def ask(self, asked: Sample, waiting: Waiting, *, has_payload: bool) -> bool:
         """Send a query to its servers; False when there is none."""

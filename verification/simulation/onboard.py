@@ -7,6 +7,7 @@ from protocol.reasons import Reason
 from robot.core import states
 from robot.core.geometry import wrap
 from robot.core.machine import Machine, drives, goal_lives
+from robot.core.parameters import Params
 from robot.vehicle import Vehicle
 from verification.simulation import limits
 from verification.simulation.facts import Facts
@@ -42,6 +43,8 @@ class Onboard:
         self._failsafe = False
         self._armed_with: tuple[float, ...] | None = None
         self._stray_ticks = 0
+        self._params: Params | None = None
+        self._active = False
         self._place = self._anchor = (0.0, 0.0, 0.0)
         self._moved_ns = 0
 
@@ -105,11 +108,14 @@ class Onboard:
         """What guard and failsafes rest on is as safe as configured, and kept while armed."""
         assert self._facts.robot is not None
         params, configured = vehicle.params, self._facts.robot.params
+        active = vehicle.state.machine.vehicle == states.ACTIVE
+        if params is self._params and active == self._active:
+            return
+        self._params, self._active = params, active
         for name, up in SAFER_UP.items():
             value, limit = getattr(params, name), getattr(configured, name)
             if value < limit if up else value > limit:
                 self._facts.fail("as safe as configured", f"{name} is {value:g}, not {limit:g}")
-        active = vehicle.state.machine.vehicle == states.ACTIVE
         values = tuple([getattr(params, name) for name in SAFER_UP])
         if active and self._armed_with not in (None, values):
             self._facts.fail("as safe as configured", f"{self._armed_with} became {values}, armed")

@@ -13,7 +13,7 @@ from verification.simulation.coverage import Coverage
 from verification.simulation.defects import defective
 from verification.simulation.events import Event, Scenario
 from verification.simulation.facts import Violation
-from verification.simulation.hub import WATCHED, Hub, Sample, path_of
+from verification.simulation.hub import Hub, Sample, path_of
 from verification.simulation.network import Network
 from verification.simulation.operators import History, Operator
 from verification.simulation.oracle import Oracle
@@ -136,13 +136,10 @@ class Simulation:
         return session
 
     def _tap(self, source: Host, key: str, frame: bytes, note: bytes | None, asked: bool) -> None:
-        path = path_of(key)
-        if not path.startswith(WATCHED):
-            return
         if source is not self.attacker.host:
             self.attacker.hear(key, frame, note, asked=asked)
         if not asked:
-            self.oracle.put(source, path, frame)
+            self.oracle.put(source, path_of(key), frame)
 
     def _arrived(self, sample: Sample) -> None:
         """What an operator has sent under its own name is at the robot."""
