@@ -236,11 +236,9 @@ class Attacker:
         request = CommandRequest(
             request_id=min(getattr(known, "request_id", 0) + random.choice((0, 1, 2, 3)), MAX_ID),
             param1=1.0,
-            param2=0.0,
+            param2=0.5,  # which nobody else asks
             command=random.choice(HARMLESS),
         )
-        if request == known:
-            return
         key = random.choice((one.key, f"{ROBOT}{COMMAND.path}/{MINE}"))
         self._ask(key, self._encoder.encode(request), time_bytes(self._robot_ns() + SOON_NS))
 
