@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from protocol import access_table, topics
+from protocol import topics
+from protocol.bus import access_table
 from protocol.bus.access import grants
 from protocol.layout import LAYOUT, class_name
 from protocol.message import Message

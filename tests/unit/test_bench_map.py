@@ -47,7 +47,7 @@ def test_plotext_draws_the_same_lines() -> None:
 def test_it_reports_both_and_their_ratio() -> None:
     parser = ArgumentParser()
     benchmark.add_options(parser)
-    options = parser.parse_args(["--repetitions", "1", "--frames", "12"])
+    options = parser.parse_args(["--repetitions", "1", "--frames", "7"])
     report = benchmark.measure(options)
     named = {figure.name: figure for figure in report.figures}
     assert named["frame, all moves"].at_most == 4.0

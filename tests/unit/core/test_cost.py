@@ -45,15 +45,12 @@ def test_every_registered_navigator_has_a_name_and_so_a_limit() -> None:
 
 
 @pytest.mark.parametrize("name", NAVIGATORS)
-def test_the_worst_tick_stays_within_its_limit(name: str) -> None:
-    worst = hard_ticks(name, STORIES, TICKS).worst()
+def test_the_worst_tick_and_the_memory_stay_within_their_limits(name: str) -> None:
+    weights = hard_ticks(name, STORIES, TICKS)
+    worst = weights.worst()
     dearest = sorted(worst.functions.items(), key=lambda item: -item[1])[:8]
     assert share_percent(worst.instructions) <= LIMITS_PERCENT.get(name, LIMIT_PERCENT), dearest
-
-
-@pytest.mark.parametrize("name", NAVIGATORS)
-def test_the_memory_of_a_navigator_stays_within_its_limit(name: str) -> None:
-    assert hard_ticks(name, 2, TICKS).memory_bytes <= STATE_BYTES
+    assert weights.memory_bytes <= STATE_BYTES
 
 
 @pytest.mark.parametrize("kind", [ShutIn, Carried])

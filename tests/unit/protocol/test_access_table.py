@@ -2,8 +2,8 @@
 
 import pytest
 
-from protocol import access_table
-from protocol.access_table import COLUMNS, rows
+from protocol.bus import access_table
+from protocol.bus.access_table import COLUMNS, rows
 
 OPERATORS = {"`ground`", "`ground-NAME`"}
 ROUTER = {"`router`"}
