@@ -10,6 +10,7 @@ from ground.blackbox.facts import Facts
 from ground.blackbox.spread import Piece, Spread
 from ground.link import Link
 from ground.options import add_common, common_of
+from ground.recorder import MAX_KEY
 from ground.says import Says
 from ground.tlog import whole
 from protocol.clock import Clock
@@ -101,7 +102,8 @@ class Bridge:
         link.bus.stream(f"{prefix}/{link.robot}/**", self._take)
 
     def _take(self, key: str, frame: bytes, arrived_ns: int) -> None:
-        self._arrived.append((key, frame, arrived_ns))
+        if len(key) <= MAX_KEY:
+            self._arrived.append((key, frame, arrived_ns))
 
     def round(self, now_ns: int) -> None:
         """Everything that has come; and what is told seldom, when it is time to."""

@@ -21,6 +21,9 @@ HELD_BYTES: Final = 8 << 20
 FRAME_COST: Final = 300
 """Bytes of memory that a waiting frame takes beside its own."""
 
+MAX_KEY: Final = 250
+"""Letters of a key, which is in the MCAP with each frame; all of ours are shorter."""
+
 TOO_SLOW: Final = "the disk took too long"
 NS_PER_US: Final = 1000
 
@@ -140,7 +143,7 @@ class Recorder:
                 self._overflowed += 1
                 self.why_dropped = TOO_SLOW
                 return
-            self._arrived_bytes += len(frame) + FRAME_COST
+            self._arrived_bytes += len(frame) + len(key) + FRAME_COST
             self._arrived.append((key, frame, told_ns))
 
     def know(self, name: str, text: str) -> None:
@@ -197,7 +200,7 @@ class Recorder:
             arrived, self._arrived = self._arrived, deque()
             self._arrived_bytes = 0
         for key, frame, told_ns in arrived:
-            if not whole(frame):
+            if not whole(frame) or len(key) > MAX_KEY:
                 self.rejected += 1  # written, it would put a reader out of step
             elif len(self._waiting) > self._held_bytes:
                 self._dropped += 1

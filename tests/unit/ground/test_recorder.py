@@ -120,7 +120,7 @@ def test_a_disk_that_stays_full_costs_bounded_memory_and_is_admitted() -> None:
 def test_memory_is_bounded_while_the_disk_hangs() -> None:
     """The thread that writes does not come back, and frames go on arriving."""
     disk = Disk()
-    recorder = Recorder(disk, OFFSET_NS, held_bytes=100 * (FRAME_COST + 30))
+    recorder = Recorder(disk, OFFSET_NS, held_bytes=100 * (FRAME_COST + 40))
     one = frame("while it hangs")
     for n in range(10_000):
         recorder.take("k", one, n)
@@ -133,6 +133,19 @@ def test_memory_is_bounded_while_the_disk_hangs() -> None:
     assert not recorder.close(), "it is admitted in the end"
     assert texts(disk.data) == recorder.written == kept + 1
     assert recorder.dropped == 10_000 - kept
+
+
+def test_long_keys_count_and_are_left_out() -> None:
+    """A key may have 60,000 letters, and comes with each frame."""
+    disk = Disk()
+    recorder = Recorder(disk, OFFSET_NS, held_bytes=1_000_000)
+    one, key = frame("x"), "k" * 60_000
+    for n in range(1000):
+        recorder.take(key, one, n)
+    assert len(recorder._arrived) < 20
+    recorder.flush()
+    assert recorder.rejected + recorder.dropped == 1000
+    assert disk.data == b""
 
 
 def test_frames_from_many_threads_are_all_counted_once() -> None:
