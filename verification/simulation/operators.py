@@ -241,7 +241,7 @@ class Operator:
             return self._end(asked, True)
         return self._end(asked, False, getattr(answer, "result_param2", 0))
 
-    def fence(self, link: Link, radius_m: float, corners: int) -> bool:
+    def fence(self, link: Link, radius_m: float, corners: int = 0) -> bool:
         """A circle around the world's start, or a square as wide; 0: none."""
         if not radius_m:
             return self._transfer(link, "fence off", MissionType.FENCE, ())
