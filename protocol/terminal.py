@@ -63,9 +63,11 @@ def steer(stream: TextIO, sequence: Sequence) -> None:
 def guarded_output() -> Iterator[None]:
     """Guard standard output and standard error of this process while the block runs.
 
-    After an exception they stay guarded: the interpreter prints its traceback later.
+    After an exception they stay guarded: the interpreter prints its traceback later. One that was
+    closed when the process began is None, and stays so.
     """
     before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = guarded(sys.stdout), guarded(sys.stderr)
+    sys.stdout = sys.stdout and guarded(sys.stdout)
+    sys.stderr = sys.stderr and guarded(sys.stderr)
     yield
     sys.stdout, sys.stderr = before

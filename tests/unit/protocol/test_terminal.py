@@ -89,3 +89,10 @@ def test_the_executable_lets_no_control_character_out(does: str, traceback: list
     assert "OWNED" in said
     assert "end" in said
     assert [letter for letter in said if letter != "\n" and not letter.isprintable()] == []
+
+
+def test_an_output_that_was_closed_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", None)
+    with guarded_output():
+        assert sys.stderr is None
+        print("nobody hears it", file=sys.stderr)
