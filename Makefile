@@ -89,6 +89,8 @@ test: setup
 	step "lint" ruff check .
 	step "types" mypy --strict
 	step "import contracts" lint-imports
+	step "branch coverage" python -m verification.branch_coverage
+	step "mutation of the stop" python -m verification.mutation --module stop_latch
 	step "tests" pytest -q -n auto -m "not stack and not compose" $(if $(CI),--no-skips)
 	step "tests with processes" pytest -q -n 2 --dist loadfile -m stack $(if $(CI),--no-skips)
 	step "tests with containers" pytest -q -m compose $(if $(CI),--no-skips)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from protocol.codec import CHECKSUM_SIZE, Encoder, decode
+from protocol.codec import CHECKSUM_SIZE, LARGEST_FRAME, Encoder, decode, framed
 from protocol.errors import LocalError, RemoteError
 from protocol.layout import LAYOUT
 from protocol.message import Message
@@ -101,12 +101,30 @@ def test_two_frames_in_one_sample_are_refused() -> None:
     assert refused(Encoder(1, 1).encode(COMMAND) * 2)
 
 
+@pytest.mark.parametrize("text", ["", "a", "x" * 50])
+@pytest.mark.parametrize("chunk_seq", [0, 255])
+def test_zeros_at_the_end_are_left_out_and_read_back(text: str, chunk_seq: int) -> None:
+    sent = Statustext(severity=6, text=text, id=65_535, chunk_seq=chunk_seq)
+    frame = Encoder(1, 1).encode(sent)
+    assert frame[-CHECKSUM_SIZE - 1] != 0
+    assert decode(frame).message == sent
+
+
+def test_the_outer_form_of_a_frame_is_told_without_reading_it() -> None:
+    frame = Encoder(1, 1).encode(COMMAND)
+    assert framed(frame)
+    assert framed(frame[:-1] + bytes([frame[-1] ^ 1])), "the checksum is not looked at"
+    for bad in (b"", frame[:-1], frame + b"\0", b"\xfe" + frame[1:], b"\xfd\0" + b"\0" * 10):
+        assert not framed(bad)
+
+
 def test_a_refusal_says_what_is_wrong() -> None:
     frame = Encoder(1, 1).encode(COMMAND)
     stories = {
         b"": "too few",
         b"\xfe" + frame[1:]: "not with 0xfd",
         frame[:-1]: "announces",
+        frame.ljust(LARGEST_FRAME + 1): f"more than {LARGEST_FRAME} bytes",
         frame[:2] + b"\x01" + frame[3:]: "not supported",
         frame[:7] + b"\xff\xff\xff" + frame[10:]: "16777215 is not in the dialect",
         frame[:-CHECKSUM_SIZE] + b"\0\0": "checksum of WHEEL_COMMAND",
