@@ -8,7 +8,7 @@ from typing import Final
 
 from benchmarks.fuzz_target import Target
 from ground.keys.checking import check
-from ground.keys.folder import make
+from ground.keys.folder import SECRET_MODE, make
 from protocol.bus.certificate import own
 from protocol.network import Tls
 
@@ -33,6 +33,7 @@ def among_good(ending: str, data: bytes, folder: Path) -> None:
         if name == "ca.pem" or name.startswith(NAME):
             (folder / name).write_bytes(content)
     (folder / f"{NAME}{ending}").write_bytes(data)
+    (folder / f"{NAME}.key").chmod(SECRET_MODE)
     check(folder, NOW)
     ca, certificate, key = (folder / one for one in ("ca.pem", f"{NAME}.pem", f"{NAME}.key"))
     own(Tls(ca=str(ca), certificate=str(certificate), key=str(key)))
