@@ -20,6 +20,7 @@ from protocol.bus.asker import Asker
 from protocol.bus.callers import Dialled, callers
 from protocol.bus.certificate import holder
 from protocol.bus.history import following, told_ns
+from protocol.bus.linger import Lingering
 from protocol.bus.locks import shut
 from protocol.bus.presence import MAX_TOKENS, Presence, presence_in
 from protocol.bus.publisher import Publisher
@@ -75,6 +76,8 @@ class Bus:
         self.holder = holder(network.tls, role, robot)
         self._session = open_session(network)
         self._dialled = Dialled(self._session, network, self.holder, robot)
+        self._lingering = Lingering()
+        self._declared.append(callers(self._session, self._lingering.stop))
         self._asker = Asker(self._session, network, role, self.operator, self.holder, now_ns)
 
     def __enter__(self) -> Self:
@@ -94,6 +97,7 @@ class Bus:
         self._desk.close()
         session: Any = self._session
         session.close()
+        self._lingering.close()
         self.line.close()
 
     @property

@@ -15,7 +15,7 @@ LISTS: Final = "background"
 """Of what is long: texts in JSON, and the events that a publisher has kept."""
 
 STOPS: Final = "real_time"
-WAIT_BEFORE_CLOSE_US: Final = 1_000_000
+WAIT_BEFORE_CLOSE_US: Final = 20_000
 """A reader that does not take what must not be dropped (declarations) is cut off after that."""
 
 LISTS_BATCHES: Final = 16

@@ -1,8 +1,10 @@
 """A reader that is slow is dropped from, and neither the loop nor another asker waits for it."""
 
+import os
+import socket
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -13,12 +15,13 @@ from zenoh.handlers import Callback
 
 from benchmarks.flooding.relay import SlowRelay
 from protocol.bus import Bus, open_bus
+from protocol.bus.linger import sockets, taken
 from protocol.bus.service import Asked
 from protocol.bus.session import configured
 from protocol.messages import Statustext
 from protocol.network import Network
 from protocol.topics import PARAMETERS, TEXT, Role
-from tests.bus.nets import until
+from tests.bus.nets import net, until
 from tests.keyring import Keyring
 
 BYTES_PER_S = 20_000.0
@@ -109,3 +112,36 @@ def test_histories_that_are_hardly_read_delay_nobody(
     for _ in range(5):
         ask(viewer, f"{robot.key(TEXT.path)}/@adv/**?_max=512")
         assert worst_put_s(robot) < WAITS_S
+
+
+def lingering(port: int) -> int:
+    """How many of this process's connections to or from a port wait when they are closed."""
+    found = 0
+    for descriptor in sockets():
+        with suppress(OSError), taken(os.dup(descriptor)) as one:
+            if one.family == socket.AF_INET and port in (one.getsockname()[1], other_port(one)):
+                found += one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)[0]
+    return found
+
+
+def other_port(end: socket.socket) -> int:
+    try:
+        return int(end.getpeername()[1])
+    except OSError:
+        return 0
+
+
+def test_closing_the_link_of_a_slow_reader_waits_for_nobody() -> None:
+    """For up to 10 s nobody was heard: closing blocked the threads that take samples in."""
+    with net() as bus:
+        port = int(bus.endpoint.rpartition(":")[2])
+        assert len(links(port)) >= 4
+        until(lambda: not lingering(port))
+        bus.join(Role.GROUND)
+        until(lambda: not lingering(port))
+
+
+def links(port: int) -> list[str]:
+    """The connections to and from that port, as the system has them."""
+    lines = Path("/proc/net/tcp").read_text().splitlines()
+    return [line for line in lines if f":{port:04X} " in line and " 01 " in line]

@@ -22,6 +22,9 @@ class Info:
     def peers_zid(self) -> list[str]:
         return self._peers
 
+    def declare_link_events_listener(self, _callback: object, *, history: bool) -> None:
+        """There are no links here whose coming could be told."""
+
 
 class Matching:
     """As zenoh.MatchingStatus."""
