@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from verification.simulation.draw import drawn
-from verification.simulation.events import from_json, to_json
+from verification.simulation.events import Event, Scenario, from_json, to_json
 from verification.simulation.simulation import run
 
 PRINTS_DIGEST = """
@@ -59,3 +59,21 @@ def test_runs_drive_and_reach_all_modes() -> None:
     for name in ("MANUAL", "AUTO", "GUIDED", "HOLD"):
         assert coverage.reached[f"ACTIVE {name}"] > 0, name
     assert coverage.reached["EMERGENCY_STOP"] > 0
+
+
+def test_operator_at_the_station_drives_and_stops() -> None:
+    """The station's model takes the lease, beats, asks and presses the stop, as in the app."""
+    scenario = Scenario(
+        1,
+        8_000_000_000,
+        (
+            Event(300_000_000, "come", ("station", 0), 1),
+            Event(1_500_000_000, "operate", ("station", "drive", 33.0, 30.0, "GUIDED"), 1),
+            Event(5_000_000_000, "operate", ("station", "stop"), 1),
+        ),
+    )
+    result = run(scenario)
+    assert result.violation is None
+    assert result.coverage.stops == 1
+    assert result.coverage.moving_percent > 25.0
+    assert result.coverage.reached["EMERGENCY_STOP"] == 1

@@ -7,12 +7,15 @@ from typing import Final
 from verification.simulation.events import Argument
 
 Arguments = tuple[Argument, ...]
-OPERATORS: Final = ("operator-a", "operator-b", "operator-c")
+STATION: Final = "station"
+"""The operator who uses the ground station instead of the command line."""
+
+OPERATORS: Final = ("operator-a", "operator-b", "operator-c", STATION)
 
 
-def draw_operate(random: Random) -> Arguments:
-    """An operator does something; most of it leads to driving."""
-    who = random.choice((*OPERATORS[:1] * 4, *OPERATORS[1:]))
+def draw_operate(random: Random, first: str = OPERATORS[0]) -> Arguments:
+    """An operator does something, mostly the first one; most of it leads to driving."""
+    who = random.choice((first, first, first, first, *OPERATORS[1:3]))
     return (who, *ACTIONS[random.choices(range(len(ACTIONS)), WEIGHTS)[0]][1](random))
 
 

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from robot.core import states
 from robot.core.values import Pose
 from verification.simulation import robot_side
+from verification.simulation.actions import OPERATORS, STATION
 from verification.simulation.attacker import MINE, Attacker
 from verification.simulation.coverage import Coverage
 from verification.simulation.defects import defective
@@ -21,10 +22,10 @@ from verification.simulation.plant_side import WORLDS, PlantSide
 from verification.simulation.robot_side import RobotSide
 from verification.simulation.scheduler import Host, Scheduler
 from verification.simulation.session import Session
+from verification.simulation.station_side import StationOperator
 from verification.simulation.substitutes import Drawn, Opened, substituted
 
 MS: Final = 1_000_000
-OPERATORS: Final = ("operator-a", "operator-b", "operator-c")
 LIES_NS: Final = 15_000 * MS
 """For so long after a time that is not true the robot may be wrong about its sender."""
 
@@ -62,7 +63,10 @@ class Simulation:
         self.plant = PlantSide(
             scheduler, "plant", world, self.oracle.plant_tick, self.oracle.plant_started
         )
-        self.operators = {name: Operator(scheduler, name, self.history) for name in OPERATORS}
+        self.operators = {
+            name: (StationOperator if name == STATION else Operator)(scheduler, name, self.history)
+            for name in OPERATORS
+        }
         for operator in self.operators.values():
             operator.centre = (start.x_m, start.y_m)
         facts = self.oracle.facts

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from protocol.bus.publisher import Publisher
 from protocol.message import Message
+from protocol.network import Hub
 from protocol.pulse import Pulse
 from verification.simulation.disk import SimulatedOs
 from verification.simulation.scheduler import current_host
@@ -115,6 +116,7 @@ BLOCKS: Final = (
 
 SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("protocol.bus.bus", "open_session", Opened.open_session),
+    ("protocol.bus.bus", "called", lambda _endpoint: Hub.UNREACHABLE),
     ("protocol.bus.bus", "following", plain_subscriber),
     ("protocol.bus.publisher", "keeping", PlainPublisher),
     ("robot.run", "WallClock", SimulatedClock),
