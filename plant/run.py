@@ -28,6 +28,7 @@ def run(
     with open_bus(network, Role.PLANT, robots[0]) as bus:
         for number in (signal.SIGINT, signal.SIGTERM):  # while dialling, they end it as ever
             signal.signal(number, lambda *_: wake.stop())
+        bus.on_impostor(lambda why: tell(f"plant: {why}"))
         watchdog = Watchdog()
         process = assemble(
             plant, bus, robots, wake, lockstep=lockstep, paused=paused, turn=watchdog.wind

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from datetime import datetime
 from ipaddress import ip_address
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric.ec import (
@@ -17,6 +17,7 @@ from cryptography.hazmat.primitives.serialization import (
     Encoding,
     NoEncryption,
     PrivateFormat,
+    load_pem_private_key,
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
@@ -39,7 +40,7 @@ class Pair(NamedTuple):
 
 
 class Authority:
-    """Signs certificates for as long as it lives: its own key is never written anywhere."""
+    """Signs certificates. Unless it is kept, by `pair`, its key ends with the process."""
 
     def __init__(self, since: datetime, until: datetime) -> None:
         self._times = (since, until)
@@ -54,6 +55,30 @@ class Authority:
             .add_extension(usage, critical=True)
             .sign(self._key, SHA256())
         )
+
+    @classmethod
+    def kept(cls, pair: Pair) -> Self:
+        """The authority whose certificate and key were kept; ValueError for what is none."""
+        certificate = x509.load_pem_x509_certificate(pair.certificate)
+        key = load_pem_private_key(pair.key, password=None)
+        if not isinstance(key, EllipticCurvePrivateKey):
+            raise ValueError("the key of the authority is of another kind")
+        if key.public_key() != certificate.public_key():
+            raise ValueError("the key is not that of the authority")
+        found = cls.__new__(cls)
+        found._times = (certificate.not_valid_before_utc, certificate.not_valid_after_utc)
+        found._key, found._name, found._certificate = key, certificate.subject, certificate
+        return found
+
+    @property
+    def pair(self) -> Pair:
+        """To be kept where nobody else can read it: its holder can be everybody."""
+        return Pair(self.pem, secret(self._key))
+
+    @property
+    def until(self) -> datetime:
+        """When all that it has signed ends at the latest."""
+        return self._times[1]
 
     @property
     def pem(self) -> bytes:
@@ -108,6 +133,17 @@ def alternative(host: str) -> x509.GeneralName:
         return x509.IPAddress(ip_address(host))
     except ValueError:
         return x509.DNSName(host)
+
+
+def hosts_in(pem: bytes) -> list[str]:
+    """The host names and addresses that a certificate is for."""
+    try:
+        names = x509.load_pem_x509_certificate(pem).extensions.get_extension_for_class(
+            x509.SubjectAlternativeName
+        )
+    except x509.ExtensionNotFound:
+        return []
+    return [str(name.value) for name in names.value]
 
 
 def key_usage(*, signs_certificates: bool) -> x509.KeyUsage:

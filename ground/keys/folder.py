@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from ground.keys.authority import Authority
+from ground.keys.authority import Authority, Pair, hosts_in
 from ground.options import Config
 from protocol.bus.access import OPERATOR, RECORDER, VIEWER
 from protocol.config import load_shared
@@ -16,6 +16,9 @@ from protocol.network import Network
 from protocol.whole_file import replace
 
 CA: Final = "ca.pem"
+CA_KEY: Final = "authority.key"
+"""Its holder can be everybody: it belongs on no machine of the stack."""
+
 THIS_MACHINE: Final = ("localhost", "127.0.0.1", "::1")
 REVOKED: Final = re.compile(r"^revoked = \[.*\]$", re.MULTILINE)
 FOLDER_MODE: Final = 0o700
@@ -44,19 +47,23 @@ def make(
     since: datetime,
     until: datetime,
     operators: Sequence[str] = (),
+    authority_until: datetime | None = None,
 ) -> list[str]:
     """The roles that have a certificate now. Overwrites nothing: UserError names what is there.
 
-    `hosts` are more names and addresses of those that are dialled, by role.
+    `hosts` are more names and addresses of those that are dialled, by role. `authority_until`: the
+    authority is valid that long, and its key is kept for `renew`.
     """
     prepare(folder)
-    authority = Authority(since, until)
+    authority = Authority(since, authority_until or until)
     written: list[Path] = []
     try:
         put(folder / CA, authority.pem, PUBLIC_MODE, written)
+        if authority_until is not None:
+            put(folder / CA_KEY, authority.pair.key, SECRET_MODE, written)
         for role, robot, dialled in cast(robots, operators):
             names = (*dialled_at(role), *hosts.get(role, ())) if dialled else ()
-            pair = authority.certify(role, names)
+            pair = authority.certify(role, names, (since, until))
             put(folder / f"{role}.pem", pair.certificate, PUBLIC_MODE, written)
             put(folder / f"{role}.key", pair.key, SECRET_MODE, written)
             text = configuration(role, robot, robots, operators)
@@ -91,6 +98,46 @@ def configuration(role: str, robot: str, robots: Sequence[str], operators: Seque
     return CONFIG.format(
         role=role, robot=robot, robots=listed(robots), operators=listed(operators), ca=CA
     )
+
+
+def renew(folder: Path, names: Sequence[str], since: datetime, until: datetime) -> datetime:
+    """Give some roles a new certificate and key, with the names that they had; until when.
+
+    It ends with the authority at the latest. UserError when that was not kept, or is of no use.
+    """
+    try:
+        pair = Pair((folder / CA).read_bytes(), (folder / CA_KEY).read_bytes())
+        authority = Authority.kept(pair)
+    except OSError as error:
+        raise UserError(
+            f"{folder / CA_KEY}: {error.strerror}: only a set of `keys new --keep-authority` can "
+            "be renewed; make a new one"
+        ) from error
+    except (ValueError, TypeError) as error:
+        raise UserError(f"{folder / CA_KEY}: {error}") from error
+    until = min(until, authority.until)
+    before = {name: dialled_names(folder, name) for name in names}
+    for name, hosts in before.items():
+        made = authority.certify(name, hosts, (since, until))
+        fresh(folder / f"{name}.key", made.key, SECRET_MODE)
+        fresh(folder / f"{name}.pem", made.certificate, PUBLIC_MODE)
+    return until
+
+
+def dialled_names(folder: Path, name: str) -> list[str]:
+    """Where the holder of a certificate is dialled; nowhere if it only dials."""
+    path = folder / f"{name}.pem"
+    if not path.is_file() or name == CA.removesuffix(".pem"):
+        raise UserError(f"{folder} has no certificate {name}.pem: name one that it has")
+    return hosts_in(path.read_bytes())
+
+
+def fresh(path: Path, content: bytes, mode: int) -> None:
+    """A file in the place of another one, whole, and never readable by more than `mode` says."""
+    draft = path.with_name(f".{path.name}.part")
+    draft.unlink(missing_ok=True)
+    put(draft, content, mode, [])
+    draft.replace(path)
 
 
 def revoke(folder: Path, names: Sequence[str]) -> list[str]:

@@ -55,12 +55,23 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=f"for which they are valid ({USUAL_DAYS})",
     )
+    new.add_argument(
+        "--keep-authority",
+        type=whole(1, MOST_DAYS),
+        metavar="N",
+        help="valid for N days, with its key in authority.key, for `keys renew`: move that to a "
+        "safe place",
+    )
+    renew = actions.add_parser("renew", help="new certificates and keys from a kept authority")
+    renew.add_argument("folder", type=Path, metavar="DIR", help="with its authority.key")
+    renew.add_argument("names", nargs="+", metavar="NAME", help="as in ground-ada or robot-r2")
+    renew.add_argument("--days", type=whole(1, MOST_DAYS), default=USUAL_DAYS, metavar="N")
     revoke = actions.add_parser("revoke", help="have a certificate refused, though it is valid")
     revoke.add_argument("folder", type=Path, metavar="DIR", help="as `keys new` made it")
     revoke.add_argument("names", nargs="+", metavar="NAME", help="as in ground-ada or robot-r2")
     check = actions.add_parser("check", help="until when each is valid, and what is wrong")
     check.add_argument("folder", type=Path, metavar="DIR", help="as `keys new` made it")
-    for action in (new, revoke, check):
+    for action in (new, renew, revoke, check):
         add_json(action)
 
 
@@ -84,7 +95,8 @@ def host(text: str) -> str:
 def run(options: argparse.Namespace, says: Says) -> int:
     """0 when made or good, 1 when something is wrong with a certificate."""
     require_library()
-    return {"new": run_new, "revoke": run_revoke, "check": run_check}[options.action](options, says)
+    runs = {"new": run_new, "renew": run_renew, "revoke": run_revoke, "check": run_check}
+    return runs[options.action](options, says)
 
 
 def require_library() -> None:
@@ -105,9 +117,10 @@ def run_new(options: argparse.Namespace, says: Says) -> int:
     check_operators(operators)
     now = datetime.now(UTC)
     until = now + timedelta(days=options.days)
-    roles = make(
-        options.folder, robots, hosts_of(options.host, robots), now - EARLY, until, operators
-    )
+    hosts, authority = hosts_of(options.host, robots), None
+    if options.keep_authority:
+        authority = max(until, now + timedelta(days=options.keep_authority))
+    roles = make(options.folder, robots, hosts, now - EARLY, until, operators, authority)
     found: dict[str, object] = {
         "ok": True,
         "folder": str(options.folder),
@@ -117,6 +130,22 @@ def run_new(options: argparse.Namespace, says: Says) -> int:
     use = f"use them with --config, as in: sidestep ground --config {options.folder}/ground.toml"
     made = f"{options.folder}: {', '.join(roles)}, until {until:%Y-%m-%d}"
     says.result(found, f"{made}\n  {use}")
+    return 0
+
+
+def run_renew(options: argparse.Namespace, says: Says) -> int:
+    from ground.keys.folder import renew
+
+    now = datetime.now(UTC)
+    wanted = now + timedelta(days=options.days)
+    until = renew(options.folder, options.names, now - EARLY, wanted)
+    row: dict[str, object] = {
+        "ok": True,
+        "folder": str(options.folder),
+        "roles": options.names,
+        "until": until.isoformat(timespec="seconds"),
+    }
+    says.result(row, f"{options.folder}: {', '.join(options.names)} anew, until {until:%Y-%m-%d}")
     return 0
 
 

@@ -339,7 +339,7 @@ class Bus:
         self._declared.append(callers(self._session, handler))
 
     def on_impostor(self, handler: Callable[[str], None]) -> None:
-        """Hand on why a process that answers when it is dialled again is wrong; only enqueue."""
+        """Hand on why a process that answers when it is dialled again is wrong, now and then."""
         self._dialled.on_wrong(handler)
 
     def await_matched(self, publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:

@@ -1,5 +1,6 @@
 """Who is linked to a session, by certificate and address."""
 
+import time
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -10,6 +11,7 @@ from protocol.bus.access import impostor
 from protocol.errors import NotLetIn
 from protocol.network import Network
 
+QUIET_S: Final = 10.0
 REPLACED: Final = "nothing is taken from it or sent to it; find out who listens there, by whose key"
 
 
@@ -40,6 +42,7 @@ class Dialled:
     ) -> None:
         self._own, self._robot, self._revoked = own, robot, network.revoked
         self._wrong: dict[tuple[str, str], tuple[str, str]] = {}
+        self._told_s = -QUIET_S
         self._tell: Callable[[str], None] = lambda _why: None
         if own is None or network.listen:
             return
@@ -58,8 +61,13 @@ class Dialled:
         return next((": ".join(wrong) for wrong in tuple(self._wrong.values())), "")
 
     def on_wrong(self, tell: Callable[[str], None]) -> None:
-        """Call `tell` with the reason whenever a link to a wrong process comes; only enqueue."""
-        self._tell = tell
+        """Call `tell` with the reason when a link to a wrong process comes, once in QUIET_S.
+
+        It is called in a thread of Zenoh.
+        """
+        self._tell, self._told_s = tell, -QUIET_S
+        if self.wrong:
+            self._say(self.wrong)
 
     def _changed(self, event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT:
@@ -74,7 +82,14 @@ class Dialled:
             why = f"shows the certificate of {name!r}, which is revoked"
         if why and place_of(link) not in self._wrong:
             self._wrong[place_of(link)] = f"the process at {link.dst} {why}", REPLACED
-            self._tell(self.wrong)
+            self._say(self.wrong)
+
+    def _say(self, why: str) -> None:
+        """Hand it on, unless something was a moment ago: it may come and go all the time."""
+        now_s = time.monotonic()
+        if now_s - self._told_s >= QUIET_S:
+            self._told_s = now_s
+            self._tell(why)
 
 
 def place_of(link: zenoh.Link) -> tuple[str, str]:
