@@ -23,6 +23,7 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "robot/lease.py": (f"{ROBOT}/test_lease.py",),
         "robot/teleop.py": (f"{ROBOT}/test_teleop.py",),
         "robot/commands.py": (f"{ROBOT}/test_commands.py", f"{ROBOT}/test_vehicle.py"),
+        "robot/process.py": (f"{ROBOT}/test_process.py",),
         "robot/stop_latch.py": (f"{ROBOT}/test_stop_latch.py",),
         "robot/delays.py": (f"{ROBOT}/test_delays.py",),
         "protocol/mailbox.py": (f"{PROTOCOL}/test_mailbox.py",),

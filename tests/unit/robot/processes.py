@@ -1,0 +1,178 @@
+"""A robot process on a bus that a test plays: requests, senses and time come from the test."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+from protocol.bus import Asked, Bus
+from protocol.clock import ManualClock, Tick
+from protocol.codec import Encoder
+from protocol.mailbox import Mailbox, Sample
+from protocol.message import Message
+from protocol.messages import CommandAck, SonarScan, WheelCommand, WheelTicks
+from protocol.timing import PERIOD_NS
+from protocol.topics import COMMAND, DRIVE, ENCODING, SONAR, WHEELS, Role, Service, Topic
+from robot.core.parameters import DEFAULTS
+from robot.meter import Meter
+from robot.process import Process
+from robot.senses import Senses
+from robot.store import Store
+from robot.vehicle import Vehicle
+from tests.played_bus import PlayedBus, PlayedPublisher
+from tests.unit.robot.held_writer import Question
+from tests.unit.robot.vehicles import MS
+
+M = TypeVar("M", bound=Message)
+ADA, BOB = "ada/1", "bob/2"
+GOOD_NS = 1_000 * MS
+
+
+class Request(Question):
+    """A request as the bus hands it over, which keeps what became of it."""
+
+    def __init__(
+        self, message: Message | None, operator: str = ADA, good_until_ns: int | None = None
+    ) -> None:
+        super().__init__(message, operator)
+        self.good_until_ns = good_until_ns
+        self.dropped = False
+
+    @property
+    def payload(self) -> bytes:
+        return b"" if self.message is None else Encoder(1, 1).encode(self.message)
+
+    def drop(self) -> None:
+        self.dropped = True
+
+    @property
+    def reasons(self) -> list[int]:
+        return [one.result_param2 for one in self.answers if isinstance(one, CommandAck)]
+
+
+class ServedBus(PlayedBus):
+    """The bus of robot r1."""
+
+    robot = "r1"
+    role = Role.ROBOT
+
+    def __init__(self, clock: ManualClock) -> None:
+        super().__init__(clock)
+        self.services: dict[str, Callable[[Asked], None]] = {}
+        self.rejected: dict[str, int] = {}
+        self.has_clock = False
+        self.kept_serving = self.serving_ns = 0
+        self.sent: list[Message] = []
+
+    def mailbox(
+        self,
+        topic: Topic[M],
+        robot: str | None = None,
+        notify: Callable[[int], None] | None = None,
+        accept: Callable[[str], bool] | None = None,
+        *,
+        forward: bool = False,
+        check: Callable[[M], str] | None = None,
+    ) -> Mailbox[M]:
+        box = Mailbox(topic, notify, accept, forward=forward, check=check)
+        self._boxes.append((robot or "r1", box))
+        return box
+
+    def publisher(self, topic: Topic[M], robot: str | None = None) -> PlayedPublisher:
+        publisher = super().publisher(topic, robot)
+        publisher.heard = self.sent.append
+        return publisher
+
+    def serve(self, service: Service, take: Callable[[Asked], None]) -> None:
+        self.services[service.path] = take
+
+    def serve_stop(
+        self, press: Callable[[str, bytes], None], take: Callable[[Asked], None]
+    ) -> None:
+        self.press, self.take_stop = press, take
+
+    def serve_clock(self) -> None:
+        self.has_clock = True
+
+    def keep_serving(self) -> None:
+        self.kept_serving += 1
+        self._clock.advance(self.serving_ns)
+
+    def now_ns(self) -> int:
+        return self._clock.now_ns()
+
+    def say_as(self, topic: Topic[Any], message: Message, operator: str) -> None:
+        """Put a frame of an operator, sent now."""
+        now_ns = self.now_ns()
+        frame = Encoder(1, 1).encode(message)
+        for _, box in self._boxes:
+            if box.topic.path == topic.path:
+                box.store(Sample(ENCODING, frame, operator, now_ns), now_ns)
+
+
+class Rig:
+    """A process that runs one control period at a time, on a robot that stands in the open."""
+
+    def __init__(self, store: Store | None = None, *, enforced: bool = False) -> None:
+        self.clock = ManualClock(10**12)
+        self.bus = ServedBus(self.clock)
+        self.vehicle = Vehicle(DEFAULTS, store or Store(None))
+        bus = cast(Bus, self.bus)
+        senses = Senses(bus, lockstep=False, accept=self.vehicle.lease.allows)
+        self.meter = Meter(self.clock, period_ns=PERIOD_NS, enforced=enforced)
+        self.process = Process(self.vehicle, bus, self.clock, senses, self.meter)
+        self.nudges = 0
+        self.ticks = 0
+
+    def serve(self) -> "Rig":
+        self.process.serve(self._nudge)
+        return self
+
+    def ready(self) -> "Rig":
+        """Serving, and armed after a period with senses."""
+        self.serve().cycle()
+        self.vehicle.state.machine.vehicle = 2
+        return self
+
+    def next_tick(self) -> Tick:
+        """Let a period pass, and the senses of the next one arrive."""
+        self.clock.advance(PERIOD_NS)
+        self.ticks += 1
+        now_ns, seq = self.clock.now_ns(), self.ticks
+        self.bus.say(
+            WHEELS, WheelTicks(time_ns=now_ns, seq=seq, left=0, right=0, bumper=0, expired=0)
+        )
+        nothing = (0,) * 8
+        self.bus.say(
+            SONAR,
+            SonarScan(
+                time_ns=now_ns, seq=seq, range_mm=nothing, ping_age_us=nothing, valid=255, echo=0
+            ),
+        )
+        return Tick(seq, now_ns, 0, 0)
+
+    def cycle(self) -> None:
+        self.process.cycle(self.next_tick())
+
+    def ask(
+        self,
+        message: Message | None,
+        operator: str = ADA,
+        *,
+        good_for_ns: int | None = GOOD_NS,
+        service: Service = COMMAND,
+    ) -> Request:
+        """Let a request arrive that counts for so long."""
+        good_until_ns = None if good_for_ns is None else self.clock.now_ns() + good_for_ns
+        request = Request(message, operator, good_until_ns)
+        self.bus.services[service.path](request)
+        return request
+
+    def sent(self, topic: Topic[M]) -> list[M]:
+        return cast(list[M], self.bus.publishers["r1", topic.path].said)
+
+    @property
+    def command(self) -> WheelCommand:
+        """The newest wheel command."""
+        return self.sent(DRIVE)[-1]
+
+    def _nudge(self) -> None:
+        self.nudges += 1
