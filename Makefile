@@ -92,7 +92,7 @@ test: setup
 	step "branch coverage" python -m verification.branch_coverage
 	step "mutation of the stop" python -m verification.mutation --module stop_latch
 	step "tests" pytest -q -n auto -m "not stack and not compose" $(if $(CI),--no-skips)
-	step "tests with processes" pytest -q -n 2 --dist loadfile -m stack $(if $(CI),--no-skips)
+	step "tests with processes" pytest -q -n 3 --dist loadfile -m stack $(if $(CI),--no-skips)
 	step "tests with containers" pytest -q -m compose $(if $(CI),--no-skips)
 	if [ -n "$$failed" ]; then
 		printf '\nmake test: FAILED:%s\n' "$${failed#,}" >&2

@@ -142,7 +142,7 @@ def commanded() -> list[tuple[type[Message], dict[str, Any]]]:
     truth = {"seq": 2469, "x_m": 3.21, "y_m": 1.72, "heading_rad": 0.41, "speed_m_s": 0.24}
     true_rest = {"yaw_rate_rad_s": -0.11, "clearance_m": 0.288, "contact": 0}
     return [
-        (WheelCommand, {**stamp, **wheels, "ttl_ms": 150}),
+        (WheelCommand, {**stamp, **wheels, "ttl_ms": 150, "epoch": 0}),
         (GroundTruth, {**stamp, **truth, **true_rest}),
     ]
 
