@@ -57,12 +57,19 @@ def _swallowed_stop() -> Patches:
 
 def _queue_of_stops() -> Patches:
     """Stops wait in a line of 64, six are looked at in a tick, and a known id does nothing."""
+    from robot.commands import Commands
     from robot.stop_latch import stop_in
+
+    known: set[int] = set()
+    act = Commands.receive
+
+    def receive(self: Any, request: Any, now_ms: int, operator: str = "") -> Any:
+        known.add(request.request_id)
+        return act(self, request, now_ms, operator)
 
     class Line:
         def __init__(self, _is_holder: object) -> None:
             self._waiting: deque[bytes] = deque()
-            self._known: set[int] = set()
 
         def press(self, _operator: str, frame: bytes) -> None:
             if len(self._waiting) < 64:
@@ -71,12 +78,11 @@ def _queue_of_stops() -> Patches:
         def take(self) -> Any:
             for _ in range(min(6, len(self._waiting))):
                 request = stop_in(self._waiting.popleft())
-                if request.request_id not in self._known:
-                    self._known.add(request.request_id)
+                if request.request_id not in known:
                     return request
             return None
 
-    return {"robot.process.StopLatch": Line}
+    return {"robot.process.StopLatch": Line, "robot.commands.Commands.receive": receive}
 
 
 def _trusting_driver() -> Patches:

@@ -8,9 +8,10 @@ from protocol.codec import decode
 from protocol.errors import RemoteError
 from protocol.messages import WheelCommand
 from robot.core import fence as fences
-from robot.core import states
+from robot.core import reasons, states
 from robot.core.fence import Fence
 from robot.core.machine import Machine
+from robot.vehicle import Vehicle
 from verification.simulation import limits
 from verification.simulation.facts import NEVER, Facts
 from verification.simulation.limits import MS, PERIOD_NS
@@ -87,12 +88,31 @@ class Motion:
         if vehicle is not None and vehicle.state.machine.vehicle == states.ACTIVE:
             self._armed_ns = facts.plant_ns
         self._acknowledged()
+        if moves:
+            self._measure(vehicle)
         if moves and (self._braked() or not self._forged()):
             self._in_time(fastest_m_s)
             self._stops()
             if vehicle is not None and self.place_known:
                 self._fence(vehicle.state.machine, truth.x_m, truth.y_m)
         return fastest_m_s
+
+    def _measure(self, vehicle: Vehicle | None) -> None:
+        """Note for how long the wheels still turn after what is to stop them."""
+        facts, now_ns = self._facts, self._facts.now_ns
+        if self._forged() or facts.awake_ns > now_ns - limits.CALM_NS:
+            return
+        if vehicle is None:
+            if facts.robot is not None and facts.robot.starts and not facts.robot.host.alive:
+                facts.worst("robot's death, wheels still turn", now_ns - facts.robot.died_ns)
+            return
+        machine = vehicle.state.machine
+        lost = machine.vehicle_reason == reasons.OPERATOR_LOST
+        if lost and machine.vehicle == states.FAILSAFE and now_ns > facts.unsure_until_ns:
+            facts.worst(
+                "operator's last heartbeat, wheels still turn",
+                now_ns - self._presence.beaten_ns(vehicle),
+            )
 
     def _forged(self) -> bool:
         """Whether a forged command may turn the wheels."""
@@ -136,11 +156,11 @@ class Motion:
                     "a stop stops", f"wheels turn {took_ns // MS} ms after a stop was pressed"
                 )
             elif since_ns < asked.asked_ns:
-                facts.worst("stop pressed to wheels standing", took_ns)
+                facts.worst("stop pressed, wheels still turn", took_ns)
         for asked in self._told:
             told_ns = max(asked.ended_ns or now_ns, facts.awake_ns)
             if since_ns < asked.asked_ns:
-                facts.worst("stop pressed to wheels standing", now_ns - asked.asked_ns)
+                facts.worst("stop pressed, wheels still turn", now_ns - asked.asked_ns)
             sound = facts.sound_since_ns < told_ns - limits.TICK_NS
             limit_ns = limits.ACKNOWLEDGED_STOP_NS if sound else limits.LOST_BRAKE_NS
             if facts.armed_ns < told_ns < now_ns - limit_ns:

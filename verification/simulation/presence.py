@@ -70,18 +70,22 @@ class Presence:
         if now_ns <= max(facts.unsure_until_ns, self.lies_until_ns):
             return
         holder = vehicle.lease.holder
-        age_ns = now_ns - self._newest(self._beat_ns, holder)
+        age_ns = now_ns - self.beaten_ns(vehicle)
         if age_ns > vehicle.params.op_lost_ms * MS + limits.ROUNDING_NS:
             words = "never" if age_ns > 1 << 61 else f"{age_ns // MS} ms ago"
             facts.fail(
                 "operator present", f"it drives; the newest heartbeat it has heard was sent {words}"
             )
-        elif now_ns > facts.sound_since_ns:
-            facts.worst("operator's last heartbeat to last command to move", age_ns)
+        else:
+            facts.worst("operator's last heartbeat, last command to move", age_ns)
         over_ns = now_ns - self._newest(self._steers_until_ns, holder)
         if manual and over_ns > limits.STEERED_NS:
             words = "never" if over_ns > 1 << 61 else f"{over_ns // MS} ms ago"
             facts.fail("steered by hand", f"it drives; what was sent last has expired {words}")
+
+    def beaten_ns(self, vehicle: "Vehicle") -> int:
+        """When the newest heartbeat that counts was sent, of those that the robot has heard."""
+        return self._newest(self._beat_ns, vehicle.lease.holder)
 
     def _newest(self, times_ns: dict[str, int], holder: Holder | None) -> int:
         """The newest time of those who may command: the holder, others only before its time."""

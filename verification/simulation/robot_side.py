@@ -58,6 +58,7 @@ class RobotSide:
         self.clock_offset_ns = 0
         self.wall_step_ns = 0
         self.starts = 0
+        self.died_ns = 0
         self.ticks = 0
         self.hang_ns = 0
         self.late_ns = 0
@@ -89,6 +90,7 @@ class RobotSide:
     def kill(self) -> None:
         """As SIGKILL: no last word."""
         if self.bus is not None and self.host.alive:
+            self.died_ns = self._scheduler.now_ns
             self.host.alive = False
             session: Any = self.bus._session
             session.close()
