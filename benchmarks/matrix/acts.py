@@ -38,6 +38,31 @@ class Disturb:
 
 
 @dataclass(frozen=True, slots=True)
+class Deafen:
+    """`who` hears nothing of `whom` any more, who still hears `who`."""
+
+    who: str
+    whom: str
+
+
+@dataclass(frozen=True, slots=True)
+class Delay:
+    """The operator's frames come so late from now on, also when the robot has stopped for that."""
+
+    delay_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class Double:
+    """A second robot of the same name appears, as when a network that was cut is whole again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exaggerate:
+    """Frames that can be read, with the least and the greatest values of every field."""
+
+
+@dataclass(frozen=True, slots=True)
 class Sense:
     """A fault of the robot's body, by the names of a world file's [[fault]]."""
 
@@ -90,6 +115,10 @@ Act: TypeAlias = (
     | Hang
     | Cut
     | Disturb
+    | Deafen
+    | Delay
+    | Double
+    | Exaggerate
     | Sense
     | Wrap
     | Jump

@@ -17,8 +17,12 @@ from benchmarks.matrix.acts import (
     Act,
     Break,
     Cut,
+    Deafen,
+    Delay,
     Disturb,
+    Double,
     EmergencyStop,
+    Exaggerate,
     Hang,
     Jump,
     Kill,
@@ -27,12 +31,14 @@ from benchmarks.matrix.acts import (
 )
 from benchmarks.matrix.motion import PERIOD_S, Seen
 from benchmarks.matrix.results import Repetition, reason_name
+from benchmarks.matrix.strangers import Stranger, second_robot
 from benchmarks.matrix.table import Fault, Must, Way
 from plant.world_file import load
 from plant.world_types import World
 from protocol.clock import Tick
 from protocol.enums import Command
 from protocol.enums import Vehicle as VehicleState
+from protocol.topics import Role
 from protocol.trouble import Trouble
 
 STOPPING: Final = (Must.STOP, Must.STAND, Must.SAY)
@@ -61,6 +67,12 @@ class Breakable(InProcess):
     """A stack whose control core can be made to raise an exception, which ends its process."""
 
     breaks = False
+    stranger: Stranger | None = None
+
+    def _sense(self) -> None:
+        super()._sense()
+        if self.stranger is not None:
+            self.stranger.take_turn(self.send)
 
     def _think(self) -> None:
         if not self.breaks or self.robot is None:
@@ -94,9 +106,10 @@ class Drill:
     def run(self) -> Repetition:
         with self.stack as stack:
             stack.forward(1.0)
-            stack.arm()
-            stack.goto_goal()
-            stack.until(stack.driving, within_s=10.0)
+            if not self._fault.at_rest:
+                stack.arm()
+                stack.goto_goal()
+                stack.until(stack.driving, within_s=10.0)
             stack.forward(PERIOD_S * self._random.randint(*SET_OFF_TICKS))
             self._seen.append(Seen(0.0, stack.truth))
             before = self._random.randrange(len(stack.phases))
@@ -158,8 +171,16 @@ class Drill:
                 stack.hanging |= {role}
             case Cut(one, other):
                 self._cut(tuple(links_between(one, other)))
+            case Deafen(who, whom):
+                self._cut(((who, whom),))
             case Disturb(trouble):
                 self._disturb(trouble)
+            case Delay(delay_ms):
+                self._disturb(Trouble(delay_ms=delay_ms, paths=("op/",)))
+            case Double():
+                self._second = second_robot(stack)
+            case Exaggerate():
+                stack.stranger = Stranger(stack.join(Role.GROUND))
             case Sense(kind, target, value):
                 stack.inject(kind, target, value)
             case Jump(seconds):
@@ -177,7 +198,7 @@ class Drill:
         """The end of the fault, where it has one."""
         stack = self.stack
         match act:
-            case Kill("router") | Hang("router") | Cut() | Disturb():
+            case Kill("router") | Hang("router") | Cut() | Deafen() | Disturb():
                 for bus in stack.buses.values():
                     bus.line.disturb(None)
             case Kill(role):
@@ -187,6 +208,8 @@ class Drill:
                 stack.operator = True
             case Hang(role):
                 stack.hanging -= {role}
+            case Double():
+                self._second.close()
             case Sense():
                 stack.clear_faults()
             case _:

@@ -40,6 +40,8 @@ HEAD: Final = (
     "|---|---|---|---|---|---|---|---|"
 )
 
+NOT_DONE: Final = {Way.LOCKSTEP: "needs processes", Way.WALL: "needs simulated time"}
+
 
 def page(results: Results, machine: Mapping[str, object]) -> str:
     """The page as Markdown."""
@@ -84,7 +86,7 @@ def row(fault: Fault, results: Results) -> str:
 def times(fault: Fault, found: Sequence[Repetition], way: Way) -> str:
     """Medians and worst; for a robot that went on, how often it did."""
     if not found:
-        return "" if way in fault.ways else "needs processes"
+        return "" if way in fault.ways else NOT_DONE[way]
     bad = sum(bool(one.misses(fault)) for one in found)
     verdict = f" **{bad} of {len(found)} missed**" if bad else f" ({len(found)})"
     if fault.must in (Must.STOP, Must.STAND, Must.SAY):

@@ -9,8 +9,12 @@ from benchmarks.matrix.acts import (
     Break,
     Burn,
     Cut,
+    Deafen,
+    Delay,
     Disturb,
+    Double,
     EmergencyStop,
+    Exaggerate,
     Fill,
     Hang,
     Jump,
@@ -41,6 +45,7 @@ class Way(Enum):
 
 BOTH: Final = (Way.LOCKSTEP, Way.WALL)
 WALL: Final = (Way.WALL,)
+LOCKSTEP: Final = (Way.LOCKSTEP,)
 SAMPLING_S: Final = 0.1
 """Until the next sample would have been due, and until the tick that looks for it."""
 BRAKING_S: Final = 0.4
@@ -55,6 +60,7 @@ class Fault:
     """`within_s`: until the robot knows; `stands_s`: until the wheels stand. None: not judged.
 
     `reasons` are those that are right, none: any. `unseen`: the robot cannot be heard meanwhile.
+    `at_rest`: it happens to a robot that is disarmed.
     """
 
     name: str
@@ -64,6 +70,7 @@ class Fault:
     stands_s: float | None = None
     reasons: tuple[Reason, ...] = ()
     unseen: bool = False
+    at_rest: bool = False
     ways: tuple[Way, ...] = BOTH
 
     @property
@@ -177,6 +184,28 @@ LINKS: Final = (
     goes_on("30 % doubled", Disturb(Trouble(duplicate=0.3))),
     goes_on("30 % overtaken by the next", Disturb(Trouble(reorder=0.3))),
 )
+ONE_WAY: Final = (
+    stops("operator to robot", Deafen("robot", "ground"), OPERATOR_S, Reason.OPERATOR_LOST),
+    goes_on("robot to operator", Deafen("ground", "robot"), ways=LOCKSTEP),
+    stops("plant to robot", Deafen("robot", "plant"), 0.15, *LOST),
+    dies("robot to plant", Deafen("plant", "robot")),
+    *(
+        stops(f"operator's frames {name} late", Delay(late_ms), OPERATOR_S, Reason.OPERATOR_LOST)
+        for name, late_ms in (("300 ms", 300.0), ("1 s", 1000.0), ("3 s", 3000.0))
+    ),
+    stops("a second robot of the same name", Double(), 0.0, Reason.NAME_TAKEN),
+)
+HOSTILE: Final = (
+    Fault(
+        name="extreme frames to a disarmed robot",
+        act=Exaggerate(),
+        must=Must.STAND,
+        stands_s=0.0,
+        at_rest=True,
+        ways=LOCKSTEP,
+    ),
+    goes_on("extreme frames under way", Exaggerate(), Must.BE_SAFE, ways=LOCKSTEP),
+)
 BODY: Final = (
     goes_on("one sonar dead", Sense("sonar_dead", "3")),
     stops("all sonars dead", Sense("sonar_dead", "all"), 0.25, Reason.SCAN_LOST),
@@ -221,6 +250,8 @@ MACHINE: Final = (
 GROUPS: Final = {
     "Processes": PROCESSES,
     "Networks": LINKS,
+    "One way, late and double": ONE_WAY,
+    "Hostile": HOSTILE,
     "Senses and wheels": BODY,
     "Operator and machine": MACHINE,
 }

@@ -20,7 +20,10 @@ from benchmarks.matrix.acts import (
     Break,
     Burn,
     Cut,
+    Deafen,
+    Delay,
     Disturb,
+    Double,
     EmergencyStop,
     Fill,
     Hang,
@@ -37,6 +40,7 @@ from benchmarks.matrix.table import Fault, Must, Way
 from benchmarks.matrix.witness import Witness
 from plant.world_file import SHIPPED_DIR, load
 from protocol.enums import GoalState, Vehicle
+from protocol.topics import Role
 from protocol.wire_goal import start_words
 
 STOPPING: Final = (Must.STOP, Must.STAND, Must.SAY)
@@ -72,6 +76,10 @@ def afflictions_of(act: Act, seed: int) -> dict[str, Mapping[str, Any]]:
             return {"robot": {"jump": {"s": seconds}}}
         case Disturb(trouble):
             return {role: {"trouble": asdict(trouble) | {"seed": seed}} for role in ENDS}
+        case Deafen(who, whom):
+            return {who: {"trouble": {"loss": 1.0, "paths": PATHS[whom]}}}
+        case Delay(delay_ms):
+            return {"robot": {"trouble": {"delay_ms": delay_ms, "paths": PATHS["ground"]}}}
         case Sense():
             return {"plant": {"sense": asdict(act)}}
         case Cut(one, other) if "router" not in (one, other):
@@ -169,6 +177,8 @@ class Drill:
                 crew.cables[one if other == "router" else other].cut()
             case EmergencyStop():
                 self._witness.estop()
+            case Double():
+                self._witness.join(Role.ROBOT).announce()
             case Fill(role):
                 crew.limit(role, resource.RLIMIT_FSIZE, 1)
                 self._witness.set("d_obs_m", 0.31)

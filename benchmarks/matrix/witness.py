@@ -43,9 +43,16 @@ class Witness:
     def __exit__(self, *_: object) -> None:
         self._scope.close()
 
-    def _listen(self, endpoint: str, topic: Topic[Any], into: list[Heard]) -> Bus:
+    def join(self, role: Role) -> Bus:
+        """One more at the router."""
+        return self._open(self._endpoints[0], role)
+
+    def _open(self, endpoint: str, role: Role) -> Bus:
         network = Network(mode="client", connect=(endpoint,), connect_timeout_s=DIAL_S)
-        bus = self._scope.enter_context(open_bus(network, Role.GROUND, ROBOT))
+        return self._scope.enter_context(open_bus(network, role, ROBOT))
+
+    def _listen(self, endpoint: str, topic: Topic[Any], into: list[Heard]) -> Bus:
+        bus = self._open(endpoint, Role.GROUND)
 
         def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
             try:
