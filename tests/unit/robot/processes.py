@@ -99,13 +99,16 @@ class ServedBus(PlayedBus):
     def now_ns(self) -> int:
         return self._clock.now_ns()
 
-    def say_as(self, topic: Topic[Any], message: Message, operator: str) -> None:
-        """Put a frame of an operator, sent now."""
+    def say_as(
+        self, topic: Topic[Any], message: Message, operator: str, late_ns: int | None = 0
+    ) -> None:
+        """Let a frame of an operator arrive that was so long under way; None: it does not say."""
         now_ns = self.now_ns()
+        sent_ns = None if late_ns is None else now_ns - late_ns
         frame = Encoder(1, 1).encode(message)
         for _, box in self._boxes:
             if box.topic.path == topic.path:
-                box.store(Sample(ENCODING, frame, operator, now_ns), now_ns)
+                box.store(Sample(ENCODING, frame, operator, sent_ns), now_ns)
 
 
 class Rig:

@@ -55,6 +55,23 @@ def test_three_overruns_in_a_row_violate_the_budget_and_two_do_not() -> None:
     assert not meter.violated
 
 
+def test_before_the_first_tick_nothing_is_violated_and_nothing_was_spent() -> None:
+    meter, _ = metered()
+    assert not meter.violated
+    report = meter.report(0, sense_age_us=0, rejected=0)
+    assert (report.tick, report.missed, report.late_us, report.overruns) == (0, 0, 0, 0)
+    assert report.stage_us == (0,) * 5
+
+
+def test_a_tick_within_the_budget_begins_the_row_of_overruns_anew() -> None:
+    meter, clock = metered()
+    for spent_us in (TICK_US + 1, TICK_US + 1, TICK_US, TICK_US + 1, TICK_US + 1):
+        cycle(meter, clock, spent_us)
+        assert not meter.violated
+    cycle(meter, clock, TICK_US + 1)
+    assert meter.violated
+
+
 def test_a_tick_more_than_one_period_late_violates_it_at_once() -> None:
     meter, _ = metered()
     meter.begin(tick(late_ns=PERIOD_NS))

@@ -1,0 +1,276 @@
+"""What a tick reads: senses while they are fresh, and operators' frames by when they were sent."""
+
+from typing import cast
+
+import pytest
+
+from protocol.bus import Bus
+from protocol.clock import ManualClock, Tick
+from protocol.messages import Heartbeat, SonarScan, Teleop, WheelTicks
+from protocol.timing import PERIOD_NS, UINT32
+from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
+from robot.core.parameters import DEFAULTS
+from robot.core.values import Inputs
+from robot.lease import Holder
+from robot.senses import OVERTAKEN, Senses, begun_anew, newer
+from robot.store import Store
+from robot.vehicle import Vehicle
+from tests.unit.robot.processes import ADA, BOB, ServedBus
+from tests.unit.robot.vehicles import MS
+
+S = 1_000 * MS
+BEAT = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
+STEER = Teleop(time_ns=0, seq=0, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=500)
+AGES_US = (10_000, 20_000) * 4
+
+
+def wheels(seq: int, time_ns: int = 0) -> WheelTicks:
+    return WheelTicks(time_ns=time_ns, seq=seq, left=seq, right=0, bumper=0, expired=0)
+
+
+def scan(seq: int, time_ns: int = 0) -> SonarScan:
+    return SonarScan(
+        time_ns=time_ns, seq=seq, range_mm=(9,) * 8, ping_age_us=AGES_US, valid=255, echo=0
+    )
+
+
+class SensesRig:
+    """Senses on a bus that the test plays, and the vehicle that is told of operators."""
+
+    def __init__(self, *, lockstep: bool = False) -> None:
+        self.clock = ManualClock(1_000 * S)
+        self.bus = ServedBus(self.clock)
+        self.vehicle = Vehicle(DEFAULTS, Store(None))
+        accept = self.vehicle.lease.allows
+        self.senses = Senses(cast(Bus, self.bus), lockstep=lockstep, accept=accept)
+
+    def read(self, after_ns: int = 0, due_ns: int | None = None) -> Inputs:
+        """Read in a tick, so long after now."""
+        self.clock.advance(after_ns)
+        now_ns = self.clock.now_ns()
+        tick = Tick(0, now_ns if due_ns is None else due_ns, 0, 0)
+        return self.senses.read(tick, now_ns, self.vehicle)
+
+    def beat(self, late_ns: int | None = 0, operator: str = ADA) -> None:
+        self.bus.say_as(OPERATOR, BEAT, operator, late_ns)
+
+    def steer(self, late_ns: int | None = 0, operator: str = ADA) -> None:
+        self.bus.say_as(TELEOP, STEER, operator, late_ns)
+
+    @property
+    def steered(self) -> bool:
+        return self.vehicle.handle.newest(self.clock.now_ns()) is not None
+
+
+# Operators.
+
+
+def test_an_operator_is_as_old_as_when_the_heartbeat_was_sent() -> None:
+    rig = SensesRig()
+    rig.beat(late_ns=150 * MS)
+    assert rig.read(100 * MS).operator_age_ms == 250
+    assert rig.read(1 * S).operator_age_ms == 1_250
+
+
+def test_a_heartbeat_that_is_sent_in_the_future_counts_from_its_arrival() -> None:
+    rig = SensesRig()
+    rig.beat(late_ns=-800 * MS)
+    assert rig.read(100 * MS).operator_age_ms == 100
+    assert rig.read(1 * S).operator_age_ms == 1_100
+
+
+@pytest.mark.parametrize(("late_ms", "age_ms"), [(200.0, 200), (200.000_001, 1_000)])
+def test_a_heartbeat_200_ms_later_than_usual_is_not_taken(late_ms: float, age_ms: int) -> None:
+    rig = SensesRig()
+    rig.beat()
+    rig.read()
+    rig.clock.advance(1 * S)
+    rig.beat(late_ns=round(late_ms * MS))
+    assert rig.read().operator_age_ms == age_ms
+
+
+@pytest.mark.parametrize(("late_ms", "taken"), [(200.0, True), (200.000_001, False)])
+def test_a_teleop_frame_200_ms_later_than_usual_is_not_taken(late_ms: float, taken: bool) -> None:
+    rig = SensesRig()
+    rig.beat()
+    rig.read()
+    rig.steer(late_ns=round(late_ms * MS))
+    rig.read()
+    assert rig.steered == taken
+
+
+def test_a_teleop_frame_counts_from_when_it_was_sent() -> None:
+    rig = SensesRig()
+    rig.steer(late_ns=400 * MS)
+    rig.read(100 * MS - 1)
+    assert rig.steered
+    rig.read(1)
+    assert not rig.steered
+
+
+@pytest.mark.parametrize(("late_ns", "age_ms"), [(1_500 * MS, 1_500), (1_500 * MS + 1, None)])
+def test_a_first_heartbeat_as_old_as_a_lost_operator_is_not_taken(
+    late_ns: int, age_ms: int | None
+) -> None:
+    """What is usual for an operator is not known yet."""
+    rig = SensesRig()
+    rig.beat(late_ns)
+    assert rig.read().operator_age_ms == age_ms
+
+
+@pytest.mark.parametrize(
+    ("late_ns", "operator"), [(None, ADA), (0, ""), (None, "")], ids=["no time", "nobody", "either"]
+)
+def test_a_frame_that_does_not_say_who_sent_it_when_is_not_taken(
+    late_ns: int | None, operator: str
+) -> None:
+    rig = SensesRig()
+    rig.beat(late_ns, operator)
+    rig.steer(late_ns, operator)
+    assert rig.read().operator_age_ms is None
+    assert not rig.steered
+
+
+def test_frames_that_arrived_before_a_seizure_are_not_taken_after_it() -> None:
+    rig = SensesRig()
+    rig.beat()
+    rig.steer()
+    rig.vehicle.lease._holder = Holder(BOB, "Bob")
+    assert rig.read().operator_age_ms is None
+    assert not rig.steered
+
+
+def test_a_teleop_frame_is_taken_once() -> None:
+    rig = SensesRig()
+    rig.steer()
+    rig.read()
+    assert rig.steered
+    rig.vehicle.handle.let_go()
+    rig.read()
+    assert not rig.steered
+
+
+def test_in_lockstep_a_frame_in_time_counts_once_and_from_now_on() -> None:
+    rig = SensesRig(lockstep=True)
+    rig.beat(late_ns=150 * MS)
+    assert rig.read(100 * MS).operator_age_ms == 0
+    assert rig.read(1 * S).operator_age_ms == 1_000
+
+
+# Senses.
+
+
+def test_before_any_sense_there_is_nothing_to_tell() -> None:
+    senses = SensesRig().senses
+    assert (senses.stamp_ns, senses.sequence, senses.ping_age_us) == (0, 0, 0)
+    assert (senses.wheels_seq, senses.scan_seq, senses.scan_age_ms) == (0, 0, 0)
+
+
+@pytest.mark.parametrize(("after_ns", "there"), [(150 * MS, True), (150 * MS + 1, False)])
+def test_wheels_count_for_150_ms(after_ns: int, there: bool) -> None:
+    rig = SensesRig()
+    rig.bus.say(WHEELS, wheels(3))
+    assert (rig.read(after_ns).wheels is not None) == there
+    assert rig.senses.wheels_seq == (3 if there else 0)
+
+
+@pytest.mark.parametrize(("after_ns", "there"), [(250 * MS, True), (250 * MS + 1, False)])
+def test_a_scan_counts_for_250_ms(after_ns: int, there: bool) -> None:
+    rig = SensesRig()
+    rig.bus.say(SONAR, scan(3))
+    assert (rig.read(after_ns).scan is not None) == there
+    told = (rig.senses.scan_seq, rig.senses.scan_age_ms, rig.senses.ping_age_us)
+    assert told == ((3, 250, 20_000) if there else (0, 0, 0))
+
+
+def test_in_lockstep_senses_count_by_their_stamps() -> None:
+    rig = SensesRig(lockstep=True)
+    now_ns = rig.clock.now_ns()
+    rig.bus.say(WHEELS, wheels(3, now_ns - 150 * MS))
+    rig.bus.say(SONAR, scan(3, now_ns - 250 * MS))
+    read = rig.read()
+    assert read.wheels is not None
+    assert read.scan is not None
+    assert rig.senses.scan_age_ms == 250
+    rig.bus.say(WHEELS, wheels(4, now_ns - 150 * MS))
+    rig.bus.say(SONAR, scan(4, now_ns - 250 * MS))
+    read = rig.read(1)
+    assert (read.wheels, read.scan) == (None, None)
+
+
+def test_in_lockstep_the_tick_is_that_of_the_clock() -> None:
+    rig = SensesRig(lockstep=True)
+    rig.bus.say(SONAR, scan(77, 5))
+    rig.read(PERIOD_NS)
+    assert rig.senses.stamp_ns == rig.clock.now_ns()
+    assert rig.senses.sequence == rig.clock.now_ns() // PERIOD_NS
+
+
+@pytest.mark.parametrize("lockstep", [False, True])
+def test_older_senses_are_refused_where_time_is_the_walls(lockstep: bool) -> None:
+    """In lockstep a plant that began anew says so by its clock."""
+    rig = SensesRig(lockstep=lockstep)
+    for seq, time_ns in ((8, 8 * PERIOD_NS), (7, 7 * PERIOD_NS)):
+        rig.bus.say(WHEELS, wheels(seq, time_ns))
+        rig.bus.say(SONAR, scan(seq, time_ns))
+    refused = {box.topic.path: box.rejected for _, box in rig.bus._boxes}
+    assert refused[WHEELS.path] == refused[SONAR.path] == (0 if lockstep else 1)
+
+
+def stamp_after(first_ns: int, second_ns: int) -> int:
+    """The stamp of a tick whose scan has the second stamp, when that before had the first."""
+    rig = SensesRig()
+    for seq, time_ns in ((1, first_ns), (2, second_ns)):
+        rig.clock.advance(1 * S)
+        rig.bus.say(SONAR, scan(seq, time_ns))
+        rig.read()
+    return rig.senses.stamp_ns
+
+
+@pytest.mark.parametrize(
+    ("back_ns", "kept"), [(0, True), (1, True), (1 * S, True), (1 * S + 1, False)]
+)
+def test_time_goes_back_by_more_than_a_second_or_not_at_all(back_ns: int, kept: bool) -> None:
+    assert stamp_after(9 * S, 9 * S - back_ns) == (9 * S if kept else 8 * S - 1)
+
+
+def test_a_stamp_goes_on_with_the_time_since_the_scan_came() -> None:
+    rig = SensesRig()
+    rig.bus.say(SONAR, scan(1, 9 * S))
+    came_ns = rig.clock.now_ns()
+    for after_ns, stamp_ns in ((-5, 9 * S), (0, 9 * S), (7, 9 * S + 7)):
+        rig.read(due_ns=came_ns + after_ns)
+        assert rig.senses.stamp_ns == stamp_ns
+
+
+# Order.
+
+
+@pytest.mark.parametrize(
+    ("behind", "overtaken", "anew"),
+    [
+        (-1, False, False),
+        (0, False, False),
+        (1, True, False),
+        (20, True, False),
+        (21, False, True),
+        (UINT32 // 2 - 1, False, True),
+        (UINT32 // 2, False, False),
+    ],
+)
+@pytest.mark.parametrize("last_seq", [30, 0, UINT32])
+def test_a_sample_a_little_behind_was_overtaken_and_one_far_behind_is_of_a_new_plant(
+    last_seq: int, behind: int, overtaken: bool, anew: bool
+) -> None:
+    assert OVERTAKEN == 20
+    last, newest = (wheels(last_seq), 1), (wheels((last_seq - behind) & UINT32), 2)
+    assert newer(newest, last) is (last if overtaken else newest)
+    assert begun_anew(newest, last) == anew
+
+
+def test_the_first_sample_has_none_to_be_compared_with() -> None:
+    one = (wheels(5), 1)
+    assert newer(one, None) is one
+    assert newer(None, one) is None
+    assert not begun_anew(one, None)
+    assert not begun_anew(None, one)
