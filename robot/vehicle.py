@@ -173,6 +173,11 @@ class Vehicle:
         """Whether the emergency stop is latched."""
         return self.state.machine.vehicle == states.EMERGENCY_STOP
 
+    @property
+    def brakes(self) -> bool:
+        """Whether the wheels are to stand as soon as they can: by a failsafe or a stop."""
+        return self.state.machine.vehicle in (states.FAILSAFE, states.EMERGENCY_STOP)
+
     def restore(self) -> list[Exchange]:
         """Before anybody asks anything: have the fence and the mission again that were kept."""
         done = restored(self._kept, self._transfers, self.state)

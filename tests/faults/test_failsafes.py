@@ -168,6 +168,7 @@ def test_guided_stops_without_its_operator_and_auto_goes_on() -> None:
         noticed_s = stack.until(lambda: stack.state == Vehicle.FAILSAFE)
         assert stack.why == Reason.OPERATOR_LOST
         assert 1.3 <= noticed_s <= 1.65
+        assert noticed_s + stack.until(stack.standing, within_s=2.0) <= 1.7 + 1e-9
         stack.operator = True
         stack.forward(0.5)
         stack.arm()
