@@ -14,6 +14,9 @@ BOOT_NS: Final = 300 * MS
 BY_STATION: Final = 0.12
 """In this share of all seeds the first operator uses the ground station."""
 
+PRESSED: Final = {"come": 0.0, "operate": 0.0, "attack": 0.5}
+"""In this share of all events of a kind the stop is pressed soon after it, else in a tenth."""
+
 SETS_OFF: Final = 0.7
 """In this share of all seeds an operator begins by driving."""
 
@@ -40,7 +43,17 @@ def drawn(seed: int, duration_ns: int = DURATION_NS) -> Scenario:
     for kind in kinds:
         action = draw_operate(random, first) if kind == "operate" else None
         events.append(_event(random, kind, action, duration_ns))
+    events += [stop for event in events for stop in _stop_under(random, event, first)]
     return Scenario(seed, duration_ns, tuple(sorted(events)))
+
+
+def _stop_under(random: Random, event: Event, first: str) -> list[Event]:
+    """At times somebody presses the stop while something goes wrong."""
+    share = PRESSED.get(event.kind, 0.1)
+    if random.random() >= share:
+        return []
+    time_ns = event.time_ns + random.randrange(800) * MS
+    return [Event(time_ns, "operate", (first, "stop"), random.getrandbits(32))]
 
 
 def _event(

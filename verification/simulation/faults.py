@@ -278,7 +278,9 @@ def apply_wall_clock(simulation: "Simulation", event: Event) -> None:
 
 
 def draw_attack(random: Random) -> Arguments:
-    kind = random.choice(tuple(ATTACKS))
+    kind = random.choice((*ATTACKS, "known stops", "known stops"))
+    if kind == "known stops":  # as a flood or not at all: one does nothing
+        return kind, random.choice((50, 200)), random.choice((0, 1, 5))
     if kind == "wheels":
         return (
             kind,

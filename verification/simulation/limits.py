@@ -40,6 +40,10 @@ STOP_NS: Final = LINK_NS + TICK_NS + PERIOD_NS + BRAKE_NS
 """From the press of an emergency stop on a sound network: the way there, the robot's next tick, the
 plant's next period, and the driver's brake."""
 
+FAILSAFE_STOP_NS: Final = TICK_NS + PERIOD_NS + BRAKE_NS
+"""From the limit of a failsafe to wheels that stand: the robot's next tick, the plant's next
+period, and the driver's brake."""
+
 ACKNOWLEDGED_STOP_NS: Final = PERIOD_NS + BRAKE_NS
 """From a stop that its operator was told of: the status leaves right after the brake."""
 

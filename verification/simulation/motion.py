@@ -109,10 +109,14 @@ class Motion:
         machine = vehicle.state.machine
         lost = machine.vehicle_reason == reasons.OPERATOR_LOST
         if lost and machine.vehicle == states.FAILSAFE and now_ns > facts.unsure_until_ns:
-            facts.worst(
-                "operator's last heartbeat, wheels still turn",
-                now_ns - self._presence.beaten_ns(vehicle),
-            )
+            took_ns = now_ns - self._presence.beaten_ns(vehicle)
+            facts.worst("operator's last heartbeat, wheels still turn", took_ns)
+            limit_ns = vehicle.params.op_lost_ms * MS + limits.FAILSAFE_STOP_NS
+            if took_ns > limit_ns and now_ns - facts.sound_since_ns > limits.CALM_NS:
+                facts.fail(
+                    "stopped in time",
+                    f"wheels turn {took_ns // MS} ms after the last heartbeat was sent",
+                )
 
     def _forged(self) -> bool:
         """Whether a forged command may turn the wheels."""
