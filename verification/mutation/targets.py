@@ -20,6 +20,7 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             f"{CORE}/test_fence.py",
             f"{CORE}/test_lost_fence.py",
         ),
+        "robot/core/stall.py": (f"{CORE}/test_stall.py", f"{CORE}/test_watches.py"),
         "robot/lease.py": (f"{ROBOT}/test_lease.py",),
         "robot/teleop.py": (f"{ROBOT}/test_teleop.py",),
         "robot/commands.py": (f"{ROBOT}/test_commands.py", f"{ROBOT}/test_vehicle.py"),
