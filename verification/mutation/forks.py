@@ -2,13 +2,12 @@
 
 import os
 import resource
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkProcess
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final, NamedTuple
 
 FORK: Final = get_context("fork")
@@ -29,10 +28,8 @@ class Verdict(Enum):
     SURVIVED = "survived"
 
 
-VERDICTS: Final[Mapping[int | None, Verdict]] = MappingProxyType(
-    {0: Verdict.SURVIVED, 1: Verdict.KILLED}
-)
-"""By exit code; all others are those of processes that were killed."""
+PASSED, FAILED = 0, 17
+"""Exit codes of a try; Python itself ends with 1 when something else goes wrong."""
 
 
 class Try(NamedTuple):
@@ -63,12 +60,19 @@ def reap(running: dict[int, ForkProcess], found: dict[int, Verdict]) -> None:
         if process.sentinel in ended or not ended:
             process.kill()
             process.join()
-            found[at] = VERDICTS.get(process.exitcode, Verdict.TIMEOUT)
+            found[at] = verdict_of(process.exitcode)
             del running[at]
 
 
+def verdict_of(exit_code: int | None) -> Verdict:
+    """Return the verdict on a try; a process that a signal has ended ran out of time."""
+    if exit_code is not None and exit_code < 0:
+        return Verdict.TIMEOUT
+    return {PASSED: Verdict.SURVIVED, FAILED: Verdict.KILLED}[exit_code or PASSED]
+
+
 def attempt(one: Try) -> None:
-    """End the process with 0 if the tests pass and with 1 if not."""
+    """End the process with PASSED or FAILED, as the tests do."""
     silence()
     limit_s = int(one.cpu_s) + EXTRA_CPU_S
     resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
@@ -78,7 +82,7 @@ def attempt(one: Try) -> None:
         passed = one.passes()
     except BaseException:
         passed = False
-    os._exit(0 if passed else 1)
+    os._exit(PASSED if passed else FAILED)
 
 
 def silence() -> None:

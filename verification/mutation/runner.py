@@ -38,10 +38,6 @@ class Tests(NamedTuple):
     callers: dict[str, tuple[int, ...]]
 
 
-class Broken(Exception):
-    """The tests fail without any mutant, or cannot be collected."""
-
-
 class Target(NamedTuple):
     """A source file and the test files that are to notice its mutants."""
 
@@ -59,6 +55,14 @@ class Target(NamedTuple):
         return int(pytest.main([*OPTIONS, "--rootdir", str(self.root), *arguments], list(plugins)))
 
 
+class Broken(Exception):
+    """The tests fail without any mutant, or cannot be collected."""
+
+    def __init__(self, target: Target) -> None:
+        tests = " ".join(target.tests)
+        super().__init__(f"{target.name}: its tests fail without a mutant: pytest {tests}")
+
+
 def verdicts(target: Target, mutants: Sequence[Mutant], jobs: int) -> list[Verdict]:
     """Return the verdict on each mutant, in their order."""
     inner = [mutant for mutant in mutants if mutant.function]
@@ -70,14 +74,24 @@ def verdicts(target: Target, mutants: Sequence[Mutant], jobs: int) -> list[Verdi
     try:
         tests, found = receiving.recv()
     except EOFError:
-        tests = " ".join(target.tests)
-        raise Broken(f"{target.name}: its tests fail without a mutant: pytest {tests}") from None
+        raise Broken(target) from None
     finally:
         process.join()
     by_mutant = dict(zip(map(id, inner), found, strict=True))
-    tried = [Try(partial(import_changed, target, mutant), tests.cpu_s) for mutant in outer]
-    by_mutant.update(zip(map(id, outer), in_parallel(tried, jobs), strict=True))
+    file = str(target.path)
+    codes = [unchanged(target), *(mutant.compile(file) for mutant in outer)]
+    tried = [Try(partial(import_changed, target, code), tests.cpu_s) for code in codes]
+    control, *found = in_parallel(tried, jobs)
+    if control is not Verdict.SURVIVED:
+        raise Broken(target)
+    by_mutant.update(zip(map(id, outer), found, strict=True))
     return [by_mutant[id(mutant)] for mutant in mutants]
+
+
+def unchanged(target: Target) -> CodeType:
+    """Return the code of the module as it is, which must pass as a mutant would not."""
+    source = target.path.read_text(encoding="utf-8")
+    return compile(source, str(target.path), "exec", dont_inherit=True)
 
 
 def collect_and_try(
@@ -218,9 +232,9 @@ def codes_in(code: CodeType) -> Iterator[CodeType]:
             yield from codes_in(constant)
 
 
-def import_changed(target: Target, mutant: Mutant) -> bool:
-    """Run the tests with a module whose own code is changed; return whether they pass."""
-    sys.meta_path.insert(0, Changed(target, mutant.compile(str(target.path))))
+def import_changed(target: Target, code: CodeType) -> bool:
+    """Run the tests with a module that is imported from this code; return whether they pass."""
+    sys.meta_path.insert(0, Changed(target, code))
     return target.run(Settling()) == pytest.ExitCode.OK
 
 

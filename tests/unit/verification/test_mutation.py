@@ -7,8 +7,9 @@ from textwrap import dedent
 
 import pytest
 
-from verification.mutation import equivalent
+from verification.mutation import equivalent, forks
 from verification.mutation.equivalent import Entry, mistakes
+from verification.mutation.forks import Verdict
 from verification.mutation.mutants import Identity, mutants_of
 from verification.mutation.targets import TARGETS
 
@@ -162,6 +163,14 @@ def test_nothing_is_tried_while_a_test_fails_anyway(tmp_path: Path) -> None:
     ended = tried(tmp_path, LAMP.replace("3", "9"))
     assert ended.returncode != 0
     assert "lamp: its tests fail without a mutant: pytest test_lamp.py" in ended.stderr
+
+
+def test_verdict_is_that_of_the_tests_alone() -> None:
+    codes = (forks.PASSED, forks.FAILED, -9, -24)
+    verdicts = (Verdict.SURVIVED, Verdict.KILLED, Verdict.TIMEOUT, Verdict.TIMEOUT)
+    assert tuple(forks.verdict_of(code) for code in codes) == verdicts
+    with pytest.raises(KeyError):
+        forks.verdict_of(1)
 
 
 HALF = Identity("a.py", "f", "x < 1", "x <= 1")
