@@ -3,7 +3,9 @@
 #   docker compose up          builds and starts it all; see docker-compose.yml
 #   docker build --target tests -t sidestep-tests .
 
-FROM python:3.13-slim-trixie AS base
+# Give it by its digest where the same base is wanted at every build: BASE=python@sha256:...
+ARG BASE=python:3.13-slim-trixie
+FROM ${BASE} AS base
 ENV PATH=/opt/sidestep/bin:$PATH \
     PYTHONDONTWRITEBYTECODE=1 \
     PYTHONUNBUFFERED=1 \
@@ -11,8 +13,9 @@ ENV PATH=/opt/sidestep/bin:$PATH \
     LANG=C.UTF-8
 # The directories that volumes are mounted at: a new volume takes their owner.
 RUN useradd --uid 10001 --user-group --create-home --shell /usr/sbin/nologin sidestep \
-    && install -d -o sidestep -g sidestep -m 0700 /keys /state /recordings \
-        /forge/all /forge/router /forge/plant /forge/robot /forge/ground /forge/record
+    && install -d -o sidestep -g sidestep -m 0700 /recordings \
+        /forge/all /forge/router /forge/plant /forge/ground /forge/record \
+    && install -d -m 0755 /keys /forge/robot && install -d -m 1777 /state
 
 # The environment is made by a pip of its own, so that it ends up without one. Behind an index or a
 # certificate authority of your own: PIP_CONFIG_FILE and SSL_CERT_FILE, see docker-compose.yml.

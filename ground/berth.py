@@ -24,6 +24,7 @@ from protocol.options import whole
 from protocol.wire_goal import start_words
 
 KEY: Final = ".key"
+MOST_USERS: Final = 60_000
 NAME: Final = "{id}"
 """Stands for the robot's name in file names and in the verb's words."""
 
@@ -64,23 +65,60 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="K",
         help="how many there are (1)",
     )
+    parser.add_argument(
+        "--users",
+        type=whole(1, MOST_USERS),
+        metavar="U",
+        help="go on as the user U + 1 for r1, U + 2 for r2 and so on, so that none can read what "
+        "is another's",
+    )
+    parser.add_argument(
+        "--own", metavar="DIR", help=f"a folder to make, of that user alone; {NAME} as above"
+    )
     parser.add_argument("words", nargs=argparse.REMAINDER, metavar="VERB ...")
 
 
 def run(options: argparse.Namespace, says: Says) -> int:
     """Becomes the verb. Raises UserError when its place cannot be found out."""
-    words = ["sidestep", *words_of(options, addresses)]
+    place = place_of(options, addresses)
+    if options.users is not None:
+        become(options.users + place.number)
+    if options.own is not None:
+        take(Path(options.own.replace(NAME, place.robot)))
+    words = ["sidestep", *words_of(options, place)]
     try:
         os.execvp(words[0], words)
     except FileNotFoundError:
         raise UserError("berth: there is no `sidestep` on the path") from None
 
 
-def words_of(options: argparse.Namespace, lookup: Addresses) -> list[str]:
+def become(user: int) -> None:
+    """Go on as this user and group, who has no rights and alone may read what it makes."""
+    try:
+        os.setgroups([])
+        os.setgid(user)
+        os.setuid(user)
+    except PermissionError as error:
+        raise UserError(f"berth: it cannot go on as user {user}: start it as root") from error
+    os.umask(0o077)
+
+
+def take(folder: Path) -> None:
+    """Make a folder that is ours alone. UserError when it is there and another one's."""
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        owner = folder.lstat().st_uid
+    except OSError as error:
+        raise UserError(f"berth: {folder}: {error.strerror}") from error
+    if owner != os.geteuid():
+        raise UserError(
+            f"berth: {folder} belongs to user {owner}, and this process is user {os.geteuid()}: "
+            "take it away, or give it to this one"
+        )
+
+
+def words_of(options: argparse.Namespace, place: Place) -> list[str]:
     """The verb with all that it is to be told."""
-    if not options.words:
-        raise UserError("berth: which verb? for example: berth --robots 2 plant")
-    place = place_of(options, lookup)
     verb, *words = (word.replace(NAME, place.robot) for word in options.words)
     added = [*PLACED[verb](options, place)] if verb in PLACED else []
     if options.replica is not None and verb != "plant":
@@ -92,6 +130,8 @@ def words_of(options: argparse.Namespace, lookup: Addresses) -> list[str]:
 
 def place_of(options: argparse.Namespace, lookup: Addresses) -> Place:
     """Its number: 1 unless it is one of several. UserError when there are not so many."""
+    if not options.words:
+        raise UserError("berth: which verb? for example: berth --robots 2 plant")
     number = 1 if options.replica is None else number_of(options.replica, lookup)
     if number > options.robots:
         raise UserError(f"this is container {number} of --robots {options.robots}: set ROBOTS")
@@ -124,12 +164,12 @@ def config_of(files: Sequence[str], place: Place) -> str:
 
     UserError where keys are meant to be used and cannot be: the next file may be one without.
     """
-    named = [Path(file.replace(NAME, place.robot)) for file in files]
-    for file in named[:-1]:
+    for name in files[:-1]:
+        file = Path(name.replace(NAME, place.robot))
         if is_there(file):
             return str(file)
-        refuse_keys_of_others(file)
-    return str(named[-1])
+        refuse_keys_of_others(file, apart=NAME in Path(name).parent.name)
+    return files[-1].replace(NAME, place.robot)
 
 
 def is_there(file: Path) -> bool:
@@ -146,17 +186,21 @@ def is_there(file: Path) -> bool:
     return True
 
 
-def refuse_keys_of_others(file: Path) -> None:
-    """Raise UserError when the folder of a missing file holds keys: our own are not among them."""
+def refuse_keys_of_others(file: Path, *, apart: bool) -> None:
+    """Raise UserError when the folder of a missing file holds keys: our own are not among them.
+
+    `apart`: each robot has a folder of its own for its keys, beside those of the others.
+    """
+    folder = file.parent.parent if apart else file.parent
     try:
-        keys = sorted(path.name for path in file.parent.iterdir() if path.suffix == KEY)
+        keys = sorted(path.name for path in folder.iterdir() if apart or path.suffix == KEY)
     except (FileNotFoundError, NotADirectoryError):
         return
     except OSError as error:
-        raise UserError(f"berth: {file.parent}: {error.strerror}: let its user read it") from error
+        raise UserError(f"berth: {folder}: {error.strerror}: let its user read it") from error
     if keys:
         raise UserError(
-            f"berth: {file.parent} holds {keys[0]} and no {file.name}: this process does "
+            f"berth: {folder} holds {keys[0]} and no {file.relative_to(folder)}: this process does "
             "not start without keys of its own; give it these, or take the others away"
         )
 

@@ -185,9 +185,16 @@ class Compose:
             f"{service} {number} {health}; it is {self.health(service, number)!r}",
         )
 
-    def inside(self, service: str, *words: str, number: int = 1) -> Done:
-        """A command within a container that runs."""
-        return self.tries("exec", "-T", "--index", str(number), service, *words)
+    def inside(self, service: str, *words: str, number: int = 1, user: str = "") -> Done:
+        """A command within a container that runs, as its user or as another one."""
+        whose = ("--user", user) if user else ()
+        return self.tries("exec", "-T", *whose, "--index", str(number), service, *words)
+
+    def users(self, service: str, number: int = 1) -> dict[str, str]:
+        """Who each process of a container is, by the first two words of its command line."""
+        lines = docker("top", self.container(service, number), "-eo", "pid,uid,args").splitlines()
+        rows = [line.split() for line in lines[1:]]
+        return {" ".join(row[2:]): row[1] for row in rows}
 
     @property
     def address(self) -> str:

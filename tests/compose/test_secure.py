@@ -35,7 +35,8 @@ def test_who_comes_without_a_key_gets_nowhere_and_is_told_why(locked: Compose) -
 
 
 def test_a_robots_key_commands_nobody_and_is_told_why(locked: Compose) -> None:
-    done = locked.inside("robot", "sidestep", "estop", "--config", "/keys/bus-r1.toml")
+    words = ("sidestep", "estop", "--config", "/keys/r1/bus.toml")
+    done = locked.inside("robot", *words, user="20001")
     assert (done.code, "is the robot r1 and may not" in done.said) == (1, True), done.said
     seen = locked.verb("watch", "--json").object["streams"]["tlm/status"]["message"]
     assert seen["vehicle"] != Vehicle.EMERGENCY_STOP
@@ -50,8 +51,19 @@ def test_each_service_has_its_own_keys_and_no_others(locked: Compose) -> None:
         )
         for service in SERVICES
     }
-    assert keys.pop("robot") == sorted(f"robot-r{number}.key" for number in range(1, 21))
+    assert keys.pop("robot") == []
     assert keys == {"router": ["router.key"], "plant": ["plant.key"], "web": ["ground.key"]}
+
+
+def test_a_robot_can_read_its_own_keys_and_those_of_no_other(locked: Compose) -> None:
+    own = locked.inside("robot", "ls", "/keys/r1", user="20001").said.split()
+    assert own == ["bus.toml", "ca.pem", "robot-r1.key", "robot-r1.pem"]
+    for number in range(2, 21):
+        done = locked.inside("robot", "cat", f"/keys/r{number}/robot-r{number}.key", user="20001")
+        assert (done.code, "Permission denied" in done.said) == (1, True), done.said
+    assert locked.inside("robot", "ls", "/state/r1", user="20002").code != 0
+    (key,) = (who for words, who in locked.users("robot").items() if "sidestep robot" in words)
+    assert key == "20001"
 
 
 def test_no_key_is_in_a_log_an_environment_or_the_image(locked: Compose) -> None:

@@ -18,6 +18,8 @@ pytestmark = pytest.mark.compose
 
 PARTS = ("router", "plant", "robot", "web")
 USER = "10001"
+ROBOTS_USER = "20001"
+MIB = 1 << 20
 
 
 @pytest.fixture(params=PARTS)
@@ -43,21 +45,40 @@ def test_every_verb_finds_its_way_from_a_container_of_its_own(stack: Compose) ->
 
 
 def test_whoever_runs_in_a_container_is_nobody_there(stack: Compose, part: str) -> None:
-    assert stack.inside(part, "id", "-u").said.strip() == USER
+    users = {who for words, who in stack.users(part).items() if "docker-init" not in words}
+    assert users == {ROBOTS_USER if part == "robot" else USER}
     limits = stack.inspected(part)["HostConfig"]
     assert limits["CapDrop"] == ["ALL"]
-    assert not limits["CapAdd"]
+    added = {right.removeprefix("CAP_") for right in limits["CapAdd"] or ()}
+    assert added == ({"KILL", "SETGID", "SETUID"} if part == "robot" else set())
+    assert limits["PidsLimit"] == 256
+    assert limits["Memory"] == 512 * MIB
+    assert limits["NanoCpus"] == 10**9
     assert limits["SecurityOpt"] == ["no-new-privileges:true"]
     assert limits["ReadonlyRootfs"]
     assert limits["Init"]
     assert not limits["Privileged"]
 
 
+def test_a_robot_keeps_no_right_that_its_container_began_with(stack: Compose) -> None:
+    script = "import glob;print(*(open(p).read() for p in glob.glob('/proc/[0-9]*/status')))"
+    told = stack.inside("robot", "python", "-c", script, user=ROBOTS_USER).said
+    rights = [
+        dict(line.split(":\t", 1) for line in status.splitlines() if ":\t" in line)
+        for status in told.split("Name:")
+        if "Uid:\t20001" in status
+    ]
+    assert rights
+    for one in rights:
+        assert {one[name] for name in ("CapInh", "CapPrm", "CapEff", "CapAmb")} == {"0" * 16}
+        assert one["NoNewPrivs"] == "1"
+
+
 def test_nothing_can_be_written_but_to_memory(stack: Compose, part: str) -> None:
     for place in ("/", "/opt/sidestep", "/home/sidestep", "/etc/sidestep", "/keys"):
-        done = stack.inside(part, "touch", f"{place}/x")
+        done = stack.inside(part, "touch", f"{place}/x", user=USER)
         assert (done.code, "Read-only file system" in done.said) == (1, True), done.said
-    assert stack.inside(part, "touch", "/tmp/x").code == 0
+    assert stack.inside(part, "touch", "/tmp/x", user=USER).code == 0
 
 
 def test_only_the_page_is_there_for_the_machine_and_for_nobody_else(stack: Compose) -> None:

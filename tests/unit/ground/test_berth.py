@@ -4,11 +4,12 @@ import argparse
 import errno
 import os
 import socket
+import stat
 from pathlib import Path
 
 import pytest
 
-from ground.berth import addresses, words_of
+from ground.berth import addresses, place_of, words_of
 from ground.cli import main, parse
 from plant.lineup import starts
 from plant.world_file import load
@@ -33,7 +34,8 @@ def options(*words: str) -> argparse.Namespace:
 
 
 def became(*words: str) -> list[str]:
-    return words_of(options(*words), lookup)
+    found = options(*words)
+    return words_of(found, place_of(found, lookup))
 
 
 def after(words: list[str], option: str, count: int = 1) -> list[str]:
@@ -127,6 +129,48 @@ def test_a_robot_without_its_own_keys_among_those_of_others_does_not_start(tmp_p
     (tmp_path / "keys" / "robot-r1.key").write_text("")
     with pytest.raises(UserError, match=r"holds robot-r1\.key and no bus-r2\.toml"):
         became(*both, *SECOND, "hold")
+
+
+def test_a_robot_without_a_folder_beside_those_of_others_does_not_start(tmp_path: Path) -> None:
+    bus = tmp_path / "bus.toml"
+    bus.write_text("")
+    both = ("--config", str(tmp_path / "keys" / "{id}" / "bus.toml"), "--config", str(bus))
+    assert after(became(*both, *SECOND, "hold"), "--config") == [str(bus)]
+    (tmp_path / "keys" / "r1").mkdir(parents=True)
+    with pytest.raises(UserError, match=r"keys holds r1 and no r2/bus\.toml"):
+        became(*both, *SECOND, "hold")
+    (tmp_path / "keys" / "r2").mkdir()
+    (tmp_path / "keys" / "r2" / "bus.toml").write_text("")
+    found = after(became(*both, *SECOND, "hold"), "--config")
+    assert found == [str(tmp_path / "keys" / "r2" / "bus.toml")]
+
+
+def test_each_robot_goes_on_as_a_user_of_its_own_with_a_folder_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    called: list[tuple[str, object]] = []
+    for name in ("setgroups", "setgid", "setuid", "umask"):
+        monkeypatch.setattr(os, name, lambda to, name=name: called.append((name, to)))
+    monkeypatch.setattr(os, "execvp", lambda _file, words: called.append(("exec", words[1])))
+    own = tmp_path / "state-{id}"
+    main(["berth", "--users", "20000", "--own", str(own), "plant"])
+    rights = [("setgroups", []), ("setgid", 20001), ("setuid", 20001), ("umask", 0o077)]
+    assert called == [*rights, ("exec", "plant")]
+    assert stat.S_IMODE((tmp_path / "state-r1").stat().st_mode) == 0o700
+
+
+def test_who_cannot_become_that_user_or_finds_its_folder_taken_does_not_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def forbidden(_: object) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "setgroups", forbidden)
+    assert main(["berth", "--users", "20000", "plant"]) == 2
+    assert "it cannot go on as user 20001: start it as root" in capsys.readouterr().err
+    monkeypatch.setattr(os, "geteuid", lambda: 4711)
+    assert main(["berth", "--own", str(tmp_path), "plant"]) == 2
+    assert "belongs to user" in capsys.readouterr().err
 
 
 def test_where_no_file_is_there_the_verb_says_so(tmp_path: Path) -> None:
