@@ -162,13 +162,14 @@ class Motion:
             elif since_ns < asked.asked_ns:
                 facts.worst("stop pressed, wheels still turn", took_ns)
         for asked in self._told:
-            told_ns = max(asked.ended_ns or now_ns, facts.awake_ns)
+            told_ns = asked.ended_ns or now_ns
+            since_told_ns = now_ns - max(told_ns, facts.awake_ns)
             if since_ns < asked.asked_ns:
                 facts.worst("stop pressed, wheels still turn", now_ns - asked.asked_ns)
             sound = facts.sound_since_ns < told_ns - limits.TICK_NS
             limit_ns = limits.ACKNOWLEDGED_STOP_NS if sound else limits.LOST_BRAKE_NS
-            if facts.armed_ns < told_ns < now_ns - limit_ns:
-                took_ms = (now_ns - told_ns) // MS
+            if facts.armed_ns < told_ns and since_told_ns > limit_ns:
+                took_ms = since_told_ns // MS
                 facts.fail(
                     "an acknowledged stop is a stop",
                     f"wheels turn {took_ms} ms after {asked.operator} was told that they stand",
