@@ -53,6 +53,13 @@ class Delay:
 
 
 @dataclass(frozen=True, slots=True)
+class Abandon:
+    """The operator's process ends, whose frames have been late by so much all the time."""
+
+    late_ms: float
+
+
+@dataclass(frozen=True, slots=True)
 class Double:
     """A second robot of the same name appears, as when a network that was cut is whole again."""
 
@@ -101,6 +108,31 @@ class Fill:
 
 
 @dataclass(frozen=True, slots=True)
+class Slow:
+    """Each fsync of the robot takes so long from now on, and a parameter is set."""
+
+    fsync_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Unplug:
+    """The power is cut while a parameter and the fence are saved, on a disk that reorders."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spoil:
+    """The robot is killed, and its saved fence cannot be read when it is started again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flood:
+    """An attack of `bench flood`, by its kind; `pressed`: the operator presses the stop in it."""
+
+    kind: str
+    pressed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Squeeze:
     """The robot gets no more memory than it has."""
 
@@ -117,6 +149,7 @@ Act: TypeAlias = (
     | Disturb
     | Deafen
     | Delay
+    | Abandon
     | Double
     | Exaggerate
     | Sense
@@ -125,6 +158,10 @@ Act: TypeAlias = (
     | Break
     | EmergencyStop
     | Fill
+    | Slow
+    | Spoil
+    | Unplug
+    | Flood
     | Squeeze
     | Burn
 )

@@ -3,11 +3,13 @@
 The process is the real one: the same main, in the same way. AFFLICTION is JSON: {"hang": {}} is a
 C call that keeps the interpreter's lock, {"raise": {}} an exception in the main thread, {"jump":
 {"s": 5}} a clock that is ahead from then on, {"trouble": {...}} a bad network, {"sense": {...}} a
-fault of the plant. What a module looks up when it starts is replaced here before it does.
+fault of the plant, {"fsync": {"s": 2}} a slow
+disk. What a module looks up when it starts is replaced here before it does.
 """
 
 import ctypes
 import json
+import os
 import runpy
 import signal
 import sys
@@ -83,6 +85,19 @@ def sense(told: Mapping[str, Any]) -> Callable[[], object]:
     return act
 
 
+def slow(told: Mapping[str, Any]) -> Callable[[], object]:
+    whole, clock = os.fsync, WallClock()
+
+    def fsync(number: int) -> None:
+        clock.sleep_until(clock.now_ns() + round(told["s"] * 1e9))
+        whole(number)
+
+    def act() -> None:
+        os.fsync = fsync  # type: ignore[assignment]
+
+    return act
+
+
 def keep(module: Any, name: str, into: list[Any], make: Callable[..., Any] | None = None) -> None:
     """Whatever this name of a module makes from now on is kept in the list, too."""
     usual = make or getattr(module, name)
@@ -100,6 +115,7 @@ AFFLICTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Callable[[], objec
     "jump": jump,
     "trouble": disturb,
     "sense": sense,
+    "fsync": slow,
 }
 
 

@@ -12,7 +12,7 @@ from random import Random
 from typing import Final
 
 from benchmarks.inprocess import InProcess
-from benchmarks.matrix import motion
+from benchmarks.matrix import motion, power
 from benchmarks.matrix.acts import (
     Act,
     Break,
@@ -27,6 +27,7 @@ from benchmarks.matrix.acts import (
     Jump,
     Kill,
     Sense,
+    Unplug,
     Wrap,
 )
 from benchmarks.matrix.motion import PERIOD_S, Seen
@@ -271,6 +272,8 @@ def world_for(act: Act, name: str) -> World:
 def run(fault: Fault, number: int) -> Repetition:
     """A repetition that breaks down is told, not lost."""
     try:
+        if fault.act == Unplug():
+            return power.run(fault.name, Way.LOCKSTEP.value, number)
         return Drill(fault, number).run()
     except Exception as error:
         why = f"{type(error).__name__}: {error}"

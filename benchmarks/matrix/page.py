@@ -92,6 +92,8 @@ def times(fault: Fault, found: Sequence[Repetition], way: Way) -> str:
     if fault.must in (Must.STOP, Must.STAND, Must.SAY):
         known = spread(one.known_s for one in found) if fault.within_s is not None else "–"
         return f"{known}, {spread(one.stood_s for one in found)}{verdict}"
+    if fault.must is Must.KEEP:
+        return f"{sum(one.reached for one in found)} kept all" + verdict
     arrived = sum(one.reached for one in found)
     reasons = sorted({one.reason for one in found if one.reason and not one.reached})
     words = f"{arrived} arrived" + (f", else {', '.join(reasons)}" if reasons else "")

@@ -5,6 +5,7 @@ from enum import Enum
 from typing import Final
 
 from benchmarks.matrix.acts import (
+    Abandon,
     Act,
     Break,
     Burn,
@@ -16,11 +17,15 @@ from benchmarks.matrix.acts import (
     EmergencyStop,
     Exaggerate,
     Fill,
+    Flood,
     Hang,
     Jump,
     Kill,
     Sense,
+    Slow,
+    Spoil,
     Squeeze,
+    Unplug,
     Wrap,
 )
 from protocol.reasons import Reason
@@ -35,6 +40,7 @@ class Must(Enum):
     SAY = "says so and stands still"
     GO_ON = "goes on: arrives, no contact"
     BE_SAFE = "arrives, or stops with a reason; no contact"
+    KEEP = "a restart finds what was acknowledged"
     TOUCH_AT_MOST = "cannot be known: arrives, or a contact stops it at once"
 
 
@@ -80,7 +86,14 @@ class Fault:
         return ", ".join(part for part in (known, stands) if part)
 
 
-def stops(name: str, act: Act, within_s: float, *reasons: Reason, unseen: bool = False) -> Fault:
+def stops(
+    name: str,
+    act: Act,
+    within_s: float,
+    *reasons: Reason,
+    unseen: bool = False,
+    ways: tuple[Way, ...] = BOTH,
+) -> Fault:
     """A row of the failsafe table; `within_s` is its limit, to which comes the sampling."""
     known_s = within_s + SAMPLING_S
     return Fault(
@@ -91,6 +104,7 @@ def stops(name: str, act: Act, within_s: float, *reasons: Reason, unseen: bool =
         stands_s=known_s + BRAKING_S,
         reasons=reasons,
         unseen=unseen,
+        ways=ways,
     )
 
 
@@ -193,6 +207,16 @@ ONE_WAY: Final = (
         stops(f"operator's frames {name} late", Delay(late_ms), OPERATOR_S, Reason.OPERATOR_LOST)
         for name, late_ms in (("300 ms", 300.0), ("1 s", 1000.0), ("3 s", 3000.0))
     ),
+    *(
+        stops(
+            f"ground killed, its frames {name} late",
+            Abandon(late_ms),
+            OPERATOR_S,
+            Reason.OPERATOR_LOST,
+            ways=WALL,
+        )
+        for name, late_ms in (("300 ms", 300.0), ("1 s", 1000.0))
+    ),
     stops("a second robot of the same name", Double(), 0.0, Reason.NAME_TAKEN),
 )
 HOSTILE: Final = (
@@ -205,6 +229,16 @@ HOSTILE: Final = (
         ways=LOCKSTEP,
     ),
     goes_on("extreme frames under way", Exaggerate(), Must.BE_SAFE, ways=LOCKSTEP),
+    Fault(
+        name="emergency stop in a flood of stops",
+        act=Flood("stops", pressed=True),
+        must=Must.STOP,
+        within_s=PRESSED_S,
+        stands_s=PRESSED_S,
+        ways=WALL,
+    ),
+    goes_on("long answers read at 20 kB/s", Flood("readers"), ways=WALL),
+    goes_on("histories asked for 500 times a second", Flood("history"), ways=WALL),
 )
 BODY: Final = (
     goes_on("one sonar dead", Sense("sonar_dead", "3")),
@@ -244,6 +278,10 @@ MACHINE: Final = (
     goes_on("robot's clock jumps 5 s back", Jump(-5.0), Must.BE_SAFE),
     goes_on("disk full for the recorder", Fill("recorder"), ways=WALL),
     goes_on("disk full for the robot's --state", Fill("robot"), ways=WALL),
+    goes_on("fsync of the robot takes 0.25 s", Slow(0.25), ways=WALL),
+    goes_on("fsync of the robot takes 2 s", Slow(2.0), ways=WALL),
+    goes_on("power cut between write and rename", Unplug(), Must.KEEP, ways=LOCKSTEP),
+    dies("robot restarted, its fence unreadable", Spoil(), Reason.FENCE_UNREADABLE, ways=WALL),
     goes_on("robot gets no more memory", Squeeze(), Must.BE_SAFE, ways=WALL),
     goes_on("processor starved by burners", Burn(), Must.BE_SAFE, ways=WALL),
 )

@@ -5,34 +5,34 @@ faults of the body, a hang with the interpreter's lock and a defect are made in 
 on a signal. The plant listens, too, so that the truth is seen whatever becomes of the network.
 """
 
+import json
 import resource
 import signal
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import asdict
 from random import Random
 from time import monotonic_ns, time_ns
-from typing import Any, Final
+from typing import Final
 
+from benchmarks.flooding.attack import Attack, Door
 from benchmarks.matrix import motion
 from benchmarks.matrix.acts import (
+    Abandon,
     Act,
-    Break,
     Burn,
     Cut,
-    Deafen,
-    Delay,
-    Disturb,
     Double,
     EmergencyStop,
     Fill,
+    Flood,
     Hang,
-    Jump,
     Kill,
-    Sense,
+    Slow,
+    Spoil,
     Squeeze,
     Wrap,
 )
+from benchmarks.matrix.afflictions import PATHS, afflictions_of
 from benchmarks.matrix.crew import Crew, until
 from benchmarks.matrix.log import Lost, lost_from
 from benchmarks.matrix.results import Repetition, reason_name
@@ -55,39 +55,9 @@ RUNS_OUT_S: Final = 0.5
 LONGEST_S: Final = {True: 15.0, False: 300.0}
 WRAPS_AFTER: Final = 2500
 ATTEMPTS: Final = 3
-PATHS: Final[Mapping[str, tuple[str, ...]]] = {
-    "robot": ("tlm/", "drive/"),
-    "plant": ("sense/", "truth/"),
-    "ground": ("op/",),
-}
-"""What each publishes."""
-ENDS: Final = ("robot", "plant")
+TUNED: Final = ("d_obs_m", 0.31)
+"""What the operator sets while the robot drives."""
 ENDED: Final = (GoalState.REACHED, GoalState.STUCK, GoalState.ABORTED, GoalState.REFUSED)
-
-
-def afflictions_of(act: Act, seed: int) -> dict[str, Mapping[str, Any]]:
-    """What has to be able to happen inside of which process."""
-    match act:
-        case Hang(role, gil=True):
-            return {role: {"hang": {}}}
-        case Break():
-            return {"robot": {"raise": {}}}
-        case Jump(seconds):
-            return {"robot": {"jump": {"s": seconds}}}
-        case Disturb(trouble):
-            return {role: {"trouble": asdict(trouble) | {"seed": seed}} for role in ENDS}
-        case Deafen(who, whom):
-            return {who: {"trouble": {"loss": 1.0, "paths": PATHS[whom]}}}
-        case Delay(delay_ms):
-            return {"robot": {"trouble": {"delay_ms": delay_ms, "paths": PATHS["ground"]}}}
-        case Sense():
-            return {"plant": {"sense": asdict(act)}}
-        case Cut(one, other) if "router" not in (one, other):
-            deaf = ((one, other), (other, one))
-            able = [(role, whom) for role, whom in deaf if role != "ground"]
-            return {role: {"trouble": {"loss": 1.0, "paths": PATHS[whom]}} for role, whom in able}
-        case _:
-            return {}
 
 
 class NotUnderWay(RuntimeError):
@@ -111,7 +81,7 @@ class Drill:
         with ExitStack() as scope:
             scope.enter_context(self._crew)
             try:
-                self._begin()
+                self._begin(scope)
                 scope.enter_context(self._witness)
                 self._set_off()
             except RuntimeError as error:
@@ -119,10 +89,11 @@ class Drill:
             self._at_ns = monotonic_ns()
             self._act(self._fault.act)
             until(self._over, "an end", 2.0 * LONGEST_S[self._stops])
+            self._check_saved()
             lost = self._logged()
             return self._found(lost)
 
-    def _begin(self) -> None:
+    def _begin(self, scope: ExitStack) -> None:
         crew, start = self._crew, load(self._world).start
         crew.start("router", "router", "--listen", crew.router)
         crew.says("router", "router at")
@@ -142,6 +113,11 @@ class Drill:
         crew.start("recorder", "record", str(crew.folder / "log"), "--connect", crew.router)
         for role, words in (("robot", "ready"), ("plant", "plant: "), ("recorder", "recording")):
             crew.says(role, words)
+        match self._fault.act:
+            case Abandon():
+                crew.send("robot", signal.SIGUSR1)
+            case Flood(kind):
+                self._attack = scope.enter_context(Attack(kind, Door(crew.router)))
 
     def _file(self) -> str:
         """The world, or a copy of it with encoders that are about to wrap."""
@@ -155,7 +131,7 @@ class Drill:
         return str(path)
 
     def _set_off(self) -> None:
-        witness, waits = self._witness, not isinstance(self._fault.act, Fill)
+        witness, waits = self._witness, not isinstance(self._fault.act, Fill | Slow)
         until(lambda: witness.is_in(Vehicle.STANDBY) and witness.truths, "a robot in STANDBY")
         goto = ("goto", *PLACES[self._world], *(() if waits else ("--no-wait",)))
         self._crew.dialling("ground", *goto)
@@ -177,11 +153,23 @@ class Drill:
                 crew.cables[one if other == "router" else other].cut()
             case EmergencyStop():
                 self._witness.estop()
+            case Abandon():
+                crew.kill("ground")
+            case Flood(pressed=pressed):
+                self._attack.go()
+                if pressed:
+                    self._witness.press()
+            case Slow():
+                crew.send("robot", signal.SIGUSR1)
+                self._witness.set(*TUNED)
+            case Spoil():
+                crew.kill("robot")
+                (crew.folder / "state" / "fence.json").write_text("[{", encoding="utf-8")
             case Double():
                 self._witness.join(Role.ROBOT).announce()
             case Fill(role):
                 crew.limit(role, resource.RLIMIT_FSIZE, 1)
-                self._witness.set("d_obs_m", 0.31)
+                self._witness.set(*TUNED)
             case Squeeze():
                 crew.limit("robot", resource.RLIMIT_AS, crew.memory("robot"))
             case Burn():
@@ -200,6 +188,11 @@ class Drill:
                 """Its log is looked at as it was left."""
             case Hang(role, gil=False):
                 crew.send(role, signal.SIGCONT)
+            case Flood():
+                self._attack.hold()
+            case Spoil():
+                crew.start("robot")
+                until(self._witness.is_refused_arming, "an answer to arming")
             case Kill(role) | Hang(role):
                 crew.kill(role)
                 crew.start(role)
@@ -239,6 +232,13 @@ class Drill:
     def _stood_s(self) -> float | None:
         return motion.stood_s(self._witness.seen(self._at_ns))
 
+    def _check_saved(self) -> None:
+        """What was set on a slow disk is saved by now. Raises RuntimeError when it is not."""
+        name, value = TUNED
+        path = self._crew.folder / "state" / "parameters.json"
+        if isinstance(self._fault.act, Slow) and json.loads(path.read_text()).get(name) != value:
+            raise RuntimeError(f"{name} was not saved: {path.read_text()}")
+
     def _logged(self) -> Lost | None:
         """What the log lacks, when the recorder has ended as it should."""
         crew = self._crew
@@ -246,7 +246,8 @@ class Drill:
             crew.send("recorder", signal.SIGINT)
             crew.ends("recorder")
         act = self._fault.act
-        again = PATHS.get(act.role, ()) if isinstance(act, Kill | Hang) else ()
+        role = act.role if isinstance(act, Kill | Hang) else "robot" if act == Spoil() else ""
+        again = PATHS.get(role, ())
         logs = sorted((crew.folder / "log").glob("*.tlog"))
         return lost_from(logs[0], again) if logs else None
 

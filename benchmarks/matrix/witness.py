@@ -6,15 +6,24 @@ from time import monotonic_ns
 from typing import Any, Final, NamedTuple, Self
 
 from benchmarks.matrix.motion import Seen
+from ground.emergency_stop import EmergencyStop
 from protocol.bus import Bus, Network, open_bus
+from protocol.clock import WallClock
 from protocol.codec import decode
-from protocol.enums import PARAM_TYPE_REAL32, Command, Vehicle
+from protocol.enums import PARAM_TYPE_REAL32, AckResult, Command, Vehicle
 from protocol.errors import NoAnswer, RemoteError
 from protocol.message import Message
-from protocol.messages import CommandRequest, GroundTruth, NavigatorStatus, ParamSet
-from protocol.topics import COMMAND, PARAMETER, STATUS, TRUTH, Role, Service, Topic
+from protocol.messages import (
+    CommandAck,
+    CommandRequest,
+    GroundTruth,
+    NavigatorStatus,
+    ParamSet,
+)
+from protocol.topics import COMMAND, PARAMETER, STATUS, STOP, TRUTH, Role, Service, Topic
 
 DIAL_S: Final = 20.0
+GIVE_UP_NS: Final = 10_000_000_000
 ROBOT: Final = "r1"
 
 
@@ -37,6 +46,7 @@ class Witness:
     def __enter__(self) -> Self:
         router, truth = self._endpoints
         self._bus = self._listen(router, STATUS, self.statuses)
+        self._stop = self._bus.publisher(STOP)
         self._listen(truth, TRUTH, self.truths)
         return self
 
@@ -99,6 +109,32 @@ class Witness:
                 command=Command.DO_FLIGHTTERMINATION,
             ),
         )
+
+    def press(self) -> None:
+        """The app's stop. Raises RuntimeError when it is not acknowledged."""
+        stop = EmergencyStop(self._bus, self._stop, ROBOT, WallClock(), self._newest)
+        outcome = stop.run(give_up_ns=GIVE_UP_NS)
+        if not outcome.acknowledged:
+            raise RuntimeError(f"the stop was not acknowledged: {outcome.why}")
+
+    def _newest(self) -> tuple[NavigatorStatus, int] | None:
+        return self.statuses[-1] if self.statuses else None
+
+    def is_refused_arming(self) -> bool:
+        """Try to arm the robot; False while nobody answers. RuntimeError when it is armed."""
+        request = CommandRequest(
+            request_id=monotonic_ns(),
+            param1=1.0,
+            param2=0.0,
+            command=Command.COMPONENT_ARM_DISARM,
+        )
+        try:
+            answer = self._bus.ask(COMMAND, request, 2.0)
+        except NoAnswer:
+            return False
+        if isinstance(answer, CommandAck) and answer.result == AckResult.ACCEPTED:
+            raise RuntimeError("it was armed")
+        return True
 
     def set(self, name: str, value: float) -> None:
         self._ask(
