@@ -36,10 +36,7 @@ def second_robot(stack: InProcess) -> Bus:
 
 
 class Stranger:
-    """Says frames that have, in one field or in all, a value as extreme as it may be.
-
-    `over`: it has said all of them.
-    """
+    """Says frames that have, in one field or in all, a value as extreme as it may be."""
 
     def __init__(self, bus: Bus) -> None:
         self._publishers = {topic.path: bus.publisher(topic) for topic in HEARD}
@@ -47,13 +44,10 @@ class Stranger:
         if missing:
             raise RuntimeError(f"nobody listens to {', '.join(missing)}")
         self._turns = turns()
-        self.over = False
 
-    def take_turn(self, send: Callable[[str, Callable[[], object]], None]) -> None:
+    def take_turn(self, send: Callable[[str, Callable[[], object]], object]) -> None:
         """Say the frames of one tick; `send` puts something and waits until the robot has it."""
-        turn = next(self._turns, None)
-        self.over = turn is None
-        for topic, frame in turn or ():
+        for topic, frame in next(self._turns, ()):
             publisher = self._publishers[topic.path]
             send(publisher.key, partial(publisher.put_frame, frame))
 

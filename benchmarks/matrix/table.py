@@ -226,9 +226,8 @@ HOSTILE: Final = (
         must=Must.STAND,
         stands_s=0.0,
         at_rest=True,
-        ways=LOCKSTEP,
     ),
-    goes_on("extreme frames under way", Exaggerate(), Must.BE_SAFE, ways=LOCKSTEP),
+    goes_on("extreme frames under way", Exaggerate(), Must.BE_SAFE),
     Fault(
         name="emergency stop in a flood of stops",
         act=Flood("stops", pressed=True),

@@ -23,6 +23,7 @@ from benchmarks.matrix.acts import (
     Cut,
     Double,
     EmergencyStop,
+    Exaggerate,
     Fill,
     Flood,
     Hang,
@@ -35,7 +36,9 @@ from benchmarks.matrix.acts import (
 from benchmarks.matrix.afflictions import PATHS, afflictions_of
 from benchmarks.matrix.crew import Crew, until
 from benchmarks.matrix.log import Lost, lost_from
+from benchmarks.matrix.motion import PERIOD_S
 from benchmarks.matrix.results import Repetition, reason_name
+from benchmarks.matrix.strangers import Stranger
 from benchmarks.matrix.table import Fault, Must, Way
 from benchmarks.matrix.witness import Witness
 from plant.world_file import SHIPPED_DIR, load
@@ -76,6 +79,8 @@ class Drill:
         self._witness = Witness(self._crew.router, self._crew.truth)
         self._at_ns = self._healed_ns = 0
         self._killed_utc_ns: int | None = None
+        self._stranger: Stranger | None = None
+        self._said = 0
 
     def run(self) -> Repetition:
         with ExitStack() as scope:
@@ -133,6 +138,8 @@ class Drill:
     def _set_off(self) -> None:
         witness, waits = self._witness, not isinstance(self._fault.act, Fill | Slow)
         until(lambda: witness.is_in(Vehicle.STANDBY) and witness.truths, "a robot in STANDBY")
+        if self._fault.at_rest:
+            return
         goto = ("goto", *PLACES[self._world], *(() if waits else ("--no-wait",)))
         self._crew.dialling("ground", *goto)
         until(lambda: witness.speed_m_s > FAST_M_S, "driving")
@@ -167,6 +174,8 @@ class Drill:
                 (crew.folder / "state" / "fence.json").write_text("[{", encoding="utf-8")
             case Double():
                 self._witness.join(Role.ROBOT).announce()
+            case Exaggerate():
+                self._stranger = Stranger(self._witness.join(Role.GROUND))
             case Fill(role):
                 crew.limit(role, resource.RLIMIT_FSIZE, 1)
                 self._witness.set(*TUNED)
@@ -204,12 +213,22 @@ class Drill:
     def _over(self) -> bool:
         now_s = self._since(monotonic_ns())
         self._heal_in_time(now_s)
+        self._exaggerate(now_s)
         if now_s > LONGEST_S[self._stops]:
             return True
         if self._stops:
             return bool(self._healed_ns) and now_s > self._since(self._healed_ns) + WATCHED_S
         status = self._witness.status
         return status is not None and status.goal in ENDED and now_s > WATCHED_S
+
+    def _exaggerate(self, now_s: float) -> None:
+        """Once a period. Raises RuntimeError when that has ended a process."""
+        if self._stranger is None or now_s < self._said * PERIOD_S:
+            return
+        self._said += 1
+        self._stranger.take_turn(lambda _, put: put())
+        if not all(map(self._crew.lives, ("router", "robot", "plant"))):
+            raise RuntimeError(f"a process ended: {self._crew.last_words('robot')}")
 
     def _heal_in_time(self, now_s: float) -> None:
         if self._healed_ns:
