@@ -47,8 +47,6 @@ class ZenohLog:
         self._kept: deque[bytes] = deque(maxlen=MAX_KEPT)
         self._reader, self._writer = channel()
         sys.stdout.flush()
-        self._spoken = sys.stdout
-        self._stdout = os.dup(STDOUT)
         sys.stdout = guarded(os.fdopen(os.dup(STDOUT), "w", buffering=1))
         os.dup2(self._writer.fileno(), STDOUT)
         initialise(wanted)
@@ -82,11 +80,13 @@ class ZenohLog:
         return kept
 
     def close(self) -> None:
-        """Give standard output back; what Zenoh writes from now on goes there, too."""
-        os.dup2(self._stdout, STDOUT)
-        sys.stdout.close()
-        sys.stdout = self._spoken
-        os.close(self._stdout)
+        """Catch no more. Zenoh's log cannot be ended: what it still writes goes nowhere.
+
+        Python's own standard output goes on as before, by the descriptor that it was given.
+        """
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, STDOUT)
+        os.close(nowhere)
         self._writer.close()
         self._reader.close()
 
