@@ -39,7 +39,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--short", action="store_true", help="a minute: few repetitions")
     says = "faults of which the name contains one of these"
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help=says)
-    parser.add_argument("--page", type=Path, metavar="FILE", help="write the matrix there")
+    parser.add_argument(
+        "--page", type=Path, metavar="FILE", help="write the matrix there; keep rows not measured"
+    )
     says = f"where repetitions are kept, and found ({KEPT}; the short form keeps none)"
     parser.add_argument("--keep", type=Path, default=KEPT, metavar="FILE", help=says)
     parser.add_argument("--afresh", action="store_true", help="forget what is kept there")
@@ -63,7 +65,8 @@ def measure(options: argparse.Namespace) -> Report:
             tell(one)
     about = machine.described(load_before)
     if options.page is not None:
-        options.page.write_text(page(results, about), encoding="utf-8")
+        before = options.page.read_text(encoding="utf-8") if options.page.exists() else ""
+        options.page.write_text(page(results, about, before), encoding="utf-8")
     return report(faults, results)
 
 

@@ -1,5 +1,6 @@
 """docs/faults.md: the matrix, with every row that misses its limit named first."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from statistics import median
@@ -35,6 +36,7 @@ that: BUDGET or TICKS_LOST in the place of what was to be seen is the busy machi
   `tests/compose` cuts, pauses and kills real containers.
 - A robot that hangs with the interpreter's lock held, or has been killed, is started again.
 """
+ROW: Final = re.compile(r"^\| (.+?) \|.*$", re.MULTILINE)
 HEAD: Final = (
     "| fault | must | limit | lockstep: known, stands | way | wall: known, stands | way | log |\n"
     "|---|---|---|---|---|---|---|---|"
@@ -43,16 +45,28 @@ HEAD: Final = (
 NOT_DONE: Final = {Way.LOCKSTEP: "needs processes", Way.WALL: "needs simulated time"}
 
 
-def page(results: Results, machine: Mapping[str, object]) -> str:
-    """The page as Markdown."""
+def page(results: Results, machine: Mapping[str, object], before: str = "") -> str:
+    """The page as Markdown. What was not measured now is taken from the page there was before."""
+    old = rows_in(before)
     about = ", ".join(f"{key} {value}" for key, value in machine.items())
     date = f"{datetime.now(UTC):%Y-%m-%d}"
     parts = [INTRODUCTION.format(date=date, machine=about), *missed(results)]
     for title, faults in GROUPS.items():
         parts += [f"## {title}\n", HEAD]
-        parts += [row(fault, results) for fault in faults]
+        for fault in faults:
+            keep = fault.name in old and not measured(fault, results)
+            parts.append(old[fault.name] if keep else row(fault, results))
         parts.append("")
     return "\n".join(parts)
+
+
+def rows_in(text: str) -> dict[str, str]:
+    """Return the rows of a page by the name of their fault."""
+    return {found[1].replace("\\|", "|"): found[0] for found in ROW.finditer(text)}
+
+
+def measured(fault: Fault, results: Results) -> bool:
+    return any(results.of(fault, way) for way in fault.ways)
 
 
 def missed(results: Results) -> Iterable[str]:

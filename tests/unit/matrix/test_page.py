@@ -7,11 +7,11 @@ from benchmarks.matrix.results import Repetition, Results
 from benchmarks.matrix.table import FAULTS
 
 
-def shown(*repetitions: Repetition) -> str:
+def shown(*repetitions: Repetition, before: str = "") -> str:
     results = Results(None)
     for one in repetitions:
         results.add(one)
-    return page(results, {"cores": 2})
+    return page(results, {"cores": 2}, before)
 
 
 def killed(number: int, stood_s: float, **more: Any) -> Repetition:
@@ -58,3 +58,15 @@ def test_who_went_on_is_counted_with_the_reasons_of_the_others() -> None:
     arrived = Repetition(fault="20 % lost", way="lockstep", number=0, reached=True)
     stopped = Repetition(fault="20 % lost", way="lockstep", number=1, reason="TICKS_LOST")
     assert "1 arrived, else TICKS_LOST (2)" in shown(arrived, stopped)
+
+
+def test_rows_that_were_not_measured_now_are_kept_as_they_were() -> None:
+    cut = Repetition(fault="robot | plant", way="wall", number=0, stood_s=0.33, known_s=0.2)
+    before = shown(killed(0, 0.15), cut)
+    after = shown(killed(0, 0.19), before=before)
+    assert "150 / 150 (1)" not in after
+    assert "190 / 190 (1)" in after
+    (row,) = [line for line in before.splitlines() if line.startswith("| robot \\| plant |")]
+    assert "330 / 330" in row
+    assert row in after.splitlines()
+    assert len(after.splitlines()) == len(before.splitlines())
