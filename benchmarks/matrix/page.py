@@ -7,7 +7,7 @@ from statistics import median
 from typing import Final
 
 from benchmarks.matrix.results import Repetition, Results
-from benchmarks.matrix.table import GROUPS, Fault, Must, Way
+from benchmarks.matrix.table import FAULTS, GROUPS, Fault, Must, Way
 
 INTRODUCTION: Final = """\
 # Faults
@@ -37,6 +37,9 @@ that: BUDGET or TICKS_LOST in the place of what was to be seen is the busy machi
 - A robot that hangs with the interpreter's lock held, or has been killed, is started again.
 """
 ROW: Final = re.compile(r"^\| (.+?) \|.*$", re.MULTILINE)
+THEN: Final = re.compile(r"^on (\S+)\n\((.*)\)\.$", re.MULTILINE)
+APART: Final = re.compile(r"^- Apart from the others, on .*\n", re.MULTILINE)
+MISSED: Final = re.compile(r"^- \*\*(.+?)\*\* in .*$", re.MULTILINE)
 HEAD: Final = (
     "| fault | must | limit | lockstep: known, stands | way | wall: known, stands | way | log |\n"
     "|---|---|---|---|---|---|---|---|"
@@ -46,11 +49,22 @@ NOT_DONE: Final = {Way.LOCKSTEP: "needs processes", Way.WALL: "needs simulated t
 
 
 def page(results: Results, machine: Mapping[str, object], before: str = "") -> str:
-    """The page as Markdown. What was not measured now is taken from the page there was before."""
+    """The page as Markdown. What was not measured now is taken from the page there was before.
+
+    Such a row has its misses named, too, and the day and the machine of that page are the page's.
+    """
     old = rows_in(before)
     about = ", ".join(f"{key} {value}" for key, value in machine.items())
     date = f"{datetime.now(UTC):%Y-%m-%d}"
-    parts = [INTRODUCTION.format(date=date, machine=about), *missed(results)]
+    kept = [one.name for one in FAULTS if one.name in old and not measured(one, results)]
+    then = THEN.search(before) if kept else None
+    if then is None:
+        parts = [INTRODUCTION.format(date=date, machine=about)]
+    else:
+        parts = [INTRODUCTION.format(date=then[1], machine=then[2])]
+        now = ", ".join(one.name for one in FAULTS if measured(one, results))
+        parts += [*APART.findall(before), f"- Apart from the others, on {date} ({about}): {now}.\n"]
+    parts += missed(results, [one[0] for one in MISSED.finditer(before) if one[1] in kept])
     for title, faults in GROUPS.items():
         parts += [f"## {title}\n", HEAD]
         for fault in faults:
@@ -69,10 +83,10 @@ def measured(fault: Fault, results: Results) -> bool:
     return any(results.of(fault, way) for way in fault.ways)
 
 
-def missed(results: Results) -> Iterable[str]:
+def missed(results: Results, before: Sequence[str] = ()) -> Iterable[str]:
     """The rows that miss, by name and with what was not as it must be."""
     yield "## Rows that miss their limit\n"
-    found = []
+    found = [*before]
     for faults in GROUPS.values():
         for fault in faults:
             for way in fault.ways:

@@ -140,6 +140,8 @@ class Drill:
         until(lambda: witness.is_in(Vehicle.STANDBY) and witness.truths, "a robot in STANDBY")
         if self._fault.at_rest:
             return
+        if self._fault.act == Double():
+            self._second = witness.join(Role.ROBOT)
         goto = ("goto", *PLACES[self._world], *(() if waits else ("--no-wait",)))
         self._crew.dialling("ground", *goto)
         until(lambda: witness.speed_m_s > FAST_M_S, "driving")
@@ -173,7 +175,7 @@ class Drill:
                 crew.kill("robot")
                 (crew.folder / "state" / "fence.json").write_text("[{", encoding="utf-8")
             case Double():
-                self._witness.join(Role.ROBOT).announce()
+                self._second.announce()
             case Exaggerate():
                 self._stranger = Stranger(self._witness.join(Role.GROUND))
             case Fill(role):

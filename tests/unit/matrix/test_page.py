@@ -69,4 +69,7 @@ def test_rows_that_were_not_measured_now_are_kept_as_they_were() -> None:
     (row,) = [line for line in before.splitlines() if line.startswith("| robot \\| plant |")]
     assert "330 / 330" in row
     assert row in after.splitlines()
-    assert len(after.splitlines()) == len(before.splitlines())
+    assert len(after.splitlines()) == len(before.splitlines()) + 2
+    assert "- **robot | plant** in wall, 1 of 1: " in after
+    assert "- Apart from the others, on 20" in after
+    assert "(cores 2): robot killed." in after
