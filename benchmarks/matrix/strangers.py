@@ -44,10 +44,16 @@ class Stranger:
         if missing:
             raise RuntimeError(f"nobody listens to {', '.join(missing)}")
         self._turns = turns()
+        self._turn: Turn = []
 
     def take_turn(self, send: Callable[[str, Callable[[], object]], object]) -> None:
         """Say the frames of one tick; `send` puts something and waits until the robot has it."""
-        for topic, frame in next(self._turns, ()):
+        self._turn = next(self._turns, [])
+        self.repeat(send)
+
+    def repeat(self, send: Callable[[str, Callable[[], object]], object]) -> None:
+        """Say these frames once more, so that one of them is the newest when the robot reads."""
+        for topic, frame in self._turn:
             publisher = self._publishers[topic.path]
             send(publisher.key, partial(publisher.put_frame, frame))
 

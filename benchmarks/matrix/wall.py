@@ -224,8 +224,11 @@ class Drill:
         return status is not None and status.goal in ENDED and now_s > WATCHED_S
 
     def _exaggerate(self, now_s: float) -> None:
-        """Once a period. Raises RuntimeError when that has ended a process."""
-        if self._stranger is None or now_s < self._said * PERIOD_S:
+        """Other frames each period, all the time. RuntimeError when that has ended a process."""
+        if self._stranger is None:
+            return
+        if now_s < self._said * PERIOD_S:
+            self._stranger.repeat(lambda _, put: put())
             return
         self._said += 1
         self._stranger.take_turn(lambda _, put: put())
