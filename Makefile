@@ -91,7 +91,9 @@ test: setup
 	step "import contracts" lint-imports
 	step "branch coverage" python -m verification.branch_coverage
 	step "mutation of the stop" python -m verification.mutation --module stop_latch
-	step "tests" pytest -q -n auto -m "not stack and not compose" $(if $(CI),--no-skips)
+	# One worker more than there are cores: many tests wait for links and processes.
+	workers=$$(($$(getconf _NPROCESSORS_ONLN) + 1))
+	step "tests" pytest -q -n $$workers -m "not stack and not compose" $(if $(CI),--no-skips)
 	step "tests with processes" pytest -q -n 3 --dist loadfile -m stack $(if $(CI),--no-skips)
 	step "tests with containers" pytest -q -m compose $(if $(CI),--no-skips)
 	if [ -n "$$failed" ]; then

@@ -1,7 +1,7 @@
 """`keys renew` gives a role a new certificate where the authority's key was kept."""
 
 import stat
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -50,7 +50,7 @@ def test_who_is_renewed_has_a_new_key_and_the_names_that_it_had(keys: Path) -> N
     assert hosts_in(after["router.pem"]) == hosts_in(before["router.pem"])
     assert hosts_in(after["ground-ada.pem"]) == []
     assert stat.S_IMODE((keys / "router.key").stat().st_mode) == 0o600
-    assert not any(one.wrong for one in check(keys, NOW))
+    assert not any(one.wrong for one in check(keys, datetime.now(UTC)))
     tls = Tls(ca=f"{keys}/ca.pem", certificate=f"{keys}/router.pem", key=f"{keys}/router.key")
     assert own(tls).trouble == ""
 
