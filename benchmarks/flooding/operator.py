@@ -70,11 +70,15 @@ class Operator:
         )
 
     def set_off(self) -> None:
-        """Be on the way to the other end of the world, well under way."""
+        """Be on the way to the other end of the world, well under way.
+
+        A stop of others may still have been on its way when the last one was cleared.
+        """
         deadline_s = monotonic() + SETS_OFF_S
         while not (self._observer.on_its_way and self._observer.speed_m_s > FAST_M_S):
             if monotonic() > deadline_s:
                 raise RuntimeError(f"the robot does not drive: {self._observer.status}")
+            self.clear()
             self.go_on()
             self._pause.wait(0.02)
 
