@@ -10,6 +10,9 @@ from verification.simulation.draw import DURATION_NS, drawn
 from verification.simulation.simulation import Result, run
 
 CHUNK: Final = 20
+CHUNKS_EACH: Final = 10
+"""After so many a process is replaced: what a run leaves behind in memory adds up."""
+
 MOST_HUNTED: Final = 2000
 """Seeds within which a defect that was put back is to be found."""
 
@@ -43,10 +46,7 @@ def in_processes(first: int, count: int, jobs: int) -> Iterator[Ran]:
     """Run seeds in so many processes; what is done comes in the order of the seeds."""
     starts = range(first, first + count, CHUNK)
     chunks = [range(start, min(start + CHUNK, first + count)) for start in starts]
-    if jobs == 1:
-        yield from map(ran, chunks)
-        return
-    with get_context("spawn").Pool(jobs) as pool:
+    with get_context("spawn").Pool(jobs, maxtasksperchild=CHUNKS_EACH) as pool:
         yield from pool.imap(ran, chunks)
 
 
