@@ -94,7 +94,7 @@ test: setup
 	# One worker more than there are cores: many tests wait for links and processes.
 	workers=$$(($$(getconf _NPROCESSORS_ONLN) + 1))
 	step "tests" pytest -q -n $$workers -m "not stack and not compose" $(if $(CI),--no-skips)
-	step "tests with processes" pytest -q -n 3 --dist loadfile -m stack $(if $(CI),--no-skips)
+	step "tests with processes" pytest -q -n 2 --dist loadfile -m stack $(if $(CI),--no-skips)
 	step "tests with containers" pytest -q -m compose $(if $(CI),--no-skips)
 	if [ -n "$$failed" ]; then
 		printf '\nmake test: FAILED:%s\n' "$${failed#,}" >&2
