@@ -87,8 +87,9 @@ class Process:
 
         def take(asked: Asked) -> None:
             if is_stop(asked.message):
-                self._stop_askers.append(asked)
-                press(asked.operator, asked.payload)
+                self._stop.press(asked.operator, asked.payload)
+                self._stop_askers.append(asked)  # after it: the loop drops askers without a stop
+                nudge()
                 return
             line = self._line(asked)
             if line.qsize() >= MAX_WAITING:

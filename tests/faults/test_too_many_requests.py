@@ -12,6 +12,7 @@ from protocol.messages import CommandAck, CommandRequest, LeaseRequest
 from protocol.reasons import Reason
 from protocol.topics import COMMAND, Service
 from robot.process import MAX_ANSWERED, MAX_WAITING
+from robot.stop_latch import StopLatch
 from tests.harness import Stack
 
 Take = Callable[[Asked], object]
@@ -117,6 +118,26 @@ def test_a_request_read_after_its_stop_was_acted_upon_is_acknowledged(
         handlers[0](later)
         stack.forward(0.05)
         assert later.dropped, "it was acted upon, and holds no more"
+
+
+def test_a_stop_asked_for_as_a_command_is_answered_whenever_the_loop_looks(
+    served: dict[str, Take], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The loop drops those who wait for a stop that was not pressed: pressing comes first."""
+    with Stack("open") as stack:
+        real, robot = StopLatch.press, stack.robot
+        assert robot is not None
+
+        def press(latch: StopLatch, operator: str, frame: bytes) -> None:
+            robot.idle()
+            real(latch, operator, frame)
+
+        monkeypatch.setattr(StopLatch, "press", press)
+        stop = question(7, Command.DO_FLIGHTTERMINATION)
+        served[COMMAND.path](stop)
+        stack.forward(0.05)
+        assert not stop.dropped
+        assert stop.reason == Reason.NONE
 
 
 def test_strangers_do_not_hold_up_who_has_the_lease(served: dict[str, Take]) -> None:
