@@ -94,8 +94,9 @@ def test_a_loop_that_hangs_is_told_from_a_process_that_is_gone() -> None:
             crew.dialling("goto", "5.4", "2")
             witness.driving()
             until(witness.standing, what="standing")
+            assert witness.status.vehicle == Vehicle.ACTIVE, f"stopped itself: {witness.texts}"
             code, said = crew.run("doctor", "--timeout", "0.3")
-            assert code == 1
+            assert code == 1, said
             assert "robot r1 hangs" in said
             assert "its process is alive, its control loop does not run" in said
             watch.says("robot r1 hangs")
