@@ -93,7 +93,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
 
 
 def become(user: int) -> None:
-    """Go on as this user and group, who has no rights and alone may read what it makes."""
+    """Switch to this user and group, without capabilities and with files private to it."""
     try:
         os.setgroups([])
         os.setgid(user)
@@ -160,7 +160,7 @@ def addresses(name: str) -> frozenset[str]:
 
 
 def config_of(files: Sequence[str], place: Place) -> str:
-    """The first that is there; the last one otherwise, so that its reader says that it is not.
+    """Return the first existing path; else the last one, so that its reader reports it missing.
 
     UserError where keys are meant to be used and cannot be: the next file may be one without.
     """
@@ -173,7 +173,7 @@ def config_of(files: Sequence[str], place: Place) -> str:
 
 
 def is_there(file: Path) -> bool:
-    """Whether there is such a file; UserError when that cannot be found out."""
+    """Return whether the file exists. Raise UserError if that cannot be determined."""
     try:
         file.stat()
     except (FileNotFoundError, NotADirectoryError):

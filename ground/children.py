@@ -57,7 +57,7 @@ class Child(NamedTuple):
         return "\n".join(f"  {line}" for line in lines[-LAST_LINES:])
 
     def trim(self) -> None:
-        """Begin its file anew when it has grown too large: a child may run, and tell, for months.
+        """Truncate the log of the child when it is too large; children may run for months.
 
         Parent and child share the place in the file, so the child goes on at the beginning.
         """

@@ -25,5 +25,5 @@ def who_refuses(link: Link, reason: int) -> str:
 
 
 def words_of(lease: LeaseStatus) -> str:
-    """Who holds it, in one printable line."""
+    """Return the name of the lease holder as one printable line."""
     return printable(lease.name or lease.holder)

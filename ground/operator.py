@@ -134,7 +134,7 @@ class Asking:
 
 
 def is_saving(answer: object) -> bool:
-    """Return whether a robot says: in force and being saved. It is to be asked again."""
+    """Return whether an answer is IN_PROGRESS: in force and being saved, so ask again."""
     return isinstance(answer, CommandAck) and answer.result == AckResult.IN_PROGRESS
 
 

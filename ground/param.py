@@ -25,7 +25,7 @@ from protocol.topics import PARAMETER, PARAMETERS
 ATTEMPTS: Final = 3
 PATIENCE_S: Final = 0.5
 SAVING_NS: Final = 15_000_000_000
-"""Longer than a robot waits for its disk before it says that nothing is saved."""
+"""Longer than a robot waits for its disk before it answers NOT_SAVED."""
 
 SAVED: Final[Mapping[bool | None, str]] = MappingProxyType(
     {

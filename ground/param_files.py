@@ -43,7 +43,7 @@ def name_in(row: Mapping[str, Any]) -> str:
 
 
 def said(row: Mapping[str, Any]) -> str:
-    """What a comment can hold of its meaning: one line, nothing that ends it."""
+    """Return the description as one line that is safe in a TOML comment."""
     return printable(str(row.get("doc", "")))
 
 

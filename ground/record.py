@@ -78,7 +78,7 @@ def keep_writing(link: Link, tape: Tape, facts: Facts, shelf: Shelf, says: Says)
 
 
 class Alarms:
-    """Tells what ails a recording: at once, and again every few seconds while it does."""
+    """Report problems of a recording at once, and every few seconds while they last."""
 
     def __init__(self, says: Says) -> None:
         self._says = says
@@ -99,7 +99,7 @@ class Alarms:
 
 
 def is_due(told_ns: int | None, now_ns: int) -> bool:
-    """Whether it was never told, or some seconds ago."""
+    """Return whether the problem was never reported, or some seconds ago."""
     return told_ns is None or now_ns - told_ns >= COMPLAIN_NS
 
 

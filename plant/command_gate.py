@@ -8,7 +8,7 @@ from protocol.timing import CONTROL_HZ, PERIOD_MS, TTL_MS, UINT32
 
 MAX_AGE_TICKS: Final = TTL_MS // PERIOD_MS
 WINDOW: Final = MAX_AGE_TICKS + 1
-"""So many of the newest ticks may be answered."""
+"""Greatest age, in ticks, of a tick that a command may answer."""
 
 HELD_TICKS: Final = MAX_AGE_TICKS
 """The wheels are held for so long after a contradiction."""
@@ -30,7 +30,7 @@ class Demand(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """The newest robot: its epoch, the tick at which it was last heard, its newest command."""
+    """The newest robot: its epoch, the tick of its last command, and that command."""
 
     epoch: int
     at: int
@@ -68,7 +68,7 @@ class CommandGate:
 
     @property
     def answered(self) -> bool:
-        """Whether the robot has answered the newest tick."""
+        """Return whether the robot has answered the newest tick."""
         heard, ticks = self._heard, self._ticks
         return heard is not None and heard.tick == ticks[-1]
 

@@ -20,7 +20,7 @@ PATIENCE_S: Final = 1.0
 
 
 class Wake:
-    """What the loop waits on: something has arrived, or the process shall end.
+    """Wake the loop when a frame has arrived or the process is to end.
 
     One entry is enough, however often it is called: in wall time the loop never waits on it. Safe
     in a signal handler, which no lock is.

@@ -1,4 +1,4 @@
-"""Tells what the plant could not read or refused: at once, and whenever it has doubled again."""
+"""Report frames that the plant rejected: at once, and whenever their number has doubled."""
 
 from collections.abc import Callable, Mapping
 

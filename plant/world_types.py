@@ -12,11 +12,11 @@ Settings: TypeAlias = Mapping[str, Setting]
 WALL_THICKNESS_M = 0.02
 LONGEST_NAME: Final = 64
 NAME: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*\Z")
-"""Of a world: it becomes the name of a file, and never leads out of its directory."""
+"""Grammar of a world's name. It is used as a file name and cannot leave its directory."""
 
 
 def bad_name(name: str) -> str:
-    """Why a world cannot have this name; empty when it can."""
+    """Return why a world cannot have this name; empty if it can."""
     if len(name) > LONGEST_NAME:
         return f"longer than {LONGEST_NAME} characters"
     if not NAME.match(name):

@@ -41,7 +41,7 @@ that listens lets in what the certificate of the other side may do, by its commo
 all else. A process that dials takes only from a router, or from the robot it is about, what its own
 role is for. An operator's name is that in its certificate: `ground-NAME` commands as NAME, `ground`
 as `ground`. What a table calls NAME has to be named in `[network] robots` or `operators`, and not
-in `revoked`. Who has the certificate of the router can do everything."""
+in `revoked`. The certificate of the router allows everything."""
 
 ACCESS_KEYS: Final = """\
 The same by keys. `robot-NAME` may so of that robot only, the others of all robots. Everybody sees

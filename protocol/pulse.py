@@ -27,7 +27,7 @@ class Pulse:
     def beat(self, arrived_ns: int) -> None:
         """A frame has arrived; called from the bus, returns at once."""
         self._beats.put(arrived_ns)
-        if self._beats.qsize() > MAX_BEATS:  # nobody waits: the oldest says nothing any more
+        if self._beats.qsize() > MAX_BEATS:  # no reader: drop the oldest
             with suppress(Empty):
                 self._beats.get_nowait()
 

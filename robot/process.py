@@ -38,7 +38,7 @@ MAX_GOOD_NS: Final = 60_000_000_000
 """A deadline farther away is of another clock: the sender is to ask for the time again."""
 
 SAVING_S: Final = 1.0
-"""So long a robot that ends waits for its disk."""
+"""A robot that ends waits at most this long for its disk."""
 
 STOPPED: Final = ack(Command.DO_FLIGHTTERMINATION, reasons.OK)
 
@@ -162,7 +162,7 @@ class Process:
         self.reports.events(self.vehicle, self._senses.stamp_ns, self._clock.now_ns())
 
     def _write(self, outputs: Outputs, tick: Tick, now_ns: int) -> None:
-        """The wheels come first; who watches may wait.
+        """Publish the wheel command first, then telemetry.
 
         In an emergency stop and in a failsafe the motors are short-circuited, which is four times
         as fast as a ramp.
@@ -215,7 +215,7 @@ class Process:
                 self._give(asked)
 
     def _take_stop(self) -> None:
-        """Act on the emergency stop that has been pressed, and answer those who asked for one.
+        """Act on the latched emergency stop, and answer its requests.
 
         A request may be read only after its stop was acted upon: it is acknowledged as long as
         that stop holds.

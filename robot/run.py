@@ -45,7 +45,7 @@ class Options:
 
 
 def epoch() -> int:
-    """Return when this process was started, as WHEEL_COMMAND tells it: UTC in seconds."""
+    """Return the start time of this process in UTC seconds, the epoch of its WHEEL_COMMANDs."""
     return int(time()) & UINT32
 
 

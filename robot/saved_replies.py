@@ -16,7 +16,7 @@ INTERIM_NS: Final = 300_000_000
 """After this time the answer is IN_PROGRESS: in force, being saved, ask again."""
 
 SLOW_NS: Final = 3_000_000_000
-"""A write that takes longer is told: the disk may hang."""
+"""Warn about a write that takes longer: the disk may hang."""
 
 MAX_WAIT_NS: Final = 10_000_000_000
 """After this time the answer is that nothing has been saved so far."""
@@ -73,7 +73,7 @@ class SavedReplies:
                 self._withheld.append(one)
 
     def _watch(self, now_ns: int) -> None:
-        """Note which files get on, and say once that one does not."""
+        """Track the progress of each file; warn once if one makes none."""
         for file, (ended, _) in tuple(self._stalled.items()):
             if not file.ticket.is_open:
                 del self._stalled[file]

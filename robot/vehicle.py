@@ -156,7 +156,7 @@ class Vehicle:
         return None
 
     def collect_saved(self) -> None:
-        """Note what has been written since the last call, and say what could not be."""
+        """Collect the writes that have ended since the last call; report those that failed."""
         for file in self._store.directory.collect():
             self.tuning.forget_text()
             if file.error is not None:
@@ -175,7 +175,7 @@ class Vehicle:
 
     @property
     def brakes(self) -> bool:
-        """Whether the wheels are to stand as soon as they can: by a failsafe or a stop."""
+        """Return whether the motors brake: in a failsafe or an emergency stop."""
         return self.state.machine.vehicle in (states.FAILSAFE, states.EMERGENCY_STOP)
 
     def restore(self) -> list[Exchange]:
@@ -283,7 +283,7 @@ def once_saved(answer: Answer, ticket: Ticket) -> Answer:
 
 
 def not_saved(answer: Answer) -> Answer:
-    """Return the answer that says: in force, but a restart will not find it."""
+    """Return the answer NOT_SAVED: in force until the next restart."""
     if isinstance(answer, MissionVerdict):
         return msgspec.structs.replace(answer, reason=reasons.NOT_SAVED)
     return ack(NO_COMMAND, reasons.NOT_SAVED)

@@ -16,7 +16,7 @@ from protocol import whole_file
 LOG = logging.getLogger(__name__)
 
 UNKNOWN: Final = "\0"
-"""What a file holds that could not be read or written; no text that is saved is like it."""
+"""Marks unknown file content; never equal to a saved text."""
 
 
 class Job(NamedTuple):
@@ -118,14 +118,14 @@ class File:
         self.name = name
         self.path = path
         self.on_disk: str | None = UNKNOWN
-        """What is durable; None: the file is not there."""
+        """Durable content; None if there is no file."""
         self.number = 0
-        """Of the newest content."""
+        """Number of the newest content."""
         self.ended = 0
-        """Of the newest content that is durable or could not be written."""
+        """Number of the newest content whose write has ended, successfully or not."""
         self.durable = 0
         self.error: OSError | None = None
-        """Why the content `ended` could not be written."""
+        """Error of the write that ended last; None if it succeeded."""
         self._text: str | None = UNKNOWN
         self._writer = writer
         self._busy = False
@@ -172,19 +172,19 @@ class File:
 
 
 class Ticket(NamedTuple):
-    """What was handed over to a file at one moment."""
+    """Tracks whether one content of a file is durable."""
 
     file: File
     number: int
 
     @property
     def is_open(self) -> bool:
-        """Whether it is still on its way."""
+        """Return whether the write has not ended yet."""
         return self.file.ended < self.number
 
     @property
     def error(self) -> OSError | None:
-        """Why neither this content nor a newer one is durable; None while it is on its way."""
+        """Return why neither this content nor a newer one is durable; None if there is no error."""
         lost = not self.is_open and self.file.durable < self.number
         return self.file.error if lost else None
 

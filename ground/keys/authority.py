@@ -72,7 +72,7 @@ class Authority:
 
     @property
     def pair(self) -> Pair:
-        """To be kept where nobody else can read it: its holder can be everybody."""
+        """Return the private key of the authority as PEM. It can certify every role."""
         return Pair(self.pem, secret(self._key))
 
     @property

@@ -17,7 +17,7 @@ from protocol.whole_file import replace
 
 CA: Final = "ca.pem"
 CA_KEY: Final = "authority.key"
-"""Its holder can be everybody: it belongs on no machine of the stack."""
+"""The key of the authority can certify every role. Do not copy it to a machine of the stack."""
 
 THIS_MACHINE: Final = ("localhost", "127.0.0.1", "::1")
 REVOKED: Final = re.compile(r"^revoked = \[.*\]$", re.MULTILINE)
@@ -133,7 +133,7 @@ def dialled_names(folder: Path, name: str) -> list[str]:
 
 
 def fresh(path: Path, content: bytes, mode: int) -> None:
-    """A file in the place of another one, whole, and never readable by more than `mode` says."""
+    """Replace a file atomically; the permissions are never wider than `mode`."""
     draft = path.with_name(f".{path.name}.part")
     draft.unlink(missing_ok=True)
     put(draft, content, mode, [])

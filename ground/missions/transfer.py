@@ -24,7 +24,7 @@ MS: Final = 1_000_000
 ATTEMPTS: Final = 5
 PATIENCE_NS: Final = 500 * MS
 MAX_SAVING: Final = 60
-"""So often a robot may say that its disk is slow: longer than it waits for it."""
+"""Limit of IN_PROGRESS answers; longer than a robot waits for its disk."""
 
 NO_ITEM: Final = 65_535
 MAX_ITEMS: Final = 4096

@@ -76,7 +76,7 @@ class Door:
 
 
 def same(given: str, secret: str) -> bool:
-    """Compare in a time that says nothing about how much of it was right.
+    """Compare in constant time.
 
     What came in may hold bytes that are no text, as halves of surrogate pairs.
     """

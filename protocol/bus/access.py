@@ -1,4 +1,4 @@
-"""Who may do what on the bus, by certificate, out of the tables of topics and services."""
+"""Derive the rights of each certificate from the tables of topics and services."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Grant:
     puts: tuple[str, ...] = ()
     hears: tuple[str, ...] = ()
     fetches: tuple[str, ...] = ()
-    """Of the kept events of these keys it may ask for those that it has missed."""
+    """Keys whose cached events the holder may fetch."""
 
     asks: tuple[str, ...] = ()
     answers: tuple[str, ...] = ()
@@ -72,7 +72,7 @@ def grants(robots: Iterable[str], operators: Iterable[str] = ()) -> dict[str, Gr
 
 
 def grant_of(name: str, robot: str = "") -> Grant | None:
-    """What the holder of such a certificate may do where it is known; None: nothing.
+    """Return the rights of a certificate; None if it has none.
 
     It is about `robot`; without one about that of the certificate, if it is a robot's.
     """
@@ -132,7 +132,7 @@ def misfit(name: str | None, role: Role | None, robot: str) -> str:
 
 
 def impostor(name: str | None, own: str, robot: str) -> str:
-    """Why the holder of a certificate is not one to dial; empty when it is.
+    """Return why this process must not dial the holder of a certificate; empty if it may.
 
     `own` is the common name of the certificate of this process, `robot` the robot it is about.
     """

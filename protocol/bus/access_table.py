@@ -1,4 +1,4 @@
-"""Who can do what with which certificate: a table out of the rules that Zenoh is given."""
+"""Table of what each certificate allows, derived from the rules given to Zenoh."""
 
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
@@ -99,7 +99,7 @@ DIALLED: Final = (
 
 
 def rows() -> Iterator[Sequence[str]]:
-    """Each ability, whether everybody on an open bus has it, and who has it behind locks."""
+    """Return each ability, whether an open bus grants it, and which certificates do."""
     for ability in ABILITIES:
         yield ability.says, YES, *(answer(may(name, ability)) for name, _ in COLUMNS)
     for says, own in DIALLED:

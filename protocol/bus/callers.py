@@ -57,7 +57,7 @@ class Dialled:
 
     @property
     def wrong(self) -> str:
-        """Why the process at the other end is not the one that was dialled; empty when it is."""
+        """Return why the dialled process is the wrong one; empty if it is the right one."""
         return next((": ".join(wrong) for wrong in tuple(self._wrong.values())), "")
 
     def on_wrong(self, tell: Callable[[str], None]) -> None:

@@ -17,7 +17,7 @@ WHENEVER: Final = 0x200000
 NOT_YET_VALID: Final = 9
 EXPIRED: Final = 10
 OPEN_TO_OTHERS: Final = 0o077
-"""Permissions of a key that nobody but its owner may have."""
+"""Permissions that a private key must not grant to group or others."""
 
 CN: Final = "commonName"
 NO_PASSWORD: Final = ""

@@ -1,4 +1,4 @@
-"""What becomes of what a slow reader does not take: it is dropped, and nobody else waits for it.
+"""Drop data that a slow reader does not accept, so that no other reader waits for it.
 
 In Zenoh 1.10 a reply has the priority and the congestion control that its query came with: the
 asker would choose that the answering process waits up to 5 s, and with it whatever else it sends to
@@ -12,7 +12,7 @@ from protocol.topics import PARAMETERS, STOP_SERVICE, WORLD
 
 ANSWERS: Final = "interactive_low"
 LISTS: Final = "background"
-"""Of what is long: texts in JSON, and the events that a publisher has kept."""
+"""Priority of long replies: JSON texts and cached events."""
 
 STOPS: Final = "real_time"
 WAIT_BEFORE_CLOSE_US: Final = 20_000

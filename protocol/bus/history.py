@@ -32,7 +32,7 @@ FETCH_S: Final = 2.0
 FETCHES: Final = 16
 """At a time; whoever makes up more senders than that gets no more threads."""
 MAX_WAITING: Final = 1000
-"""Samples of one sender kept until what it told before is there; later ones are dropped."""
+"""Samples of one sender that wait until its earlier ones are fetched; more are dropped."""
 
 SOURCES: Final = 1000
 """So many senders are remembered; of later ones the beginning is what Zenoh makes of it."""

@@ -1,4 +1,4 @@
-"""Closing a link waits for nobody.
+"""Close links without lingering.
 
 Zenoh 1.10 sets SO_LINGER to 10 s on each TCP link (eclipse-zenoh/zenoh#2350): where the other end
 does not read, closing it blocks one of the few threads that take in what everybody else sends.

@@ -37,7 +37,7 @@ PLAINLY: Final[Mapping[str, object]] = MappingProxyType(
 
 
 def lock(network: Network) -> dict[str, object]:
-    """Settings of a session that is locked, and who may do what over its links.
+    """Return the TLS and access-control settings of a locked session.
 
     Raises BadKeys for files of no use, and for a listener that nobody would believe.
     """

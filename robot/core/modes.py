@@ -61,7 +61,7 @@ def clear_estop(machine: Machine) -> int:
 
 
 def stand_by(machine: Machine) -> None:
-    """Be disarmed, and say why arming is refused if the fence is lost."""
+    """Enter STANDBY; show FENCE_UNREADABLE as the reason if the fence is lost."""
     machine.vehicle = states.STANDBY
     unreadable = machine.fence_unreadable
     machine.vehicle_reason = reasons.FENCE_UNREADABLE if unreadable else reasons.OK
