@@ -218,15 +218,17 @@ class Process:
         """Act on the latched emergency stop, and answer its requests.
 
         A request may be read only after its stop was acted upon: it is acknowledged as long as
-        that stop holds.
+        that stop holds. Those who wait are counted before the latch is read, which was set before
+        they came: who comes in between waits for the next look.
         """
+        waiting = len(self._stop_askers)
         request, vehicle = self._stop.take(), self.vehicle
         if request is not None:
             again = vehicle.stopped and vehicle.commands.stop_id == request.request_id
             answer = vehicle.receive(request, self._clock.now_ns())
             if not again:
                 self.reports.record(request, answer)
-        for _ in range(len(self._stop_askers)):
+        for _ in range(waiting):
             asked = self._stop_askers.popleft()
             if vehicle.stopped:
                 asked.reply(STOPPED)

@@ -140,6 +140,25 @@ def test_a_stop_asked_for_as_a_command_is_answered_whenever_the_loop_looks(
         assert stop.reason == Reason.NONE
 
 
+def test_a_stop_that_comes_just_after_the_loop_looked_is_answered_at_its_next_look(
+    served: dict[str, Take], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Stack("open") as stack:
+        real, stop = StopLatch.take, question(7, Command.DO_FLIGHTTERMINATION)
+
+        def take(latch: StopLatch) -> CommandRequest | None:
+            found = real(latch)
+            if coming:
+                served[COMMAND.path](coming.pop())
+            return found
+
+        coming = [stop]
+        monkeypatch.setattr(StopLatch, "take", take)
+        stack.forward(0.1)
+        assert not stop.dropped
+        assert stop.reason == Reason.NONE
+
+
 def test_strangers_do_not_hold_up_who_has_the_lease(served: dict[str, Take]) -> None:
     with Stack("open") as stack:
         take = LeaseRequest(request_id=1, action=LeaseAction.TAKE, name="ada")
