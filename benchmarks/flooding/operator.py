@@ -13,7 +13,7 @@ from benchmarks.observed import Observer
 from ground.emergency_stop import EmergencyStop
 from ground.operator import RequestIds
 from protocol.clock import WallClock
-from protocol.enums import Command, LeaseAction, Mode, Vehicle
+from protocol.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.errors import NoAnswer
 from protocol.messages import CommandRequest, GoalRequest, LeaseRequest
 from protocol.reasons import reason_text
@@ -47,7 +47,8 @@ class Pressed(NamedTuple):
 
 
 class Operator:
-    """Goes to and fro between the start of the world and its goal."""
+    """Goes to and fro between the start of the world and its goal; after a stop it goes on to the
+    same end, as turning round would take most of the time."""
 
     def __init__(self, observer: Observer) -> None:
         self.stopped: list[str] = []
@@ -59,6 +60,7 @@ class Operator:
         self._bus.await_matched([self._beat, self._stop, self._handle], PRESS_S)
         start, goal = observer.world.start, observer.world.goal
         self._places = cycle([(goal.x_m, goal.y_m), (start.x_m, start.y_m)])
+        self._place = next(self._places)
         self._ids = RequestIds()
         self._beaten_s = 0.0
         self._pause = Event()
@@ -83,10 +85,12 @@ class Operator:
             self._pause.wait(0.02)
 
     def go_on(self) -> None:
-        """Order the next goal, unless the robot is on its way to one."""
+        """Order a goal, unless the robot is on its way to one."""
         self.beat()
         if not self._observer.on_its_way:
-            place = wire_goal(*next(self._places), None, 0.1, 0.1)._asdict()
+            if self._observer.status.goal in (GoalState.REACHED, GoalState.STUCK):
+                self._place = next(self._places)
+            place = wire_goal(*self._place, None, 0.1, 0.1)._asdict()
             self.order(Command.COMPONENT_ARM_DISARM, 1.0)
             goal = GoalRequest(request_id=self._ids.next(), mode=Mode.GUIDED, **place)
             self._ask(goal)
