@@ -1,7 +1,7 @@
 """The emergency stop from the ground: repeated until the robot shows it, or given up loudly.
 
 It is published on a topic of its own and asked of a service of its own. What the robot answers is
-not believed: only its status, EMERGENCY_STOP by this very request, acknowledges the stop.
+not enough: only its status, EMERGENCY_STOP by this very request, acknowledges the stop.
 """
 
 import secrets
@@ -9,10 +9,10 @@ from collections.abc import Callable
 from typing import Final, NamedTuple, Protocol, TypeVar
 
 from protocol.clock import Clock
-from protocol.enums import Command, Vehicle
+from protocol.enums import AckResult, Command, Vehicle
 from protocol.errors import RemoteError
 from protocol.message import Message
-from protocol.messages import CommandRequest, NavigatorStatus
+from protocol.messages import CommandAck, CommandRequest, NavigatorStatus
 from protocol.topics import STOP_SERVICE, Service
 
 MS: Final = 1_000_000
@@ -23,8 +23,9 @@ LOUD_NS: Final = NS_PER_S
 """Interval of the reports that there is no acknowledgement yet."""
 
 HELD_NS: Final = NS_PER_S
-"""Under a flood of stops the status may always show another one's request. A robot that shows
-EMERGENCY_STOP for so long, while this one is repeated, is stopped by it as well."""
+"""Under a flood of stops the status may always show another one's request. A robot that has
+accepted this one, too, and shows EMERGENCY_STOP for so long is stopped by it as well. Without the
+answer the statuses prove nothing: they may be late, and show a stop of before the press."""
 
 M_contra = TypeVar("M_contra", bound=Message, contravariant=True)
 
@@ -62,7 +63,13 @@ class Acknowledgement:
     def __init__(self, request_id: int) -> None:
         self._request_id = request_id
         self._since_ns: int | None = None
+        self._accepted = False
         self.given = False
+
+    def answered(self, answer: Message | bytes) -> None:
+        """Take the answer of the robot's service to this request."""
+        if isinstance(answer, CommandAck) and answer.result == AckResult.ACCEPTED:
+            self._accepted = True
 
     def receive(self, status: NavigatorStatus, arrived_ns: int) -> None:
         """Take a status that arrived after the first try."""
@@ -71,7 +78,7 @@ class Acknowledgement:
             return
         if self._since_ns is None:
             self._since_ns = arrived_ns
-        held = arrived_ns - self._since_ns >= HELD_NS
+        held = self._accepted and arrived_ns - self._since_ns >= HELD_NS
         self.given = self.given or held or status.stop_id == self._request_id
 
 
@@ -131,9 +138,12 @@ class EmergencyStop:
         return self._outcome(acknowledged=True)
 
     def _ask(self) -> None:
-        """Use the second way, by the service. Its answer only tells why there is none."""
+        """Use the second way, by the service."""
         try:
-            self._bus.ask(STOP_SERVICE, self._request, REPEAT_NS / NS_PER_S, robot=self.robot)
+            answer = self._bus.ask(
+                STOP_SERVICE, self._request, REPEAT_NS / NS_PER_S, robot=self.robot
+            )
+            self._acknowledgement.answered(answer)
             self.why = "the robot answers, but its status does not show EMERGENCY_STOP"
         except RemoteError as error:
             self.why = str(error)

@@ -47,8 +47,11 @@ class Pressed(NamedTuple):
 
 
 class Operator:
-    """Goes to and fro between the start of the world and its goal; after a stop it goes on to the
-    same end, as turning round would take most of the time."""
+    """Goes to and fro between the start of the world and its goal.
+
+    After a stop it goes on to the same end, as turning round would take most of the time; it turns
+    round after a failsafe, such as contact with a tree.
+    """
 
     def __init__(self, observer: Observer) -> None:
         self.stopped: list[str] = []
@@ -88,7 +91,9 @@ class Operator:
         """Order a goal, unless the robot is on its way to one."""
         self.beat()
         if not self._observer.on_its_way:
-            if self._observer.status.goal in (GoalState.REACHED, GoalState.STUCK):
+            status = self._observer.status
+            ended = status.goal in (GoalState.REACHED, GoalState.STUCK)
+            if ended or status.vehicle == Vehicle.FAILSAFE:
                 self._place = next(self._places)
             place = wire_goal(*self._place, None, 0.1, 0.1)._asdict()
             self.order(Command.COMPONENT_ARM_DISARM, 1.0)

@@ -10,13 +10,14 @@ from protocol.messages import WheelCommand
 from robot.core import fence as fences
 from robot.core import reasons, states
 from robot.core.fence import Fence
-from robot.core.machine import Machine
 from robot.vehicle import Vehicle
 from verification.simulation import limits
 from verification.simulation.facts import NEVER, Facts
 from verification.simulation.limits import MS, PERIOD_NS
 from verification.simulation.operators import Asked
 from verification.simulation.presence import Presence
+
+Place = tuple[float, float]
 
 
 class Motion:
@@ -29,6 +30,8 @@ class Motion:
         """Ticks that the newest command to move, and the newest of all, answer."""
         self._armed_ns = NEVER
         self.place_known = True
+        """Whether the plant, and nobody else, has told the robot how it moved."""
+        self._restarted = False
         self._told: list[Asked] = []
 
     # Commands.
@@ -77,6 +80,12 @@ class Motion:
         self._armed_ns = NEVER
         self._facts.started_ns = self._facts.now_ns
 
+    def robot_started(self) -> None:
+        """Note whether it has run before: then it takes the place where it is for its start, and
+        keeps within its fence as far as it can tell."""
+        robot = self._facts.robot
+        self._restarted = robot is not None and robot.starts > 0
+
     def ticked(self, plant: Plant) -> float:
         """Judge after a period; return how fast the faster wheel turns."""
         facts, truth = self._facts, plant.truth()
@@ -94,7 +103,8 @@ class Motion:
             self._in_time(fastest_m_s)
             self._stops()
             if vehicle is not None and self.place_known:
-                self._fence(vehicle.state.machine, truth.x_m, truth.y_m)
+                place = (truth.x_m, truth.y_m)
+                self._fence(vehicle, believed(vehicle) if self._restarted else place)
         return fastest_m_s
 
     def _measure(self, vehicle: Vehicle | None) -> None:
@@ -184,13 +194,19 @@ class Motion:
             self._facts.coverage.stops += sum(1 for asked in ended if asked.answered)
             pressed[:] = [asked for asked in pressed if asked.ended_ns is None]
 
-    def _fence(self, machine: Machine, x_m: float, y_m: float) -> None:
-        fence = machine.fence
+    def _fence(self, vehicle: Vehicle, place: Place) -> None:
+        fence = vehicle.state.machine.fence
         if fence is None:
             return
-        out_m = outside_m(fence, x_m, y_m)
+        out_m = outside_m(fence, *place)
         if out_m > limits.FENCE_M:
             self._facts.fail("inside the fence", f"moves {out_m:.2f} m outside the fence")
+
+
+def believed(vehicle: Vehicle) -> Place:
+    """Return where the robot takes itself to be."""
+    pose = vehicle.state.odometry.pose
+    return pose.x_m, pose.y_m
 
 
 def rim_m_s(plant: Plant) -> float:
@@ -209,9 +225,6 @@ def outside_m(fence: Fence, x_m: float, y_m: float) -> float:
         return hypot(x_m - xs_m[0], y_m - ys_m[0]) - fence.radius_m
     sides = range(len(xs_m))
     return min(to_side_m((x_m, y_m), (xs_m[i - 1], ys_m[i - 1]), (xs_m[i], ys_m[i])) for i in sides)
-
-
-Place = tuple[float, float]
 
 
 def to_side_m(place: Place, start: Place, end: Place) -> float:

@@ -83,6 +83,7 @@ class Oracle:
     def robot_started(self) -> None:
         """A robot process begins: it remembers nothing but what its disk has."""
         self.facts.armed_ns = self.facts.started_ns = self.facts.now_ns
+        self.motion.robot_started()
         self.onboard.robot_started()
         self.presence.robot_started()
 

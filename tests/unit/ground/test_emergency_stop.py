@@ -97,6 +97,7 @@ def test_status_from_before_the_press_is_no_acknowledgement() -> None:
 
 def test_stop_held_for_a_second_of_repeats_is_acknowledged() -> None:
     acknowledgement = Acknowledgement(5)
+    acknowledgement.answered(YES)
     acknowledgement.receive(stopped(6), 0)
     acknowledgement.receive(stopped(7), HELD_NS - 1)
     assert not acknowledgement.given
@@ -106,6 +107,17 @@ def test_stop_held_for_a_second_of_repeats_is_acknowledged() -> None:
     assert not acknowledgement.given
     acknowledgement.receive(stopped(8), 2 * HELD_NS + 1)
     assert acknowledgement.given
+
+
+@pytest.mark.parametrize("answer", [None, BUSY, b"{}"])
+def test_late_statuses_of_an_older_stop_are_no_acknowledgement(answer: Message | bytes) -> None:
+    """Statuses that are 4 s late show a stop of before, while this one is still on its way."""
+    acknowledgement = Acknowledgement(5)
+    if answer is not None:
+        acknowledgement.answered(answer)
+    for tick in range(60):
+        acknowledgement.receive(stopped(4), tick * 50 * MS)
+    assert not acknowledgement.given
 
 
 def test_moving_robot_that_shows_my_id_is_not_stopped() -> None:
