@@ -58,7 +58,7 @@ class Observer:
             (TRUTH, self.truths),
         )
         for topic, into in heard:
-            bus.stream(topic, keeper(into), ROBOT)
+            bus.stream(topic, keeper(topic, into), ROBOT)
 
     @property
     def status(self) -> NavigatorStatus:
@@ -105,9 +105,13 @@ class Observer:
         self.ask(RUN, lambda _: pause)
 
 
-def keeper(into: deque[tuple[Any, int]]) -> Callable[[str, bytes, int], None]:
+def keeper(topic: Topic[Any], into: deque[tuple[Any, int]]) -> Callable[[str, bytes, int], None]:
+    """Keep the messages of a topic; what does not belong on it may come of an attacker."""
+
     def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
-        into.append((decode(frame).message, arrived_ns))
+        message = decode(frame).message
+        if isinstance(message, topic.messages):
+            into.append((message, arrived_ns))
 
     return keep
 

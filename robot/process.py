@@ -71,7 +71,7 @@ class Process:
         self._strangers: SimpleQueue[Asked] = SimpleQueue()
         self._stop = StopLatch(vehicle.lease.is_holder)
         self._saved = SavedReplies(vehicle)
-        self._stop_askers: deque[Asked] = deque(maxlen=MAX_WAITING)
+        self._stop_askers: deque[Asked] = deque()
 
     def serve(self, nudge: Callable[[], None] = lambda: None) -> None:
         """Restore what was saved, which is recorded as if asked for, and begin to take requests;
@@ -85,10 +85,17 @@ class Process:
             self._stop.press(operator, frame)
             nudge()
 
+        def wait_for_stop(asked: Asked) -> None:
+            """Have the loop answer, unless too many wait; the stop itself waits for none."""
+            if len(self._stop_askers) >= MAX_WAITING:
+                asked.drop()
+            else:
+                self._stop_askers.append(asked)
+
         def take(asked: Asked) -> None:
             if is_stop(asked.message):
                 self._stop.press(asked.operator, asked.payload)
-                self._stop_askers.append(asked)  # after it: the loop drops askers without a stop
+                wait_for_stop(asked)  # after it: the loop drops askers without a stop
                 nudge()
                 return
             line = self._line(asked)
@@ -102,7 +109,7 @@ class Process:
 
         for request, answer in self.vehicle.restore():
             self.reports.record(request, answer)
-        self._bus.serve_stop(press, self._stop_askers.append)
+        self._bus.serve_stop(press, wait_for_stop)
         self._bus.serve_clock()
         for service in SERVICES:
             self._bus.serve(service, take)

@@ -1,5 +1,6 @@
 """The operator of a robot under attack: holds the lease, keeps it driving, presses the stop."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import cycle
 from math import nan
@@ -33,17 +34,22 @@ RECENT: Final = 40
 
 
 class Pressed(NamedTuple):
-    """One emergency stop: until the wheels stood, and until it was acknowledged. None: never."""
+    """One emergency stop: until the wheels stood, and until it was acknowledged. None: never.
+
+    `seen_ms` is how far the plant has told how it moved.
+    """
 
     stood_ms: float | None
     acknowledged_ms: float | None
+    seen_ms: float
 
     @property
     def was_none(self) -> bool:
         """Return whether it was acknowledged although the robot did not stop."""
         if self.acknowledged_ms is None:
             return False
-        return self.stood_ms is None or self.stood_ms > self.acknowledged_ms + STANDS_S * 1e3
+        over_ms = self.acknowledged_ms + STANDS_S * 1e3
+        return self.seen_ms > over_ms and (self.stood_ms is None or self.stood_ms > over_ms)
 
 
 class Operator:
@@ -122,15 +128,18 @@ class Operator:
         pressed_ns = monotonic_ns()
         stop = EmergencyStop(self._bus, self._stop, robot, WallClock(), lambda: statuses[-1])
         outcome = stop.run(self.beat, round(PRESS_S * 1e9))
-        until_s = monotonic() + STANDS_S + HOLDS * PERIOD_S
-        found = self._stood_s(pressed_ns)
-        while found is None and monotonic() < until_s:
+        enough_s = outcome.took_ns / 1e9 + STANDS_S + HOLDS * PERIOD_S
+        until_s = monotonic() + PRESS_S
+        seen = self._seen(pressed_ns)
+        while stood_s(seen) is None and seen_s(seen) <= enough_s and monotonic() < until_s:
             self.beat()
             self._pause.wait(PERIOD_S)
-            found = self._stood_s(pressed_ns)
+            seen = self._seen(pressed_ns)
+        found = stood_s(seen)
         return Pressed(
             None if found is None else found * 1e3,
             outcome.took_ns / 1e6 if outcome.acknowledged else None,
+            seen_s(seen) * 1e3,
         )
 
     def clear(self) -> None:
@@ -160,15 +169,20 @@ class Operator:
             why = reason_text(status.vehicle_reason)
             self.stopped.append(f"{Vehicle(status.vehicle).name} {why}")
 
-    def _stood_s(self, pressed_ns: int) -> float | None:
-        """Return when the wheels stood, by the plant's stamps: none is late on its way."""
+    def _seen(self, pressed_ns: int) -> list[Seen]:
+        """Return how it moved since, by the plant's stamps: none is late on its way."""
         truths = tuple(self._observer.truths)
         early = [(m, at_ns) for m, at_ns in truths if at_ns < pressed_ns][-RECENT:]
         offset_ns = min(at_ns - message.time_ns for message, at_ns in early)
         seen = [Seen((m.time_ns + offset_ns - pressed_ns) / 1e9, m) for m, _ in truths]
-        return stood_s([one for one in seen if one.at_s > 0.0])
+        return [one for one in seen if one.at_s > 0.0]
 
     def _ask(self, request: CommandRequest | GoalRequest) -> None:
         self.beat()
         with suppress(NoAnswer):
             self._bus.ask(COMMAND, request, AGAIN_S, self._observer.robot)
+
+
+def seen_s(seen: Sequence[Seen]) -> float:
+    """Return how far the plant has told how it moved."""
+    return seen[-1].at_s if seen else 0.0

@@ -96,6 +96,20 @@ def test_an_emergency_stop_overtakes_all_that_waits(served: dict[str, Take]) -> 
         assert stack.state == Vehicle.EMERGENCY_STOP
 
 
+def test_who_asks_for_a_stop_and_is_too_much_is_sent_away_and_not_kept(
+    served: dict[str, Take],
+) -> None:
+    """A robot that stood in a flood of stops for ten minutes grew by 250 MB."""
+    with Stack("open") as stack:
+        asked = [question(n, Command.DO_FLIGHTTERMINATION) for n in range(MAX_WAITING + 30)]
+        for one in asked:
+            served[COMMAND.path](one)
+        assert [one for one in asked if one.dropped] == asked[MAX_WAITING:]
+        stack.forward(0.05)
+        assert {one.reason for one in asked[:MAX_WAITING]} == {Reason.NONE}
+        assert stack.state == Vehicle.EMERGENCY_STOP
+
+
 def test_a_request_read_after_its_stop_was_acted_upon_is_acknowledged(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

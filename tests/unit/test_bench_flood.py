@@ -24,22 +24,26 @@ def missed(*presses: Pressed) -> list[str]:
 
 
 def test_a_robot_that_stands_in_time_meets_all_limits() -> None:
-    assert missed(Pressed(100.0, 40.0), Pressed(250.0, 60.0)) == []
+    assert missed(Pressed(100.0, 40.0, 5000.0), Pressed(250.0, 60.0, 5000.0)) == []
 
 
 def test_the_worst_press_is_judged_not_the_median() -> None:
-    presses = [Pressed(100.0, 40.0)] * 9 + [Pressed(251.0, 40.0)]
+    presses = [Pressed(100.0, 40.0, 5000.0)] * 9 + [Pressed(251.0, 40.0, 5000.0)]
     assert missed(*presses) == ["x: key to standing, worst of 10"]
 
 
 def test_an_acknowledged_stop_after_which_the_robot_drives_is_told() -> None:
-    assert "x: acknowledgements that were none" in missed(Pressed(None, 40.0))
-    assert "x: acknowledgements that were none" in missed(Pressed(1500.0, 40.0))
-    assert "x: acknowledgements that were none" not in missed(Pressed(None, None))
+    assert "x: acknowledgements that were none" in missed(Pressed(None, 40.0, 5000.0))
+    assert "x: acknowledgements that were none" in missed(Pressed(1500.0, 40.0, 5000.0))
+    assert "x: acknowledgements that were none" not in missed(Pressed(None, None, 5000.0))
+
+
+def test_robot_that_the_plant_was_not_heard_of_was_not_seen_to_move() -> None:
+    assert missed(Pressed(None, 40.0, 900.0)) == ["x: never stood or acknowledged"]
 
 
 def test_a_stop_that_nobody_acknowledges_is_told() -> None:
-    assert missed(Pressed(90.0, None)) == ["x: never stood or acknowledged"]
+    assert missed(Pressed(90.0, None, 5000.0)) == ["x: never stood or acknowledged"]
 
 
 def test_operator_frames_and_requests_name_their_sender_as_the_robot_reads_it() -> None:
