@@ -16,22 +16,26 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Final
 
 from benchmarks.figures import Figure, Report, percentile
+from benchmarks.flooding.accepted import Shown, unfounded
 from benchmarks.flooding.attack import Attack, Door
 from benchmarks.flooding.kinds import ACTED, KINDS
 from benchmarks.flooding.operator import Operator, Pressed
 from benchmarks.observed import Observer, observed, until
 from benchmarks.robot import cpu_s, resident_mb
 from protocol.codec import decode
-from protocol.messages import CycleReport
-from protocol.topics import CYCLE
+from protocol.enums import Vehicle
+from protocol.messages import CycleReport, NavigatorStatus
+from protocol.topics import CYCLE, STATUS
 
 ALONE: Final = "none"
+STOPS: Final = "stops"
 OPEN, LOCKED = "open", "locked"
 OPERATORS: Final = ("anna", "eve")
 OPERATOR: Final = "ground-anna"
@@ -88,6 +92,7 @@ class Run:
     held: bool = False
     broken: str = ""
     reports: list[CycleReport] = field(default_factory=list)
+    shown: list[Shown] = field(default_factory=list)
     cpu_percent: float = 0.0
     resident_mb: float = 0.0
     grown_mb: float = 0.0
@@ -123,7 +128,8 @@ def run(options: argparse.Namespace, kind: str, keys: Path | None) -> Run:
         ExitStack() as scope,
     ):
         found = Run()
-        observer.bus.stream(CYCLE, lambda _key, frame, _ns: note(found, frame), observer.robot)
+        for topic in (CYCLE, STATUS):
+            observer.bus.stream(topic, partial(note, found), observer.robot)
         if kind != ALONE:
             found.judged, found.held = KINDS[kind].judged, KINDS[kind].held
             for door in doors(observer, keys, options.roles):
@@ -158,10 +164,12 @@ def doors(observer: Observer, keys: Path | None, roles: Sequence[str]) -> Iterat
         yield Door(observer.endpoint, keys, role)
 
 
-def note(found: Run, frame: bytes) -> None:
+def note(found: Run, _key: str, frame: bytes, arrived_ns: int) -> None:
     message = decode(frame).message
     if isinstance(message, CycleReport):
         found.reports.append(message)
+    elif isinstance(message, NavigatorStatus):
+        found.shown.append(Shown(arrived_ns, message.vehicle == Vehicle.EMERGENCY_STOP))
 
 
 def flood(found: Run, operator: Operator, seconds: float) -> None:
@@ -213,6 +221,10 @@ def figures_of(name: str, found: Run) -> Iterator[Figure]:
     yield figure(f"{name}: operator could not go on", bool(found.broken), 0.0)
     none = sum(one.was_none for one in found.presses)
     yield figure(f"{name}: acknowledgements that were none", none, 0.0)
+    if any(attack.kind == STOPS for attack in found.attacks):
+        answers = found.answers[ACTED]
+        unmet = sum(unfounded(attack.accepted, found.shown) for attack in found.attacks)
+        yield figure(f"{name}: attackers' stops that were none, of {answers}", unmet, 0.0)
     yield figure(f"{name}: ticks missed of {found.ticks}", found.missed, 0.0)
     if attacked and not found.held:
         yield figure(f"{name}: seen stopped", len(found.stopped), 0.0)

@@ -29,6 +29,7 @@ from robot.senses import Senses
 from robot.vehicle import Vehicle
 
 IDLE_S: Final = 0.2
+PLACE_UNKNOWN: Final = "it takes its start for its place: where it is now is not known"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,12 +74,13 @@ def run(vehicle: Vehicle, network: Network, robot: str, options: Options, life: 
 
 
 def tell_life(vehicle: Vehicle, robot: str, life: Life, after: str) -> None:
-    """Why there was one before, if it did not end as it should."""
+    """Tell why there was one before, if it did not end as it should, and what is lost with it."""
     before = life.begin(after)
     if before:
         words = f"started again: the one before {before}"
-        vehicle.say(Severity.WARNING, words)
-        tell(f"robot {robot}: {words}")
+        for line in (words, PLACE_UNKNOWN):
+            vehicle.say(Severity.WARNING, line)
+            tell(f"robot {robot}: {line}")
     if life.trouble:
         vehicle.say(Severity.WARNING, life.trouble)
 

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -28,6 +27,7 @@ TURN_S: Final = 0.005
 BURST_S: Final = 0.1
 """At most so much is made up for at once."""
 
+ACCEPTED: Final = "accepted"
 LAST_S: Final = 20.0
 LAST_WORDS: Final = 500
 
@@ -55,12 +55,14 @@ class Door:
 class Attack:
     """A running attacker; it has a lower priority, for elsewhere it would not be on this machine.
 
-    `told` is what it has sent and what came back, once it has ended.
+    Once it has ended, `told` is what it has sent and what came back, and `accepted` counts the
+    answers that something was acted upon, by the slice of time.
     """
 
     def __init__(self, kind: str, door: Door, rate_hz: float | None = None) -> None:
         self.kind, self.door = kind, door
         self.told: dict[str, object] = {}
+        self.accepted: dict[int, int] = {}
         self.errors = ""
         rate = str(KINDS[kind].rate_hz if rate_hz is None else rate_hz)
         words = [sys.executable, "-m", "benchmarks.flooding.attack", kind, rate, *door.words]
@@ -98,6 +100,9 @@ class Attack:
             said, _ = self._child.communicate()
         if said:
             self.told = json.loads(said)
+            accepted = self.told.pop(ACCEPTED, {})
+            assert isinstance(accepted, dict)
+            self.accepted = {int(number): answers for number, answers in accepted.items()}
         self.errors = os.pread(self._errors.fileno(), 1 << 20, 0).decode()[-LAST_WORDS:]
         self._errors.close()
 
@@ -158,7 +163,7 @@ def main(arguments: Sequence[str]) -> None:
         print("ready", flush=True)
         threading.Thread(target=gate.obey, daemon=True).start()
         fired = fire(shoot, float(rate_hz), gate)
-        answers = Counter(first.answers)
+        answers = {**first.answers, ACCEPTED: first.accepted}
         print(json.dumps({"sent": fired, **answers}), flush=True)
         for attacker in (first, *others):
             attacker.close()

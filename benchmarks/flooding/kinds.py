@@ -6,12 +6,14 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from itertools import cycle
+from time import monotonic_ns
 from typing import Any, Final, NamedTuple
 
 import zenoh
 from zenoh.handlers import Callback
 
 from benchmarks.flooding import shots
+from benchmarks.flooding.accepted import slice_of
 from benchmarks.flooding.shots import Shot
 from protocol.bus.session import configured
 from protocol.codec import Encoder, decode
@@ -60,6 +62,8 @@ class Attacker:
         self.session = unruly(network)
         self.operator = f"{name}/{self.session.zid()}"
         self.answers = Counter[str]()
+        self.accepted = Counter[int]()
+        """Answers that say that something was acted upon, by the slice of time."""
         self._key = f"{network.prefix}/{ROBOT}"
 
     def close(self) -> None:
@@ -130,7 +134,10 @@ class Attacker:
         )
 
     def _count(self, reply: zenoh.Reply) -> None:
-        self.answers["unanswered" if reply.ok is None else in_a_word(reply.ok)] += 1
+        word = "unanswered" if reply.ok is None else in_a_word(reply.ok)
+        self.answers[word] += 1
+        if word == ACTED:
+            self.accepted[slice_of(monotonic_ns())] += 1
 
 
 def unruly(network: Network) -> zenoh.Session:

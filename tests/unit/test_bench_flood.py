@@ -1,6 +1,7 @@
 """What `bench flood` says of a press, and what its attackers send."""
 
 from benchmarks.flood import Run, figures_of
+from benchmarks.flooding.accepted import SLICE_NS, Shown, unfounded
 from benchmarks.flooding.kinds import KINDS, Heard, id_in
 from benchmarks.flooding.operator import Pressed
 from benchmarks.flooding.shots import UINT32, forbidden, frames, order, questions, wheels
@@ -71,3 +72,12 @@ def test_the_id_of_an_overheard_request_is_read_and_noise_has_none() -> None:
 def test_requests_that_only_a_holder_may_make_are_judged() -> None:
     assert len(forbidden()) >= 12
     assert {name for name, kind in KINDS.items() if kind.judged} == {"questions", "collisions"}
+
+
+def test_accepted_stop_of_an_attacker_is_borne_out_by_a_status_of_about_that_time() -> None:
+    moved, stood = Shown(10 * SLICE_NS, stopped=False), Shown(12 * SLICE_NS, stopped=True)
+    shown = [moved, stood, Shown(20 * SLICE_NS, stopped=False)]
+    assert unfounded({10: 5, 13: 7}, shown) == 0
+    assert unfounded({13: 7, 20: 2}, shown) == 2
+    assert unfounded({8: 1, 15: 4}, shown) == 5
+    assert unfounded({13: 7}, []) == 7

@@ -7,7 +7,7 @@ import pytest
 from protocol.enums import Severity
 from robot.core.parameters import DEFAULTS
 from robot.life import FILE_NAME, HUNG_BEFORE, HUNG_NAME, NO_WORD, Life
-from robot.run import in_brief, tell_life
+from robot.run import PLACE_UNKNOWN, in_brief, tell_life
 from robot.store import Store
 from robot.vehicle import Vehicle
 
@@ -86,10 +86,12 @@ def test_it_is_told_to_everybody_and_on_standard_error(capsys: pytest.CaptureFix
     tell_life(vehicle, "r1", Life(None), "signal SIGKILL")
     texts = vehicle.texts()
     words = f"started again: the one before {KILLED}"
-    assert words in "".join(text.text for text in texts)
+    told = "".join(text.text for text in texts)
+    assert words in told
+    assert PLACE_UNKNOWN in told
     assert max(text.severity for text in texts) == Severity.INFO
     assert min(text.severity for text in texts) == Severity.WARNING
-    assert capsys.readouterr().err == f"robot r1: {words}\n"
+    assert capsys.readouterr().err == f"robot r1: {words}\nrobot r1: {PLACE_UNKNOWN}\n"
 
 
 def test_the_first_one_has_nothing_to_tell(capsys: pytest.CaptureFixture[str]) -> None:

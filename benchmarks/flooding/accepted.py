@@ -1,0 +1,40 @@
+"""Stops of attackers that the robot has accepted: did it stand in an emergency stop by them?"""
+
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
+
+from protocol.timing import PERIOD_NS
+
+SLICE_NS: Final = PERIOD_NS
+"""Answers are counted by the slice of time in which they arrived."""
+
+EARLY_NS: Final = 2 * PERIOD_NS
+LATE_NS: Final = 3 * PERIOD_NS
+"""Around a slice: a status is put each tick, and two processes hear of it and of the answer."""
+
+
+class Shown(NamedTuple):
+    """A status: when it arrived, and whether it showed EMERGENCY_STOP."""
+
+    at_ns: int
+    stopped: bool
+
+
+def slice_of(at_ns: int) -> int:
+    return at_ns // SLICE_NS
+
+
+def unfounded(accepted: Mapping[int, int], shown: Sequence[Shown]) -> int:
+    """Return how many of the answers, by slice, no status about that time bears out.
+
+    `shown` is in the order of arrival. Slices without any status count as unfounded, too.
+    """
+    times_ns = [one.at_ns for one in shown]
+    found = 0
+    for number, answers in accepted.items():
+        first = bisect_left(times_ns, number * SLICE_NS - EARLY_NS)
+        last = bisect_left(times_ns, (number + 1) * SLICE_NS + LATE_NS)
+        if not any(one.stopped for one in shown[first:last]):
+            found += answers
+    return found
