@@ -10,15 +10,15 @@ class Cable:
     """Forwards bytes both ways; once cut it forwards nothing and takes no more calls."""
 
     def __init__(self, endpoint: str) -> None:
-        host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
-        self._far = (host, int(port))
+        protocol = endpoint.partition("/")[0]
+        self._far = address_of(endpoint)
         self._sockets = ExitStack()
         self._fillers = ExitStack()
         self._whole = threading.Event()
         self._whole.set()
         self._listener = self._listening(0, backlog=5)
         self._port = self._listener.getsockname()[1]
-        self.endpoint = f"tcp/127.0.0.1:{self._port}"
+        self.endpoint = f"{protocol}/127.0.0.1:{self._port}"
         threading.Thread(target=self._take_calls, daemon=True).start()
 
     def __enter__(self) -> Self:
@@ -39,6 +39,11 @@ class Cable:
             filler.setblocking(False)
             with suppress(BlockingIOError):
                 filler.connect(("127.0.0.1", self._port))
+
+    def plug_in(self, endpoint: str) -> None:
+        """Hang up, and connect those who call again to somebody else."""
+        self._far = address_of(endpoint)
+        self._sockets.close()
 
     def mend(self) -> None:
         self._fillers.close()
@@ -79,6 +84,12 @@ class Cable:
                 if self._whole.is_set():
                     sink.sendall(data)
             sink.shutdown(socket.SHUT_RDWR)
+
+
+def address_of(endpoint: str) -> tuple[str, int]:
+    """Return host and port of an endpoint such as tcp/127.0.0.1:7447."""
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    return host, int(port)
 
 
 def hang_up(end: socket.socket) -> None:

@@ -31,6 +31,11 @@ class Cut:
 
 
 @dataclass(frozen=True, slots=True)
+class Impersonate:
+    """The robot's cable to its router leads to a process with the key of another robot."""
+
+
+@dataclass(frozen=True, slots=True)
 class Disturb:
     """A bad network on the way into robot and plant."""
 
@@ -146,6 +151,7 @@ Act: TypeAlias = (
     Kill
     | Hang
     | Cut
+    | Impersonate
     | Disturb
     | Deafen
     | Delay

@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Event
 from time import monotonic
@@ -21,6 +22,8 @@ from ground.leash import command
 PATIENCE_S: Final = 20.0
 POLL_S: Final = 0.005
 LAST_WORDS: Final = 300
+CERTIFICATES: Final = {"robot": "robot-r1"}
+VALID: Final = timedelta(days=1)
 BURNS: Final = (sys.executable, "-c", "while True: pass")
 
 
@@ -33,12 +36,29 @@ def until(condition: Callable[[], object], what: str, within_s: float = PATIENCE
         pause.wait(POLL_S)
 
 
-class Crew:
-    """`afflictions`: what happens to a role when it is told to, as `afflicted` reads it."""
+def made_keys(folder: Path) -> Path:
+    """A set of certificates of this run's own, for two robots."""
+    from ground.keys.folder import make  # its library need not be there for other measurements
 
-    def __init__(self, afflictions: Mapping[str, Mapping[str, Any]]) -> None:
-        self.router = f"tcp/127.0.0.1:{free_port()}"
-        self.truth = f"tcp/127.0.0.1:{free_port()}"
+    now = datetime.now(UTC)
+    make(folder, ["r1", "r2"], {}, now - VALID, now + VALID)
+    return folder
+
+
+class Crew:
+    """`afflictions`: what happens to a role when it is told to, as `afflicted` reads it.
+
+    `locked`: everybody has a certificate, and `keys` is the folder of them; else it is None.
+    """
+
+    def __init__(
+        self, afflictions: Mapping[str, Mapping[str, Any]], *, locked: bool = False
+    ) -> None:
+        self.router = f"{'tls' if locked else 'tcp'}/127.0.0.1:{free_port()}"
+        self.truth = self.router if locked else f"tcp/127.0.0.1:{free_port()}"
+        """Where the truth can be heard: at the plant, which no certificate allows to be dialled."""
+        self.keys: Path | None = None
+        self._locked = locked
         self.cables: dict[str, Cable] = {}
         self._afflictions = afflictions
         self._words: dict[str, Sequence[str]] = {}
@@ -48,6 +68,8 @@ class Crew:
 
     def __enter__(self) -> Self:
         self.folder = Path(self._scope.enter_context(tempfile.TemporaryDirectory()))
+        if self._locked:
+            self.keys = made_keys(self.folder / "keys")
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -57,13 +79,19 @@ class Crew:
 
     def start(self, role: str, *words: str) -> None:
         """`sidestep` with these words; without words, as it was started before."""
-        self._words[role] = words or self._words[role]
+        if words:
+            self._words[role] = [*words, *self._config(role)]
         afflicted = self._afflictions.get(role)
         line = command(self._words[role], os.getpid())
         if afflicted is not None:
             module = (sys.executable, "-m", "benchmarks.matrix.afflicted")
             line = [*module, str(os.getpid()), json.dumps(afflicted), *self._words[role]]
         self._execute(role, line)
+
+    def _config(self, role: str) -> Sequence[str]:
+        if self.keys is None:
+            return ()
+        return "--config", str(self.keys / f"{CERTIFICATES.get(role, role)}.toml")
 
     def burn(self) -> None:
         """One process per core that does nothing but use it."""

@@ -34,8 +34,9 @@ that: BUDGET or TICKS_LOST in the place of what was to be seen is the busy machi
   arrival of each sample: TCP itself hides loss, and shows it as delay. A pair is cut by dropping
   whatever they publish, or, towards the router, by a cable on which nothing comes back any more.
   `tests/compose` cuts, pauses and kills real containers.
-- A router that is impersonated with a robot's key is refused, at the start and when a link comes
-  back: `tests/bus/test_impostor.py`. `sidestep bench flood` attacks behind locked doors.
+- "Router impersonated" is behind locked doors: the process in the router's place has the key of
+  another robot, keeps to no rule, and sends all that could make the robot drive. The cases of a
+  start are in `tests/bus/test_impostor.py`. `sidestep bench flood` attacks behind locked doors.
 - A robot that hangs with the interpreter's lock held, or has been killed, is started again.
 """
 ROW: Final = re.compile(r"^\| (.+?) \|.*$", re.MULTILINE)

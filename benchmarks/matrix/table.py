@@ -19,6 +19,7 @@ from benchmarks.matrix.acts import (
     Fill,
     Flood,
     Hang,
+    Impersonate,
     Jump,
     Kill,
     Sense,
@@ -238,6 +239,7 @@ HOSTILE: Final = (
     ),
     goes_on("long answers read at 20 kB/s", Flood("readers"), ways=WALL),
     goes_on("histories asked for 500 times a second", Flood("history"), ways=WALL),
+    dies("router impersonated", Impersonate(), *LOST, ways=WALL),
 )
 BODY: Final = (
     goes_on("one sonar dead", Sense("sonar_dead", "3")),

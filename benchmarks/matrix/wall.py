@@ -27,6 +27,7 @@ from benchmarks.matrix.acts import (
     Fill,
     Flood,
     Hang,
+    Impersonate,
     Kill,
     Slow,
     Spoil,
@@ -35,12 +36,15 @@ from benchmarks.matrix.acts import (
 )
 from benchmarks.matrix.afflictions import PATHS, afflictions_of
 from benchmarks.matrix.crew import Crew, until
+from benchmarks.matrix.impostor import NAME as IMPOSTOR
+from benchmarks.matrix.impostor import Impostor
 from benchmarks.matrix.log import Lost, lost_from
 from benchmarks.matrix.motion import PERIOD_S
 from benchmarks.matrix.results import Repetition, reason_name
 from benchmarks.matrix.strangers import Stranger
 from benchmarks.matrix.table import Fault, Must, Way
 from benchmarks.matrix.witness import Witness
+from benchmarks.observed import tls_of
 from plant.world_file import SHIPPED_DIR, load
 from protocol.enums import GoalState, Vehicle
 from protocol.topics import Role
@@ -75,16 +79,19 @@ class Drill:
         self._stops = fault.must in STOPPING
         self._random = Random(f"{fault.name} {number}")
         self._world = CORRIDOR if self._stops else BOX
-        self._crew = Crew(afflictions_of(fault.act, number))
-        self._witness = Witness(self._crew.router, self._crew.truth)
+        locked = isinstance(fault.act, Impersonate)
+        self._crew = Crew(afflictions_of(fault.act, number), locked=locked)
         self._at_ns = self._healed_ns = 0
         self._killed_utc_ns: int | None = None
         self._stranger: Stranger | None = None
+        self._impostor: Impostor | None = None
         self._said = 0
 
     def run(self) -> Repetition:
         with ExitStack() as scope:
-            scope.enter_context(self._crew)
+            crew = scope.enter_context(self._crew)
+            tls = None if crew.keys is None else tls_of(crew.keys, "ground")
+            self._witness = Witness(crew.router, crew.truth, tls)
             try:
                 self._begin(scope)
                 scope.enter_context(self._witness)
@@ -95,6 +102,7 @@ class Drill:
             self._act(self._fault.act)
             until(self._over, "an end", 2.0 * LONGEST_S[self._stops])
             self._check_saved()
+            self._check_told()
             lost = self._logged()
             return self._found(lost)
 
@@ -114,13 +122,17 @@ class Drill:
             "--seed",
             str(self._number),
         )
-        crew.dialling("plant", *plant, "--listen", crew.truth)
+        listens = () if crew.truth == crew.router else ("--listen", crew.truth)
+        crew.dialling("plant", *plant, *listens)
         crew.start("recorder", "record", str(crew.folder / "log"), "--connect", crew.router)
         for role, words in (("robot", "ready"), ("plant", "plant: "), ("recorder", "recording")):
             crew.says(role, words)
         match self._fault.act:
             case Abandon():
                 crew.send("robot", signal.SIGUSR1)
+            case Impersonate():
+                assert crew.keys is not None
+                self._impostor = scope.enter_context(Impostor(crew.keys))
             case Flood(kind):
                 self._attack = scope.enter_context(Attack(kind, Door(crew.router)))
 
@@ -160,6 +172,9 @@ class Drill:
                 crew.send(role, signal.SIGSTOP)
             case Cut(one, other) if "router" in (one, other):
                 crew.cables[one if other == "router" else other].cut()
+            case Impersonate():
+                assert self._impostor is not None
+                crew.cables["robot"].plug_in(self._impostor.endpoint)
             case EmergencyStop():
                 self._witness.estop()
             case Abandon():
@@ -199,6 +214,8 @@ class Drill:
                 """Its log is looked at as it was left."""
             case Hang(role, gil=False):
                 crew.send(role, signal.SIGCONT)
+            case Impersonate():
+                crew.cables["robot"].plug_in(crew.router)
             case Flood():
                 self._attack.hold()
             case Spoil():
@@ -216,6 +233,8 @@ class Drill:
         now_s = self._since(monotonic_ns())
         self._heal_in_time(now_s)
         self._exaggerate(now_s)
+        if self._impostor is not None:
+            self._impostor.lie()
         if now_s > LONGEST_S[self._stops]:
             return True
         if self._stops:
@@ -262,6 +281,12 @@ class Drill:
         path = self._crew.folder / "state" / "parameters.json"
         if isinstance(self._fault.act, Slow) and json.loads(path.read_text()).get(name) != value:
             raise RuntimeError(f"{name} was not saved: {path.read_text()}")
+
+    def _check_told(self) -> None:
+        """Raise RuntimeError when the robot has not told of the impostor that it met."""
+        met = isinstance(self._fault.act, Impersonate)
+        if met and IMPOSTOR not in self._crew.said("robot"):
+            raise RuntimeError(f"it met no impostor: {self._crew.last_words('robot')}")
 
     def _logged(self) -> Lost | None:
         """What the log lacks, when the recorder has ended as it should."""

@@ -20,6 +20,7 @@ from protocol.messages import (
     NavigatorStatus,
     ParamSet,
 )
+from protocol.network import Tls
 from protocol.topics import COMMAND, PARAMETER, STATUS, STOP, TRUTH, Role, Service, Topic
 
 DIAL_S: Final = 20.0
@@ -37,8 +38,9 @@ class Heard(NamedTuple):
 class Witness:
     """Dials when it is entered; keeps all there is."""
 
-    def __init__(self, router: str, truth: str) -> None:
+    def __init__(self, router: str, truth: str, tls: Tls | None = None) -> None:
         self._endpoints = (router, truth)
+        self._tls = tls
         self._scope = ExitStack()
         self.truths: list[Heard] = []
         self.statuses: list[Heard] = []
@@ -58,7 +60,9 @@ class Witness:
         return self._open(self._endpoints[0], role)
 
     def _open(self, endpoint: str, role: Role) -> Bus:
-        network = Network(mode="client", connect=(endpoint,), connect_timeout_s=DIAL_S)
+        network = Network(
+            mode="client", connect=(endpoint,), tls=self._tls, connect_timeout_s=DIAL_S
+        )
         return self._scope.enter_context(open_bus(network, role, ROBOT))
 
     def _listen(self, endpoint: str, topic: Topic[Any], into: list[Heard]) -> Bus:

@@ -1,0 +1,33 @@
+"""A process in the place of a router, with the key of another robot."""
+
+from pathlib import Path
+from typing import Final, Self
+
+from benchmarks.flooding.kinds import Attacker, frames, questions, wheels
+from benchmarks.observed import tls_of
+from benchmarks.pingpong import free_port
+from protocol.network import Network
+
+NAME: Final = "robot-r2"
+KINDS: Final = (frames, questions, wheels)
+
+
+class Impostor:
+    """Listens as a router does, and keeps to no rules of its own."""
+
+    def __init__(self, keys: Path) -> None:
+        self.endpoint = f"tls/127.0.0.1:{free_port()}"
+        network = Network(mode="router", listen=(self.endpoint,), tls=tls_of(keys, NAME))
+        self._attacker = Attacker(network, "ground")
+        self._shoots = [prepare(self._attacker) for prepare in KINDS]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._attacker.close()
+
+    def lie(self) -> None:
+        """Send one of each kind of what could make a robot drive."""
+        for shoot in self._shoots:
+            shoot()
