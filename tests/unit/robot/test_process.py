@@ -158,11 +158,12 @@ def test_who_asks_for_a_stop_that_was_cleared_hears_nothing_and_asks_again() -> 
     assert (late.answers, late.dropped) == ([], True)
 
 
-def test_of_those_who_ask_for_a_stop_the_newest_64_are_answered() -> None:
+def test_of_those_who_ask_for_a_stop_the_first_64_are_answered() -> None:
     rig = driving()
     asked = [ask_to_stop(rig, request_id) for request_id in range(70)]
     rig.cycle()
-    assert [len(one.answers) for one in asked] == [0] * 6 + [1] * 64
+    assert [len(one.answers) for one in asked] == [1] * 64 + [0] * 6
+    assert [one.dropped for one in asked] == [False] * 64 + [True] * 6
     rig.cycle()
     assert sum(len(one.answers) for one in asked) == 64, "each once"
 
