@@ -150,6 +150,14 @@ def is_stop(request: Message | None) -> bool:
     return isinstance(request, CommandRequest) and request.command == Command.DO_FLIGHTTERMINATION
 
 
+def is_clear(request: Message | None) -> bool:
+    """Return whether a request releases the emergency stop."""
+    return (
+        isinstance(request, CommandRequest)
+        and request.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP
+    )
+
+
 def acknowledge(request: Ask, reason: int) -> CommandAck:
     """The answer that carries a reason; a goal is acknowledged as DO_REPOSITION."""
     command = Command.DO_REPOSITION if isinstance(request, GoalRequest) else request.command

@@ -15,7 +15,7 @@ from protocol.errors import LocalError
 from protocol.messages import Teleop
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
 from robot import telemetry
-from robot.commands import ack, is_stop
+from robot.commands import ack, is_clear, is_stop
 from robot.core import reasons
 from robot.core.budget import READ
 from robot.core.values import Inputs, Outputs
@@ -70,6 +70,8 @@ class Process:
         self._requests: SimpleQueue[Asked] = SimpleQueue()
         self._strangers: SimpleQueue[Asked] = SimpleQueue()
         self._stop = StopLatch(vehicle.lease.is_holder)
+        self._stopped_ns: int | None = None
+        """When the loop last took a stop from the latch, on the clock of the bus."""
         self._saved = SavedReplies(vehicle)
         self._stop_askers: deque[Asked] = deque()
 
@@ -231,6 +233,7 @@ class Process:
         waiting = len(self._stop_askers)
         request, vehicle = self._stop.take(), self.vehicle
         if request is not None:
+            self._stopped_ns = self._bus.now_ns()
             again = vehicle.stopped and vehicle.commands.stop_id == request.request_id
             answer = vehicle.receive(request, self._clock.now_ns())
             if not again:
@@ -256,10 +259,17 @@ class Process:
         self.reports.record(asked.message, answer)
 
     def _void(self, asked: Asked) -> int:
-        """Return why a request does not count: no operator, no deadline or one that is over."""
+        """Return why a request does not count: no operator, no deadline or one that is over.
+
+        An emergency stop overtakes the requests that wait. One that came before and would release
+        the emergency stop does not release this one.
+        """
         if not asked.operator:
             return reasons.NO_IDENTITY
         until_ns = asked.good_until_ns
         if until_ns is None or not 0 <= until_ns - self._bus.now_ns() <= MAX_GOOD_NS:
             return reasons.TOO_LATE
+        stopped_ns = self._stopped_ns
+        if is_clear(asked.message) and stopped_ns is not None and asked.arrived_ns < stopped_ns:
+            return reasons.EMERGENCY_STOPPED
         return reasons.OK

@@ -245,10 +245,11 @@ class Bus:
 
     def _answer(self, service: Service, robot: str | None, take: Callable[[Asked], None]) -> None:
         key, encoder, desk = self.key(service.path, robot), self._encoder(robot), self._desk
+        now_ns = self._now_ns
         desk.start()
 
         def receive(query: zenoh.Query) -> None:
-            take(Asked(query, key, service, encoder, desk.send))
+            take(Asked(query, key, service, encoder, desk.send, now_ns()))
 
         served = f"{key}/**" if service.of_operators else key
         callback = Callback(receive, indirect=False)

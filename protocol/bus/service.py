@@ -34,7 +34,7 @@ class Asked:
 
     `operator` is who asks, taken from the key; empty when the key names no operator.
     `good_until_ns` is when the request ceases to count, on the clock of this process's bus; None
-    when it does not say.
+    when it does not say. `arrived_ns` is when the request arrived, on the same clock.
     """
 
     def __init__(
@@ -44,8 +44,10 @@ class Asked:
         service: Service,
         encoder: Encoder,
         send: "Callable[[Reply], None]",
+        arrived_ns: int,
     ) -> None:
         asked = str(query.key_expr)
+        self.arrived_ns = arrived_ns
         self.service = service
         self.operator = operator_in(asked.removeprefix(f"{key}/")) if asked != key else ""
         self.key = asked if self.operator else key

@@ -25,6 +25,7 @@ class Question(Asked):
         self.message = message
         self.operator = operator
         self.good_until_ns = 30_000_000_000
+        self.arrived_ns = 0
         self.answers: list[Message | bytes] = []
         self.dropped = False
 

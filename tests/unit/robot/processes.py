@@ -30,9 +30,14 @@ class Request(Question):
     """A request as the bus hands it over, which keeps what became of it."""
 
     def __init__(
-        self, message: Message | None, operator: str = ADA, good_until_ns: int | None = None
+        self,
+        message: Message | None,
+        operator: str = ADA,
+        good_until_ns: int | None = None,
+        arrived_ns: int = 0,
     ) -> None:
         super().__init__(message, operator)
+        self.arrived_ns = arrived_ns
         self.good_until_ns = good_until_ns
         self.dropped = False
 
@@ -164,8 +169,9 @@ class Rig:
         service: Service = COMMAND,
     ) -> Request:
         """Let a request arrive that counts for so long."""
-        good_until_ns = None if good_for_ns is None else self.clock.now_ns() + good_for_ns
-        request = Request(message, operator, good_until_ns)
+        now_ns = self.clock.now_ns()
+        good_until_ns = None if good_for_ns is None else now_ns + good_for_ns
+        request = Request(message, operator, good_until_ns, now_ns)
         self.bus.services[service.path](request)
         return request
 

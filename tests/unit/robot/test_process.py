@@ -168,6 +168,47 @@ def test_of_those_who_ask_for_a_stop_the_first_64_are_answered() -> None:
     assert sum(len(one.answers) for one in asked) == 64, "each once"
 
 
+def clear(request_id: int) -> CommandRequest:
+    return CommandRequest(
+        request_id=request_id,
+        command=Command.SIDESTEP_CLEAR_EMERGENCY_STOP,
+        param1=0.0,
+        param2=0.0,
+    )
+
+
+def arm(request_id: int) -> CommandRequest:
+    return CommandRequest(
+        request_id=request_id, command=Command.COMPONENT_ARM_DISARM, param1=1.0, param2=0.0
+    )
+
+
+def test_a_release_that_came_before_a_stop_does_not_undo_it() -> None:
+    """The stop overtook the release, was acknowledged, and the robot drove on."""
+    rig = driving()
+    earlier = [rig.ask(one) for one in (clear(21), arm(22), goal(23, 3.0, 0.0))]
+    rig.clock.advance(MS)
+    stop = ask_to_stop(rig)
+    rig.cycle()
+    assert stop.reasons == [Reason.NONE]
+    assert [one.reasons for one in earlier] == [[Reason.EMERGENCY_STOPPED]] * 3
+    assert rig.vehicle.stopped
+    assert speeds(rig.command) == BRAKE
+
+
+@pytest.mark.parametrize("same_id", [False, True])
+def test_a_release_that_came_after_a_stop_undoes_it(same_id: bool) -> None:
+    rig = driving()
+    early = rig.ask(clear(21))
+    rig.clock.advance(MS)
+    press(rig)
+    rig.cycle()
+    late = rig.ask(clear(21 if same_id else 22))
+    rig.cycle()
+    assert (early.reasons, late.reasons) == ([Reason.EMERGENCY_STOPPED], [Reason.NONE])
+    assert not rig.vehicle.stopped
+
+
 def test_a_stop_is_recorded_once_for_each_id() -> None:
     rig = driving()
     before = len(rig.sent(COMMANDED))
