@@ -45,6 +45,7 @@ class Pulse:
             return None
 
     def _newest(self, newest_ns: int | None) -> int | None:
-        while not self._beats.empty():
-            newest_ns = self._beats.get_nowait()
+        with suppress(Empty):  # `beat` may drop the last one just after it was seen
+            while not self._beats.empty():
+                newest_ns = self._beats.get_nowait()
         return newest_ns

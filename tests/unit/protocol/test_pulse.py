@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from itertools import count
+from queue import SimpleQueue
 
 from protocol.clock import Pulse
 from protocol.pulse import MAX_BEATS
@@ -50,3 +51,20 @@ def test_beats_that_nobody_takes_cost_bounded_memory() -> None:
         pulse.beat(arrived_ns)
     assert pulse._beats.qsize() <= MAX_BEATS
     assert pulse.wait_until(0) == 49_999
+
+
+class Dropping(SimpleQueue[int]):
+    """The bus's thread drops the oldest beat just after the loop has seen that there is one."""
+
+    def empty(self) -> bool:
+        is_empty = super().empty()
+        if not is_empty:
+            self.get_nowait()
+        return is_empty
+
+
+def test_a_beat_that_is_dropped_while_the_loop_looks_does_not_end_the_loop() -> None:
+    pulse = Pulse(now_ns=lambda: 0)
+    pulse._beats = Dropping()
+    pulse.beat(7)
+    assert pulse.wait_until(0) is None
