@@ -34,7 +34,7 @@ def time_in(attachment: bytes) -> int | None:
 
 
 class RobotClock:
-    """How far one robot's clock is ahead of ours, at least."""
+    """How far one robot's clock is ahead of ours, at least. May be used from any thread."""
 
     def __init__(self) -> None:
         self._ahead_ns: deque[int] = deque(maxlen=SAMPLES)
@@ -44,10 +44,10 @@ class RobotClock:
 
         Forget the earlier ones if the robot's clock has gone back since, as after a restart.
         """
-        ahead_ns = self._ahead_ns
+        ahead_ns = tuple(self._ahead_ns)  # another thread may forget them meanwhile
         if ahead_ns and max(ahead_ns) > robot_ns - asked_ns:
-            ahead_ns.clear()
-        ahead_ns.append(robot_ns - answered_ns)
+            self._ahead_ns.clear()
+        self._ahead_ns.append(robot_ns - answered_ns)
 
     def forget(self) -> None:
         """Drop all measurements: the robot has contradicted them."""

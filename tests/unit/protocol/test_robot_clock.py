@@ -1,6 +1,7 @@
 """A robot's clock as a ground process estimates it: never later than the robot's own time."""
 
 import threading
+from collections import deque
 from collections.abc import Mapping
 
 import pytest
@@ -85,6 +86,25 @@ def test_a_clock_that_was_contradicted_is_forgotten() -> None:
     clock.observe(0, 1_000, 1)
     clock.forget()
     assert clock.time_ns(5) is None
+
+
+class Forgotten(deque[int]):
+    """Another thread forgets the measurements just after this one has seen that there are some."""
+
+    def __bool__(self) -> bool:
+        found = len(self) > 0
+        self.clear()
+        return found
+
+
+def test_a_measurement_survives_that_the_earlier_ones_are_forgotten_meanwhile() -> None:
+    """The thread that measures had ended, and the clock was never measured again."""
+    clock = RobotClock()
+    clock._ahead_ns = Forgotten([1_000], maxlen=SAMPLES)
+    clock.observe(asked_ns=0, robot_ns=1_010, answered_ns=10)
+    clock.forget()
+    clock.observe(asked_ns=0, robot_ns=1_010, answered_ns=10)
+    assert clock.time_ns(10) == 1_010
 
 
 # All robots of a process, measured in a thread.
