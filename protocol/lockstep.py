@@ -41,17 +41,17 @@ class LockstepClock:
         """The newest senses bear this stamp; an older one changes nothing."""
         if self._stamp_ns is None or stamp_ns > self._stamp_ns:
             self._stamp_ns = stamp_ns
-            self._changes.put(None)
+            self._wake()
 
     def nudge(self) -> None:
         """Let the waiting thread call `idle` now, if it has one."""
         self._nudged = self._idle is not None
-        self._changes.put(None)
+        self._wake()
 
     def stop(self) -> None:
         """Time will not go on: whoever waits, now or later, gets Stopped."""
         self._stopped = True
-        self._changes.put(None)
+        self._wake()
 
     def sleep_until(self, deadline_ns: int) -> None:
         """Block until a stamp of at least `deadline_ns` was fed; Stopped when it never will be."""
@@ -61,6 +61,11 @@ class LockstepClock:
             if self._nudged or not self._changed():
                 self._nudged = False
                 self._do_something_else()
+
+    def _wake(self) -> None:
+        """One entry is enough: the waiting thread looks at everything after it has taken one."""
+        if self._changes.empty():
+            self._changes.put(None)
 
     def _changed(self) -> bool:
         """Wait for a change; False when patience has run out."""

@@ -1,6 +1,7 @@
 """Waiting in lockstep: whoever waits can do other things meanwhile, and time still stands still."""
 
 import threading
+from itertools import count
 
 import pytest
 
@@ -58,3 +59,18 @@ def test_a_nudge_means_nothing_to_who_has_nothing_else_to_do() -> None:
     threading.Thread(target=clock.advance_to, args=(0,)).start()
     clock.sleep_until(0)
     assert clock.now_ns() == 0
+
+
+def test_nudges_that_come_faster_than_they_are_taken_cost_bounded_memory() -> None:
+    nudges = count(1)
+
+    def idle() -> None:
+        clock.nudge()
+        clock.nudge()
+        if next(nudges) == 1000:
+            clock.advance_to(50 * MS)
+
+    clock = LockstepClock(idle=idle)
+    clock.nudge()
+    clock.sleep_until(50 * MS)
+    assert clock._changes.qsize() <= 1
