@@ -128,7 +128,8 @@ class File:
         """Error of the write that ended last; None if it succeeded."""
         self._text: str | None = UNKNOWN
         self._writer = writer
-        self._busy = False
+        self._submitted = 0
+        """Number of the content that was handed to the writer last."""
 
     def found(self, text: str | None) -> None:
         """Note what an earlier run has left."""
@@ -153,19 +154,23 @@ class File:
 
     def take(self, done: Done) -> None:
         """Note how a job has ended, and go on with what has come meanwhile."""
-        self._busy = False
         self.ended, self.error = done.job.number, done.error
         if done.error is None:
             self.durable, self.on_disk = done.job.number, done.job.text
         else:
             self.on_disk = UNKNOWN
-        if self.number > self.ended:
-            self._submit()
+        self._submit()
 
     def _submit(self) -> None:
-        if self._busy:
+        """Hand the newest content to the writer, unless one is being written."""
+        if self._submitted == self.ended:
+            self.hand_over()
+
+    def hand_over(self) -> None:
+        """Hand the newest content to the writer if it does not have it."""
+        if self._submitted == self.number:
             return
-        self._busy = True
+        self._submitted = self.number
         done = self._writer.submit(Job(self.path, self._text, self.number))
         if done is not None:
             self.take(done)
@@ -219,5 +224,7 @@ class Directory:
         return changed
 
     def close(self, patience_s: float) -> None:
-        """Let the writer finish what is on its way."""
+        """Let the writer finish what is on its way, and the newest content of each file."""
+        for file in self._files.values():
+            file.hand_over()
         self._writer.close(patience_s)

@@ -264,6 +264,16 @@ def test_a_robot_that_ends_waits_for_what_is_on_its_way(robot: Robot, tmp_path: 
     assert saved_value(tmp_path / "state") == 0.45
 
 
+def test_a_robot_that_ends_saves_what_came_while_a_file_was_being_written(
+    robot: Robot, tmp_path: Path
+) -> None:
+    asked = [robot.ask(setting(value)) for value in (0.45, 0.5, 0.55)]
+    robot.desk.vehicle.finish_saving(1.0)
+    robot.settle()
+    assert [reason(one) for one in asked] == [Reason.NONE] * 3
+    assert saved_value(tmp_path / "state") == 0.55
+
+
 # The thread.
 
 
