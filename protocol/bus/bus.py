@@ -22,7 +22,7 @@ from protocol.bus.certificate import holder
 from protocol.bus.history import following, told_ns
 from protocol.bus.linger import Lingering
 from protocol.bus.locks import shut
-from protocol.bus.presence import MAX_TOKENS, Presence, presence_in
+from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
 from protocol.bus.publisher import Publisher
 from protocol.bus.service import Asked, Desk, Handler, attached_time, taken
 from protocol.bus.session import bound_endpoints, called, gone, open_session
@@ -70,7 +70,7 @@ class Bus:
         self._now_ns = now_ns
         self._mailboxes: dict[Mailbox[Any], Any] = {}  # with its subscriber
         self._declared: list[object] = []
-        self._watched: frozenset[Presence] | None = None
+        self._watched: TokenSet | None = None
         self._desk = Desk()
         self.line = Line(network.trouble, now_ns)
         self.holder = holder(network.tls, role, robot)
@@ -282,7 +282,7 @@ class Bus:
         unanswered for some time after each token that its own subscriber was told of.
         """
         if self._watched is not None:
-            return sorted(self._watched)
+            return sorted(self._watched.there)
         key = f"{self.network.prefix}/*/alive/*/*"
         replies = self._session.liveliness().get(key, timeout=timeout_s)
         keys = islice((str(reply.ok.key_expr) for reply in replies if reply.ok), MAX_TOKENS)
@@ -319,16 +319,12 @@ class Bus:
 
     def watch(self, handler: Callable[[Presence, bool], None]) -> None:
         """Who comes (True) and goes (False), those already there included; only enqueue."""
-        self._watched = frozenset()
+        tokens = self._watched = TokenSet(handler)
 
         def forward(sample: zenoh.Sample) -> None:
-            came = sample.kind == zenoh.SampleKind.PUT
             who = presence_in(str(sample.key_expr))
-            seen = self._watched or frozenset()
-            if who is None or (came and len(seen) >= MAX_TOKENS):
-                return
-            self._watched = seen | {who} if came else seen - {who}
-            handler(who, came)
+            if who is not None:
+                tokens.take(who, came=sample.kind == zenoh.SampleKind.PUT)
 
         key = f"{self.network.prefix}/*/alive/*/*"
         callback = Callback(forward, indirect=False)

@@ -1,8 +1,12 @@
 """Liveliness tokens: only those of robots, roles and sessions that can be some are taken."""
 
+import threading
+from collections.abc import Set as AbstractSet
+from typing import Any
+
 import pytest
 
-from protocol.bus.presence import Presence, presence_in
+from protocol.bus.presence import Presence, TokenSet, presence_in
 from tests.hostile import TEXT
 
 
@@ -27,3 +31,40 @@ def test_a_token_says_robot_role_and_session() -> None:
 )
 def test_any_other_token_is_none(key: str) -> None:
     assert presence_in(key) is None
+
+
+FIRST, SECOND, THIRD = (Presence("r1", "robot", zid) for zid in ("1", "2", "3"))
+
+
+class Interrupted(frozenset[Presence]):
+    """Another thread brings a token, too, just before this one's is added or removed."""
+
+    other: threading.Thread
+
+    def interrupt(self) -> None:
+        if self.other.ident is None:
+            self.other.start()
+            self.other.join(timeout=0.2)
+
+    def __or__(self, others: AbstractSet[Any]) -> frozenset[Any]:
+        self.interrupt()
+        return super().__or__(others)
+
+    def __sub__(self, others: AbstractSet[Any]) -> frozenset[Presence]:
+        self.interrupt()
+        return super().__sub__(others)
+
+
+@pytest.mark.parametrize(("came", "there"), [(True, [FIRST, SECOND, THIRD]), (False, [THIRD])])
+def test_of_tokens_that_two_threads_bring_at_once_none_is_lost(
+    came: bool, there: list[Presence]
+) -> None:
+    """A second robot of one name was not noticed, or never forgotten."""
+    seen: list[Presence] = []
+    tokens = TokenSet(lambda who, _: seen.append(who))
+    tokens.there = before = Interrupted({FIRST})
+    before.other = threading.Thread(target=tokens.take, args=(THIRD,), kwargs={"came": True})
+    tokens.take(SECOND if came else FIRST, came=came)
+    before.other.join()
+    assert sorted(tokens.there) == there
+    assert seen == [SECOND if came else FIRST, THIRD]
