@@ -93,12 +93,12 @@ class Process:
                 asked.drop()
             else:
                 self._stop_askers.append(asked)
+            nudge()
 
         def take(asked: Asked) -> None:
             if is_stop(asked.message):
                 self._stop.press(asked.operator, asked.payload)
                 wait_for_stop(asked)  # after it: the loop drops askers without a stop
-                nudge()
                 return
             line = self._line(asked)
             if line.qsize() >= MAX_WAITING:

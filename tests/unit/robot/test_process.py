@@ -150,6 +150,18 @@ def test_a_stop_is_acknowledged_when_it_holds_and_not_before(idle: bool) -> None
     assert rig.vehicle.stopped
 
 
+def test_who_asks_for_a_stop_is_answered_although_the_loop_was_faster() -> None:
+    """In lockstep the loop sleeps until it is nudged: the asker came when it slept again."""
+    rig = Rig()
+    rig.process.serve(nudge=rig.process.idle)
+    rig.cycle()
+    press(rig)
+    assert rig.vehicle.stopped
+    stop = Request(emergency_stop(7))
+    rig.bus.take_stop(stop)
+    assert stop.reasons == [Reason.NONE]
+
+
 def test_who_asks_for_a_stop_that_was_cleared_hears_nothing_and_asks_again() -> None:
     rig = driving()
     late = Request(emergency_stop(7))
