@@ -13,6 +13,7 @@ from robot.commands import (
     Answered,
     Commands,
     acknowledge,
+    is_clear,
     is_stop,
     result_of,
 )
@@ -141,6 +142,13 @@ def test_only_an_emergency_stop_is_one() -> None:
     assert not is_stop(CLEAR)
     assert not is_stop(goal(Command.DO_FLIGHTTERMINATION, 0.0, 0.0))
     assert not is_stop(None)
+
+
+def test_a_release_is_told_from_other_requests() -> None:
+    assert is_clear(CLEAR)
+    assert not is_clear(STOP)
+    assert not is_clear(goal(Command.SIDESTEP_CLEAR_EMERGENCY_STOP, 0.0, 0.0))
+    assert not is_clear(None)
 
 
 # What is remembered is bounded.

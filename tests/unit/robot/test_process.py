@@ -208,6 +208,13 @@ def test_a_release_that_came_before_a_stop_does_not_undo_it() -> None:
     assert speeds(rig.command) == BRAKE
 
 
+def test_a_release_without_a_stop_is_granted() -> None:
+    rig = driving()
+    release = rig.ask(clear(21))
+    rig.cycle()
+    assert release.reasons == [Reason.NONE]
+
+
 @pytest.mark.parametrize("same_id", [False, True])
 def test_a_release_that_came_after_a_stop_undoes_it(same_id: bool) -> None:
     rig = driving()
