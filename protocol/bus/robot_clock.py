@@ -11,6 +11,8 @@ from struct import Struct
 from struct import error as StructError
 from typing import Final
 
+from protocol.mailbox import MAX_STAMP_NS
+
 SAMPLES: Final = 8
 EVERY_S: Final = 2.0
 FIRST_S: Final = 0.1
@@ -42,8 +44,11 @@ class RobotClock:
     def observe(self, asked_ns: int, robot_ns: int, answered_ns: int) -> None:
         """Take a measurement: the robot's time `robot_ns` was read between our two times.
 
-        Forget the earlier ones if the robot's clock has gone back since, as after a restart.
+        Forget the earlier ones if the robot's clock has gone back since, as after a restart. Ignore
+        what is no time: a sum with it would not fit the wire.
         """
+        if abs(robot_ns) >= MAX_STAMP_NS:
+            return
         ahead_ns = tuple(self._ahead_ns)  # another thread may forget them meanwhile
         if ahead_ns and max(ahead_ns) > robot_ns - asked_ns:
             self._ahead_ns.clear()

@@ -55,6 +55,14 @@ def test_an_estimate_is_never_late_and_as_near_as_the_best_way_back(
     assert clock.time_ns(now_ns) == now_ns + ahead_ns - best_ns
 
 
+@pytest.mark.parametrize("robot_ns", [2**62, 2**63 - 1, -(2**63)])
+def test_an_answer_that_is_no_time_is_ignored(robot_ns: int) -> None:
+    clock = RobotClock()
+    clock.observe(asked_ns=100, robot_ns=5_000, answered_ns=140)
+    clock.observe(asked_ns=200, robot_ns=robot_ns, answered_ns=240)
+    assert clock.time_ns(140) == 5_000
+
+
 def test_the_newest_eight_measurements_count() -> None:
     clock = RobotClock()
     clock.observe(0, 1_000, 1)
