@@ -28,13 +28,14 @@ def slice_of(at_ns: int) -> int:
 def unfounded(accepted: Mapping[int, int], shown: Sequence[Shown]) -> int:
     """Return how many of the answers, by slice, no status about that time bears out.
 
-    `shown` is in the order of arrival. Slices without any status count as unfounded, too.
+    `shown` is in the order of arrival. The first status after that time counts, too, as a busy
+    machine may be late with it; without any the answers are unfounded.
     """
     times_ns = [one.at_ns for one in shown]
     found = 0
     for number, answers in accepted.items():
         first = bisect_left(times_ns, number * SLICE_NS - EARLY_NS)
         last = bisect_left(times_ns, (number + 1) * SLICE_NS + LATE_NS)
-        if not any(one.stopped for one in shown[first:last]):
+        if not any(one.stopped for one in shown[first : last + 1]):
             found += answers
     return found

@@ -79,5 +79,7 @@ def test_accepted_stop_of_an_attacker_is_borne_out_by_a_status_of_about_that_tim
     shown = [moved, stood, Shown(20 * SLICE_NS, stopped=False)]
     assert unfounded({10: 5, 13: 7}, shown) == 0
     assert unfounded({13: 7, 20: 2}, shown) == 2
-    assert unfounded({8: 1, 15: 4}, shown) == 5
+    assert unfounded({6: 1, 15: 4}, shown) == 5
     assert unfounded({13: 7}, []) == 7
+    assert unfounded({5: 3}, [moved, Shown(40 * SLICE_NS, stopped=True)]) == 3
+    assert unfounded({5: 3}, [Shown(40 * SLICE_NS, stopped=True)]) == 0
