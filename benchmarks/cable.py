@@ -41,7 +41,7 @@ class Cable:
                 filler.connect(("127.0.0.1", self._port))
 
     def plug_in(self, endpoint: str) -> None:
-        """Hang up, and connect those who call again to somebody else."""
+        """Close all connections; from now on connect callers to `endpoint`."""
         self._far = address_of(endpoint)
         self._sockets.close()
 

@@ -106,7 +106,7 @@ class Observer:
 
 
 def keeper(topic: Topic[Any], into: deque[tuple[Any, int]]) -> Callable[[str, bytes, int], None]:
-    """Keep the messages of a topic; what does not belong on it may come of an attacker."""
+    """Return a callback that keeps the messages of a topic and ignores other frames."""
 
     def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
         message = decode(frame).message

@@ -29,7 +29,7 @@ from robot.senses import Senses
 from robot.vehicle import Vehicle
 
 IDLE_S: Final = 0.2
-PLACE_UNKNOWN: Final = "it takes its start for its place: where it is now is not known"
+PLACE_UNKNOWN: Final = "position assumed to be the start position; the true one is unknown"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

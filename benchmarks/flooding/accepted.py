@@ -1,4 +1,4 @@
-"""Stops of attackers that the robot has accepted: did it stand in an emergency stop by them?"""
+"""Check that each stop acknowledged to an attacker put the robot into EMERGENCY_STOP."""
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ SLICE_NS: Final = PERIOD_NS
 
 EARLY_NS: Final = 2 * PERIOD_NS
 LATE_NS: Final = 3 * PERIOD_NS
-"""Around a slice: a status is put each tick, and two processes hear of it and of the answer."""
+"""Tolerance around a slice: statuses come once a tick, and another process receives them."""
 
 
 class Shown(NamedTuple):
@@ -26,10 +26,10 @@ def slice_of(at_ns: int) -> int:
 
 
 def unfounded(accepted: Mapping[int, int], shown: Sequence[Shown]) -> int:
-    """Return how many of the answers, by slice, no status about that time bears out.
+    """Return how many acknowledgements, counted by slice, no status of that time confirms.
 
-    `shown` is in the order of arrival. The first status after that time counts, too, as a busy
-    machine may be late with it; without any the answers are unfounded.
+    `shown` is in the order of arrival. The first status after that time also counts, because a busy
+    machine may delay it. Without any status the acknowledgements are unfounded.
     """
     times_ns = [one.at_ns for one in shown]
     found = 0

@@ -45,7 +45,7 @@ class RobotClock:
         """Take a measurement: the robot's time `robot_ns` was read between our two times.
 
         Forget the earlier ones if the robot's clock has gone back since, as after a restart. Ignore
-        what is no time: a sum with it would not fit the wire.
+        an impossible time, which would overflow the integer of the wire when added to.
         """
         if abs(robot_ns) >= MAX_STAMP_NS:
             return

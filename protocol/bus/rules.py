@@ -32,7 +32,7 @@ EVERY_KIND: Final = (
 
 
 def access_control(network: Network) -> dict[str, object]:
-    """Return Zenoh's `access_control` for a listening process: deny all but what is granted."""
+    """Return Zenoh's `access_control` for a listening process: deny what is not granted."""
     found = grants(network.robots, network.operators)
     return control(
         {
