@@ -15,13 +15,13 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Final
 
+from benchmarks.certificates import made_keys
 from benchmarks.figures import Figure, Report, percentile
 from benchmarks.flooding.accepted import Shown, unfounded
 from benchmarks.flooding.attack import Attack, Door
@@ -41,7 +41,6 @@ OPERATORS: Final = ("anna", "eve")
 OPERATOR: Final = "ground-anna"
 ROLES: Final = ("viewer", "robot-r2", "ground-eve")
 STOP_AT_MOST_MS: Final = 250.0
-VALID: Final = timedelta(days=1)
 KIB_PER_MB: Final = 1024
 
 
@@ -64,7 +63,7 @@ def measure(options: argparse.Namespace) -> Report:
     figures: list[Figure] = []
     notes: list[str] = []
     with TemporaryDirectory(prefix="sidestep-flood-") as folder:
-        keys = made_keys(Path(folder) / "keys") if LOCKED in options.doors else None
+        keys = made_keys(Path(folder) / "keys", OPERATORS) if LOCKED in options.doors else None
         for door in options.doors:
             for kind in options.kinds:
                 name = f"{door}, {kind}"
@@ -73,15 +72,6 @@ def measure(options: argparse.Namespace) -> Report:
                 figures += figures_of(name, found)
                 notes += notes_of(name, found)
     return Report(benchmark="flood", figures=tuple(figures), notes=tuple(notes))
-
-
-def made_keys(folder: Path) -> Path:
-    """A set of this run's own, for two robots."""
-    from ground.keys.folder import make  # its library need not be there for other measurements
-
-    now = datetime.now(UTC)
-    make(folder, ["r1", "r2"], {}, now - VALID, now + VALID, OPERATORS)
-    return folder
 
 
 @dataclass(slots=True)

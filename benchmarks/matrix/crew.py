@@ -9,13 +9,13 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Event
 from time import monotonic
 from typing import IO, Any, Final, Self
 
 from benchmarks.cable import Cable
+from benchmarks.certificates import made_keys
 from benchmarks.pingpong import free_port
 from ground.leash import command
 
@@ -23,7 +23,6 @@ PATIENCE_S: Final = 20.0
 POLL_S: Final = 0.005
 LAST_WORDS: Final = 300
 CERTIFICATES: Final = {"robot": "robot-r1"}
-VALID: Final = timedelta(days=1)
 BURNS: Final = (sys.executable, "-c", "while True: pass")
 
 
@@ -34,15 +33,6 @@ def until(condition: Callable[[], object], what: str, within_s: float = PATIENCE
         if monotonic() > deadline_s:
             raise RuntimeError(f"not within {within_s:g} s: {what}")
         pause.wait(POLL_S)
-
-
-def made_keys(folder: Path) -> Path:
-    """A set of certificates of this run's own, for two robots."""
-    from ground.keys.folder import make  # its library need not be there for other measurements
-
-    now = datetime.now(UTC)
-    make(folder, ["r1", "r2"], {}, now - VALID, now + VALID)
-    return folder
 
 
 class Crew:
