@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test mutation bench docs clean afresh
+.PHONY: help setup up test mutation bench generate docs clean afresh
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -18,6 +18,7 @@ help:
 	echo "make test    every check: format, lint, types, import contracts, tests"
 	echo "make mutation  change the modules a stop depends on, bit by bit: does a test notice?"
 	echo "make bench   measurements; ARGS=... is handed on"
+	echo "make generate  the modules that are made from protocol/dialect/sidestep.xml"
 	echo "make docs    docs/protocol.md and docs/state-diagram.md anew"
 	echo "make clean   remove .venv and what the tools have cached"
 
@@ -106,6 +107,9 @@ test: setup
 mutation: setup
 	@exec "$(BIN)/python" -m verification.mutation $(ARGS)
 
+generate: setup
+	@exec "$(BIN)/python" -m protocol.dialect.generate
+
 docs: setup
 	@"$(BIN)/python" -m protocol.docs >docs/protocol.md.new
 	mv docs/protocol.md.new docs/protocol.md
@@ -113,5 +117,5 @@ docs: setup
 	mv docs/state-diagram.md.new docs/state-diagram.md
 
 clean:
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache *.egg-info
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -11,7 +11,7 @@ from typing import Any
 
 from benchmarks.figures import Figure, Report, ratios
 from protocol.codec import Encoder, decode
-from protocol.dialect import generated
+from protocol.dialect.mavgen import oracle
 from protocol.message import Message
 from protocol.messages import (
     AvoidanceDecision,
@@ -61,16 +61,16 @@ def measure(options: argparse.Namespace) -> Report:
         )
     ]
     figures += [Figure(name=name, unit="us", values=tuple(cost)) for name, cost in costs.items()]
-    crc = "fastcrc" if generated.mcrf4xx else "pure Python, which is unfair: install fastcrc"
+    crc = "fastcrc" if oracle().mcrf4xx else "pure Python, which is unfair: install fastcrc"
     notes = (f"{len(samples)} messages, frames byte-identical; pymavlink's checksum: {crc}",)
     return Report(benchmark="codec", figures=tuple(figures), notes=notes)
 
 
 class Peer:
-    """The generated pymavlink module, used as its documentation says."""
+    """pymavlink's own module, used as its documentation says."""
 
     def __init__(self, samples: list[tuple[type[Message], dict[str, Any]]]) -> None:
-        self._mavlink = generated.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
+        self._mavlink = oracle().MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
         self._samples = [(self._class_of(cls), values) for cls, values in samples]
 
     def encode(self) -> list[bytes]:
@@ -83,7 +83,7 @@ class Peer:
     @staticmethod
     def _class_of(cls: type[Message]) -> Any:
         word = "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__)
-        return getattr(generated, f"MAVLink{word}_message")
+        return getattr(oracle(), f"MAVLink{word}_message")
 
 
 def check_equal(ours: list[bytes], theirs: list[bytes]) -> None:

@@ -1,80 +1,98 @@
-"""The enumerations of the dialect, written out so that a type checker sees their members."""
+"""The enumerations of the dialect.
+
+Made by `make generate` from sidestep.xml: change that file instead.
+"""
 
 from enum import IntEnum
+from typing import Final
 
 
 class Vehicle(IntEnum):
-    BOOT = 0
-    STANDBY = 1
-    ACTIVE = 2
-    FAILSAFE = 3
-    EMERGENCY_STOP = 4
+    """State of the vehicle."""
+
+    BOOT = 0  # Starting, no senses yet.
+    STANDBY = 1  # Disarmed, wheels stopped.
+    ACTIVE = 2  # Armed.
+    FAILSAFE = 3  # Stopped by a failsafe; arm again to go on.
+    EMERGENCY_STOP = 4  # Stopped by an operator; latched until cleared.
 
 
 class Mode(IntEnum):
-    """The numbers of ArduPilot Rover."""
+    """Modes, with the numbers of ArduPilot Rover."""
 
-    MANUAL = 0
-    HOLD = 4
-    AUTO = 10
-    SMART_RTL = 12
-    GUIDED = 15
+    MANUAL = 0  # Driven by the operator.
+    HOLD = 4  # Stands still, keeps its goal.
+    AUTO = 10  # Drives to its goal, operator or not.
+    SMART_RTL = 12  # Drives back along its own trail.
+    GUIDED = 15  # Drives to its goal while an operator is heard.
 
 
 class GoalState(IntEnum):
-    NONE = 0
-    ACCEPTED = 1
-    DRIVING = 2
-    AVOIDING = 3
-    ALIGNING = 4
-    REACHED = 5
-    STUCK = 6
-    ABORTED = 7
-    REFUSED = 8
+    """State of the one goal."""
+
+    NONE = 0  # No goal.
+    ACCEPTED = 1  # Accepted, not yet driving.
+    DRIVING = 2  # On its way.
+    AVOIDING = 3  # Avoiding an obstacle.
+    ALIGNING = 4  # At the place, turning to the final heading.
+    REACHED = 5  # Reached.
+    STUCK = 6  # Given up, see the reason.
+    ABORTED = 7  # Ended by an operator or a failsafe, see the reason.
+    REFUSED = 8  # Never started, see the reason.
 
 
 class Navigator(IntEnum):
-    BUG = 1
-    VGM = 2
-    BUG1 = 3
-    BUG2 = 4
-    DISTBUG = 5
-    VGM_MEMORY = 6
+    """Obstacle avoidance in use."""
+
+    BUG = 1  # Bug algorithm of the paper.
+    VGM = 2  # Virtual Goal Method of the paper, signs corrected.
+    BUG1 = 3  # Bug1: all the way round, then back to the nearest point.
+    BUG2 = 4  # Bug2: along the boundary to the line from start to goal.
+    DISTBUG = 5  # DistBug: along the boundary until the free way leads nearer than ever.
+    VGM_MEMORY = 6  # Virtual Goal Method with a memory of recent echoes.
 
 
 class Branch(IntEnum):
-    NONE = 0
-    TO_GOAL = 1
-    PASS_LEFT = 2
-    PASS_RIGHT = 3
-    ALIGN = 4
-    GIVE_UP = 5
+    """Branch that the navigator took in this tick."""
+
+    NONE = 0  # Not navigating.
+    TO_GOAL = 1  # No obstacle in the avoidance zone: straight to the goal.
+    PASS_LEFT = 2  # Obstacle on the right: pass it on the left.
+    PASS_RIGHT = 3  # Obstacle on the left: pass it on the right.
+    ALIGN = 4  # Turning to the final heading.
+    GIVE_UP = 5  # Went all the way round: the goal cannot be reached.
 
 
 class RunAction(IntEnum):
-    SCORE = 0
-    START = 1
-    PAUSE = 2
+    """Request to the plant."""
+
+    SCORE = 0  # Score the run up to a stamp.
+    START = 1  # Let simulated time go on; a running plant begins a new score.
+    PAUSE = 2  # Stop simulated time.
 
 
 class LeaseAction(IntEnum):
-    TAKE = 0
-    RELEASE = 1
-    SEIZE = 2
+    """Request about the lease, the right of one operator to command the robot."""
+
+    TAKE = 0  # Take it; refused while another holds it.
+    RELEASE = 1  # Give it back.
+    SEIZE = 2  # Take it from its holder.
 
 
 class MissionState(IntEnum):
-    NONE = 0
-    READY = 1
-    RUNNING = 2
-    HOLDING = 3
-    PAUSED = 4
-    DONE = 5
-    FAILED = 6
+    """State of the mission."""
+
+    NONE = 0  # No mission.
+    READY = 1  # Accepted, not started.
+    RUNNING = 2  # On the way to the current item.
+    HOLDING = 3  # At the current item, waiting out its hold time.
+    PAUSED = 4  # Stopped by an operator, can go on.
+    DONE = 5  # All items reached.
+    FAILED = 6  # Ended early, see the reason; can be started again.
 
 
 class MissionType(IntEnum):
-    """MAV_MISSION_TYPE: what a transfer of items is about."""
+    """MAV_MISSION_TYPE: content of a transfer of items."""
 
     MISSION = 0
     FENCE = 1
@@ -94,14 +112,16 @@ class Command(IntEnum):
     COMPONENT_ARM_DISARM = 400
     NAV_FENCE_POLYGON_VERTEX_INCLUSION = 5001
     NAV_FENCE_CIRCLE_INCLUSION = 5003
-    SIDESTEP_SET_NAVIGATOR = 54100
-    SIDESTEP_ABORT_GOAL = 54101
-    SIDESTEP_CLEAR_EMERGENCY_STOP = 54102
+    SIDESTEP_SET_NAVIGATOR = 54100  # Choose the navigator and the side it passes obstacles on.
+    SIDESTEP_ABORT_GOAL = 54101  # Drop goal or mission and stand still.
+    SIDESTEP_CLEAR_EMERGENCY_STOP = 54102  # Release the latched emergency stop; stays disarmed.
+    # Mission item: drive to a pose and wait there. x and y are metres times 10000, frame
+    # MAV_FRAME_LOCAL_FLU.
     SIDESTEP_NAV_POSE = 54103
 
 
 class AckResult(IntEnum):
-    """MAV_RESULT: how COMMAND_ACK answers."""
+    """MAV_RESULT of a COMMAND_ACK."""
 
     ACCEPTED = 0
     TEMPORARILY_REJECTED = 1
@@ -138,12 +158,12 @@ class SystemState(IntEnum):
     FLIGHT_TERMINATION = 8
 
 
-TYPE_GCS = 6
-TYPE_GROUND_ROVER = 10
-AUTOPILOT_GENERIC = 0
-AUTOPILOT_INVALID = 8
-MODE_FLAG_CUSTOM_MODE_ENABLED = 1
-MODE_FLAG_SAFETY_ARMED = 128
-FRAME_LOCAL_FLU = 21
-PARAM_TYPE_INT32 = 6
-PARAM_TYPE_REAL32 = 9
+TYPE_GCS: Final = 6
+TYPE_GROUND_ROVER: Final = 10
+AUTOPILOT_GENERIC: Final = 0
+AUTOPILOT_INVALID: Final = 8
+MODE_FLAG_SAFETY_ARMED: Final = 128
+MODE_FLAG_CUSTOM_MODE_ENABLED: Final = 1
+FRAME_LOCAL_FLU: Final = 21
+PARAM_TYPE_INT32: Final = 6
+PARAM_TYPE_REAL32: Final = 9

@@ -1,10 +1,13 @@
-"""Typed face of the messages taken over from MAVLink's common.xml."""
+"""Messages taken over from MAVLink's common.xml.
+
+Made by `make generate` from sidestep.xml: change that file instead.
+"""
 
 from protocol.message import Message, too_long, unfit
 
 
 class Heartbeat(Message, frozen=True, kw_only=True):
-    """Present and healthy: sent from inside the control loop."""
+    """Sign of life, sent from inside the control loop."""
 
     type: int
     autopilot: int
@@ -22,7 +25,7 @@ class SystemTime(Message, frozen=True, kw_only=True):
 
 
 class ParamRequestRead(Message, frozen=True, kw_only=True):
-    """Asks for one parameter, by name (index -1) or by index."""
+    """Request one parameter, by name (index -1) or by index."""
 
     target_system: int = 0
     target_component: int = 0
@@ -35,14 +38,14 @@ class ParamRequestRead(Message, frozen=True, kw_only=True):
 
 
 class ParamRequestList(Message, frozen=True, kw_only=True):
-    """Asks for all parameters."""
+    """Request all parameters."""
 
     target_system: int = 0
     target_component: int = 0
 
 
 class ParamValue(Message, frozen=True, kw_only=True):
-    """The value of a parameter."""
+    """Value of a parameter."""
 
     param_id: str
     param_value: float
@@ -56,7 +59,7 @@ class ParamValue(Message, frozen=True, kw_only=True):
 
 
 class ParamSet(Message, frozen=True, kw_only=True):
-    """Gives a parameter a value."""
+    """Set a parameter."""
 
     target_system: int = 0
     target_component: int = 0
@@ -70,7 +73,7 @@ class ParamSet(Message, frozen=True, kw_only=True):
 
 
 class MissionSetCurrent(Message, frozen=True, kw_only=True):
-    """Makes an item the current one."""
+    """Make an item the current one."""
 
     target_system: int = 0
     target_component: int = 0
@@ -78,7 +81,7 @@ class MissionSetCurrent(Message, frozen=True, kw_only=True):
 
 
 class MissionCurrent(Message, frozen=True, kw_only=True):
-    """Which item is the current one."""
+    """Index of the current item."""
 
     seq: int
     total: int = 0
@@ -87,7 +90,7 @@ class MissionCurrent(Message, frozen=True, kw_only=True):
 
 
 class MissionRequestList(Message, frozen=True, kw_only=True):
-    """Asks for the mission."""
+    """Request the mission."""
 
     target_system: int = 0
     target_component: int = 0
@@ -95,7 +98,7 @@ class MissionRequestList(Message, frozen=True, kw_only=True):
 
 
 class MissionCount(Message, frozen=True, kw_only=True):
-    """How many items a mission has; opens a transfer."""
+    """Number of items of a mission; opens a transfer."""
 
     target_system: int = 0
     target_component: int = 0
@@ -104,7 +107,7 @@ class MissionCount(Message, frozen=True, kw_only=True):
 
 
 class MissionClearAll(Message, frozen=True, kw_only=True):
-    """Deletes the mission."""
+    """Delete the mission."""
 
     target_system: int = 0
     target_component: int = 0
@@ -118,7 +121,7 @@ class MissionItemReached(Message, frozen=True, kw_only=True):
 
 
 class MissionAck(Message, frozen=True, kw_only=True):
-    """Ends a mission transfer with its result."""
+    """Result of a mission transfer, which it ends."""
 
     target_system: int = 0
     target_component: int = 0
@@ -127,7 +130,7 @@ class MissionAck(Message, frozen=True, kw_only=True):
 
 
 class MissionRequestInt(Message, frozen=True, kw_only=True):
-    """Asks for one item."""
+    """Request one item."""
 
     target_system: int = 0
     target_component: int = 0
@@ -177,7 +180,7 @@ class MissionItemInt(Message, frozen=True, kw_only=True):
 
 
 class CommandInt(Message, frozen=True, kw_only=True):
-    """A command with a position as integers."""
+    """Command with a position as integers."""
 
     target_system: int = 0
     target_component: int = 0
@@ -195,7 +198,7 @@ class CommandInt(Message, frozen=True, kw_only=True):
 
 
 class CommandLong(Message, frozen=True, kw_only=True):
-    """A command with seven parameters."""
+    """Command with seven parameters."""
 
     target_system: int = 0
     target_component: int = 0
@@ -211,7 +214,7 @@ class CommandLong(Message, frozen=True, kw_only=True):
 
 
 class CommandAck(Message, frozen=True, kw_only=True):
-    """How a command was taken; result_param2 is a Reason."""
+    """Answer to a command; result_param2 is a Reason."""
 
     command: int
     result: int
@@ -222,14 +225,14 @@ class CommandAck(Message, frozen=True, kw_only=True):
 
 
 class Timesync(Message, frozen=True, kw_only=True):
-    """Asks for (tc1 = 0) or answers with the other side's time."""
+    """Request for the time (tc1 = 0), or the answer to one."""
 
     tc1: int
     ts1: int
 
 
 class Statustext(Message, frozen=True, kw_only=True):
-    """A line of text for people."""
+    """Line of text for the operator."""
 
     severity: int
     text: str

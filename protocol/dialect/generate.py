@@ -1,138 +1,237 @@
-"""Writes the generated modules of the dialect from sidestep.xml and pymavlink's own common.xml.
+"""Writes the modules that are made from the dialect: `make generate`.
 
-`python -m protocol.dialect.generate` is deterministic: the same pymavlink gives the same bytes. Of
-common.xml only the messages named here are read, at generation time; no text of it is kept.
+Messages, enumerations, reasons and wire layouts of the protocol, and the numbers of the control
+core, come from sidestep.xml and the part of pymavlink's common.xml that common_subset names. The
+same files give the same bytes; a test compares the committed modules with them.
 """
 
-import contextlib
-import importlib.util
-import os
-import sys
-import tempfile
-import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Final
 
-HERE: Final = Path(__file__).parent
-COMMON_MESSAGES: Final = (
-    "HEARTBEAT",
-    "SYSTEM_TIME",
-    "PARAM_REQUEST_READ",
-    "PARAM_REQUEST_LIST",
-    "PARAM_VALUE",
-    "PARAM_SET",
-    "MISSION_SET_CURRENT",
-    "MISSION_CURRENT",
-    "MISSION_REQUEST_LIST",
-    "MISSION_COUNT",
-    "MISSION_CLEAR_ALL",
-    "MISSION_ITEM_REACHED",
-    "MISSION_ACK",
-    "MISSION_REQUEST_INT",
-    "MANUAL_CONTROL",
-    "MISSION_ITEM_INT",
-    "COMMAND_INT",
-    "COMMAND_LONG",
-    "COMMAND_ACK",
-    "TIMESYNC",
-    "STATUSTEXT",
-)
-COMMON_COMMANDS: Final = (
-    "MAV_CMD_NAV_WAYPOINT",
-    "MAV_CMD_NAV_RETURN_TO_LAUNCH",
-    "MAV_CMD_DO_SET_MODE",
-    "MAV_CMD_DO_FLIGHTTERMINATION",
-    "MAV_CMD_DO_REPOSITION",
-    "MAV_CMD_DO_PAUSE_CONTINUE",
-    "MAV_CMD_DO_SET_MISSION_CURRENT",
-    "MAV_CMD_MISSION_START",
-    "MAV_CMD_COMPONENT_ARM_DISARM",
-    "MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION",
-    "MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION",
+from protocol.dialect.definitions import Dialect, Entry, EnumType, MessageType, read_dialect
+from protocol.dialect.python_text import (
+    class_name,
+    constant_lines,
+    enum_lines,
+    import_lines,
+    layout_lines,
+    message_lines,
+    module,
+    table_lines,
 )
 
+ROOT: Final = Path(__file__).resolve().parents[2]
+WIRE: Final = "protocol"
+"""Folder and package of the typed messages."""
+CORE: Final = "robot/core"
 
-def upstream_definitions() -> list[Path]:
-    """The installed common.xml and what it includes, innermost last."""
-    package = importlib.util.find_spec("pymavlink")
-    assert package is not None
-    assert package.submodule_search_locations is not None
-    folder = Path(next(iter(package.submodule_search_locations))) / "dialects" / "v20"
-    return [folder / name for name in ("common.xml", "standard.xml", "minimal.xml")]
+OPERATOR_MESSAGES: Final = frozenset(
+    {
+        "GOAL_REQUEST",
+        "COMMAND_REQUEST",
+        "LEASE_REQUEST",
+        "LEASE_STATUS",
+        "TELEOP",
+        "MISSION_STATUS",
+        "MISSION_VERDICT",
+    }
+)
+"""What operators and robots send each other beside the common messages."""
+FIRST_OWN_ID: Final = 54_100
+REASON: Final = "SIDESTEP_REASON"
+ENUM_CLASSES: Final = {
+    "SIDESTEP_VEHICLE": "Vehicle",
+    "SIDESTEP_MODE": "Mode",
+    "SIDESTEP_GOAL": "GoalState",
+    "SIDESTEP_NAVIGATOR": "Navigator",
+    "SIDESTEP_BRANCH": "Branch",
+    "SIDESTEP_RUN_ACTION": "RunAction",
+    "SIDESTEP_LEASE_ACTION": "LeaseAction",
+    "SIDESTEP_MISSION": "MissionState",
+    "MAV_MISSION_TYPE": "MissionType",
+    "MAV_CMD": "Command",
+    "MAV_RESULT": "AckResult",
+    "MAV_SEVERITY": "Severity",
+    "MAV_STATE": "SystemState",
+}
+COMMON_TEXTS: Final = {
+    "MAV_MISSION_TYPE": "MAV_MISSION_TYPE: content of a transfer of items.",
+    "MAV_CMD": "The MAV_CMD numbers in use.",
+    "MAV_RESULT": "MAV_RESULT of a COMMAND_ACK.",
+    "MAV_SEVERITY": "MAV_SEVERITY of a STATUSTEXT.",
+    "MAV_STATE": "MAV_STATE of a HEARTBEAT.",
+}
+CONSTANTS: Final = ("MAV_TYPE", "MAV_AUTOPILOT", "MAV_MODE_FLAG", "MAV_FRAME", "MAV_PARAM_TYPE")
+"""Enumerations of which single numbers are in use."""
+CORE_STATES: Final = (
+    "SIDESTEP_VEHICLE",
+    "SIDESTEP_MODE",
+    "SIDESTEP_GOAL",
+    "SIDESTEP_NAVIGATOR",
+    "SIDESTEP_BRANCH",
+)
+CORE_NAMES: Final = {("SIDESTEP_REASON", "NONE"): "OK", ("SIDESTEP_BRANCH", "NONE"): "NO_BRANCH"}
+"""Members that go by another name in the core, where they stand without their enumeration's."""
+SIDES: Final = (
+    Entry("LEFT", 1, "Sides on which an obstacle is passed."),
+    Entry("RIGHT", -1, ""),
+)
 
 
-def enums_of(messages: Iterable[ET.Element]) -> set[str]:
-    return {field.get("enum", "") for message in messages for field in message.iter("field")}
+def messages_common(dialect: Dialect) -> str:
+    return message_module("Messages taken over from MAVLink's common.xml.", common(dialect))
 
 
-def copied(element: ET.Element, keep: set[str]) -> ET.Element:
-    """A copy of an enum or message; of MAV_CMD only the commands in use."""
-    if element.get("name") != "MAV_CMD":
-        return element
-    command = ET.Element("enum", element.attrib)
-    command.extend(e for e in element.iter("entry") if e.get("name") in keep)
-    return command
+def messages_operator(dialect: Dialect) -> str:
+    docstring = "Messages of operators and robots: requests, lease, teleop, mission."
+    return message_module(docstring, operator(dialect))
 
 
-def subset() -> ET.Element:
-    """The part of common.xml in use, ids and layouts untouched."""
-    roots = [ET.parse(path).getroot() for path in upstream_definitions()]
-    messages = [m for root in roots for m in root.iter("message")]
-    messages = [m for m in messages if m.get("name") in COMMON_MESSAGES]
-    wanted = enums_of(messages)
-    mavlink = ET.Element("mavlink")
-    ET.SubElement(mavlink, "version").text = "3"
-    enums = ET.SubElement(mavlink, "enums")
-    for root in roots:
-        found = (enum for enum in root.iter("enum") if enum.get("name") in wanted)
-        enums.extend(copied(enum, set(COMMON_COMMANDS)) for enum in found)
-    ET.SubElement(mavlink, "messages").extend(messages)
-    return mavlink
+def messages_robot(dialect: Dialect) -> str:
+    docstring = "Messages of the control loop and of a run: senses, wheels, status, score."
+    return message_module(docstring, robot(dialect))
 
 
-def run_mavgen(definition: Path, output: Path) -> None:
-    from pymavlink.generator import mavgen, mavparse
+def message_module(docstring: str, messages: list[MessageType]) -> str:
+    text = [line for message in messages for line in message_lines(message, CLASS_OF_ENUM)]
+    checks = [name for name in ("too_long", "unfit") if any(f"{name}(" in line for line in text)]
+    source = f"{package()}.message"
+    return module(docstring, ["", *import_lines(source, ["Message", *checks])], text)
 
-    options = mavgen.Opts(
-        str(output), wire_protocol=mavparse.PROTOCOL_2_0, language="Python3", validate=True
+
+def common(dialect: Dialect) -> list[MessageType]:
+    return [message for message in dialect.messages if message.number < FIRST_OWN_ID]
+
+
+def operator(dialect: Dialect) -> list[MessageType]:
+    return [message for message in dialect.messages if message.name in OPERATOR_MESSAGES]
+
+
+def robot(dialect: Dialect) -> list[MessageType]:
+    others = {*common(dialect), *operator(dialect)}
+    return [message for message in dialect.messages if message not in others]
+
+
+def messages(dialect: Dialect) -> str:
+    """The module that hands on all messages."""
+    groups = {"common": common, "operator": operator, "robot": robot}
+    imports = {f"{package()}.messages_{name}": names(of(dialect)) for name, of in groups.items()}
+    every = names(dialect.messages)
+    exported = sorted(["Message", *every], key=str.lower)
+    return module(
+        "Typed face of the dialect: one frozen, keyword-only class per message.",
+        ["", "from typing import Final", ""],
+        import_lines(f"{package()}.message", ["Message"]),
+        (line for source, classes in imports.items() for line in import_lines(source, classes)),
+        ["", *table_lines("__all__ = [", map(quoted, ["MESSAGES", *exported]), "]"), ""],
+        table_lines("MESSAGES: Final[tuple[type[Message], ...]] = (", every, ")"),
     )
-    with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
-        mavgen.mavgen(options, [str(definition)])
 
 
-def generated_text() -> str:
-    """What generated.py has to be."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        tree = ET.ElementTree(subset())
-        tree.write(folder / "common.xml", encoding="utf-8", xml_declaration=True)
-        definition = folder / "sidestep.xml"
-        definition.write_bytes((HERE / "sidestep.xml").read_bytes())
-        output = folder / "generated.py"
-        run_mavgen(definition, output)
-        return output.read_text(encoding="utf-8")
+def enums(dialect: Dialect) -> str:
+    """The module of enumerations, and of the single numbers that are in use of others."""
+    classes = [line for name in ENUM_CLASSES for line in class_lines(dialect.enums[name])]
+    singles = [
+        Entry(f"{name.removeprefix('MAV_')}_{entry.name}", entry.value, "")
+        for name in CONSTANTS
+        for entry in dialect.enums[name].entries
+    ]
+    return module(
+        "The enumerations of the dialect.",
+        ["", "from enum import IntEnum", "from typing import Final"],
+        classes,
+        ["", "", *constant_lines(singles)],
+    )
 
 
-def loaded(text: str) -> ModuleType:
-    """The generated module, without the detour over a file."""
-    module = ModuleType("generated")
-    # mavgen asks for its own module by name when it looks up message classes
-    sys.modules[module.__name__] = module
-    try:
-        exec(compile(text, "generated.py", "exec"), module.__dict__)
-    finally:
-        del sys.modules[module.__name__]
-    return module
+def class_lines(enum: EnumType) -> Iterator[str]:
+    return enum_lines(ENUM_CLASSES[enum.name], enum, COMMON_TEXTS.get(enum.name, enum.text))
+
+
+def reasons(dialect: Dialect) -> str:
+    enum = dialect.enums[REASON]
+    plain = enum._replace(entries=tuple(entry._replace(text="") for entry in enum.entries))
+    rows = (f"{entry.value}: {quoted(entry.text)}" for entry in enum.entries)
+    return module(
+        "Numbers and texts of the reasons of every refusal, stop and outcome.",
+        ["", "from enum import IntEnum", "from typing import Final"],
+        enum_lines("Reason", plain, enum.text),
+        ["", "", *table_lines("REASON_TEXTS: Final[dict[int, str]] = {", rows, "}")],
+        ["", "", "def reason_text(code: int) -> str:"],
+        ['    """The words for a reason; an unknown number is shown as a number."""'],
+        ['    return REASON_TEXTS.get(code, f"reason {code}")'],
+    )
+
+
+def layouts(dialect: Dialect) -> str:
+    return module(
+        "Wire layouts of the messages.",
+        ["", "from typing import Final", ""],
+        ["# NAME id crc_extra field:[array length]struct-code ... in wire order"],
+        ['LAYOUTS: Final = """'],
+        (line for message in dialect.messages for line in layout_lines(message)),
+        ['"""'],
+    )
+
+
+def core_reasons(dialect: Dialect) -> str:
+    docstring = "Numbers of the reasons of every refusal, stop and outcome."
+    return core_module(docstring, [core_entries(dialect.enums[REASON])])
+
+
+def core_states(dialect: Dialect) -> str:
+    docstring = "Numbers of vehicle, mode, goal, navigator and branch states, and of sides."
+    states = [core_entries(dialect.enums[name]) for name in CORE_STATES]
+    return core_module(docstring, [*states, SIDES])
+
+
+def core_module(docstring: str, groups: Iterable[Iterable[Entry]]) -> str:
+    blocks = (["", *constant_lines(group)] for group in groups)
+    imports = ["", "from robot.core.typed import Final"]
+    return module(docstring, imports, *blocks)
+
+
+def core_entries(enum: EnumType) -> list[Entry]:
+    return [
+        entry._replace(name=CORE_NAMES.get((enum.name, entry.name), entry.name))
+        for entry in enum.entries
+    ]
+
+
+def names(messages: Iterable[MessageType]) -> list[str]:
+    return [class_name(message.name) for message in messages]
+
+
+def quoted(text: str) -> str:
+    assert '"' not in text
+    assert "\\" not in text
+    return f'"{text}"'
+
+
+def package() -> str:
+    return WIRE.replace("/", ".")
+
+
+CLASS_OF_ENUM: Final = {**ENUM_CLASSES, REASON: "Reason"}
+OUTPUTS: Final[dict[str, Callable[[Dialect], str]]] = {
+    f"{WIRE}/messages.py": messages,
+    f"{WIRE}/messages_common.py": messages_common,
+    f"{WIRE}/messages_operator.py": messages_operator,
+    f"{WIRE}/messages_robot.py": messages_robot,
+    f"{WIRE}/enums.py": enums,
+    f"{WIRE}/reasons.py": reasons,
+    f"{CORE}/reasons.py": core_reasons,
+    f"{CORE}/states.py": core_states,
+    "protocol/dialect/layouts.py": layouts,
+}
+"""Every generated module, by its path from the root."""
 
 
 def main() -> None:
-    from protocol.dialect.layout_text import layout_text
-
-    text = generated_text()
-    (HERE / "generated.py").write_text(text, encoding="utf-8")
-    (HERE / "layouts.py").write_text(layout_text(loaded(text)), encoding="utf-8")
+    dialect = read_dialect()
+    for path, text_of in OUTPUTS.items():
+        (ROOT / path).write_text(text_of(dialect), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ class Mission:
     def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]:
         """Take these items instead of those there are; else which one is bad, and why."""
         if self.active:
-            return None, reasons.BUSY_DRIVING
+            return None, reasons.DRIVING
         for index, item in enumerate(items):
             reason = problem_of(item, self._machine)
             if reason != reasons.OK:
@@ -64,7 +64,7 @@ class Mission:
 
     def clear(self) -> int:
         if self.active:
-            return reasons.BUSY_DRIVING
+            return reasons.DRIVING
         self.items = self._stops = ()
         self._rest(MissionState.NONE)
         return reasons.OK

@@ -9,7 +9,7 @@ PACKAGES = ("protocol", "robot", "plant", "ground", "study")
 MAY_IMPORT = {
     "zenoh": ("protocol/bus/",),
     "pymunk": ("plant/world.py",),
-    "pymavlink": ("protocol/dialect/generate.py", "protocol/dialect/generated.py"),
+    "pymavlink": ("protocol/dialect/mavgen.py",),
     "textual": ("ground/app", "ground/widgets"),
     "numpy": ("plant/", "study/"),
 }

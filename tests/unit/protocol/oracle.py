@@ -2,20 +2,20 @@
 
 from typing import Any
 
-from protocol.dialect import generated
+from protocol.dialect.mavgen import oracle
 from protocol.layout import LAYOUT, Field
 from protocol.message import Message
 
 
 def frame_by_pymavlink(message: Message, system: int, component: int, sequence: int) -> bytes:
-    mav = generated.MAVLink(None, srcSystem=system, srcComponent=component)
+    mav = oracle().MAVLink(None, srcSystem=system, srcComponent=component)
     mav.seq = sequence
     return bytes(theirs(message).pack(mav))
 
 
 def theirs(message: Message) -> Any:
     layout = LAYOUT[type(message).__name__]
-    cls = generated.mavlink_map[layout.number]
+    cls = oracle().mavlink_map[layout.number]
     return cls(**{f.name: to_theirs(f, getattr(message, f.name)) for f in layout.fields})
 
 
@@ -24,7 +24,7 @@ def to_theirs(field: Field, value: Any) -> Any:
 
 
 def read_by_pymavlink(frame: bytes) -> Any:
-    return generated.MAVLink(None).decode(bytearray(frame))
+    return oracle().MAVLink(None).decode(bytearray(frame))
 
 
 def value_read(field: Field, message: Any) -> Any:

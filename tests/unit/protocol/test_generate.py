@@ -1,54 +1,106 @@
-"""The committed generated files are what the generator writes today, and upstream's on the wire."""
+"""The committed generated modules are what the generator writes, and MAVLink's on the wire."""
 
-from pathlib import Path
-from typing import Any
+import xml.etree.ElementTree as ET
 
 import pytest
 
-from protocol.dialect import generate, generated
-from protocol.dialect.generate import COMMON_MESSAGES, HERE, generated_text, loaded
-from protocol.dialect.layout_text import layout_text
+from protocol.dialect import common_subset
+from protocol.dialect.definitions import (
+    SIDESTEP_XML,
+    Dialect,
+    MessageType,
+    read_dialect,
+    upstream_definitions,
+)
+from protocol.dialect.generate import FIRST_OWN_ID, OUTPUTS, ROOT
+from protocol.dialect.mavgen import oracle
+from protocol.dialect.python_text import commented, doc_lines
+
+DIALECT = read_dialect()
 
 
-@pytest.fixture(scope="module")
-def text() -> str:
-    return generated_text()
+@pytest.mark.parametrize("path", OUTPUTS)
+def test_the_committed_module_is_what_the_generator_writes(path: str) -> None:
+    committed = (ROOT / path).read_text(encoding="utf-8")
+    assert committed == OUTPUTS[path](DIALECT), f"{path} is stale: run `make generate`"
 
 
-@pytest.fixture(scope="module")
-def upstream(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """All of pymavlink's common dialect, generated from its own files."""
-    output = tmp_path_factory.mktemp("upstream") / "common.py"
-    generate.run_mavgen(generate.upstream_definitions()[0], output)
-    return loaded(output.read_text(encoding="utf-8"))
+@pytest.mark.parametrize("message", DIALECT.messages, ids=lambda message: str(message.name))
+def test_a_message_is_mavgens_on_the_wire(message: MessageType) -> None:
+    theirs = oracle().mavlink_map[message.number]
+    assert message.name == theirs.msgname
+    assert message.crc_extra == theirs.crc_extra
+    assert [field.name for field in message.fields] == theirs.fieldnames
+    assert [field.kind for field in message.fields] == theirs.fieldtypes
+    assert [field.name for field in message.wire_fields] == theirs.ordered_fieldnames
+    assert [field.length for field in message.wire_fields] == theirs.array_lengths
 
 
-def test_the_committed_module_is_what_mavgen_writes(text: str) -> None:
-    assert (HERE / "generated.py").read_text(encoding="utf-8") == text
+def test_every_enum_has_mavgens_numbers_and_words() -> None:
+    for name, enum in DIALECT.enums.items():
+        theirs = oracle().enums[name]
+        for entry in enum.entries:
+            assert theirs[entry.value].name == f"{name}_{entry.name}"
+            assert entry.text in {"", theirs[entry.value].description}
 
 
-def test_the_committed_layouts_are_those_of_the_module(text: str) -> None:
-    assert (HERE / "layouts.py").read_text(encoding="utf-8") == layout_text(loaded(text))
+def test_our_enums_are_whole() -> None:
+    for element in ET.parse(SIDESTEP_XML).getroot().iter("enum"):
+        wanted = {entry.attrib["name"] for entry in element.iter("entry")}
+        enum = DIALECT.enums[element.attrib["name"]]
+        assert wanted <= {f"{enum.name}_{entry.name}" for entry in enum.entries}
 
 
-def test_generating_twice_gives_the_same_bytes(text: str) -> None:
-    assert generated_text() == text
-
-
-@pytest.mark.parametrize("name", COMMON_MESSAGES)
-def test_a_common_message_is_upstreams_on_the_wire(name: str, upstream: Any) -> None:
-    ours = next(m for m in generated.mavlink_map.values() if m.msgname == name)
-    theirs = upstream.mavlink_map[ours.id]
-    for fact in ("msgname", "fieldnames", "ordered_fieldnames", "fieldtypes", "array_lengths"):
-        assert getattr(ours, fact) == getattr(theirs, fact)
-    assert (ours.crc_extra, ours.unpacker.format) == (theirs.crc_extra, theirs.unpacker.format)
-
-
-def test_our_ids_are_used_by_nobody_upstream(upstream: Any) -> None:
-    ours = {number for number in generated.mavlink_map if number >= 54_100}
+def test_our_ids_are_used_by_nobody_upstream() -> None:
+    ours = {message.number for message in DIALECT.messages if message.number >= FIRST_OWN_ID}
+    roots = [ET.parse(path).getroot() for path in upstream_definitions()]
+    theirs = {int(element.attrib["id"]) for root in roots for element in root.iter("message")}
     assert len(ours) == 18
-    assert not ours & set(upstream.mavlink_map)
+    assert not ours & theirs
+
+
+def test_everything_asked_of_upstream_is_there() -> None:
+    assert set(common_subset.MESSAGES) <= {message.name for message in DIALECT.messages}
+    for name, members in common_subset.ENUMS.items():
+        assert set(members) <= {entry.name for entry in DIALECT.enums[name].entries}
+    for name, fields in common_subset.OPTIONAL.items():
+        message = next(message for message in DIALECT.messages if message.name == name)
+        assert set(fields) <= {field.name for field in message.fields}
 
 
 def test_no_text_of_upstreams_xml_is_kept_beside_ours() -> None:
-    assert [path.name for path in Path(HERE).glob("*.xml")] == ["sidestep.xml"]
+    assert [path.name for path in SIDESTEP_XML.parent.glob("*.xml")] == ["sidestep.xml"]
+
+
+def test_a_changed_description_changes_what_is_made_of_it() -> None:
+    changed = with_words(DIALECT, "in other words")
+    stale = {path for path in OUTPUTS if OUTPUTS[path](changed) != OUTPUTS[path](DIALECT)}
+    assert stale == set(OUTPUTS) - {
+        path for path in OUTPUTS if path.endswith(("messages.py", "_common.py", "layouts.py"))
+    }
+
+
+def with_words(dialect: Dialect, words: str) -> Dialect:
+    """A dialect whose own messages and members are all described by these words."""
+    messages = (
+        message._replace(text=words) if message.number >= FIRST_OWN_ID else message
+        for message in dialect.messages
+    )
+    enums = {
+        name: enum._replace(entries=tuple(entry._replace(text=words) for entry in enum.entries))
+        for name, enum in dialect.enums.items()
+    }
+    return Dialect(tuple(messages), enums)
+
+
+def test_a_docstring_is_a_summary_and_the_rest_of_it() -> None:
+    assert doc_lines("One. Two.", "") == ['"""One.', "", "Two.", '"""']
+    assert doc_lines("One.", "    ") == ['    """One."""']
+    assert doc_lines("One.", "", ["More."]) == ['"""One.', "", "More.", '"""']
+
+
+def test_a_comment_too_long_for_its_line_stands_above_it() -> None:
+    assert commented("A = 1", "b", "") == ["A = 1  # b"]
+    above = commented("A = 1", "b " * 60, "")
+    assert above[-1] == "A = 1"
+    assert all(line.startswith("# b") and len(line) <= 100 for line in above[:-1])

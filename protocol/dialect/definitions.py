@@ -1,0 +1,205 @@
+"""The dialect as values: messages and enumerations of sidestep.xml and what it uses of common.xml.
+
+Layouts follow MAVLink 2: on the wire the fields of a message are sorted by the size of their
+elements, largest first, extensions stay behind them; crc_extra is a checksum over the layout.
+"""
+
+import importlib.util
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from fastcrc.crc16 import mcrf4xx
+
+from protocol.dialect import common_subset
+
+SIDESTEP_XML: Final = Path(__file__).parent / "sidestep.xml"
+CODES: Final = {
+    "char": "s",
+    "uint8_t": "B",
+    "int8_t": "b",
+    "uint16_t": "H",
+    "int16_t": "h",
+    "uint32_t": "I",
+    "int32_t": "i",
+    "uint64_t": "Q",
+    "int64_t": "q",
+    "float": "f",
+    "double": "d",
+}
+"""Struct code of each type."""
+SIZES: Final = {"s": 1, "B": 1, "b": 1, "H": 2, "h": 2, "I": 4, "i": 4, "f": 4}
+"""Bytes of one element; eight where nothing is said."""
+VERSION_TYPE: Final = "uint8_t_mavlink_version"
+MAVLINK_VERSION: Final = "3"
+
+
+class Field(NamedTuple):
+    """One field; `length` is 0 for a scalar, `default` None where a value has to be given."""
+
+    name: str
+    kind: str
+    length: int
+    text: str
+    units: str
+    enum: str
+    default: str | None
+    is_extension: bool
+
+    @property
+    def code(self) -> str:
+        return CODES[self.kind]
+
+    @property
+    def element_size(self) -> int:
+        return SIZES.get(self.code, 8)
+
+
+class MessageType(NamedTuple):
+    """A message with its fields in the order of the XML."""
+
+    name: str
+    number: int
+    text: str
+    fields: tuple[Field, ...]
+
+    @property
+    def wire_fields(self) -> list[Field]:
+        """The fields in the order in which they are sent."""
+        base = [field for field in self.fields if not field.is_extension]
+        extensions = [field for field in self.fields if field.is_extension]
+        return sorted(base, key=lambda field: -field.element_size) + extensions
+
+    @property
+    def crc_extra(self) -> int:
+        """Checksum of name, types and names without extensions, as the receiver computes it."""
+        layout = bytearray(f"{self.name} ".encode())
+        for field in self.wire_fields:
+            if not field.is_extension:
+                layout += f"{field.kind} {field.name} ".encode()
+                layout += bytes([field.length] if field.length else [])
+        checksum = mcrf4xx(bytes(layout))
+        return checksum & 0xFF ^ checksum >> 8
+
+
+class Entry(NamedTuple):
+    """One member of an enumeration; its name goes without the enumeration's."""
+
+    name: str
+    value: int
+    text: str
+
+
+class EnumType(NamedTuple):
+    name: str
+    text: str
+    entries: tuple[Entry, ...]
+
+
+class Dialect(NamedTuple):
+    """Everything in use: messages by id, enumerations by name."""
+
+    messages: tuple[MessageType, ...]
+    enums: dict[str, EnumType]
+
+
+def upstream_definitions() -> list[Path]:
+    """The installed common.xml and what it includes, innermost last."""
+    package = importlib.util.find_spec("pymavlink")
+    assert package is not None
+    assert package.submodule_search_locations is not None
+    folder = Path(next(iter(package.submodule_search_locations))) / "dialects" / "v20"
+    return [folder / name for name in ("common.xml", "standard.xml", "minimal.xml")]
+
+
+def read_dialect() -> Dialect:
+    """Read sidestep.xml and the installed files of pymavlink."""
+    upstream = [ET.parse(path).getroot() for path in upstream_definitions()]
+    own = ET.parse(SIDESTEP_XML).getroot()
+    messages = [*_common_messages(upstream), *map(_own_message, own.iter("message"))]
+    enums = {enum.name: enum for enum in _common_enums(upstream)}
+    for element in own.iter("enum"):
+        enum = _enum(element)
+        kept = enums[enum.name].entries if enum.name in enums else ()
+        enums[enum.name] = enum._replace(entries=(*kept, *enum.entries))
+    return Dialect(tuple(sorted(messages, key=lambda message: message.number)), enums)
+
+
+def _common_messages(roots: Iterable[ET.Element]) -> Iterator[MessageType]:
+    for element in _named(roots, "message"):
+        name = element.attrib["name"]
+        if name in common_subset.MESSAGES:
+            text = common_subset.MESSAGES[name]
+            fields = tuple(_common_field(name, field) for field in _fields(element))
+            yield MessageType(name, int(element.attrib["id"]), text, fields)
+
+
+def _common_field(message: str, field: Field) -> Field:
+    """Drop upstream's words; say which fields may be left out."""
+    default = "0" if field.is_extension or field.name.startswith("target_") else None
+    if field.name in common_subset.OPTIONAL.get(message, ()):
+        default = field.default or "0"
+    return field._replace(text="", units="", enum="", default=default)
+
+
+def _common_enums(roots: Iterable[ET.Element]) -> Iterator[EnumType]:
+    for element in _named(roots, "enum"):
+        wanted = common_subset.ENUMS.get(element.attrib["name"], ())
+        enum = _enum(element)
+        kept = tuple(entry._replace(text="") for entry in enum.entries if entry.name in wanted)
+        if kept:
+            yield EnumType(enum.name, "", kept)
+
+
+def _named(roots: Iterable[ET.Element], tag: str) -> Iterator[ET.Element]:
+    for root in roots:
+        yield from root.iter(tag)
+
+
+def _own_message(element: ET.Element) -> MessageType:
+    name, number = element.attrib["name"], int(element.attrib["id"])
+    return MessageType(name, number, _text(element), tuple(_fields(element)))
+
+
+def _fields(message: ET.Element) -> Iterator[Field]:
+    is_extension = False
+    for element in message:
+        if element.tag == "extensions":
+            is_extension = True
+        elif element.tag == "field":
+            yield _field(element, is_extension)
+
+
+def _field(element: ET.Element, is_extension: bool) -> Field:
+    kind, _, length = element.attrib["type"].rstrip("]").partition("[")
+    default = element.get("default")
+    if kind == VERSION_TYPE:
+        kind, default = "uint8_t", MAVLINK_VERSION
+    return Field(
+        name=element.attrib["name"],
+        kind=kind,
+        length=int(length or 0),
+        text=(element.text or "").strip(),
+        units=element.get("units", ""),
+        enum=element.get("enum", ""),
+        default=default,
+        is_extension=is_extension,
+    )
+
+
+def _enum(element: ET.Element) -> EnumType:
+    name = element.attrib["name"]
+    entries = tuple(
+        Entry(
+            entry.attrib["name"].removeprefix(f"{name}_"),
+            int(entry.attrib["value"], 0),
+            _text(entry),
+        )
+        for entry in element.iter("entry")
+    )
+    return EnumType(name, _text(element), entries)
+
+
+def _text(element: ET.Element) -> str:
+    return (element.findtext("description") or "").strip()
