@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
-from queue import Empty, SimpleQueue
 from time import monotonic
 from typing import Final
 
@@ -11,6 +10,7 @@ from plant.desk import Desk
 from plant.plant import Plant
 from plant.wires import Wires
 from protocol.clock import NS_PER_S, Clock, ticks
+from protocol.pulse import WakeUp
 from protocol.timing import PERIOD_NS
 
 PERIOD_S: Final = PERIOD_NS / NS_PER_S
@@ -20,31 +20,23 @@ PATIENCE_S: Final = 1.0
 
 
 class Wake:
-    """Wake the loop when a frame has arrived or the process is to end.
-
-    One entry is enough, however often it is called: in wall time the loop never waits on it. Safe
-    in a signal handler, which no lock is.
-    """
+    """Wake the loop when a frame has arrived or the process is to end, however often."""
 
     def __init__(self) -> None:
-        self._queue: SimpleQueue[None] = SimpleQueue()
+        self._called = WakeUp()
         self.stopping = False
 
     def __call__(self, _: int = 0) -> None:
-        if self._queue.empty():
-            self._queue.put(None)
+        self._called.wake()
 
     def stop(self) -> None:
+        """End the loop; may be called from a signal handler."""
         self.stopping = True
         self()
 
     def wait(self, timeout_s: float) -> bool:
         """True when something has arrived, False when the time is up."""
-        try:
-            self._queue.get(timeout=max(0.0, timeout_s))
-        except Empty:
-            return False
-        return True
+        return self._called.wait(timeout_s)
 
 
 def nothing() -> None:

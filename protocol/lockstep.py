@@ -2,9 +2,9 @@
 
 import time
 from collections.abc import Callable
-from queue import Empty, SimpleQueue
 
 from protocol.errors import Stopped
+from protocol.pulse import WakeUp
 
 
 class LockstepClock:
@@ -27,8 +27,7 @@ class LockstepClock:
         self._idle = idle
         self._nudged = False
         self._stopped = False
-        # A condition would wake the waiter into a lock that the notifier still holds.
-        self._changes: SimpleQueue[None] = SimpleQueue()
+        self._change = WakeUp()
 
     def now_ns(self) -> int:
         stamp_ns = self._stamp_ns
@@ -41,39 +40,26 @@ class LockstepClock:
         """The newest senses bear this stamp; an older one changes nothing."""
         if self._stamp_ns is None or stamp_ns > self._stamp_ns:
             self._stamp_ns = stamp_ns
-            self._wake()
+            self._change.wake()
 
     def nudge(self) -> None:
         """Let the waiting thread call `idle` now, if it has one."""
         self._nudged = self._idle is not None
-        self._wake()
+        self._change.wake()
 
     def stop(self) -> None:
         """Time will not go on: whoever waits, now or later, gets Stopped."""
         self._stopped = True
-        self._wake()
+        self._change.wake()
 
     def sleep_until(self, deadline_ns: int) -> None:
         """Block until a stamp of at least `deadline_ns` was fed; Stopped when it never will be."""
         while not self._reached(deadline_ns):
             if self._stopped:
                 raise Stopped("the clock was stopped")
-            if self._nudged or not self._changed():
+            if self._nudged or not self._change.wait(self._patience_s):
                 self._nudged = False
                 self._do_something_else()
-
-    def _wake(self) -> None:
-        """One entry is enough: the waiting thread looks at everything after it has taken one."""
-        if self._changes.empty():
-            self._changes.put(None)
-
-    def _changed(self) -> bool:
-        """Wait for a change; False when patience has run out."""
-        try:
-            self._changes.get(timeout=self._patience_s)
-        except Empty:
-            return False
-        return True
 
     def _do_something_else(self) -> None:
         if self._idle is None:

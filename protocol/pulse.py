@@ -1,13 +1,41 @@
-"""The beat of arriving frames, to which the loop's grid locks its phase."""
+"""Waiting for what other threads bring: a wake-up, and the pulse of arriving frames.
 
+The loop's grid locks its phase to the pulse.
+"""
+
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from queue import Empty, SimpleQueue
+from threading import Lock
 from time import monotonic_ns
 from typing import Protocol
 
 NS_PER_S = 1_000_000_000
-MAX_BEATS = 1000
+
+
+class WakeUp:
+    """Wakes one waiting thread. A wake-up while no thread waits is kept; several count as one.
+
+    Store what has arrived before `wake`: the thread reads it after `wait`.
+
+    `SimpleQueue.get` would not do. Before Python 3.13 it waits for ever if a signal interrupts it
+    and the handler returns after the deadline. A condition would wake the waiting thread into a
+    lock that the notifier still holds.
+    """
+
+    def __init__(self) -> None:
+        self._held = Lock()
+        self._held.acquire()
+
+    def wake(self) -> None:
+        """Return at once; may be called from any thread and from a signal handler."""
+        if self._held.locked():
+            with suppress(RuntimeError):  # another thread has released it meanwhile
+                self._held.release()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Return True when woken, False when the time is up."""
+        return self._held.acquire(timeout=-1.0 if timeout_s is None else max(0.0, timeout_s))
 
 
 class Beats(Protocol):
@@ -21,31 +49,21 @@ class Pulse:
 
     def __init__(self, now_ns: Callable[[], int] = monotonic_ns) -> None:
         self._now_ns = now_ns
-        # A condition would wake the waiter into a lock that the notifier still holds.
-        self._beats: SimpleQueue[int] = SimpleQueue()
+        self._newest_ns: deque[int] = deque(maxlen=1)
+        self._arrival = WakeUp()
 
     def beat(self, arrived_ns: int) -> None:
-        """A frame has arrived; called from the bus, returns at once."""
-        self._beats.put(arrived_ns)
-        if self._beats.qsize() > MAX_BEATS:  # no reader: drop the oldest
-            with suppress(Empty):
-                self._beats.get_nowait()
+        """Note that a frame has arrived; called from the bus, returns at once."""
+        self._newest_ns.append(arrived_ns)
+        self._arrival.wake()
 
     def wait_until(self, deadline_ns: int) -> int | None:
-        """When the newest beat not yet taken arrived; None when none came by the deadline."""
-        newest = self._newest(None)
-        if newest is not None:
-            return newest
-        remaining_ns = deadline_ns - self._now_ns()
-        if remaining_ns <= 0:
-            return None
-        try:
-            return self._newest(self._beats.get(timeout=remaining_ns / NS_PER_S))
-        except Empty:
-            return None
+        """Return when the newest beat not yet taken arrived; None when none came in time."""
+        while (arrived_ns := self._taken()) is None:
+            remaining_s = (deadline_ns - self._now_ns()) / NS_PER_S
+            if remaining_s <= 0 or not self._arrival.wait(remaining_s):
+                return None
+        return arrived_ns
 
-    def _newest(self, newest_ns: int | None) -> int | None:
-        with suppress(Empty):  # `beat` may drop the last one just after it was seen
-            while not self._beats.empty():
-                newest_ns = self._beats.get_nowait()
-        return newest_ns
+    def _taken(self) -> int | None:
+        return self._newest_ns.popleft() if self._newest_ns else None

@@ -21,6 +21,7 @@ from verification.simulation.threads import (
     SimulatedThread,
     SimulatedThreading,
     SimulatedTime,
+    SimulatedWakeUp,
 )
 
 THREADING: Final = SimulatedThreading()
@@ -94,6 +95,7 @@ BLOCKING: Final[tuple[tuple[str, dict[str, object]], ...]] = (
     ("time", {"time": TIME, "monotonic": TIME.monotonic, "monotonic_ns": TIME.monotonic_ns}),
     ("queue", {"SimpleQueue": SimulatedQueue, "Thread": SimulatedThread}),
     ("secrets", {"secrets": Drawn}),
+    ("protocol.pulse", {"WakeUp": SimulatedWakeUp}),
 )
 BLOCKS: Final = (
     "protocol.bus.bus",

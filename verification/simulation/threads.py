@@ -57,6 +57,24 @@ class SimulatedQueue(Generic[T]):
         return not self._items
 
 
+class SimulatedWakeUp:
+    """As protocol.pulse.WakeUp."""
+
+    def __init__(self) -> None:
+        self._calls: SimulatedQueue[None] = SimulatedQueue()
+
+    def wake(self) -> None:
+        if self._calls.empty():
+            self._calls.put(None)
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        try:
+            self._calls.get(timeout=timeout_s)
+        except Empty:
+            return False
+        return True
+
+
 class SimulatedEvent:
     """As threading.Event."""
 

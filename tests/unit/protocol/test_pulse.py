@@ -1,12 +1,20 @@
 """The pulse: wakes the loop when a frame arrives, and keeps only the newest arrival."""
 
+import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import count
-from queue import SimpleQueue
+from time import monotonic, monotonic_ns
 
-from protocol.clock import Pulse
-from protocol.pulse import MAX_BEATS
+import pytest
+
+from plant.process import Wake
+from protocol.clock import NS_PER_S, LockstepClock, Pulse, Stopped
+from protocol.pulse import WakeUp
+
+WAIT_S = 0.02
+RESCUED_S = 5.0
 
 
 def stepping(step_ns: int) -> Iterator[int]:
@@ -45,26 +53,87 @@ def test_a_beat_from_another_thread_ends_the_wait() -> None:
     beater.join()
 
 
-def test_beats_that_nobody_takes_cost_bounded_memory() -> None:
-    pulse = Pulse()
-    for arrived_ns in range(50_000):
-        pulse.beat(arrived_ns)
-    assert pulse._beats.qsize() <= MAX_BEATS
-    assert pulse.wait_until(0) == 49_999
-
-
-class Dropping(SimpleQueue[int]):
-    """The bus's thread drops the oldest beat just after the loop has seen that there is one."""
-
-    def empty(self) -> bool:
-        is_empty = super().empty()
-        if not is_empty:
-            self.get_nowait()
-        return is_empty
-
-
-def test_a_beat_that_is_dropped_while_the_loop_looks_does_not_end_the_loop() -> None:
-    pulse = Pulse(now_ns=lambda: 0)
-    pulse._beats = Dropping()
+def test_a_beat_taken_without_a_wait_does_not_end_the_next_wait() -> None:
+    times = iter([0, 1_000_000])
+    pulse = Pulse(now_ns=lambda: next(times))
     pulse.beat(7)
-    assert pulse.wait_until(0) is None
+    assert pulse.wait_until(0) == 7
+    assert pulse.wait_until(1_000_000) is None
+
+
+def test_several_wake_ups_end_one_wait() -> None:
+    wake_up = WakeUp()
+    for _ in range(3):
+        wake_up.wake()
+    assert wake_up.wait()
+    assert not wake_up.wait(0.0)
+    assert not wake_up.wait(-1.0)
+
+
+class ReleasedMeanwhile:
+    """As a lock that another thread releases between a look and the release."""
+
+    locked = staticmethod(lambda: True)
+
+    @staticmethod
+    def release() -> None:
+        raise RuntimeError("release unlocked lock")
+
+
+def test_two_threads_may_wake_at_once() -> None:
+    wake_up = WakeUp()
+    vars(wake_up)["_held"] = ReleasedMeanwhile()
+    wake_up.wake()
+
+
+def waits_of_pulse() -> tuple[Callable[[], object], Callable[[], None]]:
+    pulse = Pulse()
+    deadline_ns = monotonic_ns() + round(WAIT_S * NS_PER_S)
+    return lambda: pulse.wait_until(deadline_ns), lambda: pulse.beat(0)
+
+
+def waits_of_lockstep() -> tuple[Callable[[], object], Callable[[], None]]:
+    clock = LockstepClock(patience_s=WAIT_S)
+
+    def wait() -> None:
+        with pytest.raises(Stopped, match="no senses"):
+            clock.sleep_until(1)
+
+    return wait, clock.stop
+
+
+def waits_of_plant() -> tuple[Callable[[], object], Callable[[], None]]:
+    wake = Wake()
+    return lambda: wake.wait(WAIT_S) or None, wake
+
+
+@contextmanager
+def interrupted(handler: Callable[[], object], after_s: float) -> Iterator[None]:
+    before = signal.signal(signal.SIGALRM, lambda *_: handler())
+    signal.setitimer(signal.ITIMER_REAL, after_s)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.parametrize("made", [waits_of_pulse, waits_of_lockstep, waits_of_plant])
+def test_a_signal_handler_slower_than_the_deadline_ends_the_wait(
+    made: Callable[[], tuple[Callable[[], object], Callable[[], None]]],
+) -> None:
+    """In CPython before 3.13 a timed SimpleQueue.get never returns then."""
+    began_s = monotonic()
+    wait, rescue = made()
+    timer = threading.Timer(RESCUED_S, rescue)
+    timer.start()
+
+    def outlast_the_deadline() -> None:
+        while monotonic() - began_s < 2 * WAIT_S:
+            pass
+
+    with interrupted(outlast_the_deadline, after_s=WAIT_S / 4):
+        assert wait() is None
+    assert timer.is_alive()  # nothing else has ended the wait
+    timer.cancel()
+    timer.join()
