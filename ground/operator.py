@@ -46,7 +46,7 @@ class RequestIds:
 class Send:
     """Put the question, and listen for an answer for this long."""
 
-    request: Message
+    request: Message | None
     patience_ns: int
 
 

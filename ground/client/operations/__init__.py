@@ -1,0 +1,118 @@
+"""One frozen value per thing that an operator can do; `perform(session)` does it.
+
+Values are checked when they are made: UserError names what is out of range. `moves` says whether an
+operation can move the robot, or change how it moves.
+"""
+
+from typing import Protocol
+
+from ground.client.operations.commands import (
+    COMMANDS,
+    Abort,
+    Arm,
+    ClearEmergencyStop,
+    Disarm,
+    Hold,
+    Mark,
+    Marked,
+    Resume,
+    ReturnHome,
+    SetMode,
+    SetNavigator,
+    StopNow,
+    Stopped,
+)
+from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
+from ground.client.operations.goals import GoalEnded, Goto
+from ground.client.operations.leases import ChangeLease, LeaseShown, ShowLease
+from ground.client.operations.missions import (
+    ClearMission,
+    DownloadMission,
+    FetchMission,
+    Judged,
+    JumpTo,
+    MissionFetched,
+    MissionProgress,
+    MissionWritten,
+    ShowMissionStatus,
+    StartMission,
+    UploadMission,
+)
+from ground.client.operations.parameters import (
+    LoadParameters,
+    ParameterChanged,
+    ParametersLoaded,
+    ParametersSaved,
+    ParameterTable,
+    ResetParameter,
+    SaveParameters,
+    SetParameter,
+    ShowParameters,
+)
+from ground.client.operations.session import NoProgress, Progress, Session
+from ground.client.operations.teleop import DriveByHand, DriveEnded
+from ground.client.results import Outcome
+
+
+class Operation(Protocol):
+    """A thing that an operator can do; `verb` names it as the command line does."""
+
+    @property
+    def verb(self) -> str: ...
+    @property
+    def moves(self) -> bool: ...
+    def perform(self, session: Session) -> Outcome:
+        """Do it; UserError, RemoteError or Unanswered when there is no outcome."""
+
+
+__all__ = [
+    "COMMANDS",
+    "Abort",
+    "Arm",
+    "ChangeLease",
+    "ClearEmergencyStop",
+    "ClearFence",
+    "ClearMission",
+    "Disarm",
+    "DownloadMission",
+    "DriveByHand",
+    "DriveEnded",
+    "FenceShown",
+    "FetchMission",
+    "GoalEnded",
+    "Goto",
+    "Hold",
+    "Judged",
+    "JumpTo",
+    "LeaseShown",
+    "LoadParameters",
+    "Mark",
+    "Marked",
+    "MissionFetched",
+    "MissionProgress",
+    "MissionWritten",
+    "NoProgress",
+    "Operation",
+    "ParameterChanged",
+    "ParameterTable",
+    "ParametersLoaded",
+    "ParametersSaved",
+    "Progress",
+    "ResetParameter",
+    "Resume",
+    "ReturnHome",
+    "SaveParameters",
+    "Session",
+    "SetFence",
+    "SetMode",
+    "SetNavigator",
+    "SetParameter",
+    "ShowFence",
+    "ShowLease",
+    "ShowMissionStatus",
+    "ShowParameters",
+    "StartMission",
+    "StopNow",
+    "Stopped",
+    "UploadMission",
+]

@@ -1,0 +1,221 @@
+"""Operations that are one command to the robot, the emergency stop, and a mark in the log."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Final, NamedTuple
+
+from ground.client.operations.session import Session
+from ground.client.results import Answer, answer_row
+from ground.emergency_stop import EmergencyStop, StopOutcome, outcome_words
+from ground.operator import GaveUp
+from protocol.enums import Command, Mode, Navigator, Severity
+from protocol.reasons import Reason
+from protocol.texts import pieces_of
+from protocol.topics import MARK, STATUS, STOP
+
+MS: Final = 1_000_000
+STOP_S: Final = 5.0
+"""How long an emergency stop that is not acknowledged is repeated."""
+MARK_PATIENCE_S: Final = 0.5
+
+
+class Parts(NamedTuple):
+    """A command of MAVLink with the two parameters that the robot reads."""
+
+    command: Command
+    param1: float = 0.0
+    param2: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Command:
+    """One command; gives up after `timeout_s` in three attempts (1.5 s)."""
+
+    verb: ClassVar[str]
+    moves: ClassVar[bool] = True
+    parts: ClassVar[Parts]
+    timeout_s: float | None = None
+
+    def perform(self, session: Session) -> Answer:
+        request = session.link.command(*self.wire())
+        return session.ask(request, timeout_s=self.timeout_s)
+
+    def wire(self) -> Parts:
+        return self.parts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hold(_Command):
+    """Stand still and keep the goal."""
+
+    verb = "hold"
+    moves = False
+    parts = Parts(Command.DO_PAUSE_CONTINUE, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resume(_Command):
+    """Go on to the goal."""
+
+    verb = "resume"
+    parts = Parts(Command.DO_PAUSE_CONTINUE, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Abort(_Command):
+    """Drop the goal and stand still."""
+
+    verb = "abort"
+    moves = False
+    parts = Parts(Command.SIDESTEP_ABORT_GOAL)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReturnHome(_Command):
+    """Drive back along the robot's own trail."""
+
+    verb = "rtl"
+    parts = Parts(Command.NAV_RETURN_TO_LAUNCH)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arm(_Command):
+    """Let the wheels turn."""
+
+    verb = "arm"
+    parts = Parts(Command.COMPONENT_ARM_DISARM, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disarm(_Command):
+    """Do not let the wheels turn."""
+
+    verb = "disarm"
+    moves = False
+    parts = Parts(Command.COMPONENT_ARM_DISARM, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClearEmergencyStop(_Command):
+    """Release the emergency stop."""
+
+    verb = "clear-estop"
+    parts = Parts(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetMode(_Command):
+    """Choose the mode."""
+
+    verb = "mode"
+    mode: Mode
+
+    def wire(self) -> Parts:
+        return Parts(Command.DO_SET_MODE, 1.0, float(self.mode))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetNavigator(_Command):
+    """Choose the navigator, and the side on which obstacles are passed: 1 left, -1 right, 0 kept."""
+
+    verb = "navigator"
+    navigator: Navigator
+    side: int = 0
+
+    def wire(self) -> Parts:
+        return Parts(Command.SIDESTEP_SET_NAVIGATOR, float(self.navigator), float(self.side))
+
+
+COMMANDS: Final[tuple[type[_Command], ...]] = (
+    Hold,
+    Resume,
+    Abort,
+    ReturnHome,
+    Arm,
+    Disarm,
+    ClearEmergencyStop,
+)
+"""Those without an argument of their own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """The end of an emergency stop; `ok` only when the robot's status shows it."""
+
+    stop: StopOutcome
+    robot: str
+
+    @property
+    def ok(self) -> bool:
+        return self.stop.acknowledged
+
+    @property
+    def text(self) -> str:
+        return outcome_words(self.stop, self.robot)
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        row = answer_row(verb, robot, Reason.NONE, self.stop.took_ns)
+        if self.ok:
+            return row
+        return row | {"ok": False, "reason": self.stop.why, "reason_code": None}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopNow:
+    """Stop the robot: repeated every 50 ms until its status shows the stop, for `timeout_s`.
+
+    Needs no lease, waits for no other request and is refused by nothing.
+    """
+
+    verb: ClassVar[str] = "estop"
+    moves: ClassVar[bool] = False
+    timeout_s: float = STOP_S
+
+    def perform(self, session: Session) -> Stopped:
+        link = session.link
+        with link.hearing(STATUS) as telemetry:
+            publisher = link.bus.publisher(STOP, link.robot)
+            stop = EmergencyStop(
+                link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)
+            )
+            outcome = stop.run(give_up_ns=round(self.timeout_s * 1e9))
+            silent = telemetry.latest(STATUS) is None
+        if silent:
+            raise link.unanswered(GaveUp(outcome.why))
+        return Stopped(outcome, link.robot)
+
+
+@dataclass(frozen=True, slots=True)
+class Marked:
+    """A remark; `ok` when a recorder received it."""
+
+    remark: str
+    ok: bool
+
+    @property
+    def reason(self) -> str:
+        return "" if self.ok else "nobody records: sidestep record DIR"
+
+    @property
+    def text(self) -> str:
+        return self.reason or f"marked: {self.remark}"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        return {"ok": self.ok, "mark": self.remark, "reason": self.reason}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mark:
+    """Publish a remark: recorders write it, and a replay stops there."""
+
+    verb: ClassVar[str] = "mark"
+    moves: ClassVar[bool] = True
+    remark: str
+
+    def perform(self, session: Session) -> Marked:
+        link = session.link
+        publisher = link.bus.publisher(MARK, link.robot)
+        heard = not link.bus.await_matched([publisher], timeout_s=MARK_PATIENCE_S)
+        if heard:
+            for piece in pieces_of(self.remark, link.ids.next() & 0xFFFF or 1, Severity.NOTICE):
+                publisher.put(piece)
+        return Marked(self.remark, heard)

@@ -1,0 +1,168 @@
+"""Drive to a goal: arm if need be, send it, attend the robot, and abort when it must end."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+from ground.client.operations.leases import leased
+from ground.client.operations.session import Session
+from ground.client.results import Accepted, Refused
+from ground.destination import Destination, from_robot, goal_request
+from ground.link import NS_PER_S
+from ground.operator import BEAT_NS, Answered, Asking, GoalEnd, GoalWatch
+from ground.status_line import goal_line
+from ground.telemetry import Telemetry
+from protocol.enums import Command, Mode
+from protocol.errors import RemoteError, UserError
+from protocol.messages import GoalRequest
+from protocol.topics import COMMAND, DECISION, ODOMETRY, STATUS
+
+SHOW_NS: Final = 200_000_000
+SHOW_PLAIN_NS: Final = 2_000_000_000
+ABORT_NS: Final = 300_000_000
+POSE_NS: Final = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class GoalEnded:
+    """The end of a goal: `outcome` is reached, stuck, aborted or timeout.
+
+    `distance_m` is what was left to the goal, None when the robot was not heard. `wall_s` is the
+    time since the operation began, by this machine's clock.
+    """
+
+    outcome: str
+    reason: str
+    distance_m: float | None
+    wall_s: float
+
+    @property
+    def ok(self) -> bool:
+        return self.outcome == "reached"
+
+    @property
+    def text(self) -> str:
+        detail = "" if self.reason == self.outcome else f": {self.reason}"
+        return f"{self.outcome}{detail} after {self.wall_s:.1f} s"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        return {
+            "verb": verb,
+            "robot": robot,
+            "ok": self.ok,
+            "outcome": self.outcome,
+            "reason": self.reason,
+            "distance_m": self.distance_m,
+            "wall_s": round(self.wall_s, 3),
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Goto:
+    """Drive to a goal. Without `wait` the mode is AUTO, which needs no operator.
+
+    `seen_by_robot`: the goal is ahead and left of the robot, not in the world. `timeout_s`: abort
+    after this long; UserError where the operation does not wait for the end.
+    """
+
+    verb: ClassVar[str] = "goto"
+    moves: ClassVar[bool] = True
+    goal: Destination
+    seen_by_robot: bool = False
+    wait: bool = True
+    timeout_s: float | None = None
+
+    def perform(self, session: Session) -> Accepted | Refused | GoalEnded:
+        if self.timeout_s is not None and (not self.wait or session.attended):
+            raise UserError("--timeout is for whoever waits for the end; nobody does")
+        with session.link.hearing(STATUS, ODOMETRY, DECISION) as telemetry:
+            drive = _Drive(session, telemetry)
+            goal = drive.placed(self.goal) if self.seen_by_robot else self.goal
+            if not self.wait or session.attended:
+                mode = Mode.GUIDED if self.wait else Mode.AUTO
+                return drive.send(goal, mode)[0]
+            timeout_ns = None if self.timeout_s is None else round(self.timeout_s * NS_PER_S)
+            with leased(session):
+                return drive.to_the_end(goal, timeout_ns)
+
+
+class _Drive:
+    """One goal of one robot, from arming to its end."""
+
+    def __init__(self, session: Session, telemetry: Telemetry) -> None:
+        self._session = session
+        self._link = session.link
+        self._progress = session.progress
+        self._telemetry = telemetry
+
+    def placed(self, seen: Destination) -> Destination:
+        """Return the place of the world that the robot sees there; RemoteError without a pose."""
+        clock, telemetry = self._link.clock, self._telemetry
+        self._link.wait(lambda: telemetry.fresh(ODOMETRY, clock.now_ns()) is not None, POSE_NS)
+        pose = telemetry.fresh(ODOMETRY, clock.now_ns())
+        if pose is None:
+            raise RemoteError(f"the robot does not say where it is: {self._link.diagnosis()}")
+        return from_robot(seen, pose.x_m, pose.y_m, pose.heading_rad)
+
+    def to_the_end(
+        self, goal: Destination, timeout_ns: int | None
+    ) -> Accepted | Refused | GoalEnded:
+        """Send the goal and follow it; an exception on the way aborts it."""
+        self._link.beat()
+        started_ns = self._link.clock.now_ns()
+        try:
+            answer, request = self.send(goal, Mode.GUIDED)
+            if not answer.ok:
+                return answer
+            self._progress.note(f"goal {goal} accepted")
+            watch = GoalWatch(request.request_id, started_ns, timeout_ns)
+            end = self._follow(watch, request.request_id)
+        except BaseException:
+            self._abort("given up")
+            raise
+        if end.abort:
+            self._abort(end.reason)
+        return self._ended(end, started_ns)
+
+    def send(self, goal: Destination, mode: Mode) -> tuple[Accepted | Refused, GoalRequest]:
+        """Give the goal to the robot; arms one that stands by."""
+
+        def request() -> GoalRequest:
+            return goal_request(goal.on_the_wire(), self._link.ids.next(), mode)
+
+        return self._session.insist(request, beats=mode == Mode.GUIDED)
+
+    def _follow(self, watch: GoalWatch, goal_id: int) -> GoalEnd:
+        clock, last_shown_ns = self._link.clock, 0
+        every_ns = SHOW_NS if self._progress.live else SHOW_PLAIN_NS
+        while True:
+            newest = self._telemetry.latest(STATUS)
+            if newest is not None:
+                watch.receive(*newest)
+            now_ns = clock.now_ns()
+            for _ in watch.due(now_ns):
+                self._link.beat()
+            over = watch.end is not None
+            if now_ns - last_shown_ns >= every_ns or (over and self._progress.live):
+                last_shown_ns = now_ns
+                self._progress.line(
+                    goal_line(self._telemetry, now_ns, watch.silent_ns(now_ns), goal_id)
+                )
+            if watch.end is not None:
+                return watch.end
+            self._link.pulse.wait_until(now_ns + BEAT_NS // 2)
+
+    def _abort(self, why: str) -> None:
+        """Abort once and briefly; a robot that is gone stops by itself."""
+        request, now_ns = self._link.command(Command.SIDESTEP_ABORT_GOAL), self._link.clock.now_ns()
+        asking = Asking(request, now_ns, attempts=1, patience_ns=ABORT_NS)
+        self._link.talk(asking, COMMAND)
+        said = "the robot could not be told; without an operator it stops by itself"
+        if isinstance(asking.outcome, Answered):
+            said = "goal aborted, the robot stops" if asking.outcome.ok else asking.outcome.text
+        self._progress.note(f"{why}: {said}")
+
+    def _ended(self, end: GoalEnd, started_ns: int) -> GoalEnded:
+        wall_s = (self._link.clock.now_ns() - started_ns) / NS_PER_S
+        newest = self._telemetry.latest(STATUS)
+        distance_m = None if newest is None else newest[0].goal_distance_m
+        return GoalEnded(end.outcome, end.reason, distance_m, wall_s)

@@ -1,0 +1,150 @@
+"""The lease: one operator commands the robot, and the robot says which; any operator may stop it.
+
+A lease belongs to a connection and lapses without its heartbeat.
+"""
+
+import os
+import pwd
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+from ground.client.operations.session import Session
+from ground.client.results import Answer, RefusedError
+from ground.holder import lease_status, words_of
+from ground.link import NS_PER_S, Link
+from ground.operator import BEAT_NS, Answered, Asking
+from protocol.enums import LeaseAction
+from protocol.errors import RemoteError, UserError
+from protocol.messages import LeaseRequest, LeaseStatus
+from protocol.topics import LEASE_SERVICE
+
+RELEASE_NS: Final = 200_000_000
+NAME_BYTES: Final = 16
+
+
+def operator_name(name: str | None) -> str:
+    """Return the name that other operators are shown, by default the user's.
+
+    Raises UserError when it does not fit.
+    """
+    if name is None:
+        try:
+            name = pwd.getpwuid(os.getuid()).pw_name
+        except KeyError:
+            name = "operator"
+        return name.encode()[:NAME_BYTES].decode(errors="ignore")
+    if not name.isprintable() or not 0 < len(name.encode()) <= NAME_BYTES:
+        raise UserError(f"{name!r} is no name for an operator: 1 to {NAME_BYTES} letters")
+    return name
+
+
+def ask_lease(link: Link, action: LeaseAction, name: str) -> Answered:
+    request = LeaseRequest(request_id=link.ids.next(), action=action, name=name)
+    return link.ask(request, service=LEASE_SERVICE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeLease:
+    """Take the lease, seize it from another operator, or release it.
+
+    A session that is not attended keeps what it took, with its heartbeat, for `for_s` or until it
+    is interrupted, and gives it back.
+    """
+
+    moves: ClassVar[bool] = True
+    action: LeaseAction
+    name: str | None = None
+    for_s: float | None = None
+
+    @property
+    def verb(self) -> str:
+        return f"lease {self.action.name.lower()}"
+
+    def perform(self, session: Session) -> Answer:
+        link, name = session.link, operator_name(self.name)
+        answer = session.answer(ask_lease(link, self.action, name))
+        if not answer.ok or self.action is LeaseAction.RELEASE or session.attended:
+            return answer
+        session.progress.note(f"{name} commands {link.robot}; Ctrl-C gives the lease back")
+        try:
+            keep(link, self.for_s)
+        finally:
+            give_back(link)
+        return answer
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseShown:
+    """The robot's account of its lease; `ours`: this connection holds it."""
+
+    status: LeaseStatus
+    robot: str
+    ours: bool
+
+    @property
+    def ok(self) -> bool:
+        return True
+
+    @property
+    def text(self) -> str:
+        if not self.status.held:
+            return "nobody holds the lease"
+        who = f"{words_of(self.status)}{' (this is you)' if self.ours else ''}"
+        left_s = self.status.lapses_ms / 1000
+        return f"{who} commands {self.robot}, for {left_s:.1f} s more unless heard"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        status = self.status
+        return {
+            "robot": robot,
+            "ok": True,
+            "held": bool(status.held),
+            "holder": status.holder or None,
+            "name": status.name or None,
+            "lapses_ms": status.lapses_ms if status.held else None,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShowLease:
+    """Read which operator holds the lease; RemoteError when the robot does not say."""
+
+    verb: ClassVar[str] = "lease show"
+    moves: ClassVar[bool] = False
+
+    def perform(self, session: Session) -> LeaseShown:
+        link = session.link
+        found = lease_status(link)
+        if found is None:
+            raise RemoteError(f"nothing is heard of the lease: {link.diagnosis()}")
+        return LeaseShown(found, link.robot, found.holder == link.bus.operator)
+
+
+@contextmanager
+def leased(session: Session, name: str | None = None) -> Iterator[None]:
+    """Hold the lease meanwhile, and give it back; RefusedError when another operator holds it."""
+    answer = session.answer(ask_lease(session.link, LeaseAction.TAKE, operator_name(name)))
+    if not answer.ok:
+        raise RefusedError(answer.text)
+    try:
+        yield
+    finally:
+        give_back(session.link)
+
+
+def keep(link: Link, for_s: float | None) -> None:
+    """Send the operator's heartbeat for so long, or until an exception ends it."""
+    began_ns = link.clock.now_ns()
+    until_ns = None if for_s is None else began_ns + round(for_s * NS_PER_S)
+    while until_ns is None or link.clock.now_ns() < until_ns:
+        link.beat()
+        link.clock.sleep_until(link.clock.now_ns() + BEAT_NS)
+
+
+def give_back(link: Link) -> None:
+    """Release once, and ignore a lost answer: without a heartbeat the lease lapses by itself."""
+    request = LeaseRequest(request_id=link.ids.next(), action=LeaseAction.RELEASE, name="")
+    now_ns = link.clock.now_ns()
+    link.talk(Asking(request, now_ns, attempts=1, patience_ns=RELEASE_NS), LEASE_SERVICE)

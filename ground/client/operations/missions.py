@@ -1,0 +1,325 @@
+"""Missions: send one to the robot, fetch, start, stop and delete it, and read how far it is."""
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import ClassVar, Final
+
+from ground.client.operations.session import Session
+from ground.client.results import Answer, refusal_words
+from ground.holder import who_refuses
+from ground.link import Link
+from ground.missions import files
+from ground.missions.mission import Fence, Home, Mission
+from ground.missions.transfer import Clear, Download, Downloaded, Transfer, Upload, Verdict
+from ground.missions.wire import fence_items_of, fence_of, items_of, waypoints_of
+from ground.operator import GaveUp
+from protocol.enums import Command, MissionState, MissionType
+from protocol.errors import RemoteError
+from protocol.messages import CommandRequest, MissionStatus
+from protocol.reasons import Reason, reason_text
+from protocol.topics import MISSION, MISSION_SERVICE
+
+STATUS_NS: Final = 1_500_000_000
+CURRENT: Final = -1
+"""Starts a mission at the item where it is."""
+NO_MISSION: Final = Verdict(Reason.NO_MISSION, None)
+
+
+# Conversations with the robot's mission service.
+
+
+def send(link: Link, transfer: Transfer) -> Verdict:
+    """Return the verdict on an upload or a deletion; Unanswered when there is none."""
+    outcome = carried(link, transfer)
+    if not isinstance(outcome, Verdict):
+        raise RemoteError("the robot has sent a mission instead of judging one")
+    return outcome
+
+
+def send_fence(link: Link, fence: Fence) -> Verdict:
+    items = fence_items_of(fence)
+    return send(link, Upload(items, MissionType.FENCE, link.clock.now_ns()))
+
+
+def fetch(link: Link, kind: MissionType) -> Downloaded | Verdict:
+    """Return what the robot has, or why it does not tell."""
+    return carried(link, Download(kind, link.clock.now_ns()))
+
+
+def carried(link: Link, transfer: Transfer) -> Downloaded | Verdict:
+    """Put the questions until it is over; Unanswered when the robot is gone."""
+    link.talk(transfer, MISSION_SERVICE)
+    outcome = transfer.outcome
+    if outcome is None or isinstance(outcome, GaveUp):
+        raise link.unanswered(outcome)
+    return outcome
+
+
+def mission_status(link: Link) -> MissionStatus | None:
+    """Return the robot's account of its mission; None when it publishes none."""
+    return link.newest(MISSION, STATUS_NS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """The robot's verdict on a mission or a fence; `done` is the text of a success.
+
+    `item` counts from 1, None: no item in particular. `what` says what the verdict is about.
+    """
+
+    verdict: Verdict
+    done: str
+    what: str = ""
+    holder: str = ""
+
+    @property
+    def ok(self) -> bool:
+        return self.verdict.ok
+
+    @property
+    def reason(self) -> int:
+        return self.verdict.reason
+
+    @property
+    def item(self) -> int | None:
+        return self.verdict.item
+
+    @property
+    def text(self) -> str:
+        if self.ok:
+            return self.done
+        said = f"{self.what}{self.verdict.text}"
+        no = "not saved" if self.verdict.in_force else "refused"
+        return f"{no}: {refusal_words(said, self.verdict.reason, self.holder)}"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        return {
+            "verb": verb,
+            "robot": robot,
+            "ok": self.ok,
+            "reason": f"{self.what}{self.verdict.text}",
+            "reason_code": self.verdict.reason,
+            "item": self.verdict.item,
+        }
+
+
+def judged(link: Link, verdict: Verdict, done: str, what: str = "") -> Judged:
+    """The verdict with the lease holder's name when the robot refused for the lease."""
+    holder = who_refuses(link, verdict.reason)
+    return Judged(verdict=verdict, done=done, what=what, holder=holder)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UploadMission:
+    """Give the robot a mission, whole or not at all; `dropped` was left out of its file.
+
+    The fence goes first, so that the mission is checked against it.
+    """
+
+    verb: ClassVar[str] = "mission upload"
+    moves: ClassVar[bool] = True
+    mission: Mission
+    dropped: tuple[str, ...] = ()
+
+    def perform(self, session: Session) -> Judged:
+        link, mission = session.link, self.mission
+        for what in self.dropped:
+            session.progress.note(f"left out: {what}")
+        if mission.fence is not None:
+            verdict = send_fence(link, mission.fence)
+            if not verdict.in_force:
+                return judged(link, verdict, "", "the fence: ")
+            if not verdict.ok:
+                session.progress.note(f"the fence: {verdict.text}")
+        items = items_of(mission.waypoints)
+        verdict = send(link, Upload(items, MissionType.MISSION, link.clock.now_ns()))
+        return judged(link, verdict, f"ok, the robot has {mission}")
+
+
+@dataclass(frozen=True, slots=True)
+class MissionFetched:
+    """The robot's mission, with its fence."""
+
+    mission: Mission
+
+    @property
+    def ok(self) -> bool:
+        return True
+
+    @property
+    def text(self) -> str:
+        waypoints = enumerate(self.mission.waypoints, start=1)
+        rows = [f"{at}  {waypoint}" for at, waypoint in waypoints]
+        rows += [f"fence: {self.mission.fence}"] if self.mission.fence else []
+        return "\n".join(rows)
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        waypoints = [asdict(waypoint) for waypoint in self.mission.waypoints]
+        return {"verb": verb, "ok": True, "waypoints": waypoints}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FetchMission:
+    """Read the mission that the robot has, with its fence."""
+
+    verb: ClassVar[str] = "mission list"
+    moves: ClassVar[bool] = False
+
+    def perform(self, session: Session) -> MissionFetched | Judged:
+        link = session.link
+        found = fetch(link, MissionType.MISSION)
+        fence = fetch(link, MissionType.FENCE)
+        if isinstance(found, Verdict):
+            return judged(link, found, "")
+        if not found.items:
+            return judged(link, NO_MISSION, "")
+        corners = fence.items if isinstance(fence, Downloaded) else ()
+        mission = Mission(waypoints=waypoints_of(found.items), fence=fence_of(corners))
+        return MissionFetched(mission)
+
+
+@dataclass(frozen=True, slots=True)
+class MissionWritten:
+    """A mission in a file, and what the file has no room for."""
+
+    file: Path
+    mission: Mission
+    lost: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        return True
+
+    @property
+    def text(self) -> str:
+        return files.written(self.file, self.mission, self.lost)
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        row: dict[str, object] = {"verb": verb, "ok": True, "file": str(self.file)}
+        return row | {"items": len(self.mission.waypoints), "lost": list(self.lost)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DownloadMission:
+    """Write the mission that the robot has to a file; `home` is where x and y are 0 on Earth."""
+
+    verb: ClassVar[str] = "mission download"
+    moves: ClassVar[bool] = False
+    file: Path
+    home: Home | None = None
+
+    def perform(self, session: Session) -> MissionWritten | Judged:
+        files.ending_of(self.file)  # refused before anything is asked
+        found = FetchMission().perform(session)
+        if isinstance(found, Judged):
+            return found
+        mission = replace(found.mission, home=self.home)
+        return MissionWritten(self.file, mission, files.write(self.file, mission))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartMission:
+    """Drive the robot's mission from an item (from 1) on; arms a robot that stands by.
+
+    Without an item it goes on where it is, or begins again when it is done.
+    """
+
+    verb: ClassVar[str] = "mission start"
+    moves: ClassVar[bool] = True
+    item: int | None = None
+
+    def perform(self, session: Session) -> Answer:
+        first = first_of(session.link) if self.item is None else self.item - 1
+
+        def request() -> CommandRequest:
+            return session.link.command(Command.MISSION_START, float(first))
+
+        return session.insist(request, beats=False)[0]
+
+
+def first_of(link: Link) -> int:
+    """Return the item at which a mission begins by default, as the wire counts."""
+    found = mission_status(link)
+    over = found is not None and found.state == MissionState.DONE
+    return 0 if over else CURRENT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JumpTo:
+    """Go on with another item of the mission, from 1."""
+
+    verb: ClassVar[str] = "mission jump"
+    moves: ClassVar[bool] = True
+    item: int
+
+    def perform(self, session: Session) -> Answer:
+        return session.ask(
+            session.link.command(Command.DO_SET_MISSION_CURRENT, float(self.item - 1))
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClearMission:
+    """Delete the mission from the robot."""
+
+    verb: ClassVar[str] = "mission clear"
+    moves: ClassVar[bool] = True
+
+    def perform(self, session: Session) -> Judged:
+        link = session.link
+        verdict = send(link, Clear(MissionType.MISSION, link.clock.now_ns()))
+        return judged(link, verdict, "ok, the robot has none")
+
+
+@dataclass(frozen=True, slots=True)
+class MissionProgress:
+    """The robot's account of its mission."""
+
+    status: MissionStatus
+
+    @property
+    def ok(self) -> bool:
+        return True
+
+    @property
+    def text(self) -> str:
+        """One line such as `holding, item 3 of 5, 3.2 s left`."""
+        status = self.status
+        if status.state == MissionState.NONE:
+            return "no mission"
+        left = f", {status.hold_left_ms / 1000:.1f} s left" if status.hold_left_ms else ""
+        reason = f": {reason_text(status.reason)}" if status.reason else ""
+        where = f"item {status.current + 1} of {status.count}"
+        return f"{state_name(status.state)}, {where}{left}{reason}"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        status = self.status
+        return {
+            "robot": robot,
+            "ok": True,
+            "state": state_name(status.state),
+            "items": status.count,
+            "current": status.current + 1 if status.count else None,
+            "hold_left_s": status.hold_left_ms / 1000,
+            "reason": reason_text(status.reason) if status.reason else None,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShowMissionStatus:
+    """Read how far the mission is; RemoteError when the robot does not say."""
+
+    verb: ClassVar[str] = "mission status"
+    moves: ClassVar[bool] = False
+
+    def perform(self, session: Session) -> MissionProgress:
+        status = mission_status(session.link)
+        if status is None:
+            raise RemoteError(f"nothing is heard of the mission: {session.link.diagnosis()}")
+        return MissionProgress(status)
+
+
+def state_name(state: int) -> str:
+    """Return the name of a state; an unknown number stays a number."""
+    known = state in MissionState.__members__.values()
+    return MissionState(state).name.lower() if known else f"state {state}"

@@ -1,0 +1,389 @@
+"""The robot's parameters: its whole list, some of them, or a new value for one or several."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from math import isfinite
+from pathlib import Path
+from types import MappingProxyType
+from typing import ClassVar, Final
+
+from ground.client import parameter_file
+from ground.client.operations.session import Session
+from ground.client.parameter import Parameter, parameters_in, same
+from ground.client.results import Refused
+from ground.link import Link, Unanswered
+from ground.operator import ATTEMPTS, PATIENCE_NS, GaveUp, Send, is_saving
+from protocol.enums import PARAM_TYPE_REAL32
+from protocol.errors import RemoteError, UserError
+from protocol.message import Message
+from protocol.messages import CommandAck, ParamSet, ParamValue
+from protocol.reasons import Reason, reason_text
+from protocol.topics import PARAMETER, PARAMETERS, Service
+
+SAVING_NS: Final = 15_000_000_000
+"""Longer than a robot waits for its disk before it answers NOT_SAVED."""
+LONGEST_NAME: Final = 16
+NOTHING_OTHER: Final = "nothing was other than the file says"
+
+SAVED: Final[Mapping[bool | None, str]] = MappingProxyType(
+    {
+        True: "saved on the robot",
+        False: "until the robot restarts: it runs without --state DIR and saves nothing",
+        None: "in force; whether it is saved the robot does not say",
+    }
+)
+COLUMNS: Final = ("name", "value", "unit", "minimum", "maximum", "default", "safer", "doc")
+ALLOWED: Final[Mapping[str, str]] = MappingProxyType(
+    {"up": ", no lower", "down": ", no higher", "near": ", within a tenth of that"}
+)
+"""Values of a safety parameter, by its direction."""
+
+
+class ParameterExchange:
+    """One question to the robot's parameters, repeated until it is answered.
+
+    Setting the same value twice does no harm. A robot that is still saving the value is asked
+    again, for as long as a slow disk may take.
+    """
+
+    def __init__(self, request: ParamSet | None, now_ns: int) -> None:
+        self.answer: Message | bytes | None = None
+        self.why = ""
+        self.next_ns = now_ns
+        self._request = request
+        self._left = ATTEMPTS
+        self._until_ns = now_ns + SAVING_NS
+        self._given_up = False
+
+    @property
+    def service(self) -> Service:
+        return PARAMETERS if self._request is None else PARAMETER
+
+    @property
+    def over(self) -> bool:
+        return self.answer is not None or self._given_up
+
+    @property
+    def outcome(self) -> GaveUp | None:
+        return GaveUp(self.why) if self._given_up else None
+
+    def due(self, now_ns: int) -> list[Send]:
+        if self.over or now_ns < self.next_ns:
+            return []
+        if not self._left or now_ns >= self._until_ns:
+            self._given_up = True
+            return []
+        self._left -= 1
+        self.next_ns = now_ns + PATIENCE_NS
+        return [Send(self._request, PATIENCE_NS)]
+
+    def receive(self, answer: object, now_ns: int) -> None:
+        if is_saving(answer):
+            self._left, self.next_ns = ATTEMPTS, now_ns
+            self.why = "it is in force, and still being saved"
+        elif isinstance(answer, Message | bytes):
+            self.answer = answer
+
+    def unanswered(self, why: str) -> None:
+        self.why = why
+
+
+def ask(link: Link, request: ParamSet | None) -> Message | bytes:
+    """Return the robot's answer; Unanswered says what is missing when there is none."""
+    exchange = ParameterExchange(request, link.clock.now_ns())
+    link.talk(exchange, exchange.service)
+    if exchange.answer is None:
+        raise Unanswered(f"{link.diagnosis()} ({exchange.why})")
+    return exchange.answer
+
+
+def fetch(link: Link) -> list[Parameter]:
+    """Return the robot's list; RemoteError when it does not come or cannot be read."""
+    answer = ask(link, None)
+    if not isinstance(answer, bytes):
+        raise RemoteError("the robot answers, but not with a list of parameters")
+    return parameters_in(answer)
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterTable:
+    """Some parameters of the robot; `wide` shows all about each, else its value."""
+
+    parameters: tuple[Parameter, ...]
+    wide: bool = True
+
+    @property
+    def ok(self) -> bool:
+        return True
+
+    @property
+    def text(self) -> str:
+        if not self.parameters:
+            return "all are as they are by default"
+        return table(self.parameters) if self.wide else "\n".join(map(line, self.parameters))
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        return {"parameters": [one.as_json() for one in self.parameters]}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShowParameters:
+    """Read those whose names match a pattern such as `sonar_*`; UserError when none does.
+
+    `only_changed`: those that differ from their defaults, perhaps none.
+    """
+
+    moves: ClassVar[bool] = False
+    pattern: str = "*"
+    wide: bool = True
+    only_changed: bool = False
+
+    @property
+    def verb(self) -> str:
+        return "param list" if self.wide else "param get"
+
+    def perform(self, session: Session) -> ParameterTable:
+        found = fetch(session.link)
+        chosen = tuple(one for one in found if fnmatchcase(one.name, self.pattern))
+        if self.only_changed:
+            return ParameterTable(tuple(one for one in chosen if not one.is_usual))
+        if not chosen:
+            raise UserError(f"no parameter matches {self.pattern!r}: sidestep param list")
+        return ParameterTable(chosen, self.wide)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterChanged:
+    """The answer to a new value; `now` is the one in force, None when the robot refused.
+
+    `saved`: it survives a restart; None when the robot does not say.
+    """
+
+    name: str
+    asked: float
+    now: float | None
+    saved: bool | None = None
+    refusal: str = ""
+
+    @property
+    def ok(self) -> bool:
+        now = self.now
+        return now is not None and isfinite(now) and same(now, self.asked)
+
+    @property
+    def text(self) -> str:
+        if self.now is None:
+            return f"refused: {self.name} = {number(self.asked)}: {self.refusal}"
+        if not self.ok:
+            return f"kept at {self.now:g}"
+        return f"{self.name} = {number(self.now)}, {SAVED[self.saved]}"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        row: dict[str, object] = {"verb": "param set", "robot": robot, "name": self.name}
+        row |= {"ok": self.ok, "value": self.now}
+        if self.now is None:
+            return row | {"reason": self.refusal}
+        return row | {"reason": "ok" if self.ok else "another value is kept", "saved": self.saved}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetParameter:
+    """Give one parameter a value, in its own unit; a robot with --state saves it."""
+
+    verb: ClassVar[str] = "param set"
+    moves: ClassVar[bool] = True
+    name: str
+    value: float
+
+    def __post_init__(self) -> None:
+        if not self.name or len(self.name) > LONGEST_NAME or not self.name.isascii():
+            raise UserError(f"{self.name!r} cannot be a parameter: 1 to 16 letters, digits and _")
+
+    def perform(self, session: Session) -> ParameterChanged:
+        link = session.link
+        found = set_value(link, self.name, self.value)
+        if isinstance(found, Refused):
+            refusal = reason_text(found.reason) + hint(link, self.name, found.reason)
+            return ParameterChanged(name=self.name, asked=self.value, now=None, refusal=refusal)
+        changed = ParameterChanged(name=self.name, asked=self.value, now=found)
+        return replace(changed, saved=is_saved(link, self.name))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResetParameter:
+    """Give one parameter its default value."""
+
+    verb: ClassVar[str] = "param reset"
+    moves: ClassVar[bool] = True
+    name: str
+
+    def perform(self, session: Session) -> ParameterChanged:
+        value = default_of(fetch(session.link), self.name)
+        return SetParameter(name=self.name, value=value).perform(session)
+
+
+@dataclass(frozen=True, slots=True)
+class ParametersSaved:
+    """Names of the parameters in a file, or, without one, of those that the robot keeps."""
+
+    names: tuple[str, ...]
+    file: Path | None = None
+
+    @property
+    def ok(self) -> bool:
+        return self.file is not None or bool(self.names)
+
+    @property
+    def text(self) -> str:
+        names = ", ".join(self.names)
+        if self.file is not None:
+            return f"{self.file}: {names or 'none is other than by default'}"
+        if names:
+            return f"nothing to do: saved on the robot: {names}"
+        return "nothing is saved; a robot with --state DIR saves each value when it is set"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        file = {} if self.file is None else {"file": str(self.file)}
+        return {"verb": "param save", "ok": self.ok, **file, "saved": list(self.names)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SaveParameters:
+    """Write what differs from the defaults to a file; without one, say what the robot keeps."""
+
+    verb: ClassVar[str] = "param save"
+    moves: ClassVar[bool] = False
+    file: Path | None = None
+
+    def perform(self, session: Session) -> ParametersSaved:
+        found = fetch(session.link)
+        if self.file is None:
+            return ParametersSaved(tuple(one.name for one in found if one.saved))
+        return ParametersSaved(tuple(parameter_file.write(self.file, found)), self.file)
+
+
+@dataclass(frozen=True, slots=True)
+class ParametersLoaded:
+    """Names of the parameters that were set, and the refusal that ended it, if there was one."""
+
+    names: tuple[str, ...]
+    refusal: str = ""
+
+    @property
+    def ok(self) -> bool:
+        return not self.refusal
+
+    @property
+    def text(self) -> str:
+        done = f"set: {', '.join(self.names)}" if self.names else NOTHING_OTHER
+        return f"{self.refusal}; {done}" if self.refusal else done
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        names = list(self.names)
+        return {"verb": "param load", "ok": self.ok, "set": names, "reason": self.refusal}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadParameters:
+    """Set all that a file says; nothing is set unless all of it can be (ConfigError)."""
+
+    verb: ClassVar[str] = "param load"
+    moves: ClassVar[bool] = True
+    file: Path
+
+    def perform(self, session: Session) -> ParametersLoaded:
+        found = fetch(session.link)
+        wanted = parameter_file.read(self.file, found)
+        values = {one.name: one.value for one in found}
+        done: list[str] = []
+        for name, value in wanted.items():
+            if same(values[name], value):
+                continue
+            answer = set_value(session.link, name, value)
+            if isinstance(answer, Refused):
+                refusal = f"refused: {name} = {number(value)}: {reason_text(answer.reason)}"
+                return ParametersLoaded(tuple(done), refusal)
+            done.append(name)
+        return ParametersLoaded(tuple(done))
+
+
+def set_value(link: Link, name: str, value: float) -> float | Refused:
+    """Set one; return the value that is in force now, or the refusal."""
+    asked_ns = link.clock.now_ns()
+    answer = ask(link, ParamSet(param_id=name, param_value=value, param_type=PARAM_TYPE_REAL32))
+    if isinstance(answer, ParamValue):
+        return float(answer.param_value)
+    took_ns = link.clock.now_ns() - asked_ns
+    reason = answer.result_param2 if isinstance(answer, CommandAck) else Reason.MALFORMED
+    return Refused(reason, took_ns)
+
+
+def is_saved(link: Link, name: str) -> bool | None:
+    """Return whether the value in force survives a restart; None when the robot does not say."""
+    try:
+        found = fetch(link)
+    except RemoteError:
+        return None
+    return next((one.saved for one in found if one.name == name), None)
+
+
+def default_of(parameters: Sequence[Parameter], name: str) -> float:
+    """UserError when the robot has no such parameter, or does not tell its default."""
+    defaults = {one.name: one.default for one in parameters}
+    value = defaults.get(name)
+    if value is None:
+        near = get_close_matches(name, defaults, n=1)
+        fix = f"did you mean {near[0]}?" if near else "sidestep param list"
+        raise UserError(f"no parameter {name!r} with a default: {fix}")
+    return value
+
+
+def hint(link: Link, name: str, reason: int) -> str:
+    """Return what the robot would have taken, by its own list; empty when it does not tell."""
+    try:
+        found = {one.name: one for one in fetch(link)}
+    except RemoteError:
+        return ""
+    if reason == Reason.UNKNOWN_PARAMETER:
+        near = get_close_matches(name, found, n=1)
+        return f"; did you mean {near[0]}?" if near else "; see sidestep param list"
+    one = found.get(name)
+    if one is None:
+        return ""
+    if reason == Reason.LESS_SAFE_THAN_CONFIGURED and one.configured is not None:
+        configured = f"{number(one.configured)} {one.unit}".rstrip()
+        return f"; configured: {configured}{ALLOWED.get(one.direction, '')}"
+    if reason != Reason.PARAMETER_OUT_OF_RANGE or one.minimum is None or one.maximum is None:
+        return ""
+    limits = f"{number(one.minimum)} to {number(one.maximum)} {one.unit}"
+    return f"; it takes {limits.rstrip()}"
+
+
+def line(parameter: Parameter) -> str:
+    unit = f" {parameter.unit}" if parameter.unit else ""
+    return f"{parameter.name} = {number(parameter.value)}{unit}"
+
+
+def table(parameters: Sequence[Parameter]) -> str:
+    """Columns as wide as they must be; a value that is not the default is marked."""
+    cells = [list(COLUMNS), *map(cells_of, parameters)]
+    widths = [max(len(one[at]) for one in cells) for at in range(len(COLUMNS))]
+    return "\n".join(
+        "  ".join(text.ljust(width) for text, width in zip(one, widths, strict=True)).rstrip()
+        for one in cells
+    )
+
+
+def cells_of(one: Parameter) -> list[str]:
+    """In the order of COLUMNS."""
+    mark = "" if one.value == one.default else " *"
+    numbers = [
+        "" if value is None else number(value) for value in (one.minimum, one.maximum, one.default)
+    ]
+    return [one.name, number(one.value) + mark, one.unit, *numbers, one.direction, one.doc]
+
+
+def number(value: float) -> str:
+    return f"{value:.7g}"

@@ -1,0 +1,109 @@
+"""What every operation works with: the link, where progress is shown, and who attends the robot."""
+
+from collections.abc import Callable, Sequence
+from typing import Final, Protocol, TypeVar
+
+from ground.client.results import Accepted, Answer, Refused
+from ground.holder import who_refuses
+from ground.link import Link
+from ground.operator import ATTEMPTS, BEAT_NS, PATIENCE_NS, Answered, Request
+from ground.parts import Part
+from protocol.enums import Command, Vehicle
+from protocol.reasons import Reason
+from protocol.topics import COMMAND, STATUS, Service
+
+R = TypeVar("R", bound=Request)
+INSIST_NS: Final = 2_000_000_000
+STATUS_NS: Final = 1_000_000_000
+
+
+class Progress(Protocol):
+    """Where an operation reports what happens before its outcome."""
+
+    @property
+    def live(self) -> bool:
+        """Whether `line` replaces the line before, so that it may be called often."""
+
+    def note(self, text: str) -> None: ...
+    def line(self, parts: Sequence[Part]) -> None: ...
+
+
+class NoProgress:
+    """Reports nothing."""
+
+    live = False
+
+    def note(self, text: str) -> None:
+        """Drop it."""
+
+    def line(self, parts: Sequence[Part]) -> None:
+        """Drop it."""
+
+
+class Session:
+    """One operator's work with one robot.
+
+    `attended`: another part of this process holds the lease, sends the operator's heartbeat and
+    watches the goal. An operation then ends with the robot's answer. Otherwise it does all this
+    itself, until its own end.
+    """
+
+    def __init__(
+        self, link: Link, progress: Progress | None = None, *, attended: bool = False
+    ) -> None:
+        self.link = link
+        self.progress: Progress = progress or NoProgress()
+        self.attended = attended
+
+    def ask(
+        self,
+        request: Request,
+        *,
+        timeout_s: float | None = None,
+        service: Service = COMMAND,
+    ) -> Answer:
+        """Ask up to three times, within `timeout_s` (1.5 s); Unanswered says what is missing."""
+        patience_ns = PATIENCE_NS
+        if timeout_s is not None:
+            patience_ns = max(1, round(timeout_s * 1e9 / ATTEMPTS))
+        return self.answer(self.link.ask(request, patience_ns=patience_ns, service=service))
+
+    def answer(self, answered: Answered) -> Answer:
+        """Return the robot's answer, with the lease holder's name when it refused for the lease."""
+        if answered.ok:
+            return Accepted(answered.took_ns)
+        holder = who_refuses(self.link, answered.reason)
+        return Refused(answered.reason, answered.took_ns, holder)
+
+    def insist(self, request: Callable[[], R], *, beats: bool) -> tuple[Answer, R]:
+        """Ask until the robot agrees or nothing more can be done; the answer and its request.
+
+        Arms a robot that stands by, never one in a failsafe or an emergency stop. With `beats`,
+        sends the operator's heartbeat when the robot misses it.
+        """
+        deadline_ns = self.link.clock.now_ns() + INSIST_NS
+        while True:
+            asked = request()
+            answered = self.link.ask(asked)
+            late = self.link.clock.now_ns() > deadline_ns
+            if answered.ok or late or not self._remedied(answered.reason, beats=beats):
+                return self.answer(answered), asked
+
+    def arm_if_standing_by(self) -> bool:
+        """Arm a robot in STANDBY; return whether it was armed now."""
+        newest = self.link.newest(STATUS, STATUS_NS)
+        if newest is None or newest.vehicle != Vehicle.STANDBY:
+            return False
+        answer = self.answer(self.link.ask(self.link.command(Command.COMPONENT_ARM_DISARM, 1.0)))
+        self.progress.note("armed" if answer.ok else f"arming was {answer.text}")
+        return answer.ok
+
+    def _remedied(self, reason: int, *, beats: bool) -> bool:
+        """Remove the cause of a refusal where that is possible; return whether to ask again."""
+        if reason == Reason.NOT_ARMED:
+            return self.arm_if_standing_by()
+        if reason == Reason.NO_OPERATOR and beats:
+            self.link.beat()
+            self.link.clock.sleep_until(self.link.clock.now_ns() + BEAT_NS // 4)
+            return True
+        return False

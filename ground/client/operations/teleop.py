@@ -1,0 +1,119 @@
+"""Drive by hand in MANUAL. Each speed is good for a moment only, so silence is a stop."""
+
+from contextlib import suppress
+from dataclasses import dataclass
+from math import radians
+from typing import ClassVar, Final
+
+from ground.client.operations.leases import leased
+from ground.client.operations.session import Session
+from ground.client.results import Answer
+from ground.link import NS_PER_S, Link
+from ground.operator import Pace
+from ground.options import within
+from ground.teleop import FASTEST_DEG_S, FASTEST_M_S, RATE_HZ, Stick
+from protocol.clock import ticks
+from protocol.enums import Command, Mode, Vehicle
+from protocol.errors import RemoteError, UserError
+from protocol.messages import CommandRequest, NavigatorStatus
+from protocol.reasons import reason_text
+from protocol.topics import STATUS
+
+HOLD_NS: Final = 300_000_000
+SETTLE_NS: Final = 500_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class DriveEnded:
+    """The end of a drive by hand; `reason` is empty when its time was up."""
+
+    reason: str
+
+    @property
+    def ok(self) -> bool:
+        return not self.reason
+
+    @property
+    def text(self) -> str:
+        return f"stopped: {self.reason}" if self.reason else "done, the robot holds"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        return {"verb": verb, "robot": robot, "ok": self.ok, "reason": self.reason}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveByHand:
+    """Drive at a speed (m/s, negative: backwards) and a turn (deg/s, positive: left).
+
+    Ends after `for_s`, or when it is interrupted; then the robot holds.
+    """
+
+    verb: ClassVar[str] = "teleop"
+    moves: ClassVar[bool] = True
+    speed_m_s: float
+    turn_deg_s: float
+    for_s: float | None = None
+
+    def __post_init__(self) -> None:
+        within(self.speed_m_s, -FASTEST_M_S, FASTEST_M_S, "speed", "m/s")
+        within(self.turn_deg_s, -FASTEST_DEG_S, FASTEST_DEG_S, "turn", "deg/s")
+
+    def perform(self, session: Session) -> Answer | DriveEnded:
+        if not session.attended:
+            with leased(session):
+                return self._drive(session)
+        if self.for_s is None:
+            raise UserError(
+                "say for how long: teleop SPEED YAW_DEG_S --for S; or teleop for the keys"
+            )
+        return self._drive(session)
+
+    def _drive(self, session: Session) -> Answer | DriveEnded:
+        link = session.link
+        link.beat()
+        answer, _ = session.insist(lambda: set_mode(link, Mode.MANUAL), beats=True)
+        if not answer.ok:
+            return answer
+        session.arm_if_standing_by()
+        stick = Stick(link)
+        try:
+            return DriveEnded(self._keep_driving(link, stick))
+        finally:
+            stick.stop()
+            hold(link)
+
+    def _keep_driving(self, link: Link, stick: Stick) -> str:
+        """Return why it ended early; empty when its time was up."""
+        pace, began_ns = Pace(), link.clock.now_ns()
+        until_ns = None if self.for_s is None else began_ns + round(self.for_s * NS_PER_S)
+        with link.hearing(STATUS) as telemetry:
+            for _ in ticks(link.clock, RATE_HZ):
+                now_ns = link.clock.now_ns()
+                if until_ns is not None and now_ns >= until_ns:
+                    break
+                newest = telemetry.latest(STATUS)
+                if newest is not None and (why := taken_away(newest[0], now_ns - began_ns)):
+                    return why
+                if pace.due(now_ns, 0 if newest is None else newest[0].time_ns):
+                    link.beat()
+                stick.drive(self.speed_m_s, radians(self.turn_deg_s))
+        return ""
+
+
+def taken_away(status: NavigatorStatus, driven_ns: int) -> str:
+    """Return why the robot no longer follows the operator; empty while it does."""
+    if status.vehicle != Vehicle.ACTIVE and driven_ns > SETTLE_NS:
+        return reason_text(status.vehicle_reason) if status.vehicle_reason else "not armed"
+    if status.mode != Mode.MANUAL and driven_ns > SETTLE_NS:
+        return "the robot has left MANUAL"
+    return ""
+
+
+def set_mode(link: Link, mode: Mode) -> CommandRequest:
+    return link.command(Command.DO_SET_MODE, 1.0, float(mode))
+
+
+def hold(link: Link) -> None:
+    """Ask once and briefly: a robot that does not hear it stops by itself."""
+    with suppress(RemoteError):
+        link.ask(set_mode(link, Mode.HOLD), attempts=1, patience_ns=HOLD_NS)

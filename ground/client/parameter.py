@@ -1,0 +1,77 @@
+"""One parameter of the robot as a typed value, read from the robot's list."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from math import isclose
+
+from ground.param_rows import rows_in
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A parameter and the robot's account of it; None where the robot does not say.
+
+    `value`, `default`, `minimum`, `maximum` and `configured` are in `unit`. `direction` is the
+    safer one: up, down or near; empty for a parameter that safety does not rest on. `saved`: the
+    value survives a restart. `received` is all that the robot listed, for output as JSON.
+    """
+
+    name: str
+    value: float
+    default: float | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    configured: float | None = None
+    unit: str = ""
+    direction: str = ""
+    doc: str = ""
+    integer: bool = False
+    saved: bool | None = None
+    received: Mapping[str, object] = field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether it has its default value, to the precision of the wire."""
+        return self.default is None or same(self.value, self.default)
+
+    def with_value(self, value: float) -> "Parameter":
+        return replace(self, value=value, received={**self.received, "value": value})
+
+    def as_json(self) -> dict[str, object]:
+        return dict(self.received)
+
+
+def same(one: float, other: float) -> bool:
+    """Whether two values are equal to the precision of the wire, which is single."""
+    return isclose(one, other, rel_tol=1e-6, abs_tol=1e-9)
+
+
+def parameters_in(answer: bytes | str) -> list[Parameter]:
+    """Read the robot's list; RemoteError names what is wrong with it."""
+    return [_parameter(row) for row in rows_in(answer)]
+
+
+def _parameter(row: Mapping[str, object]) -> Parameter:
+    """`rows_in` has judged the types of what is read here."""
+    numbers = {
+        key: value
+        for key in ("default", "minimum", "maximum", "configured")
+        if isinstance(value := row.get(key), int | float) and not isinstance(value, bool)
+    }
+    texts = {key: str(row[key]) for key in ("unit", "direction", "doc") if key in row}
+    saved, value = row.get("saved"), row["value"]
+    assert isinstance(value, int | float), "the list has been judged"
+    return Parameter(
+        name=str(row["name"]),
+        value=value,
+        default=numbers.get("default"),
+        minimum=numbers.get("minimum"),
+        maximum=numbers.get("maximum"),
+        configured=numbers.get("configured"),
+        unit=texts.get("unit", ""),
+        direction=texts.get("direction", ""),
+        doc=texts.get("doc", ""),
+        integer=row.get("integer") is True,
+        saved=saved if isinstance(saved, bool) else None,
+        received=row,
+    )

@@ -1,0 +1,57 @@
+"""Parameters in a file: `[parameters]` of NAME = VALUE, as the robot's own `--config` has them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from ground import whole_file
+from ground.client.parameter import Parameter
+from ground.param_rows import NAME
+from protocol.config import read_toml, unknown_key
+from protocol.errors import ConfigError, UserError
+from protocol.terminal import printable
+
+TABLE: Final = "parameters"
+HUGE: Final = 1e300
+"""A whole number in TOML may be longer than a float can be."""
+
+
+def write(path: Path, parameters: Sequence[Parameter]) -> list[str]:
+    """Write those that differ from their defaults; return their names. UserError when it fails."""
+    chosen = [one for one in parameters if not one.is_usual]
+    lines = [f"{_key(one)} = {one.value!r}  # {printable(one.doc)}".rstrip(" #") for one in chosen]
+    whole_file.replace(path, "\n".join([f"[{TABLE}]", *lines, ""]))
+    return [one.name for one in chosen]
+
+
+def _key(parameter: Parameter) -> str:
+    """The name as a key of TOML; UserError for a name that cannot be one."""
+    if not NAME.match(parameter.name):
+        name = parameter.name
+        raise UserError(f"{name!r} is no name of a parameter: 1 to 16 letters, digits and _")
+    return parameter.name
+
+
+def read(path: Path, parameters: Sequence[Parameter]) -> dict[str, float]:
+    """Return the values of a file by name; ConfigError names what this robot cannot have."""
+    table = read_toml(path).get(TABLE)
+    if not isinstance(table, dict):
+        fix = f"write [{TABLE}] and under it NAME = VALUE"
+        raise ConfigError(file=str(path), key=TABLE, reason="is missing", fix=fix)
+    known = {one.name: one for one in parameters}
+    for name, value in table.items():
+        key = f"{TABLE}.{name}"
+        if name not in known:
+            raise unknown_key(key, name, list(known), file=str(path))
+        if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > HUGE:
+            raise ConfigError(file=str(path), key=key, reason="is no number", fix="write one")
+        _judge_range(str(path), key, float(value), known[name])
+    return {name: float(value) for name, value in table.items()}
+
+
+def _judge_range(file: str, key: str, value: float, parameter: Parameter) -> None:
+    low, high = parameter.minimum, parameter.maximum
+    if low is not None and high is not None and not low <= value <= high:
+        reason = f"{value:g} is out of range"
+        unit = f" {parameter.unit}" if parameter.unit else ""
+        raise ConfigError(file=file, key=key, reason=reason, fix=f"give {low:g} to {high:g}{unit}")

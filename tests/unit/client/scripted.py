@@ -1,0 +1,175 @@
+"""A link whose bus answers from a script, on a clock of its own."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ground.client.operations import Session
+from ground.link import Link
+from ground.operator import NO_COMMAND, Request, command_of
+from ground.options import Common
+from ground.parts import Part, in_words
+from protocol.clock import ManualClock
+from protocol.enums import AckResult, GoalState, Mode, Navigator, Vehicle
+from protocol.errors import NoAnswer
+from protocol.message import Message
+from protocol.messages import CommandAck, LeaseStatus, NavigatorStatus
+from protocol.network import Network
+from protocol.reasons import Reason
+from protocol.topics import LEASE, STATUS, Service, Topic
+from tests.boxes import Box, Wireless
+
+MS = 1_000_000
+ANSWER_NS = 14 * MS
+
+Reply = Message | bytes | Reason | None
+Script = Callable[[Message | None], Reply]
+
+
+class Sent:
+    """A publisher that keeps what it was given."""
+
+    ready = True
+
+    def __init__(self, topic: Topic[Any], kept: list[tuple[str, Message]]) -> None:
+        self.key = topic.path
+        self._kept = kept
+
+    def put(self, message: Message) -> None:
+        self._kept.append((self.key, message))
+
+
+class ScriptedBus(Wireless):
+    """Answers each question by the next item of `script`: None is a lost answer.
+
+    When the script is over, commands are accepted.
+    """
+
+    holder = None
+    operator = "open/0a"
+
+    def __init__(self, clock: ManualClock, script: Sequence[Reply]) -> None:
+        super().__init__()
+        self.clock = clock
+        self.script = list(script)
+        self.asked: list[tuple[str, Message | None]] = []
+        self.sent: list[tuple[str, Message]] = []
+        self.heard_by = True
+        self.forgotten = 0
+
+    def ask(
+        self,
+        service: Service,
+        message: Message | None = None,
+        timeout_s: float = 0.5,
+        robot: str | None = None,
+    ) -> Message | bytes:
+        self.asked.append((service.path, message))
+        reply = self.script.pop(0) if self.script else Reason.NONE
+        if reply is None:
+            self.clock.advance(round(timeout_s * 1e9))
+            raise NoAnswer("no answer within the time")
+        self.clock.advance(ANSWER_NS)
+        return ack(message, reply) if isinstance(reply, Reason) else reply
+
+    def publisher(self, topic: Topic[Any], robot: str | None = None) -> Any:
+        return Sent(topic, self.sent)
+
+    def await_matched(self, publishers: Any, timeout_s: float) -> list[str]:
+        return [] if self.heard_by else ["nobody"]
+
+    def forget(self, mailbox: Any) -> None:
+        self.forgotten += 1
+
+    def present(self, timeout_s: float = 1.0) -> list[Any]:
+        return []
+
+    def lost(self) -> str:
+        return ""
+
+    def says(self, topic: Topic[Any], message: Message) -> None:
+        """From now on whoever listens to the topic has this as the newest message."""
+        box = self.boxes.setdefault(topic.path, Box(topic))
+        box.newest = (message, self.clock.now_ns())
+
+    @property
+    def requests(self) -> list[Any]:
+        return [message for _, message in self.asked]
+
+
+class Pulse:
+    """Time passes when it is waited for."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        self._clock = clock
+
+    def beat(self, now_ns: int) -> None:
+        """Nothing arrives by itself."""
+
+    def wait_until(self, deadline_ns: int) -> None:
+        self._clock.sleep_until(deadline_ns)
+
+
+class Notes:
+    """Progress that a test can look at."""
+
+    live = False
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+        self.lines: list[str] = []
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+    def line(self, parts: Sequence[Part]) -> None:
+        self.lines.append(in_words(parts))
+
+
+class Stage:
+    """A session over a scripted bus."""
+
+    def __init__(self, *script: Reply, attended: bool = False) -> None:
+        self.clock = ManualClock(1_000 * MS)
+        self.bus = ScriptedBus(self.clock, script)
+        network = Network(mode="client", connect=("tcp/127.0.0.1:1",))
+        self.link = Link(self.bus, Common(network=network, robot="r1"), self.clock)
+        self.link.pulse = Pulse(self.clock)  # type: ignore[assignment]
+        self.notes = Notes()
+        self.session = Session(self.link, self.notes, attended=attended)
+
+
+def ack(request: Message | None, reason: Reason) -> CommandAck:
+    """What a robot answers to a command, a goal or a request for the lease."""
+    command = command_of(request) if isinstance(request, Request) else NO_COMMAND
+    result = AckResult.DENIED if reason else AckResult.ACCEPTED
+    return CommandAck(command=command, result=result, result_param2=reason)
+
+
+def lease_of(name: str) -> LeaseStatus:
+    return LeaseStatus(time_ns=1, lapses_ms=2000, held=1, holder="open/beef", name=name)
+
+
+def status(vehicle: Vehicle = Vehicle.ACTIVE, **changes: Any) -> NavigatorStatus:
+    fields: dict[str, Any] = {
+        "time_ns": 1,
+        "goal_started_ns": 0,
+        "goal_ended_ns": 0,
+        "goal_id": 0,
+        "goal_x_m": 0.0,
+        "goal_y_m": 0.0,
+        "goal_heading_rad": 0.0,
+        "goal_distance_m": 1.5,
+        "vehicle": vehicle,
+        "mode": Mode.GUIDED,
+        "goal": GoalState.NONE,
+        "vehicle_reason": Reason.NONE,
+        "goal_reason": Reason.NONE,
+        "navigator": Navigator.VGM,
+        "side": 1,
+    }
+    return NavigatorStatus(**{**fields, **changes})
+
+
+HELD = (LEASE, lease_of("anna"))
+STANDBY = (STATUS, status(Vehicle.STANDBY))
+IN_PROGRESS = CommandAck(command=0, result=AckResult.IN_PROGRESS)

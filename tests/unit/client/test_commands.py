@@ -1,0 +1,140 @@
+"""Commands: accepted, refused with a remedy, repeated under one id, and given up with a reason."""
+
+import pytest
+
+from ground.client.operations import (
+    COMMANDS,
+    Arm,
+    Hold,
+    Mark,
+    Operation,
+    SetMode,
+    SetNavigator,
+    StopNow,
+)
+from ground.client.results import Accepted, Refused, RefusedError, agreed
+from ground.link import Unanswered
+from ground.operator import ATTEMPTS
+from protocol.enums import Command, Mode, Navigator, Vehicle
+from protocol.reasons import Reason
+from protocol.topics import STATUS, STOP
+from tests.unit.client.scripted import ANSWER_NS, HELD, Stage, status
+
+
+def test_agreement_is_accepted_with_the_time_it_took() -> None:
+    stage = Stage()
+    outcome = Hold().perform(stage.session)
+    assert outcome == Accepted(ANSWER_NS)
+    assert outcome.text == "ok 14 ms"
+    assert outcome.as_json("hold", "r1") == {
+        "verb": "hold",
+        "robot": "r1",
+        "ok": True,
+        "reason": "ok",
+        "reason_code": 0,
+        "took_ms": 14.0,
+    }
+
+
+def test_refusal_names_the_reason_and_the_remedy() -> None:
+    outcome = Arm().perform(Stage(Reason.EMERGENCY_STOPPED).session)
+    assert isinstance(outcome, Refused)
+    assert (outcome.ok, outcome.reason) == (False, Reason.EMERGENCY_STOPPED)
+    assert outcome.text.startswith("refused: ")
+    assert outcome.text.endswith("(sidestep clear-estop)")
+    with pytest.raises(RefusedError, match="clear-estop"):
+        agreed(outcome)
+
+
+def test_refusal_for_the_lease_names_its_holder() -> None:
+    stage = Stage(Reason.LEASE_HELD)
+    stage.bus.says(*HELD)
+    outcome = Arm().perform(stage.session)
+    assert isinstance(outcome, Refused)
+    assert (outcome.holder, "anna (sidestep lease seize)" in outcome.text) == ("anna", True)
+
+
+def test_lost_answers_are_asked_for_again_under_one_id() -> None:
+    stage = Stage(None, None, Reason.NONE)
+    assert Hold().perform(stage.session).ok
+    assert len(stage.bus.requests) == 3
+    assert len({request.request_id for request in stage.bus.requests}) == 1
+
+
+@pytest.mark.parametrize("reason", [Reason.TOO_LATE, Reason.TOO_MANY_REQUESTS])
+def test_request_that_the_robot_did_not_look_at_is_repeated(reason: Reason) -> None:
+    stage = Stage(reason, Reason.NONE)
+    assert Hold().perform(stage.session).ok
+    assert len(stage.bus.requests) == 2
+
+
+def test_silence_is_given_up_after_the_time_allowed() -> None:
+    stage = Stage(*[None] * 10)
+    began_ns = stage.clock.now_ns()
+    with pytest.raises(Unanswered, match="no answer within the time"):
+        Hold(timeout_s=0.6).perform(stage.session)
+    assert len(stage.bus.requests) == ATTEMPTS
+    assert stage.clock.now_ns() - began_ns >= 600_000_000
+
+
+@pytest.mark.parametrize(
+    ("operation", "wire"),
+    [
+        (SetMode(mode=Mode.MANUAL), (Command.DO_SET_MODE, 1.0, float(Mode.MANUAL))),
+        (
+            SetNavigator(navigator=Navigator.BUG, side=-1),
+            (Command.SIDESTEP_SET_NAVIGATOR, float(Navigator.BUG), -1.0),
+        ),
+        (Arm(), (Command.COMPONENT_ARM_DISARM, 1.0, 0.0)),
+    ],
+)
+def test_values_become_the_parameters_of_the_command(
+    operation: Operation, wire: tuple[int, float, float]
+) -> None:
+    stage = Stage()
+    operation.perform(stage.session)
+    (request,) = stage.bus.requests
+    assert (request.command, request.param1, request.param2) == wire
+
+
+def test_what_stops_the_robot_needs_no_lease() -> None:
+    still = {operation.verb for operation in COMMANDS if not operation.moves}
+    assert still == {"hold", "abort", "disarm"}
+    assert not StopNow.moves
+
+
+def test_stop_is_repeated_until_the_status_shows_it() -> None:
+    stage = Stage(*[Reason.NONE] * 3)
+    asked: list[int] = []
+
+    def answer(*_: object, **__: object) -> None:
+        asked.append(1)
+        if len(asked) == 2:
+            (_, request), *_rest = stage.bus.sent
+            stop_id = request.request_id  # type: ignore[attr-defined]
+            stage.bus.says(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=stop_id))
+
+    ask = stage.bus.ask
+    stage.bus.ask = lambda *how, **named: (answer(), ask(*how, **named))[1]  # type: ignore
+    outcome = StopNow().perform(stage.session)
+    assert outcome.ok
+    assert outcome.text.startswith("E-STOP acknowledged by r1")
+    assert [key for key, _ in stage.bus.sent] == [STOP.path] * 2
+
+
+def test_stop_that_nobody_shows_is_given_up_loudly() -> None:
+    stage = Stage()
+    stage.bus.says(STATUS, status(Vehicle.ACTIVE))
+    outcome = StopNow(timeout_s=0.2).perform(stage.session)
+    assert not outcome.ok
+    assert outcome.text.startswith("E-STOP GIVEN UP")
+    assert outcome.as_json("estop", "r1")["reason_code"] is None
+    assert len(stage.bus.sent) >= 4
+
+
+def test_mark_says_when_nothing_records_it() -> None:
+    stage = Stage()
+    assert Mark(remark="it turned").perform(stage.session).text == "marked: it turned"
+    stage.bus.heard_by = False
+    outcome = Mark(remark="it turned").perform(stage.session)
+    assert (outcome.ok, outcome.text) == (False, "nobody records: sidestep record DIR")

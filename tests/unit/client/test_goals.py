@@ -1,0 +1,160 @@
+"""A goal: sent, attended to its end, and aborted by whatever interrupts it."""
+
+from typing import Any
+
+import pytest
+
+from ground.client.operations import GoalEnded, Goto
+from ground.client.results import Refused, RefusedError
+from ground.destination import destination
+from protocol.enums import Command, GoalState, LeaseAction, Mode, Vehicle
+from protocol.errors import RemoteError, UserError
+from protocol.message import Message
+from protocol.messages import CommandRequest, GoalRequest, LeaseRequest
+from protocol.reasons import Reason
+from protocol.topics import STATUS
+from tests.unit.client.scripted import HELD, STANDBY, Stage, status
+
+GOAL = destination([1.0, 2.0, 90.0])
+FRESH_NS = 2_000_000_000
+
+
+def kinds(stage: Stage) -> list[str]:
+    return [name_of(request) for request in stage.bus.requests]
+
+
+def name_of(request: Message) -> str:
+    if isinstance(request, LeaseRequest):
+        return LeaseAction(request.action).name
+    if isinstance(request, GoalRequest):
+        return Mode(request.mode).name
+    assert isinstance(request, CommandRequest)
+    return Command(request.command).name
+
+
+def following(stage: Stage, *ends: Any) -> None:
+    """The robot publishes these statuses of the goal, one at each look."""
+    waiting, pulse = list(ends), stage.link.pulse
+
+    def publish() -> None:
+        goals = [one for one in stage.bus.requests if isinstance(one, GoalRequest)]
+        if goals and waiting:
+            found = waiting.pop(0)
+            if isinstance(found, BaseException):
+                raise found
+            stage.bus.says(STATUS, status(goal_id=goals[-1].request_id, **found))
+
+    wait = pulse.wait_until
+
+    def wait_until(deadline_ns: int) -> None:
+        publish()
+        wait(deadline_ns)
+
+    pulse.wait_until = wait_until  # type: ignore[method-assign, assignment]
+
+
+def test_goal_is_followed_to_its_end_under_the_lease() -> None:
+    stage = Stage()
+    driving = {"goal": GoalState.DRIVING, "time_ns": 2}
+    following(stage, driving, {"goal": GoalState.REACHED, "time_ns": 3})
+    outcome = Goto(goal=GOAL).perform(stage.session)
+    assert isinstance(outcome, GoalEnded)
+    assert (outcome.ok, outcome.outcome, outcome.distance_m) == (True, "reached", 1.5)
+    assert kinds(stage) == ["TAKE", "GUIDED", "RELEASE"]
+    assert any("goal (1.000, 2.000) at 90.0 deg accepted" in note for note in stage.notes.notes)
+
+
+def test_standing_robot_is_armed_first() -> None:
+    stage = Stage(Reason.NONE, Reason.NOT_ARMED, Reason.NONE, Reason.NONE)
+    stage.bus.says(*STANDBY)
+    following(stage, {"goal": GoalState.REACHED, "time_ns": 3})
+    assert Goto(goal=GOAL).perform(stage.session).ok
+    assert kinds(stage) == ["TAKE", "GUIDED", "COMPONENT_ARM_DISARM", "GUIDED", "RELEASE"]
+    assert stage.notes.notes[0] == "armed"
+
+
+def test_refused_goal_is_the_outcome_and_the_lease_goes_back() -> None:
+    stage = Stage(Reason.NONE, Reason.OUTSIDE_FENCE)
+    outcome = Goto(goal=GOAL).perform(stage.session)
+    assert isinstance(outcome, Refused)
+    assert outcome.reason == Reason.OUTSIDE_FENCE
+    assert kinds(stage) == ["TAKE", "GUIDED", "RELEASE"]
+
+
+def test_lease_of_another_operator_ends_it_before_the_goal() -> None:
+    stage = Stage(Reason.LEASE_HELD)
+    stage.bus.says(*HELD)
+    with pytest.raises(RefusedError, match="anna"):
+        Goto(goal=GOAL).perform(stage.session)
+    assert kinds(stage) == ["TAKE"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), RuntimeError("a defect")])
+def test_whatever_interrupts_it_aborts_the_goal(error: BaseException) -> None:
+    stage = Stage()
+    following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, error)
+    with pytest.raises(type(error)):
+        Goto(goal=GOAL).perform(stage.session)
+    assert kinds(stage) == ["TAKE", "GUIDED", "SIDESTEP_ABORT_GOAL", "RELEASE"]
+
+
+def test_goal_whose_answers_were_lost_is_aborted() -> None:
+    stage = Stage(Reason.NONE, None, None, None)
+    with pytest.raises(RemoteError):
+        Goto(goal=GOAL).perform(stage.session)
+    assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "RELEASE"]
+
+
+def test_goal_that_takes_too_long_is_aborted() -> None:
+    stage = Stage()
+    times = range(2, 200)
+    following(stage, *({"goal": GoalState.DRIVING, "time_ns": at} for at in times))
+    outcome = Goto(goal=GOAL, timeout_s=1.0).perform(stage.session)
+    assert isinstance(outcome, GoalEnded)
+    assert (outcome.ok, outcome.outcome, outcome.reason) == (
+        False,
+        "timeout",
+        "not there after 1 s",
+    )
+    assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "RELEASE"]
+
+
+def test_silent_robot_ends_the_goal() -> None:
+    outcome = Goto(goal=GOAL).perform(Stage().session)
+    assert isinstance(outcome, GoalEnded)
+    assert outcome.outcome == "aborted"
+    assert "silent" in outcome.reason
+
+
+def test_attended_goal_ends_with_the_answer() -> None:
+    stage = Stage(attended=True)
+    assert Goto(goal=GOAL).perform(stage.session).text == "ok 14 ms"
+    assert kinds(stage) == ["GUIDED"]
+
+
+def test_goal_that_needs_no_operator_is_in_auto() -> None:
+    stage = Stage()
+    assert Goto(goal=GOAL, wait=False).perform(stage.session).ok
+    assert (kinds(stage), stage.bus.sent) == (["AUTO"], [])
+
+
+@pytest.mark.parametrize(("wait", "attended"), [(False, False), (True, True)])
+def test_time_limit_is_for_those_who_wait(wait: bool, attended: bool) -> None:
+    stage = Stage(attended=attended)
+    with pytest.raises(UserError, match="--timeout"):
+        Goto(goal=GOAL, wait=wait, timeout_s=3.0).perform(stage.session)
+    assert stage.bus.asked == []
+
+
+def test_goal_ahead_of_a_robot_without_a_pose_is_not_sent() -> None:
+    stage = Stage()
+    with pytest.raises(RemoteError, match="does not say where it is"):
+        Goto(goal=GOAL, seen_by_robot=True, wait=False).perform(stage.session)
+    assert stage.bus.asked == []
+
+
+def test_robot_in_a_failsafe_is_never_armed_by_a_goal() -> None:
+    stage = Stage(Reason.NOT_ARMED, attended=True)
+    stage.bus.says(STATUS, status(Vehicle.FAILSAFE))
+    assert not Goto(goal=GOAL).perform(stage.session).ok
+    assert kinds(stage) == ["GUIDED"]

@@ -1,0 +1,141 @@
+"""The lease is given back whatever happens, and a drive by hand ends in HOLD."""
+
+from math import nan
+
+import pytest
+
+from ground.client.operations import ChangeLease, DriveByHand, DriveEnded, ShowLease
+from ground.client.operations.leases import NAME_BYTES, leased, operator_name
+from ground.client.operations.teleop import SETTLE_NS, taken_away
+from ground.client.results import Refused, RefusedError
+from protocol.enums import Command, LeaseAction, Mode, Vehicle
+from protocol.errors import RemoteError, UserError
+from protocol.messages import LeaseRequest, Teleop
+from protocol.reasons import Reason
+from protocol.topics import LEASE, OPERATOR, STATUS
+from tests.unit.client.scripted import HELD, STANDBY, Stage, lease_of, status
+
+LATER_NS = SETTLE_NS + 1
+
+
+def actions(stage: Stage) -> list[int]:
+    return [one.action for one in stage.bus.requests if isinstance(one, LeaseRequest)]
+
+
+def test_lease_is_kept_with_a_heartbeat_and_given_back() -> None:
+    stage = Stage()
+    outcome = ChangeLease(action=LeaseAction.TAKE, name="anna", for_s=1.0).perform(stage.session)
+    assert outcome.ok
+    assert actions(stage) == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert [key for key, _ in stage.bus.sent] == [OPERATOR.path] * 5
+
+
+def test_lease_of_an_attended_robot_is_only_asked_for() -> None:
+    stage = Stage(attended=True)
+    assert ChangeLease(action=LeaseAction.SEIZE, name="anna").perform(stage.session).ok
+    assert (actions(stage), stage.bus.sent) == ([LeaseAction.SEIZE], [])
+
+
+def test_refused_lease_names_its_holder() -> None:
+    stage = Stage(Reason.LEASE_HELD)
+    stage.bus.says(*HELD)
+    outcome = ChangeLease(action=LeaseAction.TAKE, name="ben").perform(stage.session)
+    assert isinstance(outcome, Refused)
+    assert outcome.holder == "anna"
+    assert actions(stage) == [LeaseAction.TAKE]
+
+
+def test_lease_goes_back_when_the_work_under_it_fails() -> None:
+    stage = Stage(Reason.NONE, None)
+    with pytest.raises(ZeroDivisionError), leased(stage.session):
+        raise ZeroDivisionError
+    assert actions(stage) == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    with pytest.raises(RefusedError), leased(Stage(Reason.LEASE_HELD).session):
+        raise AssertionError("the lease is another operator's")
+
+
+def test_lease_is_shown_as_the_robot_tells_it() -> None:
+    stage = Stage()
+    stage.bus.says(LEASE, lease_of("anna"))
+    shown = ShowLease().perform(stage.session)
+    assert shown.text == "anna commands r1, for 2.0 s more unless heard"
+    assert shown.as_json("", "r1")["holder"] == "open/beef"
+    with pytest.raises(RemoteError, match="nothing is heard of the lease"):
+        ShowLease().perform(Stage().session)
+
+
+def test_operator_is_named_after_the_user() -> None:
+    assert 0 < len(operator_name(None).encode()) <= NAME_BYTES
+    assert operator_name("Änne") == "Änne"
+
+
+@pytest.mark.parametrize("name", ["", "a" * 17, "ä" * 9, "a\nb", "\x1b[2J"])
+def test_name_that_does_not_fit_is_refused(name: str) -> None:
+    with pytest.raises(UserError, match="is no name for an operator"):
+        operator_name(name)
+
+
+def test_drive_by_hand_ends_in_hold() -> None:
+    stage = Stage()
+    stage.bus.says(STATUS, status(mode=Mode.MANUAL))
+    outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=-30.0, for_s=0.5).perform(stage.session)
+    assert isinstance(outcome, DriveEnded)
+    assert outcome.text == "done, the robot holds"
+    speeds = [frame.speed_mm_s for _, frame in stage.bus.sent if isinstance(frame, Teleop)]
+    assert (speeds[0], speeds[-1]) == (200, 0)
+    modes = [one.param2 for one in stage.bus.requests if getattr(one, "command", 0) == MODE]
+    assert modes == [float(Mode.MANUAL), float(Mode.HOLD)]
+    assert actions(stage) == [LeaseAction.TAKE, LeaseAction.RELEASE]
+
+
+MODE = Command.DO_SET_MODE
+
+
+def test_drive_by_hand_ends_when_the_robot_leaves_manual() -> None:
+    stage = Stage()
+    stage.bus.says(STATUS, status(mode=Mode.AUTO))
+    outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=0.0).perform(stage.session)
+    assert outcome.text == "stopped: the robot has left MANUAL"
+
+
+def test_refused_manual_mode_drives_nothing() -> None:
+    stage = Stage(Reason.NONE, Reason.EMERGENCY_STOPPED)
+    stage.bus.says(*STANDBY)
+    outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=0.0).perform(stage.session)
+    assert isinstance(outcome, Refused)
+    assert not [frame for _, frame in stage.bus.sent if isinstance(frame, Teleop)]
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "turn_deg_s", "why"),
+    [
+        (9.0, 0.0, "speed 9 m/s is out of range: -5 to 5 m/s"),
+        (nan, 0.0, "speed nan m/s is out of range"),
+        (0.0, -9000.0, "turn -9000 deg/s is out of range"),
+    ],
+)
+def test_speed_that_no_robot_has_is_refused(speed_m_s: float, turn_deg_s: float, why: str) -> None:
+    with pytest.raises(UserError, match=why):
+        DriveByHand(speed_m_s=speed_m_s, turn_deg_s=turn_deg_s)
+
+
+def test_attended_drive_needs_an_end() -> None:
+    stage = Stage(attended=True)
+    with pytest.raises(UserError, match="say for how long"):
+        DriveByHand(speed_m_s=0.1, turn_deg_s=0.0).perform(stage.session)
+    assert stage.bus.asked == []
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "mode", "driven_ns", "why"),
+    [
+        (Vehicle.ACTIVE, Mode.MANUAL, LATER_NS, ""),
+        (Vehicle.STANDBY, Mode.MANUAL, 0, ""),
+        (Vehicle.STANDBY, Mode.MANUAL, LATER_NS, "not armed"),
+        (Vehicle.ACTIVE, Mode.HOLD, LATER_NS, "the robot has left MANUAL"),
+    ],
+)
+def test_robot_that_no_longer_follows_ends_the_drive(
+    vehicle: Vehicle, mode: Mode, driven_ns: int, why: str
+) -> None:
+    assert taken_away(status(vehicle, mode=mode), driven_ns) == why

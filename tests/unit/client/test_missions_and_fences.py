@@ -1,0 +1,184 @@
+"""Missions and fences: given whole, fetched, started, refused with the item that is wrong."""
+
+from pathlib import Path
+
+import pytest
+
+from ground.client.operations import (
+    ClearFence,
+    ClearMission,
+    DownloadMission,
+    FetchMission,
+    Judged,
+    JumpTo,
+    MissionFetched,
+    MissionWritten,
+    SetFence,
+    ShowFence,
+    ShowMissionStatus,
+    StartMission,
+    UploadMission,
+)
+from ground.link import Unanswered
+from ground.missions.mission import Circle, Mission, Polygon, Waypoint
+from ground.missions.wire import fence_items_of, items_of
+from protocol.enums import Command, MissionState, MissionType
+from protocol.errors import RemoteError, UserError
+from protocol.message import Message
+from protocol.messages import (
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionStatus,
+    MissionVerdict,
+)
+from protocol.reasons import Reason
+from protocol.topics import MISSION
+from tests.unit.client.scripted import HELD, STANDBY, Stage
+
+WAYPOINTS = (Waypoint(x_m=1.0, y_m=2.0), Waypoint(x_m=3.0, y_m=4.0, heading_deg=90.0))
+CIRCLE = Circle(x_m=0.0, y_m=0.0, radius_m=5.0)
+SQUARE = Polygon(corners=((0.0, 0.0), (4.0, 0.0), (4.0, 4.0)))
+
+
+def verdict(
+    reason: Reason = Reason.NONE, kind: MissionType = MissionType.MISSION, item: int = 65_535
+) -> MissionVerdict:
+    return MissionVerdict(reason=reason, item=item, mission_type=kind, mission_id=7)
+
+
+def wants(*items: int, kind: MissionType = MissionType.MISSION) -> list[Message]:
+    return [MissionRequestInt(seq=item, mission_type=kind) for item in items]
+
+
+def told(items: list[MissionItemInt], kind: MissionType) -> list[Message]:
+    return [MissionCount(count=len(items), mission_type=kind), *items]
+
+
+def test_mission_is_given_item_by_item_after_its_fence() -> None:
+    fence = MissionType.FENCE
+    stage = Stage(*wants(0, kind=fence), verdict(kind=fence), *wants(0, 1), verdict())
+    mission = Mission(waypoints=WAYPOINTS, fence=CIRCLE)
+    outcome = UploadMission(mission=mission, dropped=("item 3: no",)).perform(stage.session)
+    assert outcome.text == f"ok, the robot has {mission}"
+    kinds = [request.mission_type for request in stage.bus.requests]
+    assert kinds == [MissionType.FENCE] * 2 + [MissionType.MISSION] * 3
+    assert stage.notes.notes == ["left out: item 3: no"]
+
+
+def test_refused_mission_names_the_item_and_the_lease_holder() -> None:
+    stage = Stage(*wants(0), verdict(Reason.MISSION_ITEM_BAD, item=0))
+    outcome = UploadMission(mission=Mission(waypoints=WAYPOINTS)).perform(stage.session)
+    assert (outcome.ok, outcome.item, outcome.reason) == (False, 1, Reason.MISSION_ITEM_BAD)
+    assert outcome.text.startswith("refused: item 1: ")
+    assert outcome.as_json("mission upload", "r1")["item"] == 1
+    stage = Stage(verdict(Reason.LEASE_HELD))
+    stage.bus.says(*HELD)
+    refused = UploadMission(mission=Mission(waypoints=WAYPOINTS)).perform(stage.session)
+    assert "anna (sidestep lease seize)" in refused.text
+
+
+def test_refused_fence_ends_the_upload() -> None:
+    stage = Stage(verdict(Reason.FENCE_NOT_SIMPLE, MissionType.FENCE))
+    mission = Mission(waypoints=WAYPOINTS, fence=SQUARE)
+    outcome = UploadMission(mission=mission).perform(stage.session)
+    assert outcome.text.startswith("refused: the fence: ")
+    assert len(stage.bus.asked) == 1
+
+
+def test_mission_that_is_in_force_but_not_saved_is_no_success() -> None:
+    stage = Stage(verdict(Reason.NOT_SAVED))
+    outcome = UploadMission(mission=Mission(waypoints=WAYPOINTS)).perform(stage.session)
+    assert (outcome.ok, outcome.text.startswith("not saved: ")) == (False, True)
+
+
+def test_lost_frames_of_a_transfer_are_repeated() -> None:
+    stage = Stage(None, *wants(0), None, *wants(1), verdict())
+    assert UploadMission(mission=Mission(waypoints=WAYPOINTS)).perform(stage.session).ok
+    with pytest.raises(Unanswered):
+        ClearMission().perform(Stage(*[None] * 10).session)
+
+
+def test_mission_is_fetched_with_its_fence_and_written(tmp_path: Path) -> None:
+    items = told(items_of(WAYPOINTS), MissionType.MISSION)
+    fence = told(fence_items_of(CIRCLE), MissionType.FENCE)
+    outcome = FetchMission().perform(Stage(*items, *fence).session)
+    assert isinstance(outcome, MissionFetched)
+    assert outcome.mission == Mission(waypoints=WAYPOINTS, fence=CIRCLE)
+    assert outcome.text.splitlines()[1:] == [
+        "2  (3, 4) at 90 deg",
+        "fence: circle of 5 m around (0, 0)",
+    ]
+    path = tmp_path / "m.toml"
+    written = DownloadMission(file=path).perform(Stage(*items, *fence).session)
+    assert isinstance(written, MissionWritten)
+    assert (path.exists(), written.lost) == (True, ())
+
+
+def test_robot_without_a_mission_says_so(tmp_path: Path) -> None:
+    nothing = [MissionCount(count=0, mission_type=kind) for kind in MissionType]
+    for operation in (FetchMission(), DownloadMission(file=tmp_path / "m.toml")):
+        outcome = operation.perform(Stage(*nothing).session)
+        assert isinstance(outcome, Judged)
+        assert outcome.reason == Reason.NO_MISSION
+
+
+def test_file_of_another_kind_is_refused_before_anything_is_asked() -> None:
+    stage = Stage()
+    with pytest.raises(UserError, match="ends in"):
+        DownloadMission(file=Path("m.txt")).perform(stage.session)
+    assert stage.bus.asked == []
+
+
+def test_mission_starts_where_it_is_or_at_an_item() -> None:
+    for item, param in ((None, -1.0), (2, 1.0)):
+        stage = Stage(Reason.NOT_ARMED)
+        stage.bus.says(*STANDBY)
+        assert StartMission(item=item).perform(stage.session).ok
+        requests = stage.bus.requests
+        assert (requests[-1].command, requests[-1].param1) == (Command.MISSION_START, param)
+        assert len(requests) == 3
+
+
+def test_mission_that_is_done_begins_again() -> None:
+    stage = Stage()
+    stage.bus.says(MISSION, progress(MissionState.DONE))
+    StartMission().perform(stage.session)
+    assert stage.bus.requests[0].param1 == 0.0
+
+
+def test_jump_counts_items_from_one() -> None:
+    stage = Stage()
+    assert JumpTo(item=3).perform(stage.session).ok
+    assert stage.bus.requests[0].param1 == 2.0
+
+
+def progress(state: MissionState) -> MissionStatus:
+    return MissionStatus(
+        time_ns=1, mission_id=1, hold_left_ms=3200, count=5, current=2, state=state,
+        reason=Reason.NONE,
+    )  # fmt: skip
+
+
+def test_progress_of_the_mission_is_one_line() -> None:
+    stage = Stage()
+    stage.bus.says(MISSION, progress(MissionState.HOLDING))
+    outcome = ShowMissionStatus().perform(stage.session)
+    assert outcome.text == "holding, item 3 of 5, 3.2 s left"
+    assert outcome.as_json("", "r1")["current"] == 3
+    with pytest.raises(RemoteError, match="nothing is heard of the mission"):
+        ShowMissionStatus().perform(Stage().session)
+
+
+@pytest.mark.parametrize("fence", [CIRCLE, SQUARE])
+def test_fence_is_set_shown_and_taken_away(fence: Circle | Polygon) -> None:
+    kind, items = MissionType.FENCE, fence_items_of(fence)
+    stage = Stage(*wants(*range(len(items)), kind=kind), verdict(kind=kind))
+    assert SetFence(fence=fence).perform(stage.session).text == f"ok, {fence}"
+    shown = ShowFence().perform(Stage(*told(items, kind)).session)
+    assert str(fence) in shown.text
+    assert shown.as_json("fence show", "r1")["fence"]
+    cleared = ClearFence().perform(Stage(verdict(kind=kind)).session)
+    assert cleared.text == "ok, there is no fence"
+    empty = ShowFence().perform(Stage(MissionCount(count=0, mission_type=kind)).session)
+    assert (empty.text, empty.as_json("fence show", "r1")["fence"]) == ("no fence", None)
