@@ -115,7 +115,7 @@ class SetMode(_Command):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetNavigator(_Command):
-    """Choose the navigator, and the side on which obstacles are passed: 1 left, -1 right, 0 kept."""
+    """Choose the navigator, and how obstacles are passed: `side` 1 left, -1 right, 0 as before."""
 
     verb = "navigator"
     navigator: Navigator

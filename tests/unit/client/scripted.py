@@ -22,7 +22,6 @@ MS = 1_000_000
 ANSWER_NS = 14 * MS
 
 Reply = Message | bytes | Reason | None
-Script = Callable[[Message | None], Reply]
 
 
 class Sent:
@@ -54,7 +53,8 @@ class ScriptedBus(Wireless):
         self.asked: list[tuple[str, Message | None]] = []
         self.sent: list[tuple[str, Message]] = []
         self.heard_by = True
-        self.forgotten = 0
+        self.on_ask: Callable[[int], None] = lambda _number: None
+        """Called with the number of each question, before it is answered."""
 
     def ask(
         self,
@@ -64,6 +64,7 @@ class ScriptedBus(Wireless):
         robot: str | None = None,
     ) -> Message | bytes:
         self.asked.append((service.path, message))
+        self.on_ask(len(self.asked))
         reply = self.script.pop(0) if self.script else Reason.NONE
         if reply is None:
             self.clock.advance(round(timeout_s * 1e9))
@@ -78,7 +79,7 @@ class ScriptedBus(Wireless):
         return [] if self.heard_by else ["nobody"]
 
     def forget(self, mailbox: Any) -> None:
-        self.forgotten += 1
+        """The mailbox stays as the test has filled it."""
 
     def present(self, timeout_s: float = 1.0) -> list[Any]:
         return []

@@ -16,6 +16,7 @@ from ground.client.results import Accepted, Refused, RefusedError, agreed
 from ground.link import Unanswered
 from ground.operator import ATTEMPTS
 from protocol.enums import Command, Mode, Navigator, Vehicle
+from protocol.messages import CommandRequest
 from protocol.reasons import Reason
 from protocol.topics import STATUS, STOP
 from tests.unit.client.scripted import ANSWER_NS, HELD, Stage, status
@@ -105,17 +106,14 @@ def test_what_stops_the_robot_needs_no_lease() -> None:
 
 def test_stop_is_repeated_until_the_status_shows_it() -> None:
     stage = Stage(*[Reason.NONE] * 3)
-    asked: list[int] = []
 
-    def answer(*_: object, **__: object) -> None:
-        asked.append(1)
-        if len(asked) == 2:
-            (_, request), *_rest = stage.bus.sent
-            stop_id = request.request_id  # type: ignore[attr-defined]
-            stage.bus.says(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=stop_id))
+    def show(number: int) -> None:
+        if number == 2:
+            request = stage.bus.sent[0][1]
+            assert isinstance(request, CommandRequest)
+            stage.bus.says(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=request.request_id))
 
-    ask = stage.bus.ask
-    stage.bus.ask = lambda *how, **named: (answer(), ask(*how, **named))[1]  # type: ignore
+    stage.bus.on_ask = show
     outcome = StopNow().perform(stage.session)
     assert outcome.ok
     assert outcome.text.startswith("E-STOP acknowledged by r1")

@@ -50,7 +50,7 @@ def following(stage: Stage, *ends: Any) -> None:
         publish()
         wait(deadline_ns)
 
-    pulse.wait_until = wait_until  # type: ignore[method-assign, assignment]
+    pulse.wait_until = wait_until  # type: ignore[method-assign]
 
 
 def test_goal_is_followed_to_its_end_under_the_lease() -> None:
