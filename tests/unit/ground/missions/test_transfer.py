@@ -47,6 +47,7 @@ def asked(transfer: Transfer, now_ns: int) -> Message:
     """The one question of this step."""
     (send,) = transfer.due(now_ns)
     assert transfer.due(now_ns) == []
+    assert send.request is not None
     return send.request
 
 
@@ -211,6 +212,7 @@ def carried(transfer: Transfer, robot: Robot, fates: Iterator[str]) -> object:
     while not transfer.over:
         for send in transfer.due(now_ns):
             fate = next(fates, "whole")
+            assert send.request is not None
             answer = None if fate == "question lost" else robot.answer(send.request)
             if answer is None or fate == "answer lost":
                 transfer.unanswered(fate)
