@@ -24,6 +24,7 @@ from protocol.topics import (
     Service,
 )
 from tests.harness import OPERATOR_BEAT, Stack, reason_in
+from tests.support.until import PATIENCE_S
 
 Place = tuple[float, float]
 
@@ -39,7 +40,7 @@ class Operator:
         self._handle = self._bus.publisher(TELEOP)
         self._frames = 0
         self._requests = 1000 * (1 + len(name))
-        assert self._bus.await_matched([self._beats, self._handle], 5.0) == []
+        assert self._bus.await_matched([self._beats, self._handle], PATIENCE_S) == []
 
     def ask(self, request: Message, service: Service = COMMAND) -> Message:
         return self._stack.ask(request, service, self._bus)

@@ -16,8 +16,8 @@ from protocol.messages import CommandAck, CommandRequest
 from protocol.network import Network
 from protocol.reasons import Reason
 from protocol.topics import COMMAND, ENCODING, Service, Topic
-from tests.bus.nets import until
 from tests.harness import Stack
+from tests.support.until import until
 
 EVE = "eve/0123456789abcdef"
 

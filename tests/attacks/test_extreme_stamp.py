@@ -13,7 +13,8 @@ from robot.senses import Senses
 from robot.store import Store
 from robot.vehicle import Vehicle
 from tests.attacks.attacker import Attacker
-from tests.bus.nets import Net, net, until
+from tests.bus.nets import Net, net
+from tests.support.until import until
 
 EXTREME = (2**62, 2**63 - 1, 2**63, 2**64 - 1)
 

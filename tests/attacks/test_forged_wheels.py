@@ -13,6 +13,7 @@ from protocol.reasons import Reason
 from protocol.timing import PERIOD_NS
 from protocol.topics import DRIVE
 from tests.harness import Stack
+from tests.support.until import PATIENCE_S
 
 UINT32 = 0xFFFFFFFF
 UINT16 = 0xFFFF
@@ -61,7 +62,7 @@ class Attacked(Stack):
     def __enter__(self) -> "Attacked":
         super().__enter__()
         self._forger = self.ground.publisher(DRIVE)
-        assert self.ground.await_matched([self._forger], 5.0) == []
+        assert self.ground.await_matched([self._forger], PATIENCE_S) == []
         return self
 
     def _think(self) -> None:

@@ -15,8 +15,8 @@ from protocol.reasons import Reason
 from protocol.topics import COMMAND, COMMANDED, LEASE_SERVICE, STOP, STOP_SERVICE
 from robot.process import MAX_WAITING
 from tests.attacks.attacker import EVE, Attacker, Reply, answered, attacked, order
-from tests.bus.nets import until
 from tests.harness import Stack
+from tests.support.until import PATIENCE_S, until
 
 STANDS_S = 0.2
 GIVE_UP_NS = 10_000_000_000
@@ -33,7 +33,7 @@ def drives(stack: Stack) -> None:
 def press(stack: Stack) -> StopOutcome:
     """As the app does, in a thread, while the robot's loop goes round."""
     publisher = stack.ground.publisher(STOP)
-    assert stack.ground.await_matched([publisher], 5.0) == []
+    assert stack.ground.await_matched([publisher], PATIENCE_S) == []
     stop = EmergencyStop(
         stack.ground,
         publisher,

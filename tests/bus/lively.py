@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from time import monotonic
 from typing import Final
 
 from ground.station import LossKind, Station
@@ -12,6 +11,7 @@ from protocol.clock import Tick, WallClock
 from protocol.timing import PERIOD_NS
 from protocol.topics import Role
 from tests.harness import Stack
+from tests.support.until import PATIENCE_S, until
 
 PERIOD_S: Final = PERIOD_NS / 1e9
 POLL_S: Final = 0.05
@@ -70,15 +70,14 @@ class Watching:
     def __init__(self, station: Station) -> None:
         self.station = station
 
-    def until(self, condition: Callable[[], object], within_s: float = 8.0) -> float:
+    def until(self, condition: Callable[[], object], within_s: float = PATIENCE_S) -> float:
         """Poll until it holds; how long that took."""
-        began_s, pause = monotonic(), threading.Event()
-        while True:
+
+        def met() -> object:
             self.station.poll()
-            if condition():
-                return monotonic() - began_s
-            assert monotonic() - began_s < within_s, "\n".join(map(str, self.station.log))
-            pause.wait(POLL_S)
+            return condition()
+
+        return until(met, within_s, lambda: "\n".join(map(str, self.station.log)), POLL_S)
 
     def until_lost(self, kind: LossKind) -> float:
         return self.until(lambda: (loss := self.station.loss()) and loss.kind is kind)

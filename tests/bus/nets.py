@@ -1,10 +1,8 @@
 """Small networks on loopback, each with its own port and prefix, closed when the test ends."""
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import count
-from threading import Event
 from typing import Literal
 
 from protocol.bus import Bus, open_bus
@@ -42,12 +40,3 @@ class Net:
 def net(topology: Topology = "hub") -> Iterator[Net]:
     with ExitStack() as stack:
         yield Net(stack, topology)
-
-
-def until(condition: Callable[[], object], timeout_s: float = 5.0) -> None:
-    """Wait for a condition; the test fails when it does not come true in time."""
-    deadline_s = time.monotonic() + timeout_s
-    pause = Event()
-    while not condition():
-        assert time.monotonic() < deadline_s, "did not happen in time"
-        pause.wait(0.001)

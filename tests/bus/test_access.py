@@ -20,7 +20,8 @@ from protocol.topics import (
     Role,
 )
 from tests.bus.locked import Intruder, Locked, Watchful, locked
-from tests.bus.nets import TOPOLOGIES, Topology, until
+from tests.bus.nets import TOPOLOGIES, Topology
+from tests.support.until import until
 
 AT_LEAST = 1000
 OURS = {

@@ -17,8 +17,8 @@ from protocol.clock import WallClock
 from protocol.errors import UserError
 from protocol.network import Network
 from protocol.topics import PREFIX, WORLD, Role
-from tests.bus.nets import until
 from tests.bus.robots import played
+from tests.support.until import until
 from tests.unit.ground.blackbox.made import WORLD_TEXT
 
 PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")

@@ -19,6 +19,7 @@ from protocol.codec import decode
 from protocol.messages import Heartbeat, NavigatorStatus, Statustext
 from protocol.topics import MARK, SONAR, Role
 from tests.bus.robots import PlayedRobot, played
+from tests.support.until import PATIENCE_S
 
 
 @pytest.fixture
@@ -167,7 +168,7 @@ def test_a_router_carries_what_others_say(capsys: pytest.CaptureFixture[str]) ->
         ):
             two.stream(SONAR, lambda _key, frame, _at: heard.append(frame))
             publisher = one.publisher(SONAR)
-            one.await_matched([publisher], timeout_s=2.0)
+            one.await_matched([publisher], timeout_s=PATIENCE_S)
             publisher.put_frame(b"hello")
             pause = threading.Event()
             for _ in range(200):

@@ -18,8 +18,9 @@ from protocol.enums import Severity
 from protocol.messages import Statustext, WheelTicks
 from protocol.network import Mode, Network
 from protocol.topics import MARK, TEXT, TOPICS, WHEELS, Role
-from tests.bus.nets import TOPOLOGIES, Topology, net, prefixes, until
+from tests.bus.nets import TOPOLOGIES, Topology, net, prefixes
 from tests.keyring import Keyring
+from tests.support.until import PATIENCE_S, until
 
 CUT_S: Final = 3.0
 """Three times what it takes until a silent link is given up."""
@@ -131,7 +132,7 @@ def test_no_event_is_lost_or_doubled_over_a_cut(way: Way) -> None:
         for line in found:
             line.cable.mend()
         tell(found, *(f"after {number}" for number in range(5)))
-        until(lambda: all(line.whole() for line in found), 10.0)
+        until(lambda: all(line.whole() for line in found))
         for line in found:
             assert line.heard.words == line.told
             assert line.heard.counter.lost == 0, "what came late counts as lost"
@@ -147,7 +148,7 @@ def test_of_a_robot_that_was_killed_in_a_cut_the_log_lacks_only_what_died_with_i
         tell(found, *(f"anew {number}" for number in range(round(CUT_S / EVERY_S))))
         for line in found:
             line.cable.mend()
-        until(lambda: all(line.whole() for line in found), 10.0)
+        until(lambda: all(line.whole() for line in found))
         for line in found:
             assert line.heard.words == line.told
 
@@ -222,7 +223,7 @@ def test_what_streams_is_never_fetched_and_comes_once_beside_the_events() -> Non
         bus.robot.forget(early)
         until(lambda: not wheels.matched)
         heard = Heard(bus.ground)
-        assert bus.plant.await_matched([wheels], 5.0) == []
+        assert bus.plant.await_matched([wheels], PATIENCE_S) == []
         for _ in range(10):
             wheels.put(TICKS)
             events.put(text("event"))

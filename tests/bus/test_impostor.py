@@ -19,8 +19,8 @@ from protocol.errors import NotLetIn
 from protocol.network import Hub, Network
 from protocol.topics import COMMAND, OPERATOR, SONAR, STATUS, STOP, Role
 from tests.bus.locked import DIAL_S, SESSION
-from tests.bus.nets import until
 from tests.keyring import Keyring
+from tests.support.until import until
 
 PREFIX = "impostor"
 BESIDE = ("sense/sonar", "op/heartbeat/ground/abc", "op/stop/ground/abc", "srv/command/ground/abc")

@@ -8,7 +8,8 @@ from protocol.bus import Bus, open_bus
 from protocol.messages import WheelTicks
 from protocol.network import Network
 from protocol.topics import WHEELS, Role
-from tests.bus.nets import net, until
+from tests.bus.nets import net
+from tests.support.until import PATIENCE_S, until
 
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
 
@@ -39,7 +40,7 @@ def test_the_presence_of_a_killed_process_ends_at_once() -> None:
             assert process.stdout.readline() == b"here\n"
             until(lambda: [who.role for who in bus.robot.present()] == ["ground"])
             process.kill()
-            until(lambda: gone == ["ground"], timeout_s=2.0)
+            until(lambda: gone == ["ground"])
         assert bus.robot.present() == []
 
 
@@ -52,7 +53,7 @@ def test_a_restarted_hub_hears_its_publishers_again_without_their_doing() -> Non
         wheels = plant.publisher(WHEELS)
         with open_bus(Network(mode="peer", listen=(endpoint,)), Role.ROBOT, "r1") as second:
             ticks = second.mailbox(WHEELS)
-            assert plant.await_matched([wheels], 5.0) == []
+            assert plant.await_matched([wheels], PATIENCE_S) == []
             wheels.put(TICKS)
             until(ticks.latest)
 
@@ -77,6 +78,6 @@ def test_a_publisher_knows_when_its_last_reader_has_left() -> None:
     with net() as bus:
         wheels = bus.plant.publisher(WHEELS)
         bus.ground.mailbox(WHEELS)
-        assert bus.plant.await_matched([wheels], 5.0) == []
+        assert bus.plant.await_matched([wheels], PATIENCE_S) == []
         bus.ground.close()
         until(lambda: not wheels.matched)

@@ -13,8 +13,8 @@ from protocol.bus.locks import NO_TLS
 from protocol.errors import BadKeys, NotLetIn, PeerHangs, UserError
 from protocol.network import Hub, Network, Tls
 from protocol.topics import Role
-from tests.bus.nets import until
 from tests.keyring import Keyring
+from tests.support.until import until
 
 DIAL_S = 0.4
 

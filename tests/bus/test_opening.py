@@ -19,7 +19,8 @@ from protocol.errors import (
 )
 from protocol.network import Network
 from protocol.topics import Role
-from tests.bus.nets import TOPOLOGIES, Topology, net, until
+from tests.bus.nets import TOPOLOGIES, Topology, net
+from tests.support.until import PATIENCE_S, until
 
 ANY_PORT = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
 NOBODY_THERE = "tcp/127.0.0.1:1"
@@ -87,14 +88,14 @@ def test_a_client_waits_for_a_hub_that_starts_later() -> None:
     opened: list[str] = []
 
     def dial() -> None:
-        network = Network(mode="client", connect=(endpoint,), connect_timeout_s=10.0)
+        network = Network(mode="client", connect=(endpoint,), connect_timeout_s=PATIENCE_S)
         with open_bus(network, Role.PLANT, "r1") as late:
             opened.append(late.zid)
 
     dialling = threading.Thread(target=dial)
     dialling.start()
     with open_bus(Network(mode="peer", listen=(endpoint,)), Role.ROBOT, "r1"):
-        dialling.join(timeout=8.0)
+        dialling.join(timeout=PATIENCE_S)
         assert opened
 
 
@@ -154,7 +155,7 @@ raise SystemExit(3)
 def test_a_process_that_forgets_to_close_still_ends_and_prints_nothing() -> None:
     ended = subprocess.run(
         [sys.executable, "-c", LEFT_OPEN],
-        timeout=20.0,
+        timeout=PATIENCE_S,
         capture_output=True,
         check=False,
         env={"RUST_LOG": "debug", "PYTHONPATH": ":".join(sys.path)},

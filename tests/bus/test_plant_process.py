@@ -2,7 +2,7 @@
 
 import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
 
@@ -18,6 +18,7 @@ from protocol.clock import Pulse, WallClock
 from protocol.enums import AckResult, RunAction
 from protocol.messages import CommandAck, GroundTruth, RunRequest, RunScore, WheelCommand
 from protocol.topics import CLOCK, DRIVE, RUN, SONAR, TRUTH, WHEELS, WORLD, Role
+from tests.support.until import PATIENCE_S, until
 
 SECOND_NS = 1_000_000_000
 PERIOD_NS = 50_000_000
@@ -66,14 +67,6 @@ class Driver:
         return newest[0]
 
 
-def until(condition: Callable[[], bool], what: str) -> None:
-    deadline_ns = WallClock().now_ns() + 5 * SECOND_NS
-    pause = threading.Event()
-    while not condition():
-        assert WallClock().now_ns() < deadline_ns, what
-        pause.wait(0.002)
-
-
 @contextmanager
 def running(lockstep: bool = True, paused: bool = False, speed: float = inf) -> Iterator[Driver]:
     hub = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
@@ -94,13 +87,13 @@ def running(lockstep: bool = True, paused: bool = False, speed: float = inf) -> 
             for loop in loops:
                 loop.start()
             try:
-                until(lambda: driver.truth.latest() is not None, "the first truth")
+                until(lambda: driver.truth.latest() is not None, what="the first truth")
                 yield driver
             finally:
                 driver.done = True
                 wake.stop()
                 for loop in loops:
-                    loop.join(5.0)
+                    loop.join(PATIENCE_S)
                     assert not loop.is_alive()
 
 
@@ -115,12 +108,12 @@ def test_a_paused_plant_shows_tick_0_until_it_is_started(lockstep: bool) -> None
         assert isinstance(answer, CommandAck)
         assert driver.seen().seq == 0
         driver.ask(RunAction.START)
-        until(lambda: driver.seen().seq > 2, "time went on")
+        until(lambda: driver.seen().seq > 2, what="time went on")
 
 
 def test_a_pause_stops_time_and_a_start_lets_it_go_on_with_the_same_score() -> None:
     with running() as driver:
-        until(lambda: driver.seen().seq > 40, "the run")
+        until(lambda: driver.seen().seq > 40, what="the run")
         driver.ask(RunAction.PAUSE)
         before = driver.ask(RunAction.SCORE, 10**15)
         again = driver.ask(RunAction.SCORE, 10**15)
@@ -128,14 +121,14 @@ def test_a_pause_stops_time_and_a_start_lets_it_go_on_with_the_same_score() -> N
         assert before == again
         assert before.path_m > 0.1
         driver.ask(RunAction.START)
-        until(lambda: driver.seen().time_ns > before.time_ns, "time went on")
+        until(lambda: driver.seen().time_ns > before.time_ns, what="time went on")
         after = driver.ask(RunAction.SCORE, before.time_ns)
         assert after == before
 
 
 def test_a_start_of_a_running_plant_begins_a_new_score() -> None:
     with running() as driver:
-        until(lambda: driver.seen().seq > 40, "the run")
+        until(lambda: driver.seen().seq > 40, what="the run")
         driver.ask(RunAction.START)
         score = driver.ask(RunAction.SCORE, 0)
         assert isinstance(score, RunScore)
@@ -160,22 +153,22 @@ def test_the_world_in_force_is_told_as_json() -> None:
 @pytest.mark.parametrize("lockstep", [True, False])
 def test_the_wheels_stop_when_the_robot_falls_silent(lockstep: bool) -> None:
     with running(lockstep) as driver:
-        until(lambda: drives(driver), "the robot drives")
+        until(lambda: drives(driver), what="the robot drives")
         driver.silent = True
-        until(lambda: abs(driver.seen().speed_m_s) < 0.001, "the wheels stand")
+        until(lambda: abs(driver.seen().speed_m_s) < 0.001, what="the wheels stand")
 
 
 def test_a_robot_that_comes_back_is_obeyed_again() -> None:
     with running() as driver:
-        until(lambda: drives(driver), "the robot drives")
+        until(lambda: drives(driver), what="the robot drives")
         driver.silent = True
-        until(lambda: not drives(driver), "the wheels stand")
+        until(lambda: not drives(driver), what="the wheels stand")
         driver.silent = False
-        until(lambda: drives(driver), "the robot drives again")
+        until(lambda: drives(driver), what="the robot drives again")
 
 
 def test_a_speed_limits_how_fast_simulated_time_goes_by() -> None:
     with running(speed=10.0) as driver:
         begun_ns, stamp_ns = WallClock().now_ns(), driver.seen().time_ns
-        until(lambda: driver.seen().time_ns >= stamp_ns + 2 * SECOND_NS, "two seconds")
+        until(lambda: driver.seen().time_ns >= stamp_ns + 2 * SECOND_NS, what="two seconds")
         assert WallClock().now_ns() - begun_ns >= 0.15 * SECOND_NS

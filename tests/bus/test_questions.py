@@ -15,7 +15,8 @@ from protocol.errors import NoAnswer, UserError
 from protocol.messages import CommandAck, CommandRequest, Message, WheelTicks
 from protocol.reasons import Reason
 from protocol.topics import COMMAND, PARAMETERS, RUN, Role, Service, operator_in
-from tests.bus.nets import TOPOLOGIES, Topology, net, until
+from tests.bus.nets import TOPOLOGIES, Topology, net
+from tests.support.until import PATIENCE_S, until
 
 ARM = CommandRequest(request_id=1, command=Command.COMPONENT_ARM_DISARM, param1=1.0, param2=0.0)
 DONE = CommandAck(command=Command.COMPONENT_ARM_DISARM, result=AckResult.ACCEPTED)
@@ -28,7 +29,7 @@ def answer(bus: Bus, service: Service, message: Message | None = None) -> Messag
 
     def asked() -> bool:
         try:
-            found.append(bus.ask(service, message, timeout_s=2.0))
+            found.append(bus.ask(service, message, timeout_s=PATIENCE_S))
         except NoAnswer:
             return False
         return True
@@ -46,9 +47,11 @@ def test_a_command_is_answered_from_the_loops_thread(topology: Topology) -> None
         assert answer(bus.ground, PARAMETERS) == b"[]"
 
         got: list[Message | bytes] = []
-        asking = threading.Thread(target=lambda: got.append(bus.ground.ask(COMMAND, ARM, 5.0)))
+        asking = threading.Thread(
+            target=lambda: got.append(bus.ground.ask(COMMAND, ARM, PATIENCE_S))
+        )
         asking.start()
-        asked = inbox.get(timeout=5.0)
+        asked = inbox.get(timeout=PATIENCE_S)
         assert asked.message == ARM
         assert asked.reply(DONE) is True
         asking.join()
@@ -125,7 +128,7 @@ def test_a_request_that_cannot_be_read_is_counted_and_denied(bad: Message | None
 
 def test_when_nobody_serves_the_asker_is_told_at_once_and_who_is_missing() -> None:
     with net() as bus, pytest.raises(NoAnswer, match=r"sim/run: nobody serves .* plant running"):
-        bus.ground.ask(RUN, None, timeout_s=5.0)
+        bus.ground.ask(RUN, None, timeout_s=PATIENCE_S)
 
 
 def test_a_slow_answer_is_a_timeout_with_its_length() -> None:
@@ -149,10 +152,10 @@ def test_a_handler_that_fails_does_not_stop_the_desk() -> None:
         bus.robot.serve(COMMAND, handler)
         other = CommandRequest(request_id=2, command=20, param1=0.0, param2=0.0)
         assert answer(bus.ground, COMMAND, other) == DONE
-        refused = bus.ground.ask(COMMAND, ARM, timeout_s=2.0)
+        refused = bus.ground.ask(COMMAND, ARM, timeout_s=PATIENCE_S)
         assert isinstance(refused, CommandAck)
         assert refused.result == AckResult.FAILED
-        assert bus.ground.ask(COMMAND, other, timeout_s=2.0) == DONE
+        assert bus.ground.ask(COMMAND, other, timeout_s=PATIENCE_S) == DONE
 
 
 def test_what_is_unanswered_is_dropped_when_the_bus_closes() -> None:
@@ -175,7 +178,7 @@ def test_what_is_unanswered_is_dropped_when_the_bus_closes() -> None:
         asking.start()
         until(lambda: waiting)
         late.close()
-        asking.join(timeout=5.0)
+        asking.join(timeout=PATIENCE_S)
         assert "nobody serves" in reasons[0]
         assert waiting[0].reply(DONE) is False
 

@@ -21,8 +21,9 @@ from protocol.bus.session import configured
 from protocol.messages import Statustext
 from protocol.network import Network
 from protocol.topics import PARAMETERS, TEXT, Role
-from tests.bus.nets import net, until
+from tests.bus.nets import net
 from tests.keyring import Keyring
+from tests.support.until import until
 
 BYTES_PER_S = 20_000.0
 LIST = bytes(200_000)

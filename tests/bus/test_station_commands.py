@@ -18,7 +18,7 @@ from protocol.enums import Command, Mode, Vehicle
 from protocol.messages import CommandAck, CommandRequest
 from protocol.topics import COMMAND
 from tests.bus.lively import Lively, Watching, watching
-from tests.bus.nets import until
+from tests.support.until import PATIENCE_S, until
 
 
 def typed(seen: Watching, words: str) -> Job:
@@ -161,6 +161,6 @@ def test_the_robot_still_hears_others_after_all_that() -> None:
         disarm = CommandRequest(
             request_id=7, param1=0.0, param2=0.0, command=Command.COMPONENT_ARM_DISARM
         )
-        answer = stack.ground.ask(COMMAND, disarm, 2.0)
+        answer = stack.ground.ask(COMMAND, disarm, PATIENCE_S)
         assert isinstance(answer, CommandAck)
         assert answer.result == 0

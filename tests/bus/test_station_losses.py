@@ -8,6 +8,7 @@ from protocol.enums import AckResult, LeaseAction
 from protocol.messages import CommandAck, LeaseRequest
 from protocol.topics import LEASE_SERVICE, Role
 from tests.bus.lively import Lively, watching
+from tests.support.until import PATIENCE_S
 
 
 def test_a_robot_whose_process_ends_behind_a_router_is_dead_and_comes_back() -> None:
@@ -79,7 +80,7 @@ def test_another_operators_lease_is_a_loss_until_it_is_given_back() -> None:
     with Lively() as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
         take = LeaseRequest(request_id=1, action=LeaseAction.TAKE, name="ben")
-        answer = stack.ground.ask(LEASE_SERVICE, take, 2.0)
+        answer = stack.ground.ask(LEASE_SERVICE, take, PATIENCE_S)
         assert isinstance(answer, CommandAck)
         assert answer.result == AckResult.ACCEPTED
         seen.until_lost(LossKind.OTHER_OPERATOR)

@@ -7,7 +7,8 @@ from protocol.errors import LocalError
 from protocol.mailbox import Mailbox
 from protocol.messages import Heartbeat, SonarScan, WheelCommand, WheelTicks
 from protocol.topics import DRIVE, OPERATOR, SONAR, WHEELS, Role
-from tests.bus.nets import TOPOLOGIES, Topology, net, until
+from tests.bus.nets import TOPOLOGIES, Topology, net
+from tests.support.until import PATIENCE_S, until
 
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
@@ -24,8 +25,8 @@ def test_senses_and_commands_cross_in_both_directions(topology: Topology) -> Non
         drive = bus.robot.publisher(DRIVE)
         scans, ticks = bus.robot.mailbox(SONAR), bus.robot.mailbox(WHEELS)
         commands = bus.plant.mailbox(DRIVE)
-        assert bus.plant.await_matched([sonar, wheels], 5.0) == []
-        assert bus.robot.await_matched([drive], 5.0) == []
+        assert bus.plant.await_matched([sonar, wheels], PATIENCE_S) == []
+        assert bus.robot.await_matched([drive], PATIENCE_S) == []
         sonar.put(SCAN)
         wheels.put(TICKS)
         drive.put(STOP)
@@ -41,7 +42,7 @@ def test_the_first_sample_after_the_barrier_is_never_lost(topology: Topology) ->
         with net(topology) as bus:
             wheels = bus.plant.publisher(WHEELS)
             ticks = bus.robot.mailbox(WHEELS)
-            assert bus.plant.await_matched([wheels], 5.0) == []
+            assert bus.plant.await_matched([wheels], PATIENCE_S) == []
             wheels.put(TICKS)
             until(ticks.latest)
 
@@ -58,7 +59,7 @@ def test_a_reader_is_notified_of_the_arrival() -> None:
         heard: list[int] = []
         wheels = bus.plant.publisher(WHEELS)
         ticks = bus.robot.mailbox(WHEELS, notify=heard.append)
-        bus.plant.await_matched([wheels], 5.0)
+        bus.plant.await_matched([wheels], PATIENCE_S)
         wheels.put(TICKS)
         until(lambda: heard)
         assert ticks.latest() == (TICKS, heard[0])
@@ -79,7 +80,7 @@ def test_a_box_may_take_only_what_one_operator_puts_there(topology: Topology) ->
         publishers = [who.publisher(OPERATOR) for who in (bus.plant, bus.ground, second)]
         for who, publisher in zip((bus.plant, bus.ground, second), publishers, strict=True):
             assert box.latest() is None
-            assert who.await_matched([publisher], 5.0) == []
+            assert who.await_matched([publisher], PATIENCE_S) == []
             publisher.put(BEAT)
             until(lambda: senders)
             assert senders.pop() == (who.operator or "")
@@ -91,7 +92,7 @@ def test_robots_do_not_hear_each_others_senses() -> None:
     with net() as bus:
         first, second = bus.plant.publisher(WHEELS), bus.plant.publisher(WHEELS, robot="r2")
         mine, other = bus.robot.mailbox(WHEELS), bus.ground.mailbox(WHEELS, robot="r2")
-        bus.plant.await_matched([first, second], 5.0)
+        bus.plant.await_matched([first, second], PATIENCE_S)
         second.put(TICKS)
         until(other.latest)
         assert mine.latest() is None
@@ -112,7 +113,7 @@ def test_a_stream_gets_every_frame_with_its_key_in_order() -> None:
         bus.ground.stream(
             f"{bus.prefix}/**", lambda key, frame, at_ns: frames.append((key, frame, at_ns))
         )
-        bus.plant.await_matched([wheels, sonar], 5.0)
+        bus.plant.await_matched([wheels, sonar], PATIENCE_S)
         sent = [wheels.put(TICKS) for _ in range(20)]
         sonar.put(SCAN)
         until(lambda: len(frames) == 21)
@@ -125,7 +126,7 @@ def test_a_stream_of_a_topic_gets_that_topic_only() -> None:
         keys: list[str] = []
         wheels, sonar = bus.plant.publisher(WHEELS), bus.plant.publisher(SONAR)
         bus.ground.stream(SONAR, lambda key, frame, at_ns: keys.append(key))
-        bus.plant.await_matched([sonar], 5.0)
+        bus.plant.await_matched([sonar], PATIENCE_S)
         wheels.put(TICKS)
         sonar.put(SCAN)
         until(lambda: keys)
@@ -141,7 +142,7 @@ def test_garbage_is_counted_by_topic_named_and_ignored() -> None:
     with net() as bus:
         wheels = bus.plant.publisher(WHEELS)
         ticks = bus.robot.mailbox(WHEELS)
-        bus.plant.await_matched([wheels], 5.0)
+        bus.plant.await_matched([wheels], PATIENCE_S)
         for garbage in (b"", b"\xfd" * 40, wheels.put(TICKS)[:-1]):
             before = ticks.rejected
             wheels.put_frame(garbage)
@@ -171,7 +172,7 @@ def test_what_is_forgotten_is_heard_no_more() -> None:
     with net() as bus:
         wheels = bus.plant.publisher(WHEELS)
         boxes = [bus.robot.mailbox(WHEELS) for _ in range(20)]
-        assert bus.plant.await_matched([wheels], 5.0) == []
+        assert bus.plant.await_matched([wheels], PATIENCE_S) == []
         for box in (*boxes, *boxes):
             bus.robot.forget(box)
         until(lambda: not wheels.matched)

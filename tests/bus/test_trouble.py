@@ -10,7 +10,7 @@ from protocol.messages import WheelTicks
 from protocol.network import Network
 from protocol.topics import CLOCK, WHEELS, Role
 from protocol.trouble import Trouble
-from tests.bus.nets import until
+from tests.support.until import PATIENCE_S, until
 
 MS = 1_000_000
 
@@ -40,7 +40,7 @@ def pair(trouble: Trouble | None) -> Iterator[tuple[Bus, Heard, Publisher[WheelT
         leaf = Network(mode="client", connect=(robot.locator(),))
         with open_bus(leaf, Role.PLANT, "r1") as plant:
             wheels = plant.publisher(WHEELS)
-            assert plant.await_matched([wheels], 5.0) == []
+            assert plant.await_matched([wheels], PATIENCE_S) == []
             yield robot, heard, wheels
 
 

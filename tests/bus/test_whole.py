@@ -8,7 +8,7 @@ import pytest
 import zenoh
 
 from protocol.bus.history import FETCHED, FETCHES, SOURCES, TOLD, Source, Whole
-from tests.bus.nets import until
+from tests.support.until import PATIENCE_S, until
 
 
 def sample(number: int, sender: str = "a", *, live: bool = True) -> zenoh.Sample:
@@ -29,7 +29,7 @@ class Following:
 
     def _fetch(self, source: Source) -> list[zenoh.Sample]:
         self.asked.append(source)
-        assert self.let.wait(5.0)
+        assert self.let.wait(PATIENCE_S)
         return [sample(number, source[0], live=False) for number in (4, 2, 0, 1, 3)]
 
     def _take(self, found: zenoh.Sample) -> None:

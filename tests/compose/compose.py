@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any, Final
 from uuid import uuid4
 
-from tests.stack.processes import free_endpoint, until
+from tests.stack.processes import free_endpoint
+from tests.support.until import until
 
 ROOT: Final = Path(__file__).parents[2]
 BUILD_S: Final = 600.0

@@ -17,7 +17,8 @@ from protocol.reasons import Reason
 from protocol.topics import COMMAND
 from protocol.wire_goal import wire_goal
 from tests.compose.compose import Compose, docker
-from tests.stack.processes import Witness, moved_not, until
+from tests.stack.processes import Witness, moved_not
+from tests.support.until import until
 
 pytestmark = pytest.mark.compose
 

@@ -7,7 +7,7 @@ import pytest
 
 from protocol.enums import Vehicle
 from tests.compose.compose import Compose, project
-from tests.stack.processes import until
+from tests.support.until import until
 
 pytestmark = pytest.mark.compose
 

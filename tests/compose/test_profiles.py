@@ -7,7 +7,7 @@ from typing import Final
 import pytest
 
 from tests.compose.compose import BUILD_S, LAST_WORDS, Compose, docker, project
-from tests.stack.processes import until
+from tests.support.until import until
 
 pytestmark = pytest.mark.compose
 

@@ -6,7 +6,7 @@ from contextlib import closing
 import pytest
 
 from tests.compose.compose import project
-from tests.stack.processes import until
+from tests.support.until import until
 
 pytestmark = pytest.mark.compose
 

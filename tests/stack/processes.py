@@ -13,10 +13,8 @@ import subprocess
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
-from threading import Event
 from types import TracebackType
 from typing import IO, Self
 
@@ -33,8 +31,8 @@ from protocol.messages import (
     WheelCommand,
 )
 from protocol.topics import CYCLE, DRIVE, STATUS, TEXT, TRUTH, Role
+from tests.support.until import PATIENCE_S, until
 
-PATIENCE_S = 30.0
 STILL_M_S = 0.001
 LOCAL = "127.0.0.1"
 
@@ -43,15 +41,6 @@ def free_endpoint() -> str:
     with socket.socket() as probe:
         probe.bind((LOCAL, 0))
         return f"tcp/{LOCAL}:{probe.getsockname()[1]}"
-
-
-def until(condition: Callable[[], object], within_s: float = PATIENCE_S, what: str = "") -> float:
-    """Wait for a condition; how long it took. Fails when it does not come true in time."""
-    started_s, pause = time.monotonic(), Event()
-    while not condition():
-        assert time.monotonic() - started_s < within_s, f"not within {within_s} s: {what}"
-        pause.wait(0.003)
-    return time.monotonic() - started_s
 
 
 @dataclass

@@ -14,7 +14,8 @@ import pytest
 from ground.blackbox.frames import opened
 from protocol.codec import decode
 from protocol.enums import GoalState
-from tests.stack.processes import Crew, Running, Witness, until
+from tests.stack.processes import Crew, Running, Witness
+from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

@@ -15,7 +15,8 @@ import pytest
 from PIL import Image
 
 from tests.stack.browser import Page, browsing, chromium
-from tests.stack.processes import Crew, Running, Witness, free_endpoint, until
+from tests.stack.processes import Crew, Running, Witness, free_endpoint
+from tests.support.until import until
 
 pytestmark = [
     pytest.mark.stack,

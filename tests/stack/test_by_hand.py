@@ -12,7 +12,8 @@ from protocol.enums import MissionState, Mode, Vehicle
 from protocol.messages import MissionStatus
 from protocol.reasons import Reason
 from protocol.topics import MISSION
-from tests.stack.processes import Crew, Witness, until
+from tests.stack.processes import Crew, Witness
+from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

@@ -9,7 +9,8 @@ import pytest
 
 from protocol.enums import GoalState, Vehicle
 from protocol.reasons import Reason, reason_text
-from tests.stack.processes import Crew, Running, Witness, until
+from tests.stack.processes import Crew, Running, Witness
+from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

@@ -13,7 +13,8 @@ from ground.app.player import Player
 from ground.ghost.haunting import Haunting
 from protocol.clock import ManualClock
 from protocol.topics import Role
-from tests.stack.processes import Crew, Witness, until
+from tests.stack.processes import Crew, Witness
+from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

@@ -14,7 +14,8 @@ import pytest
 
 from protocol.enums import GoalState, Vehicle
 from protocol.reasons import Reason, reason_text
-from tests.stack.processes import Crew, Running, Witness, moved_not, until
+from tests.stack.processes import Crew, Running, Witness, moved_not
+from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

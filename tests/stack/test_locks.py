@@ -21,7 +21,8 @@ from protocol.network import Network, Tls
 from protocol.reasons import Reason
 from protocol.topics import COMMAND, COMMANDED, ENCODING, LEASE_SERVICE, PREFIX, TELEOP, Role
 from tests.keyring import DAY, NOW, Keyring
-from tests.stack.processes import Crew, Running, until
+from tests.stack.processes import Crew, Running
+from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 EACH = 10

@@ -13,7 +13,8 @@ from protocol.codec import Encoder
 from protocol.enums import GoalState
 from protocol.messages import CommandRequest, WheelTicks
 from protocol.topics import ENCODING, SERVICES, STOP, STOP_SERVICE, TOPICS
-from tests.stack.processes import Crew, Witness, until
+from tests.stack.processes import Crew, Witness
+from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.stack.processes import PATIENCE_S, Crew, until
+from tests.stack.processes import Crew
+from tests.support.until import PATIENCE_S, until
 
 pytestmark = pytest.mark.stack
 

@@ -19,7 +19,8 @@ from protocol.bus import Network, open_bus
 from protocol.codec import decode
 from protocol.messages import WheelTicks
 from protocol.topics import WHEELS, Role
-from tests.stack.processes import Crew, Running, until
+from tests.stack.processes import Crew, Running
+from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

@@ -16,7 +16,8 @@ from protocol.messages import CommandAck, ParamSet, SonarScan
 from protocol.reasons import Reason
 from protocol.topics import COMMAND, HEARTBEAT, PARAMETER, SONAR, Role
 from tests.bus.robots import BEAT
-from tests.stack.processes import Crew, Running, Witness, until
+from tests.stack.processes import Crew, Running, Witness
+from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

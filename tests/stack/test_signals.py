@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 
 from ground.leash import command
-from tests.stack.processes import Crew, Running, Witness, until
+from tests.stack.processes import Crew, Running, Witness
 from tests.stack.test_up import children_of, frames_in
+from tests.support.until import until
 from tests.unit.ground.test_children import alive
 
 pytestmark = pytest.mark.stack

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from study.store import ASIDE, RESULTS, SHARDS, read
-from tests.stack.processes import until
+from tests.support.until import until
 from tests.unit.study.made import ids, spoil
 
 pytestmark = pytest.mark.stack

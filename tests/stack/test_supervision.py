@@ -19,8 +19,9 @@ from ground.up import errands_of
 from protocol.clock import WallClock
 from protocol.enums import GoalState, Vehicle
 from protocol.reasons import Reason
-from tests.stack.processes import Crew, Witness, moved_not, until
+from tests.stack.processes import Crew, Witness, moved_not
 from tests.stack.spoilt import Sabotage
+from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

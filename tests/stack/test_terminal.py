@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from protocol.enums import Vehicle
-from tests.stack.processes import Crew, Running, Witness, until
+from tests.stack.processes import Crew, Running, Witness
 from tests.stack.tmux import Tmux
+from tests.support.until import until
 
 pytestmark = [
     pytest.mark.stack,

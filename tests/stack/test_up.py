@@ -15,7 +15,8 @@ import pytest
 from ground.tlog import Reader
 from protocol.codec import decode
 from protocol.outcome import Outcome
-from tests.unit.ground.test_children import alive, until
+from tests.support.until import until
+from tests.unit.ground.test_children import alive
 
 pytestmark = pytest.mark.stack
 
@@ -49,8 +50,8 @@ def driving(folder: Path) -> Iterator[tuple[subprocess.Popen[str], list[int]]]:
         assert up.stderr is not None
         # Robot, recorder and link are up by now; before, a slow disk may have been complained of.
         assert any(line.startswith("box") for line in iter(up.stderr.readline, ""))
-        assert until(lambda: len(children_of(up.pid)) == 3)
-        assert until(lambda: any(log.stat().st_size > 2000 for log in folder.glob("*.tlog")))
+        until(lambda: len(children_of(up.pid)) == 3)
+        until(lambda: any(log.stat().st_size > 2000 for log in folder.glob("*.tlog")))
         try:
             yield up, children_of(up.pid)
         finally:
@@ -147,7 +148,7 @@ def test_killed_outright_it_still_leaves_nothing_running(tmp_path: Path) -> None
     with driving(tmp_path) as (up, started):
         up.send_signal(signal.SIGKILL)
         up.wait()
-        assert until(lambda: not [pid for pid in started if alive(pid)])
+        until(lambda: not [pid for pid in started if alive(pid)])
     assert frames_in(tmp_path) > 20
 
 

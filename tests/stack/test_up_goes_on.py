@@ -14,9 +14,10 @@ import pytest
 from ground.tlog import Reader
 from protocol.codec import decode
 from protocol.messages import Statustext
-from tests.stack.processes import Crew, Running, until
+from tests.stack.processes import Crew, Running
 from tests.stack.test_up import ROOT, children_of, cmdline, frames_in
 from tests.stack.tmux import Tmux
+from tests.support.until import until
 from tests.unit.ground.test_children import alive
 
 pytestmark = pytest.mark.stack

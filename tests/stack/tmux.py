@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
-from tests.stack.processes import PATIENCE_S, until
+from tests.support.until import PATIENCE_S, until
 
 NAMES = {" ": "Space", ";": "\\;"}
 

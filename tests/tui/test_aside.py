@@ -10,16 +10,15 @@ import pytest
 from ground.app.aside import Aside
 from ground.app.quiet import quiet
 from protocol.errors import UserError
+from tests.support.until import until
 
-PATIENCE_S = 5.0
 
-
-def polled(aside: Aside, until: Event) -> None:
-    for _ in range(1000):
+def polled(aside: Aside, done: Event) -> None:
+    def is_done() -> bool:
         aside.poll()
-        if until.wait(PATIENCE_S / 1000):
-            return
-    raise AssertionError("nothing came of it")
+        return done.is_set()
+
+    until(is_done, what="what comes of it")
 
 
 def test_what_comes_of_a_job_is_handed_over_when_it_is_polled_for() -> None:

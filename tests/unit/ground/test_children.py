@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -13,9 +13,9 @@ import pytest
 from ground.children import ENDS, Child, ChildDied, Children, held_back, how
 from ground.leash import command
 from protocol.clock import WallClock
+from tests.support.until import PATIENCE_S, until
 
 ROOT = Path(__file__).parents[3]
-DEADLINE_S = 5.0
 QUIET = "import signal; signal.pause()"
 STUBBORN = """
 import signal, sys
@@ -37,15 +37,6 @@ def alive(pid: int) -> bool:
     except (FileNotFoundError, ProcessLookupError):
         return False
     return state != "Z"
-
-
-def until(condition: Callable[[], bool]) -> bool:
-    deadline_s, clock = time.monotonic() + DEADLINE_S, WallClock()
-    while not condition():
-        if time.monotonic() > deadline_s:
-            return False
-        clock.sleep_until(clock.now_ns() + 10_000_000)
-    return True
 
 
 def pids(children: Children) -> list[int]:
@@ -81,7 +72,7 @@ def test_a_child_that_ignores_every_request_is_ended_within_two_seconds() -> Non
     children.start("stubborn", [STUBBORN])
     (pid,) = pids(children)
     output = children._children[0]
-    assert until(lambda: "ready" in output.last_words())
+    until(lambda: "ready" in output.last_words())
     begun_s = time.monotonic()
     children.stop()
     assert not alive(pid)
@@ -107,7 +98,7 @@ def test_a_death_is_told_with_role_code_and_last_words(source: str, code: int, s
     with Children(WallClock(), python) as children:
         children.start("plant", [source])
         process = children._children[0].process
-        assert until(lambda: process.poll() is not None)
+        until(lambda: process.poll() is not None)
         with pytest.raises(ChildDied) as died:
             children.check()
     assert died.value.exit_code == code
@@ -120,7 +111,7 @@ def test_only_the_last_lines_are_told() -> None:
     with Children(WallClock(), python) as children:
         children.start("robot", ["for n in range(10000): print(f'line {n}')"])
         process = children._children[0].process
-        assert until(lambda: process.poll() is not None)
+        until(lambda: process.poll() is not None)
         words = children._children[0].last_words()
     assert words.splitlines() == [f"  line {n}" for n in range(9995, 10000)]
 
@@ -146,10 +137,10 @@ def test_a_killed_parent_takes_its_children_with_it() -> None:
     ) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
-        assert until(lambda: b"ground.leash" in Path(f"/proc/{child}/cmdline").read_bytes())
-        assert until(lambda: _tied(child))
+        until(lambda: b"ground.leash" in Path(f"/proc/{child}/cmdline").read_bytes())
+        until(lambda: _tied(child))
         parent.send_signal(signal.SIGKILL)
-    assert until(lambda: not alive(child))
+    until(lambda: not alive(child))
 
 
 def _tied(pid: int) -> bool:
@@ -184,7 +175,7 @@ def test_who_has_ended_is_named_once_and_is_no_child_any_more() -> None:
         children.start("plant", ["print('last word'); raise SystemExit(7)"])
         children.start("robot r1", [QUIET])
         process = children._children[0].process
-        assert until(lambda: process.poll() is not None)
+        until(lambda: process.poll() is not None)
         assert children.ended() == [("plant", 7, "  last word")]
         assert children.ended() == []
         assert children.roles == ["robot r1"]
@@ -242,11 +233,11 @@ def test_what_a_child_tells_for_months_is_bounded(monkeypatch: pytest.MonkeyPatc
     with Children(WallClock(), python) as children:
         children.start("one", [TALKER])
         (child,) = children._children
-        assert until(lambda: size_of(child) == 3001)
+        until(lambda: size_of(child) == 3001)
         children.check()
         assert size_of(child) == 0
         os.kill(child.process.pid, signal.SIGUSR1)
-        child.process.wait(DEADLINE_S)
+        child.process.wait(PATIENCE_S)
         (ended,) = children.ended()
     assert ended.words == "  the end"
 

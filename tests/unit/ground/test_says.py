@@ -38,10 +38,10 @@ class Terminal:
         """
         self.near.write(MARK)
         self.near.flush()
-        found = ""
-        while not found.endswith(MARK):
-            found += os.read(self._far, 10_000).decode()
-        return found.removesuffix(MARK)
+        found = b""
+        while not found.endswith(MARK.encode()):
+            found += os.read(self._far, 10_000)
+        return found.decode().removesuffix(MARK)
 
     def close(self) -> None:
         self.near.close()

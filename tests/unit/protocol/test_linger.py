@@ -12,7 +12,7 @@ import pytest
 
 from protocol.bus import linger
 from protocol.bus.linger import Lingering, stop_lingering
-from tests.stack.processes import until
+from tests.support.until import until
 
 LINGER = struct.pack("ii", 1, 10)
 

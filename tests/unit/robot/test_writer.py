@@ -25,7 +25,7 @@ from robot.core.parameters import DEFAULTS
 from robot.saved_replies import MAX_WITHHELD, SAVING, SavedReplies
 from robot.store import Store
 from robot.writer import Directory, Done, Job, WriterThread
-from tests.stack.processes import until
+from tests.support.until import until
 from tests.unit.robot.held_writer import HeldWriter, Question
 from tests.unit.robot.mission.items import circle, count_of, line, upload
 from tests.unit.robot.vehicles import Desk

@@ -5,7 +5,7 @@ from time import monotonic
 
 from ground.station.requests import Lane, Outcome
 from protocol.errors import UserError
-from tests.bus.nets import until
+from tests.support.until import until
 
 
 def test_a_job_is_done_elsewhere_and_its_outcome_fetched_once() -> None:

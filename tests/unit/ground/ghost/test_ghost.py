@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -21,18 +20,12 @@ from plant.world_file import load
 from plant.world_json import as_json
 from protocol.clock import ManualClock
 from study.trial import NAVIGATORS, Trial
+from tests.support.until import until
 from tests.unit.ground.ghost.runs import driven
 
 ROOT = Path(__file__).parents[4]
 FOREVER = "import time; print('time_s,true_x_m,true_y_m', flush=True); time.sleep(60)"
 START = (0.6, 2.0, 0.0)
-
-
-def until(condition: Callable[[], object], within_s: float = 20.0) -> None:
-    deadline_s, pause = time.monotonic() + within_s, Event()
-    while not condition():
-        assert time.monotonic() < deadline_s
-        pause.wait(0.005)
 
 
 def ended(ghost: Ghost) -> Course:

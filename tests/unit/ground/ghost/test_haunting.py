@@ -3,8 +3,6 @@
 from collections.abc import Iterator
 from math import nan
 from pathlib import Path
-from threading import Event
-from time import monotonic
 
 import pytest
 
@@ -17,6 +15,7 @@ from protocol.errors import UserError
 from protocol.mailbox import Sample
 from protocol.outcome import Outcome
 from protocol.topics import ENCODING, ODOMETRY, STATUS, TRUTH
+from tests.support.until import until
 from tests.unit.ground.explain.told import standing
 from tests.unit.ground.recordings import Recording, box
 from tests.unit.ground.shown import WORLD, Show
@@ -39,11 +38,11 @@ def haunting_of(show: Show) -> Haunting:
 
 
 def ended(haunting: Haunting) -> None:
-    deadline_s, pause = monotonic() + 20.0, Event()
-    while haunting.busy:
-        assert monotonic() < deadline_s
-        pause.wait(0.01)
+    def over() -> bool:
         haunting.poll()
+        return not haunting.busy
+
+    until(over)
 
 
 def test_an_instant_that_is_shown_is_where_the_ghost_begins(show: Show) -> None:
