@@ -2,7 +2,8 @@
 
 import json
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Iterator, Sequence
+from base64 import b64encode
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from io import BytesIO, StringIO
@@ -18,7 +19,7 @@ from benchmarks.fuzz_words import JSON_WORDS
 from ground import exporting
 from ground.blackbox.axis import Axis
 from ground.blackbox.frames import opened
-from ground.blackbox.mcap_file import FACT, RAW_TOPIC
+from ground.blackbox.mcap_file import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
 from ground.blackbox.mcap_form import McapForm
 from ground.blackbox.place import discs, facts_of, outlines, radius_of, start_of
 from ground.blackbox.reel import Reel
@@ -43,7 +44,7 @@ from protocol.messages import (
     TickInputs,
     WheelCommand,
 )
-from protocol.topics import PREFIX, TOPICS
+from protocol.topics import ENCODING, PREFIX, TOPICS
 from robot.core.parameters import DEFAULTS
 from robot.parameters import described
 from robot.telemetry import SCAN_THERE, WHEELS_THERE
@@ -162,22 +163,45 @@ def mcaps() -> tuple[bytes, ...]:
         form.know(name, text)
     for time_us, key, frame in timed(spoken()[0]):
         form.add(key, frame, time_us)
-    return (form.batch() + form.end(), *(plain(data) for data in spoken()))
+    recorded = form.batch() + form.end()
+    return (recorded, *map(plain, spoken()), *map(plain_of_before, spoken()))
 
 
 def plain(data: bytes) -> bytes:
+    """Frames as they are, each with its key before it."""
+
+    def write(writer: Any, frames: Iterable[tuple[int, str, bytes]]) -> None:
+        raw = writer.register_channel(RAW_TOPIC, ENCODING, 0, {KEYS: "sidestep/r1"})
+        keys = writer.register_channel(KEY_TOPIC, "json", writer.register_schema("key", "", b""))
+        for time_us, key, frame in frames:
+            said = json.dumps({"key": key}).encode()
+            writer.add_message(keys, time_us * 1000, said, time_us * 1000, 0)
+            writer.add_message(raw, time_us * 1000, frame, time_us * 1000, 0)
+
+    return written(data, write)
+
+
+def plain_of_before(data: bytes) -> bytes:
+    """Key and frame in one JSON text, as recordings had them earlier."""
+
+    def write(writer: Any, frames: Iterable[tuple[int, str, bytes]]) -> None:
+        schema = writer.register_schema("raw", "", b"")
+        channel = writer.register_channel(RAW_TOPIC, "json", schema)
+        for time_us, key, frame in frames:
+            raw = json.dumps({"key": key, "frame": b64encode(frame).decode()}).encode()
+            writer.add_message(channel, time_us * 1000, raw, time_us * 1000, 0)
+
+    return written(data, write)
+
+
+def written(data: bytes, write: Callable[[Any, Iterable[tuple[int, str, bytes]]], None]) -> bytes:
     out = BytesIO()
     writer: Any = Writer(out, compression=CompressionType.NONE, enable_crcs=False)
     writer.start(library="sidestep")
     writer.add_metadata("sidestep", {"robot": "r1"})
     for name, text in facts().items():
         writer.add_metadata(name, {FACT: text})
-    channel = writer.register_channel(RAW_TOPIC, "json", writer.register_schema("raw", "", b""))
-    for time_us, key, frame in timed(data):
-        import base64
-
-        raw = json.dumps({"key": key, "frame": base64.b64encode(frame).decode()}).encode()
-        writer.add_message(channel, time_us * 1000, raw, time_us * 1000, 0)
+    write(writer, timed(data))
     writer.finish()
     found: bytes = out.getvalue()
     return found

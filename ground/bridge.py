@@ -93,7 +93,7 @@ class Bridge:
     def __init__(self, link: Link, prefix: str) -> None:
         self._link = link
         self._offset_ns = time_ns() - link.clock.now_ns()
-        self._spread = Spread()
+        self._spread = Spread(link.robot)
         self._facts = Facts(link.bus, link.robot)
         self._arrived: deque[tuple[str, bytes, int]] = deque(maxlen=MOST_WAITING)
         self._channels: dict[str, Any] = {}
@@ -135,5 +135,10 @@ class Bridge:
 
 def channel_of(piece: Piece) -> Any:
     foxglove = sdk()
-    schema = foxglove.Schema(name=piece.schema.name, encoding="jsonschema", data=piece.schema.text)
-    return foxglove.Channel(piece.topic, schema=schema, message_encoding="json")
+    if piece.schema is None:
+        schema = foxglove.Schema(name="", encoding="", data=b"")
+    else:
+        schema = foxglove.Schema(
+            name=piece.schema.name, encoding="jsonschema", data=piece.schema.text
+        )
+    return foxglove.Channel(piece.topic, schema=schema, message_encoding=piece.encoding)

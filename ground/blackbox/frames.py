@@ -6,29 +6,18 @@ A file that was cut off anywhere gives the frames before the cut, and `damage` s
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final, NamedTuple, Protocol
 
+from ground.blackbox.frame_paths import path_in
 from ground.blackbox.mcap_file import McapFile
-from ground.tlog import HEADER_SIZE, Reader
-from protocol.codec import WIRE_OF_ID, WIRE_OF_TYPE
+from ground.tlog import Reader
 from protocol.errors import UserError
-from protocol.sender import COMPONENT
-from protocol.topics import PREFIX, TOPICS
+from protocol.topics import PREFIX
 
 NS_PER_US: Final = 1000
 MCAP_BEGINS: Final = b"\x89MCAP"
 NAMED: Final = re.compile(r"\d{8}T\d{6}Z-(?P<robot>[a-z0-9_-]{1,16})(\.\d{1,3})?\Z")
 USUAL_ROBOT: Final = "r1"
-UNKNOWN_PATH: Final = "unknown"
-PATH_OF: Final[Mapping[tuple[int, int], str]] = MappingProxyType(
-    {
-        (WIRE_OF_TYPE[message].number, COMPONENT[topic.publisher]): topic.path
-        for topic in reversed(TOPICS)
-        for message in topic.messages
-    }
-)
-"""Message id and component that sends it, to the path of its topic; the first topic wins."""
 
 
 class Frame(NamedTuple):
@@ -148,9 +137,4 @@ def robot_in(path: Path) -> str:
 
 def key_of(frame: bytes, robot: str) -> str:
     """The key that a frame was published on, as far as message and sender tell."""
-    number = int.from_bytes(frame[HEADER_SIZE - 3 : HEADER_SIZE], "little")
-    path = PATH_OF.get((number, frame[HEADER_SIZE - 4]))
-    if path is None:
-        wire = WIRE_OF_ID.get(number)
-        path = f"{UNKNOWN_PATH}/{number if wire is None else wire.name.lower()}"
-    return f"{PREFIX}/{robot}/{path}"
+    return f"{PREFIX}/{robot}/{path_in(frame)}"

@@ -1,6 +1,9 @@
 """The frames in an MCAP file that may have been cut off, or damaged, anywhere.
 
-Whole records are found by their own lengths, so that it is known how much could not be used.
+Whole records are found by their own lengths, so that it is known how much could not be used. A
+frame lies in its channel as it was on the bus. Its key follows from message and sender, as in a
+`.tlog`; where it does not, it stands in a channel of its own, just before the frame. Recordings
+made earlier have key and frame in one JSON text.
 """
 
 import os
@@ -18,9 +21,15 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata
 
+from ground.blackbox.frame_paths import path_in
 from ground.blackbox.mcap_chunk import unpacked
+from protocol.codec import HEADER_SIZE
+from protocol.topics import ENCODING_FAMILY, PREFIX
 
 RAW_TOPIC: Final = "/mavlink"
+KEY_TOPIC: Final = "/mavlink/key"
+KEYS: Final = "keys"
+"""What the keys of a channel of frames begin with, in its metadata."""
 MAGIC: Final = b"\x89MCAP0\r\n"
 FACT: Final = "json"
 RECORD: Final = struct.Struct("<BQ")
@@ -33,13 +42,20 @@ UNREADABLE: Final = (
 
 
 class Raw(msgspec.Struct, frozen=True, gc=False):
-    """A frame as it was on the bus; in JSON its bytes are base64."""
+    """A frame as it was on the bus; in the JSON of earlier recordings its bytes are base64."""
 
     key: str
     frame: bytes
 
 
+class Key(msgspec.Struct, frozen=True, gc=False):
+    """The key of the frame that follows."""
+
+    key: str
+
+
 RAW_IN: Final = msgspec.json.Decoder(Raw)
+KEY_IN: Final = msgspec.json.Decoder(Key)
 
 
 class McapFile:
@@ -49,7 +65,8 @@ class McapFile:
         self.facts: dict[str, str] = {}
         self.lost_bytes = 0
         self._path = path
-        self._channel: int | None = None
+        self._channels: dict[int, Channel] = {}
+        self._key = ""
         self._places = 0
         self._closed = False
 
@@ -124,15 +141,28 @@ class McapFile:
             opcode, length = RECORD.unpack_from(data, at)
             at += RECORD.size
             if opcode == Opcode.MESSAGE:
-                channel, _, time_ns, _ = MESSAGE.unpack_from(data, at)
-                if channel == self._channel:
-                    body = data[at + MESSAGE.size : at + length]
-                    yield time_ns, RAW_IN.decode(body)
+                number, _, time_ns, _ = MESSAGE.unpack_from(data, at)
+                if channel := self._channels.get(number):
+                    raw = self._raw(channel, data[at + MESSAGE.size : at + length])
+                    if raw is not None:
+                        yield time_ns, raw
             elif opcode == Opcode.CHANNEL:
                 made = Channel.read(ReadDataStream(BytesIO(data[at : at + length])))
-                if made.topic == RAW_TOPIC:
-                    self._channel = made.id
+                if made.topic in {RAW_TOPIC, KEY_TOPIC}:
+                    self._channels[made.id] = made
             at += length
+
+    def _raw(self, channel: Channel, body: bytes) -> Raw | None:
+        """The frame in a message; None for the key of the next one."""
+        if channel.topic == KEY_TOPIC:
+            self._key = KEY_IN.decode(body).key
+            return None
+        if not channel.message_encoding.startswith(ENCODING_FAMILY):
+            return RAW_IN.decode(body)
+        if len(body) < HEADER_SIZE:
+            raise ValueError(f"{len(body)} bytes are no frame")
+        key, self._key = self._key, ""
+        return Raw(key or f"{channel.metadata.get(KEYS, PREFIX)}/{path_in(body)}", body)
 
     def _fact(self, content: bytes) -> None:
         try:
@@ -146,6 +176,7 @@ class McapFile:
     def _lose(self, size: int) -> None:
         self.lost_bytes += size
         self._places += 1
+        self._key = ""
 
     def damage(self) -> str:
         """What was lost, in words; a file that was never closed may have lost its very end."""

@@ -1,4 +1,4 @@
-"""Frames as an MCAP file: raw, decoded as JSON, and drawn as Foxglove and Lichtblick know it.
+"""Frames as an MCAP file: as on the bus, decoded as JSON, and drawn for Foxglove and Lichtblick.
 
 What a viewer shows is made here; what replay and re-execution need is the raw frame alone.
 """
@@ -11,14 +11,20 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
-from ground.blackbox.mcap_file import FACT
-from ground.blackbox.schemas import Schema
+from ground.blackbox.mcap_file import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
+from ground.blackbox.schemas import KEY_SCHEMA, Schema
 from ground.blackbox.spread import Piece, Spread
+from protocol.topics import ENCODING, PREFIX
 
 LIBRARY: Final = "sidestep"
+NO_SCHEMA: Final = 0
 ENTRIES: Final = "_Writer__chunk_indices"
 """Where the writer collects the index that it writes at the end."""
 NS_PER_US: Final = 1000
+FRAME_CHANNELS: Final = (
+    Piece(KEY_TOPIC, KEY_SCHEMA, b""),
+    Piece(RAW_TOPIC, None, b"", ENCODING),
+)
 
 
 class Outbox(BytesIO):
@@ -59,13 +65,16 @@ class McapForm:
     def __init__(self, robot: str, build: Mapping[str, str]) -> None:
         self._outbox = Outbox()
         self._writer: Any = Writer(self._outbox, compression=CompressionType.ZSTD)
-        self._spread = Spread()
+        self._spread = Spread(robot)
+        self._keys = f"{PREFIX}/{robot}"
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._counts: dict[int, int] = {}
         self._newest_ns = 0
         self._writer.start(library=LIBRARY)
         self._writer.add_metadata(LIBRARY, {"robot": robot, **build})
+        # In the first chunk, so that no other one has to be whole for a frame and its key.
+        self._channels.update({piece.topic: self._channel(piece) for piece in FRAME_CHANNELS})
 
     def add(self, key: str, frame: bytes, time_us: int, told_us: int | None = None) -> None:
         """A whole frame; its publish time is when it was told, None: as it arrived."""
@@ -101,18 +110,23 @@ class McapForm:
             place -= 1
 
     def _write(self, pieces: Iterable[Piece], told_ns: int) -> None:
-        for topic, schema, data in pieces:
-            channel = self._channels.get(topic)
+        for piece in pieces:
+            channel = self._channels.get(piece.topic)
             if channel is None:
-                channel = self._channels[topic] = self._channel(topic, schema)
+                channel = self._channels[piece.topic] = self._channel(piece)
             count = self._counts.get(channel, 0)
             self._counts[channel] = (count + 1) & 0xFFFFFFFF
-            self._writer.add_message(channel, self._newest_ns, data, told_ns, count)
+            self._writer.add_message(channel, self._newest_ns, piece.data, told_ns, count)
 
-    def _channel(self, topic: str, schema: Schema) -> int:
+    def _channel(self, piece: Piece) -> int:
+        schema = NO_SCHEMA if piece.schema is None else self._schema(piece.schema)
+        metadata = {KEYS: self._keys} if piece.schema is None else {}
+        number: int = self._writer.register_channel(piece.topic, piece.encoding, schema, metadata)
+        return number
+
+    def _schema(self, schema: Schema) -> int:
         if schema.name not in self._schemas:
             self._schemas[schema.name] = self._writer.register_schema(
                 schema.name, "jsonschema", schema.text
             )
-        number: int = self._writer.register_channel(topic, "json", self._schemas[schema.name])
-        return number
+        return self._schemas[schema.name]

@@ -59,10 +59,4 @@ def _number(field: Field) -> Json:
     return {"type": "integer", "minimum": low, "maximum": high}
 
 
-RAW_SCHEMA: Final = named(
-    record(
-        "sidestep.MavlinkFrame",
-        key={"type": "string"},
-        frame={"type": "string", "contentEncoding": "base64"},
-    )
-)
+KEY_SCHEMA: Final = named(record("sidestep.FrameKey", key={"type": "string"}))

@@ -8,37 +8,44 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from ground.blackbox.mcap_file import RAW_TOPIC, Raw
+from ground.blackbox.frame_paths import path_in
+from ground.blackbox.mcap_file import KEY_TOPIC, RAW_TOPIC, Key
 from ground.blackbox.picture import Drawn, Picture
-from ground.blackbox.schemas import RAW_SCHEMA, Schema, schema_of
+from ground.blackbox.schemas import KEY_SCHEMA, Schema, schema_of
 from ground.blackbox.shape_schemas import SHAPES
 from protocol.codec import decode
 from protocol.errors import RemoteError
 from protocol.message import Message
-from protocol.topics import path_of
+from protocol.topics import ENCODING, path_of
 
 TO_JSON: Final = msgspec.json.Encoder()
 """What is not finite becomes null: JSON has no infinity. The raw frame beside it is exact."""
 
 
 class Piece(NamedTuple):
-    """A JSON text for a channel of this topic and schema."""
+    """A message for a channel of this topic: a JSON text, or without a schema what the encoding
+    says.
+    """
 
     topic: str
-    schema: Schema
+    schema: Schema | None
     data: bytes
+    encoding: str = "json"
 
 
 class Spread:
     """Of one robot."""
 
-    def __init__(self) -> None:
+    def __init__(self, robot: str) -> None:
+        self._own = f"/{robot}/"
         self._picture = Picture()
         self._topics: dict[tuple[str, str], tuple[str, Schema]] = {}
 
     def add(self, key: str, frame: bytes, time_ns: int) -> Iterator[Piece]:
         """A whole frame. What is of a newer dialect or on a foreign key is there raw only."""
-        yield Piece(RAW_TOPIC, RAW_SCHEMA, TO_JSON.encode(Raw(key, frame)))
+        if key.partition(self._own)[2] != path_in(frame):
+            yield Piece(KEY_TOPIC, KEY_SCHEMA, TO_JSON.encode(Key(key)))
+        yield Piece(RAW_TOPIC, None, frame, ENCODING)
         path = path_of(key)
         if not path:
             return

@@ -9,14 +9,16 @@ from typing import Any
 import aiohttp
 import pytest
 
+from ground.blackbox.mcap_file import RAW_TOPIC
 from ground.bridge import Bridge, place, served
 from ground.link import Link
 from ground.options import Common
 from protocol.bus import open_bus
 from protocol.clock import WallClock
+from protocol.codec import decode
 from protocol.errors import UserError
 from protocol.network import Network
-from protocol.topics import PREFIX, WORLD, Role
+from protocol.topics import ENCODING, PREFIX, WORLD, Role
 from tests.bus.robots import played
 from tests.support.until import until
 from tests.unit.ground.blackbox.made import WORLD_TEXT
@@ -24,7 +26,7 @@ from tests.unit.ground.blackbox.made import WORLD_TEXT
 PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 DATA_HEAD = 1 + 4 + 8
 PATIENCE_S = 20.0
-WANTED = frozenset({"/world", "/robot/pose", "/tlm/status/NavigatorStatus", "/mavlink"})
+WANTED = frozenset({"/world", "/robot/pose", "/tlm/status/NavigatorStatus", RAW_TOPIC})
 
 
 @pytest.fixture
@@ -72,14 +74,17 @@ async def viewed(port: int, topics: frozenset[str]) -> dict[str, Any]:
                 if said["op"] != "advertise":
                     continue
                 new = {one["id"]: one["topic"] for one in said["channels"]}
-                assert {one["encoding"] for one in said["channels"]} == {"json"}
-                assert all(json.loads(one["schema"])["title"] for one in said["channels"])
+                for one in said["channels"]:
+                    raw = one["topic"] == RAW_TOPIC
+                    assert one["encoding"] == (ENCODING if raw else "json")
+                    assert raw or json.loads(one["schema"])["title"]
                 channels |= new
                 asked = [{"id": number, "channelId": number} for number in new]
                 await viewer.send_json({"op": "subscribe", "subscriptions": asked})
             elif frame.type is aiohttp.WSMsgType.BINARY and frame.data[0] == 1:
                 number = int.from_bytes(frame.data[1:5], "little")
-                found.setdefault(channels[number], json.loads(frame.data[DATA_HEAD:]))
+                topic, data = channels[number], frame.data[DATA_HEAD:]
+                found.setdefault(topic, data if topic == RAW_TOPIC else json.loads(data))
     return found
 
 
@@ -88,6 +93,7 @@ def test_a_viewer_that_connects_sees_the_robot_and_its_world(port: int) -> None:
     assert found["/robot/pose"]["pose"]["position"]["x"] == 1.25
     assert found["/world"]["entities"][0]["id"] == "walls"
     assert found["/tlm/status/NavigatorStatus"]["mode"] == 15
+    assert decode(found[RAW_TOPIC]).message
 
 
 def test_a_place_that_is_taken_is_named(port: int) -> None:

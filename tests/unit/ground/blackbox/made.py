@@ -1,10 +1,14 @@
 """A short run as the bus would carry it, and files made of it."""
 
 import json
+from base64 import b64encode
 from collections.abc import Iterator
+from io import BytesIO
 from math import nan
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from mcap.writer import Writer
 
 from ground.blackbox.mcap_form import McapForm
 from ground.tlog import record_bytes
@@ -231,6 +235,23 @@ def mcap(path: Path, said: list[Said], every: int = 30, *, closed: bool = True) 
             form.know("world", WORLD_TEXT)
     data += form.end() if closed else form.batch()
     path.write_bytes(data)
+    return path
+
+
+def mcap_of_before(path: Path, said: list[Said]) -> Path:
+    """As earlier versions wrote it: key and frame in one JSON text, the frame in base64."""
+    out = BytesIO()
+    writer: Any = Writer(out)
+    writer.start(library="sidestep")
+    writer.add_metadata("sidestep", {"robot": "r1"})
+    channel = writer.register_channel(
+        "/mavlink", "json", writer.register_schema("sidestep.MavlinkFrame", "jsonschema", b"{}")
+    )
+    for one in said:
+        raw = json.dumps({"key": one.key, "frame": b64encode(one.frame).decode()}).encode()
+        writer.add_message(channel, one.time_us * 1000, raw, one.time_us * 1000)
+    writer.finish()
+    path.write_bytes(out.getvalue())
     return path
 
 

@@ -11,7 +11,7 @@ from ground.blackbox.mcap_form import McapForm
 from protocol.codec import Encoder
 from protocol.errors import UserError
 from protocol.messages import Heartbeat, MissionCurrent, ParamRequestList
-from tests.unit.ground.blackbox.made import Said, mcap, run, tlog
+from tests.unit.ground.blackbox.made import Said, mcap, mcap_of_before, run, tlog
 
 
 @pytest.fixture
@@ -26,6 +26,40 @@ def as_frames(said: list[Said]) -> list[Frame]:
 def test_both_files_give_the_same_frames_keys_and_times(tmp_path: Path, said: list[Said]) -> None:
     assert list(frames(tlog(tmp_path / "a.tlog", said))) == as_frames(said)
     assert list(frames(mcap(tmp_path / "a.mcap", said))) == as_frames(said)
+
+
+def test_a_file_of_an_earlier_version_gives_the_same(tmp_path: Path, said: list[Said]) -> None:
+    log = opened(mcap_of_before(tmp_path / "a.mcap", said))
+    assert list(log) == as_frames(said)
+    assert log.damage() == ""
+
+
+def test_keys_that_a_frame_does_not_tell_are_kept(tmp_path: Path, said: list[Said]) -> None:
+    """Sessions of operators, and whatever else is published beside the topics."""
+    odd = [
+        one._replace(key=f"sidestep/r1/op/beat/ada/{number % 3:x}") if number % 2 else one
+        for number, one in enumerate(said)
+    ]
+    log = opened(mcap(tmp_path / "a.mcap", odd, every=3))
+    assert list(log) == as_frames(odd)
+
+
+def test_a_key_is_not_taken_over_a_damaged_chunk(tmp_path: Path, said: list[Said]) -> None:
+    """The key of a lost frame must not go to the next one."""
+    form = McapForm("r1", {})
+    form.add(said[0].key, said[0].frame, said[0].time_us)
+    begin = form.batch()
+    form.add("sidestep/r1/op/beat/ada/1", said[1].frame, said[1].time_us)
+    torn = bytearray(form.batch())
+    torn[100] ^= 1
+    form.add(said[2].key, said[2].frame, said[2].time_us)
+    form.add("sidestep/r1/op/beat/ada/1", said[3].frame, said[3].time_us)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(begin + torn + form.end())
+    log = opened(path)
+    first, _, third, fourth = as_frames(said)[:4]
+    assert list(log) == [first, third, fourth._replace(key="sidestep/r1/op/beat/ada/1")]
+    assert log.damage()
 
 
 def test_a_whole_file_has_no_damage_and_knows_its_world(tmp_path: Path, said: list[Said]) -> None:

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from ground.blackbox.mcap_form import McapForm
 from protocol.codec import Encoder
 from protocol.messages import AvoidanceDecision, Statustext
+from protocol.topics import ENCODING
 from tests.unit.ground.blackbox.json_schema import problem
 from tests.unit.ground.blackbox.made import Said, decision, mcap, run
 
@@ -48,8 +49,12 @@ class Found:
         self.by_topic: dict[str, list[Any]] = {}
         self.schemas: dict[str, dict[str, Any]] = {}
         self.names: dict[str, str] = {}
+        self.frames: list[bytes] = []
         for schema, channel, message in reader.iter_messages():
-            assert schema is not None
+            if schema is None:
+                assert channel.message_encoding == ENCODING
+                self.frames.append(message.data)
+                continue
             assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
             self.by_topic.setdefault(channel.topic, []).append(json.loads(message.data))
             self.schemas[channel.topic] = json.loads(schema.data)
@@ -87,7 +92,7 @@ def test_the_viewers_find_the_names_that_they_know(found: Found) -> None:
 def test_every_message_of_ours_is_there_decoded(found: Found, said: list[Said]) -> None:
     decoded = found.by_topic["/tlm/odometry/PlanarOdometry"]
     assert [one["x_m"] for one in decoded][:2] == [0.6000000238418579, 0.6000000238418579]
-    assert len(found.by_topic["/mavlink"]) == len(said)
+    assert found.frames == [one.frame for one in said]
     (goal,) = found.by_topic["/tlm/commanded/GoalRequest"]
     assert goal["x_mm"] == 5400
 
@@ -122,7 +127,10 @@ def test_a_frame_of_a_newer_dialect_is_kept_though_it_cannot_be_shown() -> None:
     form = McapForm("r1", {})
     form.add("sidestep/r1/tlm/new", foreign, 1)
     reader = make_reader(io.BytesIO(form.end()))
-    assert [channel.topic for _, channel, _ in reader.iter_messages()] == ["/mavlink"]
+    assert [channel.topic for _, channel, _ in reader.iter_messages()] == [
+        "/mavlink/key",
+        "/mavlink",
+    ]
 
 
 def test_what_was_fetched_later_says_when_it_was_told() -> None:
@@ -174,5 +182,5 @@ def test_keys_of_strangers_and_of_many_operators_cost_no_channels() -> None:
     for number in range(500):
         form.add(f"sidestep/r1/op/mark/open/{number:x}", text, number)
         form.add(f"sidestep/r1/strange/{number}", text, number)
-    assert len(form._channels) == 3  # raw, the mark, and the log of the viewer
+    assert len(form._channels) == 4  # raw, its key, the mark, and the log of the viewer
     assert len(form._spread._picture._texts) <= 64
