@@ -1,9 +1,19 @@
-"""The executable: a table from verb to the package that does the work, imported only when asked."""
+"""Sidestep: the command line, and the Python API.
+
+As the executable it is a table from verb to the package that does the work, imported only when
+asked. `import sidestep` gives the names of `ground.client.public`, each imported at its first use:
+
+    async with sidestep.connect() as robot:
+        outcome = await robot.goto(5.4, 2.0)
+"""
 
 import importlib
 import sys
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from ground.client.public import *  # noqa: F403
 
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
@@ -182,6 +192,20 @@ def version() -> str:
         return metadata.version("sidestep")
     except metadata.PackageNotFoundError:
         return "(not installed: make setup)"
+
+
+def __getattr__(name: str) -> object:
+    """Find a name of the API."""
+    if not name.startswith("_"):
+        public = importlib.import_module("ground.client.public")
+        if name in public.__all__:
+            return getattr(public, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    public = importlib.import_module("ground.client.public")
+    return sorted({*globals(), *public.__all__})
 
 
 if __name__ == "__main__":

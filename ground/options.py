@@ -58,13 +58,16 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def common_of(options: argparse.Namespace) -> Common:
     """Defaults, then the file, then the command line; UserError names what is wrong."""
-    config = Config() if options.config is None else load_shared(Path(options.config), Config)
-    network = config.network or Network()
-    connect = dialled(network)
-    if options.connect is not None:
-        connect = (options.connect,)
+    return common(options.connect, options.id, options.config)
+
+
+def common(endpoint: str | None, robot: str | None, config: str | Path | None) -> Common:
+    """Defaults, then the file, then what was given; UserError names what is wrong."""
+    found = Config() if config is None else load_shared(Path(config), Config)
+    network = found.network or Network()
+    connect = dialled(network) if endpoint is None else (endpoint,)
     network = replace(network, mode="client", connect=connect, listen=(), connect_timeout_s=DIAL_S)
-    return Common(network=network, robot=robot_name(options.id or config.robot))
+    return Common(network=network, robot=robot_name(robot or found.robot))
 
 
 def listening_of(options: argparse.Namespace) -> Network:

@@ -4,7 +4,7 @@ Values are checked when they are made: UserError names what is out of range. `mo
 operation can move the robot, or change how it moves.
 """
 
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from ground.client.operations.commands import (
     COMMANDS,
@@ -31,6 +31,7 @@ from ground.client.operations.missions import (
     FetchMission,
     Judged,
     JumpTo,
+    MissionEnded,
     MissionFetched,
     MissionProgress,
     MissionWritten,
@@ -53,15 +54,17 @@ from ground.client.operations.session import NoProgress, Progress, Session
 from ground.client.operations.teleop import DriveByHand, DriveEnded
 from ground.client.results import Outcome
 
+O_co = TypeVar("O_co", bound=Outcome, covariant=True)
 
-class Operation(Protocol):
+
+class Operation(Protocol[O_co]):
     """A thing that an operator can do; `verb` names it as the command line does."""
 
     @property
     def verb(self) -> str: ...
     @property
     def moves(self) -> bool: ...
-    def perform(self, session: Session) -> Outcome:
+    def perform(self, session: Session) -> O_co:
         """Do it; UserError, RemoteError or Unanswered when there is no outcome."""
 
 
@@ -88,6 +91,7 @@ __all__ = [
     "LoadParameters",
     "Mark",
     "Marked",
+    "MissionEnded",
     "MissionFetched",
     "MissionProgress",
     "MissionWritten",

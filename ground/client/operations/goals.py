@@ -7,7 +7,7 @@ from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
 from ground.client.results import Accepted, Refused
 from ground.destination import Destination, from_robot, goal_request
-from ground.link import NS_PER_S
+from ground.link import NS_PER_S, Link
 from ground.operator import BEAT_NS, Answered, Asking, GoalEnd, GoalWatch
 from ground.status_line import goal_line
 from ground.telemetry import Telemetry
@@ -124,12 +124,7 @@ class _Drive:
         return self._ended(end, started_ns)
 
     def send(self, goal: Destination, mode: Mode) -> tuple[Accepted | Refused, GoalRequest]:
-        """Give the goal to the robot; arms one that stands by."""
-
-        def request() -> GoalRequest:
-            return goal_request(goal.on_the_wire(), self._link.ids.next(), mode)
-
-        return self._session.insist(request, beats=mode == Mode.GUIDED)
+        return send_goal(self._session, goal, mode)
 
     def _follow(self, watch: GoalWatch, goal_id: int) -> GoalEnd:
         clock, last_shown_ns = self._link.clock, 0
@@ -152,17 +147,31 @@ class _Drive:
             self._link.pulse.wait_until(now_ns + BEAT_NS // 2)
 
     def _abort(self, why: str) -> None:
-        """Abort once and briefly; a robot that is gone stops by itself."""
-        request, now_ns = self._link.command(Command.SIDESTEP_ABORT_GOAL), self._link.clock.now_ns()
-        asking = Asking(request, now_ns, attempts=1, patience_ns=ABORT_NS)
-        self._link.talk(asking, COMMAND)
-        said = "the robot could not be told; without an operator it stops by itself"
-        if isinstance(asking.outcome, Answered):
-            said = "goal aborted, the robot stops" if asking.outcome.ok else asking.outcome.text
-        self._progress.note(f"{why}: {said}")
+        self._progress.note(f"{why}: {abort(self._link)}")
 
     def _ended(self, end: GoalEnd, started_ns: int) -> GoalEnded:
         wall_s = (self._link.clock.now_ns() - started_ns) / NS_PER_S
         newest = self._telemetry.latest(STATUS)
         distance_m = None if newest is None else newest[0].goal_distance_m
         return GoalEnded(end.outcome, end.reason, distance_m, wall_s)
+
+
+def send_goal(
+    session: Session, goal: Destination, mode: Mode
+) -> tuple[Accepted | Refused, GoalRequest]:
+    """Give a goal to the robot; arms one that stands by."""
+
+    def request() -> GoalRequest:
+        return goal_request(goal.on_the_wire(), session.link.ids.next(), mode)
+
+    return session.insist(request, beats=mode == Mode.GUIDED)
+
+
+def abort(link: Link) -> str:
+    """Abort once and briefly, and say what came of it; a robot that is gone stops by itself."""
+    request, now_ns = link.command(Command.SIDESTEP_ABORT_GOAL), link.clock.now_ns()
+    asking = Asking(request, now_ns, attempts=1, patience_ns=ABORT_NS)
+    link.talk(asking, COMMAND)
+    if isinstance(asking.outcome, Answered):
+        return "goal aborted, the robot stops" if asking.outcome.ok else asking.outcome.text
+    return "the robot could not be told; without an operator it stops by itself"

@@ -85,6 +85,11 @@ class Judged:
         return self.verdict.item
 
     @property
+    def is_none(self) -> bool:
+        """Whether the robot has no mission that could be judged."""
+        return self.reason == Reason.NO_MISSION
+
+    @property
     def text(self) -> str:
         if self.ok:
             return self.done
@@ -303,6 +308,15 @@ class MissionProgress:
             "hold_left_s": status.hold_left_ms / 1000,
             "reason": reason_text(status.reason) if status.reason else None,
         }
+
+
+@dataclass(frozen=True, slots=True)
+class MissionEnded(MissionProgress):
+    """The end of a mission; `ok` when all items were reached."""
+
+    @property
+    def ok(self) -> bool:
+        return self.status.state == MissionState.DONE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

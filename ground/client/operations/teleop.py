@@ -71,10 +71,9 @@ class DriveByHand:
     def _drive(self, session: Session) -> Answer | DriveEnded:
         link = session.link
         link.beat()
-        answer, _ = session.insist(lambda: set_mode(link, Mode.MANUAL), beats=True)
+        answer = take_manual(session)
         if not answer.ok:
             return answer
-        session.arm_if_standing_by()
         stick = Stick(link)
         try:
             return DriveEnded(self._keep_driving(link, stick))
@@ -98,6 +97,15 @@ class DriveByHand:
                     link.beat()
                 stick.drive(self.speed_m_s, radians(self.turn_deg_s))
         return ""
+
+
+def take_manual(session: Session) -> Answer:
+    """Choose MANUAL, and arm a robot that stands by."""
+    link = session.link
+    answer, _ = session.insist(lambda: set_mode(link, Mode.MANUAL), beats=True)
+    if answer.ok:
+        session.arm_if_standing_by()
+    return answer
 
 
 def taken_away(status: NavigatorStatus, driven_ns: int) -> str:

@@ -12,7 +12,7 @@ from ground.client.operations import (
     SetNavigator,
     StopNow,
 )
-from ground.client.results import Accepted, Refused, RefusedError, agreed
+from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
 from ground.link import Unanswered
 from ground.operator import ATTEMPTS
 from protocol.enums import Command, Mode, Navigator, Vehicle
@@ -90,7 +90,7 @@ def test_silence_is_given_up_after_the_time_allowed() -> None:
     ],
 )
 def test_values_become_the_parameters_of_the_command(
-    operation: Operation, wire: tuple[int, float, float]
+    operation: Operation[Outcome], wire: tuple[int, float, float]
 ) -> None:
     stage = Stage()
     operation.perform(stage.session)

@@ -1,0 +1,216 @@
+"""What changes on a robot, as typed events made of its telemetry."""
+
+from collections import deque
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Final, Self, TypeAlias, TypeVar
+
+from ground.client.streams import QUEUE, Hub, Stream
+from ground.operator import OVERTAKEN_NS
+from ground.texts import Texts
+from protocol.enums import GoalState, MissionState, Mode, Severity, Vehicle
+from protocol.message import Message
+from protocol.messages import (
+    AvoidanceDecision,
+    LeaseStatus,
+    MissionStatus,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    Statustext,
+)
+from protocol.reasons import reason_text
+from protocol.terminal import printable
+from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
+
+E = TypeVar("E", bound=IntEnum)
+M = TypeVar("M", bound=Message)
+TOLD_BY: Final[tuple[Topic[Any], ...]] = (STATUS, LEASE, MISSION, TEXT)
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleChanged:
+    """The vehicle is in another state; `reason` says why, empty when there is no reason."""
+
+    vehicle: Vehicle | int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class ModeChanged:
+    """The robot is in another mode."""
+
+    mode: Mode | int
+
+
+@dataclass(frozen=True, slots=True)
+class GoalChanged:
+    """A goal began, is in another state or ended; `distance_m` is what is left to it."""
+
+    goal_id: int
+    state: GoalState | int
+    reason: str
+    distance_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseChanged:
+    """Another operator holds the lease, or none (`holder` empty); `ours`: this connection does."""
+
+    holder: str
+    name: str
+    ours: bool
+
+
+@dataclass(frozen=True, slots=True)
+class MissionChanged:
+    """The mission is in another state or at another `item` (from 1; None: there is no mission)."""
+
+    state: MissionState | int
+    item: int | None
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class TextReceived:
+    """The robot reported something in words."""
+
+    severity: Severity | int
+    text: str
+
+
+Event: TypeAlias = (
+    VehicleChanged | ModeChanged | GoalChanged | LeaseChanged | MissionChanged | TextReceived
+)
+
+
+class EventDetector:
+    """Compares each message with the one before; the first of a kind is a change, too."""
+
+    def __init__(self, operator: str) -> None:
+        self._operator = operator
+        self._texts = Texts()
+        self._known: dict[type[object], Event] = {}
+        self._status_ns = 0
+
+    def receive(self, message: Message) -> list[Event]:
+        """Return what this message changes, in order; a reordered status changes nothing."""
+        if isinstance(message, NavigatorStatus):
+            return self._changes(self._of_status(message))
+        if isinstance(message, LeaseStatus):
+            ours = bool(message.held) and message.holder == self._operator
+            name = printable(message.name)
+            holder = printable(message.holder) if message.held else ""
+            return self._changes([LeaseChanged(holder, name if message.held else "", ours)])
+        if isinstance(message, MissionStatus):
+            item = message.current + 1 if message.count else None
+            state = known(MissionState, message.state)
+            return self._changes([MissionChanged(state, item, message.count)])
+        text = self._texts.receive(message)
+        if text and isinstance(message, Statustext):
+            return [TextReceived(known(Severity, message.severity), text)]
+        return []
+
+    def _of_status(self, status: NavigatorStatus) -> list[Event]:
+        behind_ns = self._status_ns - status.time_ns
+        if 0 < behind_ns <= OVERTAKEN_NS:
+            return []
+        self._status_ns = status.time_ns
+        goal = GoalChanged(
+            status.goal_id,
+            known(GoalState, status.goal),
+            reason_text(status.goal_reason) if status.goal_reason else "",
+            status.goal_distance_m,
+        )
+        why = reason_text(status.vehicle_reason) if status.vehicle_reason else ""
+        vehicle = VehicleChanged(known(Vehicle, status.vehicle), why)
+        return [vehicle, ModeChanged(known(Mode, status.mode)), goal]
+
+    def _changes(self, events: list[Event]) -> list[Event]:
+        changed = [event for event in events if not is_same(event, self._known.get(type(event)))]
+        self._known.update({type(event): event for event in changed})
+        return changed
+
+
+class EventStream:
+    """An asynchronous iterator over the events of one robot.
+
+    At most `size` messages wait to be compared; when more come, the oldest give way and `dropped`
+    counts them.
+    """
+
+    def __init__(self, hub: Hub, operator: str, size: int) -> None:
+        self._hub = hub
+        self._detector = EventDetector(operator)
+        self._found: deque[Event] = deque()
+        self._messages: Stream[Message] = Stream(size, self._unsubscribe)
+        for topic in TOLD_BY:
+            hub.add(topic, self._messages)
+
+    @property
+    def dropped(self) -> int:
+        return self._messages.dropped
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> Event:
+        while not self._found:
+            self._found.extend(self._detector.receive(await anext(self._messages)))
+        return self._found.popleft()
+
+    async def aclose(self) -> None:
+        """End the stream; what waits may still be read."""
+        self._messages.close()
+
+    def _unsubscribe(self) -> None:
+        for topic in TOLD_BY:
+            self._hub.remove(topic, self._messages)
+
+
+class Telemetry:
+    """The telemetry of one robot; each call is a stream of its own, from now on."""
+
+    def __init__(self, hub: Hub, identity: str) -> None:
+        self.hub = hub
+        self._identity = identity
+
+    def stream(self, topic: Topic[M], *, size: int = QUEUE) -> Stream[M]:
+        """Every message of a topic; at most `size` wait, then the oldest are dropped."""
+        return self.hub.stream(topic, size)
+
+    def status(self, *, size: int = QUEUE) -> Stream[NavigatorStatus]:
+        """Vehicle, mode and goal, 20 times a second."""
+        return self.stream(STATUS, size=size)
+
+    def odometry(self, *, size: int = QUEUE) -> Stream[PlanarOdometry]:
+        """The estimated pose (m, rad), speed (m/s, rad/s) and covariance, 20 times a second."""
+        return self.stream(ODOMETRY, size=size)
+
+    def sonar(self, *, size: int = QUEUE) -> Stream[SonarScan]:
+        """The ranges (mm) of the eight sonars, from right to left, 20 times a second."""
+        return self.stream(SONAR, size=size)
+
+    def decisions(self, *, size: int = QUEUE) -> Stream[AvoidanceDecision]:
+        """What the navigator saw and chose, 20 times a second."""
+        return self.stream(DECISION, size=size)
+
+    def events(self, *, size: int = QUEUE) -> EventStream:
+        """Changes of vehicle, mode, goal, lease and mission, and the robot's texts.
+
+        The present state comes first, as changes.
+        """
+        return EventStream(self.hub, self._identity, size)
+
+
+def is_same(event: Event, before: Event | None) -> bool:
+    """Whether nothing but the distance to the goal has changed."""
+    if isinstance(event, GoalChanged) and isinstance(before, GoalChanged):
+        now, then = event, before
+        return (now.goal_id, now.state, now.reason) == (then.goal_id, then.state, then.reason)
+    return event == before
+
+
+def known(kind: type[E], number: int) -> E | int:
+    """Return the member of an enumeration; a number that this version does not know stays one."""
+    return kind(number) if number in kind.__members__.values() else number

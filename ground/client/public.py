@@ -1,0 +1,72 @@
+"""The names of `import sidestep`: the asyncio client, its values, outcomes, events and errors."""
+
+from ground.client import operations
+from ground.client.events import (
+    Event,
+    EventStream,
+    GoalChanged,
+    LeaseChanged,
+    MissionChanged,
+    ModeChanged,
+    TextReceived,
+    VehicleChanged,
+)
+from ground.client.operations import (
+    DriveEnded,
+    GoalEnded,
+    Judged,
+    MissionEnded,
+    ParameterChanged,
+    Stopped,
+)
+from ground.client.parameter import Parameter
+from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
+from ground.client.robot import Robot, connect
+from ground.client.streams import Stream
+from ground.link import Unanswered
+from ground.missions.mission import Circle, Mission, Polygon, Waypoint
+from protocol.enums import GoalState, MissionState, Mode, Navigator, Severity, Vehicle
+from protocol.errors import ConfigError, RemoteError, UserError
+from protocol.reasons import Reason
+
+__all__ = [
+    "Accepted",
+    "Circle",
+    "ConfigError",
+    "DriveEnded",
+    "Event",
+    "EventStream",
+    "GoalChanged",
+    "GoalEnded",
+    "GoalState",
+    "Judged",
+    "LeaseChanged",
+    "Mission",
+    "MissionChanged",
+    "MissionEnded",
+    "MissionState",
+    "Mode",
+    "ModeChanged",
+    "Navigator",
+    "Outcome",
+    "Parameter",
+    "ParameterChanged",
+    "Polygon",
+    "Reason",
+    "Refused",
+    "RefusedError",
+    "RemoteError",
+    "Robot",
+    "Severity",
+    "Stopped",
+    "Stream",
+    "TextReceived",
+    "Unanswered",
+    "UserError",
+    "Vehicle",
+    "VehicleChanged",
+    "Waypoint",
+    "agreed",
+    "connect",
+    "operations",
+]

@@ -1,0 +1,237 @@
+"""Parts of the asyncio client: parameters, missions, the fence and the lease of one robot."""
+
+import asyncio
+from pathlib import Path
+from typing import Final, Protocol, TypeVar
+
+from ground.client import threads
+from ground.client.operations import (
+    ClearFence,
+    ClearMission,
+    FenceShown,
+    FetchMission,
+    Hold,
+    Judged,
+    JumpTo,
+    LeaseShown,
+    LoadParameters,
+    MissionEnded,
+    MissionFetched,
+    MissionProgress,
+    Operation,
+    ParameterChanged,
+    ParametersLoaded,
+    ParametersSaved,
+    ResetParameter,
+    Resume,
+    SaveParameters,
+    SetFence,
+    SetParameter,
+    ShowFence,
+    ShowLease,
+    ShowMissionStatus,
+    ShowParameters,
+    StartMission,
+    UploadMission,
+)
+from ground.client.parameter import Parameter
+from ground.client.results import Answer, Outcome, Refused
+from ground.client.streams import Hub
+from ground.missions import files
+from ground.missions.mission import Fence, Mission
+from ground.operator import SILENCE_NS
+from protocol.clock import Clock
+from protocol.enums import LeaseAction, MissionState
+from protocol.errors import RemoteError
+from protocol.messages import MissionStatus
+from protocol.topics import MISSION
+
+Out = TypeVar("Out", bound=Outcome)
+TICK_S: Final = 0.05
+BEGUN_NS: Final = 1_000_000_000
+"""A mission that is not under way so long after its start has ended already."""
+UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
+
+
+class Performs(Protocol):
+    """The client of a robot, as its parts need it."""
+
+    @property
+    def hub(self) -> Hub: ...
+    @property
+    def clock(self) -> Clock: ...
+    async def perform(self, operation: Operation[Out]) -> Out | Refused: ...
+    async def change_lease(self, action: LeaseAction) -> Answer: ...
+
+
+class Parameters:
+    """The robot's parameters, each in its own unit."""
+
+    def __init__(self, robot: Performs) -> None:
+        self._robot = robot
+
+    async def list(self, pattern: str = "*") -> tuple[Parameter, ...]:
+        """All whose names match, as in `sonar_*`; UserError when none does."""
+        return accepted(await self._robot.perform(ShowParameters(pattern=pattern))).parameters
+
+    async def get(self, name: str) -> Parameter:
+        """One by its name; UserError when the robot has no such parameter."""
+        (found,) = await self.list(name)
+        return found
+
+    async def changed(self) -> tuple[Parameter, ...]:
+        """Those that differ from their defaults."""
+        return accepted(await self._robot.perform(ShowParameters(only_changed=True))).parameters
+
+    async def set(self, name: str, value: float) -> ParameterChanged | Refused:
+        """Give one a value; `ok` when it is in force, `saved` when it survives a restart."""
+        return await self._robot.perform(SetParameter(name=name, value=value))
+
+    async def reset(self, name: str) -> ParameterChanged | Refused:
+        """Give one its default value."""
+        return await self._robot.perform(ResetParameter(name=name))
+
+    async def load(self, file: str | Path) -> ParametersLoaded | Refused:
+        """Set all that a TOML file says; nothing is set unless all of it can be (ConfigError)."""
+        return await self._robot.perform(LoadParameters(file=Path(file)))
+
+    async def save(self, file: str | Path) -> ParametersSaved | Refused:
+        """Write those that differ from their defaults to a TOML file."""
+        return await self._robot.perform(SaveParameters(file=Path(file)))
+
+
+class Missions:
+    """The robot's mission: waypoints in metres, in its own frame, headings in degrees."""
+
+    def __init__(self, robot: Performs) -> None:
+        self._robot = robot
+
+    async def upload(self, mission: Mission | str | Path) -> Judged | Refused:
+        """Give the robot a mission or that of a file, whole or not at all, with its fence if any.
+
+        MissionError names all that is wrong with a file.
+        """
+        if not isinstance(mission, Mission):
+            mission = files.read(Path(mission)).mission
+        return await self._robot.perform(UploadMission(mission=mission))
+
+    async def fetch(self) -> Mission | None:
+        """The mission that the robot has; None when it has none. RemoteError: it does not tell."""
+        found = await self._robot.perform(FetchMission())
+        if isinstance(found, MissionFetched):
+            return found.mission
+        if isinstance(found, Judged) and found.is_none:
+            return None
+        raise RemoteError(found.text)
+
+    async def start(self, item: int | None = None) -> Answer:
+        """Drive it from an item (from 1) on, in AUTO; arms a robot that stands by."""
+        return await self._robot.perform(StartMission(item=item))
+
+    async def run(self, item: int | None = None) -> MissionEnded | Refused:
+        """Start it and wait for the end, which is `ok` when all items were reached.
+
+        Cancelling it pauses the mission: the robot stands.
+        """
+        starting = asyncio.ensure_future(self.start(item))
+        began_ns = self._robot.clock.now_ns()
+        try:
+            answer = await asyncio.shield(starting)
+            if isinstance(answer, Refused):
+                return answer
+            return MissionEnded(await self._ended(began_ns))
+        except BaseException:
+            await threads.finish(self._pause_after(starting))
+            raise
+
+    async def pause(self) -> Answer:
+        """Stand still; `resume` goes on."""
+        return await self._robot.perform(Hold())
+
+    async def resume(self) -> Answer:
+        """Go on after a pause."""
+        return await self._robot.perform(Resume())
+
+    async def jump(self, item: int) -> Answer:
+        """Go on with another item, from 1."""
+        return await self._robot.perform(JumpTo(item=item))
+
+    async def clear(self) -> Judged | Refused:
+        """Delete it from the robot."""
+        return await self._robot.perform(ClearMission())
+
+    async def status(self) -> MissionProgress:
+        """How far it is; RemoteError when the robot does not say."""
+        return accepted(await self._robot.perform(ShowMissionStatus()))
+
+    async def _ended(self, began_ns: int) -> MissionStatus:
+        """Wait until a mission that was under way is not any more."""
+        seen = False
+        while True:
+            newest, now_ns = self._robot.hub.latest(MISSION), self._robot.clock.now_ns()
+            late = now_ns - began_ns > BEGUN_NS
+            silent_ns = now_ns - max(began_ns, 0 if newest is None else newest[1])
+            if silent_ns >= SILENCE_NS:
+                raise RemoteError(f"nothing is heard of the mission for {silent_ns / 1e9:.1f} s")
+            if newest is not None and newest[1] > began_ns:
+                if newest[0].state in UNDER_WAY:
+                    seen = True
+                elif seen or late:
+                    return newest[0]
+            await asyncio.sleep(TICK_S)
+
+    async def _pause_after(self, starting: "asyncio.Future[Answer]") -> None:
+        await threads.settled(starting)
+        await self.pause()
+
+
+class Fences:
+    """The circle or polygon that the robot must not leave."""
+
+    def __init__(self, robot: Performs) -> None:
+        self._robot = robot
+
+    async def set(self, fence: Fence) -> Judged | Refused:
+        """Keep the robot inside of a `Circle` or `Polygon` (metres, in its own frame)."""
+        return await self._robot.perform(SetFence(fence=fence))
+
+    async def clear(self) -> Judged | Refused:
+        """Take the fence away."""
+        return await self._robot.perform(ClearFence())
+
+    async def get(self) -> Fence | None:
+        """The robot's fence, None when it has none; RemoteError when it does not tell."""
+        found = await self._robot.perform(ShowFence())
+        if isinstance(found, FenceShown):
+            return found.fence
+        raise RemoteError(found.text)
+
+
+class Leases:
+    """The right of one operator to command the robot."""
+
+    def __init__(self, robot: Performs) -> None:
+        self._robot = robot
+
+    async def take(self) -> Answer:
+        """Become the robot's operator; refused while another one is."""
+        return await self._robot.change_lease(LeaseAction.TAKE)
+
+    async def seize(self) -> Answer:
+        """Become the robot's operator in the place of another one."""
+        return await self._robot.change_lease(LeaseAction.SEIZE)
+
+    async def give_back(self) -> Answer:
+        """Be the robot's operator no longer; one in GUIDED then stops by itself."""
+        return await self._robot.change_lease(LeaseAction.RELEASE)
+
+    async def show(self) -> LeaseShown:
+        """Which operator the robot follows; RemoteError when it does not say."""
+        return accepted(await self._robot.perform(ShowLease()))
+
+
+def accepted(outcome: Out | Refused) -> Out:
+    """Return the outcome of an operation that moves nothing, and so is never refused the lease."""
+    if isinstance(outcome, Refused):
+        raise RemoteError(outcome.text)
+    return outcome
