@@ -53,7 +53,7 @@ def test_events_are_in_order_of_time(seed: int) -> None:
 def test_runs_drive_and_reach_all_modes() -> None:
     from verification.simulation.campaign import ran
 
-    coverage = ran(range(40)).coverage
+    coverage = ran(range(20)).coverage
     assert coverage.moving_percent > 10.0
     assert coverage.accepted > 100
     for name in ("MANUAL", "AUTO", "GUIDED", "HOLD"):

@@ -3,6 +3,7 @@
 from argparse import ArgumentParser
 from functools import partial
 
+import pytest
 from rich.text import Text
 
 from benchmarks import map as benchmark
@@ -44,7 +45,8 @@ def test_plotext_draws_the_same_lines() -> None:
     assert 0.7 * ours < theirs < 1.3 * ours
 
 
-def test_it_reports_both_and_their_ratio() -> None:
+def test_it_reports_both_and_their_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(benchmark, "SIZE", (50, 20))
     parser = ArgumentParser()
     benchmark.add_options(parser)
     options = parser.parse_args(["--repetitions", "1", "--frames", "7"])

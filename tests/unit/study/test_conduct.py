@@ -157,7 +157,7 @@ def test_what_a_killed_writer_left_is_removed(tmp_path: Path) -> None:
     assert len(ids(store.read(tmp_path))) == 1
 
 
-@tuned(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25, deadline=None)
+@tuned(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=12, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 9), st.integers(1, 4), st.booleans()), max_size=6))
 def test_however_it_is_broken_off_in_the_end_each_trial_is_there_once(
     tmp_path: Path, calls: list[tuple[int, int, bool]]
