@@ -13,11 +13,11 @@ from protocol.enums import AckResult, Command, Vehicle
 from protocol.errors import RemoteError
 from protocol.message import Message
 from protocol.messages import CommandAck, CommandRequest, NavigatorStatus
-from protocol.topics import STOP_SERVICE, Service
+from protocol.topics import STOP_REPEAT_MS, STOP_SERVICE, Service
 
 MS: Final = 1_000_000
 NS_PER_S: Final = 1_000_000_000
-REPEAT_NS: Final = 50 * MS
+REPEAT_NS: Final = STOP_REPEAT_MS * MS
 GIVE_UP_NS: Final = 30 * NS_PER_S
 LOUD_NS: Final = NS_PER_S
 """Interval of the reports that there is no acknowledgement yet."""

@@ -3,10 +3,11 @@
 import threading
 from typing import Final, NamedTuple
 
+from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.messages import WheelCommand
-from protocol.timing import CONTROL_HZ, PERIOD_MS, TTL_MS, UINT32
+from protocol.timing import CONTROL_HZ, PERIOD_MS, UINT32
 
-MAX_AGE_TICKS: Final = TTL_MS // PERIOD_MS
+MAX_AGE_TICKS: Final = MAX_WHEEL_TTL_MS // PERIOD_MS
 WINDOW: Final = MAX_AGE_TICKS + 1
 """Greatest age, in ticks, of a tick that a command may answer."""
 
@@ -41,10 +42,11 @@ class Heard(NamedTuple):
 class CommandGate:
     """Admits commands that answer one of the newest ticks which the plant has really sent.
 
-    A command counts for at most TTL_MS from the tick that it answers, whatever it says itself. A
-    brake, which has no speed or no time to live, is obeyed whatever its numbers are. When a brake
-    and a move answer the same tick, another process commands the wheels besides the robot: they are
-    held, and for as long as that goes on. Of two robots of one name the one started last drives.
+    A command counts for at most MAX_WHEEL_TTL_MS from the tick that it answers, whatever it
+    says itself. A brake, which has no speed or no time to live, is obeyed whatever its numbers are.
+    When a brake and a move answer the same tick, another process commands the wheels besides the
+    robot: they are held, and for as long as that goes on. Of two robots of one name the one started
+    last drives.
 
     `receive` may be called from any thread.
     """
@@ -155,4 +157,4 @@ def is_brake(command: WheelCommand) -> bool:
 
 def ends_ms(command: WheelCommand, tick: int) -> int:
     """Return when a command that answers this tick ends, in ms since tick 0."""
-    return tick * PERIOD_MS + min(command.ttl_ms, TTL_MS)
+    return tick * PERIOD_MS + min(command.ttl_ms, MAX_WHEEL_TTL_MS)

@@ -134,8 +134,9 @@ def field_row(field: xml.Element) -> Sequence[str]:
     about = field.attrib
     meaning = (field.text or "").strip()
     enum = f" ({about['enum']})" if "enum" in about else ""
+    most = f" At most {about['maxValue']}." if "maxValue" in about else ""
     kind = about["type"].replace("_t", "")
-    return f"`{about['name']}`", kind, about.get("units", ""), meaning + enum
+    return f"`{about['name']}`", kind, about.get("units", ""), meaning + enum + most
 
 
 def common_lines(dialect: xml.Element) -> Iterator[str]:

@@ -78,7 +78,7 @@ class LeaseStatus(Message, frozen=True, kw_only=True):
     Attributes:
         time_ns: Stamp, clock of the robot. [ns]
         lapses_ms: The lease ends after this time unless the holder is heard; 0 while nobody holds
-            it. [ms]
+            it. [ms, at most 3000]
         held: 1 while an operator holds it.
         holder: Identity of the holder on the bus: operator/session. [at most 56 bytes]
         name: Display name of the holder. [at most 16 bytes]
@@ -105,7 +105,7 @@ class Teleop(Message, frozen=True, kw_only=True):
         seq: Counts the frames of this operator.
         speed_mm_s: Forward speed. [mm/s]
         yaw_rate_mrad_s: Yaw rate. [mrad/s]
-        ttl_ms: Valid for this long, at most 500. [ms]
+        ttl_ms: Valid for this long. [ms, at most 500]
     """
 
     time_ns: int

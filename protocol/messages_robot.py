@@ -62,7 +62,7 @@ class WheelCommand(Message, frozen=True, kw_only=True):
         epoch: Start of the robot process, UTC in s; 0 without a clock. The newest epoch drives.
         left_mrad_s: Left wheel. [mrad/s]
         right_mrad_s: Right wheel. [mrad/s]
-        ttl_ms: Valid for this long from the tick it answers, 150 ms at most. [ms]
+        ttl_ms: Valid for this long from the tick it answers. [ms, at most 150]
     """
 
     time_ns: int

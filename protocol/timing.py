@@ -9,6 +9,3 @@ PERIOD_NS: Final = 50_000_000
 
 UINT32: Final = 0xFFFFFFFF
 """Ticks and commands are counted in 32 bits; the count goes on at 0."""
-
-TTL_MS: Final = 150
-"""How long a wheel command is good for; after that the motor driver stops by itself."""

@@ -2,6 +2,13 @@
 
 from typing import Final, NamedTuple
 
+from protocol.limits import (
+    MAX_TELEOP_TTL_MS,
+    MAX_WHEEL_TTL_MS,
+    OPERATOR_LOST_MS,
+    SCAN_LOST_MS,
+    TICKS_LOST_MS,
+)
 from protocol.message import Message
 from protocol.messages import (
     AvoidanceDecision,
@@ -47,12 +54,15 @@ from protocol.topic import Topic as Topic
 from protocol.topic import operator_in as operator_in
 from protocol.topic import robot_name as robot_name
 
+STOP_REPEAT_MS: Final = 50
+"""An emergency stop is sent again after this, until the robot is seen to be stopped."""
+
 SONAR: Final = Topic(
     path="sense/sonar",
     messages=(SonarScan,),
     publisher=Role.PLANT,
     rate_hz=20.0,
-    stale_after_ns=250 * MS,
+    stale_after_ns=SCAN_LOST_MS * MS,
     priority=Priority.DATA_HIGH,
     doc="one period of the sonar ring",
 )
@@ -61,7 +71,7 @@ WHEELS: Final = Topic(
     messages=(WheelTicks,),
     publisher=Role.PLANT,
     rate_hz=20.0,
-    stale_after_ns=150 * MS,
+    stale_after_ns=TICKS_LOST_MS * MS,
     priority=Priority.DATA_HIGH,
     doc="encoder counters and bumper, latched at the tick",
 )
@@ -88,7 +98,7 @@ DRIVE: Final = Topic(
     messages=(WheelCommand,),
     publisher=Role.ROBOT,
     rate_hz=20.0,
-    stale_after_ns=150 * MS,
+    stale_after_ns=MAX_WHEEL_TTL_MS * MS,
     priority=Priority.REAL_TIME,
     doc="wheel speeds with their time-to-live",
 )
@@ -199,7 +209,7 @@ OPERATOR: Final = Topic(
     messages=(Heartbeat,),
     publisher=Role.GROUND,
     rate_hz=5.0,
-    stale_after_ns=1500 * MS,
+    stale_after_ns=OPERATOR_LOST_MS * MS,
     doc="an operator is there",
 )
 TELEOP: Final = Topic(
@@ -207,7 +217,7 @@ TELEOP: Final = Topic(
     messages=(Teleop,),
     publisher=Role.GROUND,
     rate_hz=10.0,
-    stale_after_ns=500 * MS,
+    stale_after_ns=MAX_TELEOP_TTL_MS * MS,
     priority=Priority.DATA_HIGH,
     doc="speeds to drive with in MANUAL, each with its own time-to-live",
 )
@@ -219,7 +229,7 @@ STOP: Final = Topic(
     stale_after_ns=0,
     priority=Priority.REAL_TIME,
     doc="emergency stop: whatever arrives here stops the robot, readable or not; repeated every "
-    "50 ms until the status shows EMERGENCY_STOP with its request_id as stop_id",
+    f"{STOP_REPEAT_MS} ms until the status shows EMERGENCY_STOP with its request_id as stop_id",
 )
 MARK: Final = Topic(
     path="op/mark",

@@ -6,6 +6,7 @@ Sans-I/O. `allows` may be asked from any thread: it reads one reference.
 from typing import Final, NamedTuple
 
 from protocol.enums import Command, LeaseAction, Severity
+from protocol.limits import MAX_LEASE_MS
 from protocol.message import Message
 from protocol.messages import (
     CommandRequest,
@@ -18,8 +19,9 @@ from protocol.messages import (
 from protocol.terminal import printable
 from robot.core import reasons
 
-LAPSE_NS: Final = 3_000_000_000
 NS_PER_MS: Final = 1_000_000
+LAPSE_NS: Final = MAX_LEASE_MS * NS_PER_MS
+LAPSE_S: Final = MAX_LEASE_MS / 1000
 ONLY_LOOKS: Final = (ParamRequestRead, MissionRequestList, MissionRequestInt)
 
 
@@ -35,7 +37,7 @@ class Holder(NamedTuple):
 
 
 class Lease:
-    """Taken, given back, seized, or lapsed when its holder has not been heard for 3 s."""
+    """Taken, given back, seized, or lapsed when its holder has not been heard for LAPSE_NS."""
 
     def __init__(self) -> None:
         self._holder: Holder | None = None
@@ -69,7 +71,9 @@ class Lease:
         holder = self._holder
         if holder is not None and now_ns - self._heard_ns > LAPSE_NS:
             self._holder = None
-            self._tell(Severity.WARNING, f"lease of {holder.called} lapsed: not heard for 3 s")
+            self._tell(
+                Severity.WARNING, f"lease of {holder.called} lapsed: not heard for {LAPSE_S:g} s"
+            )
         news, self._news = self._news, []
         return news
 

@@ -1,10 +1,11 @@
 """What goes out: the wheel command first, then belief, status, decision, cost and events."""
 
 from protocol.bus import Bus
+from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.mailbox import MAX_STAMP_NS
 from protocol.message import Message
 from protocol.messages import WheelCommand
-from protocol.timing import TTL_MS, UINT32
+from protocol.timing import UINT32
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -46,8 +47,8 @@ class Reports:
         self.recorded = 0
 
     def command(self, stamp_ns: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int) -> None:
-        """Tell the wheels what to do for the next 150 ms."""
-        self._command(stamp_ns, sense_seq, left_mrad_s, right_mrad_s, TTL_MS)
+        """Tell the wheels what to do until the next command, or until this one expires."""
+        self._command(stamp_ns, sense_seq, left_mrad_s, right_mrad_s, MAX_WHEEL_TTL_MS)
 
     def brake(self, stamp_ns: int, sense_seq: int) -> None:
         """Stop the wheels as silence does, sooner: a command with no time to live.

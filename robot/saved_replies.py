@@ -4,6 +4,7 @@ from typing import Final, NamedTuple
 
 from protocol.bus import Asked
 from protocol.bus.service import refusal
+from protocol.clock import NS_PER_S
 from protocol.enums import AckResult, Severity
 from protocol.message import Message
 from protocol.messages import CommandAck
@@ -17,6 +18,8 @@ INTERIM_NS: Final = 300_000_000
 
 SLOW_NS: Final = 3_000_000_000
 """Warn about a write that takes longer: the disk may hang."""
+
+SLOW: Final = f"not saved for {SLOW_NS // NS_PER_S} s: the disk is slow, or it hangs"
 
 MAX_WAIT_NS: Final = 10_000_000_000
 """After this time the answer is that nothing has been saved so far."""
@@ -81,7 +84,7 @@ class SavedReplies:
                 self._stalled[file] = file.ended, now_ns
         is_slow = any(self._stalled_ns(file, now_ns) > SLOW_NS for file in self._stalled)
         if is_slow and not self._told_slow:
-            self._vehicle.say(Severity.WARNING, "not saved for 3 s: the disk is slow, or it hangs")
+            self._vehicle.say(Severity.WARNING, SLOW)
         self._told_slow = is_slow
 
     def _stalled_ns(self, file: File, now_ns: int) -> int:

@@ -2,11 +2,11 @@
 
 from typing import Final
 
+from protocol.limits import MAX_TELEOP_TTL_MS
 from protocol.messages import Teleop
 from robot.core.senses import twist_of
 from robot.core.values import Twist
 
-MAX_TTL_MS: Final = 500
 NS_PER_MS: Final = 1_000_000
 
 
@@ -21,9 +21,11 @@ class Handle:
     def hear(self, teleop: Teleop, sent_ns: int) -> str:
         """Take a frame that was sent then; return why it is ignored, once for each new cause."""
         ttl_ms = teleop.ttl_ms
-        if ttl_ms > MAX_TTL_MS:
+        if ttl_ms > MAX_TELEOP_TTL_MS:
             again, self._refused_ms = ttl_ms == self._refused_ms, ttl_ms
-            words = f"teleop ignored: valid for {ttl_ms} ms, at most {MAX_TTL_MS} are allowed"
+            words = (
+                f"teleop ignored: valid for {ttl_ms} ms, at most {MAX_TELEOP_TTL_MS} are allowed"
+            )
             return "" if again else words
         self._newest = teleop
         self._until_ns = sent_ns + ttl_ms * NS_PER_MS

@@ -18,7 +18,7 @@ from plant.plant import Plant
 from plant.world_overrides import noise_of
 from plant.world_types import GoalPose, Start, World
 from protocol.calibration import settings_of
-from protocol.timing import TTL_MS
+from protocol.limits import MAX_WHEEL_TTL_MS
 from robot.core import odometry as odometries
 from robot.core.geometry import wrap
 from robot.core.odometry import Odometry
@@ -123,7 +123,7 @@ def on_open_floor(
     scale = 1000.0 / params.wheel_radius_m
     for left_m_s, right_m_s in (*speeds, (0.0, 0.0)):
         feel(odometry, plant, params)
-        plant.command(0, int(left_m_s * scale), int(right_m_s * scale), TTL_MS)
+        plant.command(0, int(left_m_s * scale), int(right_m_s * scale), MAX_WHEEL_TTL_MS)
         plant.advance()
     feel(odometry, plant, params)
     return error_of(plant, odometry), covariance_of(odometry)

@@ -11,8 +11,9 @@ from plant.shortest_path import known_length_m
 from plant.world_overrides import noise_of
 from plant.world_types import World
 from protocol.calibration import settings_of
+from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.outcome import Asked, Ended, Outcome, judged
-from protocol.timing import CONTROL_HZ, PERIOD_NS, TTL_MS
+from protocol.timing import CONTROL_HZ, PERIOD_NS
 from protocol.wire_goal import WireGoal, told_heading_rad, wire_goal
 from robot.core import reasons, states
 from robot.core.machine import goal_lives
@@ -89,7 +90,7 @@ def drive(
     refusal = onboard.go(goal)
     machine, last_ns = onboard.state.machine, plant.now_ns + round(timeout_s * 1e9)
     while True:
-        plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, TTL_MS)
+        plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, MAX_WHEEL_TTL_MS)
         if watch is not None:
             watch(plant, onboard, outputs)
         if refusal or not goal_lives(machine) or plant.now_ns >= last_ns:

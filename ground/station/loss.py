@@ -3,6 +3,7 @@
 from enum import Enum
 from typing import Final, NamedTuple
 
+from protocol.limits import SCAN_LOST_MS
 from protocol.network import Hub
 from protocol.topics import HEARTBEAT
 
@@ -11,7 +12,7 @@ DEAD_NS: Final = 400 * MS
 """Two beats missed."""
 CUT_NS: Final = 1_500 * MS
 """So long after a cable is cut the transport has noticed: its lease is 1 s."""
-SENSES_NS: Final = 250 * MS
+SENSES_NS: Final = SCAN_LOST_MS * MS
 BEHIND_NS: Final = 200 * MS
 
 

@@ -11,12 +11,13 @@ from ground.station.watched import Watched
 from ground.station.world import WorldFacts
 from ground.telemetry import Age, age_of
 from protocol.enums import Mode
+from protocol.limits import OPERATOR_LOST_MS
 from protocol.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
 from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
 
 NS_PER_S: Final = 1_000_000_000
-STOPPED_S: Final = 2.0
-"""A robot that lost its operator stops after 1.5 s, and brakes."""
+STOPPED_S: Final = OPERATOR_LOST_MS / 1000 + 0.5
+"""A robot that lost its operator has stopped by then: it brakes within half a second."""
 FARTHEST_S: Final = 30.0
 
 

@@ -5,14 +5,18 @@ from typing import Final, NamedTuple
 from ground.station.lease import Lease
 from ground.station.loss import LossKind
 from protocol.enums import GoalState, Mode, Vehicle
+from protocol.limits import (
+    MAX_LEASE_MS,
+    MAX_WHEEL_TTL_MS,
+    OPERATOR_LOST_MS,
+    SCAN_LOST_MS,
+    TICKS_LOST_MS,
+)
 from protocol.messages import NavigatorStatus
 from protocol.network import Hub
 from protocol.reasons import Reason, reason_text
-from protocol.timing import TTL_MS
-from protocol.topics import OPERATOR, SONAR, WHEELS
 
 MS: Final = 1_000_000
-LEASE_S: Final = 3.0
 
 
 class Known(NamedTuple):
@@ -62,11 +66,13 @@ def does(kind: LossKind, known: Known) -> str:
         case LossKind.PROCESS_DEAD if known.status is None:
             return "what the robot does is not known"
         case LossKind.PROCESS_DEAD | LossKind.HUNG:
-            return f"its motor driver stops the wheels {TTL_MS} ms after the last command"
+            after = f"{MAX_WHEEL_TTL_MS} ms"
+            return f"its motor driver stops the wheels {after} after the last command"
         case LossKind.SENSES_STALE:
             return _blind(known.status)
         case LossKind.OTHER_OPERATOR:
-            return f"the lease lapses {LEASE_S:g} s after its holder falls silent"
+            after = f"{MAX_LEASE_MS / 1000:g} s"
+            return f"the lease lapses {after} after its holder falls silent"
 
 
 def ended(robot: str, kind: LossKind, gap_ns: int) -> str:
@@ -89,8 +95,7 @@ def _unheard(status: NavigatorStatus | None) -> str:
         return "it holds"
     if status.mode == Mode.GUIDED and not driving(status):
         return "it had no goal and stands"
-    seconds = OPERATOR.stale_after_ns / MS / 1000
-    return f"failsafe: it stops {seconds:g} s after our last beat"
+    return f"failsafe: it stops {OPERATOR_LOST_MS / 1000:g} s after our last beat"
 
 
 def driving(status: NavigatorStatus) -> bool:
@@ -104,5 +109,4 @@ def _blind(status: NavigatorStatus | None) -> str:
         reason = status.vehicle_reason
         said = f" ({reason_text(reason)})" if reason != Reason.NONE else ""
         return f"it stands{said}"
-    after_ms = min(SONAR.stale_after_ns, WHEELS.stale_after_ns) // MS
-    return f"failsafe: it stops {after_ms} ms after its last senses"
+    return f"failsafe: it stops {min(SCAN_LOST_MS, TICKS_LOST_MS)} ms after its last senses"

@@ -36,7 +36,10 @@ MAVLINK_VERSION: Final = "3"
 
 
 class Field(NamedTuple):
-    """One field; `length` is 0 for a scalar, `default` None where a value has to be given."""
+    """One field; `length` is 0 for a scalar, `default` None where a value has to be given.
+
+    `most` is the largest value allowed; empty where only the type says it.
+    """
 
     name: str
     kind: str
@@ -44,6 +47,7 @@ class Field(NamedTuple):
     text: str
     units: str
     enum: str
+    most: str
     default: str | None
     is_extension: bool
 
@@ -140,7 +144,7 @@ def _common_field(message: str, field: Field) -> Field:
     default = "0" if field.is_extension or field.name.startswith("target_") else None
     if field.name in common_subset.OPTIONAL.get(message, ()):
         default = field.default or "0"
-    return field._replace(text="", units="", enum="", default=default)
+    return field._replace(text="", units="", enum="", most="", default=default)
 
 
 def _common_enums(roots: Iterable[ET.Element]) -> Iterator[EnumType]:
@@ -183,6 +187,7 @@ def _field(element: ET.Element, is_extension: bool) -> Field:
         text=(element.text or "").strip(),
         units=element.get("units", ""),
         enum=element.get("enum", ""),
+        most=element.get("maxValue", ""),
         default=default,
         is_extension=is_extension,
     )

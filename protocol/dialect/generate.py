@@ -5,6 +5,7 @@ core, come from sidestep.xml and the part of pymavlink's common.xml that common_
 same files give the same bytes; a test compares the committed modules with them.
 """
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Final
@@ -73,6 +74,15 @@ CORE_STATES: Final = (
 )
 CORE_NAMES: Final = {("SIDESTEP_REASON", "NONE"): "OK", ("SIDESTEP_BRANCH", "NONE"): "NO_BRANCH"}
 """Members that go by another name in the core, where they stand without their enumeration's."""
+MAX_NAMES: Final = {
+    ("WHEEL_COMMAND", "ttl_ms"): "MAX_WHEEL_TTL_MS",
+    ("TELEOP", "ttl_ms"): "MAX_TELEOP_TTL_MS",
+    ("LEASE_STATUS", "lapses_ms"): "MAX_LEASE_MS",
+}
+"""Names of the largest values of fields."""
+TIME: Final = re.compile(r" for ([0-9.]+) (ms|s)$")
+"""The time at the end of a reason's text."""
+MS_PER: Final = {"ms": 1, "s": 1000}
 SIDES: Final = (
     Entry("LEFT", 1, "Sides on which an obstacle is passed."),
     Entry("RIGHT", -1, ""),
@@ -199,6 +209,34 @@ def core_entries(enum: EnumType) -> list[Entry]:
     ]
 
 
+def limits(dialect: Dialect) -> str:
+    """The module of limits: largest values of fields, and times after which a stream is lost."""
+    docstring = "Limits that robot, plant and operators have to agree on."
+    imports = ["", "from typing import Final"]
+    largest = [
+        Entry(MAX_NAMES[message.name, field.name], int(field.most), "")
+        for message in dialect.messages
+        for field in message.fields
+        if field.most
+    ]
+    lines = [["", *constant_lines(entries)] for entries in (largest, lost_after(dialect))]
+    return module(docstring, imports, *lines)
+
+
+def core_limits(dialect: Dialect) -> str:
+    return core_module("Times after which a stream counts as lost.", [lost_after(dialect)])
+
+
+def lost_after(dialect: Dialect) -> list[Entry]:
+    """The times that the texts of reasons say, in milliseconds."""
+    found = [(entry, TIME.search(entry.text)) for entry in dialect.enums[REASON].entries]
+    return [
+        Entry(f"{entry.name}_MS", round(float(time[1]) * MS_PER[time[2]]), entry.text)
+        for entry, time in found
+        if time is not None
+    ]
+
+
 def names(messages: Iterable[MessageType]) -> list[str]:
     return [class_name(message.name) for message in messages]
 
@@ -221,6 +259,8 @@ OUTPUTS: Final[dict[str, Callable[[Dialect], str]]] = {
     f"{WIRE}/messages_robot.py": messages_robot,
     f"{WIRE}/enums.py": enums,
     f"{WIRE}/reasons.py": reasons,
+    f"{WIRE}/limits.py": limits,
+    f"{CORE}/limits.py": core_limits,
     f"{CORE}/reasons.py": core_reasons,
     f"{CORE}/states.py": core_states,
     "protocol/dialect/layouts.py": layouts,

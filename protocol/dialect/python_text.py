@@ -78,11 +78,13 @@ def attribute_lines(field: Field, enum_classes: dict[str, str]) -> list[str]:
 
 
 def unit(field: Field, enum_classes: dict[str, str]) -> str:
-    """What the value of a field is counted in: a unit, an enumeration, bytes of text."""
+    """What the value of a field is counted in, and its limit: a unit, an enumeration, bytes."""
     if field.code == "s":
         return f"at most {field.length} bytes"
+    number = f"{field.length} values" if field.length else ""
+    most = f"at most {field.most}" if field.most else ""
     kind = enum_classes.get(field.enum, "") or field.units
-    return f"{field.length} values, {kind}".rstrip(", ") if field.length else kind
+    return ", ".join(word for word in (number, kind, most) if word)
 
 
 def declaration(field: Field) -> str:

@@ -1,6 +1,6 @@
 """The settings of the core: one flat table of SI numbers, names short enough for a MAVLink id."""
 
-from robot.core import states
+from robot.core import limits, states
 from robot.core.typed import Final, NamedTuple
 
 Params = NamedTuple(
@@ -93,7 +93,7 @@ DEFAULTS: Final = Params(
     goal_max_m=100.0,
     guard_stop_m=0.04,
     guard_time_s=0.4,
-    op_lost_ms=1500,
+    op_lost_ms=limits.OPERATOR_LOST_MS,
     wheel_min_m_s=0.05,
     wheel_time_ms=500,
     wheel_share=0.10,

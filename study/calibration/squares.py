@@ -7,7 +7,7 @@ from typing import Final
 from plant.noise import Noise
 from plant.plant import Plant
 from plant.world_types import GoalPose, Start, World
-from protocol.timing import TTL_MS
+from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.wire_goal import wire_goal
 from robot.core import reasons, states
 from robot.core.geometry import wrap
@@ -81,7 +81,7 @@ class Driver:
             raise SquareFailed(f"the corner was refused: reason {refusal}")
         for _ in range(MOST_TICKS):
             outputs = self._outputs
-            self._plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, TTL_MS)
+            self._plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, MAX_WHEEL_TTL_MS)
             if not goal_lives(machine):
                 break
             self._plant.advance()

@@ -6,8 +6,11 @@ import pytest
 from protocol.topics import MS, SONAR, WHEELS
 from robot.core import failsafe, modes, reasons, states
 from robot.core.fence import Fence
+from robot.core.odometry import JUMP_SLACK_M
 from robot.core.parameters import DEFAULTS, Params
+from robot.core.ring import BEYOND
 from robot.core.values import Inputs, Pose, Scan, Twist, Wheels
+from robot.meter import OVERRUNS_IN_A_ROW
 from tests.unit.core.driving import OPEN_SPACE, Driven, armed, driving
 
 AGES = (25, 0) * 4
@@ -39,6 +42,10 @@ def test_limits_of_rows_name_parameters_and_times_that_exist() -> None:
     limits = {row.reason: row.limit for row in failsafe.ROWS}
     for reason, topic in ((reasons.TICKS_LOST, WHEELS), (reasons.SCAN_LOST, SONAR)):
         assert limits[reason] == f"{topic.stale_after_ns // MS} ms, decided by the host"
+    slack_mm = round(JUMP_SLACK_M * 1000)
+    assert limits[reasons.ENCODER_IMPOSSIBLE] == f"twice wheel_max_m_s + {slack_mm} mm"
+    assert limits[reasons.SONAR_IMPOSSIBLE] == f"0 or beyond {BEYOND} sonar_max_m"
+    assert limits[reasons.BUDGET].startswith(f"{OVERRUNS_IN_A_ROW} overruns in a row, ")
 
 
 def test_the_first_of_several_causes_is_the_one_that_is_named() -> None:

@@ -1,14 +1,20 @@
 """Wheel commands, and a gate that has been sent ticks, as the tests of both use them."""
 
 from plant.command_gate import CommandGate, Demand
+from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.messages import WheelCommand
-from protocol.timing import TTL_MS, UINT32
+from protocol.timing import UINT32
 
 FAST = 9000
 
 
 def command(
-    sense_seq: int, *, seq: int = 1, mrad_s: int = FAST, ttl_ms: int = TTL_MS, epoch: int = 0
+    sense_seq: int,
+    *,
+    seq: int = 1,
+    mrad_s: int = FAST,
+    ttl_ms: int = MAX_WHEEL_TTL_MS,
+    epoch: int = 0,
 ) -> WheelCommand:
     return WheelCommand(
         time_ns=0,

@@ -8,8 +8,9 @@ from plant.command_gate import CommandGate, Demand
 from plant.drive import Drive
 from plant.noise import LEVELS
 from plant.trouble import NO_TROUBLE
+from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.messages import WheelCommand
-from protocol.timing import PERIOD_MS, PERIOD_NS, TTL_MS, UINT32
+from protocol.timing import PERIOD_MS, PERIOD_NS, UINT32
 from tests.unit.plant.commands import FAST, command, gate_at, taken
 
 numbers = st.integers(0, UINT32)
@@ -52,7 +53,7 @@ def test_no_frames_move_a_wheel_150_ms_after_the_tick_they_answer(
             one = forged(frame, tick)
             gate.receive(one)
             answers = [t for t in range(first, tick + 1) if t & UINT32 == one.sense_seq]
-            ends_ms = max([ends_ms, *[t * PERIOD_MS + TTL_MS for t in answers]])
+            ends_ms = max([ends_ms, *[t * PERIOD_MS + MAX_WHEEL_TTL_MS for t in answers]])
         demand = gate.take()
         if demand is not None:
             drive.command(*demand, tick * PERIOD_NS)
@@ -88,6 +89,6 @@ def test_a_robot_that_is_alone_is_always_obeyed(
     gate = CommandGate()
     for tick, (left_mrad_s, right_mrad_s, lost) in enumerate(told):
         gate.begin_tick(tick)
-        one = forged((0, tick, left_mrad_s, right_mrad_s, TTL_MS, epoch), tick)
-        expected = None if lost else Demand(left_mrad_s, right_mrad_s, TTL_MS)
+        one = forged((0, tick, left_mrad_s, right_mrad_s, MAX_WHEEL_TTL_MS, epoch), tick)
+        expected = None if lost else Demand(left_mrad_s, right_mrad_s, MAX_WHEEL_TTL_MS)
         assert taken(gate, *[] if lost else [one]) == expected

@@ -3,8 +3,9 @@
 import pytest
 
 from plant.command_gate import HELD_TICKS, SILENT_TICKS, CommandGate, Demand
+from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.messages import WheelCommand
-from protocol.timing import PERIOD_MS, TTL_MS, UINT32
+from protocol.timing import PERIOD_MS, UINT32
 from tests.unit.plant.commands import FAST, command, gate_at, taken
 
 BRAKE = Demand(0, 0, 0)
@@ -35,7 +36,9 @@ def test_the_frame_of_finding_a3_is_refused() -> None:
     gate = gate_at(20)
     assert gate.receive(command(UINT32, ttl_ms=65535)) == "answers a tick that was never sent"
     assert gate.take() is None
-    assert taken(gate, command(20)) == Demand(FAST, FAST, TTL_MS), "and nothing is deaf after it"
+    assert taken(gate, command(20)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS), (
+        "and nothing is deaf after it"
+    )
 
 
 @pytest.mark.parametrize("age", [1, 2, 3])
@@ -72,7 +75,7 @@ def test_a_robot_that_remembers_the_plant_before_is_not_obeyed() -> None:
     """Its larger numbers must not keep out the answers to the ticks of the plant that is there."""
     gate = gate_at(0)
     assert taken(gate, command(4000, seq=4000)) is None
-    assert taken(gate, command(0, seq=4001)) == Demand(FAST, FAST, TTL_MS)
+    assert taken(gate, command(0, seq=4001)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
 
 
 @pytest.mark.parametrize(
@@ -82,14 +85,14 @@ def test_of_two_commands_the_newer_counts(tick: int, seq: int, obeyed: bool) -> 
     gate = gate_at(20)
     taken(gate, command(20, seq=5))
     found = taken(gate, command(tick, seq=seq, mrad_s=1000))
-    assert found == (Demand(1000, 1000, TTL_MS) if obeyed else None)
+    assert found == (Demand(1000, 1000, MAX_WHEEL_TTL_MS) if obeyed else None)
 
 
 def test_a_robot_that_began_anew_counts_from_0_again() -> None:
     gate = gate_at(20)
     taken(gate, command(20, seq=4000))
     gate.begin_tick(21)
-    assert taken(gate, command(21, seq=0)) == Demand(FAST, FAST, TTL_MS)
+    assert taken(gate, command(21, seq=0)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
 
 
 def test_a_command_that_comes_between_two_ticks_ages() -> None:
@@ -100,7 +103,7 @@ def test_a_command_that_comes_between_two_ticks_ages() -> None:
 
 
 @pytest.mark.parametrize("sense_seq", [20, 19, 17, 16, 0, 21, 4000, UINT32])
-@pytest.mark.parametrize("ttl_ms", [0, TTL_MS])
+@pytest.mark.parametrize("ttl_ms", [0, MAX_WHEEL_TTL_MS])
 @pytest.mark.parametrize("seq", [0, UINT32])
 @pytest.mark.parametrize("epoch", [0, 7, 9])
 def test_a_brake_is_obeyed_whatever_its_numbers(
@@ -112,7 +115,7 @@ def test_a_brake_is_obeyed_whatever_its_numbers(
     found = taken(gate, command(sense_seq, seq=seq, mrad_s=speed, ttl_ms=ttl_ms, epoch=epoch))
     assert found is not None
     assert found.ttl_ms == 0 or found[:2] == (0, 0)
-    assert found.ttl_ms <= TTL_MS
+    assert found.ttl_ms <= MAX_WHEEL_TTL_MS
 
 
 def test_a_brake_in_time_runs_the_motors_down_like_any_command() -> None:
@@ -131,7 +134,7 @@ def test_a_tick_answered_by_brake_and_move_holds_the_wheels(first: int) -> None:
         assert why == "moves the wheels while the robot brakes"
         assert gate.take() is None
     gate.begin_tick(20 + HELD_TICKS)
-    assert taken(gate, command(20 + HELD_TICKS, seq=99)) == Demand(FAST, FAST, TTL_MS)
+    assert taken(gate, command(20 + HELD_TICKS, seq=99)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
 
 
 def test_a_brake_out_of_time_contradicts_a_move_for_this_tick() -> None:
@@ -165,14 +168,14 @@ def test_a_late_brake_for_another_tick_does_not_hold_the_wheels(braked: int) -> 
     assert late == Demand(0, 0, (braked - 17) * PERIOD_MS), "it is obeyed"
     assert gate.answered
     assert taken(gate, command(20, seq=5)) is None, "a copy of what it stopped is not"
-    assert taken(gate, command(20, seq=6)) == Demand(FAST, FAST, TTL_MS)
+    assert taken(gate, command(20, seq=6)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
 
 
 def test_a_move_for_the_tick_after_a_brake_is_obeyed_at_once() -> None:
     gate = gate_at(20)
     taken(gate, command(20, mrad_s=0))
     gate.begin_tick(21)
-    assert taken(gate, command(21, seq=2)) == Demand(FAST, FAST, TTL_MS)
+    assert taken(gate, command(21, seq=2)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
 
 
 # Two robots of one name.
@@ -181,7 +184,9 @@ def test_a_move_for_the_tick_after_a_brake_is_obeyed_at_once() -> None:
 def test_the_robot_started_last_drives() -> None:
     gate = gate_at(20)
     taken(gate, command(20, seq=900, epoch=5))
-    assert taken(gate, command(20, seq=0, mrad_s=1000, epoch=6)) == Demand(1000, 1000, TTL_MS)
+    assert taken(gate, command(20, seq=0, mrad_s=1000, epoch=6)) == Demand(
+        1000, 1000, MAX_WHEEL_TTL_MS
+    )
     why = gate.receive(command(20, seq=901, epoch=5))
     assert why == "is of a robot that was started before the one that drives"
     assert gate.take() is None
@@ -208,7 +213,7 @@ def test_a_newer_robot_lives_while_its_late_commands_come() -> None:
     gate.begin_tick(21 + SILENT_TICKS)
     assert taken(gate, command(21 + SILENT_TICKS, epoch=5)) is None
     gate.begin_tick(22 + SILENT_TICKS)
-    assert taken(gate, command(22 + SILENT_TICKS, epoch=5)) == Demand(FAST, FAST, TTL_MS)
+    assert taken(gate, command(22 + SILENT_TICKS, epoch=5)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
 
 
 @pytest.mark.parametrize(("silent", "drives"), [(SILENT_TICKS - 1, False), (SILENT_TICKS, True)])
@@ -218,7 +223,7 @@ def test_an_older_robot_drives_when_the_newer_is_silent(silent: int, drives: boo
     for tick in range(21, 21 + silent):
         gate.begin_tick(tick)
     found = taken(gate, command(20 + silent, epoch=5))
-    assert found == (Demand(FAST, FAST, TTL_MS) if drives else None)
+    assert found == (Demand(FAST, FAST, MAX_WHEEL_TTL_MS) if drives else None)
 
 
 def test_a_stale_frame_of_a_newer_robot_fences_nothing_off() -> None:
@@ -227,7 +232,7 @@ def test_a_stale_frame_of_a_newer_robot_fences_nothing_off() -> None:
         gate, command(16, epoch=UINT32), command(16, mrad_s=0, epoch=UINT32), command(21, epoch=9)
     )
     gate.begin_tick(21)
-    assert taken(gate, command(21, epoch=5)) == Demand(FAST, FAST, TTL_MS)
+    assert taken(gate, command(21, epoch=5)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from protocol.dialect.definitions import (
     read_dialect,
     upstream_definitions,
 )
-from protocol.dialect.generate import FIRST_OWN_ID, OUTPUTS, ROOT
+from protocol.dialect.generate import CORE, FIRST_OWN_ID, OUTPUTS, ROOT, WIRE
 from protocol.dialect.mavgen import oracle
 from protocol.dialect.python_text import commented, doc_lines
 
@@ -78,6 +78,26 @@ def test_a_changed_description_changes_what_is_made_of_it() -> None:
     assert stale == set(OUTPUTS) - {
         path for path in OUTPUTS if path.endswith(("messages.py", "_common.py", "layouts.py"))
     }
+
+
+def test_a_limit_is_the_number_that_the_xml_says() -> None:
+    """The text of a reason shows the same one."""
+    lost = DIALECT.enums["SIDESTEP_REASON"]
+    entries = (entry._replace(text=entry.text.replace("150 ms", "1.7 s")) for entry in lost.entries)
+    enums = DIALECT.enums | {lost.name: lost._replace(entries=tuple(entries))}
+    messages = (
+        message._replace(
+            fields=tuple(f._replace(most="900" if f.most else "") for f in message.fields)
+        )
+        for message in DIALECT.messages
+    )
+    changed = Dialect(tuple(messages), enums)
+    for path in (f"{WIRE}/limits.py", f"{CORE}/limits.py"):
+        assert "\nTICKS_LOST_MS: Final = 1700  # no fresh wheel ticks for 1.7 s\n" in OUTPUTS[path](
+            changed
+        )
+    assert "\nMAX_TELEOP_TTL_MS: Final = 900\n" in OUTPUTS[f"{WIRE}/limits.py"](changed)
+    assert "[ms, at most 900]" in OUTPUTS[f"{WIRE}/messages_operator.py"](changed)
 
 
 def with_words(dialect: Dialect, words: str) -> Dialect:

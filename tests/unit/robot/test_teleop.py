@@ -4,9 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from protocol.limits import MAX_TELEOP_TTL_MS
 from protocol.messages import Teleop
 from robot.core.values import Twist
-from robot.teleop import MAX_TTL_MS, Handle, wanted
+from robot.teleop import Handle, wanted
 from tests.unit.robot.vehicles import MS, Desk
 
 
@@ -21,7 +22,11 @@ def test_nobody_steers_before_the_first_frame() -> None:
     assert wanted(None) is None
 
 
-@given(st.integers(0, MAX_TTL_MS), st.integers(0, 10**15), st.integers(0, 2 * MAX_TTL_MS * MS))
+@given(
+    st.integers(0, MAX_TELEOP_TTL_MS),
+    st.integers(0, 10**15),
+    st.integers(0, 2 * MAX_TELEOP_TTL_MS * MS),
+)
 def test_a_frame_counts_until_its_time_is_over(ttl_ms: int, arrived_ns: int, age_ns: int) -> None:
     handle = Handle()
     assert handle.hear(frame(ttl_ms), arrived_ns) == ""

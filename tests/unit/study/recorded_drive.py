@@ -12,10 +12,10 @@ from plant.plant import Plant
 from plant.world_types import World
 from protocol.codec import Encoder
 from protocol.enums import Command
+from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.message import Message
 from protocol.messages import CommandRequest, GoalRequest, WheelCommand
 from protocol.sender import sender_of
-from protocol.timing import TTL_MS
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -108,14 +108,14 @@ class Drive:
         inputs = Inputs(now_ms_of(now_ns), wheels_of(wheels), scan_of(scan, 0), None)
         outputs = vehicle.step(inputs, lambda _stage: None)
         left, right = outputs.left_mrad_s, outputs.right_mrad_s
-        plant.command(0, left, right, TTL_MS)
+        plant.command(0, left, right, MAX_WHEEL_TTL_MS)
         told = WheelCommand(
             time_ns=now_ns,
             seq=tick,
             sense_seq=scan.seq,
             left_mrad_s=left,
             right_mrad_s=right,
-            ttl_ms=TTL_MS,
+            ttl_ms=MAX_WHEEL_TTL_MS,
         )
         self.say(DRIVE, told)
         self.say(ODOMETRY, telemetry.odometry(vehicle.state, now_ns))

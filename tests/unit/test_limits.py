@@ -1,0 +1,79 @@
+"""Texts and settings that show a limit show the one in force."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from ground.emergency_stop import REPEAT_NS
+from protocol.limits import (
+    MAX_LEASE_MS,
+    MAX_TELEOP_TTL_MS,
+    MAX_WHEEL_TTL_MS,
+    OPERATOR_LOST_MS,
+    SCAN_LOST_MS,
+    TICKS_LOST_MS,
+)
+from protocol.message import Message
+from protocol.reasons import Reason, reason_text
+from protocol.timing import PERIOD_MS
+from protocol.topics import DRIVE, MS, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Topic
+from robot.core.parameters import DEFAULTS
+from robot.lease import LAPSE_NS
+
+README = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
+S = 1000
+
+
+@pytest.mark.parametrize(
+    ("reason", "words"),
+    [
+        (Reason.TICKS_LOST, f"for {TICKS_LOST_MS} ms"),
+        (Reason.SCAN_LOST, f"for {SCAN_LOST_MS} ms"),
+        (Reason.OPERATOR_LOST, f"for {OPERATOR_LOST_MS / S:g} s"),
+    ],
+)
+def test_the_text_of_a_failsafe_shows_its_limit(reason: Reason, words: str) -> None:
+    assert reason_text(reason).endswith(words)
+
+
+@pytest.mark.parametrize(
+    ("topic", "limit_ms"),
+    [
+        (WHEELS, TICKS_LOST_MS),
+        (SONAR, SCAN_LOST_MS),
+        (OPERATOR, OPERATOR_LOST_MS),
+        (DRIVE, MAX_WHEEL_TTL_MS),
+        (TELEOP, MAX_TELEOP_TTL_MS),
+    ],
+    ids=lambda value: getattr(value, "path", value),
+)
+def test_a_topic_is_stale_when_its_limit_is_over(topic: Topic[Message], limit_ms: int) -> None:
+    assert topic.stale_after_ns == limit_ms * MS
+
+
+def test_the_core_and_the_lease_use_the_limits_of_the_wire() -> None:
+    assert DEFAULTS.op_lost_ms == OPERATOR_LOST_MS
+    assert LAPSE_NS == MAX_LEASE_MS * MS
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        f"wheel commands, good for {MAX_WHEEL_TTL_MS} ms",
+        f"| no fresh wheel ticks | {TICKS_LOST_MS} ms |",
+        f"| no fresh sonar scan | {SCAN_LOST_MS} ms |",
+        f"| operator's heartbeat lost in GUIDED or MANUAL | {OPERATOR_LOST_MS / S:g} s after",
+        f"| its loop hangs | {MAX_WHEEL_TTL_MS} ms |",
+        f"| the robot itself is gone | {MAX_WHEEL_TTL_MS} ms |",
+        f"ends it {MAX_WHEEL_TTL_MS} ms after that tick",
+        f"repeat it every {REPEAT_NS // MS} ms",
+        f"on a fixed grid of {PERIOD_MS} ms",
+    ],
+)
+def test_the_readme_shows_the_limits(words: str) -> None:
+    assert words in README
+
+
+def test_the_table_of_topics_shows_how_often_a_stop_is_repeated() -> None:
+    assert re.search(rf"\b{REPEAT_NS // MS} ms\b", STOP.doc)
