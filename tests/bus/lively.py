@@ -20,6 +20,9 @@ POLL_S: Final = 0.05
 class Lively(Stack):
     """Nobody waits for anybody. `hung`: the robot's loop stands; `mute`: the plant does."""
 
+    period_s = PERIOD_S
+    """Between two ticks, which are always 50 ms of simulated time apart."""
+
     def __init__(self, *, router: bool = False) -> None:
         super().__init__("open", router=router)
         self.hung = self.mute = False
@@ -49,7 +52,7 @@ class Lively(Stack):
             self.plant.advance()
 
     def _go_on(self) -> None:
-        while not self._over.wait(PERIOD_S):
+        while not self._over.wait(self.period_s):
             with self._turning:
                 self._turn()
 
