@@ -33,6 +33,7 @@ RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
     /source/install --python /pip/bin/python hatchling
 COPY README.md LICENSE sidestep.py ./
+COPY runtime runtime
 COPY protocol protocol
 COPY robot robot
 COPY plant plant

@@ -28,54 +28,62 @@ class Verb(NamedTuple):
     tells_verb: bool = True
 
 
+GROUND = "ground.cli.main"
+
 GROUPS: dict[str, dict[str, Verb]] = {
     "run": {
-        "up": Verb("ground.cli", "start plant, robot and a goal, and tell how it ended"),
-        "plant": Verb("plant.cli", "the world: pymunk, sonars, wheels, noise", False),
+        "up": Verb(GROUND, "start plant, robot and a goal, and tell how it ended"),
+        "plant": Verb("plant.cli.plant", "the world: pymunk, sonars, wheels, noise", False),
         "robot": Verb("robot.cli", "the control loop of one robot, 20 Hz", False),
-        "ground": Verb("ground.cli", "the ground station, in this terminal or in a browser"),
-        "router": Verb("ground.cli", "a Zenoh router for more than one robot or machine"),
-        "keys": Verb("ground.cli", "who may join a locked bus: certificates made, and checked"),
-        "berth": Verb("ground.cli", "a verb in a container: its robot, its start, its network"),
+        "ground": Verb(GROUND, "the ground station, in this terminal or in a browser"),
+        "router": Verb(GROUND, "a Zenoh router for more than one robot or machine"),
+        "keys": Verb(
+            "ground.cli.main", "who may join a locked bus: certificates made, and checked"
+        ),
+        "berth": Verb(
+            "ground.cli.main", "a verb in a container: its robot, its start, its network"
+        ),
     },
     "command": {
-        "goto": Verb("ground.cli", "drive to X Y [DEG] and wait for the outcome"),
-        "hold": Verb("ground.cli", "stand still, keep the goal"),
-        "resume": Verb("ground.cli", "go on to the goal"),
-        "abort": Verb("ground.cli", "drop the goal and stand still"),
-        "rtl": Verb("ground.cli", "drive back along the robot's own trail"),
-        "arm": Verb("ground.cli", "let the wheels turn"),
-        "disarm": Verb("ground.cli", "do not let the wheels turn"),
-        "estop": Verb("ground.cli", "emergency stop, latched"),
-        "clear-estop": Verb("ground.cli", "release the emergency stop"),
-        "mode": Verb("ground.cli", "choose the mode"),
-        "navigator": Verb("ground.cli", "choose the navigator"),
-        "param": Verb("ground.cli", "read and set the robot's parameters"),
-        "mission": Verb("ground.cli", "waypoints: check, send, start, pause, jump, fetch, convert"),
-        "fence": Verb("ground.cli", "keep the robot inside of a circle or polygon"),
-        "lease": Verb("ground.cli", "who commands the robot: take it, give it back, show it"),
-        "teleop": Verb("ground.cli", "drive by hand at a speed and a turn"),
+        "goto": Verb(GROUND, "drive to X Y [DEG] and wait for the outcome"),
+        "hold": Verb(GROUND, "stand still, keep the goal"),
+        "resume": Verb(GROUND, "go on to the goal"),
+        "abort": Verb(GROUND, "drop the goal and stand still"),
+        "rtl": Verb(GROUND, "drive back along the robot's own trail"),
+        "arm": Verb(GROUND, "let the wheels turn"),
+        "disarm": Verb(GROUND, "do not let the wheels turn"),
+        "estop": Verb(GROUND, "emergency stop, latched"),
+        "clear-estop": Verb(GROUND, "release the emergency stop"),
+        "mode": Verb(GROUND, "choose the mode"),
+        "navigator": Verb(GROUND, "choose the navigator"),
+        "param": Verb(GROUND, "read and set the robot's parameters"),
+        "mission": Verb(
+            "ground.cli.main", "waypoints: check, send, start, pause, jump, fetch, convert"
+        ),
+        "fence": Verb(GROUND, "keep the robot inside of a circle or polygon"),
+        "lease": Verb(GROUND, "who commands the robot: take it, give it back, show it"),
+        "teleop": Verb(GROUND, "drive by hand at a speed and a turn"),
     },
     "look": {
-        "watch": Verb("ground.cli", "show what the robot says, line by line"),
-        "doctor": Verb("ground.cli", "say what is missing and what to do"),
-        "health": Verb("ground.cli", "are the data of a role flowing? For health checks"),
-        "explain": Verb("ground.cli", "why did it turn? now, or in a recording"),
-        "ghost": Verb("ground.cli", "what another navigator would do from here on"),
-        "record": Verb("ground.cli", "write every frame to a .tlog and an .mcap file"),
-        "bridge": Verb("ground.cli", "live, for Foxglove or Lichtblick to connect to"),
-        "mark": Verb("ground.cli", "a remark in what is being recorded"),
-        "replay": Verb("ground.cli", "a recorded run, shown or executed again"),
-        "export": Verb("ground.cli", "a recording as a table: CSV or Parquet"),
-        "plot": Verb("ground.cli", "a recorded run as a picture"),
+        "watch": Verb(GROUND, "show what the robot says, line by line"),
+        "doctor": Verb(GROUND, "say what is missing and what to do"),
+        "health": Verb(GROUND, "are the data of a role flowing? For health checks"),
+        "explain": Verb(GROUND, "why did it turn? now, or in a recording"),
+        "ghost": Verb(GROUND, "what another navigator would do from here on"),
+        "record": Verb(GROUND, "write every frame to a .tlog and an .mcap file"),
+        "bridge": Verb(GROUND, "live, for Foxglove or Lichtblick to connect to"),
+        "mark": Verb(GROUND, "a remark in what is being recorded"),
+        "replay": Verb(GROUND, "a recorded run, shown or executed again"),
+        "export": Verb(GROUND, "a recording as a table: CSV or Parquet"),
+        "plot": Verb(GROUND, "a recorded run as a picture"),
     },
     "study": {
-        "reexecute": Verb("study.reexecute_cli", "what `replay --re-execute` does"),
-        "trial": Verb("study.cli", "one run in this process, as fast as possible"),
-        "study": Verb("study.study_cli", "many trials on all cores, their results and a report"),
+        "reexecute": Verb("study.cli.reexecute", "what `replay --re-execute` does"),
+        "trial": Verb("study.cli.trial", "one run in this process, as fast as possible"),
+        "study": Verb("study.cli.study", "many trials on all cores, their results and a report"),
         "calibrate": Verb("study.calibration.cli", "wheels, track and slip from squares", False),
         "worlds": Verb(
-            "plant.worlds_cli", "list, check, show, generate and import world files", False
+            "plant.cli.worlds", "list, check, show, generate and import world files", False
         ),
         "bench": Verb("benchmarks.__main__", "measure, against floors and peers", False),
     },
@@ -87,7 +95,7 @@ USAGE = "usage: sidestep [--traceback] VERB ...\n       sidestep --help | --vers
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; 0 reached or done, 1 not reached or refused, 2 wrong usage or configuration."""
-    from protocol.terminal import guarded_output  # the table alone imports nothing of ours
+    from runtime.terminal import guarded_output  # the table alone imports nothing of ours
 
     try:
         with guarded_output():

@@ -6,32 +6,100 @@ import json
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol, cast
+from typing import NamedTuple, Protocol, cast
 
-from benchmarks import machine
-from benchmarks.figures import Report
+from verification.harness import machine
+from verification.harness.figures import Report
+
+
+class Entry(NamedTuple):
+    """`module` measures it, `title` says what."""
+
+    module: str
+    title: str
+
 
 BENCHMARKS = {
-    "trial": "a run in one process, x real time, and ir-sim beside it",
-    "core": "CPU time of one step of the control core",
-    "budget": "one step on the LPC1768, modelled: operations counted, times cycles; its state",
-    "codec": "encode and decode, pymavlink beside it",
-    "lockstep": "plant, robot and ground over Zenoh as fast as they can, x real time",
-    "latency": "sense published to wheel command received, a bare ping-pong beside it",
-    "mtls": "what mutual TLS and access control cost the closed loop, without them beside it",
-    "robot": "the robot process at 20 Hz: CPU, memory, growth, import time",
-    "jitter": "wall-clock driving: missed ticks and lateness, with and without SCHED_FIFO",
-    "nees": "whether the odometry's covariance fits its errors, per noise level",
-    "arrival": "pose and last turn at the goal in the open, go-then-align beside it",
-    "map": "a frame of the map on 100 x 40 cells, textual-plotext beside it",
-    "soak": "a fleet with faults for a long time: what grows, what slows, what is lost",
-    "ground": "the app on a terminal: CPU, bytes, first paint, key to robot, a flood of log lines",
-    "restarts": "a process of `up` killed, until robot and plant are heard again",
-    "faults": "what the robot does when something breaks, the fault matrix (docs/faults.md)",
-    "fuzz": "broken inputs for every decoder: none may crash, hang or take much memory",
-    "flood": "a robot under attack of ten kinds: key to standing wheels, missed ticks, memory",
-    "simulate": "the whole stack on simulated time, network and disk: faults by seed, invariants",
-    "digest": "the same trajectory in every way of running, another one for another seed",
+    "trial": Entry(
+        "benchmarks.trial",
+        "a run in one process, x real time, and ir-sim beside it",
+    ),
+    "core": Entry(
+        "benchmarks.core",
+        "CPU time of one step of the control core",
+    ),
+    "budget": Entry(
+        "benchmarks.mcu_cost.budget",
+        "one step on the LPC1768, modelled: operations counted, times cycles; its state",
+    ),
+    "codec": Entry(
+        "benchmarks.codec",
+        "encode and decode, pymavlink beside it",
+    ),
+    "lockstep": Entry(
+        "benchmarks.lockstep",
+        "plant, robot and ground over Zenoh as fast as they can, x real time",
+    ),
+    "latency": Entry(
+        "benchmarks.latency",
+        "sense published to wheel command received, a bare ping-pong beside it",
+    ),
+    "mtls": Entry(
+        "benchmarks.mtls",
+        "what mutual TLS and access control cost the closed loop, without them beside it",
+    ),
+    "robot": Entry(
+        "benchmarks.robot",
+        "the robot process at 20 Hz: CPU, memory, growth, import time",
+    ),
+    "jitter": Entry(
+        "benchmarks.jitter",
+        "wall-clock driving: missed ticks and lateness, with and without SCHED_FIFO",
+    ),
+    "nees": Entry(
+        "benchmarks.nees",
+        "whether the odometry's covariance fits its errors, per noise level",
+    ),
+    "arrival": Entry(
+        "benchmarks.arrival",
+        "pose and last turn at the goal in the open, go-then-align beside it",
+    ),
+    "map": Entry(
+        "benchmarks.map_drawing.main",
+        "a frame of the map on 100 x 40 cells, textual-plotext beside it",
+    ),
+    "soak": Entry(
+        "verification.soak.main",
+        "a fleet with faults for a long time: what grows, what slows, what is lost",
+    ),
+    "ground": Entry(
+        "benchmarks.ground_station.main",
+        "the app on a terminal: CPU, bytes, first paint, key to robot, a flood of log lines",
+    ),
+    "restarts": Entry(
+        "verification.restarts",
+        "a process of `up` killed, until robot and plant are heard again",
+    ),
+    "faults": Entry(
+        "verification.faults_matrix.main",
+        "what the robot does when something breaks, the fault matrix (docs/faults.md)",
+    ),
+    "fuzz": Entry(
+        "verification.fuzz.main",
+        "broken inputs for every decoder: none may crash, hang or take much memory",
+    ),
+    "flood": Entry(
+        "verification.flood.main",
+        "a robot under attack of ten kinds: key to standing wheels, missed ticks, memory",
+    ),
+    "simulate": Entry(
+        "verification.simulate",
+        "the whole stack on simulated time, network and disk: faults by seed, invariants",
+    ),
+    "digest": Entry(
+        "benchmarks.digest",
+        "the same trajectory in every way of running, another one for another seed",
+    ),
 }
 
 
@@ -67,12 +135,12 @@ def named(arguments: Sequence[str]) -> Benchmark | None:
     """The module of the first word that is a name: each has options of its own."""
     for word in arguments:
         if word in BENCHMARKS:
-            return cast(Benchmark, importlib.import_module(f"benchmarks.{word}"))
+            return cast(Benchmark, importlib.import_module(BENCHMARKS[word].module))
     return None
 
 
 def table() -> str:
-    return "\n".join(f"  {name:<10} {says}" for name, says in BENCHMARKS.items())
+    return "\n".join(f"  {name:<10} {entry.title}" for name, entry in BENCHMARKS.items())
 
 
 if __name__ == "__main__":

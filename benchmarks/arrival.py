@@ -11,14 +11,14 @@ from math import cos, degrees, hypot, pi, remainder, sin
 from random import Random
 from typing import Final
 
-from benchmarks.figures import Figure, Report, percentile
-from plant.noise import LEVELS
-from plant.plant import Plant
-from plant.world_types import GoalPose, Start, World
+from plant.model.noise import LEVELS
+from plant.model.types import GoalPose, Start, World
+from plant.sim.simulation import Plant
 from robot.core import states
 from robot.core.values import Outputs
-from study.onboard import Onboard
-from study.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial
+from study.trial.core_loop import Onboard
+from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial
+from verification.harness.figures import Figure, Report, percentile
 
 LEAST_M: Final = 0.5
 MOST_M: Final = 5.0

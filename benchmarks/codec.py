@@ -9,11 +9,11 @@ from collections.abc import Callable
 from time import process_time
 from typing import Any
 
-from benchmarks.figures import Figure, Report, ratios
-from protocol.codec import Encoder, decode
+from verification.harness.figures import Figure, Report, ratios
+from protocol.wire.codec import Encoder, decode
 from protocol.dialect.mavgen import oracle
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     AvoidanceDecision,
     CycleReport,
     GroundTruth,

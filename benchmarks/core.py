@@ -9,16 +9,23 @@ import argparse
 import gc
 from time import thread_time_ns
 
-from benchmarks.figures import Figure, Report, percentile
-from plant.plant import Plant
-from plant.world_file import load
-from protocol.messages import SonarScan, WheelTicks
+from plant.sim.simulation import Plant
+from plant.world.file import load
+from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core import brain, modes, states
 from robot.core.parameters import DEFAULTS
-from robot.core.senses import goal_of, now_ms_of, scan_of, wheels_of
+from robot.core.perception.from_messages import goal_of, now_ms_of, scan_of, wheels_of
 from robot.core.values import Goal, Inputs, Outputs, Pose
-from study.onboard import Onboard
-from study.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial, start_of, wire_goal_of
+from study.trial.core_loop import Onboard
+from study.trial.trial import (
+    NAVIGATORS,
+    USUAL_NAVIGATOR,
+    Trial,
+    run_trial,
+    start_of,
+    wire_goal_of,
+)
+from verification.harness.figures import Figure, Report, percentile
 
 MEDIAN_US, WORST_US = 60.0, 200.0
 STEPS = 10_000

@@ -10,24 +10,10 @@ from textual.pilot import Pilot
 
 from benchmarks.robot import resident_mb
 from ground.app.app import GroundApp
-from ground.app.looks import Looks
+from ground.app.appearance import Looks
 from ground.map import Target
 from ground.station import Station
-from protocol.clock import ManualClock
-from protocol.codec import Encoder
-from protocol.enums import GoalState, Mode, Navigator, Severity, Vehicle
-from protocol.errors import NoAnswer
-from protocol.mailbox import Mailbox, Sample
-from protocol.message import Message
-from protocol.messages import (
-    AvoidanceDecision,
-    CycleReport,
-    Heartbeat,
-    NavigatorStatus,
-    PlanarOdometry,
-    SonarScan,
-    Statustext,
-)
+from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import (
     CYCLE,
     DECISION,
@@ -40,6 +26,20 @@ from protocol.topics import (
     Service,
     Topic,
 )
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import GoalState, Mode, Navigator, Severity, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    AvoidanceDecision,
+    CycleReport,
+    Heartbeat,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    Statustext,
+)
+from runtime.clock import ManualClock
+from runtime.errors import NoAnswer
 
 TELEMETRY_HZ: Final = 50
 POLL_HZ: Final = 10

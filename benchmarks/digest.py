@@ -6,10 +6,10 @@ to the last bit. Another seed must give another one, or the digest would prove n
 
 import argparse
 
-from benchmarks.figures import Figure, Report
-from benchmarks.stack import lockstep_run
-from plant.world_file import load
-from study.trial import Trial, run_trial
+from plant.world.file import load
+from study.trial.trial import Trial, run_trial
+from verification.harness.figures import Figure, Report
+from verification.harness.stack import lockstep_run
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -8,14 +8,14 @@ import argparse
 from collections.abc import Callable
 from time import monotonic_ns
 
-from benchmarks.figures import Figure, Report, percentile
-from benchmarks.pace import RATE_HZ, paced
-from benchmarks.standin import ROBOT, driving, robot_process
-from plant.world_file import load
-from plant.world_types import World
-from protocol.codec import decode
-from protocol.messages import CycleReport
+from plant.model.types import World
+from plant.world.file import load
 from protocol.topics import CYCLE
+from protocol.wire.codec import decode
+from protocol.wire.messages import CycleReport
+from verification.harness.figures import Figure, Report, percentile
+from verification.harness.pace import RATE_HZ, paced
+from verification.harness.stand_in import ROBOT, driving, robot_process
 
 SHARES = {"p50": 0.5, "p99": 0.99, "max": 1.0}
 

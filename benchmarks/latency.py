@@ -9,14 +9,14 @@ lockstep, with the clock's frame and the telemetry of every tick on the same lin
 
 import argparse
 
-from benchmarks.figures import Figure, Report, percentile
-from benchmarks.pace import PERIOD_NS, paced, wait_until
 from benchmarks.pingpong import Floor, floor
-from benchmarks.standin import Standin, driving, robot_process
-from plant.world_file import load
-from plant.world_types import World
-from protocol.codec import Encoder
-from protocol.messages import SonarScan, WheelCommand
+from plant.model.types import World
+from plant.world.file import load
+from protocol.wire.codec import Encoder
+from protocol.wire.messages import SonarScan, WheelCommand
+from verification.harness.figures import Figure, Report, percentile
+from verification.harness.pace import PERIOD_NS, paced, wait_until
+from verification.harness.stand_in import Standin, driving, robot_process
 
 P50_AT_MOST, P99_AT_MOST = 2.0, 3.0
 WARM_UP = 40

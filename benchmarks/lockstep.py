@@ -5,10 +5,10 @@ Real time counts from the start of simulated time to the news that the goal has 
 
 import argparse
 
-from benchmarks.figures import Figure, Report
-from benchmarks.stack import lockstep_run
-from plant.world_file import load
-from study.trial import Trial
+from plant.world.file import load
+from study.trial.trial import Trial
+from verification.harness.figures import Figure, Report
+from verification.harness.stack import lockstep_run
 
 AT_LEAST = 100.0
 

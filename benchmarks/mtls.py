@@ -13,11 +13,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from benchmarks.figures import Figure, Report, percentile, ratios
-from benchmarks.pace import PERIOD_NS, paced, wait_until
 from benchmarks.robot import cpu_s
-from benchmarks.standin import ROBOT, Standin, driving, robot_process
-from plant.world_file import load
+from plant.world.file import load
+from verification.harness.figures import Figure, Report, percentile, ratios
+from verification.harness.pace import PERIOD_NS, paced, wait_until
+from verification.harness.stand_in import ROBOT, Standin, driving, robot_process
 
 AT_MOST: Final = 1.10
 WARM_UP: Final = 60
@@ -66,7 +66,9 @@ def measure(options: argparse.Namespace) -> Report:
 
 def made_keys(folder: Path, *, tells: bool) -> Path:
     """A set of this run's own."""
-    from ground.keys.folder import make  # its library need not be there for other measurements
+    from ground.certificates.folder import (
+        make,  # its library need not be there for other measurements
+    )
 
     now = datetime.now(UTC)
     make(folder, [ROBOT], {}, now - VALID, now + VALID)

@@ -11,9 +11,9 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from os import cpu_count
 
-from benchmarks.figures import Figure, Report
-from plant.noise import LEVELS
-from study.consistency import KINDS, Array, Consistency, drive, judged
+from plant.model.noise import LEVELS
+from study.statistics.consistency import KINDS, Array, Consistency, drive, judged
+from verification.harness.figures import Figure, Report
 
 DRIVES = 400
 LEAST_INSIDE = 0.93

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.__main__ import BENCHMARKS
-from benchmarks.figures import digits
+from verification.harness.figures import digits
 
 HOURS: Final = ("--hours", "10")
 OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {"robot": HOURS, "faults": ("--short",)}

@@ -11,12 +11,12 @@ import sys
 from pathlib import Path
 from time import monotonic
 
-from benchmarks.figures import Figure, Report
-from benchmarks.pace import RATE_HZ, paced
-from benchmarks.standin import Standin, driving, robot_process
-from plant.world_file import load
-from plant.world_types import World
+from plant.model.types import World
+from plant.world.file import load
 from protocol.bus import open_bus
+from verification.harness.figures import Figure, Report
+from verification.harness.pace import RATE_HZ, paced
+from verification.harness.stand_in import Standin, driving, robot_process
 
 CPU_AT_MOST, RSS_AT_MOST, IMPORT_AT_MOST, GROWTH_AT_MOST = 5.0, 60.0, 0.3, 1.0
 IMPORTING = "import time; t = time.perf_counter(); import robot.cli; print(time.perf_counter() - t)"

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from time import process_time
 
-from benchmarks import irsim_peer
-from benchmarks.figures import Figure, Report, ratios
-from plant.world_file import load
-from plant.world_types import World
-from study.trial import Trial, run_trial
+from benchmarks.irsim import peer as irsim_peer
+from plant.model.types import World
+from plant.world.file import load
+from study.trial.trial import Trial, run_trial
+from verification.harness.figures import Figure, Report, ratios
 
 AT_LEAST = 400.0
 AT_MOST_US = 125.0

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Final
 
 from protocol import topics
-from protocol.bus import access_table
-from protocol.bus.access import grants
-from protocol.layout import LAYOUT, class_name
-from protocol.message import Message
+from protocol.bus.tls import permissions
+from protocol.bus.tls.access import grants
 from protocol.topics import Service, Topic
+from protocol.wire.layout import LAYOUT, class_name
+from protocol.wire.message import Message
 
 DIALECT: Final = Path(__file__).parent / "dialect" / "sidestep.xml"
 
@@ -62,7 +62,7 @@ def page(
         *section("Questions", "A question is a query; it is always answered, with a reason."),
         *table(service_head, map(service_row, services)),
         *section("Who may do what", ACCESS),
-        *table(access_table.head(), access_table.rows()),
+        *table(permissions.head(), permissions.rows()),
         "",
         *ACCESS_KEYS.splitlines(),
         "",

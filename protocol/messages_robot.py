@@ -3,7 +3,7 @@
 Made by `make generate` from sidestep.xml: change that file instead.
 """
 
-from protocol.message import Message, unfit
+from protocol.wire.message import Message, unfit
 
 
 class SonarScan(Message, frozen=True, kw_only=True):

@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import inf, isfinite
 from typing import Final
 
-from protocol.network import LOCKED, Mode, Network
+from protocol.bus.network import LOCKED, Mode, Network
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
 LOCKED_ENDPOINT: Final = f"{LOCKED}127.0.0.1:7447"

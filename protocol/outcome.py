@@ -3,10 +3,10 @@
 from dataclasses import asdict, dataclass
 from math import degrees, hypot, pi, remainder
 
-from protocol.enums import GoalState
-from protocol.messages import RunScore
-from protocol.reasons import reason_text
-from protocol.wire_goal import WireGoal
+from protocol.wire.enums import GoalState
+from protocol.wire.goal import WireGoal
+from protocol.wire.messages import RunScore
+from protocol.wire.reasons import reason_text
 
 ENDS = {
     GoalState.REACHED: "reached",

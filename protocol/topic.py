@@ -6,8 +6,8 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Final, Generic, TypeVar
 
-from protocol.errors import UserError
-from protocol.message import Message
+from protocol.wire.message import Message
+from runtime.errors import UserError
 
 MS: Final = 1_000_000
 ROBOT_NAME: Final = re.compile(r"[a-z0-9_-]{1,16}\Z")

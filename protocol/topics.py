@@ -9,8 +9,8 @@ from protocol.limits import (
     SCAN_LOST_MS,
     TICKS_LOST_MS,
 )
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     AvoidanceDecision,
     CommandAck,
     CommandRequest,

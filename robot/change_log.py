@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import Final, TypeAlias
 
-from protocol.enums import GoalState, MissionState, Mode, Severity, Vehicle
-from protocol.messages import Statustext
-from protocol.reasons import reason_text
-from protocol.texts import pieces_of
+from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
+from protocol.wire.messages import Statustext
+from protocol.wire.reasons import reason_text
+from protocol.wire.statustext import pieces_of
 from robot.core import reasons
 from robot.core.machine import Machine
 from robot.mission.mission import Mission

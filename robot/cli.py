@@ -6,9 +6,7 @@ from dataclasses import dataclass, field
 from math import radians
 from pathlib import Path
 
-from protocol import config
-from protocol.enums import Severity
-from protocol.network import Network
+from protocol.bus.network import Network
 from protocol.options import (
     add_network_options,
     add_param_option,
@@ -17,14 +15,16 @@ from protocol.options import (
     numbers_kept,
 )
 from protocol.topics import robot_name
+from protocol.wire.enums import Severity
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
-from robot.life import Life
-from robot.parameters import adjusted
+from robot.parameters.table import adjusted
 from robot.run import Options, run
-from robot.store import Store, own
+from robot.storage.files import Store, own
+from robot.storage.previous_run import Life
+from robot.storage.writer import InlineWriter, WriterThread
 from robot.vehicle import Vehicle
-from robot.writer import InlineWriter, WriterThread
+from runtime import config
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,12 +6,12 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
-from protocol.enums import AckResult, Command
-from protocol.message import Message
-from protocol.messages import CommandAck, CommandRequest, GoalRequest
-from protocol.wire import wire_of
+from protocol.wire.enums import AckResult, Command
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
+from protocol.wire.packing import wire_of
 from robot.core import modes, reasons
-from robot.core.senses import goal_of
+from robot.core.perception.from_messages import goal_of
 from robot.core.state import State
 from robot.mission.mission import Mission
 

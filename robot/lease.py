@@ -5,10 +5,10 @@ Sans-I/O. `allows` may be asked from any thread: it reads one reference.
 
 from typing import Final, NamedTuple
 
-from protocol.enums import Command, LeaseAction, Severity
+from protocol.wire.enums import Command, LeaseAction, Severity
 from protocol.limits import MAX_LEASE_MS
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandRequest,
     LeaseRequest,
     LeaseStatus,
@@ -16,7 +16,7 @@ from protocol.messages import (
     MissionRequestList,
     ParamRequestRead,
 )
-from protocol.terminal import printable
+from runtime.terminal import printable
 from robot.core import reasons
 
 NS_PER_MS: Final = 1_000_000

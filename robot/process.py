@@ -7,27 +7,27 @@ from queue import Empty, SimpleQueue
 from typing import Final
 
 from protocol.bus import Asked, Bus
+from protocol.bus.claim import Twins
 from protocol.bus.service import refusal
-from protocol.claim import Twins
-from protocol.clock import Clock, Tick
-from protocol.enums import AckResult, Command
-from protocol.errors import LocalError
-from protocol.messages import Teleop
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
+from protocol.wire.enums import AckResult, Command
+from protocol.wire.messages import Teleop
 from robot import telemetry
 from robot.commands import ack, is_clear, is_stop
 from robot.core import reasons
 from robot.core.budget import READ
 from robot.core.values import Inputs, Outputs
 from robot.lease import open_to_all
-from robot.meter import Meter
 from robot.reports import Reports
 from robot.saved_replies import SavedReplies
+from robot.scheduling.cycle_meter import Meter
 from robot.senses import Senses
 from robot.stop_latch import StopLatch
 from robot.telemetry import BUDGET_VIOLATED, NAME_TAKEN, Given
 from robot.teleop import wanted
 from robot.vehicle import Vehicle
+from runtime.clock import Clock, Tick
+from runtime.errors import LocalError
 
 SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE)
 MAX_WAITING: Final = 64

@@ -2,10 +2,10 @@
 
 from protocol.bus import Bus
 from protocol.limits import MAX_WHEEL_TTL_MS
-from protocol.mailbox import MAX_STAMP_NS
-from protocol.message import Message
-from protocol.messages import WheelCommand
-from protocol.timing import UINT32
+from protocol.bus.mailbox import MAX_STAMP_NS
+from protocol.wire.message import Message
+from protocol.wire.messages import WheelCommand
+from runtime.timing import UINT32
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -21,7 +21,7 @@ from protocol.topics import (
     TEXT,
 )
 from robot import telemetry
-from robot.core.senses import now_ms_of
+from robot.core.perception.from_messages import now_ms_of
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
 

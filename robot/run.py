@@ -8,25 +8,25 @@ from time import time
 from typing import Final
 
 from protocol.bus import Bus, Network, open_bus
-from protocol.bus.doors import watched_doors
-from protocol.claim import claim
-from protocol.clock import SLACK, Tick, WallClock, ticks
-from protocol.enums import Severity
-from protocol.heap import freeze_heap
-from protocol.lockstep import LockstepClock
-from protocol.mailbox import MAX_STAMP_NS, Mailbox
-from protocol.messages import SystemTime
-from protocol.pulse import Pulse
-from protocol.timing import CONTROL_HZ, PERIOD_NS, UINT32
+from protocol.bus.audit import watched_doors
+from protocol.bus.claim import claim
+from protocol.bus.mailbox import MAX_STAMP_NS, Mailbox
 from protocol.topics import CLOCK, Role
-from protocol.watchdog import Watchdog
-from robot.life import Life
-from robot.meter import Meter
+from protocol.wire.enums import Severity
+from protocol.wire.messages import SystemTime
 from robot.process import Process
-from robot.realtime import share_interpreter, use_fifo
-from robot.rehearsal import Rehearsal, Rehearsed
+from robot.scheduling.cycle_meter import Meter
+from robot.scheduling.realtime import share_interpreter, use_fifo
+from robot.scheduling.rehearsal import Rehearsal, Rehearsed
 from robot.senses import Senses
+from robot.storage.previous_run import Life
 from robot.vehicle import Vehicle
+from runtime.arrivals import Pulse
+from runtime.clock import SLACK, Tick, WallClock, ticks
+from runtime.gc_freeze import freeze_heap
+from runtime.lockstep import LockstepClock
+from runtime.timing import CONTROL_HZ, PERIOD_NS, UINT32
+from runtime.watchdog import Watchdog
 
 IDLE_S: Final = 0.2
 PLACE_UNKNOWN: Final = "position assumed to be the start position; the true one is unknown"

@@ -4,15 +4,15 @@ from collections.abc import Callable
 from typing import Final, TypeVar
 
 from protocol.bus import Bus
-from protocol.clock import Tick
-from protocol.mailbox import Origin
-from protocol.messages import SonarScan, WheelTicks
-from protocol.timing import PERIOD_NS, UINT32
+from protocol.bus.mailbox import Origin
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
-from robot.core.senses import now_ms_of, scan_of, wheels_of
+from protocol.wire.messages import SonarScan, WheelTicks
+from robot.core.perception.from_messages import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Scan, Wheels
-from robot.delays import Delays
+from robot.operator_delays import Delays
 from robot.vehicle import Vehicle
+from runtime.clock import Tick
+from runtime.timing import PERIOD_NS, UINT32
 
 Sense = TypeVar("Sense", WheelTicks, SonarScan)
 LATE_NS: Final = 1_000_000_000

@@ -8,10 +8,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from protocol.codec import decode
-from protocol.enums import Command
-from protocol.errors import RemoteError
-from protocol.messages import CommandRequest
+from protocol.wire.codec import decode
+from protocol.wire.enums import Command
+from protocol.wire.messages import CommandRequest
+from runtime.errors import RemoteError
 
 KEPT: Final = 8
 """Frames kept until the loop takes them, of the lease's holder and of all others; they only tell

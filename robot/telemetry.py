@@ -3,13 +3,13 @@
 from math import nan
 from typing import Final, NamedTuple
 
-from protocol.enums import (
+from protocol.wire.enums import (
     MODE_FLAG_CUSTOM_MODE_ENABLED,
     MODE_FLAG_SAFETY_ARMED,
     TYPE_GROUND_ROVER,
     SystemState,
 )
-from protocol.messages import (
+from protocol.wire.messages import (
     AvoidanceDecision,
     Heartbeat,
     NavigatorStatus,
@@ -17,10 +17,10 @@ from protocol.messages import (
     Teleop,
     TickInputs,
 )
-from protocol.timing import UINT32
 from robot.core import states
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs
+from runtime.timing import UINT32
 
 ARDUPILOT: Final = 3
 NS_PER_MS: Final = 1_000_000

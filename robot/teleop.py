@@ -3,8 +3,8 @@
 from typing import Final
 
 from protocol.limits import MAX_TELEOP_TTL_MS
-from protocol.messages import Teleop
-from robot.core.senses import twist_of
+from protocol.wire.messages import Teleop
+from robot.core.perception.from_messages import twist_of
 from robot.core.values import Twist
 
 NS_PER_MS: Final = 1_000_000

@@ -5,9 +5,9 @@ from typing import Final, TypeAlias
 
 import msgspec
 
-from protocol.enums import Severity
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.enums import Severity
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     GoalRequest,
@@ -28,24 +28,25 @@ from protocol.messages import (
     Teleop,
 )
 from robot import telemetry
+from robot.change_log import News
 from robot.commands import Commands, ack, acknowledge
-from robot.core import brain, failsafe, reasons, states
+from robot.core import brain, reasons, states
 from robot.core.brain import Mark
 from robot.core.parameters import Params
+from robot.core.safety import failsafe
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs, Pose, Twist
 from robot.lease import Lease, open_to_all
 from robot.mission.fence_items import FenceItems
-from robot.mission.kept import Kept
 from robot.mission.mission import Mission
-from robot.mission.restored import Exchange, restored
+from robot.mission.persistence import Kept
+from robot.mission.restore import Exchange, restored
 from robot.mission.transfer import Reply, Transfers
-from robot.news import News
-from robot.occasion import Occasion
-from robot.store import Store
+from robot.parameters.service import NO_COMMAND, Tuning
+from robot.rate_limiter import Occasion
+from robot.storage.files import Store
+from robot.storage.writer import Ticket
 from robot.teleop import Handle
-from robot.tuning import NO_COMMAND, Tuning
-from robot.writer import Ticket
 
 Answer: TypeAlias = CommandAck | ParamValue | Reply
 Transfer: Final = (

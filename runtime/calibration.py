@@ -11,8 +11,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from protocol import config
-from protocol.robot_table import parameters_of
+from runtime import config
+from runtime.robot_settings import parameters_of
 
 FOLDER: Final = Path(__file__).parent / "calibrations"
 

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from protocol.errors import Stopped
-from protocol.lockstep import LockstepClock
-from protocol.pulse import Beats, Pulse
+from runtime.arrivals import Beats, Pulse
+from runtime.errors import Stopped
+from runtime.lockstep import LockstepClock
 
 __all__ = [
     "Beats",

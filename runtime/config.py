@@ -10,8 +10,8 @@ from typing import Any, Final, Literal, TypeVar, get_args, get_origin, get_type_
 
 import msgspec
 
-from protocol.errors import ConfigError, UserError
-from protocol.toml_text import LARGEST_BYTES, table_in
+from runtime.errors import ConfigError, UserError
+from runtime.toml_reader import LARGEST_BYTES, table_in
 
 T = TypeVar("T")
 PLACE: Final = re.compile(r"^(?P<reason>.*?)(?: - at `\$\.?(?P<key>.*)`)?$", re.DOTALL)

@@ -3,8 +3,8 @@
 import time
 from collections.abc import Callable
 
-from protocol.errors import Stopped
-from protocol.pulse import WakeUp
+from runtime.errors import Stopped
+from runtime.arrivals import WakeUp
 
 
 class LockstepClock:

@@ -19,15 +19,15 @@ from verification.mutation.targets import TARGETS
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 KERNEL: Final = (
-    "robot/core/guard.py",
-    "robot/core/failsafe.py",
+    "robot/core/safety/guard.py",
+    "robot/core/safety/failsafe.py",
     "robot/core/modes.py",
     "robot/core/machine.py",
     "robot/lease.py",
 )
 TESTS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {module: TARGETS[module] for module in KERNEL}
-    | {"protocol/codec.py": ("tests/unit/protocol/test_codec.py",)}
+    | {"protocol/wire/codec.py": ("tests/unit/protocol/wire/test_codec.py",)}
 )
 """Modules with the tests that must take each of their branches."""
 

@@ -11,18 +11,18 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Final, NamedTuple
 
-from benchmarks.figures import Figure, Report
-from ground.cli import parse
-from ground.leash import command
-from ground.scenario import question, scenario_of, world_facts
-from ground.stack import Stack
-from ground.supervisor import Policy
-from ground.up import dialled, free_endpoint
+from ground.cli.main import parse
+from ground.cli.run.up import dialled, free_endpoint
+from ground.launch.child_command import command
+from ground.launch.launcher import Stack
+from ground.launch.restart_policy import Policy
+from ground.launch.scenario import question, scenario_of, world_facts
 from protocol.bus import Bus
 from protocol.bus.session import listens
-from protocol.clock import WallClock
-from protocol.errors import RemoteError
 from protocol.topics import STATUS, TRUTH
+from runtime.clock import WallClock
+from runtime.errors import RemoteError
+from verification.harness.figures import Figure, Report
 
 MS: Final = 1_000_000
 ECHO_NS: Final = 100 * MS

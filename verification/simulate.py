@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from benchmarks.figures import Figure, Report
+from verification.harness.figures import Figure, Report
 from verification.simulation.campaign import MOST_HUNTED, Ran, hunted, in_processes
 from verification.simulation.coverage import Coverage
 from verification.simulation.defects import DEFECTS

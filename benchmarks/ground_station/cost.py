@@ -6,10 +6,10 @@ from contextlib import contextmanager
 from threading import Event, Thread
 from typing import Final
 
-from benchmarks.figures import Figure
-from benchmarks.ground_stage import SIZES, commanding, replaying
-from benchmarks.observed import Observer, Shuttle, observed, until
-from benchmarks.terminal import Spent
+from benchmarks.ground_station.stage import SIZES, commanding, replaying
+from verification.harness.figures import Figure
+from verification.harness.observer import Observer, Shuttle, observed, until
+from verification.harness.terminal import Spent
 
 WORLD: Final = "forest_medium"
 CPU_AT_MOST: Final = (10.0, 16.0)

@@ -12,9 +12,9 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import Final
 
-from benchmarks.figures import Figure
-from benchmarks.ground_stage import SIZES, on_terminal
-from benchmarks.observed import Observer, observed
+from benchmarks.ground_station.stage import SIZES, on_terminal
+from verification.harness.figures import Figure
+from verification.harness.observer import Observer, observed
 
 AT_MOST_S: Final = 0.6
 WORLD: Final = "forest_medium"

@@ -3,10 +3,10 @@
 import argparse
 from typing import Final
 
-from benchmarks.figures import Figure
-from benchmarks.ground_stage import SIZES, commanding
-from benchmarks.observed import observed
-from benchmarks.reaction import Operator, Presses
+from benchmarks.ground_station.reaction import Operator, Presses
+from benchmarks.ground_station.stage import SIZES, commanding
+from verification.harness.figures import Figure
+from verification.harness.observer import observed
 
 WORLD: Final = "open"
 PERIOD_MS: Final = 50.0

@@ -5,14 +5,14 @@ from threading import Event, Thread
 from typing import Final
 
 from benchmarks.crowded import sizes_mb
-from benchmarks.figures import Figure
-from benchmarks.ground_stage import SIZES, commanding
-from benchmarks.observed import Observer, observed
+from benchmarks.ground_station.stage import SIZES, commanding
 from benchmarks.robot import resident_mb
 from protocol.bus import Network, open_bus
-from protocol.enums import Severity
-from protocol.messages import Statustext
 from protocol.topics import TEXT, Role
+from protocol.wire.enums import Severity
+from protocol.wire.messages import Statustext
+from verification.harness.figures import Figure
+from verification.harness.observer import Observer, observed
 
 WORLD: Final = "forest_medium"
 GROWTH_AT_MOST_MB: Final = 15.0

@@ -7,14 +7,14 @@ other end of its pty; what the robot does is seen by an observer on its bus.
 import argparse
 from typing import Final
 
-from benchmarks import ground_cost, ground_crowd, ground_keys, ground_paint
-from benchmarks.figures import Figure, Report
+from benchmarks.ground_station import cost, first_paint, key_latency, long_run
+from verification.harness.figures import Figure, Report
 
 PARTS: Final = {
-    "paint": ground_paint.measured,
-    "cost": ground_cost.measured,
-    "keys": ground_keys.measured,
-    "crowd": ground_crowd.measured,
+    "paint": first_paint.measured,
+    "cost": cost.measured,
+    "keys": key_latency.measured,
+    "crowd": long_run.measured,
 }
 
 

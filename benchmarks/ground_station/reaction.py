@@ -12,11 +12,11 @@ from random import Random
 from threading import Event
 from typing import Final, TypeVar
 
-from benchmarks.observed import PATIENCE_S, Observer, apart_m, until
-from benchmarks.terminal import Terminal
-from protocol.enums import Mode, Vehicle
-from protocol.message import Message
-from protocol.messages import GroundTruth, NavigatorStatus, WheelCommand
+from protocol.wire.enums import Mode, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import GroundTruth, NavigatorStatus, WheelCommand
+from verification.harness.observer import PATIENCE_S, Observer, apart_m, until
+from verification.harness.terminal import Terminal
 
 M = TypeVar("M", bound=Message)
 PERIOD_S: Final = 0.05

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from benchmarks.observed import Observer
-from benchmarks.terminal import Terminal
+from verification.harness.observer import Observer
+from verification.harness.terminal import Terminal
 
 SIZES: Final = ((80, 24), (140, 40))
 READY: Final = "read: ready"

@@ -11,10 +11,10 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
-from plant.world_types import Circle, Obstacle, Polygon, World
+from plant.model.types import Circle, Obstacle, Polygon, World
 
 REQUIREMENT = "ir-sim>=2.10"
-DRIVER = Path(__file__).with_name("irsim_driver.py")
+DRIVER = Path(__file__).with_name("driver.py")
 PERIOD_S = 0.05
 RAYS = 40
 

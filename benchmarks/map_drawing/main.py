@@ -11,12 +11,12 @@ from typing import Final
 from rich.color import Color
 from rich.style import Style
 
-from benchmarks.figures import Figure, Report, ratios
-from benchmarks.map_plotext import Lines, PlotextMap
-from benchmarks.map_scene import Noted, drive, noted, segments, whirl
-from benchmarks.map_stage import Cost, perform
+from benchmarks.map_drawing.plotext import Lines, PlotextMap
+from benchmarks.map_drawing.scene import Noted, drive, noted, segments, whirl
+from benchmarks.map_drawing.stage import Cost, perform
+from ground.app.widgets.map import MapWidget
 from ground.map import Scene
-from ground.widgets.map import MapWidget
+from verification.harness.figures import Figure, Report, ratios
 
 AT_MOST_MS: Final = 4.0
 AT_MOST_RATIO: Final = 0.2

@@ -11,16 +11,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from benchmarks.core import recorded
-from benchmarks.figures import Figure, Report, percentile
-from benchmarks.hardest import STORIES, TICKS, stories
-from benchmarks.mcu import INSTRUCTIONS, UNSEEN, milliseconds, share_percent
-from benchmarks.memory_size import heap_bytes
-from benchmarks.scale import instructions
-from benchmarks.weighed import WeighedCore
-from plant.world_file import load
-from robot.core.senses import goal_of
+from benchmarks.mcu_cost.counted_core import WeighedCore
+from benchmarks.mcu_cost.hardest import STORIES, TICKS, stories
+from benchmarks.mcu_cost.mcu import INSTRUCTIONS, UNSEEN, milliseconds, share_percent
+from benchmarks.mcu_cost.memory_size import heap_bytes
+from benchmarks.mcu_cost.operation_counter import instructions
+from plant.world.file import load
+from robot.core.perception.from_messages import goal_of
 from robot.core.values import Inputs
-from study.trial import NAVIGATORS, Trial, start_of, wire_goal_of
+from study.trial.trial import NAVIGATORS, Trial, start_of, wire_goal_of
+from verification.harness.figures import Figure, Report, percentile
 
 BASELINE_PERCENT = 75.0
 """No limit is asked of the baselines that others are compared with; they must not outgrow the

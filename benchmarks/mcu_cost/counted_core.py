@@ -12,20 +12,22 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from benchmarks.rewriting import SCALE, Rewriting
-from benchmarks.scale import Scale
+from benchmarks.mcu_cost.instrumentation import SCALE, Rewriting
+from benchmarks.mcu_cost.operation_counter import Scale
 
 PACKAGE = "robot.core"
-SOURCE = Path(__file__).parents[1] / "robot" / "core"
+SOURCE = Path(__file__).parents[2] / "robot" / "core"
 
 
 class WeighedCore:
-    """`core["brain"]` is a module; `counts` are what it did since they were last taken."""
+    """`core["brain"]` is a module; `counts` are what it did since they were last taken.
+
+    Modules of inner packages are named with them: `core["safety.guard"]`.
+    """
 
     def __init__(self) -> None:
         self.scale = Scale()
         self._modules: dict[str, ModuleType] = {}
-        self._package = ModuleType(PACKAGE)
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._modules:
@@ -39,21 +41,23 @@ class WeighedCore:
         return total
 
     def _load(self, name: str) -> None:
-        file = SOURCE / f"{name}.py"
-        tree = Rewriting(self.scale, name).visit(ast.parse(file.read_text("utf-8"), str(file)))
-        module = ModuleType(f"{PACKAGE}.{name}")
+        place = SOURCE.joinpath(*name.split("."))
+        module = self._modules[name] = ModuleType(f"{PACKAGE}.{name}".rstrip("."))
+        if place.is_dir():
+            return
+        file, last = place.with_suffix(".py"), name.rpartition(".")[2]
+        tree = Rewriting(self.scale, last).visit(ast.parse(file.read_text("utf-8"), str(file)))
         module.__dict__["__builtins__"] = {**vars(builtins), "__import__": self._import}
         module.__dict__[SCALE] = self.scale
-        self._modules[name] = module
         exec(compile(ast.fix_missing_locations(tree), str(file), "exec"), module.__dict__)
-        setattr(self._package, name, module)
 
     def _import(self, name: str, *rest: Any) -> Any:
         """What the copies import of the core are copies too."""
-        if name == PACKAGE:
+        if name != PACKAGE and not name.startswith(f"{PACKAGE}."):
+            return builtins.__import__(name, *rest)
+        inner = name.removeprefix(PACKAGE).lstrip(".")
+        found = self[inner]
+        if SOURCE.joinpath(*inner.split(".")).is_dir():
             for wanted in rest[2] or ():
-                self._package.__dict__.setdefault(wanted, self[wanted])
-            return self._package
-        if name.startswith(f"{PACKAGE}."):
-            return self[name.removeprefix(f"{PACKAGE}.")]
-        return builtins.__import__(name, *rest)
+                setattr(found, wanted, self[f"{inner}.{wanted}".lstrip(".")])
+        return found

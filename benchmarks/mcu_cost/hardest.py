@@ -11,7 +11,7 @@ from math import cos, hypot, pi, sin
 from random import Random
 from typing import Any, Protocol
 
-from benchmarks.weighed import WeighedCore
+from benchmarks.mcu_cost.counted_core import WeighedCore
 from robot.core.geometry import BEARINGS
 from robot.core.parameters import Params
 from robot.core.values import SONARS, Goal, Inputs, Scan, Wheels

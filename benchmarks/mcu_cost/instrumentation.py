@@ -8,7 +8,7 @@ import ast
 from collections import Counter
 from typing import TypeVar
 
-from benchmarks.scale import Scale
+from benchmarks.mcu_cost.operation_counter import Scale
 
 SCALE = "_scale"
 ROTATED = 3  # that many names at most are assigned without a tuple

@@ -9,7 +9,7 @@ two names may hold one.
 
 from typing import Any
 
-from benchmarks.scale import BOX_BYTES, WORD_BYTES, is_long, rounded
+from benchmarks.mcu_cost.operation_counter import BOX_BYTES, WORD_BYTES, is_long, rounded
 
 MAP_ENTRY_BYTES = 8
 INSTANCE_BYTES = 16

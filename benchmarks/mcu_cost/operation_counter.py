@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from types import BuiltinMethodType, FunctionType, ModuleType
 from typing import Any
 
-from benchmarks.mcu import INSTRUCTIONS
+from benchmarks.mcu_cost.mcu import INSTRUCTIONS
 
 SMALL_INT = 1 << 30
 BOX_BYTES = 16

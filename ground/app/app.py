@@ -15,30 +15,30 @@ from textual.driver import Driver
 from textual.filter import LineFilter
 from textual.timer import Timer
 
-from ground.app.aside import Aside
-from ground.app.bindings import bindings_of
-from ground.app.faces.status import Setting
-from ground.app.gives import Gives
-from ground.app.helm import Helm
-from ground.app.keymap import Keymap
-from ground.app.keys import Key, Layer
-from ground.app.looks import Looks
-from ground.app.pace import Pace, Takes
+from ground.app.appearance import Looks
+from ground.app.background import Aside
+from ground.app.commands.command_sink import Gives
+from ground.app.commands.robot_keys import Helm
+from ground.app.frame_rate import Pace, Takes
+from ground.app.input.bindings import bindings_of
+from ground.app.input.key_table import Key, Layer
+from ground.app.input.keymap import Keymap
+from ground.app.panels.status import Setting
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.sheet import Action, Sheet
 from ground.app.themes import THEMES
+from ground.app.widgets.printable import Printable
+from ground.client.telemetry import Age
 from ground.map import Target
 from ground.station.station import Station
-from ground.telemetry import Age
-from ground.widgets.printable import Printable
-from protocol.clock import WallClock
-from protocol.enums import Severity
 from protocol.topics import HEARTBEAT
+from protocol.wire.enums import Severity
+from runtime.clock import WallClock
 
 if TYPE_CHECKING:
-    from ground.app.player import Player
-    from ground.recording import Recording
-    from ground.stack import Stack
+    from ground.app.playback.player import Player
+    from ground.launch.launcher import Stack
+    from ground.launch.recording_session import Recording
 
 T = TypeVar("T")
 POLL_HZ: Final = 20.0
@@ -48,7 +48,7 @@ SETTLED_S: Final = 0.2
 
 def palette() -> "type[Provider]":
     """Imported when it is opened."""
-    from ground.app.palette import Commands
+    from ground.app.commands.palette import Commands
 
     return Commands
 
@@ -177,7 +177,7 @@ class GroundApp(App[int]):
 
     def open_replay(self, path: Path) -> None:
         """Show a recording; UserError when it cannot be played."""
-        from ground.app.player import Player  # recordings are not what one comes for
+        from ground.app.playback.player import Player  # recordings are not what one comes for
 
         self.player = Player(path, WallClock())
         self.switch_mode("replay")
@@ -201,7 +201,7 @@ class GroundApp(App[int]):
         return [*super().get_line_filters(), self._printable]
 
     def get_driver_class(self) -> type[Driver]:
-        from ground.app.driver import steady  # not where nobody has a terminal
+        from ground.app.input.driver import steady  # not where nobody has a terminal
 
         return steady(super().get_driver_class())
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from ground.widgets.themes import THEMES
+from ground.text.theme_names import THEMES
 
 FEW_COLOURS: Final = ("linux", "vt100", "vt220", "ansi", "dumb")
 LOCALES: Final = ("LC_ALL", "LC_CTYPE", "LANG")

@@ -5,7 +5,7 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import TypeVar
 
-from protocol.errors import LocalError, RemoteError
+from runtime.errors import LocalError, RemoteError
 
 T = TypeVar("T")
 

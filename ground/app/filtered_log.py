@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from ground.app.faces.log import log_rows, pieces_of
-from ground.station.log import Line, Log
-from ground.widgets.rows import Row
+from ground.app.panels.log import log_rows, pieces_of
+from ground.app.widgets.rows import Row
+from ground.station.history.event_log import Line, Log
 
 
 class Part(NamedTuple):

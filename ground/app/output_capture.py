@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from ground.app.terminal import TerminalText
+from ground.app.terminal_output import TerminalText
 
 OUTPUTS: Final = (1, 2)
 MOST_BYTES: Final = 1_000_000

@@ -13,18 +13,18 @@ from pathlib import Path
 from threading import Thread, Timer
 from typing import TYPE_CHECKING, Final
 
-from ground.app.keymap import Keymap, load
-from ground.app.looks import in_browser, looks_of
-from ground.link import Link
-from ground.options import Common
-from protocol.clock import WallClock
-from protocol.heap import freeze_heap
-from protocol.network import Network
+from ground.app.appearance import in_browser, looks_of
+from ground.app.input.keymap import Keymap, load
+from ground.client.connection import Common
+from ground.client.link import Link
+from protocol.bus.network import Network
+from runtime.clock import WallClock
+from runtime.gc_freeze import freeze_heap
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
-    from ground.recording import Recording
-    from ground.stack import Stack
+    from ground.launch.launcher import Stack
+    from ground.launch.recording_session import Recording
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EXIT_SIGNAL: Final = 128
@@ -49,9 +49,9 @@ def run(
     keymap, looks = keymap_of(options), looks_of(options)
     # Textual is for whoever has a screen.
     from ground.app.app import GroundApp
-    from ground.app.local import words_of_the_app
-    from ground.app.orders import Orders
-    from ground.app.quiet import quiet
+    from ground.app.commands.app_commands import words_of_the_app
+    from ground.app.commands.runner import Orders
+    from ground.app.output_capture import quiet
     from ground.console import History
     from ground.station import Station
 
@@ -74,10 +74,10 @@ def run_replay(options: argparse.Namespace, path: Path, robot: str | None, at_s:
     """The same over a recording: nothing can be commanded. UserError when it cannot be played."""
     keymap, looks = keymap_of(options), looks_of(options)
     from ground.app.app import GroundApp
-    from ground.app.local import words_of_the_app
-    from ground.app.orders import Orders
-    from ground.app.player import Player
-    from ground.app.quiet import quiet
+    from ground.app.commands.app_commands import words_of_the_app
+    from ground.app.commands.runner import Orders
+    from ground.app.output_capture import quiet
+    from ground.app.playback.player import Player
     from ground.console import History
 
     clock = WallClock()

@@ -1,4 +1,4 @@
-"""The five themes, as Textual wants them; what is painted by role is in `ground.widgets.paint`."""
+"""The five themes as Textual needs them; colours by role are in `ground.app.widgets.paint`."""
 
 from typing import Final
 

@@ -4,8 +4,8 @@ import os
 from pathlib import Path
 from typing import Any, Final
 
-from ground.leash import command
-from ground.scenario import world_facts
+from ground.launch.child_command import command
+from ground.launch.scenario import world_facts
 
 OUTCOMES: Final = Path(__file__).parents[2] / "docs" / "outcomes.md"
 NOISE: Final = "default"

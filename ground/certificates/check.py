@@ -10,10 +10,10 @@ from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import NameOID
 
-from ground.keys.folder import CA
-from protocol.bus.access import grant_of
-from protocol.bus.certificate import OPEN_TO_OTHERS
-from protocol.errors import UserError
+from ground.certificates.folder import CA
+from protocol.bus.tls.access import grant_of
+from protocol.bus.tls.certificate import OPEN_TO_OTHERS
+from runtime.errors import UserError
 
 SOON: Final = timedelta(days=30)
 

@@ -7,13 +7,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from ground.keys.authority import Authority, Pair, hosts_in
-from ground.options import Config
-from protocol.bus.access import OPERATOR, RECORDER, VIEWER
-from protocol.config import load_shared
-from protocol.errors import UserError
-from protocol.network import Network
-from protocol.whole_file import replace
+from ground.certificates.authority import Authority, Pair, hosts_in
+from ground.client.connection import Config
+from protocol.bus.network import Network
+from protocol.bus.tls.access import OPERATOR, RECORDER, VIEWER
+from runtime.atomic_file import replace
+from runtime.config import load_shared
+from runtime.errors import UserError
 
 CA: Final = "ca.pem"
 CA_KEY: Final = "authority.key"

@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
-from ground.says import Says
-from ground.verbs import VERBS, parser_of
-from protocol.errors import ConfigError, RemoteError, UserError
+from ground.cli.verbs import VERBS, parser_of
+from ground.text.output import Says
 from protocol.options import numbers_kept
+from runtime.errors import ConfigError, RemoteError, UserError
 
 EXIT_NOT: Final = 1
 EXIT_USAGE: Final = 2

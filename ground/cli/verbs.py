@@ -10,9 +10,9 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
-from ground.link import Link, linked
-from ground.options import common_of
-from ground.says import Says
+from ground.client.connection import common_of
+from ground.client.link import Link, linked
+from ground.text.output import Says
 
 Arguments: TypeAlias = Callable[[argparse.ArgumentParser], None]
 Run: TypeAlias = Callable[[argparse.Namespace, Says], int]

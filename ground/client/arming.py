@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from typing import Final, TypeVar
 
-from ground.link import Link
-from ground.operator import BEAT_NS, Answered, Request
-from ground.orders import why
-from ground.says import Says
-from protocol.enums import Command, Vehicle
-from protocol.reasons import Reason
+from ground.cli.command.simple_commands import why
+from ground.client.link import Link
+from ground.client.requests import BEAT_NS, Answered, Request
+from ground.text.output import Says
 from protocol.topics import STATUS
+from protocol.wire.enums import Command, Vehicle
+from protocol.wire.reasons import Reason
 
 R = TypeVar("R", bound=Request)
 HEARD_NS: Final = 2_000_000_000

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from protocol.config import load_shared
-from protocol.errors import UserError
-from protocol.network import Network
+from protocol.bus.network import Network
 from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, above_zero, dialled, usual_endpoint
 from protocol.topics import robot_name
+from runtime.config import load_shared
+from runtime.errors import UserError
 
 DIAL_S: Final = 1.5
 LONGEST_S: Final = 7 * 24 * 3600.0

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from ground.presence import Crew, why_silent
-from protocol.bus.access import ALL, barred, grant_of
-from protocol.bus.certificate import Own
-from protocol.enums import Vehicle
-from protocol.messages import CycleReport, NavigatorStatus
-from protocol.reasons import Reason, reason_text
+from ground.client.presence import Crew, why_silent
+from protocol.bus.tls.access import ALL, barred, grant_of
+from protocol.bus.tls.certificate import Own
 from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
+from protocol.wire.enums import Vehicle
+from protocol.wire.messages import CycleReport, NavigatorStatus
+from protocol.wire.reasons import Reason, reason_text
 
 MS: Final = 1_000_000
 LATE_FACTOR: Final = 3

@@ -8,11 +8,11 @@ import secrets
 from collections.abc import Callable
 from typing import Final, NamedTuple, Protocol, TypeVar
 
-from protocol.clock import Clock
-from protocol.enums import AckResult, Command, Vehicle
-from protocol.errors import RemoteError
-from protocol.message import Message
-from protocol.messages import CommandAck, CommandRequest, NavigatorStatus
+from runtime.clock import Clock
+from protocol.wire.enums import AckResult, Command, Vehicle
+from runtime.errors import RemoteError
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
 from protocol.topics import STOP_REPEAT_MS, STOP_SERVICE, Service
 
 MS: Final = 1_000_000

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 from math import cos, degrees, pi, radians, remainder, sin
 from typing import Final
 
-from ground.options import positive, within
-from protocol.enums import Mode
-from protocol.errors import UserError
-from protocol.messages import GoalRequest
+from ground.client.connection import positive, within
 from protocol.options import finite
-from protocol.wire_goal import WireGoal, wire_goal
+from protocol.wire.enums import Mode
+from protocol.wire.goal import WireGoal, wire_goal
+from protocol.wire.messages import GoalRequest
+from runtime.errors import UserError
 
 FARTHEST_M: Final = 2_000_000.0  # what fits the wire; the robot's own limit is nearer
 FRAMES: Final = ("world", "body")

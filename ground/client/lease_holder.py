@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from ground.link import Link
-from protocol.messages import LeaseStatus
-from protocol.reasons import Reason
-from protocol.terminal import printable
+from ground.client.link import Link
 from protocol.topics import LEASE
+from protocol.wire.messages import LeaseStatus
+from protocol.wire.reasons import Reason
+from runtime.terminal import printable
 
 SHOW_NS: Final = 1_500_000_000
 

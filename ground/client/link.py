@@ -1,10 +1,12 @@
-"""The operator's connection to one robot: the thin I/O around `ground.operator`."""
+"""The operator's connection to one robot: the thin I/O around `ground.client.requests`."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final, TypeVar
 
-from ground.operator import (
+from ground.client.connection import Common
+from ground.client.presence import crew_of, why_silent
+from ground.client.requests import (
     ATTEMPTS,
     PATIENCE_NS,
     Answered,
@@ -15,17 +17,15 @@ from ground.operator import (
     Send,
     Talk,
 )
-from ground.options import Common
-from ground.presence import crew_of, why_silent
-from ground.telemetry import Telemetry
+from ground.client.telemetry import Telemetry
 from protocol.bus import Bus, Publisher, open_bus
-from protocol.bus.access import barred
-from protocol.clock import Clock, Pulse, WallClock
-from protocol.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState
-from protocol.errors import NoPeer, NotLetIn, PeerHangs, RemoteError
-from protocol.message import Message
-from protocol.messages import CommandRequest, Heartbeat
+from protocol.bus.tls.access import barred
 from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role, Service, Topic
+from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandRequest, Heartbeat
+from runtime.clock import Clock, Pulse, WallClock
+from runtime.errors import NoPeer, NotLetIn, PeerHangs, RemoteError
 
 M = TypeVar("M", bound=Message)
 NS_PER_S: Final = 1_000_000_000

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import isclose
 
-from ground.param_rows import rows_in
+from ground.client.parameter_rows import rows_in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

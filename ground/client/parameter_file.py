@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from ground import whole_file
+from ground.recording import export_file
 from ground.client.parameter import Parameter
-from ground.param_rows import NAME
-from protocol.config import read_toml, unknown_key
-from protocol.errors import ConfigError, UserError
-from protocol.terminal import printable
+from ground.client.parameter_rows import NAME
+from runtime.config import read_toml, unknown_key
+from runtime.errors import ConfigError, UserError
+from runtime.terminal import printable
 
 TABLE: Final = "parameters"
 HUGE: Final = 1e300
@@ -20,7 +20,7 @@ def write(path: Path, parameters: Sequence[Parameter]) -> list[str]:
     """Write those that differ from their defaults; return their names. UserError when it fails."""
     chosen = [one for one in parameters if not one.is_usual]
     lines = [f"{_key(one)} = {one.value!r}  # {printable(one.doc)}".rstrip(" #") for one in chosen]
-    whole_file.replace(path, "\n".join([f"[{TABLE}]", *lines, ""]))
+    export_file.replace(path, "\n".join([f"[{TABLE}]", *lines, ""]))
     return [one.name for one in chosen]
 
 

@@ -4,9 +4,9 @@ import re
 from math import isfinite
 from typing import Final, TypeAlias
 
-from protocol.errors import RemoteError
-from protocol.json_text import value_in
-from protocol.terminal import printable
+from runtime.errors import RemoteError
+from runtime.json_reader import value_in
+from runtime.terminal import printable
 
 Row: TypeAlias = dict[str, object]
 NAME: Final = re.compile(r"[A-Za-z0-9_]{1,16}\Z")

@@ -7,16 +7,16 @@ import secrets
 from dataclasses import dataclass
 from typing import Final, Protocol, TypeAlias
 
-from protocol.enums import AckResult, Command, GoalState
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.enums import AckResult, Command, GoalState
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     GoalRequest,
     LeaseRequest,
     NavigatorStatus,
 )
-from protocol.reasons import Reason, reason_text
+from protocol.wire.reasons import Reason, reason_text
 
 MS: Final = 1_000_000
 ATTEMPTS: Final = 3

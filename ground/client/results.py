@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Final, Protocol, TypeAlias
 
-from ground.orders import HINTS
-from protocol.errors import RemoteError
-from protocol.reasons import Reason, reason_text
+from ground.cli.command.simple_commands import HINTS
+from runtime.errors import RemoteError
+from protocol.wire.reasons import Reason, reason_text
 
 MS: Final = 1_000_000
 

@@ -4,13 +4,13 @@ from collections.abc import Callable
 from math import degrees, isfinite
 from typing import Any, Final, TypeVar
 
-from ground.parts import Part
-from ground.telemetry import Age, Telemetry
-from protocol.enums import GoalState, Mode, Vehicle
-from protocol.message import Message
-from protocol.messages import NavigatorStatus, PlanarOdometry
-from protocol.reasons import Reason, reason_text
+from ground.client.telemetry import Age, Telemetry
+from ground.text.status_parts import Part
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS, Topic
+from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import NavigatorStatus, PlanarOdometry
+from protocol.wire.reasons import Reason, reason_text
 
 NONE: Final = "--"
 LOUD_NS: Final = 700_000_000

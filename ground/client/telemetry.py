@@ -4,8 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
-from protocol.mailbox import Mailbox
-from protocol.message import Message
+from protocol.bus.mailbox import Mailbox
 from protocol.topics import (
     CYCLE,
     DECISION,
@@ -14,6 +13,7 @@ from protocol.topics import (
     STATUS,
     Topic,
 )
+from protocol.wire.message import Message
 
 M = TypeVar("M", bound=Message)
 NS_PER_S: Final = 1_000_000_000

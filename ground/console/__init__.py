@@ -1,11 +1,11 @@
 """The command line inside of the app: one grammar and one code path with the shell's."""
 
-from ground.console.acting import Word, act, act_locally
+from ground.console.app_commands import LOCAL, Local
 from ground.console.completion import complete
-from ground.console.helping import help_text
+from ground.console.help import help_text
 from ground.console.history import History
-from ground.console.local import LOCAL, Local
-from ground.console.reading import parse, verbs
+from ground.console.parser import parse, verbs
+from ground.console.run_command import Word, act, act_locally
 
 __all__ = [
     "LOCAL",

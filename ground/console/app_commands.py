@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from ground.verbs import Arguments
+from ground.cli.verbs import Arguments
 from protocol.options import finite, whole
 
 SCREENS: Final = ("drive", "plots", "params", "log", "links", "worlds", "faults", "replay")

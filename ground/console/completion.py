@@ -7,13 +7,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
+from ground.cli.command.simple_commands import NAVIGATORS
 from ground.console.aliases import unfolded
-from ground.console.reading import parser_for, subcommands_of, verbs
-from ground.console.typed import LONGEST, last_word
+from ground.console.parser import parser_for, subcommands_of, verbs
+from ground.console.tokenizer import LONGEST, last_word
 from ground.map import LAYERS
-from ground.orders import NAVIGATORS
-from ground.widgets.themes import THEMES
-from protocol.errors import UserError
+from ground.text.theme_names import THEMES
+from runtime.errors import UserError
 
 MOST: Final = 200
 FILE_WORDS: Final = ("FILE", "DIR", "CSV", "IN", "OUT")

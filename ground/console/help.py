@@ -1,9 +1,9 @@
 """`help`: all commands in a line each, or one of them with its arguments."""
 
+from ground.cli.verbs import PLACES
 from ground.console.aliases import ALIASES, unfolded
-from ground.console.local import LOCAL
-from ground.console.reading import ELSEWHERE, parser_for, usage_of
-from ground.verbs import PLACES
+from ground.console.app_commands import LOCAL
+from ground.console.parser import ELSEWHERE, parser_for, usage_of
 
 
 def help_text(word: str = "") -> str:

@@ -10,12 +10,12 @@ from itertools import chain
 from types import MappingProxyType
 from typing import Final, NoReturn
 
+from ground.cli.verbs import VERBS, Arguments
 from ground.console.aliases import ALIASES, unfolded
-from ground.console.local import LOCAL
-from ground.console.typed import words_of
-from ground.verbs import VERBS, Arguments
-from protocol.errors import UserError
+from ground.console.app_commands import LOCAL
+from ground.console.tokenizer import words_of
 from protocol.options import numbers_kept
+from runtime.errors import UserError
 
 ELSEWHERE: Final[Mapping[str, str]] = MappingProxyType(
     {

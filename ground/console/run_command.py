@@ -4,13 +4,13 @@ import argparse
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from ground.console.helping import help_text
-from ground.link import Link
+from ground.cli.verbs import VERBS
+from ground.client.link import Link
+from ground.console.help import help_text
 from ground.missions.draft import Draft
 from ground.missions.files import DASH
-from ground.says import Says
-from ground.verbs import VERBS
-from protocol.errors import RemoteError, UserError
+from ground.text.output import Says
+from runtime.errors import RemoteError, UserError
 
 EXIT_NOT: Final = 1
 EXIT_USAGE: Final = 2

@@ -3,7 +3,7 @@
 import shlex
 from typing import Final
 
-from protocol.errors import UserError
+from runtime.errors import UserError
 
 LONGEST: Final = 1000
 

@@ -1,8 +1,8 @@
 """Why did it turn? The decision of one tick in plain words, and the instants that decided a run."""
 
 from ground.explain.explanation import Explanation, explain
+from ground.explain.reason_text import Turned, Why, explained
 from ground.explain.turning import TurningPoint, turning_point
-from ground.explain.why import Turned, Why, explained
 
 __all__ = [
     "Explanation",

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from math import isfinite
 from typing import Final, NamedTuple
 
-from ground.bearings import NONE, echo, heading_deg, left_or_right, metres, place, short, side
 from ground.explain.headline import headline
 from ground.explain.names import (
     ZONES,
@@ -16,8 +15,18 @@ from ground.explain.names import (
     vehicle_words,
 )
 from ground.explain.turning import changes
-from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
-from protocol.reasons import reason_text
+from ground.text.wording import (
+    NONE,
+    echo,
+    heading_deg,
+    left_or_right,
+    metres,
+    place,
+    short,
+    side,
+)
+from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from protocol.wire.reasons import reason_text
 
 NAMES: Final = 9
 NS_PER_S: Final = 1_000_000_000

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
-from ground.blackbox.reel import Reel
 from ground.explain.explanation import Explanation, explain
 from ground.explain.turning import turning_point
-from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from ground.recording.log_index import Reel
 from protocol.topics import CYCLE, DECISION, STATUS
+from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 
 
 class Turn(NamedTuple):

@@ -3,11 +3,11 @@
 from math import copysign, degrees, isfinite
 from typing import Final
 
-from ground.bearings import NONE, echo, heading_deg, left_or_right, metres, short, side
 from ground.explain.names import ENDS, VEHICLES, because, branch_words
-from protocol.enums import Branch, GoalState, Mode, Vehicle
-from protocol.messages import AvoidanceDecision, NavigatorStatus
-from protocol.reasons import reason_text
+from ground.text.wording import NONE, echo, heading_deg, left_or_right, metres, short, side
+from protocol.wire.enums import Branch, GoalState, Mode, Vehicle
+from protocol.wire.messages import AvoidanceDecision, NavigatorStatus
+from protocol.wire.reasons import reason_text
 
 TURNS_DEG_S: Final = 2.0
 """A yaw rate below this is no turn."""

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from protocol.enums import Branch, GoalState, Mode, Navigator, Vehicle
-from protocol.reasons import Reason, reason_text
+from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.reasons import Reason, reason_text
 
 BRANCHES: Final[Mapping[int, str]] = MappingProxyType(
     {

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple, Protocol
 
 from ground.explain.explanation import Explanation, explain
 from ground.explain.turning import TurningPoint, turning_point
-from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 
 MOST: Final = 200
 MANY: Final = 2_400

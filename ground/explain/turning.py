@@ -3,9 +3,9 @@
 from typing import Final, NamedTuple
 
 from ground.explain.names import branch_words
-from protocol.enums import Branch
-from protocol.messages import AvoidanceDecision
-from protocol.reasons import reason_text
+from protocol.wire.enums import Branch
+from protocol.wire.messages import AvoidanceDecision
+from protocol.wire.reasons import reason_text
 
 SIDES: Final = (Branch.PASS_LEFT, Branch.PASS_RIGHT)
 

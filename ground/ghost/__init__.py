@@ -1,8 +1,8 @@
 """What would another navigator have done? It is run from there, and its path laid beside."""
 
-from ground.ghost.course import Course
+from ground.ghost.branch_point import Instant, driving
 from ground.ghost.ghost import Ghost
-from ground.ghost.ghosts import Ghosts
-from ground.ghost.instant import Instant, driving
+from ground.ghost.ghost_set import Ghosts
+from ground.ghost.predicted_path import Course
 
 __all__ = ["Course", "Ghost", "Ghosts", "Instant", "driving"]

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from math import degrees
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from ground.destination import Destination
-from protocol.wire_goal import start_words
+from ground.client.goal import Destination
+from protocol.wire.goal import start_words
 
 Facts: TypeAlias = Mapping[str, Any]
 

@@ -12,12 +12,12 @@ from contextlib import nullcontext, suppress
 from types import MappingProxyType, TracebackType
 from typing import IO, Final, Self
 
-from ground.children import held_back, how
-from ground.destination import Destination
-from ground.ghost.course import FAILED, Course, Point, Reading
-from ground.ghost.instant import Facts, Instant, trial_words, world_bytes
-from ground.leash import command
-from protocol.clock import NS_PER_S, Clock, WallClock
+from ground.client.goal import Destination
+from ground.ghost.branch_point import Facts, Instant, trial_words, world_bytes
+from ground.ghost.predicted_path import FAILED, Course, Point, Reading
+from ground.launch.child_command import command
+from ground.launch.child_processes import held_back, how
+from runtime.clock import NS_PER_S, Clock, WallClock
 
 PATIENCE_S: Final = 30.0
 CHUNK: Final = 1 << 20

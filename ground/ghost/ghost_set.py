@@ -4,8 +4,8 @@ import os
 from types import TracebackType
 from typing import Self
 
-from ground.ghost.course import Course
 from ground.ghost.ghost import Ghost
+from ground.ghost.predicted_path import Course
 from ground.map import Ghost as Trail
 
 

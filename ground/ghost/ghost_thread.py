@@ -3,19 +3,19 @@
 from collections.abc import Callable
 from typing import Final
 
-from ground.destination import Destination
-from ground.ghost.course import FAILED, Course
+from ground.cli.command.simple_commands import NAVIGATORS
+from ground.client.goal import Destination
+from ground.ghost.branch_point import Instant, driving
 from ground.ghost.ghost import Ghost
-from ground.ghost.ghosts import Ghosts
-from ground.ghost.instant import Instant, driving
-from ground.ghost.recorded import changed, goal_of, side_of
+from ground.ghost.ghost_set import Ghosts
+from ground.ghost.predicted_path import FAILED, Course
+from ground.ghost.recorded_ghost import changed, goal_of, side_of
 from ground.map import Ghost as Trail
-from ground.orders import NAVIGATORS
 from ground.station import Station
-from protocol.enums import GoalState, Severity
-from protocol.errors import UserError
-from protocol.messages import GroundTruth, PlanarOdometry
 from protocol.topics import ODOMETRY, STATUS, TRUTH
+from protocol.wire.enums import GoalState, Severity
+from protocol.wire.messages import GroundTruth, PlanarOdometry
+from runtime.errors import UserError
 
 NS_PER_S: Final = 1_000_000_000
 ALL: Final = "all"

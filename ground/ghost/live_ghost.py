@@ -2,16 +2,16 @@
 
 from typing import Any, Final
 
-from ground.destination import Destination
-from ground.ghost.course import Course
-from ground.ghost.instant import Facts, Instant, driving
-from ground.ghost.recorded import DRIVING, NS_PER_S, changed, goal_of
-from ground.link import LISTEN_NS, Link, Unanswered
-from ground.param import fetch
-from protocol.errors import RemoteError, UserError
-from protocol.json_text import value_in
-from protocol.messages import NavigatorStatus
+from ground.cli.command.param import fetch
+from ground.client.goal import Destination
+from ground.client.link import LISTEN_NS, Link, Unanswered
+from ground.ghost.branch_point import Facts, Instant, driving
+from ground.ghost.predicted_path import Course
+from ground.ghost.recorded_ghost import DRIVING, NS_PER_S, changed, goal_of
 from protocol.topics import STATUS, TRUTH, WORLD
+from protocol.wire.messages import NavigatorStatus
+from runtime.errors import RemoteError, UserError
+from runtime.json_reader import value_in
 
 ASK_S: Final = 1.0
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from math import dist, isfinite
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from protocol.json_text import value_in
+from runtime.json_reader import value_in
 
 Point: TypeAlias = tuple[float, float]
 

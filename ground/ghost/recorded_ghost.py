@@ -5,25 +5,25 @@ from itertools import pairwise
 from math import dist, isfinite
 from typing import Any, Final, NamedTuple
 
-from ground.blackbox.reel import Reel
-from ground.destination import Destination
-from ground.ghost.course import Course, Point
-from ground.ghost.instant import Facts, Instant
-from ground.orders import SIDES
-from ground.param_rows import rows_in
-from protocol.enums import GoalState
-from protocol.errors import RemoteError, UserError
-from protocol.json_text import value_in
-from protocol.messages import (
+from ground.cli.command.simple_commands import SIDES
+from ground.client.goal import Destination
+from ground.client.parameter_rows import rows_in
+from ground.ghost.branch_point import Facts, Instant
+from ground.ghost.predicted_path import Course, Point
+from ground.recording.log_index import Reel
+from protocol.outcome import ENDS
+from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH
+from protocol.wire.enums import GoalState
+from protocol.wire.messages import (
     GoalRequest,
     GroundTruth,
     NavigatorStatus,
     PlanarOdometry,
     SystemTime,
 )
-from protocol.outcome import ENDS
-from protocol.reasons import reason_text
-from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH
+from protocol.wire.reasons import reason_text
+from runtime.errors import RemoteError, UserError
+from runtime.json_reader import value_in
 
 NS_PER_S: Final = 1_000_000_000
 NS_PER_US: Final = 1_000

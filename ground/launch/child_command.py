@@ -12,13 +12,13 @@ from typing import Final
 PR_SET_PDEATHSIG: Final = 1
 START: Final = (
     "import sys; sys.path.insert(0, sys.argv.pop(1));"
-    " from ground.leash import main; sys.exit(main(sys.argv[1:]))"
+    " from ground.launch.child_command import main; sys.exit(main(sys.argv[1:]))"
 )
 
 
 def command(arguments: Sequence[str], parent: int) -> list[str]:
     """What to execute for `sidestep ARGUMENTS`, from any directory, installed or not."""
-    root = str(Path(__file__).resolve().parents[1])
+    root = str(Path(__file__).resolve().parents[2])
     # -P keeps the working directory out of the path: a stray json.py there must not be imported.
     return [sys.executable, "-P", "-c", START, root, str(parent), *arguments]
 

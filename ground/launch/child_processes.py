@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import IO, Final, NamedTuple, Self
 
-from ground.leash import command
-from protocol.clock import Clock
-from protocol.errors import RemoteError
+from ground.launch.child_command import command
+from runtime.clock import Clock
+from runtime.errors import RemoteError
 
 LAST_LINES: Final = 5
 TAIL_BYTES: Final = 4000

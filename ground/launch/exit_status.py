@@ -3,8 +3,8 @@
 import signal
 from typing import Final
 
-from ground.children import how
-from protocol.watchdog import HANGS
+from ground.launch.child_processes import how
+from runtime.watchdog import HANGS
 
 DEFECT: Final = "internal error: "
 MOST: Final = 200

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from ground.errand import Errand, NotRun
-from ground.parts import Part
-from protocol.clock import Clock
+from ground.launch.goal_run import Errand, NotRun
+from ground.text.status_parts import Part
 from protocol.outcome import Outcome
+from runtime.clock import Clock
 
 LOOK_NS: Final = 100_000_000
 PAUSE_NS: Final = 2_000_000

@@ -4,22 +4,28 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from ground.destination import goal_request
-from ground.link import NS_PER_S, Link, Unanswered
-from ground.operator import Answered, GoalWatch
-from ground.orders import NAVIGATORS, SIDES, why
-from ground.parts import Part
-from ground.scenario import Entrant, Scenario
-from ground.status_line import goal_line, short_line
-from ground.telemetry import Telemetry
-from ground.upkeep import Void
-from protocol.codec import decode
-from protocol.enums import Command, GoalState, Mode, RunAction
-from protocol.errors import NoAnswer, RemoteError
-from protocol.messages import CommandAck, NavigatorStatus, PlanarOdometry, RunRequest, RunScore
+from ground.cli.command.simple_commands import NAVIGATORS, SIDES, why
+from ground.client.goal import goal_request
+from ground.client.link import NS_PER_S, Link, Unanswered
+from ground.client.requests import Answered, GoalWatch
+from ground.client.status_line import goal_line, short_line
+from ground.client.telemetry import Telemetry
+from ground.launch.scenario import Entrant, Scenario
+from ground.launch.supervisor import Void
+from ground.text.status_parts import Part
 from protocol.outcome import Ended, Outcome, judged
-from protocol.reasons import Reason
 from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS
+from protocol.wire.codec import decode
+from protocol.wire.enums import Command, GoalState, Mode, RunAction
+from protocol.wire.messages import (
+    CommandAck,
+    NavigatorStatus,
+    PlanarOdometry,
+    RunRequest,
+    RunScore,
+)
+from protocol.wire.reasons import Reason
+from runtime.errors import NoAnswer, RemoteError
 
 READY_NS: Final = 15 * NS_PER_S
 RETRY_NS: Final = 20_000_000

@@ -12,19 +12,19 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType, TracebackType
 from typing import Any, Final, Self
 
-from ground.children import ChildDied, Children
-from ground.hearts import ROUTER, Hearts
-from ground.leash import command
-from ground.locked import check, dialling
-from ground.options import Common
-from ground.scenario import Scenario, cast, question, scenario_of, world_facts
-from ground.supervisor import Policy, Supervisor
-from ground.upkeep import Upkeep, Void
+from ground.client.connection import Common
+from ground.launch.child_command import command
+from ground.launch.child_processes import ChildDied, Children
+from ground.launch.hang_detector import ROUTER, Hearts
+from ground.launch.restart_policy import Policy, Supervisor
+from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
+from ground.launch.supervisor import Upkeep, Void
+from ground.launch.tls_configs import check, dialling
 from protocol.bus import Bus
-from protocol.clock import Clock
-from protocol.errors import UserError
-from protocol.network import Network
+from protocol.bus.network import Network
 from protocol.topics import HEARTBEAT, TRUTH
+from runtime.clock import Clock
+from runtime.errors import UserError
 
 TROUBLES: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyType(
     {

@@ -11,12 +11,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from ground.blackbox.frames import robot_in
-from ground.children import ChildDied, Children
-from ground.options import Common
-from ground.shelf import Shelf, size_in, size_of
-from protocol.clock import Clock
-from protocol.errors import UserError
+from ground.client.connection import Common
+from ground.launch.child_processes import ChildDied, Children
+from ground.recording.log_reader import robot_in
+from ground.recording.retention import Shelf, size_in, size_of
+from runtime.clock import Clock
+from runtime.errors import UserError
 
 FOLDER: Final = Path("sidestep") / "recordings"
 ON: Final = "REC"

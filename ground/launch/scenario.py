@@ -9,12 +9,12 @@ from math import radians
 from pathlib import Path
 from typing import Any, Final
 
-from ground.destination import Destination, destination
-from ground.locked import locked, with_locks
-from protocol.calibration import settings_of
-from protocol.errors import RemoteError, UserError
+from ground.client.goal import Destination, destination
+from ground.launch.tls_configs import locked, with_locks
 from protocol.outcome import Asked
-from protocol.wire_goal import start_words
+from protocol.wire.goal import start_words
+from runtime.calibration import settings_of
+from runtime.errors import RemoteError, UserError
 
 SHOW_S: Final = 60.0
 

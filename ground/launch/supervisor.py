@@ -5,10 +5,10 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
-from ground.causes import cause_of
-from ground.children import Children
-from ground.hearts import SILENT, Hearts
-from ground.supervisor import Supervisor
+from ground.launch.child_processes import Children
+from ground.launch.exit_status import cause_of
+from ground.launch.hang_detector import SILENT, Hearts
+from ground.launch.restart_policy import Supervisor
 
 SETTLED_NS: Final = 2_000_000_000
 """So long after its death its own words of it have been heard and recorded, if it came back."""

@@ -5,10 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from ground.options import Config
-from protocol.config import load_shared
-from protocol.errors import UserError
-from protocol.network import LOCKED, Network
+from ground.client.connection import Config
+from protocol.bus.network import LOCKED, Network
+from runtime.config import load_shared
+from runtime.errors import UserError
 
 GROUND: Final = "ground"
 PLAIN: Final = "tcp/"

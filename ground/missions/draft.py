@@ -9,9 +9,9 @@ from typing import Final
 from ground.missions import files
 from ground.missions.mission import Mission, Waypoint
 from ground.missions.toml_file import text_of
-from ground.says import Says
-from protocol.config import parse
-from protocol.errors import ConfigError, UserError
+from ground.text.output import Says
+from runtime.config import parse
+from runtime.errors import ConfigError, UserError
 
 EMPTY: Final = Mission(waypoints=())
 NOTHING: Final = "the draft is empty: wp add X Y [DEG]"

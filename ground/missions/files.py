@@ -6,14 +6,14 @@ from math import dist
 from pathlib import Path
 from typing import Final
 
-from ground import whole_file
 from ground.missions import plan_file, toml_file, waypoints_file
 from ground.missions.items import lost
 from ground.missions.mission import Circle, Fence, Home, Mission, Waypoint
 from ground.missions.outline import inside
 from ground.missions.problems import MissionError, Problem
 from ground.missions.sift import Foreign
-from protocol.errors import UserError
+from ground.recording import export_file
+from runtime.errors import UserError
 
 ENDINGS: Final = (".toml", ".plan", ".waypoints")
 LARGEST_BYTES: Final = 1_000_000
@@ -84,7 +84,7 @@ def write(path: Path, mission: Mission) -> tuple[str, ...]:
         else:
             text = waypoints_file.text_of(mission, mission.home)
             without += ["the fence"] if mission.fence else []
-    whole_file.replace(path, text)
+    export_file.replace(path, text)
     return tuple(without)
 
 

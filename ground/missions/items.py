@@ -13,8 +13,8 @@ import msgspec
 
 from ground.missions.geography import heading_of, on_the_wire, to_global, to_local, yaw_of
 from ground.missions.mission import Home, Waypoint
-from protocol.config import parse
-from protocol.errors import ConfigError, UserError
+from runtime.config import parse
+from runtime.errors import ConfigError, UserError
 
 NAV_WAYPOINT: Final = 16
 NAV_POSE: Final = 54103

@@ -16,9 +16,9 @@ from ground.missions.mission import Circle, Fence, Home, Mission, Polygon
 from ground.missions.outline import fault_of
 from ground.missions.problems import MissionError, Problem
 from ground.missions.sift import DROP, Foreign, Sieve
-from protocol.enums import TYPE_GROUND_ROVER
-from protocol.errors import UserError
-from protocol.json_text import value_in
+from protocol.wire.enums import TYPE_GROUND_ROVER
+from runtime.errors import UserError
+from runtime.json_reader import value_in
 
 T = TypeVar("T")
 PLAN_VERSION: Final = 1

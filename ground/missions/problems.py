@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from protocol.errors import UserError
-from protocol.toml_lines import Key
+from runtime.errors import UserError
+from runtime.toml_lines import Key
 
 
 class Problem(NamedTuple):

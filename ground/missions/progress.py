@@ -2,13 +2,13 @@
 
 from typing import Final
 
-from ground.link import Link
-from ground.says import Says
-from protocol.enums import MissionState
-from protocol.errors import RemoteError
-from protocol.messages import MissionStatus
-from protocol.reasons import reason_text
+from ground.client.link import Link
+from ground.text.output import Says
 from protocol.topics import MISSION
+from protocol.wire.enums import MissionState
+from protocol.wire.messages import MissionStatus
+from protocol.wire.reasons import reason_text
+from runtime.errors import RemoteError
 
 SHOW_NS: Final = 1_500_000_000
 

@@ -8,10 +8,10 @@ from typing import Any, Final, TypeVar
 from ground.missions.mission import Circle, Fence, Home, Mission, Polygon, Waypoint
 from ground.missions.outline import fault_of
 from ground.missions.problems import MissionError, Problem, line_of
-from protocol.config import parse, unknown_key
-from protocol.errors import ConfigError
-from protocol.toml_lines import Key, key_lines
-from protocol.toml_text import table_in
+from runtime.config import parse, unknown_key
+from runtime.errors import ConfigError
+from runtime.toml_lines import Key, key_lines
+from runtime.toml_reader import table_in
 
 T = TypeVar("T")
 PART: Final = re.compile(r"([^.\[\]]+)|\[(\d+)\]")

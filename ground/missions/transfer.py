@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from ground.operator import GaveUp, Send, is_saving
-from protocol.enums import MissionType
-from protocol.message import Message
-from protocol.messages import (
+from ground.client.requests import GaveUp, Send, is_saving
+from protocol.wire.enums import MissionType
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     MissionClearAll,
     MissionCount,
     MissionItemInt,
@@ -18,7 +18,7 @@ from protocol.messages import (
     MissionRequestList,
     MissionVerdict,
 )
-from protocol.reasons import Reason, reason_text
+from protocol.wire.reasons import Reason, reason_text
 
 MS: Final = 1_000_000
 ATTEMPTS: Final = 5

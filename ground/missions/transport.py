@@ -1,16 +1,16 @@
 """Carries the transfers of missions and fences over a link, and tells how they ended."""
 
-from ground.holder import who_refuses
-from ground.link import Link
+from ground.cli.command.simple_commands import HINTS
+from ground.client.lease_holder import who_refuses
+from ground.client.link import Link
+from ground.client.requests import GaveUp
 from ground.missions.mission import Fence
 from ground.missions.transfer import Download, Downloaded, Transfer, Upload, Verdict
 from ground.missions.wire import fence_items_of
-from ground.operator import GaveUp
-from ground.orders import HINTS
-from ground.says import Says
-from protocol.enums import MissionType
-from protocol.errors import RemoteError
+from ground.text.output import Says
 from protocol.topics import MISSION_SERVICE
+from protocol.wire.enums import MissionType
+from runtime.errors import RemoteError
 
 
 def send(link: Link, transfer: Transfer) -> Verdict:

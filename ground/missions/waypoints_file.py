@@ -18,7 +18,7 @@ from ground.missions.items import (
 from ground.missions.mission import Home, Mission
 from ground.missions.problems import MissionError, Problem
 from ground.missions.sift import Foreign, Sieve
-from protocol.errors import UserError
+from runtime.errors import UserError
 
 HEADER: Final = "QGC WPL 110"
 FIELDS: Final = 12

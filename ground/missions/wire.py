@@ -5,9 +5,9 @@ from math import isnan, nan
 from typing import Final
 
 from ground.missions.mission import Circle, Fence, Polygon, Waypoint
-from protocol.enums import FRAME_LOCAL_FLU, Command, MissionType
-from protocol.errors import RemoteError
-from protocol.messages import MissionItemInt
+from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionType
+from protocol.wire.messages import MissionItemInt
+from runtime.errors import RemoteError
 
 PER_METRE: Final = 10_000
 DIGITS: Final = 5

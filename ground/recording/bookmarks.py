@@ -3,13 +3,13 @@
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from ground.blackbox.reel import Reel
-from ground.texts import Texts
-from protocol.enums import GoalState, Vehicle
-from protocol.message import Message
-from protocol.messages import NavigatorStatus
-from protocol.reasons import reason_text
+from ground.recording.log_index import Reel
+from ground.text.statustext import Texts
 from protocol.topics import MARK, STATUS
+from protocol.wire.enums import GoalState, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import NavigatorStatus
+from protocol.wire.reasons import reason_text
 
 NS_PER_S: Final = 1_000_000_000
 STOPPED: Final = (Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP)

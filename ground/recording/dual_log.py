@@ -7,9 +7,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Self
 
-from ground.blackbox.build import build
-from ground.blackbox.mcap_form import McapForm
-from ground.recorder import Recorder, beside, new_log
+from ground.recording.build_info import build
+from ground.recording.log_writer import Recorder, beside, new_log
+from ground.recording.mcap.writer import McapForm
 
 TLOG_EVERY = 1
 MCAP_EVERY = 2

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from protocol import whole_file
-from protocol.errors import UserError
+from runtime import atomic_file
+from runtime.errors import UserError
 
 
 def replace(path: Path, text: str) -> None:
     """UserError, with the reason, when it cannot be written; then what was there still is."""
     try:
-        whole_file.replace(path, text)
+        atomic_file.replace(path, text)
     except OSError as error:
         raise UserError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error

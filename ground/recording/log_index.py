@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import Final, NamedTuple
 
-from ground.blackbox.frames import Frame, Log
-from protocol.codec import decode
-from protocol.errors import RemoteError
-from protocol.message import Message
-from protocol.messages import SystemTime
+from ground.recording.log_reader import Frame, Log
 from protocol.topics import CLOCK, path_of
+from protocol.wire.codec import decode
+from protocol.wire.message import Message
+from protocol.wire.messages import SystemTime
+from runtime.errors import RemoteError
 
 NS_PER_US: Final = 1000
 LATEST_NS: Final = 1 << 62

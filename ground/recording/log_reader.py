@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Final, NamedTuple, Protocol
 
 from ground.blackbox.frame_paths import path_in
-from ground.blackbox.mcap_file import McapFile
-from ground.tlog import Reader
-from protocol.errors import UserError
+from ground.recording.mcap.reader import McapFile
+from ground.recording.tlog import Reader
+from runtime.errors import UserError
 from protocol.topics import PREFIX
 
 NS_PER_US: Final = 1000

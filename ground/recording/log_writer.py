@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final, Protocol
 
-from ground.tlog import record_bytes, whole
+from ground.recording.tlog import record_bytes, whole
 
 HELD_BYTES: Final = 8 << 20
 FRAME_COST: Final = 300

@@ -2,9 +2,9 @@
 
 from typing import Final, Protocol
 
-from protocol.errors import RemoteError
-from protocol.message import Message
 from protocol.topics import PARAMETERS, WORLD, Service
+from protocol.wire.message import Message
+from runtime.errors import RemoteError
 
 WANTED: Final[dict[str, Service]] = {"parameters": PARAMETERS, "world": WORLD}
 PATIENCE_S: Final = 0.2

@@ -12,8 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from ground.blackbox.frames import NAMED
-from protocol.errors import UserError
+from ground.recording.log_reader import NAMED
+from runtime.errors import UserError
 
 SUFFIXES: Final = (".tlog", ".mcap")
 UNITS: Final = {"MB": 10**6, "GB": 10**9}

@@ -8,8 +8,8 @@ from pathlib import Path
 from struct import Struct
 from typing import BinaryIO, Final, NamedTuple
 
-from protocol.codec import decode
-from protocol.errors import RemoteError
+from protocol.wire.codec import decode
+from runtime.errors import RemoteError
 
 STAMP: Final = Struct(">Q")
 MAGIC: Final = 0xFD

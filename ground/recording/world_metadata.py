@@ -5,9 +5,9 @@ from itertools import pairwise
 from math import atan2, hypot, radians
 from typing import Any, Final
 
-from ground.blackbox.schemas import Json
-from ground.blackbox.shapes import Colour, Point, colour, disc, pose, vector
-from protocol.json_text import value_in
+from ground.recording.foxglove.messages import Colour, Point, colour, disc, pose, vector
+from ground.recording.mcap.json_schemas import Json
+from runtime.json_reader import value_in
 
 HEIGHT_M: Final = 0.3
 SKIN_M: Final = 0.02

@@ -1,15 +1,15 @@
 """The ground station without its screen: all that is shown, as a model that needs no terminal."""
 
-from ground.station.contact import Need
-from ground.station.hears import Hears, Speaks
-from ground.station.history import SERIES, History, Series
-from ground.station.lease import Lease
-from ground.station.log import Line, Log
-from ground.station.loss import Loss, LossKind
-from ground.station.moments import Moment
-from ground.station.requests import Outcome
+from ground.station.bus_protocols import Hears, Speaks
+from ground.station.history.decision_history import Moment
+from ground.station.history.event_log import Line, Log
+from ground.station.history.time_series import SERIES, History, Series
+from ground.station.link.contact import Need
+from ground.station.link.loss import Loss, LossKind
+from ground.station.link.streams import StreamRow
+from ground.station.robot.background_requests import Outcome
+from ground.station.robot.lease_state import Lease
 from ground.station.station import Station
-from ground.station.streams import StreamRow
 from ground.station.world import WorldFacts
 
 __all__ = [

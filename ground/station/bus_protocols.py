@@ -3,11 +3,11 @@
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-from ground.emergency_stop import Puts as Puts
-from protocol.mailbox import Mailbox
-from protocol.message import Message
-from protocol.network import Hub
+from ground.client.emergency_stop import Puts as Puts
+from protocol.bus.mailbox import Mailbox
+from protocol.bus.network import Hub
 from protocol.topics import Service, Topic
+from protocol.wire.message import Message
 
 M = TypeVar("M", bound=Message)
 

@@ -5,17 +5,17 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Final, NamedTuple
 
-from ground.param_rows import Row, rows_in
-from ground.station.hears import Speaks
-from ground.station.items import Items, downloaded
-from ground.station.requests import Outcome, Works
+from ground.client.parameter_rows import Row, rows_in
+from ground.station.bus_protocols import Speaks
+from ground.station.robot.background_requests import Outcome, Works
+from ground.station.robot.mission_items import Items, downloaded
 from ground.station.world import WorldFacts, world_in
-from protocol.clock import Clock
-from protocol.enums import MissionType
-from protocol.errors import RemoteError
-from protocol.messages import ParamRequestRead
-from protocol.network import Hub
+from protocol.bus.network import Hub
 from protocol.topics import PARAMETER, PARAMETERS, WORLD
+from protocol.wire.enums import MissionType
+from protocol.wire.messages import ParamRequestRead
+from runtime.clock import Clock
+from runtime.errors import RemoteError
 
 NS_PER_S: Final = 1_000_000_000
 PROBE_NS: Final = NS_PER_S

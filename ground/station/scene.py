@@ -6,13 +6,13 @@ from typing import Final
 
 from ground.map import Robot, Scene, Target
 from ground.map.ellipse import CHI2_2_95
-from ground.station.tracks import ranges_m
-from ground.station.watched import Watched
+from ground.station.history.trail import ranges_m
+from ground.station.robot.robot_model import Watched
 from ground.station.world import WorldFacts
-from ground.telemetry import Age, age_of
-from protocol.enums import Mode
+from ground.client.telemetry import Age, age_of
+from protocol.wire.enums import Mode
 from protocol.limits import OPERATOR_LOST_MS
-from protocol.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
+from protocol.wire.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
 from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
 
 NS_PER_S: Final = 1_000_000_000

@@ -5,21 +5,21 @@ from contextlib import suppress
 from time import monotonic
 from typing import Final
 
-from ground.param_rows import rows_in
-from ground.presence import crew_of
-from ground.station.commanding import Commanding
-from ground.station.hears import Hears, Speaks
-from ground.station.log import Line, Log
-from ground.station.operated import Operated
-from ground.station.requests import Job, Lane, Works
-from ground.station.sight import Sight
-from ground.station.watched import Watched
+from ground.client.parameter_rows import rows_in
+from ground.client.presence import crew_of
+from ground.station.bus_protocols import Hears, Speaks
+from ground.station.history.event_log import Line, Log
+from ground.station.robot.background_requests import Job, Lane, Works
+from ground.station.robot.command_queue import Commanding
+from ground.station.robot.robot_model import Watched
+from ground.station.robot.robot_session import Operated
+from ground.station.view import Sight
 from ground.station.world import WorldFacts, world_in
-from protocol.clock import Clock
-from protocol.enums import LeaseAction, Severity
-from protocol.errors import RemoteError
-from protocol.terminal import printable
 from protocol.topics import PARAMETERS, WORLD, robot_name
+from protocol.wire.enums import LeaseAction, Severity
+from runtime.clock import Clock
+from runtime.errors import RemoteError
+from runtime.terminal import printable
 
 NS_PER_S: Final = 1_000_000_000
 CLOSING_S: Final = 2.0

@@ -2,21 +2,21 @@
 
 from typing import Any, Final
 
+from ground.client.parameter_rows import Row
+from ground.client.presence import Crew
+from ground.client.telemetry import Age, Seen, Telemetry
 from ground.map import Scene, Shape, Target
-from ground.param_rows import Row
-from ground.presence import Crew
-from ground.station.history import History
-from ground.station.lease import UNKNOWN, Lease, lease_in
-from ground.station.loss import Loss
-from ground.station.moments import Moment
-from ground.station.operated import Operated
+from ground.station.history.decision_history import Moment
+from ground.station.history.time_series import History
+from ground.station.link.loss import Loss
+from ground.station.link.streams import StreamRow
+from ground.station.robot.lease_state import UNKNOWN, Lease, lease_in
+from ground.station.robot.robot_model import Watched
+from ground.station.robot.robot_session import Operated
 from ground.station.scene import scene_of
-from ground.station.streams import StreamRow
-from ground.station.watched import Watched
 from ground.station.world import WorldFacts
-from ground.telemetry import Age, Seen, Telemetry
-from protocol.messages import AvoidanceDecision, CycleReport, LeaseStatus, MissionStatus
 from protocol.topics import LEASE, MISSION, Role, Topic
+from protocol.wire.messages import AvoidanceDecision, CycleReport, LeaseStatus, MissionStatus
 
 NS_PER_S: Final = 1_000_000_000
 

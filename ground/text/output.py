@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Final, TextIO
 
-from ground.parts import Part, fitted, in_words
-from protocol.terminal import DIM, LINE_START, PLAIN, guarded, steer
+from ground.text.status_parts import Part, fitted, in_words
+from runtime.terminal import DIM, LINE_START, PLAIN, guarded, steer
 
 USUAL_WIDTH: Final = 80
 

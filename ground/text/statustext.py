@@ -1,9 +1,9 @@
 """The pieces of a long STATUSTEXT, together again."""
 
-from protocol.message import Message
-from protocol.messages import Statustext
-from protocol.terminal import printable
-from protocol.texts import MOST_PIECES, PIECE_BYTES
+from protocol.wire.message import Message
+from protocol.wire.messages import Statustext
+from protocol.wire.statustext import MOST_PIECES, PIECE_BYTES
+from runtime.terminal import printable
 
 NS_PER_S = 1_000_000_000
 NEWS_NS = 2 * NS_PER_S

@@ -4,7 +4,7 @@ import secrets
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from protocol.errors import UserError
+from runtime.errors import UserError
 
 USUAL_HOST: Final = "127.0.0.1"
 USUAL_PORT: Final = 8770

@@ -7,10 +7,10 @@ import socket
 from contextlib import closing
 from typing import Final
 
-from ground.leash import command
-from ground.says import Says
+from ground.launch.child_command import command
+from ground.text.output import Says
 from ground.web.address import USUAL_HOST, USUAL_PORT, Address, address_of, token_of
-from protocol.errors import UserError
+from runtime.errors import UserError
 
 PASSED_ON: Final = ("connect", "id", "config", "record", "theme", "hz", "keys")
 SWITCHES: Final = ("no_record", "ascii")

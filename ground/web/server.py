@@ -8,8 +8,8 @@ from typing import Any, Final
 from aiohttp import web
 from textual_serve.server import Server
 
+from ground.web.access import Door
 from ground.web.address import Address
-from ground.web.door import Door
 
 MOST_SESSIONS: Final = 8
 FULL: Final = f"{MOST_SESSIONS} browsers have this ground station open, more are not served.\n"

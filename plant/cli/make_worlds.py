@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
 from plant.imports.anyone import CELL_M, TAKES, Wishes, import_worlds
-from plant.world_problems import Problem, WorldError
-from plant.world_toml import dumps
-from plant.world_types import World, bad_name
+from plant.model.errors import Problem, WorldError
+from plant.model.types import World, bad_name
+from plant.world.to_toml import dumps
 from protocol.options import whole
 
 EXIT_OK: Final = 0

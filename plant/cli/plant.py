@@ -5,16 +5,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 
-from plant.noise import LEVELS
-from plant.plant import Plant
-from plant.run import run
-from plant.world_file import load
-from plant.world_overrides import noise_of
-from protocol import config
-from protocol.errors import UserError
-from protocol.network import Network
+from plant.model.noise import LEVELS
+from plant.process.run import run
+from plant.sim.simulation import Plant
+from plant.world.file import load
+from plant.world.overrides import noise_of
+from protocol.bus.network import Network
 from protocol.options import add_network_options, network_of, whole
 from protocol.topics import robot_name
+from runtime import config
+from runtime.errors import UserError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Final
 
-from plant.faults import KINDS
-from plant.goals import goals
-from plant.lineup import starts
-from plant.shortest_path import known_length_m, shortest_path
-from plant.world_file import SHIPPED_DIR, World, WorldError, load, shipped
-from plant.world_json import Json, as_json, places_json
-from plant.world_overrides import body_of
-from plant.world_text import draw
-from plant.world_types import Circle, Point
-from plant.worlds_make import add_verbs, make
+from plant.cli.make_worlds import add_verbs, make
+from plant.model.faults import KINDS
+from plant.model.types import Circle, Point
+from plant.placement.fleet_goals import goals
+from plant.placement.shortest_path import known_length_m, shortest_path
+from plant.placement.start_positions import starts
+from plant.world.file import SHIPPED_DIR, World, WorldError, load, shipped
+from plant.world.overrides import body_of
+from plant.world.text import draw
+from plant.world.to_json import Json, as_json, places_json
 from protocol.options import numbers_kept
 
 MANY_CORNERS: Final = 120

@@ -6,7 +6,7 @@ from random import Random
 from typing import Final, NamedTuple, TypeAlias
 
 from plant.corpus.draft import RIM_M, Draft, Frame, any_angle, thickness
-from plant.world_types import Obstacle, Point
+from plant.model.types import Obstacle, Point
 
 Cell: TypeAlias = tuple[int, int]
 Doors: TypeAlias = set[frozenset[Cell]]

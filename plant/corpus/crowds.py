@@ -11,8 +11,8 @@ from typing import Final
 
 from plant.corpus.draft import Draft, Stage, any_angle, on_floor, spot, stage, tilt
 from plant.corpus.shapes import stray_box
-from plant.geometry import clearance_m, from_segment_m, meet
-from plant.world_types import Circle, Obstacle, Point
+from plant.model.geometry import clearance_m, from_segment_m, meet
+from plant.model.types import Circle, Obstacle, Point
 
 PERSON_M: Final = 0.2
 ROOM_M: Final = 0.5

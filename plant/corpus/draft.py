@@ -5,8 +5,8 @@ from math import atan2, cos, dist, pi, radians, sin
 from random import Random
 from typing import Final, NamedTuple, TypeAlias
 
-from plant.geometry import clearance_m
-from plant.world_types import Circle, Obstacle, Point, Polygon, Polyline
+from plant.model.geometry import clearance_m
+from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline
 
 LEAST_FLOOR_M: Final = 5.0
 MOST_FLOOR_M: Final = 10.0

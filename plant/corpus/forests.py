@@ -6,7 +6,7 @@ from random import Random
 from typing import Final
 
 from plant.corpus.draft import Draft, Family, on_floor, spot, stage
-from plant.world_types import Circle, Point
+from plant.model.types import Circle, Point
 
 THINNEST_M: Final = 0.05
 THICKEST_M: Final = 0.15

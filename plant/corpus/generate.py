@@ -10,16 +10,16 @@ from math import radians
 from random import Random
 from typing import Final
 
-from plant.body import Body
 from plant.corpus import buildings, crowds, forests, shapes, shut, traps
 from plant.corpus.draft import Draft, Family, standing_room
 from plant.corpus.grids import CELL_M, MAPS
 from plant.imports.grid_world import grid_world
 from plant.imports.made import Made, with_way
 from plant.imports.moving_ai import parse_map
-from plant.shortest_path import shortest_path_m
-from plant.world_problems import WorldError
-from plant.world_types import GoalPose, Start, World
+from plant.model.body import Body
+from plant.model.errors import WorldError
+from plant.model.types import GoalPose, Start, World
+from plant.placement.shortest_path import shortest_path_m
 
 MARGIN_M: Final = 0.03
 MOST_TRIES: Final = 500

@@ -13,7 +13,7 @@ from plant.corpus.draft import (
     thickness,
     tilt,
 )
-from plant.world_types import Circle, Obstacle, Polygon
+from plant.model.types import Circle, Obstacle, Polygon
 
 MOST_STRAY: Final = 3
 

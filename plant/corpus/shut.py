@@ -5,7 +5,7 @@ from random import Random
 
 from plant.corpus.buildings import Plan, apart, maze_draft, maze_plan, office_draft, office_plan
 from plant.corpus.draft import Draft, Frame, Stage, any_angle, stage, thickness
-from plant.world_types import Obstacle, Point
+from plant.model.types import Obstacle, Point
 
 
 def unreachable(random: Random) -> Draft:

@@ -17,7 +17,7 @@ from plant.corpus.draft import (
     thickness,
     tilt,
 )
-from plant.world_types import Obstacle, Point, Polyline
+from plant.model.types import Obstacle, Point, Polyline
 
 BEYOND_M: Final = 20.0
 """A wall that long ends outside every floor."""

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from plant.world_types import Circle, Point
+from plant.model.types import Circle, Point
 
 THINNEST_M: Final = 0.05
 THICKEST_M: Final = 0.15

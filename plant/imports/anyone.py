@@ -15,7 +15,7 @@ from plant.imports.made import Made
 from plant.imports.moving_ai import Scenario, fits, load_map, load_scenarios
 from plant.imports.refusal import refuse
 from plant.imports.ros_map import load_ros_map
-from plant.world_types import Point, World
+from plant.model.types import Point, World
 
 CELL_M: Final = 0.4
 LONGEST_STEM: Final = 40

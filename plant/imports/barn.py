@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from plant.imports.npy import parse_npy
 from plant.imports.refusal import read_bytes, read_text, refuse
-from plant.world_types import Circle, Point
+from plant.model.types import Circle, Point
 
 PITCH_M: Final = 0.15
 RADIUS_M: Final = 0.075

@@ -4,13 +4,13 @@ from math import dist
 from random import Random
 from typing import Final
 
-from plant.geometry import clearance_m
 from plant.imports.barn import Field
 from plant.imports.made import Made, bare_world, check_size, with_way
 from plant.imports.places import LEAST_APART_M, STANDING_M
 from plant.imports.refusal import refuse
-from plant.shortest_path import shortest_path_m
-from plant.world_types import Point, World
+from plant.model.geometry import clearance_m
+from plant.model.types import Point, World
+from plant.placement.shortest_path import shortest_path_m
 
 MOST_DRAWS: Final = 2000
 MOST_PAIRS: Final = 30

@@ -2,14 +2,14 @@
 
 from random import Random
 
-from plant.body import Body
 from plant.imports.cells import Cells
 from plant.imports.made import Made, bare_world, check_size, with_way
 from plant.imports.outlines import outlines
 from plant.imports.places import STANDING_M, far_apart
 from plant.imports.refusal import refuse
 from plant.imports.routes import Places, route_m
-from plant.world_types import Point, World
+from plant.model.body import Body
+from plant.model.types import Point, World
 
 
 def grid_world(cells: Cells, made: Made, random: Random) -> World:

@@ -6,12 +6,12 @@ from math import radians
 from random import Random
 from typing import Final
 
-from plant.body import Body
 from plant.imports.refusal import refuse
-from plant.placement import Floor, check_places
-from plant.world_problems import Report, WorldError
-from plant.world_read import MOST_OBSTACLES, SIZE
-from plant.world_types import GoalPose, Obstacle, Point, Start, World
+from plant.model.body import Body
+from plant.model.errors import Report, WorldError
+from plant.model.types import GoalPose, Obstacle, Point, Start, World
+from plant.placement.clear_places import Floor, check_places
+from plant.world.reader import MOST_OBSTACLES, SIZE
 
 HEADING_TOLERANCE_RAD: Final = radians(3.0)
 

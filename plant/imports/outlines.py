@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 
 from plant.imports.cells import Cells, Mask, labelled
-from plant.world_types import Polygon
+from plant.model.types import Polygon
 
 Corner: TypeAlias = tuple[int, int]
 """(column, row) of a corner between cells."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from plant.imports.cells import Cells, Labels, labelled, standing
 from plant.imports.routes import Places
-from plant.world_types import Point
+from plant.model.types import Point
 
 STANDING_M: Final = 0.17
 """A place is at least so far from anything."""

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from plant.world_problems import Problem, WorldError
+from plant.model.errors import Problem, WorldError
 
 
 def refuse(file: str, key: str, reason: str, fix: str, line: int | None = None) -> WorldError:

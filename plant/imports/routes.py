@@ -1,8 +1,9 @@
 """The shortest way of the robot's disc over a floor of many cells, in less time than the exact one.
 
 Two steps: A* over a grid of the places where the robot may be, whose moves in sixteen directions
-make a way at most 2.8 % too long; then the exact search of `plant.shortest_path`, but only over
-corners near that way. So the length is exact unless another way round is shorter by less than that.
+make a way at most 2.8 % too long; then the exact search of `plant.placement.shortest_path`, but
+only over corners near that way. So the length is exact unless another way round is shorter by less
+than that.
 """
 
 from heapq import heappop, heappush
@@ -13,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from plant.imports.cells import Cells, Mask, standing
-from plant.near_path import near_path
-from plant.world_types import Point, World
+from plant.model.types import Point, World
+from plant.placement.near_path import near_path
 
 PITCH_M: Final = 0.15
 """Places are at most so far apart; cells are cut into an odd number, so that one is central."""

@@ -9,7 +9,7 @@ INT32: Final = 1 << 31
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
-    """The robot as it was meant to be built; what is wrong with it stands in `plant.noise`.
+    """The robot as it was meant to be built; what is wrong with it stands in `plant.model.noise`.
 
     Motors whose command has expired are short-circuited and slow down by `brake_m_s2`.
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from protocol.toml_lines import Key
+from runtime.toml_lines import Key
 
 
 class Problem(NamedTuple):

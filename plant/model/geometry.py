@@ -3,7 +3,7 @@
 from math import hypot, inf
 from typing import Final
 
-from plant.world_types import Circle, Obstacle, Point, Polygon
+from plant.model.types import Circle, Obstacle, Point, Polygon
 
 TOUCHING_M: Final = 1e-9
 

@@ -3,7 +3,7 @@
 from itertools import accumulate, pairwise
 from math import dist
 
-from plant.world_types import Circle, Point
+from plant.model.types import Circle, Point
 
 
 class Mover:

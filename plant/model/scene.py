@@ -4,8 +4,8 @@ from itertools import pairwise
 from math import hypot
 from typing import NamedTuple, TypeAlias, TypeGuard
 
-from plant.geometry import edges as sides
-from plant.world_types import Circle, Obstacle, Point, Polygon, Polyline, World
+from plant.model.geometry import edges as sides
+from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline, World
 
 Pose: TypeAlias = tuple[float, float, float]
 """x_m, y_m, heading_rad."""

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from plant.geometry import TOUCHING_M, clearance_m
-from plant.world_problems import Report
-from plant.world_types import Circle, GoalPose, Obstacle, Point, Start
+from plant.model.errors import Report
+from plant.model.geometry import TOUCHING_M, clearance_m
+from plant.model.types import Circle, GoalPose, Obstacle, Point, Start
 
 
 class Floor(NamedTuple):

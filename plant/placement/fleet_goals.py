@@ -4,11 +4,11 @@ from collections.abc import Iterator, Sequence
 from math import ceil, cos, dist, sin
 from typing import Final, NamedTuple
 
-from plant.body import Body
-from plant.geometry import clearance_m
-from plant.lineup import GAP_M, ROOM_M
-from plant.scene import Pose
-from plant.world_types import Circle, Obstacle, Point, World
+from plant.model.body import Body
+from plant.model.geometry import clearance_m
+from plant.model.scene import Pose
+from plant.model.types import Circle, Obstacle, Point, World
+from plant.placement.start_positions import GAP_M, ROOM_M
 
 STEP_M: Final = 0.05
 FARTHEST_PLACE: Final = 12

@@ -1,14 +1,15 @@
 """The shortest way near a given one, for worlds with too many corners to look at all of them.
 
-The search of `plant.shortest_path`, but only over corners close to the given way, seen from no
-farther than a few metres; points of the given way itself join what is farther apart.
+The search of `plant.placement.shortest_path`, but only over corners close to the given way, seen
+from no farther than a few metres; points of the given way itself join what is farther apart.
 """
 
 from typing import Final
 
 import numpy as np
 
-from plant.shortest_path import (
+from plant.model.types import Point, World
+from plant.placement.shortest_path import (
     TOUCHING_M,
     Array,
     Blocked,
@@ -18,7 +19,6 @@ from plant.shortest_path import (
     search,
     visible_from,
 )
-from plant.world_types import Point, World
 
 NEAR_M: Final = 1.0
 """Corners so near to the way are looked at."""

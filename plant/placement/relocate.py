@@ -5,12 +5,12 @@ from dataclasses import replace
 from math import isfinite
 from typing import Final
 
-from plant.geometry import clearance_m
-from plant.movers import Mover
-from plant.scene import moves
-from plant.world_overrides import body_of
-from plant.world_types import GoalPose, Obstacle, Point, Start, World
-from protocol.errors import UserError
+from plant.model.geometry import clearance_m
+from plant.model.movers import Mover
+from plant.model.scene import moves
+from plant.model.types import GoalPose, Obstacle, Point, Start, World
+from plant.world.overrides import body_of
+from runtime.errors import UserError
 
 PRESSED_M: Final = 0.005
 """A robot that stands against something may seem to be in it by this much."""

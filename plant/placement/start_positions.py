@@ -5,10 +5,10 @@ from itertools import islice
 from math import cos, sin
 from typing import Final
 
-from plant.body import Body
-from plant.geometry import clearance_m
-from plant.scene import Pose
-from plant.world_types import World
+from plant.model.body import Body
+from plant.model.geometry import clearance_m
+from plant.model.scene import Pose
+from plant.model.types import World
 
 GAP_M: Final = 0.36
 """Wider than the avoidance zone (0.30 m), or neighbours would keep each other from their goals."""

@@ -4,8 +4,8 @@ import threading
 from typing import Final, NamedTuple
 
 from protocol.limits import MAX_WHEEL_TTL_MS
-from protocol.messages import WheelCommand
-from protocol.timing import CONTROL_HZ, PERIOD_MS, UINT32
+from protocol.wire.messages import WheelCommand
+from runtime.timing import CONTROL_HZ, PERIOD_MS, UINT32
 
 MAX_AGE_TICKS: Final = MAX_WHEEL_TTL_MS // PERIOD_MS
 WINDOW: Final = MAX_AGE_TICKS + 1

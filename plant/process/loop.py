@@ -6,12 +6,12 @@ from math import inf
 from time import monotonic
 from typing import Final
 
-from plant.desk import Desk
-from plant.plant import Plant
-from plant.wires import Wires
-from protocol.clock import NS_PER_S, Clock, ticks
-from protocol.pulse import WakeUp
-from protocol.timing import PERIOD_NS
+from plant.process.requests import Desk
+from plant.sim.simulation import Plant
+from plant.process.robot_link import Wires
+from runtime.clock import NS_PER_S, Clock, ticks
+from runtime.arrivals import WakeUp
+from runtime.timing import PERIOD_NS
 
 PERIOD_S: Final = PERIOD_NS / NS_PER_S
 POLL_S: Final = 0.01

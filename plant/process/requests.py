@@ -5,12 +5,12 @@ from collections.abc import Callable
 from queue import Empty, SimpleQueue
 from typing import Final
 
-from plant.plant import Plant
+from plant.sim.simulation import Plant
 from protocol.bus import Asked
-from protocol.enums import AckResult, RunAction
-from protocol.message import Message
-from protocol.messages import CommandAck, RunRequest
-from protocol.reasons import Reason
+from protocol.wire.enums import AckResult, RunAction
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, RunRequest
+from protocol.wire.reasons import Reason
 
 MAX_WAITING: Final = 64
 MAX_ANSWERED: Final = 6

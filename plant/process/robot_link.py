@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import Any
 
-from plant.command_gate import CommandGate
-from plant.plant import Plant
+from plant.process.command_gate import CommandGate
+from plant.sim.simulation import Plant
 from protocol.bus import Bus, Publisher
-from protocol.messages import SystemTime
-from protocol.timing import PERIOD_NS, UINT32
 from protocol.topics import CLOCK, DRIVE, SONAR, TRUTH, WHEELS
+from protocol.wire.messages import SystemTime
+from runtime.timing import PERIOD_NS, UINT32
 
 
 class Wires:

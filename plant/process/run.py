@@ -5,19 +5,19 @@ import sys
 from collections.abc import Callable
 from functools import partial
 
-from plant.desk import Desk
-from plant.plant import Plant
-from plant.process import Process, Wake, nothing
-from plant.shortest_path import known_length_m
-from plant.unreadable import Unreadable
-from plant.wires import Wires
-from plant.world_json import as_json
+from plant.placement.shortest_path import known_length_m
+from plant.process.loop import Process, Wake, nothing
+from plant.process.reject_log import Unreadable
+from plant.process.requests import Desk
+from plant.process.robot_link import Wires
+from plant.sim.simulation import Plant
+from plant.world.to_json import as_json
 from protocol.bus import Bus, open_bus
-from protocol.claim import claim
-from protocol.clock import WallClock
-from protocol.network import Network
+from protocol.bus.claim import claim
+from protocol.bus.network import Network
 from protocol.topics import RUN, WORLD, Role
-from protocol.watchdog import Watchdog
+from runtime.clock import WallClock
+from runtime.watchdog import Watchdog
 
 
 def run(

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from math import isfinite
 from typing import Final, NamedTuple, TypeAlias
 
-from plant.faults import Fault
+from plant.model.faults import Fault
 
 SONARS: Final = 8
 NEVER_NS: Final = 1 << 63

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from math import hypot, inf, sqrt
 from typing import Final, TypeAlias
 
-from plant.world_types import Point
+from plant.model.types import Point
 
 NEAR_M: Final = 0.15
 """What was looked up holds within so much of that place."""

@@ -12,10 +12,10 @@ from typing import Final
 
 import pymunk
 
-from plant.geometry import edges
-from plant.nearby import FURTHER_M, NEAR_M, Bar, Nearby, Round
-from plant.scene import movers, moves
-from plant.world_types import Circle, Point, Polygon, Polyline, World
+from plant.model.geometry import edges
+from plant.model.scene import movers, moves
+from plant.model.types import Circle, Point, Polygon, Polyline, World
+from plant.sim.clearance import FURTHER_M, NEAR_M, Bar, Nearby, Round
 
 CLEARANCE_LIMIT_M: Final = 3.0
 """A clearance is looked for no farther than this."""

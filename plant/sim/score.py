@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from protocol.messages import RunScore
-from protocol.timing import PERIOD_NS
+from protocol.wire.messages import RunScore
+from runtime.timing import PERIOD_NS
 
 if TYPE_CHECKING:
     from hashlib import _Hash

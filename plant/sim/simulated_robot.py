@@ -5,19 +5,19 @@ from math import atan2, cos, hypot, pi, sin
 from operator import mul
 from typing import Final, NamedTuple, TypeAlias
 
-from plant.body import Body
-from plant.drive import Drive
-from plant.faults import Fault
-from plant.noise import Noise
-from plant.raycast import Caster
-from plant.scene import Disc, Pose, Scene
-from plant.score import Score
-from plant.sonar import PING_AGE_US, Ring
-from plant.trouble import Schedule
-from plant.world import Arena
-from plant.world_types import Point
-from protocol.messages import GroundTruth, SonarScan, WheelTicks
-from protocol.timing import PERIOD_NS, UINT32
+from plant.model.body import Body
+from plant.model.faults import Fault
+from plant.model.noise import Noise
+from plant.model.scene import Disc, Pose, Scene
+from plant.model.types import Point
+from plant.sim.active_faults import Schedule
+from plant.sim.drive import Drive
+from plant.sim.physics import Arena
+from plant.sim.score import Score
+from plant.sim.sensing.raycast import Caster
+from plant.sim.sensing.sonar import PING_AGE_US, Ring
+from protocol.wire.messages import GroundTruth, SonarScan, WheelTicks
+from runtime.timing import PERIOD_NS, UINT32
 
 LEFT: Final = 1
 RIGHT: Final = 2

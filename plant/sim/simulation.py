@@ -4,18 +4,18 @@ from collections.abc import Iterable
 from math import sqrt
 from typing import Final
 
-from plant.body import Body
-from plant.faults import Fault
-from plant.lineup import starts
-from plant.movers import Mover
-from plant.noise import Noise
-from plant.scene import Disc, movers, still
-from plant.vehicle import PERIOD_S, Common, Moved, Vehicle
-from plant.world import Arena
-from plant.world_overrides import body_of, faults_of
-from plant.world_types import World
-from protocol.messages import GroundTruth, RunScore, SonarScan, WheelTicks
-from protocol.timing import PERIOD_NS
+from plant.model.body import Body
+from plant.model.faults import Fault
+from plant.model.movers import Mover
+from plant.model.noise import Noise
+from plant.model.scene import Disc, movers, still
+from plant.model.types import World
+from plant.placement.start_positions import starts
+from plant.sim.physics import Arena
+from plant.sim.simulated_robot import PERIOD_S, Common, Moved, Vehicle
+from plant.world.overrides import body_of, faults_of
+from protocol.wire.messages import GroundTruth, RunScore, SonarScan, WheelTicks
+from runtime.timing import PERIOD_NS
 
 SUBSTEPS: Final = 2
 SUBSTEP_NS: Final = PERIOD_NS // SUBSTEPS

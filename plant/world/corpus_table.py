@@ -3,10 +3,10 @@
 from math import dist, isfinite
 from typing import Final, NamedTuple
 
-from plant.world_problems import Report
-from plant.world_table import Limits, Table
-from plant.world_types import GoalPose, Start
-from protocol.toml_lines import Key
+from plant.model.errors import Report
+from plant.model.types import GoalPose, Start
+from plant.world.table import Limits, Table
+from runtime.toml_lines import Key
 
 EXAMPLES: Final = {
     "family": '"u_trap"',

@@ -10,11 +10,8 @@ from os.path import isfile
 from pathlib import Path
 from typing import Final
 
-from plant.world_facts import from_json, is_json
-from plant.world_overrides import body_of, faults_of, noise_of
-from plant.world_problems import Problem, Report, WorldError
-from plant.world_read import read_world
-from plant.world_types import (
+from plant.model.errors import Problem, Report, WorldError
+from plant.model.types import (
     Circle,
     GoalPose,
     Obstacle,
@@ -25,8 +22,11 @@ from plant.world_types import (
     Start,
     World,
 )
-from protocol.toml_lines import key_lines
-from protocol.toml_text import LARGEST_BYTES, TooDeep, table_in
+from plant.world.from_json import from_json, is_json
+from plant.world.overrides import body_of, faults_of, noise_of
+from plant.world.reader import read_world
+from runtime.toml_lines import key_lines
+from runtime.toml_reader import LARGEST_BYTES, TooDeep, table_in
 
 __all__ = [
     "SHIPPED_DIR",

@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from typing import Any, Final
 
-from plant.world_problems import Problem, Report, WorldError
-from plant.world_read import read_world
-from plant.world_types import World
-from protocol.json_text import value_in
-from protocol.toml_lines import Key
+from plant.model.errors import Problem, Report, WorldError
+from plant.model.types import World
+from plant.world.reader import read_world
+from runtime.json_reader import value_in
+from runtime.toml_lines import Key
 
 IN_THE_FILE: Final = {"obstacles": "obstacle", "faults": "fault"}
 """The file names one of them, the JSON has the list."""

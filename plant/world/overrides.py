@@ -5,13 +5,13 @@ from dataclasses import MISSING, Field, fields, replace
 from math import degrees, inf, radians
 from typing import Any, Final
 
-from plant.body import Body
-from plant.faults import Fault
-from plant.noise import LEVELS, Noise
-from plant.world_problems import Report
-from plant.world_table import HUGE, Limits, Table
-from plant.world_types import Setting, Settings, World
-from protocol.toml_lines import Key
+from plant.model.body import Body
+from plant.model.errors import Report
+from plant.model.faults import Fault
+from plant.model.noise import LEVELS, Noise
+from plant.model.types import Setting, Settings, World
+from plant.world.table import HUGE, Limits, Table
+from runtime.toml_lines import Key
 
 ANY_NUMBER: Final = Limits(-HUGE, HUGE)
 USUAL_LEVEL: Final = "default"

@@ -3,15 +3,15 @@
 from math import isfinite, radians
 from typing import Final
 
-from plant.body import Body
-from plant.placement import Floor, check_places
-from plant.world_corpus import check_length, read_corpus
-from plant.world_overrides import read_fault, read_noise, read_robot
-from plant.world_problems import Report
-from plant.world_shapes import read_obstacle
-from plant.world_table import COORDINATE, Limits, Table, type_name
-from plant.world_types import GoalPose, Settings, Start, World, bad_name
-from protocol.toml_lines import Key
+from plant.model.body import Body
+from plant.model.errors import Report
+from plant.model.types import GoalPose, Settings, Start, World, bad_name
+from plant.placement.clear_places import Floor, check_places
+from plant.world.corpus_table import check_length, read_corpus
+from plant.world.overrides import read_fault, read_noise, read_robot
+from plant.world.shapes import read_obstacle
+from plant.world.table import COORDINATE, Limits, Table, type_name
+from runtime.toml_lines import Key
 
 EXAMPLES: Final = {
     "name": '"my_world"',

@@ -3,11 +3,11 @@
 from math import dist, hypot
 from typing import Final
 
-from plant.geometry import TOUCHING_M, area_m2, crossing_edges, folded_corner
-from plant.world_problems import Report
-from plant.world_table import COORDINATE, Limits, Table
-from plant.world_types import WALL_THICKNESS_M, Circle, Obstacle, Point, Polygon, Polyline
-from protocol.toml_lines import Key
+from plant.model.errors import Report
+from plant.model.geometry import TOUCHING_M, area_m2, crossing_edges, folded_corner
+from plant.model.types import WALL_THICKNESS_M, Circle, Obstacle, Point, Polygon, Polyline
+from plant.world.table import COORDINATE, Limits, Table
+from runtime.toml_lines import Key
 
 SHAPES: Final = {
     "polygon_m": "[[2.0, 1.0], [3.0, 1.0], [3.0, 2.0]]",

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from math import isfinite, nan
 from typing import Final, NamedTuple
 
-from plant.world_problems import Report
-from plant.world_types import Point
-from plant.world_units import meant, reason_and_fix
-from protocol.toml_lines import Key
+from plant.model.errors import Report
+from plant.model.types import Point
+from plant.world.units import meant, reason_and_fix
+from runtime.toml_lines import Key
 
 FARTHEST_M: Final = 100.0
 MOST_POINTS: Final = 500

@@ -5,8 +5,8 @@ from itertools import pairwise
 from math import ceil, degrees, dist
 from typing import Final
 
-from plant.geometry import clearance_m
-from plant.world_types import Circle, Obstacle, Point, Polyline, World
+from plant.model.geometry import clearance_m
+from plant.model.types import Circle, Obstacle, Point, Polyline, World
 
 COLUMNS: Final = 72
 CELL_RATIO: Final = 2.0  # a character is about twice as high as wide

@@ -4,9 +4,9 @@ from collections.abc import Iterable
 from math import degrees
 from typing import TypeAlias
 
-from plant.goals import RobotGoal
-from plant.scene import Pose
-from plant.world_types import Circle, Obstacle, Polygon, Setting, Settings, World
+from plant.model.scene import Pose
+from plant.model.types import Circle, Obstacle, Polygon, Setting, Settings, World
+from plant.placement.fleet_goals import RobotGoal
 
 Json: TypeAlias = str | bool | int | float | list["Json"] | dict[str, "Json"] | None
 

@@ -1,4 +1,4 @@
-"""Writes a world as the text of a world file; what `plant.world_file` reads of it is that world.
+"""Writes a world as the text of a world file; what `plant.world.file` reads of it is that world.
 
 Angles are written in degrees: one that no number of degrees makes exactly comes back one unit in
 its last place off.
@@ -8,8 +8,8 @@ import json
 from math import degrees, inf, nextafter, radians
 from typing import Final
 
-from plant.world_types import Circle, Obstacle, Point, Polygon, Setting, Settings, World
-from protocol.terminal import printable
+from plant.model.types import Circle, Obstacle, Point, Polygon, Setting, Settings, World
+from runtime.terminal import printable
 
 MOST_DECIMALS: Final = 15
 

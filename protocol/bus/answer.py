@@ -2,11 +2,11 @@
 
 import zenoh
 
-from protocol.codec import decode
-from protocol.errors import NoAnswer
-from protocol.mailbox import foreign
-from protocol.message import Message
+from protocol.bus.mailbox import foreign
 from protocol.topics import ENCODING, ENCODING_FAMILY
+from protocol.wire.codec import decode
+from protocol.wire.message import Message
+from runtime.errors import NoAnswer
 
 
 def answer_in(sample: zenoh.Sample) -> Message | bytes:

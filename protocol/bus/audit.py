@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from typing import Final
 
 from protocol.bus.bus import Bus
-from protocol.bus.refusals import SIGNS, UNKNOWN, Caller, Refusals
-from protocol.bus.strangers import Strangers, end_in
-from protocol.bus.zenoh_log import DOORS, ZenohLog
+from protocol.bus.tls.peer_address import Strangers, end_in
+from protocol.bus.tls.refusal_log import SIGNS, UNKNOWN, Caller, Refusals
+from protocol.bus.tls.zenoh_log import DOORS, ZenohLog
 
 LOOK_S: Final = 0.5
 DRAIN_S: Final = 0.05

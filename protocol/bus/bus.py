@@ -15,24 +15,20 @@ from typing import Any, Self, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.access import may_fetch, operator_name
-from protocol.bus.asker import Asker
-from protocol.bus.callers import Dialled, callers
-from protocol.bus.certificate import holder
-from protocol.bus.history import following, told_ns
+from protocol.bus.faults.fault_injector import Line
+from protocol.bus.late_join import following, told_ns
 from protocol.bus.linger import Lingering
-from protocol.bus.locks import shut
+from protocol.bus.mailbox import Mailbox, Sample
+from protocol.bus.network import Hub, Network
 from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
 from protocol.bus.publisher import Publisher
+from protocol.bus.requester import Asker
 from protocol.bus.service import Asked, Desk, Handler, attached_time, taken
 from protocol.bus.session import bound_endpoints, called, gone, open_session
-from protocol.bus.trouble import Line
-from protocol.codec import Encoder
-from protocol.errors import LocalError
-from protocol.mailbox import Mailbox, Sample
-from protocol.message import Message
-from protocol.messages import Timesync
-from protocol.network import Hub, Network
+from protocol.bus.tls.access import may_fetch, operator_name
+from protocol.bus.tls.certificate import holder
+from protocol.bus.tls.config import shut
+from protocol.bus.tls.peers import Dialled, callers
 from protocol.sender import sender_of
 from protocol.topics import (
     CLOCK_SERVICE,
@@ -46,6 +42,10 @@ from protocol.topics import (
     operator_in,
     robot_name,
 )
+from protocol.wire.codec import Encoder
+from protocol.wire.message import Message
+from protocol.wire.messages import Timesync
+from runtime.errors import LocalError
 
 Take = Callable[[str, bytes, int], None]
 """Key, frame, and when it came in ns; for an event fetched afterwards, when it was told."""

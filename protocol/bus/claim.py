@@ -5,7 +5,7 @@ is whole again: `Twins` watches for that.
 """
 
 from protocol.bus import Bus, Presence
-from protocol.errors import UserError
+from runtime.errors import UserError
 
 
 class NameTaken(UserError):

@@ -4,11 +4,11 @@ import threading
 from collections.abc import Callable
 from typing import Final, Generic, NamedTuple, TypeVar, cast
 
-from protocol.codec import decode
-from protocol.errors import RemoteError
-from protocol.message import Message
-from protocol.terminal import printable
 from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, Topic
+from protocol.wire.codec import decode
+from protocol.wire.message import Message
+from runtime.errors import RemoteError
+from runtime.terminal import printable
 
 M = TypeVar("M", bound=Message)
 MAX_STAMP_NS: Final = 1 << 62

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Literal
 
-from protocol.errors import BadEndpoint, UserError
+from protocol.bus.faults.link_faults import Trouble
 from protocol.topic import operator_called, robot_name
-from protocol.trouble import Trouble
+from runtime.errors import BadEndpoint, UserError
 
 Mode = Literal["client", "peer", "router"]
 EXAMPLE = "tcp/127.0.0.1:7447"

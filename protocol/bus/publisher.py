@@ -5,12 +5,12 @@ from typing import Any, Final, Generic, TypeVar
 
 import zenoh
 
-from protocol.bus.history import TOLD, keeping
+from protocol.bus.late_join import TOLD, keeping
 from protocol.bus.robot_clock import time_bytes
-from protocol.codec import Encoder
-from protocol.errors import LocalError
-from protocol.message import Message
 from protocol.topics import ENCODING, Priority, Topic
+from protocol.wire.codec import Encoder
+from protocol.wire.message import Message
+from runtime.errors import LocalError
 
 M = TypeVar("M", bound=Message)
 

@@ -5,18 +5,18 @@ from typing import Any, Final
 
 import zenoh
 
-from protocol.bus.access import unanswered
 from protocol.bus.answer import answer_in
+from protocol.bus.network import Network
 from protocol.bus.publisher import PRIORITIES
 from protocol.bus.robot_clock import RobotClocks, time_bytes
-from protocol.codec import Encoder
-from protocol.errors import NoAnswer, RemoteError
-from protocol.message import Message
-from protocol.messages import CommandAck, MissionVerdict, Timesync
-from protocol.network import Network
-from protocol.reasons import Reason
+from protocol.bus.tls.access import unanswered
 from protocol.sender import sender_of
 from protocol.topics import CLOCK_SERVICE, ENCODING, Role, Service
+from protocol.wire.codec import Encoder
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, MissionVerdict, Timesync
+from protocol.wire.reasons import Reason
+from runtime.errors import NoAnswer, RemoteError
 
 CLOCK_S: Final = 0.5
 SHORTEST_S: Final = 0.01

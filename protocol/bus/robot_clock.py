@@ -11,7 +11,7 @@ from struct import Struct
 from struct import error as StructError
 from typing import Final
 
-from protocol.mailbox import MAX_STAMP_NS
+from protocol.bus.mailbox import MAX_STAMP_NS
 
 SAMPLES: Final = 8
 EVERY_S: Final = 2.0

@@ -12,15 +12,15 @@ from typing import Any, Final, NamedTuple
 
 import zenoh
 
+from protocol.bus.mailbox import Sample, opened
 from protocol.bus.robot_clock import time_in
-from protocol.codec import LARGEST_FRAME, Encoder
-from protocol.enums import AckResult
-from protocol.errors import RemoteError
-from protocol.mailbox import Sample, opened
-from protocol.message import Message
-from protocol.messages import CommandAck
-from protocol.reasons import Reason
 from protocol.topics import ENCODING, Service, operator_in
+from protocol.wire.codec import LARGEST_FRAME, Encoder
+from protocol.wire.enums import AckResult
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck
+from protocol.wire.reasons import Reason
+from runtime.errors import RemoteError
 
 JSON = "application/json"
 LOG = logging.getLogger(__name__)

@@ -12,9 +12,9 @@ from time import monotonic
 import zenoh
 
 from protocol.bus.congestion import congestion
-from protocol.bus.locks import lock, shut
-from protocol.errors import BadEndpoint, EndpointInUse, NoPeer, PeerHangs, UserError
-from protocol.network import Hub, Network
+from protocol.bus.network import Hub, Network
+from protocol.bus.tls.config import lock, shut
+from runtime.errors import BadEndpoint, EndpointInUse, NoPeer, PeerHangs, UserError
 
 RETRY = {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 2}
 LEASE_MS = 1000

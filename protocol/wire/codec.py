@@ -11,10 +11,10 @@ from typing import Final
 import msgspec
 from fastcrc.crc16 import mcrf4xx
 
-from protocol.errors import LocalError, RemoteError
-from protocol.message import Message, unfit
-from protocol.messages import MESSAGES
-from protocol.wire import Wire, wire_of
+from protocol.wire.message import Message, unfit
+from protocol.wire.messages import MESSAGES
+from protocol.wire.packing import Wire, wire_of
+from runtime.errors import LocalError, RemoteError
 
 MAGIC: Final = 0xFD
 MAGIC_BYTE: Final = bytes([MAGIC])

@@ -2,8 +2,8 @@
 
 import msgspec
 
-from protocol.errors import LocalError
-from protocol.layout import LAYOUT, Field
+from protocol.wire.layout import LAYOUT, Field
+from runtime.errors import LocalError
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):

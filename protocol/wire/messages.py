@@ -5,8 +5,8 @@ Made by `make generate` from sidestep.xml: change that file instead.
 
 from typing import Final
 
-from protocol.message import Message
-from protocol.messages_common import (
+from protocol.wire.message import Message
+from protocol.wire.messages_common import (
     CommandAck,
     CommandInt,
     CommandLong,
@@ -29,7 +29,7 @@ from protocol.messages_common import (
     SystemTime,
     Timesync,
 )
-from protocol.messages_operator import (
+from protocol.wire.messages_operator import (
     CommandRequest,
     GoalRequest,
     LeaseRequest,

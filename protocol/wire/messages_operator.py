@@ -3,7 +3,7 @@
 Made by `make generate` from sidestep.xml: change that file instead.
 """
 
-from protocol.message import Message, too_long, unfit
+from protocol.wire.message import Message, too_long, unfit
 
 
 class GoalRequest(Message, frozen=True, kw_only=True):

@@ -10,8 +10,8 @@ from functools import cache
 from struct import Struct
 from typing import Any, cast
 
-from protocol.layout import LAYOUT, Field
-from protocol.message import Message
+from protocol.wire.layout import LAYOUT, Field
+from protocol.wire.message import Message
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

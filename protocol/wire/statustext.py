@@ -5,7 +5,7 @@ All pieces but the last are full: a shorter one, empty if need be, tells that th
 
 from typing import Final
 
-from protocol.messages import Statustext
+from protocol.wire.messages import Statustext
 
 PIECE_BYTES: Final = 50
 MOST_PIECES: Final = 20

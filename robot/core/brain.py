@@ -1,18 +1,20 @@
 """One control cycle, read aloud: sense, check, decide, guard. No clock, no I/O, no luck."""
 
-from robot.core import closing, failsafe, frozen, guard, pursuit, reasons, states
 from robot.core import machine as machines
-from robot.core import odometry as odometries
-from robot.core import ring as rings
-from robot.core import slip as slips
-from robot.core import stall as stalls
-from robot.core import trail as trails
+from robot.core import pursuit, reasons, states
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY
-from robot.core.controller import HALT, limited, ramp
 from robot.core.geometry import wrap
+from robot.core.motion import trail as trails
+from robot.core.motion.controller import HALT, limited, ramp
 from robot.core.parameters import Params
+from robot.core.perception import closing_speed, frozen_sonar
+from robot.core.perception import odometry as odometries
+from robot.core.perception import slip as slips
+from robot.core.perception import sonar_ring as rings
+from robot.core.perception import stall as stalls
+from robot.core.safety import failsafe, guard
 from robot.core.state import State
-from robot.core.typed import Protocol
+from robot.core.typing_shim import Protocol
 from robot.core.values import Inputs, Outputs, Twist
 
 __all__ = ["State", "step"]
@@ -51,8 +53,8 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
     turned_rad = wrap(odometry.pose.heading_rad - heading_rad)
     rings.update(state.ring, scan, now_ms, params)
     if scan is not None:
-        closing.watch(state.ring.walkers, state.ring, odometry, params)
-    frozen.watch(state.frozen, scan, odometry.moved_m, turned_rad, params)
+        closing_speed.watch(state.ring.walkers, state.ring, odometry, params)
+    frozen_sonar.watch(state.frozen, scan, odometry.moved_m, turned_rad, params)
     if wheels is not None:
         state.bumped = wheels.bumper & ~state.bumper != 0
         state.bumper = wheels.bumper

@@ -1,6 +1,6 @@
 """What each stage of a control cycle may cost: on the host, and of the LPC1768's 50 ms envelope."""
 
-from robot.core.typed import Final, NamedTuple
+from robot.core.typing_shim import Final, NamedTuple
 
 PERIOD_MS: Final = 50
 

@@ -2,7 +2,7 @@
 
 from math import cos, pi, sin
 
-from robot.core.typed import Final
+from robot.core.typing_shim import Final
 from robot.core.values import SONARS
 
 TWO_PI: Final = 2.0 * pi

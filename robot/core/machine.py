@@ -1,8 +1,8 @@
 """What the vehicle, its mode and its one goal are, and the few ways in which they change."""
 
 from robot.core import reasons, states
-from robot.core.fence import Fence
 from robot.core.parameters import Params
+from robot.core.safety.fence import Fence
 from robot.core.values import Goal
 
 

@@ -2,14 +2,14 @@
 
 from math import pi
 
-from robot.core import fence as fences
 from robot.core import machine as machines
 from robot.core import reasons, states
-from robot.core.fence import Fence
 from robot.core.machine import Machine
-from robot.core.navigators import NAVIGATORS
-from robot.core.trail import Trail
-from robot.core.typed import Final
+from robot.core.motion.trail import Trail
+from robot.core.navigators.registry import NAVIGATORS
+from robot.core.safety import fence as fences
+from robot.core.safety.fence import Fence
+from robot.core.typing_shim import Final
 from robot.core.values import Goal, Pose
 
 MIN_POSITION_TOLERANCE_M: Final = 0.005

@@ -1,7 +1,7 @@
 """The settings of the core: one flat table of SI numbers, names short enough for a MAVLink id."""
 
 from robot.core import limits, states
-from robot.core.typed import Final, NamedTuple
+from robot.core.typing_shim import Final, NamedTuple
 
 Params = NamedTuple(
     "Params",

@@ -2,17 +2,19 @@
 
 from math import cos, inf, pi, sin, sqrt
 
-from robot.core import closing, navigators, reasons, states
 from robot.core import machine as machines
-from robot.core import progress as progresses
-from robot.core import trail as trails
-from robot.core.controller import HALT, align, heading_error, into, limited, toward
+from robot.core import reasons, states
 from robot.core.geometry import wrap
-from robot.core.guard import FRONT_BUMPER
-from robot.core.navigators import NAVIGATORS
+from robot.core.motion import progress as progresses
+from robot.core.motion import trail as trails
+from robot.core.motion.controller import HALT, align, heading_error, into, limited, toward
+from robot.core.navigators import registry
+from robot.core.navigators.registry import NAVIGATORS
 from robot.core.parameters import Params
+from robot.core.perception import closing_speed
+from robot.core.safety.guard import FRONT_BUMPER
 from robot.core.state import State
-from robot.core.typed import Final
+from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Twist
 
 LEAVE: Final = 3.0  # arrived is taken back only at this many tolerances
@@ -75,7 +77,7 @@ def begin(state: State, now_ms: int) -> None:
     machine = state.machine
     if state.pursuits != machine.pursuits:
         state.pursuits = machine.pursuits
-        state.memory = navigators.fresh(machine.navigator, machine.side)
+        state.memory = registry.fresh(machine.navigator, machine.side)
         state.arrived = False
         state.crowded = 0
         state.driving = False
@@ -124,7 +126,7 @@ def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: P
     if narrow or state.bumper & FRONT_BUMPER:
         speed_m_s = 0.0
     if limit_m_s == inf:
-        speed_m_s = closing.limit_m_s(ring, speed_m_s)
+        speed_m_s = closing_speed.limit_m_s(ring, speed_m_s)
     elif limit_m_s < speed_m_s:
         speed_m_s = limit_m_s
     speed_m_s, yaw_rate_rad_s = limited(speed_m_s, yaw_rate_rad_s, params)

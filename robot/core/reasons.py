@@ -3,7 +3,7 @@
 Made by `make generate` from sidestep.xml: change that file instead.
 """
 
-from robot.core.typed import Final
+from robot.core.typing_shim import Final
 
 OK: Final = 0  # ok
 NOT_ARMED: Final = 1  # not armed: arm first

@@ -2,16 +2,17 @@
 
 from math import inf
 
-from robot.core import navigators, reasons
-from robot.core.frozen import Frozen
+from robot.core import reasons
 from robot.core.machine import Machine
-from robot.core.odometry import Odometry
+from robot.core.motion.progress import Progress
+from robot.core.motion.trail import Trail
+from robot.core.navigators import registry
 from robot.core.parameters import Params
-from robot.core.progress import Progress
-from robot.core.ring import Ring
-from robot.core.slip import Slip
-from robot.core.stall import Stall
-from robot.core.trail import Trail
+from robot.core.perception.frozen_sonar import Frozen
+from robot.core.perception.odometry import Odometry
+from robot.core.perception.slip import Slip
+from robot.core.perception.sonar_ring import Ring
+from robot.core.perception.stall import Stall
 from robot.core.values import Decision, Twist
 
 
@@ -52,7 +53,7 @@ class State:
         self.odometry = Odometry()
         self.ring = Ring()
         self.frozen = Frozen()
-        self.memory = navigators.fresh(params.navigator, params.side)
+        self.memory = registry.fresh(params.navigator, params.side)
         self.trail = Trail()
         self.progress = Progress()
         self.slip = Slip()

@@ -3,7 +3,7 @@
 Made by `make generate` from sidestep.xml: change that file instead.
 """
 
-from robot.core.typed import Final
+from robot.core.typing_shim import Final
 
 BOOT: Final = 0  # Starting, no senses yet.
 STANDBY: Final = 1  # Disarmed, wheels stopped.

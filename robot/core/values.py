@@ -1,6 +1,6 @@
 """The values that cross the border of the core: what it is given each tick and what it answers."""
 
-from robot.core.typed import Final, NamedTuple
+from robot.core.typing_shim import Final, NamedTuple
 
 SONARS = 8
 EVERY: Final = tuple(range(SONARS))

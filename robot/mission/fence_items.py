@@ -2,12 +2,12 @@
 
 from typing import Final
 
-from protocol.enums import FRAME_LOCAL_FLU, Command
-from protocol.messages import MissionItemInt
+from protocol.wire.enums import FRAME_LOCAL_FLU, Command
+from protocol.wire.messages import MissionItemInt
 from robot.core import modes, reasons
-from robot.core.fence import MOST_CORNERS, Fence
+from robot.core.safety.fence import MOST_CORNERS, Fence
 from robot.core.state import State
-from robot.mission.stops import PER_M, tidy
+from robot.mission.waypoint import PER_M, tidy
 
 CORNER: Final = Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION
 CIRCLE: Final = Command.NAV_FENCE_CIRCLE_INCLUSION

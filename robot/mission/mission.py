@@ -10,13 +10,13 @@ A pause keeps the mode, too. Only a command leads from GUIDED back to AUTO.
 
 from typing import Final
 
-from protocol.enums import MissionState
-from protocol.messages import MissionItemInt, MissionStatus
-from protocol.timing import UINT32
+from protocol.wire.enums import MissionState
+from protocol.wire.messages import MissionItemInt, MissionStatus
 from robot.core import machine as machines
 from robot.core import modes, reasons, states
 from robot.core.machine import Machine
-from robot.mission.stops import Stop, problem_of, stop_of
+from robot.mission.waypoint import Stop, problem_of, stop_of
+from runtime.timing import UINT32
 
 MOST_ITEMS: Final = 200
 CURRENT: Final = -1

@@ -7,11 +7,11 @@ from typing import Final
 
 import msgspec
 
-from protocol.enums import MissionType
-from protocol.errors import LocalError
-from protocol.message import check
-from protocol.messages import MissionItemInt
-from robot.writer import Directory, File, Ticket
+from protocol.wire.enums import MissionType
+from protocol.wire.message import check
+from protocol.wire.messages import MissionItemInt
+from robot.storage.writer import Directory, File, Ticket
+from runtime.errors import LocalError
 
 NAMES: Final[Mapping[int, str]] = MappingProxyType(
     {MissionType.FENCE: "fence", MissionType.MISSION: "mission"}

@@ -6,13 +6,13 @@ A mission is there to be started; it never starts by itself.
 
 from typing import NamedTuple, TypeAlias
 
-from protocol.enums import MissionType, Severity
-from protocol.messages import MissionCount, MissionVerdict
-from protocol.reasons import reason_text
-from robot.core import fence as fences
+from protocol.wire.enums import MissionType, Severity
+from protocol.wire.messages import MissionCount, MissionVerdict
+from protocol.wire.reasons import reason_text
 from robot.core import modes, reasons
+from robot.core.safety import fence as fences
 from robot.core.state import State
-from robot.mission.kept import NAMES, Items, Kept, Unreadable
+from robot.mission.persistence import NAMES, Items, Kept, Unreadable
 from robot.mission.transfer import NO_ITEM, Reply, Request, Transfers
 
 Exchange: TypeAlias = tuple[Request, Reply]

@@ -6,8 +6,8 @@ acted on once.
 
 from typing import Final, Protocol, TypeAlias
 
-from protocol.enums import MissionType
-from protocol.messages import (
+from protocol.wire.enums import MissionType
+from protocol.wire.messages import (
     MissionClearAll,
     MissionCount,
     MissionItemInt,
@@ -16,8 +16,8 @@ from protocol.messages import (
     MissionVerdict,
 )
 from robot.core import reasons
-from robot.mission.kept import Kept
 from robot.mission.mission import Mission
+from robot.mission.persistence import Kept
 
 NO_ITEM: Final = 65_535
 

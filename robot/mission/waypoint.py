@@ -3,8 +3,8 @@
 from math import isnan, radians
 from typing import Final, NamedTuple
 
-from protocol.enums import FRAME_LOCAL_FLU, Command
-from protocol.messages import MissionItemInt
+from protocol.wire.enums import FRAME_LOCAL_FLU, Command
+from protocol.wire.messages import MissionItemInt
 from robot.core import modes, reasons
 from robot.core.machine import Machine
 from robot.core.values import Goal

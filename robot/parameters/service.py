@@ -3,13 +3,13 @@
 import json
 from typing import Final, TypeAlias
 
-from protocol.enums import PARAM_TYPE_INT32, PARAM_TYPE_REAL32
-from protocol.messages import CommandAck, ParamRequestRead, ParamSet, ParamValue
+from protocol.wire.enums import PARAM_TYPE_INT32, PARAM_TYPE_REAL32
+from protocol.wire.messages import CommandAck, ParamRequestRead, ParamSet, ParamValue
 from robot.commands import ack
 from robot.core import modes, reasons, states
 from robot.core.machine import Machine
 from robot.core.parameters import Params
-from robot.parameters import (
+from robot.parameters.table import (
     SPECS,
     TABLE,
     OutOfRange,
@@ -19,7 +19,7 @@ from robot.parameters import (
     safety_changes,
     with_value,
 )
-from robot.store import Store
+from robot.storage.files import Store
 
 Answer: TypeAlias = CommandAck | ParamValue
 

@@ -12,10 +12,10 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Final
 
-from protocol.errors import UserError
 from robot.core import states
-from robot.core.navigators import NAVIGATORS
+from robot.core.navigators.registry import NAVIGATORS
 from robot.core.parameters import DEFAULTS, Params
+from runtime.errors import UserError
 
 
 class Safer(StrEnum):

@@ -2,10 +2,10 @@
 
 from typing import Final
 
-from protocol.clock import Clock, Tick
-from protocol.messages import CycleReport
-from protocol.timing import UINT32
+from protocol.wire.messages import CycleReport
 from robot.core.budget import STAGES, TICK_US
+from runtime.clock import Clock, Tick
+from runtime.timing import UINT32
 
 OVERRUNS_IN_A_ROW: Final = 3
 LAST_STAGE: Final = len(STAGES) - 1

@@ -7,13 +7,13 @@ nothing.
 
 from typing import Final
 
-from protocol.codec import Encoder, decode
-from protocol.messages import SonarScan, WheelCommand, WheelTicks
-from protocol.pulse import Beats
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.messages import SonarScan, WheelCommand, WheelTicks
 from robot.core import brain, modes, states
 from robot.core.parameters import Params
-from robot.core.senses import goal_of, scan_of, wheels_of
+from robot.core.perception.from_messages import goal_of, scan_of, wheels_of
 from robot.core.values import Inputs
+from runtime.arrivals import Beats
 
 LEAD_NS: Final = 1_000_000
 

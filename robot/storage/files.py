@@ -8,12 +8,12 @@ import json
 from pathlib import Path
 from typing import Final
 
-from protocol import whole_file
-from protocol.errors import UserError
-from protocol.json_text import value_in
 from robot.core.parameters import Params
-from robot.parameters import OutOfRange, Unknown, is_less_safe, with_value
-from robot.writer import Directory, Ticket, Writer
+from robot.parameters.table import OutOfRange, Unknown, is_less_safe, with_value
+from robot.storage.writer import Directory, Ticket, Writer
+from runtime import atomic_file
+from runtime.errors import UserError
+from runtime.json_reader import value_in
 
 NAME: Final = "parameters"
 FILE_NAME: Final = f"{NAME}.json"
@@ -44,8 +44,8 @@ def own(directory: Path | None, robot: str) -> str:
 
 def _note(path: Path, robot: str) -> str:
     try:
-        whole_file.make_folder(path.parent)
-        whole_file.replace(path, robot)
+        atomic_file.make_folder(path.parent)
+        atomic_file.replace(path, robot)
     except OSError as error:
         return f"{path}: not written ({error.strerror})"
     return ""

@@ -4,8 +4,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from protocol import whole_file
-from protocol.watchdog import HANGS
+from runtime import atomic_file
+from runtime.watchdog import HANGS
 
 FILE_NAME: Final = "life.txt"
 HUNG_NAME: Final = "hung.txt"
@@ -59,8 +59,8 @@ class Life:
         if self._directory is None:
             return
         try:
-            whole_file.make_folder(self._directory)
-            whole_file.replace(self._directory / FILE_NAME, word)
+            atomic_file.make_folder(self._directory)
+            atomic_file.replace(self._directory / FILE_NAME, word)
         except OSError as error:
             self.trouble = f"{self._directory}: how it ends cannot be kept ({error.strerror})"
 

@@ -11,7 +11,7 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Final, NamedTuple, Protocol
 
-from protocol import whole_file
+from runtime import atomic_file
 
 LOG = logging.getLogger(__name__)
 
@@ -99,10 +99,10 @@ def do(job: Job) -> Done:
     """Write a file so that a crash or a power cut leaves the old content or the new one."""
     try:
         if job.text is None:
-            whole_file.remove(job.path)
+            atomic_file.remove(job.path)
         else:
-            whole_file.make_folder(job.path.parent)
-            whole_file.replace(job.path, job.text)
+            atomic_file.make_folder(job.path.parent)
+            atomic_file.replace(job.path, job.text)
     except OSError as error:
         return Done(job, error)
     except Exception as error:  # a defect must not end the thread without a word

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from numpy.linalg import LinAlgError
 
-from plant.noise import LEVELS
-from protocol.errors import UserError
+from plant.model.noise import LEVELS
 from protocol.options import add_param_option, whole
 from robot.core.parameters import DEFAULTS, Params
-from robot.parameters import OutOfRange, adjusted, with_values
+from robot.parameters.table import OutOfRange, adjusted, with_values
+from runtime.errors import UserError
 from study.calibration import log, plot
 from study.calibration.fit import fitted
 from study.calibration.result import Result, as_toml, store

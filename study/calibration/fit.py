@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robot.core.parameters import Params
-from robot.parameters import with_values
+from robot.parameters.table import with_values
 from study.calibration.golden import least
 from study.calibration.runs import Array, Run, believed, covariance_of, errors_of
 

@@ -13,9 +13,9 @@ from math import degrees, isfinite, radians
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from protocol.errors import ConfigError
 from robot.core.geometry import wrap
 from robot.core.values import Pose
+from runtime.errors import ConfigError
 from study.calibration.runs import DIRECTIONS, Run
 
 COLUMNS: Final = ("run", "direction", "left", "right", "x_m", "y_m", "heading_deg")

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from robot.core.parameters import Params
-from robot.parameters import with_values
-from robot.store import Store
+from robot.parameters.table import with_values
+from robot.storage.files import Store
 from study.calibration.fit import Fit
 from study.calibration.runs import CCW, CW, Run, errors_of
 from study.calibration.umbmark import Umbmark, umbmark

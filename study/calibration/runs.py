@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from robot.core import odometry as odometries
 from robot.core.geometry import wrap
-from robot.core.odometry import Odometry
 from robot.core.parameters import Params
+from robot.core.perception import odometry as odometries
+from robot.core.perception.odometry import Odometry
 from robot.core.values import Pose, Wheels
 
 CW: Final = "cw"

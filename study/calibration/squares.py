@@ -4,18 +4,18 @@ from collections.abc import Iterator
 from math import cos, radians, sin
 from typing import Final
 
-from plant.noise import Noise
-from plant.plant import Plant
-from plant.world_types import GoalPose, Start, World
+from plant.model.noise import Noise
+from plant.sim.simulation import Plant
+from plant.model.types import GoalPose, Start, World
 from protocol.limits import MAX_WHEEL_TTL_MS
-from protocol.wire_goal import wire_goal
+from protocol.wire.goal import wire_goal
 from robot.core import reasons, states
 from robot.core.geometry import wrap
 from robot.core.machine import goal_lives
 from robot.core.parameters import Params
 from robot.core.values import Outputs, Pose
 from study.calibration.runs import CCW, CW, Run
-from study.onboard import Onboard
+from study.trial.core_loop import Onboard
 
 FLOOR_M: Final = 400.0
 TOLERANCE_M: Final = 0.02

@@ -9,18 +9,18 @@ from pathlib import Path
 from struct import pack
 from typing import Any
 
-from ground.blackbox.fields import shortest_single
-from ground.blackbox.frames import opened
-from protocol.errors import UserError
-from protocol.json_text import value_in
-from protocol.messages import PlanarOdometry
-from protocol.wire_goal import told_heading_rad
+from ground.recording.log_reader import opened
+from ground.recording.tables.message_fields import shortest_single
+from protocol.wire.goal import told_heading_rad
+from protocol.wire.messages import PlanarOdometry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
-from robot.parameters import adjusted
-from study.recorded import Recorded
-from study.reexecute import Verdict, reexecuted, refuse_unless_whole
-from study.trial import NAVIGATORS
+from robot.parameters.table import adjusted
+from runtime.errors import UserError
+from runtime.json_reader import value_in
+from study.trial.recorded_drive import Recorded
+from study.trial.reexecute import Verdict, reexecuted, refuse_unless_whole
+from study.trial.trial import NAVIGATORS
 
 
 def main(argv: Sequence[str] | None = None) -> int:

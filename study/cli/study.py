@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from protocol.errors import UserError
+from runtime.errors import UserError
 
 NEEDED: Final = "pyarrow"
 INSTALL: Final = "pip install 'sidestep[study]'"
@@ -21,6 +21,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     if rest[:1] == ["report"]:
         code: int = importlib.import_module("study.report.cli").main(rest[1:])
         return code
-    from study.study_run import run  # needs what was looked for above
+    from study.cli.study_run import run  # needs what was looked for above
 
     return run(rest)

@@ -5,12 +5,12 @@ from os import cpu_count
 from pathlib import Path
 from typing import Final
 
-from plant.noise import LEVELS
-from plant.worlds_make import PER_FAMILY
+from plant.cli.make_worlds import PER_FAMILY
+from plant.model.noise import LEVELS
 from protocol.options import add_param_option, whole
-from study.cli import seconds
-from study.plan import EVERY_NAVIGATOR, Settings, navigator_of, noise_of
-from study.sources import CORPUS, FIXED, Wanted
+from study.cli.trial import seconds
+from study.runner.plan import EVERY_NAVIGATOR, Settings, navigator_of, noise_of
+from study.runner.sources import CORPUS, FIXED, Wanted
 
 OUTPUT: Final = "study-results"
 QUICK_OUTPUT: Final = "study-quick"

@@ -14,22 +14,22 @@ from typing import Any, Final, NamedTuple
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from protocol.errors import UserError
-from robot.parameters import OutOfRange, Unknown
-from study import on_dask
-from study.conduct import Collector, collect, finish, finished, open_tasks, recover
-from study.one import Bench, trial_of
-from study.plan import Settings, Task, tasks_of
-from study.pool import Pool
-from study.progress import Progress
-from study.provenance import code, machine
-from study.rows import FAILED
-from study.settled import alone, settings_of, settle
-from study.sources import Listed, keep, listed
-from study.store import commands_of
-from study.study_options import QUICK_PAPER_SEEDS, output_of, parser, wanted_of
-from study.study_options import settings_of as settings_asked
-from study.trial import params_of
+from robot.parameters.table import OutOfRange, Unknown
+from runtime.errors import UserError
+from study.cli.study_options import QUICK_PAPER_SEEDS, output_of, parser, wanted_of
+from study.cli.study_options import settings_of as settings_asked
+from study.runner import on_dask
+from study.runner.conduct import Collector, collect, finish, finished, open_tasks, recover
+from study.runner.plan import Settings, Task, tasks_of
+from study.runner.pool import Pool
+from study.runner.progress import Progress
+from study.runner.provenance import code, machine
+from study.runner.rows import FAILED
+from study.runner.run_task import Bench, trial_of
+from study.runner.sources import Listed, keep, listed
+from study.runner.store import commands_of
+from study.runner.study_settings import alone, settings_of, settle
+from study.trial.trial import params_of
 
 EXIT_INTERRUPTED: Final = 130
 
@@ -139,9 +139,10 @@ def conclude(study: Study, progress: Progress) -> dict[str, Any]:
 
 
 def report(directory: Path, *, jobs: int, quick: bool) -> None:
-    from study.report import cli, paper_runs  # draws, which takes long to import
+    from study.report import cli  # draws, which takes long to import
+    from study.report.paper import runs  # draws, which takes long to import
 
-    paper_seeds = QUICK_PAPER_SEEDS if quick else paper_runs.SEEDS
+    paper_seeds = QUICK_PAPER_SEEDS if quick else runs.SEEDS
     file, *_ = cli.report(directory, directory, jobs=jobs, paper_seeds=paper_seeds)
     print(f"sidestep study: {file}", file=sys.stderr)
 

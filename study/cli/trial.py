@@ -8,11 +8,10 @@ from contextlib import contextmanager
 from math import radians
 from typing import Final, TextIO
 
-from plant.elsewhere import elsewhere
-from plant.noise import LEVELS
-from plant.world_file import load
-from plant.world_types import GoalPose, Start
-from protocol.errors import UserError
+from plant.model.noise import LEVELS
+from plant.model.types import GoalPose, Start
+from plant.placement.relocate import elsewhere
+from plant.world.file import load
 from protocol.options import (
     above_zero,
     add_param_option,
@@ -22,9 +21,10 @@ from protocol.options import (
     whole,
 )
 from protocol.outcome import Outcome
-from robot.parameters import OutOfRange, Unknown
-from study.trace import Trace
-from study.trial import NAVIGATORS, SIDES, USUAL_NAVIGATOR, Trial, params_of, run_trial
+from robot.parameters.table import OutOfRange, Unknown
+from runtime.errors import UserError
+from study.trial.trace import Trace
+from study.trial.trial import NAVIGATORS, SIDES, USUAL_NAVIGATOR, Trial, params_of, run_trial
 
 LONGEST_S: Final = 24 * 3600.0
 FULL_TURN_DEG: Final = 360.0

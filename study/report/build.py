@@ -4,10 +4,9 @@ from dataclasses import dataclass, field
 
 import pyarrow as pa
 
-from plant.world_types import World
-from protocol.errors import UserError
-from study.report.comparisons import compared, comparison_table
-from study.report.distributions import (
+from plant.model.types import World
+from runtime.errors import UserError
+from study.report.charts.distributions import (
     behaviour_blocks,
     ends_figure,
     error_figure,
@@ -15,15 +14,16 @@ from study.report.distributions import (
     ratio_figure,
     success_figure,
 )
+from study.report.charts.gallery import PER_NAVIGATOR, WorldOf, chosen, gallery
+from study.report.comparisons import compared, comparison_table
 from study.report.families import family_table
-from study.report.gallery import PER_NAVIGATOR, WorldOf, chosen, gallery
 from study.report.how_run import how_run
 from study.report.page import Block, Page, Section, Text
-from study.report.paper_runs import Runs
-from study.report.paper_section import paper_section
+from study.report.paper.runs import Runs
+from study.report.paper.section import paper_section
+from study.report.paper.targets import targets, wanted_table
 from study.report.summary import main_table, more_table, summaries
 from study.report.trials import Trials, distinct, trials_of
-from study.report.wanted import targets, wanted_table
 
 TITLE = "How the navigators compare"
 

@@ -10,12 +10,12 @@ from typing import Final
 
 from protocol.options import whole
 from study.report.build import Asked
-from study.report.files import SUMMARY, write
-from study.report.gallery import PER_NAVIGATOR
-from study.report.paper_runs import SEEDS, run_paper
-from study.report.readme import update
-from study.sources import world_of
-from study.store import commands_of, read
+from study.report.charts.gallery import PER_NAVIGATOR
+from study.report.output.files import SUMMARY, write
+from study.report.output.readme import update
+from study.report.paper.runs import SEEDS, run_paper
+from study.runner.sources import world_of
+from study.runner.store import commands_of, read
 
 MOST_FAILURES: Final = 50
 MOST_JOBS: Final = 1000

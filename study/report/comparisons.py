@@ -10,7 +10,7 @@ import numpy as np
 from study.report.page import Cell, Table
 from study.report.trials import Trials
 from study.report.words import count, interval, number, probability
-from study.statistics import (
+from study.statistics.intervals import (
     Interval,
     binomial_two_sided,
     holm,

@@ -3,7 +3,7 @@
 from study.report.page import Cell, CellLike, Table
 from study.report.trials import Trials
 from study.report.words import DASH, count, percent
-from study.statistics import Share
+from study.statistics.intervals import Share
 
 
 def family_table(trials: Trials, noise: str) -> Table:

@@ -9,7 +9,7 @@ import numpy as np
 from study.report.page import Block, Code, Table, Text
 from study.report.trials import NAVIGATORS, Trials
 from study.report.words import count, number
-from study.rows import FAILED
+from study.runner.rows import FAILED
 
 SHOWN: Final = 6
 

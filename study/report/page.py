@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from study.report.svg import Drawing
+from study.report.charts.svg import Drawing
 
 
 @dataclass(frozen=True, slots=True)

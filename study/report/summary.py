@@ -10,7 +10,7 @@ import numpy as np
 from study.report.page import Table
 from study.report.trials import Trials
 from study.report.words import DASH, count, number, percent, share
-from study.statistics import Floats, Share, quantile
+from study.statistics.intervals import Floats, Share, quantile
 
 HEAD: Final = (
     *("navigator", "noise", "worlds", "trials", "success %", "touched something %"),

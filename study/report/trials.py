@@ -12,10 +12,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from protocol.errors import UserError
-from protocol.reasons import Reason
-from study.rows import COLUMNS, FAILED, SCHEMA
-from study.statistics import CHI2_2_95, Floats
+from protocol.wire.reasons import Reason
+from runtime.errors import UserError
+from study.runner.rows import COLUMNS, FAILED, SCHEMA
+from study.statistics.intervals import CHI2_2_95, Floats
 
 Flags = NDArray[np.bool_]
 Texts = NDArray[np.str_]

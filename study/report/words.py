@@ -2,7 +2,7 @@
 
 from math import isfinite, isnan
 
-from study.statistics import Interval, Share
+from study.statistics.intervals import Interval, Share
 
 DASH = "-"
 

@@ -6,10 +6,10 @@ from typing import Final
 
 import pyarrow as pa
 
-from study.plan import Task
-from study.progress import Progress
-from study.rows import Row
-from study.store import (
+from study.runner.plan import Task
+from study.runner.progress import Progress
+from study.runner.rows import Row
+from study.runner.store import (
     SHARDS,
     UNFINISHED,
     compact,

@@ -9,11 +9,11 @@ from itertools import islice
 from queue import Empty, SimpleQueue
 from typing import Any, Final
 
-from protocol.errors import UserError
-from study.one import Bench, failed, row_of
-from study.plan import Task
-from study.provenance import code
-from study.rows import Row
+from runtime.errors import UserError
+from study.runner.plan import Task
+from study.runner.provenance import code
+from study.runner.rows import Row
+from study.runner.run_task import Bench, failed, row_of
 
 CONNECT_S: Final = 10.0
 REFRESH_S: Final = 1.0

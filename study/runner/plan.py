@@ -7,13 +7,13 @@ from hashlib import sha256
 from math import ceil
 from typing import Any, Final
 
-from plant.noise import LEVELS
-from plant.world_overrides import body_of
-from plant.world_types import World
-from protocol.errors import UserError
-from study.sources import Listed
-from study.suggest import unknown
-from study.trial import NAVIGATORS, SIDES
+from plant.model.noise import LEVELS
+from plant.model.types import World
+from plant.world.overrides import body_of
+from runtime.errors import UserError
+from study.runner.sources import Listed
+from study.runner.suggestion import unknown
+from study.trial.trial import NAVIGATORS, SIDES
 
 SEEDS_APART: Final = 1000
 LEAST_S: Final = 120.0

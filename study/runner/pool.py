@@ -16,10 +16,10 @@ from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Final, Self
 
-from protocol.errors import UserError
-from study.one import Bench, failed, row_of
-from study.plan import Task
-from study.rows import Row
+from runtime.errors import UserError
+from study.runner.plan import Task
+from study.runner.rows import Row
+from study.runner.run_task import Bench, failed, row_of
 
 READY: Final = "ready"
 AHEAD: Final = 2

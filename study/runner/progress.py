@@ -5,8 +5,8 @@ from collections.abc import Callable
 from math import isfinite
 from typing import Final, TextIO
 
-from protocol.terminal import CLEAR_LINE, steer
-from study.rows import Row
+from runtime.terminal import CLEAR_LINE, steer
+from study.runner.rows import Row
 
 TERMINAL_EVERY_S: Final = 0.5
 ELSE_EVERY_S: Final = 30.0

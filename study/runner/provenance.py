@@ -10,9 +10,14 @@ from importlib import metadata
 from pathlib import Path
 from typing import Final, NamedTuple
 
-ROOT: Final = Path(__file__).parents[1]
-DRIVEN_BY: Final = ("robot/*.py", "robot/core/*.py", "plant/*.py", "protocol/*.py")
-TRIED_BY: Final = ("protocol/**/*.toml", "study/trial.py", "study/onboard.py", "study/behaviour.py")
+ROOT: Final = Path(__file__).parents[2]
+DRIVEN_BY: Final = ("robot/**/*.py", "plant/**/*.py", "protocol/**/*.py", "runtime/**/*.py")
+TRIED_BY: Final = (
+    "runtime/**/*.toml",
+    "study/trial/trial.py",
+    "study/trial/core_loop.py",
+    "study/trial/behaviour.py",
+)
 GIT_PATIENCE_S: Final = 10.0
 
 
@@ -26,7 +31,7 @@ class Code(NamedTuple):
 
 
 class Machine(NamedTuple):
-    """Names as in `study.rows.Row`."""
+    """Names as in `study.runner.rows.Row`."""
 
     python: str
     numpy: str
@@ -39,7 +44,7 @@ class Machine(NamedTuple):
 def code() -> Code:
     """Commit "unknown" where it does not run from a checkout, as when it was installed."""
     digest = code_digest(ROOT)
-    if _git("ls-files", "--error-unmatch", "study/trial.py") is None:
+    if _git("ls-files", "--error-unmatch", "study/trial/trial.py") is None:
         return Code("unknown", False, _version("sidestep"), digest)
     commit = _git("rev-parse", "HEAD") or "unknown"
     dirty = bool(_git("status", "--porcelain", "--untracked-files=no"))

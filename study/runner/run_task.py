@@ -9,14 +9,14 @@ from time import perf_counter, thread_time
 from types import MappingProxyType
 from typing import Any, Final
 
-from plant.world_types import World
+from plant.model.types import World
 from protocol.outcome import Outcome
 from robot.core import states
-from study.behaviour import Behaviour
-from study.plan import Task
-from study.provenance import Code, machine
-from study.rows import COLUMNS, FAILED, Row
-from study.trial import Trial, run_trial
+from study.runner.plan import Task
+from study.runner.provenance import Code, machine
+from study.runner.rows import COLUMNS, FAILED, Row
+from study.trial.behaviour import Behaviour
+from study.trial.trial import Trial, run_trial
 
 ASKED: Final = tuple(field.name for field in fields(Task) if field.name in COLUMNS)
 MEASURED: Final = (

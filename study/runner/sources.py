@@ -8,14 +8,14 @@ from typing import Final, NamedTuple
 
 import plant.corpus
 from plant.corpus import FAMILIES, generate
-from plant.shortest_path import known_length_m
-from plant.world_file import load, shipped
-from plant.world_problems import Problem, WorldError
-from plant.world_toml import dumps
-from plant.world_types import World
-from protocol.errors import UserError
-from study.store import replacing
-from study.suggest import unknown
+from plant.model.errors import Problem, WorldError
+from plant.model.types import World
+from plant.placement.shortest_path import known_length_m
+from plant.world.file import load, shipped
+from plant.world.to_toml import dumps
+from runtime.errors import UserError
+from study.runner.store import replacing
+from study.runner.suggestion import unknown
 
 CORPUS: Final = "corpus"
 FIXED: Final = "fixed"

@@ -14,8 +14,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from protocol.errors import UserError
-from study.rows import SCHEMA, Row, table_of
+from runtime.errors import UserError
+from study.runner.rows import SCHEMA, Row, table_of
 
 RESULTS: Final = "results.parquet"
 SHARDS: Final = "shards"

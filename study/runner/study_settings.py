@@ -7,12 +7,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from protocol.errors import UserError
-from protocol.json_text import value_in
-from study.plan import Settings
-from study.provenance import Code, Machine
-from study.sources import Listed
-from study.store import replacing
+from runtime.errors import UserError
+from runtime.json_reader import value_in
+from study.runner.plan import Settings
+from study.runner.provenance import Code, Machine
+from study.runner.sources import Listed
+from study.runner.store import replacing
 
 FILE: Final = "settings.json"
 LOCK: Final = "lock"

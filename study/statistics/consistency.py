@@ -13,22 +13,22 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from plant.forest import grow
-from plant.plant import Plant
-from plant.world_overrides import noise_of
-from plant.world_types import GoalPose, Start, World
-from protocol.calibration import settings_of
+from plant.corpus.tree_placement import grow
+from plant.sim.simulation import Plant
+from plant.world.overrides import noise_of
+from plant.model.types import GoalPose, Start, World
+from runtime.calibration import settings_of
 from protocol.limits import MAX_WHEEL_TTL_MS
-from robot.core import odometry as odometries
+from robot.core.perception import odometry as odometries
 from robot.core.geometry import wrap
-from robot.core.odometry import Odometry
+from robot.core.perception.odometry import Odometry
 from robot.core.parameters import DEFAULTS, Params
-from robot.core.senses import wheels_of
+from robot.core.perception.from_messages import wheels_of
 from robot.core.values import Outputs, Pose
-from robot.parameters import with_values
+from robot.parameters.table import with_values
 from study.calibration.runs import covariance_of
-from study.onboard import Onboard
-from study.trial import Trial, run_trial
+from study.trial.core_loop import Onboard
+from study.trial.trial import Trial, run_trial
 
 KINDS: Final = ("straight", "curves", "stop and go", "obstacles")
 SURE: Final = 1.959964

@@ -2,10 +2,10 @@
 
 from math import pi
 
-from plant.plant import Plant
+from plant.sim.simulation import Plant
 from robot.core import states
 from robot.core.values import Outputs
-from study.onboard import Onboard
+from study.trial.core_loop import Onboard
 
 SIDES = (states.PASS_LEFT, states.PASS_RIGHT)
 

@@ -1,11 +1,11 @@
 """The core as the robot process runs it, without the process: senses in, wheel command out."""
 
-from protocol.messages import SonarScan, WheelTicks
 from protocol.topics import MS, SONAR, WHEELS
-from protocol.wire_goal import WireGoal
+from protocol.wire.goal import WireGoal
+from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core import brain, modes, reasons, states
 from robot.core.parameters import Params
-from robot.core.senses import goal_of, now_ms_of, scan_of, wheels_of
+from robot.core.perception.from_messages import goal_of, now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Outputs, Pose, Wheels
 
 WHEELS_STALE_MS = WHEELS.stale_after_ns // MS

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from itertools import count, takewhile
 from typing import Final, NamedTuple
 
-from ground.blackbox.frames import Log
-from protocol.codec import Frame, decode
-from protocol.errors import RemoteError
-from protocol.message import Message
-from protocol.messages import (
+from ground.recording.log_reader import Log
+from protocol.topics import ANSWERED, COMMANDED, INPUTS
+from protocol.wire.codec import Frame, decode
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     AvoidanceDecision,
     CommandAck,
     MissionClearAll,
@@ -26,9 +26,9 @@ from protocol.messages import (
     WheelCommand,
     WheelTicks,
 )
-from protocol.reasons import Reason
-from protocol.topics import ANSWERED, COMMANDED, INPUTS
+from protocol.wire.reasons import Reason
 from robot.telemetry import SCAN_THERE, STEERED, WHEELS_THERE
+from runtime.errors import RemoteError
 
 BYTE: Final = 0xFF
 OVERTAKEN: Final = 20

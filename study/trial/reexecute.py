@@ -9,10 +9,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from protocol.enums import Command
-from protocol.errors import UserError
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.enums import Command
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     AvoidanceDecision,
     CommandRequest,
     LeaseRequest,
@@ -22,16 +21,17 @@ from protocol.messages import (
     TickInputs,
     WheelCommand,
 )
-from protocol.wire import wire_of
+from protocol.wire.packing import wire_of
 from robot import telemetry
 from robot.core import modes, reasons
 from robot.core.parameters import Params
-from robot.core.senses import scan_of, twist_of, wheels_of
+from robot.core.perception.from_messages import scan_of, twist_of, wheels_of
 from robot.core.values import Inputs, Outputs, Pose
-from robot.store import Store
+from robot.storage.files import Store
 from robot.telemetry import BUDGET_VIOLATED, NAME_TAKEN, NEVER, STEERED
 from robot.vehicle import Vehicle
-from study.recorded import Recorded
+from runtime.errors import UserError
+from study.trial.recorded_drive import Recorded
 
 NS_PER_MS: Final = 1_000_000
 COMPARED: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)

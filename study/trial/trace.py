@@ -4,9 +4,9 @@ import csv
 from math import inf, nan
 from typing import TextIO
 
-from plant.plant import Plant
+from plant.sim.simulation import Plant
 from robot.core.values import Decision, Outputs
-from study.onboard import Onboard
+from study.trial.core_loop import Onboard
 
 COLUMNS = (
     *("time_s", "true_x_m", "true_y_m", "true_heading_rad", "clearance_m", "contact"),

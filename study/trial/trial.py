@@ -6,21 +6,21 @@ from functools import lru_cache
 from time import perf_counter
 from typing import TypeAlias
 
-from plant.plant import Plant
-from plant.shortest_path import known_length_m
-from plant.world_overrides import noise_of
-from plant.world_types import World
-from protocol.calibration import settings_of
+from plant.sim.simulation import Plant
+from plant.placement.shortest_path import known_length_m
+from plant.world.overrides import noise_of
+from plant.model.types import World
+from runtime.calibration import settings_of
 from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.outcome import Asked, Ended, Outcome, judged
-from protocol.timing import CONTROL_HZ, PERIOD_NS
-from protocol.wire_goal import WireGoal, told_heading_rad, wire_goal
+from runtime.timing import CONTROL_HZ, PERIOD_NS
+from protocol.wire.goal import WireGoal, told_heading_rad, wire_goal
 from robot.core import reasons, states
 from robot.core.machine import goal_lives
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Outputs, Pose
-from robot.parameters import with_values
-from study.onboard import Onboard
+from robot.parameters.table import with_values
+from study.trial.core_loop import Onboard
 
 NAVIGATORS: Mapping[str, int] = {
     "bug": states.BUG,

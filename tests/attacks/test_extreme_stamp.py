@@ -2,18 +2,18 @@
 
 import pytest
 
-from protocol.clock import Tick, WallClock
-from protocol.messages import SonarScan, WheelCommand
-from protocol.timing import PERIOD_NS
+from runtime.clock import Tick, WallClock
+from protocol.wire.messages import SonarScan, WheelCommand
+from runtime.timing import PERIOD_NS
 from protocol.topics import DRIVE, SONAR
 from robot.core.parameters import DEFAULTS
-from robot.meter import Meter
+from robot.scheduling.cycle_meter import Meter
 from robot.process import Process
 from robot.senses import Senses
-from robot.store import Store
+from robot.storage.files import Store
 from robot.vehicle import Vehicle
-from tests.attacks.attacker import Attacker
-from tests.bus.nets import Net, net
+from tests.support.attacks.attacker import Attacker
+from tests.support.bus.nets import Net, net
 from tests.support.until import until
 
 EXTREME = (2**62, 2**63 - 1, 2**63, 2**64 - 1)

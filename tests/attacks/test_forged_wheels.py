@@ -6,13 +6,13 @@ from itertools import chain, repeat
 
 import pytest
 
-from protocol.codec import Encoder
-from protocol.enums import Command, Vehicle
-from protocol.messages import WheelCommand
-from protocol.reasons import Reason
-from protocol.timing import PERIOD_NS
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import Command, Vehicle
+from protocol.wire.messages import WheelCommand
+from protocol.wire.reasons import Reason
+from runtime.timing import PERIOD_NS
 from protocol.topics import DRIVE
-from tests.harness import Stack
+from tests.support.harness import Stack
 from tests.support.until import PATIENCE_S
 
 UINT32 = 0xFFFFFFFF

@@ -2,13 +2,13 @@
 
 import pytest
 
-from protocol.enums import Command, LeaseAction, Mode, Vehicle
-from protocol.messages import GoalRequest
-from protocol.reasons import Reason
-from protocol.trouble import Trouble
-from tests.attacks.attacker import answered, attacked, order
-from tests.harness import Stack
-from tests.operators import Operator
+from protocol.bus.faults.link_faults import Trouble
+from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
+from protocol.wire.messages import GoalRequest
+from protocol.wire.reasons import Reason
+from tests.support.attacks.attacker import answered, attacked, order
+from tests.support.harness import Stack
+from tests.support.operators import Operator
 
 LOST_S = 1.7
 BRAKING_S = 0.4

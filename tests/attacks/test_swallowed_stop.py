@@ -6,16 +6,16 @@ The operator presses the stop of the app, `EmergencyStop`, while somebody else f
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
-from ground.emergency_stop import EmergencyStop, StopOutcome
-from protocol.clock import WallClock
-from protocol.enums import Command, LeaseAction, Vehicle
-from protocol.message import Message
-from protocol.messages import CommandRequest, LeaseRequest
-from protocol.reasons import Reason
+from ground.client.emergency_stop import EmergencyStop, StopOutcome
+from runtime.clock import WallClock
+from protocol.wire.enums import Command, LeaseAction, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandRequest, LeaseRequest
+from protocol.wire.reasons import Reason
 from protocol.topics import COMMAND, COMMANDED, LEASE_SERVICE, STOP, STOP_SERVICE
 from robot.process import MAX_WAITING
-from tests.attacks.attacker import EVE, Attacker, Reply, answered, attacked, order
-from tests.harness import Stack
+from tests.support.attacks.attacker import EVE, Attacker, Reply, answered, attacked, order
+from tests.support.harness import Stack
 from tests.support.until import PATIENCE_S, until
 
 STANDS_S = 0.2

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from ground.cli import main
-from tests.bus.robots import PlayedRobot, Say, played
+from ground.cli.main import main
+from tests.support.bus.robots import PlayedRobot, Say, played
 
 
 @pytest.fixture

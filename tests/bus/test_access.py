@@ -7,7 +7,7 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.access import operator_name
+from protocol.bus.tls.access import operator_name
 from protocol.topics import (
     COMMAND,
     DRIVE,
@@ -19,8 +19,8 @@ from protocol.topics import (
     TRUTH,
     Role,
 )
-from tests.bus.locked import Intruder, Locked, Watchful, locked
-from tests.bus.nets import TOPOLOGIES, Topology
+from tests.support.bus.locked import Intruder, Locked, Watchful, locked
+from tests.support.bus.nets import TOPOLOGIES, Topology
 from tests.support.until import until
 
 AT_LEAST = 1000

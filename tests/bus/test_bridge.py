@@ -9,19 +9,19 @@ from typing import Any
 import aiohttp
 import pytest
 
-from ground.blackbox.mcap_file import RAW_TOPIC
-from ground.bridge import Bridge, place, served
-from ground.link import Link
-from ground.options import Common
+from ground.recording.mcap.reader import RAW_TOPIC
+from ground.cli.look.bridge import Bridge, place, served
+from ground.client.link import Link
+from ground.client.connection import Common
 from protocol.bus import open_bus
-from protocol.clock import WallClock
-from protocol.codec import decode
-from protocol.errors import UserError
-from protocol.network import Network
+from runtime.clock import WallClock
+from protocol.wire.codec import decode
+from runtime.errors import UserError
+from protocol.bus.network import Network
 from protocol.topics import ENCODING, PREFIX, WORLD, Role
-from tests.bus.robots import played
+from tests.support.bus.robots import played
 from tests.support.until import until
-from tests.unit.ground.blackbox.made import WORLD_TEXT
+from tests.support.ground.recording.made import WORLD_TEXT
 
 PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 DATA_HEAD = 1 + 4 + 8

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from ground.tlog import record_bytes
-from protocol.codec import Encoder
-from tests.bus.robots import BEAT, played
+from ground.recording.tlog import record_bytes
+from protocol.wire.codec import Encoder
+from tests.support.bus.robots import BEAT, played
 
 ROOT = Path(__file__).parents[2]
 BROKEN_PIPE = 141

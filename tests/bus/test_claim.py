@@ -4,10 +4,10 @@ from contextlib import ExitStack
 
 import pytest
 
-from benchmarks.observed import until
 from protocol.bus import Bus, Network, open_bus
-from protocol.claim import NameTaken, Twins, claim
+from protocol.bus.claim import NameTaken, Twins, claim
 from protocol.topics import Role
+from verification.harness.observer import until
 
 ANYWHERE = "tcp/127.0.0.1:0"
 

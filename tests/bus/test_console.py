@@ -9,22 +9,22 @@ from typing import Any
 import msgspec
 import pytest
 
-from ground import cli
+from ground.cli import main as cli
+from ground.client.connection import common_of
+from ground.client.link import Link
 from ground.console import act, parse
-from ground.link import Link
 from ground.missions.draft import Draft
-from ground.options import common_of
-from ground.says import Says
+from ground.text.output import Says
 from protocol.bus import open_bus
-from protocol.clock import WallClock
-from protocol.enums import GoalState, LeaseAction, Mode, Vehicle
-from protocol.mailbox import Mailbox
-from protocol.message import Message
-from protocol.messages import GoalRequest
-from protocol.reasons import Reason
+from protocol.bus.mailbox import Mailbox
 from protocol.topics import Role
-from tests.bus.robots import PlayedRobot, played
-from tests.unit.ground.console.spoken import SPOKEN
+from protocol.wire.enums import GoalState, LeaseAction, Mode, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import GoalRequest
+from protocol.wire.reasons import Reason
+from runtime.clock import WallClock
+from tests.support.bus.robots import PlayedRobot, played
+from tests.support.ground.console.spoken import SPOKEN
 
 OF_RECORDINGS = ("explain", "ghost", "mark", "plot")
 ENDLESS = ("watch", "ground")

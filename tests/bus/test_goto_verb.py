@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from ground import goto
-from ground.parts import Part, in_words
-from ground.status_line import goal_line
-from protocol.enums import Command, GoalState, LeaseAction, Mode, Vehicle
-from protocol.messages import GoalRequest
-from protocol.reasons import Reason
-from tests.bus.robots import PlayedRobot, Say
+from ground.cli.command import goto
+from ground.client.status_line import goal_line
+from ground.text.status_parts import Part, in_words
+from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
+from protocol.wire.messages import GoalRequest
+from protocol.wire.reasons import Reason
+from tests.support.bus.robots import PlayedRobot, Say
 
 
 def test_goto_arms_a_robot_that_stands_by_and_waits_for_the_end(

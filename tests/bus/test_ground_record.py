@@ -9,16 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from ground.blackbox.frames import opened
-from ground.cli import main
-from ground.recorder import LogFile
-from ground.texts import Texts
-from ground.tlog import read
+from ground.recording.log_reader import opened
+from ground.cli.main import main
+from ground.recording.log_writer import LogFile
+from ground.text.statustext import Texts
+from ground.recording.tlog import read
 from protocol.bus import Network, open_bus
-from protocol.codec import decode
-from protocol.messages import Heartbeat, NavigatorStatus, Statustext
+from protocol.wire.codec import decode
+from protocol.wire.messages import Heartbeat, NavigatorStatus, Statustext
 from protocol.topics import MARK, SONAR, Role
-from tests.bus.robots import PlayedRobot, played
+from tests.support.bus.robots import PlayedRobot, played
 from tests.support.until import PATIENCE_S
 
 

@@ -4,13 +4,13 @@ import json
 
 import pytest
 
-from ground.cli import main
+from ground.cli.main import main
 from protocol.bus import Network, open_bus
-from protocol.enums import Command, Mode, Vehicle
-from protocol.messages import CommandRequest
-from protocol.reasons import Reason
 from protocol.topics import Role
-from tests.bus.robots import PlayedRobot, Say
+from protocol.wire.enums import Command, Mode, Vehicle
+from protocol.wire.messages import CommandRequest
+from protocol.wire.reasons import Reason
+from tests.support.bus.robots import PlayedRobot, Say
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,12 @@ from threading import Event, Thread
 
 import pytest
 
-from ground.cli import main
+from ground.cli.main import main
 from protocol.bus import Network, open_bus
 from protocol.topics import HEARTBEAT, Role
-from tests.bus.lively import Lively
-from tests.bus.nets import net
-from tests.bus.robots import played
+from tests.support.bus.lively import Lively
+from tests.support.bus.nets import net
+from tests.support.bus.robots import played
 
 Ask = Callable[..., tuple[int, str]]
 

@@ -9,17 +9,17 @@ from typing import Final, Literal
 
 import pytest
 
-from benchmarks.cable import Cable
-from ground.station.streams import Counter
-from ground.texts import aged
+from verification.harness.tcp_proxy import Cable
+from ground.station.link.streams import Counter
+from ground.text.statustext import aged
 from protocol.bus import Bus, open_bus
-from protocol.codec import decode
-from protocol.enums import Severity
-from protocol.messages import Statustext, WheelTicks
-from protocol.network import Mode, Network
+from protocol.wire.codec import decode
+from protocol.wire.enums import Severity
+from protocol.wire.messages import Statustext, WheelTicks
+from protocol.bus.network import Mode, Network
 from protocol.topics import MARK, TEXT, TOPICS, WHEELS, Role
-from tests.bus.nets import TOPOLOGIES, Topology, net, prefixes
-from tests.keyring import Keyring
+from tests.support.bus.nets import TOPOLOGIES, Topology, net, prefixes
+from tests.support.keyring import Keyring
 from tests.support.until import PATIENCE_S, until
 
 CUT_S: Final = 3.0

@@ -13,15 +13,15 @@ import pytest
 import zenoh
 
 import sidestep
-from benchmarks.terminal import Terminal
 from protocol.bus import Asked
-from protocol.enums import Severity
-from protocol.messages import Statustext
-from protocol.texts import pieces_of
 from protocol.topics import DECISION, LEASE, TEXT, WORLD
-from tests.bus.robots import PlayedRobot, played
-from tests.hostile import OWNED, raw_in
-from tests.hostile import TEXT as HOSTILE
+from protocol.wire.enums import Severity
+from protocol.wire.messages import Statustext
+from protocol.wire.statustext import pieces_of
+from tests.support.bus.robots import PlayedRobot, played
+from tests.support.hostile import OWNED, raw_in
+from tests.support.hostile import TEXT as HOSTILE
+from verification.harness.terminal import Terminal
 
 PATIENCE_S = 20.0
 ROOT = Path(__file__).parents[2]

@@ -11,15 +11,15 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
-from ground.cli import main
+from ground.cli.main import main
 from protocol.bus import Bus, open_bus
-from protocol.bus.doors import watched_doors
+from protocol.bus.audit import watched_doors
 from protocol.bus.session import configured
-from protocol.errors import NotLetIn
-from protocol.network import Hub, Network
+from runtime.errors import NotLetIn
+from protocol.bus.network import Hub, Network
 from protocol.topics import COMMAND, OPERATOR, SONAR, STATUS, STOP, Role
-from tests.bus.locked import DIAL_S, SESSION
-from tests.keyring import Keyring
+from tests.support.bus.locked import DIAL_S, SESSION
+from tests.support.keyring import Keyring
 from tests.support.until import until
 
 PREFIX = "impostor"

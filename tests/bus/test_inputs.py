@@ -8,10 +8,11 @@ from typing import Final, TypeVar
 
 from msgspec.structs import replace
 
-from protocol.codec import Encoder, decode
-from protocol.enums import Command, LeaseAction
-from protocol.message import Message
-from protocol.messages import (
+from protocol.topics import ANSWERED, COMMANDED, PARAMETER, Topic
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.enums import Command, LeaseAction
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     AvoidanceDecision,
     CommandAck,
     LeaseRequest,
@@ -24,16 +25,15 @@ from protocol.messages import (
     WheelCommand,
     WheelTicks,
 )
-from protocol.reasons import Reason
-from protocol.topics import ANSWERED, COMMANDED, PARAMETER, Topic
+from protocol.wire.reasons import Reason
 from robot import telemetry
 from robot.core.parameters import Params
-from robot.core.senses import scan_of, twist_of, wheels_of
+from robot.core.perception.from_messages import scan_of, twist_of, wheels_of
 from robot.core.values import Inputs, Outputs, Pose
-from robot.store import Store
+from robot.storage.files import Store
 from robot.vehicle import Vehicle
-from tests.harness import Stack
-from tests.operators import Operator, fence, stops
+from tests.support.harness import Stack
+from tests.support.operators import Operator, fence, stops
 
 M = TypeVar("M", bound=Message)
 TOLD: Final = (WheelCommand, PlanarOdometry, AvoidanceDecision, NavigatorStatus)

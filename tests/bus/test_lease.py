@@ -1,11 +1,11 @@
 """Two operators and one robot, over the whole stack: who holds the lease commands alone."""
 
-from protocol.enums import Command, LeaseAction, Mode, Vehicle
-from protocol.messages import GoalRequest, LeaseStatus, ParamSet
-from protocol.reasons import Reason
 from protocol.topics import LEASE, PARAMETER
-from tests.harness import Stack, reason_in
-from tests.operators import Operator, stops
+from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
+from protocol.wire.messages import GoalRequest, LeaseStatus, ParamSet
+from protocol.wire.reasons import Reason
+from tests.support.harness import Stack, reason_in
+from tests.support.operators import Operator, stops
 
 GOAL = GoalRequest(
     request_id=5,

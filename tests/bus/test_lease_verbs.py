@@ -7,9 +7,9 @@ from math import radians
 
 import pytest
 
-from ground.cli import main
-from protocol.enums import LeaseAction, Mode, Vehicle
-from tests.bus.robots import PlayedRobot, Say
+from ground.cli.main import main
+from protocol.wire.enums import LeaseAction, Mode, Vehicle
+from tests.support.bus.robots import PlayedRobot, Say
 
 
 def test_the_lease_is_taken_kept_and_given_back(robot: PlayedRobot, say: Say) -> None:

@@ -5,10 +5,10 @@ import subprocess
 import sys
 
 from protocol.bus import Bus, open_bus
-from protocol.messages import WheelTicks
-from protocol.network import Network
+from protocol.wire.messages import WheelTicks
+from protocol.bus.network import Network
 from protocol.topics import WHEELS, Role
-from tests.bus.nets import net
+from tests.support.bus.nets import net
 from tests.support.until import PATIENCE_S, until
 
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
@@ -16,7 +16,7 @@ TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
 ANNOUNCED = """
 import sys
 from protocol.bus import open_bus
-from protocol.network import Network
+from protocol.bus.network import Network
 from protocol.topics import Role
 network = Network(mode="client", connect=(sys.argv[1],), prefix=sys.argv[2])
 with open_bus(network, Role.GROUND, "r1") as bus:

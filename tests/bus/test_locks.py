@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from ground.cli import main
-from protocol.bus import locks, open_bus
-from protocol.bus.locks import NO_TLS
-from protocol.errors import BadKeys, NotLetIn, PeerHangs, UserError
-from protocol.network import Hub, Network, Tls
+from ground.cli.main import main
+from protocol.bus.tls import config as locks
+from protocol.bus import open_bus
+from protocol.bus.tls.config import NO_TLS
+from runtime.errors import BadKeys, NotLetIn, PeerHangs, UserError
+from protocol.bus.network import Hub, Network, Tls
 from protocol.topics import Role
-from tests.keyring import Keyring
+from tests.support.keyring import Keyring
 from tests.support.until import until
 
 DIAL_S = 0.4

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from ground.cli import main
+from ground.cli.main import main
 from ground.missions.files import read
-from protocol.enums import Command, MissionState, MissionType, Vehicle
-from protocol.messages import CommandRequest, MissionCount
-from protocol.reasons import Reason
-from tests.bus.robots import PlayedRobot, Say
+from protocol.wire.enums import Command, MissionState, MissionType, Vehicle
+from protocol.wire.messages import CommandRequest, MissionCount
+from protocol.wire.reasons import Reason
+from tests.support.bus.robots import PlayedRobot, Say
 
 MISSION = """
 [[waypoint]]

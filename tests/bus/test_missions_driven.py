@@ -1,12 +1,12 @@
 """Missions and fences over the whole stack, driven to their ends."""
 
-from protocol.enums import Command, GoalState, MissionState, MissionType, Vehicle
-from protocol.messages import MissionClearAll, MissionStatus
-from protocol.reasons import Reason
 from protocol.topics import MISSION, MISSION_SERVICE
+from protocol.wire.enums import Command, GoalState, MissionState, MissionType, Vehicle
+from protocol.wire.messages import MissionClearAll, MissionStatus
+from protocol.wire.reasons import Reason
 from tests.faults.test_failsafes import STOPPING_S
-from tests.harness import Stack
-from tests.operators import Operator, fence, stops
+from tests.support.harness import Stack
+from tests.support.operators import Operator, fence, stops
 
 
 class Watched:

@@ -9,17 +9,10 @@ from typing import Literal
 import pytest
 
 from protocol.bus import open_bus
-from protocol.errors import (
-    BadEndpoint,
-    EndpointInUse,
-    LocalError,
-    NoPeer,
-    PeerHangs,
-    UserError,
-)
-from protocol.network import Network
+from runtime.errors import BadEndpoint, EndpointInUse, LocalError, NoPeer, PeerHangs, UserError
+from protocol.bus.network import Network
 from protocol.topics import Role
-from tests.bus.nets import TOPOLOGIES, Topology, net
+from tests.support.bus.nets import TOPOLOGIES, Topology, net
 from tests.support.until import PATIENCE_S, until
 
 ANY_PORT = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
@@ -142,7 +135,7 @@ def test_who_has_no_role_cannot_announce_itself() -> None:
 
 LEFT_OPEN = """
 from protocol.bus import open_bus
-from protocol.network import Network
+from protocol.bus.network import Network
 from protocol.topics import COMMAND, WHEELS, Role
 bus = open_bus(Network(mode="peer", listen=("tcp/127.0.0.1:0",)), Role.ROBOT, "r1")
 bus.mailbox(WHEELS)

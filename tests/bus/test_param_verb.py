@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from ground.param import ATTEMPTS
-from tests.bus.robots import PlayedRobot, Say
+from ground.cli.command.param import ATTEMPTS
+from tests.support.bus.robots import PlayedRobot, Say
 
 
 def test_parameters_are_listed_found_and_set(say: Say) -> None:

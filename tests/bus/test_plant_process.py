@@ -8,15 +8,15 @@ from math import inf
 
 import pytest
 
-from plant.plant import Plant
-from plant.process import Process, Wake
-from plant.run import assemble
-from plant.world_file import load
-from plant.world_overrides import noise_of
+from plant.sim.simulation import Plant
+from plant.process.loop import Process, Wake
+from plant.process.run import assemble
+from plant.world.file import load
+from plant.world.overrides import noise_of
 from protocol.bus import Bus, Network, open_bus
-from protocol.clock import Pulse, WallClock
-from protocol.enums import AckResult, RunAction
-from protocol.messages import CommandAck, GroundTruth, RunRequest, RunScore, WheelCommand
+from runtime.clock import Pulse, WallClock
+from protocol.wire.enums import AckResult, RunAction
+from protocol.wire.messages import CommandAck, GroundTruth, RunRequest, RunScore, WheelCommand
 from protocol.topics import CLOCK, DRIVE, RUN, SONAR, TRUTH, WHEELS, WORLD, Role
 from tests.support.until import PATIENCE_S, until
 

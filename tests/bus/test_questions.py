@@ -9,13 +9,13 @@ from zenoh import ZBytes
 
 from protocol.bus import Asked, Bus
 from protocol.bus.service import MAX_WAITING, Desk, taken
-from protocol.codec import LARGEST_FRAME
-from protocol.enums import AckResult, Command
-from protocol.errors import NoAnswer, UserError
-from protocol.messages import CommandAck, CommandRequest, Message, WheelTicks
-from protocol.reasons import Reason
+from protocol.wire.codec import LARGEST_FRAME
+from protocol.wire.enums import AckResult, Command
+from runtime.errors import NoAnswer, UserError
+from protocol.wire.messages import CommandAck, CommandRequest, Message, WheelTicks
+from protocol.wire.reasons import Reason
 from protocol.topics import COMMAND, PARAMETERS, RUN, Role, Service, operator_in
-from tests.bus.nets import TOPOLOGIES, Topology, net
+from tests.support.bus.nets import TOPOLOGIES, Topology, net
 from tests.support.until import PATIENCE_S, until
 
 ARM = CommandRequest(request_id=1, command=Command.COMPONENT_ARM_DISARM, param1=1.0, param2=0.0)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from ground.blackbox.frames import opened
-from ground.options import Common
-from ground.recording import Recording
-from protocol.clock import WallClock
-from protocol.errors import UserError
-from protocol.network import Network
-from tests.bus.robots import played
+from ground.client.connection import Common
+from ground.launch.recording_session import Recording
+from ground.recording.log_reader import opened
+from protocol.bus.network import Network
+from runtime.clock import WallClock
+from runtime.errors import UserError
+from tests.support.bus.robots import played
 
 
 @pytest.fixture

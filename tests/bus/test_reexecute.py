@@ -3,14 +3,14 @@
 from pathlib import Path
 from threading import Lock
 
-from ground.blackbox.frames import opened
-from ground.blackbox.mcap_form import McapForm
+from ground.recording.log_reader import opened
+from ground.recording.mcap.writer import McapForm
 from protocol.topics import INPUTS, SONAR, WHEELS
-from study.recorded import Recorded
-from study.reexecute import reexecuted, refuse_unless_whole
-from study.reexecute_cli import params_of, start_of
+from study.cli.reexecute import params_of, start_of
+from study.trial.recorded_drive import Recorded
+from study.trial.reexecute import reexecuted, refuse_unless_whole
 from tests.bus.test_inputs import drive_about
-from tests.harness import Stack
+from tests.support.harness import Stack
 
 
 def test_goals_missions_fences_teleop_leases_and_lost_senses_are_had_again(tmp_path: Path) -> None:

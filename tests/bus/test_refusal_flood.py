@@ -11,11 +11,11 @@ import os, sys, time
 from pathlib import Path
 import zenoh
 from protocol.bus import open_bus
-from protocol.bus.doors import watched_doors
+from protocol.bus.audit import watched_doors
 from protocol.bus.session import configured
-from protocol.network import Network
+from protocol.bus.network import Network
 from protocol.topics import Role
-from tests.keyring import Keyring
+from tests.support.keyring import Keyring
 
 def caught():
     # Bytes of the files in memory that this process has open.

@@ -13,16 +13,16 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
-from benchmarks.flooding.relay import SlowRelay
+from verification.flood.relay import SlowRelay
 from protocol.bus import Bus, open_bus
 from protocol.bus.linger import sockets, taken
 from protocol.bus.service import Asked
 from protocol.bus.session import configured
-from protocol.messages import Statustext
-from protocol.network import Network
+from protocol.wire.messages import Statustext
+from protocol.bus.network import Network
 from protocol.topics import PARAMETERS, TEXT, Role
-from tests.bus.nets import net
-from tests.keyring import Keyring
+from tests.support.bus.nets import net
+from tests.support.keyring import Keyring
 from tests.support.until import until
 
 BYTES_PER_S = 20_000.0

@@ -7,17 +7,17 @@ from statistics import median
 from time import monotonic, thread_time
 
 from ground.console import act, parse
-from ground.link import Link
-from ground.options import Common
-from ground.says import Says
+from ground.client.link import Link
+from ground.client.connection import Common
+from ground.text.output import Says
 from ground.station import Outcome
-from ground.station.requests import Job
+from ground.station.robot.background_requests import Job
 from protocol.bus import Bus
-from protocol.clock import WallClock
-from protocol.enums import Command, Mode, Vehicle
-from protocol.messages import CommandAck, CommandRequest
+from runtime.clock import WallClock
+from protocol.wire.enums import Command, Mode, Vehicle
+from protocol.wire.messages import CommandAck, CommandRequest
 from protocol.topics import COMMAND
-from tests.bus.lively import Lively, Watching, watching
+from tests.support.bus.lively import Lively, Watching, watching
 from tests.support.until import PATIENCE_S, until
 
 

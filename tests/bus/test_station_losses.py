@@ -2,12 +2,12 @@
 
 import pytest
 
-from benchmarks.cable import Cable
+from verification.harness.tcp_proxy import Cable
 from ground.station import LossKind
-from protocol.enums import AckResult, LeaseAction
-from protocol.messages import CommandAck, LeaseRequest
+from protocol.wire.enums import AckResult, LeaseAction
+from protocol.wire.messages import CommandAck, LeaseRequest
 from protocol.topics import LEASE_SERVICE, Role
-from tests.bus.lively import Lively, watching
+from tests.support.bus.lively import Lively, watching
 from tests.support.until import PATIENCE_S
 
 

@@ -2,12 +2,12 @@
 
 import pytest
 
-from protocol.codec import decode
-from protocol.errors import LocalError
-from protocol.mailbox import Mailbox
-from protocol.messages import Heartbeat, SonarScan, WheelCommand, WheelTicks
+from protocol.wire.codec import decode
+from runtime.errors import LocalError
+from protocol.bus.mailbox import Mailbox
+from protocol.wire.messages import Heartbeat, SonarScan, WheelCommand, WheelTicks
 from protocol.topics import DRIVE, OPERATOR, SONAR, WHEELS, Role
-from tests.bus.nets import TOPOLOGIES, Topology, net
+from tests.support.bus.nets import TOPOLOGIES, Topology, net
 from tests.support.until import PATIENCE_S, until
 
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)

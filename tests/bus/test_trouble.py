@@ -5,11 +5,11 @@ from contextlib import contextmanager
 from time import monotonic_ns
 
 from protocol.bus import Bus, Publisher, open_bus
-from protocol.codec import decode
-from protocol.messages import WheelTicks
-from protocol.network import Network
+from protocol.wire.codec import decode
+from protocol.wire.messages import WheelTicks
+from protocol.bus.network import Network
 from protocol.topics import CLOCK, WHEELS, Role
-from protocol.trouble import Trouble
+from protocol.bus.faults.link_faults import Trouble
 from tests.support.until import PATIENCE_S, until
 
 MS = 1_000_000

@@ -7,7 +7,7 @@ from typing import cast
 import pytest
 import zenoh
 
-from protocol.bus.history import FETCHED, FETCHES, SOURCES, TOLD, Source, Whole
+from protocol.bus.late_join import FETCHED, FETCHES, SOURCES, TOLD, Source, Whole
 from tests.support.until import PATIENCE_S, until
 
 

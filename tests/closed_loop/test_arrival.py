@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from robot.core import brain, reasons, states
 from robot.core.geometry import wrap
 from robot.core.values import Goal, Outputs
-from tests.closed_loop.toy import Toy, box, drive_to
+from tests.support.closed_loop.toy import Toy, box, drive_to
 
 TOLERANCE_RAD = 3 * pi / 180
 
@@ -113,7 +113,9 @@ def test_held_short_of_the_middle_it_takes_the_tolerance_in_the_end(
 
     def no_farther(state: brain.State, _outputs: Outputs) -> None:
         if believed(state, goal) < 0.09:
-            monkeypatch.setattr("robot.core.closing.limit_m_s", lambda _ring, _most_m_s: 0.0)
+            monkeypatch.setattr(
+                "robot.core.perception.closing_speed.limit_m_s", lambda _ring, _most_m_s: 0.0
+            )
 
     state = drive_to(Toy(), goal, each=no_farther)
     assert (state.machine.goal_state, state.machine.goal_reason) == (states.REACHED, reasons.OK)

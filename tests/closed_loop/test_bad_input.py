@@ -6,12 +6,12 @@ from math import inf, nan, pi
 
 import pytest
 
-from plant.plant import Plant
-from plant.world_types import Circle, GoalPose, Obstacle, Polygon, Settings, Start, World
+from plant.model.types import Circle, GoalPose, Obstacle, Polygon, Settings, Start, World
+from plant.sim.simulation import Plant
 from protocol.outcome import Outcome
 from robot.core.values import Outputs
-from study.onboard import Onboard
-from study.trial import NAVIGATORS, Trial, run_trial
+from study.trial.core_loop import Onboard
+from study.trial.trial import NAVIGATORS, Trial, run_trial
 
 TIMEOUT_S = 300.0
 BLOCK = Polygon(((2.2, 1.4), (3.4, 1.4), (3.4, 2.6), (2.2, 2.6)))

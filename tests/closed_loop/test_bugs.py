@@ -3,10 +3,10 @@
 import pytest
 
 from plant.corpus import generate
-from plant.world_file import load
+from plant.world.file import load
 from protocol.outcome import Outcome
-from protocol.reasons import Reason, reason_text
-from study.trial import Trial, run_trial
+from protocol.wire.reasons import Reason, reason_text
+from study.trial.trial import Trial, run_trial
 
 BUGS = ("bug1", "bug2", "distbug")
 

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from robot.core import brain, modes, states
 from robot.core.geometry import wrap
-from robot.core.navigators import NAVIGATORS
+from robot.core.navigators.registry import NAVIGATORS
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Outputs
-from tests.closed_loop.toy import Toy, box, drive_to
+from tests.support.closed_loop.toy import Toy, box, drive_to
 
 LIMIT_MRAD_S = DEFAULTS.wheel_max_m_s / DEFAULTS.wheel_radius_m * 1000
 STEP_MRAD_S = DEFAULTS.accel_m_s2 * DEFAULTS.period_s / DEFAULTS.wheel_radius_m * 1000

@@ -2,8 +2,8 @@
 
 import pytest
 
-from plant.world_file import load, shipped
-from study.trial import Trial, run_trial
+from plant.world.file import load, shipped
+from study.trial.trial import Trial, run_trial
 
 EVERY_NOISE = ("none", "default", "lossy", "harsh")
 

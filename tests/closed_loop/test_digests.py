@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from study.trial import NAVIGATORS
-from tests import digests
-from tests.digests import Run
+from study.trial.trial import NAVIGATORS
+from tests.support import digests
+from tests.support.digests import Run
 
 KNOWN = digests.committed()["digests"]
 RUNS = list(digests.runs())
 
 ELSEWHERE = """
 import sys
-from tests.digests import Run
+from tests.support.digests import Run
 print(Run(*sys.argv[1:]).digest())
 """
 

@@ -7,21 +7,21 @@ from math import inf
 import numpy as np
 import pytest
 
-from plant.noise import LEVELS
-from plant.plant import Plant
-from plant.world_types import Circle, GoalPose, Polygon, Setting, Start, World
-from protocol.calibration import settings_of
-from robot.core import slip as slips
-from robot.core import stall as stalls
+from plant.model.noise import LEVELS
+from plant.model.types import Circle, GoalPose, Polygon, Setting, Start, World
+from plant.sim.simulation import Plant
 from robot.core.parameters import DEFAULTS
+from robot.core.perception import slip as slips
+from robot.core.perception import stall as stalls
 from robot.core.values import Outputs
-from robot.parameters import with_values
+from robot.parameters.table import with_values
+from runtime.calibration import settings_of
 from study.calibration.runs import covariance_of
 from study.calibration.squares import drive as squares
 from study.calibration.umbmark import umbmark
-from study.consistency import ELLIPSE, KINDS, drive, error_of, judged
-from study.onboard import Onboard
-from study.trial import Trial, run_trial
+from study.statistics.consistency import ELLIPSE, KINDS, drive, error_of, judged
+from study.trial.core_loop import Onboard
+from study.trial.trial import Trial, run_trial
 
 EACH = 25
 

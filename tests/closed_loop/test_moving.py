@@ -3,8 +3,8 @@
 import pytest
 
 from plant.corpus import generate
-from plant.world_file import load
-from study.trial import NAVIGATORS, Trial, run_trial
+from plant.world.file import load
+from study.trial.trial import NAVIGATORS, Trial, run_trial
 
 
 @pytest.mark.parametrize("navigator", NAVIGATORS)

@@ -2,11 +2,11 @@
 
 import pytest
 
-from plant.world_file import load
-from protocol.enums import Command, GoalState, Mode, Vehicle
-from protocol.reasons import Reason
-from study.trial import Trial, run_trial
-from tests.harness import Stack
+from plant.world.file import load
+from protocol.wire.enums import Command, GoalState, Mode, Vehicle
+from protocol.wire.reasons import Reason
+from study.trial.trial import Trial, run_trial
+from tests.support.harness import Stack
 
 
 @pytest.mark.parametrize("navigator", ["bug", "vgm", "vgm_memory"])

@@ -7,12 +7,12 @@ from time import process_time
 import pytest
 
 from plant.corpus import FAMILIES
-from plant.world_file import load
-from plant.world_types import World
+from plant.model.types import World
+from plant.world.file import load
 from protocol.outcome import Outcome
-from protocol.reasons import Reason, reason_text
-from study.behaviour import Behaviour
-from study.trial import Trial, run_trial
+from protocol.wire.reasons import Reason, reason_text
+from study.trial.behaviour import Behaviour
+from study.trial.trial import Trial, run_trial
 
 FIXED = sorted((Path(__file__).parents[2] / "plant" / "corpus" / "fixed").glob("*.toml"))
 SHIPPED = ("u_trap", "zigzag", "corridor", "corner", "forest_dense", "door")

@@ -5,7 +5,7 @@ from uuid import uuid4
 
 import pytest
 
-from tests.compose.compose import BUILD_S, Compose, docker, project, why_no_docker
+from tests.support.compose.compose import BUILD_S, Compose, docker, project, why_no_docker
 
 
 @pytest.fixture(scope="session")

@@ -10,14 +10,14 @@ from time import monotonic_ns
 
 import pytest
 
-from protocol.enums import Command, GoalState, Mode, Vehicle
-from protocol.errors import NoAnswer
-from protocol.messages import CommandRequest, GoalRequest
-from protocol.reasons import Reason
+from protocol.wire.enums import Command, GoalState, Mode, Vehicle
+from runtime.errors import NoAnswer
+from protocol.wire.messages import CommandRequest, GoalRequest
+from protocol.wire.reasons import Reason
 from protocol.topics import COMMAND
-from protocol.wire_goal import wire_goal
-from tests.compose.compose import Compose, docker
-from tests.stack.processes import Witness, moved_not
+from protocol.wire.goal import wire_goal
+from tests.support.compose.compose import Compose, docker
+from tests.support.stack.processes import Witness, moved_not
 from tests.support.until import until
 
 pytestmark = pytest.mark.compose

@@ -5,8 +5,8 @@ from typing import Final
 
 import pytest
 
-from protocol.enums import Vehicle
-from tests.compose.compose import Compose, project
+from protocol.wire.enums import Vehicle
+from tests.support.compose.compose import Compose, project
 from tests.support.until import until
 
 pytestmark = pytest.mark.compose

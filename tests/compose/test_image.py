@@ -6,7 +6,7 @@ from typing import Final
 
 import pytest
 
-from tests.compose.compose import Done, docker, tried
+from tests.support.compose.compose import Done, docker, tried
 
 pytestmark = pytest.mark.compose
 

@@ -6,7 +6,7 @@ from typing import Final
 
 import pytest
 
-from tests.compose.compose import BUILD_S, LAST_WORDS, Compose, docker, project
+from tests.support.compose.compose import BUILD_S, LAST_WORDS, Compose, docker, project
 from tests.support.until import until
 
 pytestmark = pytest.mark.compose

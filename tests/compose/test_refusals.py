@@ -5,7 +5,7 @@ from contextlib import closing
 
 import pytest
 
-from tests.compose.compose import project
+from tests.support.compose.compose import project
 from tests.support.until import until
 
 pytestmark = pytest.mark.compose

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from protocol.enums import Vehicle
-from tests.compose.compose import Compose, docker, project
+from protocol.wire.enums import Vehicle
+from tests.support.compose.compose import Compose, docker, project
 
 pytestmark = pytest.mark.compose
 

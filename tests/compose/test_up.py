@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from tests.compose.compose import ROOT, Compose, docker
-from tests.compose.web import asked, token_in
-from tests.stack.browser import browsing, chromium
 from tests.stack.test_browser import DRAWN, drawn, keep, sees
-from tests.stack.tmux import Tmux
+from tests.support.compose.compose import ROOT, Compose, docker
+from tests.support.compose.web import asked, token_in
+from tests.support.stack.browser import browsing, chromium
+from tests.support.stack.tmux import Tmux
 
 pytestmark = pytest.mark.compose
 

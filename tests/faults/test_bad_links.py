@@ -2,10 +2,10 @@
 
 import pytest
 
-from protocol.enums import Vehicle
-from protocol.reasons import Reason
-from protocol.trouble import Trouble
-from tests.harness import Stack
+from protocol.bus.faults.link_faults import Trouble
+from protocol.wire.enums import Vehicle
+from protocol.wire.reasons import Reason
+from tests.support.harness import Stack
 
 STOPPING_S = 0.40
 

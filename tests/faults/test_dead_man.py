@@ -2,11 +2,11 @@
 
 import pytest
 
-from protocol.enums import Command, LeaseAction, Mode, Vehicle
-from protocol.reasons import Reason
+from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
+from protocol.wire.reasons import Reason
 from tests.faults.test_failsafes import STOPPING_S
-from tests.harness import Stack
-from tests.operators import Operator
+from tests.support.harness import Stack
+from tests.support.operators import Operator
 
 PERIOD_S = 0.05
 

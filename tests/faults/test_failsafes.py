@@ -6,16 +6,16 @@ from math import nan
 
 import pytest
 
-from benchmarks.matrix.lockstep import Breakable
-from benchmarks.matrix.strangers import second_robot
-from benchmarks.matrix.table import FAULTS
-from benchmarks.observed import until
-from protocol.enums import Command, GoalState, Mode, Vehicle
-from protocol.reasons import Reason
-from robot.core import failsafe
-from robot.core.fence import Fence
+from protocol.wire.enums import Command, GoalState, Mode, Vehicle
+from protocol.wire.reasons import Reason
+from robot.core.safety import failsafe
+from robot.core.safety.fence import Fence
 from robot.core.values import Pose
-from tests.harness import Stack
+from tests.support.harness import Stack
+from verification.faults_matrix.intruders import second_robot
+from verification.faults_matrix.lockstep import Breakable
+from verification.faults_matrix.table import FAULTS
+from verification.harness.observer import until
 
 STOPPING_S = 0.40
 """From the failsafe to a standing robot: braking from 0.3 m/s and the lag of the motors."""

@@ -2,11 +2,11 @@
 
 import pytest
 
-from protocol.codec import Encoder
-from protocol.enums import Vehicle
-from protocol.messages import WheelTicks
 from protocol.topics import CLOCK, DRIVE, OPERATOR, SONAR, STOP, TOPICS, WHEELS
-from tests.harness import Stack
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import Vehicle
+from protocol.wire.messages import WheelTicks
+from tests.support.harness import Stack
 
 GOOD = Encoder(1, 25).encode(WheelTicks(time_ns=1, seq=1, left=5, right=5, bumper=0, expired=0))
 BROKEN = (b"", b"\x00", GOOD[:-1], GOOD[:9], b"\xff" * 300, GOOD[:-1] + b"\x00", b"\xfd rubbish")

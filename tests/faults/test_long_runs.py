@@ -2,9 +2,9 @@
 
 import pytest
 
-from protocol.clock import ManualClock
-from protocol.timing import PERIOD_NS
-from tests.harness import Stack
+from runtime.clock import ManualClock
+from runtime.timing import PERIOD_NS
+from tests.support.harness import Stack
 
 MS_NS = 1_000_000
 FULL_NS = {"milliseconds": (1 << 32) * MS_NS, "ticks": (1 << 32) * PERIOD_NS}

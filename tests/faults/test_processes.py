@@ -1,8 +1,8 @@
 """Processes that die: the others notice, stop, say so, and go on when they are back."""
 
-from protocol.enums import GoalState, Mode, Vehicle
-from protocol.reasons import Reason
-from tests.harness import Stack
+from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.reasons import Reason
+from tests.support.harness import Stack
 
 
 def driving_stack(stack: Stack, mode: Mode = Mode.GUIDED) -> None:

@@ -5,15 +5,15 @@ from collections.abc import Callable
 import pytest
 
 from protocol.bus import Asked, Bus
-from protocol.codec import Encoder
-from protocol.enums import AckResult, Command, LeaseAction, Vehicle
-from protocol.message import Message
-from protocol.messages import CommandAck, CommandRequest, LeaseRequest
-from protocol.reasons import Reason
 from protocol.topics import COMMAND, Service
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
+from protocol.wire.reasons import Reason
 from robot.process import MAX_ANSWERED, MAX_WAITING
 from robot.stop_latch import StopLatch
-from tests.harness import Stack
+from tests.support.harness import Stack
 
 Take = Callable[[Asked], object]
 

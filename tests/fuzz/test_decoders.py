@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks import fuzz
-from benchmarks.fuzz_hunt import limited, watch
-from benchmarks.fuzz_target import Target
-from benchmarks.fuzz_targets import TARGETS
+from verification.fuzz import main as fuzz
+from verification.fuzz.hunt import limited, watch
+from verification.fuzz.target import Target
+from verification.fuzz.targets import TARGETS
 
 FEW = 25
 BEYOND = 10_000

@@ -5,11 +5,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from benchmarks.fuzz_hunt import limited, watch
-from benchmarks.fuzz_logs import bomb, said
-from benchmarks.fuzz_messages import packed
-from benchmarks.fuzz_targets import TARGETS
-from protocol.messages import PlanarOdometry
+from protocol.wire.messages import PlanarOdometry
+from verification.fuzz.hunt import limited, watch
+from verification.fuzz.logs import bomb, said
+from verification.fuzz.messages import packed
+from verification.fuzz.targets import TARGETS
 
 DOTTED = b"a" + b".a" * 60_000 + b" = 1"
 LONG = b"[parameters]\nd_obs_m = " + b"9" * 5000

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import fuzz, fuzz_hunt
-from benchmarks.fuzz import Block, keep, report_of, shared_out
-from benchmarks.fuzz_hunt import Find, Tally, hunt
-from benchmarks.fuzz_target import Target
-from benchmarks.fuzz_targets import TARGETS
-from protocol.errors import RemoteError, UserError
+from runtime.errors import RemoteError, UserError
+from verification.fuzz import hunt as fuzz_hunt
+from verification.fuzz import main as fuzz
+from verification.fuzz.hunt import Find, Tally, hunt
+from verification.fuzz.main import Block, keep, report_of, shared_out
+from verification.fuzz.target import Target
+from verification.fuzz.targets import TARGETS
 
 
 def of(run: Callable[[bytes, Path], object], weight: int = 20) -> Target:

@@ -3,7 +3,7 @@
 import pytest
 
 from verification.simulation.events import Argument, Event, Scenario
-from verification.simulation.operators import Asked, History
+from verification.simulation.hosts.operators import Asked, History
 from verification.simulation.simulation import run
 
 S = 1_000_000_000

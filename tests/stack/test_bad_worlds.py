@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import pytest
 
-from ground import up
-from ground.children import Children
-from ground.cli import main
-from tests.stack.processes import Crew
-from tests.unit.plant.world_texts import GOOD, goal, more, polygon, start, with_line
+from ground.cli.main import main
+from ground.cli.run import up
+from ground.launch.child_processes import Children
+from tests.support.plant.world_texts import GOOD, goal, more, polygon, start, with_line
+from tests.support.stack.processes import Crew
 
 pytestmark = pytest.mark.stack
 

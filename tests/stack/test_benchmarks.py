@@ -4,9 +4,10 @@ import argparse
 
 import pytest
 
-from benchmarks import codec, core, digest, flood, jitter, latency, lockstep, mtls, robot, trial
+from benchmarks import codec, core, digest, jitter, latency, lockstep, mtls, robot, trial
 from benchmarks.__main__ import Benchmark
-from benchmarks.figures import Figure
+from verification.flood import main as flood
+from verification.harness.figures import Figure
 
 pytestmark = pytest.mark.stack
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from ground.blackbox.frames import opened
-from protocol.codec import decode
-from protocol.enums import GoalState
-from tests.stack.processes import Crew, Running, Witness
+from ground.recording.log_reader import opened
+from protocol.wire.codec import decode
+from protocol.wire.enums import GoalState
+from tests.support.stack.processes import Crew, Running, Witness
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.stack.browser import Page, browsing, chromium
-from tests.stack.processes import Crew, Running, Witness, free_endpoint
+from tests.support.stack.browser import Page, browsing, chromium
+from tests.support.stack.processes import Crew, Running, Witness, free_endpoint
 from tests.support.until import until
 
 pytestmark = [

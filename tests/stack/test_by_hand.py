@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from ground.missions.files import read
-from protocol.enums import MissionState, Mode, Vehicle
-from protocol.messages import MissionStatus
-from protocol.reasons import Reason
+from protocol.wire.enums import MissionState, Mode, Vehicle
+from protocol.wire.messages import MissionStatus
+from protocol.wire.reasons import Reason
 from protocol.topics import MISSION
-from tests.stack.processes import Crew, Witness
+from tests.support.stack.processes import Crew, Witness
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from protocol.enums import GoalState, Vehicle
-from protocol.reasons import Reason, reason_text
-from tests.stack.processes import Crew, Running, Witness
+from protocol.wire.enums import GoalState, Vehicle
+from protocol.wire.reasons import Reason, reason_text
+from tests.support.stack.processes import Crew, Running, Witness
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack
@@ -21,7 +21,7 @@ FAILS_ON_SIGNAL = """
 import os, signal, sys
 sys.path.insert(0, sys.argv.pop(1))
 import sidestep
-from ground.leash import tie_to
+from ground.launch.child_command import tie_to
 from robot.core import brain
 tie_to(int(sys.argv.pop(1)))
 whole, signals = brain.step, []

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.matrix.table import FAULTS
+from verification.faults_matrix.table import FAULTS
 
 pytestmark = pytest.mark.stack
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from ground.app.player import Player
-from ground.ghost.haunting import Haunting
-from protocol.clock import ManualClock
+from ground.app.playback.player import Player
+from ground.ghost.ghost_thread import Haunting
+from runtime.clock import ManualClock
 from protocol.topics import Role
-from tests.stack.processes import Crew, Witness
+from tests.support.stack.processes import Crew, Witness
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

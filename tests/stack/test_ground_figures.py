@@ -4,8 +4,8 @@ import argparse
 
 import pytest
 
-from benchmarks import ground
-from benchmarks.figures import Figure
+from benchmarks.ground_station import main as ground
+from verification.harness.figures import Figure
 
 pytestmark = pytest.mark.stack
 

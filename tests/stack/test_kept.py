@@ -3,7 +3,7 @@
 import signal
 from pathlib import Path
 
-from tests.stack.processes import Crew
+from tests.support.stack.processes import Crew
 
 TOUR = """
 [[waypoint]]

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import pytest
 
-from protocol.enums import GoalState, Vehicle
-from protocol.reasons import Reason, reason_text
-from tests.stack.processes import Crew, Running, Witness, moved_not
+from protocol.wire.enums import GoalState, Vehicle
+from protocol.wire.reasons import Reason, reason_text
+from tests.support.stack.processes import Crew, Running, Witness, moved_not
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

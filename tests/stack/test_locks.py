@@ -9,19 +9,19 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from ground.keys.folder import make
+from ground.certificates.folder import make
 from protocol.bus import Bus, open_bus
 from protocol.bus.session import configured
-from protocol.codec import Encoder, decode
-from protocol.enums import Command, LeaseAction
-from protocol.errors import NotLetIn
-from protocol.message import Message
-from protocol.messages import CommandAck, CommandRequest, LeaseRequest
-from protocol.network import Network, Tls
-from protocol.reasons import Reason
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.enums import Command, LeaseAction
+from runtime.errors import NotLetIn
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
+from protocol.bus.network import Network, Tls
+from protocol.wire.reasons import Reason
 from protocol.topics import COMMAND, COMMANDED, ENCODING, LEASE_SERVICE, PREFIX, TELEOP, Role
-from tests.keyring import DAY, NOW, Keyring
-from tests.stack.processes import Crew, Running
+from tests.support.keyring import DAY, NOW, Keyring
+from tests.support.stack.processes import Crew, Running
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack
@@ -237,7 +237,7 @@ def test_a_listener_with_an_expired_certificate_says_so_and_ends(tmp_path: Path)
 
 LOGGED = """
 import sys, zenoh
-from protocol.bus.zenoh_log import ZenohLog
+from protocol.bus.tls.zenoh_log import ZenohLog
 print("before")
 with ZenohLog("debug") as log:
     print("python's own goes on")

@@ -8,9 +8,9 @@ from pathlib import Path
 import pymavlink
 import pytest
 
-from ground.tlog import record_bytes
-from protocol.codec import Encoder
-from protocol.messages import SonarScan, Statustext, WheelTicks
+from ground.recording.tlog import record_bytes
+from protocol.wire.codec import Encoder
+from protocol.wire.messages import SonarScan, Statustext, WheelTicks
 
 pytestmark = pytest.mark.stack
 

@@ -9,11 +9,11 @@ import pytest
 
 from protocol.bus import Network
 from protocol.bus.session import open_session
-from protocol.codec import Encoder
-from protocol.enums import GoalState
-from protocol.messages import CommandRequest, WheelTicks
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import GoalState
+from protocol.wire.messages import CommandRequest, WheelTicks
 from protocol.topics import ENCODING, SERVICES, STOP, STOP_SERVICE, TOPICS
-from tests.stack.processes import Crew, Witness
+from tests.support.stack.processes import Crew, Witness
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.stack.processes import Crew
+from tests.support.stack.processes import Crew
 from tests.support.until import PATIENCE_S, until
 
 pytestmark = pytest.mark.stack

@@ -14,12 +14,12 @@ from typing import Final
 
 import pytest
 
-from ground.blackbox.frames import opened
+from ground.recording.log_reader import opened
 from protocol.bus import Network, open_bus
-from protocol.codec import decode
-from protocol.messages import WheelTicks
+from protocol.wire.codec import decode
+from protocol.wire.messages import WheelTicks
 from protocol.topics import WHEELS, Role
-from tests.stack.processes import Crew, Running
+from tests.support.stack.processes import Crew, Running
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

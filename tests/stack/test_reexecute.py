@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.stack.processes import Crew
+from tests.support.stack.processes import Crew
 
 pytestmark = pytest.mark.stack
 
@@ -62,7 +62,7 @@ def test_another_build_is_found_out(tmp_path: Path) -> None:
             " ramp = controller.ramp;"
             " brain.ramp = lambda wanted, last, params:"
             " ramp(wanted, last, params._replace(accel_m_s2=0.9 * params.accel_m_s2));"
-            " from study.reexecute_cli import main; sys.exit(main(sys.argv))"
+            " from study.cli.reexecute import main; sys.exit(main(sys.argv))"
         )
         later = crew.execute(sys.executable, "-c", other, str(log), "--json")
         assert later.ends() == 1, later.said

@@ -10,13 +10,13 @@ import zenoh
 
 from protocol.bus import Network
 from protocol.bus.session import open_session
-from protocol.codec import Encoder
-from protocol.enums import AckResult
-from protocol.messages import CommandAck, ParamSet, SonarScan
-from protocol.reasons import Reason
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import AckResult
+from protocol.wire.messages import CommandAck, ParamSet, SonarScan
+from protocol.wire.reasons import Reason
 from protocol.topics import COMMAND, HEARTBEAT, PARAMETER, SONAR, Role
-from tests.bus.robots import BEAT
-from tests.stack.processes import Crew, Running, Witness
+from tests.support.bus.robots import BEAT
+from tests.support.stack.processes import Crew, Running, Witness
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

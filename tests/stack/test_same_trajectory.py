@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.stack import lockstep_run
-from plant.world_file import load
-from study.trial import Trial, run_trial
+from plant.world.file import load
+from study.trial.trial import Trial, run_trial
+from verification.harness.stack import lockstep_run
 
 pytestmark = pytest.mark.stack
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from protocol.enums import Vehicle
-from tests.stack.processes import Crew, Running, Witness
+from protocol.wire.enums import Vehicle
+from tests.support.stack.processes import Crew, Running, Witness
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

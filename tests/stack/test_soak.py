@@ -4,8 +4,8 @@ import argparse
 
 import pytest
 
-from benchmarks import soak
-from benchmarks.soak_supervised import PLANT, SUPERVISOR
+from verification.soak import main as soak
+from verification.soak.supervised import PLANT, SUPERVISOR
 
 pytestmark = pytest.mark.stack
 

@@ -10,16 +10,16 @@ from typing import Any
 import pytest
 from distributed import LocalCluster
 
-from plant.world_types import World
-from protocol.errors import UserError
-from study import on_dask
-from study.one import Bench
-from study.plan import Task
-from study.pool import Pool
-from study.provenance import code
-from study.rows import FAILED, Row
-from tests.unit.study.made import bench_of, boxed, floor, tasks
-from tests.unit.study.trouble import deadly
+from plant.model.types import World
+from runtime.errors import UserError
+from study.runner import on_dask
+from study.runner.plan import Task
+from study.runner.pool import Pool
+from study.runner.provenance import code
+from study.runner.rows import FAILED, Row
+from study.runner.run_task import Bench
+from tests.support.study.made import bench_of, boxed, floor, tasks
+from tests.support.study.trouble import deadly
 
 pytestmark = pytest.mark.stack
 
@@ -104,8 +104,8 @@ def test_a_trial_that_every_dask_worker_dies_of_has_failed(doomed: str, tmp_path
 
 
 def test_a_study_on_dask_is_like_any_other(address: str, tmp_path: Path) -> None:
-    from study.store import read
-    from study.study_cli import main
+    from study.cli.study import main
+    from study.runner.store import read
 
     words = ["study", "--worlds", "open", "box", "--noise", "none", "--no-report"]
     assert main([*words, "--dask", address, "--output", str(tmp_path / "dask")]) == 0

@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from study.store import ASIDE, RESULTS, SHARDS, read
+from study.runner.store import ASIDE, RESULTS, SHARDS, read
 from tests.support.until import until
-from tests.unit.study.made import ids, spoil
+from tests.support.study.made import ids, spoil
 
 pytestmark = pytest.mark.stack
 

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.restarts import NO_PAUSE, Ears, running
-from ground import leash
-from ground.children import ChildDied
-from ground.outing import Outing
-from ground.says import Says
-from ground.stack import Stack
-from ground.supervisor import Policy
-from ground.up import errands_of
-from protocol.clock import WallClock
-from protocol.enums import GoalState, Vehicle
-from protocol.reasons import Reason
-from tests.stack.processes import Crew, Witness, moved_not
-from tests.stack.spoilt import Sabotage
+from verification.restarts import NO_PAUSE, Ears, running
+from ground.launch import child_command
+from ground.launch.child_processes import ChildDied
+from ground.launch.fleet_run import Outing
+from ground.text.output import Says
+from ground.launch.launcher import Stack
+from ground.launch.restart_policy import Policy
+from ground.cli.run.up import errands_of
+from runtime.clock import WallClock
+from protocol.wire.enums import GoalState, Vehicle
+from protocol.wire.reasons import Reason
+from tests.support.stack.processes import Crew, Witness, moved_not
+from tests.support.stack.spoilt import Sabotage
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack
@@ -37,7 +37,7 @@ TRIES = 3
 def sabotage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sabotage:
     """Every process that is started here can be spoilt."""
     found = Sabotage(tmp_path)
-    monkeypatch.setattr(leash, "START", found.start)
+    monkeypatch.setattr(child_command, "START", found.start)
     return found
 
 

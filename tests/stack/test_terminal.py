@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from protocol.enums import Vehicle
-from tests.stack.processes import Crew, Running, Witness
-from tests.stack.tmux import Tmux
+from protocol.wire.enums import Vehicle
+from tests.support.stack.processes import Crew, Running, Witness
+from tests.support.stack.tmux import Tmux
 from tests.support.until import until
 
 pytestmark = [

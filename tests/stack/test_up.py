@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from ground.tlog import Reader
-from protocol.codec import decode
+from ground.recording.tlog import Reader
+from protocol.wire.codec import decode
 from protocol.outcome import Outcome
 from tests.support.until import until
-from tests.unit.ground.test_children import alive
+from tests.unit.ground.launch.test_child_processes import alive
 
 pytestmark = pytest.mark.stack
 

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from ground.tlog import Reader
-from protocol.codec import decode
-from protocol.messages import Statustext
-from tests.stack.processes import Crew, Running
+from ground.recording.tlog import Reader
+from protocol.wire.codec import decode
+from protocol.wire.messages import Statustext
+from tests.support.stack.processes import Crew, Running
 from tests.stack.test_up import ROOT, children_of, cmdline, frames_in
-from tests.stack.tmux import Tmux
+from tests.support.stack.tmux import Tmux
 from tests.support.until import until
-from tests.unit.ground.test_children import alive
+from tests.unit.ground.launch.test_child_processes import alive
 
 pytestmark = pytest.mark.stack
 

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-from protocol.codec import Encoder
-from protocol.mailbox import Mailbox, Sample
-from protocol.message import Message
+from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import ENCODING, Topic
+from protocol.wire.codec import Encoder
+from protocol.wire.message import Message
 
 
 class Air:

@@ -3,7 +3,7 @@
 from typing import Any
 
 from protocol.bus import Bus
-from protocol.mailbox import Mailbox, Origin
+from protocol.bus.mailbox import Mailbox, Origin
 from protocol.topics import Topic
 
 

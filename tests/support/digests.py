@@ -1,11 +1,11 @@
-"""`python -m tests.digests`: compare digests of short trials with the committed ones, or make them.
+"""`python -m tests.support.digests`: compare digests of short trials, or write them.
 
 A digest hashes the true poses: it is equal to the last bit or it differs. It holds on every
 supported Python with the C library glibc and the pinned libraries, whether or not the processor has
 FMA and AVX instructions.
 
-    python -m tests.digests           compare; 1 when any differs
-    python -m tests.digests --write   make them anew, after a change that means to drive differently
+    python -m tests.support.digests           compare; 1 when any differs
+    python -m tests.support.digests --write   make them anew, after a change meant to alter drives
 """
 
 import argparse
@@ -16,10 +16,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
-from plant.world_file import load
-from study.trial import NAVIGATORS, Trial, run_trial
+from plant.world.file import load
+from study.trial.trial import NAVIGATORS, Trial, run_trial
 
-FILE = Path(__file__).with_name("data") / "digests.json"
+FILE = Path(__file__).parents[1] / "data" / "digests.json"
 WORLDS = ("box", "u_trap", "forest_medium")
 NOISES = ("none", "default", "lossy", "harsh")
 TIMEOUT_S = 15.0
@@ -77,7 +77,7 @@ def write(found: dict[str, str]) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.digests", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.support.digests", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--navigators", nargs="+", choices=NAVIGATORS, default=list(NAVIGATORS))

@@ -9,10 +9,10 @@ with Stack("box") as stack:
 
 from math import degrees, hypot, radians, remainder
 
-from benchmarks.inprocess import OPERATOR_BEAT, InProcess, reason_in
-from benchmarks.peers import FRAME_S
-from protocol.message import Message
 from protocol.topics import Topic
+from protocol.wire.message import Message
+from verification.harness.inprocess import OPERATOR_BEAT, InProcess, reason_in
+from verification.harness.peers import FRAME_S
 
 __all__ = ["OPERATOR_BEAT", "Stack", "reason_in"]
 

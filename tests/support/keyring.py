@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from ground.keys.authority import Authority
-from ground.keys.folder import CA, SECRET_MODE, dialled_at
-from protocol.network import Tls
+from ground.certificates.authority import Authority
+from ground.certificates.folder import CA, SECRET_MODE, dialled_at
+from protocol.bus.network import Tls
 
 NOW = datetime.now(UTC)
 DAY = timedelta(days=1)

@@ -3,9 +3,9 @@
 from math import nan
 from typing import Any
 
-from protocol.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType, Mode
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType, Mode
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandRequest,
     LeaseRequest,
     MissionCount,
@@ -13,7 +13,7 @@ from protocol.messages import (
     MissionVerdict,
     Teleop,
 )
-from protocol.reasons import Reason
+from protocol.wire.reasons import Reason
 from protocol.topics import (
     COMMAND,
     LEASE_SERVICE,
@@ -23,7 +23,7 @@ from protocol.topics import (
     Role,
     Service,
 )
-from tests.harness import OPERATOR_BEAT, Stack, reason_in
+from tests.support.harness import OPERATOR_BEAT, Stack, reason_in
 from tests.support.until import PATIENCE_S
 
 Place = tuple[float, float]

@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 from protocol.bus import Presence
-from protocol.clock import ManualClock
-from protocol.codec import Encoder, decode
-from protocol.errors import NoAnswer
-from protocol.mailbox import Mailbox, Sample
-from protocol.message import Message
-from protocol.network import Hub
+from protocol.bus.mailbox import Mailbox, Sample
+from protocol.bus.network import Hub
 from protocol.topics import ENCODING, Role, Service, Topic
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.message import Message
+from runtime.clock import ManualClock
+from runtime.errors import NoAnswer
 
 M = TypeVar("M", bound=Message)
 Handler = Callable[[str, bytes, int], None]

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from tests.tui.plant_side import FAULTS, WORLD
+from tests.support.tui.plant_side import FAULTS, WORLD
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ from threading import Event
 
 import pytest
 
-from ground.app.aside import Aside
-from ground.app.quiet import quiet
-from protocol.errors import UserError
+from ground.app.background import Aside
+from ground.app.output_capture import quiet
+from runtime.errors import UserError
 from tests.support.until import until
 
 

@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.app.cursor import Cursor, step_of
-from ground.app.dead_man import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadMan
-from ground.app.pace import Pace
-from tests.tui.fakes import MS, FakeStation, S
-from tests.tui.underway import driving
+from ground.app.frame_rate import Pace
+from ground.app.input.dead_man import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadMan
+from ground.app.input.goal_cursor import Cursor, step_of
+from tests.support.tui.fakes import MS, FakeStation, S
+from tests.support.tui.underway import driving
 
 
 def test_one_press_lasts_until_a_keyboard_would_repeat_and_no_longer() -> None:

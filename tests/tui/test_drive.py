@@ -4,13 +4,13 @@ import pytest
 from textual import events
 
 from ground.app.screens.drive import DriveScreen
+from ground.app.widgets.command_line import CommandLine
+from ground.app.widgets.lines import Lines
 from ground.map import Target
 from ground.station import Loss, LossKind
-from ground.widgets.command_line import CommandLine
-from ground.widgets.lines import Lines
-from tests.tui.fakes import MS, FakeStation, S
-from tests.tui.pilot import NAMES, Stage, play, staged
-from tests.tui.underway import driving
+from tests.support.tui.fakes import MS, FakeStation, S
+from tests.support.tui.pilot import NAMES, Stage, play, staged
+from tests.support.tui.underway import driving
 
 
 def drive_of(stage: Stage) -> DriveScreen:

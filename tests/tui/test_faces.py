@@ -4,21 +4,21 @@ from math import inf, nan
 
 import pytest
 
-from ground.app.faces.bars import bar, binned, spark
-from ground.app.faces.keybar import keybar_row
-from ground.app.faces.mission import mission_rows
-from ground.app.faces.side import side_rows, whole
-from ground.app.faces.sparks import FIGURES, figure_rows
-from ground.app.faces.status import Setting, status_row
-from ground.app.keymap import Keymap
-from ground.app.keys import Layer
+from ground.app.input.key_table import Layer
+from ground.app.input.keymap import Keymap
+from ground.app.panels.keybar import keybar_row
+from ground.app.panels.mission import mission_rows
+from ground.app.panels.side import side_rows, whole
+from ground.app.panels.status import Setting, status_row
+from ground.app.widgets.bars import bar, binned, spark
+from ground.app.widgets.rows import cut, in_ascii, row, width_of, words_of
+from ground.app.widgets.sparklines import FIGURES, figure_rows
 from ground.map import Target
-from ground.widgets.rows import cut, in_ascii, row, width_of, words_of
-from protocol.enums import MissionState
-from protocol.messages import MissionStatus
 from protocol.topics import MISSION
-from tests.tui.fakes import MS, FakeStation
-from tests.tui.underway import driving
+from protocol.wire.enums import MissionState
+from protocol.wire.messages import MissionStatus
+from tests.support.tui.fakes import MS, FakeStation
+from tests.support.tui.underway import driving
 
 
 def side(station: FakeStation, height: int = 16) -> str:

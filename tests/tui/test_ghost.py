@@ -5,15 +5,15 @@ from threading import Event
 
 import pytest
 
-from ground.app.local import words_of_the_app
+from ground.app.commands.app_commands import words_of_the_app
 from ground.app.screens.drive import DriveScreen
 from ground.console import act_locally, parse
-from ground.says import Says
-from plant.world_json import as_json
-from plant.world_types import GoalPose, Start, World
-from tests.tui.fakes import FakeStation
-from tests.tui.pilot import Stage, play, staged
-from tests.tui.underway import driving
+from ground.text.output import Says
+from plant.model.types import GoalPose, Start, World
+from plant.world.to_json import as_json
+from tests.support.tui.fakes import FakeStation
+from tests.support.tui.pilot import Stage, play, staged
+from tests.support.tui.underway import driving
 
 FLOOR = World(
     name="floor",

@@ -4,15 +4,15 @@ import pytest
 from rich.segment import Segment
 from textual.color import Color
 
+from ground.app.widgets.printable import Printable
+from ground.client.telemetry import Age
 from ground.station import Lease, Loss, LossKind, StreamRow
-from ground.telemetry import Age
-from ground.widgets.printable import Printable
-from protocol.enums import Severity
 from protocol.topics import HEARTBEAT, Role
-from tests.hostile import LETTERS, OWNED, TEXT, raw_in
-from tests.tui.fakes import MS, FakeOrders, FakeStation
-from tests.tui.pilot import Stage, play, staged
-from tests.tui.underway import driving, parameter
+from protocol.wire.enums import Severity
+from tests.support.hostile import LETTERS, OWNED, TEXT, raw_in
+from tests.support.tui.fakes import MS, FakeOrders, FakeStation
+from tests.support.tui.pilot import Stage, play, staged
+from tests.support.tui.underway import driving, parameter
 
 SCREENS = {
     "drive": (), "plots": ("2",), "params": ("3",), "log": ("4",), "links": ("5",),

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from ground.app.bindings import bindings_of
-from ground.app.keymap import Keymap, as_toml, clashes, keymap_of, load
-from ground.app.keys import KEYS, Layer
-from protocol.errors import ConfigError
+from ground.app.input.bindings import bindings_of
+from ground.app.input.key_table import KEYS, Layer
+from ground.app.input.keymap import Keymap, as_toml, clashes, keymap_of, load
+from runtime.errors import ConfigError
 
 
 def of(text: str, tmp_path: Path) -> Keymap:

@@ -2,14 +2,14 @@
 
 import pytest
 
-from ground.app.keymap import Keymap, keymap_of
-from ground.app.keys import KEYS, Layer
+from ground.app.input.key_table import KEYS, Layer
+from ground.app.input.keymap import Keymap, keymap_of
 from ground.app.screens import SCREENS
 from ground.app.screens.drive import DriveScreen
-from ground.widgets.command_line import CommandLine
-from tests.tui.fakes import FakeStation
-from tests.tui.pilot import Stage, play, staged
-from tests.tui.underway import driving
+from ground.app.widgets.command_line import CommandLine
+from tests.support.tui.fakes import FakeStation
+from tests.support.tui.pilot import Stage, play, staged
+from tests.support.tui.underway import driving
 
 LINES = {
     "hold": "hold",

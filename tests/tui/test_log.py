@@ -4,14 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.app.faces.log import MOST_LATELY, latest_rows, log_rows
-from ground.app.sifted import Sifted
-from ground.station.log import Line, Log
-from ground.widgets.rows import words_of
-from protocol.enums import Severity
-from tests.tui.fakes import FakeStation
-from tests.tui.pilot import play, staged
-from tests.tui.underway import driving
+from ground.app.filtered_log import Sifted
+from ground.app.panels.log import MOST_LATELY, latest_rows, log_rows
+from ground.app.widgets.rows import words_of
+from ground.station.history.event_log import Line, Log
+from protocol.wire.enums import Severity
+from tests.support.tui.fakes import FakeStation
+from tests.support.tui.pilot import play, staged
+from tests.support.tui.underway import driving
 
 REFUSAL = "refused: goal 99 7: outside of the fence, a circle of 4 m around 0 0; `fence off` " * 3
 WORDS = st.text(st.sampled_from("ab é-"), max_size=60)

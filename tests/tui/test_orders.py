@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from ground.app.orders import Orders, moves
+from ground.app.commands.runner import Orders, moves
+from ground.client.connection import Common
 from ground.console import History, parse
 from ground.map import Target
-from ground.options import Common
-from protocol.clock import ManualClock
-from protocol.network import Network
+from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
-from tests.tui.fakes import FakeStation
-from tests.tui.underway import driving
+from runtime.clock import ManualClock
+from tests.support.tui.fakes import FakeStation
+from tests.support.tui.underway import driving
 
 ELSEWHERE = "tcp/10.0.0.7:7447"
 

@@ -3,8 +3,8 @@
 import os
 from threading import Thread
 
-from ground.app.pace import MOST_SLOWER, TRUSTED_NS, Pace
-from ground.app.terminal import TerminalText
+from ground.app.frame_rate import MOST_SLOWER, TRUSTED_NS, Pace
+from ground.app.terminal_output import TerminalText
 
 MS = 1_000_000
 ROUND_NS = 50 * MS

@@ -9,8 +9,17 @@ from textual import events
 from textual._ansi_sequences import ANSI_SEQUENCES_KEYS, IGNORE_SEQUENCE
 from textual._xterm_parser import XTermParser
 
-from ground.app.ears import Ears
-from ground.app.pastes import END, HELD_S, LONGEST_KEY, MOST, SILENT_S, START, Pastes, Piece
+from ground.app.input.input_parser import Ears
+from ground.app.input.paste_parser import (
+    END,
+    HELD_S,
+    LONGEST_KEY,
+    MOST,
+    SILENT_S,
+    START,
+    Pastes,
+    Piece,
+)
 
 ESC = "\x1b"
 LATER_S = 10.0

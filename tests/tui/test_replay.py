@@ -5,16 +5,16 @@ from pathlib import Path
 import pytest
 
 from ground.app.app import GroundApp
-from ground.app.faces.timeline import timeline_rows
-from ground.app.looks import Looks
-from ground.app.player import Player
+from ground.app.appearance import Looks
+from ground.app.panels.timeline import timeline_rows
+from ground.app.playback.player import Player
 from ground.app.screens.replay import ReplayScreen, recordings
-from ground.widgets.rows import width_of, words_of
-from protocol.clock import ManualClock
-from protocol.errors import UserError
-from tests.tui.fakes import FakeOrders, FakeStation, S
-from tests.tui.pilot import Stage, play
-from tests.tui.recording import recorded
+from ground.app.widgets.rows import width_of, words_of
+from runtime.clock import ManualClock
+from runtime.errors import UserError
+from tests.support.tui.fakes import FakeOrders, FakeStation, S
+from tests.support.tui.pilot import Stage, play
+from tests.support.tui.recording import recorded
 
 
 def player(folder: Path) -> tuple[Player, ManualClock]:

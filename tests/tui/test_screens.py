@@ -6,17 +6,17 @@ import pytest
 from textual.app import ScreenStackError
 
 from ground.app.app import GroundApp
-from ground.app.faces.faults import Trouble
+from ground.app.panels.faults import Trouble
 from ground.app.screens.faults import FaultsScreen, fault_of
 from ground.app.screens.worlds import WorldsScreen, looked_up
+from ground.app.widgets.map import MapWidget
 from ground.app.worlds import ask_worlds, reached_in, reached_of
-from ground.widgets.map import MapWidget
-from protocol.errors import UserError
 from protocol.topics import Role
-from tests.tui.fakes import FakeOrders, FakeStation
-from tests.tui.pilot import Stage, play, staged
-from tests.tui.plant_side import FakeStack, on
-from tests.tui.underway import driving, parameter
+from runtime.errors import UserError
+from tests.support.tui.fakes import FakeOrders, FakeStation
+from tests.support.tui.pilot import Stage, play, staged
+from tests.support.tui.plant_side import FakeStack, on
+from tests.support.tui.underway import driving, parameter
 
 
 def parameters() -> tuple[dict[str, object], ...]:

@@ -7,18 +7,18 @@ from pathlib import Path
 import pytest
 
 from ground.app.app import GroundApp
-from ground.app.looks import Looks
-from ground.app.player import Player
+from ground.app.appearance import Looks
+from ground.app.playback.player import Player
 from ground.map import Target
 from ground.station import Loss, LossKind
-from protocol.clock import ManualClock
-from protocol.reasons import Reason, reason_text
-from tests.tui.fakes import MS, FakeOrders, FakeStation, S
-from tests.tui.pilot import Stage, play, staged
-from tests.tui.plant_side import FakeStack, on
-from tests.tui.recording import recorded
-from tests.tui.snapshots import ACTUAL, compare
-from tests.tui.underway import driving
+from protocol.wire.reasons import Reason, reason_text
+from runtime.clock import ManualClock
+from tests.support.tui.fakes import MS, FakeOrders, FakeStation, S
+from tests.support.tui.pilot import Stage, play, staged
+from tests.support.tui.plant_side import FakeStack, on
+from tests.support.tui.recording import recorded
+from tests.support.tui.snapshots import ACTUAL, compare
+from tests.support.tui.underway import driving
 
 SIZES = ((80, 24), (110, 30), (160, 50), (40, 12))
 THEMES = ("dark", "light", "mono")

@@ -5,8 +5,8 @@ from textual import events
 
 from ground.app.screens import SCREENS
 from ground.app.screens.drive import DriveScreen
-from tests.tui.pilot import Stage, play, staged
-from tests.tui.underway import driving
+from tests.support.tui.pilot import Stage, play, staged
+from tests.support.tui.underway import driving
 
 SCREEN_KEYS = {name: str(number) for name, number in SCREENS.items()}
 

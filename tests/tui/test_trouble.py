@@ -5,14 +5,14 @@ from textual import events
 from textual.filter import NoColor
 from textual.geometry import Size
 
-from ground.app.looks import speaks_ascii_only, usual_theme
+from ground.app.appearance import speaks_ascii_only, usual_theme
 from ground.app.screens import SCREENS
-from ground.widgets.command_line import CommandLine, printable
-from ground.widgets.lines import Lines
-from ground.widgets.printable import Printable
-from tests.tui.fakes import FakeStation
-from tests.tui.pilot import Stage, play, staged
-from tests.tui.underway import driving
+from ground.app.widgets.command_line import CommandLine, printable
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.printable import Printable
+from tests.support.tui.fakes import FakeStation
+from tests.support.tui.pilot import Stage, play, staged
+from tests.support.tui.underway import driving
 
 TINY = ((1, 1), (2, 1), (1, 24), (20, 5), (40, 12), (59, 17), (300, 90))
 GARBAGE = (

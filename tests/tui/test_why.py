@@ -1,10 +1,10 @@
 """One key answers why it turned, another goes back to the time before."""
 
-from protocol.enums import Branch
-from tests.tui.fakes import MS, FakeStation, S
-from tests.tui.pilot import play, staged
-from tests.tui.underway import driving
-from tests.unit.ground.explain.told import decided
+from protocol.wire.enums import Branch
+from tests.support.ground.explain.told import decided
+from tests.support.tui.fakes import MS, FakeStation, S
+from tests.support.tui.pilot import play, staged
+from tests.support.tui.underway import driving
 
 TURNS = (Branch.TO_GOAL, Branch.PASS_RIGHT, Branch.PASS_LEFT)
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 import sidestep
-from ground.tlog import record_bytes
-from protocol.codec import Encoder
-from protocol.messages import Statustext
-from tests.hostile import OWNED, TEXT, raw_in
+from ground.recording.tlog import record_bytes
+from protocol.wire.codec import Encoder
+from protocol.wire.messages import Statustext
+from tests.support.hostile import OWNED, TEXT, raw_in
 
 ESCAPED = json.dumps(TEXT)
 NAME = TEXT.replace("/", "") + "\udcff"

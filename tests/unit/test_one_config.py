@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
-import plant.cli
+import plant.cli.plant
 import robot.cli
-from ground.cli import parse
-from ground.options import common_of
-from protocol.errors import ConfigError
-from protocol.network import Network, Tls
+from ground.cli.main import parse
+from ground.client.connection import common_of
+from protocol.bus.network import Network, Tls
 from robot.vehicle import Vehicle
+from runtime.errors import ConfigError
 
 FILE = """
 robot = "r7"
@@ -63,7 +63,7 @@ def test_each_takes_its_own_from_the_same_file(
     plant_runs: list[tuple[Network, list[str]]],
 ) -> None:
     assert robot.cli.main(["--config", str(file)]) == 0
-    assert plant.cli.main(["--config", str(file)]) == 0
+    assert plant.cli.plant.main(["--config", str(file)]) == 0
     ((vehicle, waiting, name),) = robot_runs
     ((dialling, robots),) = plant_runs
     common = common_of(parse(["hold", "--config", str(file)]))
@@ -81,7 +81,7 @@ def test_the_command_line_names_others(
     plant_runs: list[tuple[Network, list[str]]],
 ) -> None:
     robot.cli.main(["--config", str(file), "--id", "r2"])
-    plant.cli.main(["--config", str(file), "--robots", "r1,r2"])
+    plant.cli.plant.main(["--config", str(file), "--robots", "r1,r2"])
     assert robot_runs[0][2] == "r2"
     assert plant_runs[0][1] == ["r1", "r2"]
 
@@ -90,7 +90,7 @@ def test_the_command_line_names_others(
 def test_each_refuses_a_misspelt_name(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bad.toml"
     path.write_text(text)
-    for read in (robot.cli.main, plant.cli.main):
+    for read in (robot.cli.main, plant.cli.plant.main):
         with pytest.raises(ConfigError, match="unknown key"):
             read(["--config", str(path)])
     with pytest.raises(ConfigError, match="unknown key"):

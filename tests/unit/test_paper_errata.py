@@ -5,17 +5,17 @@ from math import atan2, cos, degrees, dist, hypot, inf, pi, radians, remainder, 
 import numpy as np
 import pytest
 
-from plant.shortest_path import path_length_m, shortest_path
-from plant.world_file import load
-from robot.core import odometry as odometries
-from robot.core import vgm
+from plant.placement.shortest_path import path_length_m, shortest_path
+from plant.world.file import load
 from robot.core.geometry import BEARINGS
-from robot.core.memory import Memory
-from robot.core.odometry import Odometry
+from robot.core.navigators import vgm
+from robot.core.navigators.memory.paper_memory import Memory
 from robot.core.parameters import DEFAULTS
-from robot.core.ring import Ring
+from robot.core.perception import odometry as odometries
+from robot.core.perception.odometry import Odometry
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose
-from study.trial import Trial, run_trial
+from study.trial.trial import Trial, run_trial
 
 TRACK_M = DEFAULTS.track_m
 

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 import sidestep
-from ground.verbs import VERBS
+from ground.cli.verbs import VERBS
 
 ROOT = Path(__file__).parents[2]
 
@@ -57,7 +57,7 @@ def test_a_package_with_several_verbs_is_told_which(install: Install) -> None:
 
 
 def test_the_operator_s_verbs_are_those_the_ground_has() -> None:
-    ours = {name for name, verb in sidestep.VERBS.items() if verb.module == "ground.cli"}
+    ours = {name for name, verb in sidestep.VERBS.items() if verb.module == "ground.cli.main"}
     assert ours == set(VERBS)
 
 

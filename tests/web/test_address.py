@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.web.address import Address, address_of, token_of
-from protocol.errors import UserError
+from runtime.errors import UserError
 
 
 @pytest.mark.parametrize(

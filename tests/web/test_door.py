@@ -9,8 +9,8 @@ import pytest
 from aiohttp import CookieJar, web
 from aiohttp.test_utils import TestClient, TestServer
 
+from ground.web.access import MAX_SESSIONS, REFUSAL, Door, from_here
 from ground.web.address import Address
-from ground.web.door import MAX_SESSIONS, REFUSAL, Door, from_here
 from ground.web.server import MOST_SESSIONS, WebServer
 
 TOKEN = "0123456789abcdefgh"

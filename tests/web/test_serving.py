@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from ground.cli import parse
+from ground.cli.main import parse
 from ground.web.address import Address
-from ground.web.serving import refuse_taken, words_of
-from protocol.errors import UserError
+from ground.web.command import refuse_taken, words_of
+from runtime.errors import UserError
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from protocol.trouble import Trouble
+from protocol.bus.faults.link_faults import Trouble
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Final
 
-from benchmarks.matrix.acts import (
+from verification.faults_matrix.actions import (
     Abandon,
     Act,
     Break,

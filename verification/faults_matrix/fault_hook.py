@@ -1,4 +1,6 @@
-"""`python -m benchmarks.matrix.afflicted AFFLICTION VERB ...`: that verb, and on SIGUSR1 its fault.
+"""Run a verb and cause a fault in its process on SIGUSR1.
+
+`python -m verification.faults_matrix.fault_hook AFFLICTION VERB ...`
 
 The process is the real one: the same main, in the same way. AFFLICTION is JSON: {"hang": {}} is a
 C call that keeps the interpreter's lock, {"raise": {}} an exception in the main thread, {"jump":
@@ -16,14 +18,14 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-import plant.run
+import plant.process.run
 import robot.run
-from ground.leash import tie_to
-from plant.faults import Fault
-from plant.process import Process
+from ground.launch.child_command import tie_to
+from plant.model.faults import Fault
+from plant.process.loop import Process
 from protocol.bus import Bus
-from protocol.clock import WallClock
-from protocol.trouble import Trouble
+from protocol.bus.faults.link_faults import Trouble
+from runtime.clock import WallClock
 
 FOREVER_S: Final = 1_000_000
 
@@ -64,7 +66,7 @@ def jump(told: Mapping[str, Any]) -> Callable[[], object]:
 def disturb(told: Mapping[str, Any]) -> Callable[[], object]:
     trouble = Trouble(**{**told, "paths": tuple(told.get("paths", ()))})
     buses: list[Bus] = []
-    for module in (plant.run, robot.run):
+    for module in (plant.process.run, robot.run):
         keep(module, "open_bus", buses)
 
     def act() -> None:
@@ -76,7 +78,7 @@ def disturb(told: Mapping[str, Any]) -> Callable[[], object]:
 
 def sense(told: Mapping[str, Any]) -> Callable[[], object]:
     processes: list[Process] = []
-    keep(plant.run, "Process", processes)
+    keep(plant.process.run, "Process", processes)
 
     def act() -> None:
         for process in processes:

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Final, Self
 
-from benchmarks.flooding.kinds import Attacker, frames, questions, wheels
-from benchmarks.observed import tls_of
 from benchmarks.pingpong import free_port
-from protocol.network import Network
+from protocol.bus.network import Network
+from verification.flood.kinds import Attacker, frames, questions, wheels
+from verification.harness.observer import tls_of
 
 NAME: Final = "robot-r2"
 KINDS: Final = (frames, questions, wheels)

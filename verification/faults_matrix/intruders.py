@@ -6,13 +6,13 @@ from itertools import zip_longest
 from math import inf, nan
 from typing import Any, Final, TypeAlias
 
-from benchmarks.inprocess import InProcess
-from benchmarks.observed import until
 from protocol.bus import Bus
-from protocol.codec import Encoder
-from protocol.layout import LAYOUT, Field
-from protocol.message import Message
 from protocol.topics import OPERATOR, SONAR, STOP, TELEOP, WHEELS, Role, Topic
+from protocol.wire.codec import Encoder
+from protocol.wire.layout import LAYOUT, Field
+from protocol.wire.message import Message
+from verification.harness.inprocess import InProcess
+from verification.harness.observer import until
 
 Turn: TypeAlias = list[tuple[Topic[Any], bytes]]
 """What is said within one tick, at most one frame of each topic: the robot reads the newest."""

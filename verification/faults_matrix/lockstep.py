@@ -11,9 +11,15 @@ from dataclasses import replace
 from random import Random
 from typing import Final
 
-from benchmarks.inprocess import InProcess
-from benchmarks.matrix import motion, power
-from benchmarks.matrix.acts import (
+from plant.model.types import World
+from plant.world.file import load
+from protocol.bus.faults.link_faults import Trouble
+from protocol.topics import Role
+from protocol.wire.enums import Command
+from protocol.wire.enums import Vehicle as VehicleState
+from runtime.clock import Tick
+from verification.faults_matrix import motion, power_cuts
+from verification.faults_matrix.actions import (
     Act,
     Break,
     Cut,
@@ -30,17 +36,11 @@ from benchmarks.matrix.acts import (
     Unplug,
     Wrap,
 )
-from benchmarks.matrix.motion import PERIOD_S, Seen
-from benchmarks.matrix.results import Repetition, reason_name
-from benchmarks.matrix.strangers import Stranger, second_robot
-from benchmarks.matrix.table import Fault, Must, Way
-from plant.world_file import load
-from plant.world_types import World
-from protocol.clock import Tick
-from protocol.enums import Command
-from protocol.enums import Vehicle as VehicleState
-from protocol.topics import Role
-from protocol.trouble import Trouble
+from verification.faults_matrix.intruders import Stranger, second_robot
+from verification.faults_matrix.motion import PERIOD_S, Seen
+from verification.faults_matrix.results import Repetition, reason_name
+from verification.faults_matrix.table import Fault, Must, Way
+from verification.harness.inprocess import InProcess
 
 STOPPING: Final = (Must.STOP, Must.STAND, Must.SAY)
 SET_OFF_TICKS: Final = (4, 60)
@@ -273,7 +273,7 @@ def run(fault: Fault, number: int) -> Repetition:
     """A repetition that breaks down is told, not lost."""
     try:
         if fault.act == Unplug():
-            return power.run(fault.name, Way.LOCKSTEP.value, number)
+            return power_cuts.run(fault.name, Way.LOCKSTEP.value, number)
         return Drill(fault, number).run()
     except Exception as error:
         why = f"{type(error).__name__}: {error}"

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from ground.blackbox.frames import frames
+from ground.recording.log_reader import frames
 from protocol.topics import TOPICS, path_of
 
 SEQUENCE_AT: Final = 4

@@ -12,13 +12,13 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from benchmarks import machine
-from benchmarks.figures import Figure, Report
-from benchmarks.matrix import lockstep, wall
-from benchmarks.matrix.page import page
-from benchmarks.matrix.results import Repetition, Results
-from benchmarks.matrix.table import FAULTS, Fault, Way
-from protocol.errors import UserError
+from runtime.errors import UserError
+from verification.faults_matrix import lockstep, wall_time
+from verification.faults_matrix.page import page
+from verification.faults_matrix.results import Repetition, Results
+from verification.faults_matrix.table import FAULTS, Fault, Way
+from verification.harness import machine
+from verification.harness.figures import Figure, Report
 
 KEPT: Final = Path("faults.jsonl")
 SHORT: Final = {Way.LOCKSTEP: 1, Way.WALL: 1}
@@ -104,7 +104,7 @@ def done(jobs: list[Job], workers: int) -> Iterator[Repetition]:
 
 
 def one(job: Job) -> Repetition:
-    run = lockstep.run if job.way is Way.LOCKSTEP else wall.run
+    run = lockstep.run if job.way is Way.LOCKSTEP else wall_time.run
     return run(BY_NAME[job.fault], job.number)
 
 

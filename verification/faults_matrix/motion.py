@@ -5,8 +5,8 @@ from itertools import pairwise
 from math import hypot
 from typing import Final, NamedTuple
 
-from protocol.messages import GroundTruth
-from protocol.timing import PERIOD_NS
+from protocol.wire.messages import GroundTruth
+from runtime.timing import PERIOD_NS
 
 PERIOD_S: Final = PERIOD_NS / 1e9
 STILL_M_S: Final = 0.001

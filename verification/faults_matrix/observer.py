@@ -5,23 +5,23 @@ from contextlib import ExitStack
 from time import monotonic_ns
 from typing import Any, Final, NamedTuple, Self
 
-from benchmarks.matrix.motion import Seen
-from ground.emergency_stop import EmergencyStop
+from ground.client.emergency_stop import EmergencyStop
 from protocol.bus import Bus, Network, open_bus
-from protocol.clock import WallClock
-from protocol.codec import decode
-from protocol.enums import PARAM_TYPE_REAL32, AckResult, Command, Vehicle
-from protocol.errors import NoAnswer, RemoteError
-from protocol.message import Message
-from protocol.messages import (
+from protocol.bus.network import Tls
+from protocol.topics import COMMAND, PARAMETER, STATUS, STOP, TRUTH, Role, Service, Topic
+from protocol.wire.codec import decode
+from protocol.wire.enums import PARAM_TYPE_REAL32, AckResult, Command, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     GroundTruth,
     NavigatorStatus,
     ParamSet,
 )
-from protocol.network import Tls
-from protocol.topics import COMMAND, PARAMETER, STATUS, STOP, TRUTH, Role, Service, Topic
+from runtime.clock import WallClock
+from runtime.errors import NoAnswer, RemoteError
+from verification.faults_matrix.motion import Seen
 
 DIAL_S: Final = 20.0
 GIVE_UP_NS: Final = 10_000_000_000

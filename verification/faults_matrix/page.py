@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 from statistics import median
 from typing import Final
 
-from benchmarks.matrix.results import Repetition, Results
-from benchmarks.matrix.table import FAULTS, GROUPS, Fault, Must, Way
+from verification.faults_matrix.results import Repetition, Results
+from verification.faults_matrix.table import FAULTS, GROUPS, Fault, Must, Way
 
 INTRODUCTION: Final = """\
 # Faults

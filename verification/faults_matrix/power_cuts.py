@@ -12,14 +12,20 @@ from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 from unittest.mock import patch
 
-from benchmarks.matrix.results import Repetition
-from protocol import whole_file
-from protocol.enums import FRAME_LOCAL_FLU, Command, MissionType
-from protocol.messages import MissionCount, MissionItemInt, MissionVerdict, ParamSet, ParamValue
-from protocol.reasons import Reason
+from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionType
+from protocol.wire.messages import (
+    MissionCount,
+    MissionItemInt,
+    MissionVerdict,
+    ParamSet,
+    ParamValue,
+)
+from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.store import Store
+from robot.storage.files import Store
 from robot.vehicle import Vehicle
+from runtime import atomic_file
+from verification.faults_matrix.results import Repetition
 from verification.power_cut import Disk, State, restore
 
 HOME: Final = Path("/state/of/r1")
@@ -37,7 +43,7 @@ class Held(NamedTuple):
 def run(fault: str, way: str, number: int, disk: Disk | None = None) -> Repetition:
     """Cut power once; it has `reached` what it must when all that was acknowledged is there."""
     disk, random = disk or Disk(), Random(f"{fault} {number}")
-    with patch.object(whole_file, "os", disk), TemporaryDirectory() as folder:
+    with patch.object(atomic_file, "os", disk), TemporaryDirectory() as folder:
         told = told_by(Vehicle(DEFAULTS, Store(HOME)), disk, random)
         cut = random.randrange(len(disk.cuts))
         answered, before = [one for one in told if one[0] <= cut + 1][-1]

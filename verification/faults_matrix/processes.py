@@ -14,10 +14,10 @@ from threading import Event
 from time import monotonic
 from typing import IO, Any, Final, Self
 
-from benchmarks.cable import Cable
-from benchmarks.certificates import made_keys
 from benchmarks.pingpong import free_port
-from ground.leash import command
+from ground.launch.child_command import command
+from verification.harness.certificates import made_keys
+from verification.harness.tcp_proxy import Cable
 
 PATIENCE_S: Final = 20.0
 POLL_S: Final = 0.005
@@ -74,7 +74,7 @@ class Crew:
         afflicted = self._afflictions.get(role)
         line = command(self._words[role], os.getpid())
         if afflicted is not None:
-            module = (sys.executable, "-m", "benchmarks.matrix.afflicted")
+            module = (sys.executable, "-m", "verification.faults_matrix.fault_hook")
             line = [*module, str(os.getpid()), json.dumps(afflicted), *self._words[role]]
         self._execute(role, line)
 

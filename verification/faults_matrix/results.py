@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Self
 
-from benchmarks.matrix.table import Fault, Must, Way
-from protocol.reasons import Reason
+from protocol.wire.reasons import Reason
+from verification.faults_matrix.table import Fault, Must, Way
 
 TOUCH_S = 0.5
 """From a contact to standing wheels: a tick, and braking."""

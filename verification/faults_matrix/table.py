@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from benchmarks.matrix.acts import (
+from protocol.bus.faults.link_faults import Trouble
+from protocol.wire.reasons import Reason
+from verification.faults_matrix.actions import (
     Abandon,
     Act,
     Break,
@@ -29,8 +31,6 @@ from benchmarks.matrix.acts import (
     Unplug,
     Wrap,
 )
-from protocol.reasons import Reason
-from protocol.trouble import Trouble
 
 
 class Must(Enum):

@@ -14,9 +14,12 @@ from random import Random
 from time import monotonic_ns, time_ns
 from typing import Final
 
-from benchmarks.flooding.attack import Attack, Door
-from benchmarks.matrix import motion
-from benchmarks.matrix.acts import (
+from plant.world.file import SHIPPED_DIR, load
+from protocol.topics import Role
+from protocol.wire.enums import GoalState, Vehicle
+from protocol.wire.goal import start_words
+from verification.faults_matrix import motion
+from verification.faults_matrix.actions import (
     Abandon,
     Act,
     Burn,
@@ -34,21 +37,18 @@ from benchmarks.matrix.acts import (
     Squeeze,
     Wrap,
 )
-from benchmarks.matrix.afflictions import PATHS, afflictions_of
-from benchmarks.matrix.crew import Crew, until
-from benchmarks.matrix.impostor import NAME as IMPOSTOR
-from benchmarks.matrix.impostor import Impostor
-from benchmarks.matrix.log import Lost, lost_from
-from benchmarks.matrix.motion import PERIOD_S
-from benchmarks.matrix.results import Repetition, reason_name
-from benchmarks.matrix.strangers import Stranger
-from benchmarks.matrix.table import Fault, Must, Way
-from benchmarks.matrix.witness import Witness
-from benchmarks.observed import tls_of
-from plant.world_file import SHIPPED_DIR, load
-from protocol.enums import GoalState, Vehicle
-from protocol.topics import Role
-from protocol.wire_goal import start_words
+from verification.faults_matrix.fault_commands import PATHS, afflictions_of
+from verification.faults_matrix.impostor import NAME as IMPOSTOR
+from verification.faults_matrix.impostor import Impostor
+from verification.faults_matrix.intruders import Stranger
+from verification.faults_matrix.log import Lost, lost_from
+from verification.faults_matrix.motion import PERIOD_S
+from verification.faults_matrix.observer import Witness
+from verification.faults_matrix.processes import Crew, until
+from verification.faults_matrix.results import Repetition, reason_name
+from verification.faults_matrix.table import Fault, Must, Way
+from verification.flood.attack import Attack, Door
+from verification.harness.observer import tls_of
 
 STOPPING: Final = (Must.STOP, Must.STAND, Must.SAY)
 CORRIDOR, BOX = "corridor", "box"

@@ -1,6 +1,6 @@
 """An attacker on a robot's bus as a process, and whoever starts it.
 
-`python -m benchmarks.flooding.attack KIND RATE ENDPOINT [FOLDER ROLE]` says `ready`. Told `go` on
+`python -m verification.flood.attack KIND RATE ENDPOINT [FOLDER ROLE]` says `ready`. Told `go` on
 its standard input it begins, told `hold` it pauses, and at the end of it says what it has sent.
 FOLDER and ROLE are the certificate it has, on an open bus none.
 """
@@ -16,12 +16,12 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final, Self
 
-from benchmarks.flooding.kinds import KINDS, Attacker, Kind, Shoot
-from benchmarks.flooding.relay import SlowRelay
-from benchmarks.observed import tls_of
-from protocol.bus.access import operator_name
-from protocol.clock import WallClock
-from protocol.network import Network
+from protocol.bus.network import Network
+from protocol.bus.tls.access import operator_name
+from runtime.clock import WallClock
+from verification.flood.kinds import KINDS, Attacker, Kind, Shoot
+from verification.flood.relay import SlowRelay
+from verification.harness.observer import tls_of
 
 TURN_S: Final = 0.005
 BURST_S: Final = 0.1
@@ -65,7 +65,7 @@ class Attack:
         self.accepted: dict[int, int] = {}
         self.errors = ""
         rate = str(KINDS[kind].rate_hz if rate_hz is None else rate_hz)
-        words = [sys.executable, "-m", "benchmarks.flooding.attack", kind, rate, *door.words]
+        words = [sys.executable, "-m", "verification.flood.attack", kind, rate, *door.words]
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it ends
         self._child = subprocess.Popen(
             ["nice", *words],

@@ -12,16 +12,8 @@ from typing import Any, Final, NamedTuple
 import zenoh
 from zenoh.handlers import Callback
 
-from benchmarks.flooding import shots
-from benchmarks.flooding.accepted import slice_of
-from benchmarks.flooding.shots import Shot
+from protocol.bus.network import Network
 from protocol.bus.session import configured
-from protocol.codec import Encoder, decode
-from protocol.enums import AckResult, Command
-from protocol.errors import RemoteError
-from protocol.messages import CommandAck, CommandRequest, GoalRequest, SonarScan
-from protocol.network import Network
-from protocol.reasons import Reason
 from protocol.topics import (
     ANSWERED,
     COMMAND,
@@ -36,6 +28,14 @@ from protocol.topics import (
     TELEOP,
     TEXT,
 )
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.enums import AckResult, Command
+from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, SonarScan
+from protocol.wire.reasons import Reason
+from runtime.errors import RemoteError
+from verification.flood import presses
+from verification.flood.acknowledgements import slice_of
+from verification.flood.presses import Shot
 
 ROBOT: Final = "r1"
 ACTED: Final = "acted upon"
@@ -77,7 +77,7 @@ class Attacker:
         self._put(sample.path, sample.payload, sample.encoding, sample.attachment)
 
     def ask(self, shot: Shot) -> None:
-        self._get(shot.path, shot.payload, shot.encoding, shot.attachment(shots.GOOD_FOR_NS))
+        self._get(shot.path, shot.payload, shot.encoding, shot.attachment(presses.GOOD_FOR_NS))
 
     def ask_again(self, sample: "Heard") -> None:
         self._get(sample.path, sample.payload, sample.encoding, sample.attachment)
@@ -179,12 +179,12 @@ Shoot = Callable[[], object]
 
 
 def frames(attacker: Attacker) -> Shoot:
-    supply = cycle(shots.frames(attacker.operator))
+    supply = cycle(presses.frames(attacker.operator))
     return lambda: attacker.put(next(supply))
 
 
 def questions(attacker: Attacker) -> Shoot:
-    supply = cycle(shots.questions(attacker.operator))
+    supply = cycle(presses.questions(attacker.operator))
     return lambda: attacker.ask(next(supply))
 
 
@@ -201,16 +201,16 @@ def stops(attacker: Attacker) -> Shoot:
 
     def shoot() -> None:
         request_id = secrets.choice(used) if secrets.randbits(1) else secrets.randbits(64)
-        frame = encoder.encode(shots.order(request_id, Command.DO_FLIGHTTERMINATION))
+        frame = encoder.encode(presses.order(request_id, Command.DO_FLIGHTTERMINATION))
         match next(ways):
             case "put":
-                attacker.put(Shot(shots.named(STOP, operator), frame, stamped=True))
+                attacker.put(Shot(presses.named(STOP, operator), frame, stamped=True))
             case "broken":
-                attacker.put(Shot(shots.named(STOP, operator), frame[:-3]))
+                attacker.put(Shot(presses.named(STOP, operator), frame[:-3]))
             case "ask":
-                attacker.ask(Shot(shots.named(STOP_SERVICE, operator), frame))
+                attacker.ask(Shot(presses.named(STOP_SERVICE, operator), frame))
             case _:
-                attacker.ask(Shot(shots.named(COMMAND, operator), frame, stamped=True))
+                attacker.ask(Shot(presses.named(COMMAND, operator), frame, stamped=True))
 
     return shoot
 
@@ -234,7 +234,7 @@ def replays(attacker: Attacker) -> Shoot:
 def collisions(attacker: Attacker) -> Shoot:
     """Ids that were used, with other commands: under one's own name, and as who used them."""
     used, owned = deque([1], KEPT), deque[tuple[str, int]](maxlen=NEWEST)
-    encoder, commands = Encoder(255, 190), cycle(shots.COMMANDS)
+    encoder, commands = Encoder(255, 190), cycle(presses.COMMANDS)
 
     def learn(heard: Heard) -> None:
         used.append(id_in(heard))
@@ -251,8 +251,8 @@ def collisions(attacker: Attacker) -> Shoot:
         owner, known = attacker.operator, secrets.choice(used)
         if owned and secrets.randbits(1):
             owner, known = secrets.choice(owned)
-        request = shots.order(known, next(commands), 3.0)
-        attacker.ask(Shot(shots.named(COMMAND, owner), encoder.encode(request), stamped=True))
+        request = presses.order(known, next(commands), 3.0)
+        attacker.ask(Shot(presses.named(COMMAND, owner), encoder.encode(request), stamped=True))
 
     return shoot
 
@@ -264,7 +264,7 @@ def readers(attacker: Attacker) -> Shoot:
 
 def history(attacker: Attacker) -> Shoot:
     """Everything that was told, again and again; and requests, so that there is much of it."""
-    supply, topics = cycle(shots.questions(attacker.operator)[:16]), cycle(HISTORIES)
+    supply, topics = cycle(presses.questions(attacker.operator)[:16]), cycle(HISTORIES)
     turns = cycle(range(FETCHES))
 
     def shoot() -> None:
@@ -296,7 +296,7 @@ def wheels(attacker: Attacker) -> Shoot:
 
     def supply() -> Any:
         while True:
-            yield from shots.wheels(newest[0])
+            yield from presses.wheels(newest[0])
 
     commands = supply()
     return lambda: attacker.put(Shot(DRIVE.path, encoder.encode(next(commands))))

@@ -21,18 +21,18 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Final
 
-from benchmarks.certificates import made_keys
-from benchmarks.figures import Figure, Report, percentile
-from benchmarks.flooding.accepted import Shown, unfounded
-from benchmarks.flooding.attack import Attack, Door
-from benchmarks.flooding.kinds import ACTED, KINDS
-from benchmarks.flooding.operator import Operator, Pressed
-from benchmarks.observed import Observer, observed, until
 from benchmarks.robot import cpu_s, resident_mb
-from protocol.codec import decode
-from protocol.enums import Vehicle
-from protocol.messages import CycleReport, NavigatorStatus
 from protocol.topics import CYCLE, STATUS
+from protocol.wire.codec import decode
+from protocol.wire.enums import Vehicle
+from protocol.wire.messages import CycleReport, NavigatorStatus
+from verification.flood.acknowledgements import Shown, unfounded
+from verification.flood.attack import Attack, Door
+from verification.flood.kinds import ACTED, KINDS
+from verification.flood.operator import Operator, Pressed
+from verification.harness.certificates import made_keys
+from verification.harness.figures import Figure, Report, percentile
+from verification.harness.observer import Observer, observed, until
 
 ALONE: Final = "none"
 STOPS: Final = "stops"

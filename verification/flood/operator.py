@@ -8,18 +8,18 @@ from threading import Event
 from time import monotonic, monotonic_ns
 from typing import Final, NamedTuple
 
-from benchmarks.flooding.shots import BEAT
-from benchmarks.matrix.motion import HOLDS, PERIOD_S, Seen, stood_s
-from benchmarks.observed import Observer
-from ground.emergency_stop import EmergencyStop
-from ground.operator import RequestIds
-from protocol.clock import WallClock
-from protocol.enums import Command, GoalState, LeaseAction, Mode, Vehicle
-from protocol.errors import NoAnswer
-from protocol.messages import CommandRequest, GoalRequest, LeaseRequest
-from protocol.reasons import reason_text
+from ground.client.emergency_stop import EmergencyStop
+from ground.client.requests import RequestIds
 from protocol.topics import COMMAND, LEASE_SERVICE, OPERATOR, STOP, TELEOP
-from protocol.wire_goal import wire_goal
+from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
+from protocol.wire.goal import wire_goal
+from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest
+from protocol.wire.reasons import reason_text
+from runtime.clock import WallClock
+from runtime.errors import NoAnswer
+from verification.faults_matrix.motion import HOLDS, PERIOD_S, Seen, stood_s
+from verification.flood.presses import BEAT
+from verification.harness.observer import Observer
 
 BEAT_S: Final = 0.2
 PRESS_S: Final = 10.0

@@ -6,20 +6,6 @@ from time import monotonic_ns
 from typing import Any, Final, NamedTuple
 
 from protocol.bus.robot_clock import time_bytes
-from protocol.codec import Encoder
-from protocol.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, LeaseAction, Mode
-from protocol.message import Message
-from protocol.messages import (
-    CommandRequest,
-    GoalRequest,
-    Heartbeat,
-    LeaseRequest,
-    ParamSet,
-    SonarScan,
-    Teleop,
-    WheelCommand,
-    WheelTicks,
-)
 from protocol.topics import (
     COMMAND,
     ENCODING,
@@ -32,6 +18,20 @@ from protocol.topics import (
     WHEELS,
     Service,
     Topic,
+)
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, LeaseAction, Mode
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    CommandRequest,
+    GoalRequest,
+    Heartbeat,
+    LeaseRequest,
+    ParamSet,
+    SonarScan,
+    Teleop,
+    WheelCommand,
+    WheelTicks,
 )
 
 OVERSIZED: Final = 2_000_000

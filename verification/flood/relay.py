@@ -5,7 +5,7 @@ import threading
 from contextlib import ExitStack, suppress
 from typing import Final, Self
 
-from benchmarks.cable import hang_up
+from verification.harness.tcp_proxy import hang_up
 
 CHUNK: Final = 1024
 BUFFER: Final = 4096

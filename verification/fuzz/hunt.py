@@ -17,8 +17,8 @@ from time import monotonic
 from types import FrameType
 from typing import Final, NamedTuple
 
-from benchmarks.fuzz_target import Target
-from benchmarks.fuzz_targets import TARGETS
+from verification.fuzz.target import Target
+from verification.fuzz.targets import TARGETS
 
 LONGEST_S: Final = 5.0
 """CPU time of one input; a megabyte of TOML takes its parser two of them."""
@@ -93,7 +93,7 @@ def tried(target: Target, data: bytes, folder: Path, tally: Tally) -> tuple[str,
 
 def place_of(error: BaseException) -> str:
     """The innermost line of ours, and the kind of the error."""
-    root = str(Path(__file__).parent.parent)
+    root = str(Path(__file__).parents[2])
     ours = [
         one
         for one in traceback.extract_tb(error.__traceback__)

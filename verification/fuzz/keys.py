@@ -6,11 +6,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from benchmarks.fuzz_target import Target
-from ground.keys.checking import check
-from ground.keys.folder import SECRET_MODE, make
-from protocol.bus.certificate import own
-from protocol.network import Tls
+from ground.certificates.check import check
+from ground.certificates.folder import SECRET_MODE, make
+from protocol.bus.network import Tls
+from protocol.bus.tls.certificate import own
+from verification.fuzz.target import Target
 
 SINCE: Final = datetime(2026, 1, 1, tzinfo=UTC)
 NOW: Final = SINCE + timedelta(days=10)

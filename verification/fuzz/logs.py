@@ -12,31 +12,31 @@ from typing import Any, Final
 
 from mcap.writer import CompressionType, Writer
 
-from benchmarks.fuzz_messages import packed, pieces
-from benchmarks.fuzz_target import REFUSALS, Target
-from benchmarks.fuzz_wire import ARM, GOAL, SCAN, TEXT, TICKS
-from benchmarks.fuzz_words import JSON_WORDS
-from ground import exporting
-from ground.blackbox.axis import Axis
-from ground.blackbox.frames import opened
-from ground.blackbox.mcap_file import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
-from ground.blackbox.mcap_form import McapForm
-from ground.blackbox.place import discs, facts_of, outlines, radius_of, start_of
-from ground.blackbox.reel import Reel
-from ground.blackbox.replay import ReplayBus
-from ground.blackbox.run import gathered
-from ground.explain.recorded import Recorded as Decided
-from ground.ghost.recorded import Footage, parameters_in
+from verification.fuzz.messages import packed, pieces
+from verification.fuzz.target import REFUSALS, Target
+from verification.fuzz.wire import ARM, GOAL, SCAN, TEXT, TICKS
+from verification.fuzz.words import JSON_WORDS
+from ground.cli.look import export
+from ground.recording.tables.time_axis import Axis
+from ground.recording.log_reader import opened
+from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
+from ground.recording.mcap.writer import McapForm
+from ground.recording.world_metadata import discs, facts_of, outlines, radius_of, start_of
+from ground.recording.log_index import Reel
+from ground.recording.playback.playback_bus import ReplayBus
+from ground.recording.tables.series import gathered
+from ground.explain.from_recording import Recorded as Decided
+from ground.ghost.recorded_ghost import Footage, parameters_in
 from ground.map import Canvas, View, draw
-from ground.replay import lines
-from ground.says import Says
+from ground.cli.look.replay import lines
+from ground.text.output import Says
 from ground.station import Station
-from ground.tlog import record_bytes
-from plant.world_file import load
-from plant.world_json import as_json
-from protocol.clock import ManualClock
-from protocol.message import Message
-from protocol.messages import (
+from ground.recording.tlog import record_bytes
+from plant.world.file import load
+from plant.world.to_json import as_json
+from runtime.clock import ManualClock
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     AvoidanceDecision,
     NavigatorStatus,
     PlanarOdometry,
@@ -46,12 +46,12 @@ from protocol.messages import (
 )
 from protocol.topics import ENCODING, PREFIX, TOPICS
 from robot.core.parameters import DEFAULTS
-from robot.parameters import described
+from robot.parameters.table import described
 from robot.telemetry import SCAN_THERE, WHEELS_THERE
-from study.recorded import Recorded
-from study.reexecute import reexecuted, refuse_unless_whole
-from study.reexecute_cli import params_of
-from study.reexecute_cli import start_of as started_at
+from study.trial.recorded_drive import Recorded
+from study.trial.reexecute import reexecuted, refuse_unless_whole
+from study.cli.reexecute import params_of
+from study.cli.reexecute import start_of as started_at
 
 BEGUN_US: Final = 1_790_000_000_000_000
 MOST_ROWS: Final = 20_000
@@ -263,10 +263,10 @@ def tell(path: Path) -> None:
 def tabulate(path: Path) -> None:
     for words in ((), ("--shape", "wide")):
         parser = ArgumentParser()
-        exporting.arguments(parser)
+        export.arguments(parser)
         out = path.with_suffix(".csv")
         options = parser.parse_args([str(path), *words, "--out", str(out)], Namespace())
-        exporting.run(options, Says(as_json=True, out=StringIO(), err=StringIO()))
+        export.run(options, Says(as_json=True, out=StringIO(), err=StringIO()))
 
 
 def gather(path: Path) -> None:

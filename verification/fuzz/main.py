@@ -15,11 +15,11 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Final, NamedTuple
 
-from benchmarks.figures import Figure, Report
-from benchmarks.fuzz_hunt import Find, Tally, hunt
-from benchmarks.fuzz_target import Target
-from benchmarks.fuzz_targets import TARGETS
-from protocol.errors import UserError
+from runtime.errors import UserError
+from verification.fuzz.hunt import Find, Tally, hunt
+from verification.fuzz.target import Target
+from verification.fuzz.targets import TARGETS
+from verification.harness.figures import Figure, Report
 
 USUAL_INPUTS: Final = 100_000
 BLOCK_COST: Final = 4000

@@ -8,12 +8,12 @@ from typing import Final, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
 
-from protocol.codec import CHECKSUM, HEAD, MAGIC_BYTE, WIRE_OF_TYPE, decode
-from protocol.errors import RemoteError
-from protocol.message import Message
 from protocol.sender import COMPONENT
 from protocol.topics import SERVICES, TOPICS, Role
-from protocol.wire import Wire
+from protocol.wire.codec import CHECKSUM, HEAD, MAGIC_BYTE, WIRE_OF_TYPE, decode
+from protocol.wire.message import Message
+from protocol.wire.packing import Wire
+from runtime.errors import RemoteError
 
 MOST: Final = 60
 STEP_NS: Final = 5_000_000

@@ -4,13 +4,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
-from benchmarks.fuzz_target import Target
-from benchmarks.fuzz_words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
 from ground.missions import files, plan_file, toml_file, waypoints_file
 from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.wire import fence_items_of, items_of
-from protocol.codec import Encoder
-from protocol.messages import MissionItemInt
+from protocol.wire.codec import Encoder
+from protocol.wire.messages import MissionItemInt
+from verification.fuzz.target import Target
+from verification.fuzz.words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
 
 HOME: Final = Home(latitude_deg=48.1, longitude_deg=11.5)
 WAYPOINTS: Final = (

@@ -8,9 +8,9 @@ from typing import Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from benchmarks.fuzz_target import Target
-from study.rows import SCHEMA
-from study.store import RESULTS, find
+from study.runner.rows import SCHEMA
+from study.runner.store import RESULTS, find
+from verification.fuzz.target import Target
 
 
 def tables() -> Sequence[bytes]:

@@ -6,23 +6,23 @@ from math import pi
 from pathlib import Path
 from typing import Final
 
-from benchmarks.fuzz_target import Target
-from benchmarks.fuzz_words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
-from ground.app.keymap import Keymap, as_toml
-from ground.app.keymap import load as keymap_in
+from ground.app.input.keymap import Keymap, as_toml
+from ground.app.input.keymap import load as keymap_in
+from ground.cli.command.param_files import read as parameters_in
+from ground.client.connection import Config
 from ground.console.history import History
-from ground.ghost.course import Reading
-from ground.options import Config
-from ground.param_files import read as parameters_in
-from protocol.calibration import FOLDER, Calibration
-from protocol.config import load, load_shared
+from ground.ghost.predicted_path import Reading
 from robot.cli import Settings
 from robot.core.parameters import DEFAULTS
-from robot.parameters import adjusted, described
-from robot.store import FILE_NAME, Store
+from robot.parameters.table import adjusted, described
+from robot.storage.files import FILE_NAME, Store
+from runtime.calibration import FOLDER, Calibration
+from runtime.config import load, load_shared
 from study.calibration.cli import SIDE_M, from_log
-from study.settled import FILE as SETTLED
-from study.settled import differences, told_in
+from study.runner.study_settings import FILE as SETTLED
+from study.runner.study_settings import differences, told_in
+from verification.fuzz.target import Target
+from verification.fuzz.words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
 
 CHUNK: Final = 97
 STEPS: Final = 20

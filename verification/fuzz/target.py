@@ -8,9 +8,9 @@ from pathlib import Path
 from random import Random
 from typing import Final, TypeAlias
 
-from benchmarks.fuzz_mutate import Material, mutated
-from plant.world_problems import WorldError
-from protocol.errors import RemoteError, UserError
+from plant.model.errors import WorldError
+from runtime.errors import RemoteError, UserError
+from verification.fuzz.mutate import Material, mutated
 
 Errors: TypeAlias = tuple[type[BaseException], ...]
 REFUSALS: Final[Errors] = (UserError, RemoteError, WorldError)

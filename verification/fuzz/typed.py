@@ -9,20 +9,20 @@ from typing import Final
 from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
-from benchmarks.fuzz_target import REFUSALS, Target
-from benchmarks.fuzz_words import kept
+from ground.cli.command.fence import outlined
+from ground.cli.verbs import VERBS, parser_of
 from ground.console.completion import complete
-from ground.console.reading import parse
-from ground.fence import outlined
-from ground.verbs import VERBS, parser_of
+from ground.console.parser import parse
+from ground.web.access import Door
 from ground.web.address import address_of, token_of
-from ground.web.door import Door
-from plant.cli import parser as plant_parser
-from protocol.network import Network
+from plant.cli.plant import parser as plant_parser
+from protocol.bus.network import Network
 from protocol.options import numbers_kept
 from protocol.topics import robot_name
 from robot.cli import parser as robot_parser
 from study.calibration.cli import parser as calibrate_parser
+from verification.fuzz.target import REFUSALS, Target
+from verification.fuzz.words import kept
 
 TOKEN: Final = "0123456789abcdefgh"
 SESSION: Final = "abcdefgh0123456789"

@@ -6,20 +6,18 @@ from math import nan
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.fuzz_messages import packed, pieces
-from benchmarks.fuzz_target import Target
+from ground.cli.command.param import table
+from ground.client.parameter_rows import rows_in
 from ground.missions.wire import fence_of, waypoints_of
-from ground.param import table
-from ground.param_rows import rows_in
 from ground.station.world import world_in
-from plant.world_file import load
-from plant.world_json import as_json
-from protocol.codec import Encoder, decode
-from protocol.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType, Mode
-from protocol.errors import RemoteError
-from protocol.mailbox import Mailbox, Sample
-from protocol.message import Message, check
-from protocol.messages import (
+from plant.world.file import load
+from plant.world.to_json import as_json
+from protocol.bus.mailbox import Mailbox, Sample
+from protocol.topics import ENCODING, TOPICS, operator_in
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType, Mode
+from protocol.wire.message import Message, check
+from protocol.wire.messages import (
     CommandRequest,
     GoalRequest,
     LeaseRequest,
@@ -31,14 +29,16 @@ from protocol.messages import (
     Teleop,
     WheelTicks,
 )
-from protocol.topics import ENCODING, TOPICS, operator_in
 from robot.core.parameters import DEFAULTS
-from robot.core.senses import scan_of, wheels_of
+from robot.core.perception.from_messages import scan_of, wheels_of
 from robot.core.values import Inputs, Outputs, Scan, Wheels
-from robot.store import Store
+from robot.parameters.service import Tuning
+from robot.storage.files import Store
 from robot.teleop import wanted
-from robot.tuning import Tuning
 from robot.vehicle import Vehicle
+from runtime.errors import RemoteError
+from verification.fuzz.messages import packed, pieces
+from verification.fuzz.target import Target
 
 NS_PER_MS: Final = 1_000_000
 PERIOD_MS: Final = 50

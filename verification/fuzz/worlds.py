@@ -8,12 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.fuzz_target import Target
-from benchmarks.fuzz_words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
 from plant.imports.anyone import Wishes, import_worlds
-from plant.world_file import SHIPPED_DIR, load, loads
-from plant.world_json import as_json
-from plant.world_toml import dumps
+from plant.world.file import SHIPPED_DIR, load, loads
+from plant.world.to_json import as_json
+from plant.world.to_toml import dumps
+from verification.fuzz.target import Target
+from verification.fuzz.words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
 
 SMALL_BYTES: Final = 6000
 FEW_OBSTACLES: Final = 50

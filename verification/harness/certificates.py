@@ -10,7 +10,9 @@ VALID: Final = timedelta(days=1)
 
 def made_keys(folder: Path, operators: Sequence[str] = ()) -> Path:
     """Make a set of certificates of this run's own, for two robots, and return its folder."""
-    from ground.keys.folder import make  # its library need not be there for other measurements
+    from ground.certificates.folder import (
+        make,  # its library need not be there for other measurements
+    )
 
     now = datetime.now(UTC)
     make(folder, ["r1", "r2"], {}, now - VALID, now + VALID, operators)

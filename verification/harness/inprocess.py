@@ -9,14 +9,13 @@ from concurrent.futures import ThreadPoolExecutor
 from math import degrees, inf, radians
 from typing import Final, Self
 
-from benchmarks.peers import FRAME_S, TOLD, Peers
-from plant.faults import Fault
+from plant.model.faults import Fault
 from protocol.bus import Bus
-from protocol.clock import Tick
-from protocol.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, GoalState, Mode
-from protocol.enums import Vehicle as VehicleState
-from protocol.message import Message
-from protocol.messages import (
+from protocol.topics import COMMAND, CYCLE, DRIVE, Service
+from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, GoalState, Mode
+from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     GoalRequest,
@@ -24,9 +23,10 @@ from protocol.messages import (
     Heartbeat,
     NavigatorStatus,
 )
-from protocol.reasons import Reason
-from protocol.timing import PERIOD_NS
-from protocol.topics import COMMAND, CYCLE, DRIVE, Service
+from protocol.wire.reasons import Reason
+from runtime.clock import Tick
+from runtime.timing import PERIOD_NS
+from verification.harness.peers import FRAME_S, TOLD, Peers
 
 BEAT_TICKS: Final = 4
 STILL_M_S: Final = 0.001

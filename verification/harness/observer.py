@@ -12,15 +12,16 @@ from time import monotonic, monotonic_ns
 from typing import Any, Final
 
 from benchmarks.pingpong import free_port
-from benchmarks.processes import sidestep
-from plant.world_file import load
-from plant.world_types import World
+from plant.model.types import World
+from plant.world.file import load
 from protocol.bus import Bus, Network, open_bus
-from protocol.codec import decode
-from protocol.enums import AckResult, Command, GoalState, Mode, RunAction
-from protocol.errors import NoAnswer
-from protocol.message import Message
-from protocol.messages import (
+from protocol.bus.network import Tls
+from protocol.topics import COMMAND, DRIVE, RUN, STATUS, TRUTH, Role, Service, Topic
+from protocol.wire.codec import decode
+from protocol.wire.enums import AckResult, Command, GoalState, Mode, RunAction
+from protocol.wire.goal import start_words, wire_goal
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     GoalRequest,
@@ -29,9 +30,8 @@ from protocol.messages import (
     RunRequest,
     WheelCommand,
 )
-from protocol.network import Tls
-from protocol.topics import COMMAND, DRIVE, RUN, STATUS, TRUTH, Role, Service, Topic
-from protocol.wire_goal import start_words, wire_goal
+from runtime.errors import NoAnswer
+from verification.harness.processes import sidestep
 
 PATIENCE_S: Final = 10.0
 POLL_S: Final = 0.002

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from protocol.clock import WallClock, ticks
+from runtime.clock import WallClock, ticks
 
 RATE_HZ = 20.0
 PERIOD_NS = round(1e9 / RATE_HZ)

@@ -6,21 +6,16 @@ from contextlib import ExitStack
 from typing import Any, Final
 from uuid import uuid4
 
-from plant.desk import Desk
-from plant.plant import Plant
-from plant.process import Process as PlantProcess
-from plant.process import Wake
-from plant.wires import Wires
-from plant.world_file import load
-from plant.world_overrides import noise_of
-from plant.world_types import World
+from plant.model.types import World
+from plant.process.loop import Process as PlantProcess
+from plant.process.loop import Wake
+from plant.process.requests import Desk
+from plant.process.robot_link import Wires
+from plant.sim.simulation import Plant
+from plant.world.file import load
+from plant.world.overrides import noise_of
 from protocol.bus import Bus, Network, Publisher, open_bus
-from protocol.clock import ManualClock
-from protocol.codec import decode
-from protocol.enums import Navigator
-from protocol.messages import Statustext
-from protocol.network import Mode
-from protocol.timing import PERIOD_NS
+from protocol.bus.network import Mode
 from protocol.topics import (
     CYCLE,
     OPERATOR,
@@ -34,14 +29,19 @@ from protocol.topics import (
     WORLD,
     Role,
 )
+from protocol.wire.codec import decode
+from protocol.wire.enums import Navigator
+from protocol.wire.messages import Statustext
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
-from robot.meter import Meter
-from robot.parameters import with_value
+from robot.parameters.table import with_value
 from robot.process import Process as RobotProcess
+from robot.scheduling.cycle_meter import Meter
 from robot.senses import Senses
-from robot.store import Store
+from robot.storage.files import Store
 from robot.vehicle import Vehicle
+from runtime.clock import ManualClock
+from runtime.timing import PERIOD_NS
 
 FRAME_S: Final = 5.0
 TOLD: Final = "cycle report at the ground"

@@ -8,14 +8,14 @@ from time import monotonic_ns, perf_counter
 from typing import NamedTuple
 
 from benchmarks.pingpong import free_port
-from benchmarks.processes import sidestep
-from plant.world_types import World
+from plant.model.types import World
 from protocol.bus import Bus, Network, open_bus
-from protocol.codec import decode
-from protocol.enums import AckResult, Command, GoalState, Mode, RunAction
-from protocol.errors import NoAnswer
-from protocol.message import Message
-from protocol.messages import (
+from protocol.topics import COMMAND, RUN, STATUS, Role, Service
+from protocol.wire.codec import decode
+from protocol.wire.enums import AckResult, Command, GoalState, Mode, RunAction
+from protocol.wire.goal import start_words
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     GoalRequest,
@@ -23,10 +23,10 @@ from protocol.messages import (
     RunRequest,
     RunScore,
 )
-from protocol.topics import COMMAND, RUN, STATUS, Role, Service
-from protocol.wire_goal import start_words
 from robot.core.parameters import DEFAULTS
-from study.trial import Trial, params_of, wire_goal_of
+from runtime.errors import NoAnswer
+from study.trial.trial import Trial, params_of, wire_goal_of
+from verification.harness.processes import sidestep
 
 ROBOT = "r1"
 ATTEMPTS = 200

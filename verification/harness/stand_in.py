@@ -12,20 +12,20 @@ from threading import Event
 from time import monotonic_ns
 from typing import NamedTuple
 
-from benchmarks.pace import paced
 from benchmarks.pingpong import free_port
-from benchmarks.processes import sidestep
-from plant.plant import Plant
-from plant.wires import Wires
-from plant.world_overrides import noise_of
-from plant.world_types import World
+from plant.model.types import World
+from plant.process.robot_link import Wires
+from plant.sim.simulation import Plant
+from plant.world.overrides import noise_of
 from protocol.bus import Bus, Network, open_bus
-from protocol.enums import AckResult, Command, GoalState, Mode
-from protocol.messages import CommandAck, CommandRequest, GoalRequest
-from protocol.network import Tls
+from protocol.bus.network import Tls
 from protocol.topics import COMMAND, STATUS, Role
-from protocol.wire_goal import WireGoal, start_words, wire_goal
-from study.trial import wire_goal_of
+from protocol.wire.enums import AckResult, Command, GoalState, Mode
+from protocol.wire.goal import WireGoal, start_words, wire_goal
+from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
+from study.trial.trial import wire_goal_of
+from verification.harness.pace import paced
+from verification.harness.processes import sidestep
 
 ROBOT = "r1"
 ANSWER_WITHIN_S = 0.04

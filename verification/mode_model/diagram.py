@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
-from protocol.enums import MissionState, Mode, Vehicle
+from protocol.wire.enums import MissionState, Mode, Vehicle
 from verification.mode_model.events import STOPS, Part
 from verification.mode_model.explorer import Edge, Exploration
 from verification.mode_model.facts import Abstract

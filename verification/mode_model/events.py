@@ -1,8 +1,8 @@
 """What may happen to the robot, made from the tables of the code.
 
 Requests come from `robot.commands.HANDLERS` and the services of the robot process, causes from
-`robot.core.failsafe.ROWS`. `VARIANTS` and `REQUESTS` say with which contents each is asked; a
-command or a kind of request without an entry is an error.
+`robot.core.safety.failsafe.ROWS`. `VARIANTS` and `REQUESTS` say with which contents each is asked;
+a command or a kind of request without an entry is an error.
 """
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
@@ -10,7 +10,7 @@ from math import nan
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from protocol.enums import (
+from protocol.wire.enums import (
     FRAME_LOCAL_FLU,
     Command,
     LeaseAction,
@@ -18,8 +18,8 @@ from protocol.enums import (
     Mode,
     Navigator,
 )
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandRequest,
     GoalRequest,
     LeaseRequest,
@@ -34,7 +34,7 @@ from protocol.messages import (
 from robot.commands import HANDLERS
 from robot.core import machine as machines
 from robot.core import modes, reasons, states
-from robot.core.failsafe import ROWS
+from robot.core.safety.failsafe import ROWS
 from robot.core.values import Outputs, Pose
 from robot.process import SERVICES
 from verification.mode_model.world import (

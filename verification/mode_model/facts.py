@@ -2,7 +2,7 @@
 
 from typing import Any, Final, NamedTuple
 
-from protocol.enums import GoalState, MissionState, Mode, Vehicle
+from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from robot.core import machine as machines
 from robot.core import reasons, states
 from robot.core.machine import Machine

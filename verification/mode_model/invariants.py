@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from protocol.enums import GoalState
+from protocol.wire.enums import GoalState
 from robot.core import reasons
-from robot.core.failsafe import ROWS
+from robot.core.safety.failsafe import ROWS
 from verification.mode_model.events import ARM, CLEAR, LOOKS, SEIZE, STOPS, Event, Outcome
 from verification.mode_model.facts import LIVING, Facts
 from verification.mode_model.world import PARAMS, STRANGER

@@ -6,7 +6,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 Contents: TypeAlias = list[tuple[Any, Any]]
 """Each object with what it held at the time of capture."""
 
-PACKAGES: Final = ("robot.", "protocol.mailbox.", "verification.")
+PACKAGES: Final = ("robot.", "protocol.bus.mailbox.", "verification.")
 """Modules whose classes hold state; instances of all other classes count as values."""
 
 PERCEPTION: Final = "robot.core."

@@ -5,22 +5,30 @@ from contextlib import contextmanager
 from typing import Any, Final, TypeVar, cast
 
 from protocol.bus import Bus
-from protocol.clock import Tick
-from protocol.codec import Encoder
-from protocol.mailbox import Mailbox, Sample
-from protocol.message import Message
-from protocol.messages import CommandAck, Heartbeat, MissionVerdict, SonarScan, Teleop, WheelTicks
-from protocol.timing import PERIOD_NS
+from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import ENCODING, OPERATOR, SONAR, TELEOP, WHEELS, Topic
-from robot.core import failsafe, reasons, states
-from robot.core.failsafe import Row, Trigger
+from protocol.wire.codec import Encoder
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    CommandAck,
+    Heartbeat,
+    MissionVerdict,
+    SonarScan,
+    Teleop,
+    WheelTicks,
+)
+from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS, Params
+from robot.core.safety import failsafe
+from robot.core.safety.failsafe import Row, Trigger
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs, Pose
 from robot.senses import Senses
-from robot.store import Store
+from robot.storage.files import Store
 from robot.teleop import wanted
 from robot.vehicle import Answer, Vehicle
+from runtime.clock import Tick
+from runtime.timing import PERIOD_NS
 
 M = TypeVar("M", bound=Message)
 

@@ -10,10 +10,10 @@ from importlib import import_module
 from typing import Any, Final, NamedTuple
 from unittest.mock import patch
 
-from protocol.timing import PERIOD_MS
 from robot.core import reasons, states
-from robot.writer import InlineWriter
-from verification.simulation.disk import SimulatedOs
+from robot.storage.writer import InlineWriter
+from runtime.timing import PERIOD_MS
+from verification.simulation.hosts.disk import SimulatedOs
 
 Patches = dict[str, object]
 
@@ -50,8 +50,8 @@ def _swallowed_stop() -> Patches:
 
     return {
         "robot.commands.Commands.receive": receive,
-        "ground.operator.secrets": Counting,
-        "ground.emergency_stop.secrets": Counting,
+        "ground.client.requests.secrets": Counting,
+        "ground.client.emergency_stop.secrets": Counting,
     }
 
 
@@ -109,13 +109,13 @@ def _trusting_driver() -> Patches:
             pending, self._pending = self._pending, None
             return pending
 
-    return {"plant.wires.CommandGate": Gate}
+    return {"plant.process.robot_link.CommandGate": Gate}
 
 
 def _unbounded_stamp() -> Patches:
     return {
-        "protocol.mailbox.MAX_STAMP_NS": 1 << 65,
-        "protocol.mailbox.MAX_AHEAD_NS": 1 << 65,
+        "protocol.bus.mailbox.MAX_STAMP_NS": 1 << 65,
+        "protocol.bus.mailbox.MAX_AHEAD_NS": 1 << 65,
     }
 
 
@@ -162,11 +162,11 @@ def _steered_after_seizure() -> Patches:
 
 
 def _disk_in_the_loop() -> Patches:
-    return {"verification.simulation.robot_side.WriterThread": InlineWriter}
+    return {"verification.simulation.hosts.robot_side.WriterThread": InlineWriter}
 
 
 def _directory_not_synced() -> Patches:
-    return {"protocol.whole_file.sync_folder": lambda path: None}
+    return {"runtime.atomic_file.sync_folder": lambda path: None}
 
 
 def _content_not_synced() -> Patches:
@@ -176,18 +176,21 @@ def _content_not_synced() -> Patches:
         number = SimulatedOs.open(path, SimulatedOs.O_TRUNC)
         SimulatedOs.write(number, data)
 
-    return {"protocol.whole_file.write": write}
+    return {"runtime.atomic_file.write": write}
 
 
 def _fence_inside_out() -> Patches:
-    fences, failsafe = import_module("robot.core.fence"), import_module("robot.core.failsafe")
+    fences, failsafe = (
+        import_module("robot.core.safety.fence"),
+        import_module("robot.core.safety.failsafe"),
+    )
 
     def breached(state: Any, inputs: Any, params: Any) -> bool:
         fence, pose = state.machine.fence, state.odometry.pose
         return fence is not None and bool(fences.inside(fence, pose.x_m, pose.y_m))
 
     return {
-        "robot.core.failsafe.TRIGGERS": tuple(
+        "robot.core.safety.failsafe.TRIGGERS": tuple(
             (breached, row) if trigger is failsafe.fence_breached else (trigger, row)
             for trigger, row in failsafe.TRIGGERS
         )
@@ -205,7 +208,7 @@ def _fence_forgotten() -> Patches:
 
 
 def _weakened() -> Patches:
-    return {"robot.tuning.Tuning._unsafe": lambda self, name, value: reasons.OK}
+    return {"robot.parameters.service.Tuning._unsafe": lambda self, name, value: reasons.OK}
 
 
 def _acknowledged_before_saved() -> Patches:

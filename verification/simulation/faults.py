@@ -6,9 +6,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from verification.simulation.actions import OPERATORS, draw_operate
-from verification.simulation.attacker import ATTACKS
 from verification.simulation.events import Argument, Event
-from verification.simulation.network import Impairment
+from verification.simulation.hosts.attacker import ATTACKS
+from verification.simulation.hosts.network import Impairment
 
 if TYPE_CHECKING:
     from verification.simulation.simulation import Simulation

@@ -7,23 +7,23 @@ from typing import Final, NamedTuple
 
 from robot.core import states
 from robot.core.values import Pose
-from verification.simulation import robot_side
 from verification.simulation.actions import OPERATORS, STATION
-from verification.simulation.attacker import MINE, Attacker
 from verification.simulation.coverage import Coverage
 from verification.simulation.defects import defective
 from verification.simulation.events import Event, Scenario
-from verification.simulation.facts import Violation
-from verification.simulation.hub import Hub, Sample, path_of
-from verification.simulation.network import Network
-from verification.simulation.operators import History, Operator
-from verification.simulation.oracle import Oracle
-from verification.simulation.plant_side import WORLDS, PlantSide
-from verification.simulation.robot_side import RobotSide
-from verification.simulation.scheduler import Host, Scheduler
-from verification.simulation.session import Session
-from verification.simulation.station_side import StationOperator
-from verification.simulation.substitutes import Drawn, Opened, substituted
+from verification.simulation.hosts import robot_side
+from verification.simulation.hosts.attacker import MINE, Attacker
+from verification.simulation.hosts.hub import Hub, Sample, path_of
+from verification.simulation.hosts.network import Network
+from verification.simulation.hosts.operators import History, Operator
+from verification.simulation.hosts.plant_side import WORLDS, PlantSide
+from verification.simulation.hosts.robot_side import RobotSide
+from verification.simulation.hosts.scheduler import Host, Scheduler
+from verification.simulation.hosts.session import Session
+from verification.simulation.hosts.station_side import StationOperator
+from verification.simulation.hosts.substitutes import Drawn, Opened, substituted
+from verification.simulation.invariants.oracle import Oracle
+from verification.simulation.invariants.shared import Violation
 
 MS: Final = 1_000_000
 LIES_NS: Final = 15_000 * MS

@@ -7,15 +7,15 @@ elsewhere. So a robot that was started again in the middle of the way goes on li
 from math import cos, sin
 from typing import Final
 
-from benchmarks.soak_ears import Heard
-from ground.destination import Destination, goal_request
-from ground.operator import RequestIds
+from ground.client.goal import Destination, goal_request
+from ground.client.requests import RequestIds
 from protocol.bus import Bus
-from protocol.enums import AckResult, Command, GoalState, Mode, Vehicle
-from protocol.errors import RemoteError
-from protocol.message import Message
-from protocol.messages import CommandAck, CommandRequest, PlanarOdometry
 from protocol.topics import COMMAND
+from protocol.wire.enums import AckResult, Command, GoalState, Mode, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, CommandRequest, PlanarOdometry
+from runtime.errors import RemoteError
+from verification.soak.fleet_telemetry import Heard
 
 PATIENCE_S: Final = 0.2
 EVERY_NS: Final = 1_000_000_000

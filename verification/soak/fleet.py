@@ -6,20 +6,20 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, NamedTuple, Self
 
-from benchmarks.cable import Cable
-from benchmarks.flooding.attack import Attack, Door
-from benchmarks.soak_faults import CUT, Fault
-from benchmarks.soak_supervised import Supervised
-from ground.children import Children
-from ground.cli import parse
-from ground.leash import command
-from ground.scenario import Scenario, cast, question, scenario_of, world_facts
-from ground.supervisor import Supervisor
-from ground.up import free_endpoint
-from ground.upkeep import Upkeep
+from ground.cli.main import parse
+from ground.cli.run.up import free_endpoint
+from ground.launch.child_command import command
+from ground.launch.child_processes import Children
+from ground.launch.restart_policy import Supervisor
+from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
+from ground.launch.supervisor import Upkeep
 from protocol.bus import Bus, Network, open_bus
-from protocol.clock import Clock
 from protocol.topics import Role
+from runtime.clock import Clock
+from verification.flood.attack import Attack, Door
+from verification.harness.tcp_proxy import Cable
+from verification.soak.faults import CUT, Fault
+from verification.soak.supervised import Supervised
 
 LISTENS_S: Final = 15.0
 PAGE_MB: Final = os.sysconf("SC_PAGESIZE") / 1e6

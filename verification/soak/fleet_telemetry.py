@@ -6,17 +6,17 @@ from functools import partial
 from typing import Final
 
 from protocol.bus import Bus
-from protocol.codec import decode
-from protocol.errors import RemoteError
-from protocol.message import Message
-from protocol.messages import (
+from protocol.topics import CYCLE, DRIVE, ODOMETRY, SONAR, STATUS
+from protocol.wire.codec import decode
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CycleReport,
     NavigatorStatus,
     PlanarOdometry,
     SonarScan,
     WheelCommand,
 )
-from protocol.topics import CYCLE, DRIVE, ODOMETRY, SONAR, STATUS
+from runtime.errors import RemoteError
 
 NS_PER_S: Final = 1e9
 REMEMBERED: Final = 64

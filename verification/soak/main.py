@@ -17,14 +17,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from benchmarks.figures import Report
-from benchmarks.soak_drive import Driver
-from benchmarks.soak_ears import Heard, listen
-from benchmarks.soak_faults import Fault, faults, schedule
-from benchmarks.soak_fleet import Fleet
-from benchmarks.soak_report import Course, report_of
-from protocol.clock import Clock, WallClock
-from protocol.terminal import CLEAR_LINE, steer
+from runtime.clock import Clock, WallClock
+from runtime.terminal import CLEAR_LINE, steer
+from verification.harness.figures import Report
+from verification.soak.drive import Driver
+from verification.soak.faults import Fault, faults, schedule
+from verification.soak.fleet import Fleet
+from verification.soak.fleet_telemetry import Heard, listen
+from verification.soak.report import Course, report_of
 
 STEP_NS: Final = 100_000_000
 SAMPLE_NS: Final = 1_000_000_000

@@ -7,13 +7,13 @@ from pathlib import Path
 from statistics import median
 from typing import Final
 
-from benchmarks.figures import Figure, Report, digits, percentile
-from benchmarks.soak_drift import Trend, trend
-from benchmarks.soak_ears import Heard
-from benchmarks.soak_fleet import Size
-from ground.blackbox.frames import opened
-from protocol.codec import decode
+from ground.recording.log_reader import opened
 from protocol.topics import ANSWERED, COMMANDED, TEXT, path_of
+from protocol.wire.codec import decode
+from verification.harness.figures import Figure, Report, digits, percentile
+from verification.soak.drift import Trend, trend
+from verification.soak.fleet import Size
+from verification.soak.fleet_telemetry import Heard
 
 JUDGED_S: Final = 300.0
 AFTERMATH_S: Final = 5.0

@@ -1,6 +1,6 @@
 """A supervisor in a process of its own: does it grow, and does a plant that lives through all?
 
-`python -m benchmarks.soak_supervised PARENT WORLD` starts a robot and a plant as `up` does, tells
+`python -m verification.soak.supervised PARENT WORLD` starts a robot and a plant as `up` does, tells
 the plant's process id on its standard output, kills the robot now and then, and keeps both running
 until its own standard input ends. In the fleet the plant itself is killed too often to be judged.
 """
@@ -14,14 +14,14 @@ import threading
 from collections.abc import Mapping, Sequence
 from typing import IO, Final, Self
 
-from ground.children import Children
-from ground.cli import parse
-from ground.leash import command, tie_to
-from ground.scenario import cast, question, scenario_of, world_facts
-from ground.supervisor import Supervisor
-from ground.up import free_endpoint
-from ground.upkeep import Upkeep
-from protocol.clock import Clock, WallClock
+from ground.cli.main import parse
+from ground.cli.run.up import free_endpoint
+from ground.launch.child_command import command, tie_to
+from ground.launch.child_processes import Children
+from ground.launch.restart_policy import Supervisor
+from ground.launch.scenario import cast, question, scenario_of, world_facts
+from ground.launch.supervisor import Upkeep
+from runtime.clock import Clock, WallClock
 
 ROUND_S: Final = 0.1
 KILL_NS: Final = 60_000_000_000
@@ -34,7 +34,7 @@ class Supervised:
     """That process, as its parent sees it; `pids` are by what is said of them."""
 
     def __init__(self, world: str) -> None:
-        words = [sys.executable, "-m", "benchmarks.soak_supervised", str(os.getpid()), world]
+        words = [sys.executable, "-m", "verification.soak.supervised", str(os.getpid()), world]
         self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self.pids: Mapping[str, int] = {}
 

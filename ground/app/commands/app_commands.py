@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final
 from ground.app.screens import SCREENS
 from ground.console import Word
 from ground.map import LAYERS
-from ground.says import Says
-from ground.widgets.themes import THEMES
-from protocol.errors import UserError
+from ground.text.output import Says
+from ground.text.theme_names import THEMES
+from runtime.errors import UserError
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp

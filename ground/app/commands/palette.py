@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
-from ground.app.keymap import shown
-from ground.console.helping import says_of
-from ground.widgets.themes import THEMES
+from ground.app.input.keymap import shown
+from ground.console.help import says_of
+from ground.text.theme_names import THEMES
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp

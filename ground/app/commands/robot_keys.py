@@ -7,13 +7,13 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ground.app.faces.status import NAMES as NAVIGATOR_NAMES
+from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
 from ground.app.screens import SCREENS
 from ground.app.screens.sheet import Action
-from ground.orders import NAVIGATORS, SIDES, USUAL_NAVIGATOR
-from ground.widgets.themes import THEMES
-from protocol.enums import Mode
+from ground.cli.command.simple_commands import NAVIGATORS, SIDES, USUAL_NAVIGATOR
+from ground.text.theme_names import THEMES
 from protocol.topics import STATUS
+from protocol.wire.enums import Mode
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp

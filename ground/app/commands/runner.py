@@ -8,22 +8,22 @@ from io import StringIO
 from types import MappingProxyType
 from typing import Final
 
+from ground.cli.command.teleop import Stick
+from ground.client.connection import Common
+from ground.client.link import Link
 from ground.console import History, Word, act, act_locally, complete, parse
 from ground.console.aliases import unfolded
-from ground.console.typed import words_of
-from ground.link import Link
+from ground.console.tokenizer import words_of
 from ground.map import Target
 from ground.missions.draft import Draft
-from ground.options import Common
-from ground.says import Says
 from ground.station import Outcome, Station
-from ground.station.items import target_of
-from ground.teleop import Stick
+from ground.station.robot.mission_items import target_of
+from ground.text.output import Says
 from protocol.bus import Bus
-from protocol.clock import Clock
-from protocol.enums import Severity
-from protocol.errors import UserError
 from protocol.options import DEFAULT_ENDPOINT
+from protocol.wire.enums import Severity
+from runtime.clock import Clock
+from runtime.errors import UserError
 
 STILL: Final = frozenset(
     ("hold", "abort", "disarm", "doctor", "watch", "export", "explain", "plot", "trial")

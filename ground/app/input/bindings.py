@@ -6,8 +6,8 @@ from typing import Final
 
 from textual.binding import Binding, BindingsMap
 
-from ground.app.keymap import Keymap
-from ground.app.keys import Layer
+from ground.app.input.key_table import Layer
+from ground.app.input.keymap import Keymap
 
 NAMES: Final = {",": ("comma",), "ctrl+space": ("ctrl+space", "ctrl+@")}
 """A comma separates keys; and most terminals send the second for the first."""

@@ -3,7 +3,7 @@
 from textual.drivers._byte_stream import ByteStream
 from textual.drivers.web_driver import WebDriver, _ExitInput
 
-from ground.app.driver import Hearing
+from ground.app.input.driver import Hearing
 
 TYPED = "D"
 

@@ -11,7 +11,7 @@ from textual.driver import Driver
 from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
-from ground.app.ears import Ears
+from ground.app.input.input_parser import Ears
 
 AT_ONCE: Final = 4096
 MOST_AT_ONCE: Final = 16 * AT_ONCE
@@ -70,7 +70,7 @@ def read(descriptor: int) -> bytes:
 def steady(driver: type[Driver]) -> type[Driver]:
     """Ours in the place of Textual's, where that reads a terminal or a browser."""
     if driver.__name__ == WEB:
-        from ground.app.browser import Browser  # only where there is one
+        from ground.app.input.browser_driver import Browser  # only where there is one
 
         return Browser
     return Terminal if driver is LinuxDriver else driver

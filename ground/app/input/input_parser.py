@@ -7,8 +7,8 @@ from textual import events
 from textual._xterm_parser import XTermParser
 from textual.message import Message
 
-from ground.app.pastes import Pastes, Piece
-from ground.app.sequences import ESCAPE, single
+from ground.app.input.escape_sequences import ESCAPE, single
+from ground.app.input.paste_parser import Pastes, Piece
 
 CHORD: Final = 2
 """Escape, or escape and a letter, is a key even where Textual knows no name for it."""

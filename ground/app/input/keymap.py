@@ -6,9 +6,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from ground.app.keys import KEYS, Key, Layer
-from protocol.config import read_toml, unknown_key
-from protocol.errors import ConfigError
+from ground.app.input.key_table import KEYS, Key, Layer
+from runtime.config import read_toml, unknown_key
+from runtime.errors import ConfigError
 
 TABLE: Final = "keys"
 SHOWN: Final[Mapping[str, str]] = MappingProxyType(

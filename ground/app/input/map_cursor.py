@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Final
 
-from ground.app.cursor import FAR, Cursor, step_of
+from ground.app.input.goal_cursor import FAR, Cursor, step_of
 from ground.map import View
 from ground.map.canvas import DOTS_WIDE
 

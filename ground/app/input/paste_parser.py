@@ -5,7 +5,7 @@ Textual's parser waits for the end of a paste for ever, and makes keys of an esc
 
 from typing import Final, NamedTuple
 
-from ground.app.sequences import begun
+from ground.app.input.escape_sequences import begun
 
 START: Final = "\x1b[200~"
 END: Final = "\x1b[201~"

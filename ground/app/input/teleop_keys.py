@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final
 
-from ground.app.dead_man import WAYS, DeadMan
-from ground.app.deck import Deck
-from ground.app.faces.aged import live
-from protocol.enums import Mode
+from ground.app.input.dead_man import WAYS, DeadMan
+from ground.app.panels.aged import live
+from ground.app.playback.app_interface import Deck
 from protocol.topics import STATUS
+from protocol.wire.enums import Mode
 
 SETTLE_NS: Final = 1_500_000_000
 """So long the robot may take to be in MANUAL."""

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from math import isfinite
 from typing import Any, Final
 
-from ground.telemetry import Age, Seen
-from ground.widgets.rows import Span
+from ground.app.widgets.rows import Span
+from ground.client.telemetry import Age, Seen
 
 MISSING: Final = "--"
 NS_PER_S: Final = 1e9

@@ -3,8 +3,8 @@
 from textwrap import wrap
 from typing import Final
 
+from ground.app.widgets.rows import Row, Span, cut, row
 from ground.station.station import Station
-from ground.widgets.rows import Row, Span, cut, row
 
 MOST_ROWS: Final = 2
 

@@ -2,7 +2,7 @@
 
 from typing import Final, NamedTuple
 
-from ground.widgets.rows import Row, Span, faint, head, row
+from ground.app.widgets.rows import Row, Span, faint, head, row
 
 HOW: Final = "TARGET [VALUE] [FROM_S]"
 

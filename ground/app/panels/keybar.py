@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import Final
 
-from ground.app.keymap import shown
-from ground.app.keys import Key
-from ground.widgets.rows import Row, Span, cut, row, width_of
+from ground.app.input.key_table import Key
+from ground.app.input.keymap import shown
+from ground.app.widgets.rows import Row, Span, cut, row, width_of
 
 STOPS: Final = ("estop-here",)
 LAST: Final = ("palette", "help")

@@ -1,9 +1,9 @@
 """Who is there, how well they are heard, who commands, and every stream with what it lost."""
 
-from ground.app.faces.aged import MISSING, number
-from ground.app.faces.streams import long, long_head
+from ground.app.panels.aged import MISSING, number
+from ground.app.panels.streams import long, long_head
+from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.station.station import Station
-from ground.widgets.rows import Row, Span, faint, head, row
 from protocol.topics import Role
 
 

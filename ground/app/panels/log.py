@@ -3,8 +3,8 @@
 from textwrap import wrap
 from typing import Final
 
-from ground.station.log import Line, Log
-from ground.widgets.rows import Row, Span, faint, head, row, width_of
+from ground.app.widgets.rows import Row, Span, faint, head, row, width_of
+from ground.station.history.event_log import Line, Log
 
 ROLES: Final = {"E": "danger", "W": "caution", "I": "text", "D": "faint"}
 LEAST: Final = 20

@@ -3,14 +3,14 @@
 from math import degrees
 from typing import Final
 
-from ground.app.faces.aged import aged
+from ground.app.panels.aged import aged
+from ground.app.widgets.rows import Row, Span, head, row
 from ground.map import Target
 from ground.station.station import Station
-from ground.widgets.rows import Row, Span, head, row
-from protocol.enums import MissionState
-from protocol.messages import MissionStatus
-from protocol.reasons import reason_text
 from protocol.topics import MISSION
+from protocol.wire.enums import MissionState
+from protocol.wire.messages import MissionStatus
+from protocol.wire.reasons import reason_text
 
 MOST: Final = 6
 

@@ -3,10 +3,10 @@
 from math import isclose
 from typing import Final
 
-from ground.app.faces.aged import number
-from ground.param_rows import Row as Parameter
+from ground.app.panels.aged import number
+from ground.app.widgets.rows import Row, Span, faint, head, row
+from ground.client.parameter_rows import Row as Parameter
 from ground.station.station import Station
-from ground.widgets.rows import Row, Span, faint, head, row
 
 ABOUT_ROWS: Final = 3
 

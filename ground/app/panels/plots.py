@@ -4,11 +4,11 @@ from collections.abc import Iterable, Sequence
 from math import isfinite
 from typing import Final
 
-from ground.app.faces.aged import MISSING, number
-from ground.app.faces.sparks import FRESH_S, Figure
+from ground.app.panels.aged import MISSING, number
+from ground.app.widgets.rows import Row, Span, faint, head, row
+from ground.app.widgets.sparklines import FRESH_S, Figure
 from ground.map import Canvas
 from ground.station.station import Station
-from ground.widgets.rows import Row, Span, faint, head, row
 
 LABEL: Final = 8
 Point = tuple[float, float]

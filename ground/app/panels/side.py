@@ -3,23 +3,23 @@
 from math import degrees, inf, isfinite
 from typing import Final
 
-from ground.app.faces.aged import MISSING, aged, live, number, role_of
-from ground.app.faces.bars import EIGHTHS, bar
-from ground.bearings import SONARS
+from ground.app.panels.aged import MISSING, aged, live, number, role_of
+from ground.app.widgets.bars import EIGHTHS, bar
+from ground.app.widgets.rows import Row, Span, cut, faint, head, row
+from ground.client.status_line import doing
+from ground.client.telemetry import Seen
 from ground.station.station import Station
-from ground.status_line import doing
-from ground.telemetry import Seen
-from ground.widgets.rows import Row, Span, cut, faint, head, row
-from protocol.enums import GoalState
-from protocol.messages import (
+from ground.text.wording import SONARS
+from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS
+from protocol.wire.enums import GoalState
+from protocol.wire.messages import (
     AvoidanceDecision,
     CycleReport,
     NavigatorStatus,
     PlanarOdometry,
     SonarScan,
 )
-from protocol.reasons import reason_text
-from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS
+from protocol.wire.reasons import reason_text
 
 WIDTH: Final = 30
 BAR: Final = 13

@@ -2,15 +2,15 @@
 
 from typing import Final, NamedTuple
 
-from ground.app.faces.aged import MISSING, aged, live, number, role_of
-from ground.orders import NAVIGATORS, SIDES
+from ground.app.panels.aged import MISSING, aged, live, number, role_of
+from ground.app.widgets.rows import Row, Span, cut, faint, head, row, width_of
+from ground.cli.command.simple_commands import NAVIGATORS, SIDES
+from ground.client.status_line import name_of
+from ground.client.telemetry import Age, Seen
 from ground.station.station import Station
-from ground.status_line import name_of
-from ground.telemetry import Age, Seen
-from ground.widgets.rows import Row, Span, cut, faint, head, row, width_of
-from protocol.enums import Mode, Vehicle
-from protocol.messages import NavigatorStatus
 from protocol.topics import HEARTBEAT, STATUS
+from protocol.wire.enums import Mode, Vehicle
+from protocol.wire.messages import NavigatorStatus
 
 GAP: Final = Span("  ", "text")
 TIGHT: Final = Span(" ", "text")

@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from ground.app.faces.aged import MISSING, number
+from ground.app.panels.aged import MISSING, number
+from ground.app.widgets.rows import Row, Span, faint, head, row
+from ground.client.telemetry import Age
+from ground.station.link.streams import StreamRow
 from ground.station.station import Station
-from ground.station.streams import StreamRow
-from ground.telemetry import Age
-from ground.widgets.rows import Row, Span, faint, head, row
 
 ROLES: Final = {Age.LIVE: "text", Age.DIM: "faint", Age.GONE: "faint"}
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from ground.app.player import Player
-from ground.blackbox.marks import Mark
-from ground.widgets.rows import Row, Span, cut, faint, head, row
+from ground.app.playback.player import Player
+from ground.app.widgets.rows import Row, Span, cut, faint, head, row
+from ground.recording.bookmarks import Mark
 
 
 def timeline_rows(player: Player, width: int) -> list[Row]:

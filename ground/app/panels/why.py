@@ -2,11 +2,11 @@
 
 from textwrap import wrap
 
+from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.explain import Explanation, Why, explain, explained
 from ground.explain.explanation import NAMES
 from ground.station import Station
-from ground.station.moments import Moment
-from ground.widgets.rows import Row, Span, faint, head, row
+from ground.station.history.decision_history import Moment
 
 NS_PER_S = 1_000_000_000
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from textwrap import wrap
 from typing import Any, Final
 
-from ground.app.faces.aged import number
-from ground.widgets.rows import Row, Span, faint, head, row
+from ground.app.panels.aged import number
+from ground.app.widgets.rows import Row, Span, faint, head, row
 
 REACHED: Final = "reached of 10 seeds: "
 

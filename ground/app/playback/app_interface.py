@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from ground.app.faces.status import Setting
-from ground.app.gives import Gives
-from ground.app.keys import Key
+from ground.app.commands.command_sink import Gives
+from ground.app.input.key_table import Key
+from ground.app.panels.status import Setting
 from ground.station.station import Station
 
 if TYPE_CHECKING:
-    from ground.stack import Stack
+    from ground.launch.launcher import Stack
 
 T = TypeVar("T")
 

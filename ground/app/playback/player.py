@@ -4,12 +4,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from ground.blackbox.replay import ReplayBus
+from ground.recording.playback.playback_bus import ReplayBus
 from ground.station import Station
 from ground.station.world import WorldFacts, world_in
-from protocol.clock import Clock
-from protocol.errors import RemoteError
 from protocol.topics import WORLD
+from runtime.clock import Clock
+from runtime.errors import RemoteError
 
 NS_PER_S: Final = 1_000_000_000
 

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, TypeVar
 
-from ground.app.faces.status import Setting
-from ground.app.keys import Key
-from ground.app.player import Player
+from ground.app.input.key_table import Key
+from ground.app.panels.status import Setting
+from ground.app.playback.player import Player
+from ground.launch.launcher import Stack
 from ground.map import Target
-from ground.stack import Stack
 from ground.station import Station
 
 if TYPE_CHECKING:

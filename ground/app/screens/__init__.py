@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from ground.app.deck import Deck
+    from ground.app.playback.app_interface import Deck
     from ground.app.screens.sheet import Sheet
 
 SCREENS: Final[Mapping[str, int]] = MappingProxyType(

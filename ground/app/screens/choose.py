@@ -7,8 +7,8 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen
 
-from ground.widgets.lines import Lines
-from ground.widgets.rows import Row, Span, faint, row
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.rows import Row, Span, faint, row
 
 
 class Choose(ModalScreen[str]):

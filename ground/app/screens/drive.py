@@ -9,26 +9,26 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
-from ground.app.by_hand import ByHand
-from ground.app.deck import Deck
-from ground.app.faces.log import latest_rows
-from ground.app.faces.mission import draft_rows, mission_rows
-from ground.app.faces.side import side_rows
-from ground.app.faces.sparks import spark_rows
-from ground.app.faces.streams import stream_rows
-from ground.app.faces.why import now_rows, turn_rows
-from ground.app.keys import Layer
-from ground.app.pointing import Pointing
+from ground.app.input.key_table import Layer
+from ground.app.input.map_cursor import Pointing
+from ground.app.input.teleop_keys import ByHand
+from ground.app.panels.log import latest_rows
+from ground.app.panels.mission import draft_rows, mission_rows
+from ground.app.panels.side import side_rows
+from ground.app.panels.streams import stream_rows
+from ground.app.panels.why import now_rows, turn_rows
+from ground.app.playback.app_interface import Deck
 from ground.app.screens.sheet import Action, Sheet
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.map import MapWidget
+from ground.app.widgets.rows import faint, row
+from ground.app.widgets.sparklines import spark_rows
 from ground.explain import Why
 from ground.map import LAYERS, Target
-from ground.widgets.lines import Lines
-from ground.widgets.map import MapWidget
-from ground.widgets.rows import faint, row
-from protocol.errors import UserError
+from runtime.errors import UserError
 
 if TYPE_CHECKING:
-    from ground.ghost.haunting import Haunting
+    from ground.ghost.ghost_thread import Haunting
 
 ZOOM: Final = 1.25
 HINT: Final = "60 columns and 18 rows show the map"
@@ -170,13 +170,13 @@ class DriveScreen(Sheet):
     def haunting(self) -> "Haunting":
         """The ghosts on this map; begun when the first is wanted."""
         if self._haunting is None:
-            from ground.ghost.haunting import Haunting  # with its recordings, and trials
+            from ground.ghost.ghost_thread import Haunting  # with its recordings, and trials
 
             self._haunting = Haunting(lambda: self.deck.station)
         return self._haunting
 
     def choose_ghost(self) -> None:
-        from ground.ghost.haunting import CHOICES  # seldom needed, so not at the start
+        from ground.ghost.ghost_thread import CHOICES  # seldom needed, so not at the start
 
         self.deck.choose("a ghost from here on", list(CHOICES), self.try_ghost)
 

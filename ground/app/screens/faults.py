@@ -4,15 +4,15 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Final
 
-from ground.app.deck import Deck
-from ground.app.faces.faults import HOW, Trouble, about_rows, heading_row, trouble_row
-from ground.app.keys import Layer
+from ground.app.input.key_table import Layer
+from ground.app.panels.faults import HOW, Trouble, about_rows, heading_row, trouble_row
+from ground.app.playback.app_interface import Deck
 from ground.app.screens.listing import Listing
 from ground.app.screens.sheet import Action
 from ground.app.worlds import ask_worlds
-from ground.scenario import Scenario
-from ground.stack import TROUBLES
-from protocol.errors import UserError
+from ground.launch.launcher import TROUBLES
+from ground.launch.scenario import Scenario
+from runtime.errors import UserError
 
 USUAL_START_S: Final = 3.0
 

@@ -7,10 +7,10 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen
 
-from ground.app.keymap import shown
-from ground.app.keys import Key
-from ground.widgets.lines import Lines
-from ground.widgets.rows import Row, Span, faint, row
+from ground.app.input.key_table import Key
+from ground.app.input.keymap import shown
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.rows import Row, Span, faint, row
 
 WIDTH: Final = 72
 

@@ -4,10 +4,10 @@ from typing import ClassVar
 
 from textual.app import ComposeResult
 
-from ground.app.faces.links import link_rows
+from ground.app.panels.links import link_rows
 from ground.app.screens.listed import Listed
-from ground.widgets.log_view import LogView
-from ground.widgets.rows import Row
+from ground.app.widgets.log_view import LogView
+from ground.app.widgets.rows import Row
 
 
 class LinksScreen(Listed):

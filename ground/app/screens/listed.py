@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Final
 
-from ground.app.keys import Layer
+from ground.app.input.key_table import Layer
 from ground.app.screens.sheet import Action, Sheet
-from ground.widgets.log_view import LogView
-from ground.widgets.table import Table
+from ground.app.widgets.log_view import LogView
+from ground.app.widgets.table import Table
 
 TO_THE_END: Final = 1_000_000
 

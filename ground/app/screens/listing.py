@@ -5,8 +5,8 @@ from typing import ClassVar
 from textual.app import ComposeResult
 
 from ground.app.screens.listed import Listed
-from ground.widgets.lines import Lines
-from ground.widgets.table import Table
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.table import Table
 
 
 class Listing(Listed):

@@ -6,16 +6,16 @@ from typing import ClassVar, Final
 
 from textual.app import ComposeResult
 
-from ground.app.deck import Deck
-from ground.app.keys import Layer
+from ground.app.filtered_log import Sifted
+from ground.app.input.key_table import Layer
+from ground.app.playback.app_interface import Deck
 from ground.app.screens.listed import Listed
 from ground.app.screens.sheet import Action
-from ground.app.sifted import Sifted
-from ground.station.log import Line
-from ground.widgets.lines import Lines
-from ground.widgets.log_view import LogView
-from ground.widgets.rows import Row, Span, faint, row
-from protocol.enums import Severity
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.log_view import LogView
+from ground.app.widgets.rows import Row, Span, faint, row
+from ground.station.history.event_log import Line
+from protocol.wire.enums import Severity
 
 WORST: Final = (
     (Severity.DEBUG, "everything"),

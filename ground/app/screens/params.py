@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from functools import partial
 
-from ground.app.deck import Deck
-from ground.app.faces.params import ABOUT_ROWS, about_rows, differs, heading_row, parameter_row
-from ground.app.keys import Layer
+from ground.app.input.key_table import Layer
+from ground.app.panels.params import ABOUT_ROWS, about_rows, differs, heading_row, parameter_row
+from ground.app.playback.app_interface import Deck
 from ground.app.screens.listing import Listing
 from ground.app.screens.sheet import Action
-from ground.param_rows import Row as Parameter
+from ground.client.parameter_rows import Row as Parameter
 
 
 class ParamsScreen(Listing):

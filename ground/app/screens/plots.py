@@ -7,13 +7,13 @@ from typing import Final
 from textual.app import ComposeResult
 from textual.containers import Grid
 
-from ground.app.deck import Deck
-from ground.app.faces.plots import plot_rows
-from ground.app.faces.sparks import FIGURES, Figure
-from ground.app.keys import Layer
+from ground.app.input.key_table import Layer
+from ground.app.panels.plots import plot_rows
+from ground.app.playback.app_interface import Deck
 from ground.app.screens.sheet import Action, Sheet
-from ground.widgets.lines import Lines
-from ground.widgets.rows import faint, row
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.rows import faint, row
+from ground.app.widgets.sparklines import FIGURES, Figure
 
 WINDOWS_S: Final = (15.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 DRAWN_HZ: Final = 4.0

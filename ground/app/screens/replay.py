@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Final
 
 from textual.app import ComposeResult
 
-from ground.app.faces.timeline import timeline_rows
-from ground.app.keys import Layer
-from ground.app.played import PlayedDeck
-from ground.app.player import Player
+from ground.app.input.key_table import Layer
+from ground.app.panels.timeline import timeline_rows
+from ground.app.playback.player import Player
+from ground.app.playback.read_only_app import PlayedDeck
 from ground.app.screens.drive import DriveScreen
 from ground.app.screens.sheet import Action
-from ground.widgets.lines import Lines
-from ground.widgets.rows import faint, row
-from protocol.errors import UserError
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.rows import faint, row
+from runtime.errors import UserError
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp

@@ -8,14 +8,14 @@ from textual.containers import Container, Horizontal
 from textual.screen import Screen
 from textual.widgets import Input
 
-from ground.app.deck import Deck
-from ground.app.faces.alarm import alarm_rows
-from ground.app.faces.keybar import keybar_row
-from ground.app.faces.status import status_row
-from ground.app.keys import Layer
-from ground.widgets.command_line import CommandLine
-from ground.widgets.lines import Lines
-from ground.widgets.rows import Span, row
+from ground.app.input.key_table import Layer
+from ground.app.panels.alarm import alarm_rows
+from ground.app.panels.keybar import keybar_row
+from ground.app.panels.status import status_row
+from ground.app.playback.app_interface import Deck
+from ground.app.widgets.command_line import CommandLine
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.rows import Span, row
 
 Action = Callable[[], object]
 WIDTHS: Final = ((0, "-tiny"), (60, "-narrow"), (110, "-wide"), (160, "-huge"))

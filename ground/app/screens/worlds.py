@@ -8,20 +8,20 @@ from typing import Any
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 
-from ground.app.deck import Deck
-from ground.app.faces.worlds import ends_rows, fact_rows, world_row
-from ground.app.keys import Layer
+from ground.app.input.key_table import Layer
+from ground.app.panels.worlds import ends_rows, fact_rows, world_row
+from ground.app.playback.app_interface import Deck
 from ground.app.screens.listing import Listing
 from ground.app.screens.sheet import Action
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.map import MapWidget
+from ground.app.widgets.rows import faint, row
+from ground.app.widgets.table import Table
 from ground.app.worlds import Reached, ask_worlds, reached_in
+from ground.launch.scenario import Scenario
 from ground.map import Scene
-from ground.scenario import Scenario
 from ground.station.scene import preview_of
 from ground.station.world import world_in
-from ground.widgets.lines import Lines
-from ground.widgets.map import MapWidget
-from ground.widgets.rows import faint, row
-from ground.widgets.table import Table
 
 
 class WorldsScreen(Listing):

@@ -9,8 +9,8 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
-from ground.widgets.paint import styles_of
-from ground.widgets.rows import Row, in_ascii
+from ground.app.widgets.paint import styles_of
+from ground.app.widgets.rows import Row, in_ascii
 
 
 class Lines(Widget):

@@ -11,9 +11,9 @@ from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
+from ground.app.widgets.paint import styles_of
 from ground.map import LAYERS, ROLES, Canvas, Scene, View, draw_moving, draw_standing, standing
 from ground.map.view import Point
-from ground.widgets.paint import styles_of
 
 WHEEL_FACTOR = 1.25
 PAPER = ""

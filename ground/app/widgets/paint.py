@@ -7,7 +7,7 @@ from typing import Final
 
 from rich.style import Style
 
-from ground.widgets.themes import THEMES
+from ground.text.theme_names import THEMES
 
 PAINTS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {

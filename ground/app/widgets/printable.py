@@ -5,7 +5,7 @@ from rich.segment import Segment
 from textual.color import Color
 from textual.filter import LineFilter
 
-from protocol.terminal import REPLACEMENT
+from runtime.terminal import REPLACEMENT
 
 
 class Printable(LineFilter):

@@ -16,7 +16,7 @@ ASCII: Final = str.maketrans(
 
 
 class Span(NamedTuple):
-    """Some text in one role; roles are the names of colours in `ground.widgets.paint`."""
+    """Some text in one role; roles are the names of colours in `ground.app.widgets.paint`."""
 
     text: str
     role: str = "text"

@@ -3,10 +3,10 @@
 from math import inf, isfinite, nan
 from typing import Final, NamedTuple
 
-from ground.app.faces.aged import MISSING, number
-from ground.app.faces.bars import binned, spark
+from ground.app.panels.aged import MISSING, number
+from ground.app.widgets.bars import binned, spark
+from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.station.station import Station
-from ground.widgets.rows import Row, Span, faint, head, row
 
 WIDTH: Final = 32
 WINDOW_S: Final = 60.0

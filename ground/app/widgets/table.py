@@ -5,8 +5,8 @@ from typing import TypeVar
 
 from textual import events
 
-from ground.widgets.lines import Lines
-from ground.widgets.rows import Row, cut
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.rows import Row, cut
 
 T = TypeVar("T")
 

@@ -4,18 +4,18 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-from ground.link import Link, linked
+from ground.client.connection import add_common, common_of, positive, within
+from ground.client.link import Link, linked
 from ground.missions.files import ENDINGS, read_fence
 from ground.missions.mission import FARTHEST_M, Circle, Fence, Polygon
 from ground.missions.outline import fault_of
 from ground.missions.transfer import Clear, Verdict
 from ground.missions.transport import fetch, send, send_fence, tell_verdict
 from ground.missions.wire import fence_of
-from ground.options import add_common, common_of, positive, within
-from ground.says import Says
-from protocol.enums import MissionType
-from protocol.errors import UserError
+from ground.text.output import Says
 from protocol.options import finite
+from protocol.wire.enums import MissionType
+from runtime.errors import UserError
 
 SETTING: Final = ("circle", "polygon")
 

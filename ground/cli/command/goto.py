@@ -3,21 +3,21 @@
 import argparse
 from typing import Final
 
-from ground.destination import Destination, destination_of, from_robot, goal_request
-from ground.destination import arguments as destination_arguments
-from ground.lease import leased
-from ground.link import NS_PER_S, Link, linked
-from ground.operator import BEAT_NS, Answered, Asking, GoalEnd, GoalWatch
-from ground.options import add_common, common_of, seconds
-from ground.orders import tell
-from ground.ready import insist
-from ground.says import Says
-from ground.status_line import goal_line
-from ground.telemetry import Telemetry
-from protocol.enums import Command, Mode
-from protocol.errors import RemoteError, UserError
-from protocol.messages import GoalRequest
+from ground.cli.command.lease import leased
+from ground.cli.command.simple_commands import tell
+from ground.client.arming import insist
+from ground.client.connection import add_common, common_of, seconds
+from ground.client.goal import Destination, destination_of, from_robot, goal_request
+from ground.client.goal import arguments as destination_arguments
+from ground.client.link import NS_PER_S, Link, linked
+from ground.client.requests import BEAT_NS, Answered, Asking, GoalEnd, GoalWatch
+from ground.client.status_line import goal_line
+from ground.client.telemetry import Telemetry
+from ground.text.output import Says
 from protocol.topics import COMMAND, DECISION, ODOMETRY, STATUS
+from protocol.wire.enums import Command, Mode
+from protocol.wire.messages import GoalRequest
+from runtime.errors import RemoteError, UserError
 
 SHOW_NS: Final = 200_000_000
 SHOW_PLAIN_NS: Final = 2_000_000_000

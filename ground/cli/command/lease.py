@@ -10,16 +10,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from ground.holder import lease_status, who_refuses, words_of
-from ground.link import NS_PER_S, Link
-from ground.operator import BEAT_NS, Answered, Asking
-from ground.options import add_common, seconds
-from ground.orders import MS, tell, why
-from ground.says import Says
-from protocol.enums import LeaseAction
-from protocol.errors import RemoteError, UserError
-from protocol.messages import LeaseRequest
+from ground.cli.command.simple_commands import MS, tell, why
+from ground.client.connection import add_common, seconds
+from ground.client.lease_holder import lease_status, who_refuses, words_of
+from ground.client.link import NS_PER_S, Link
+from ground.client.requests import BEAT_NS, Answered, Asking
+from ground.text.output import Says
 from protocol.topics import LEASE_SERVICE
+from protocol.wire.enums import LeaseAction
+from protocol.wire.messages import LeaseRequest
+from runtime.errors import RemoteError, UserError
 
 RELEASE_NS: Final = 200 * MS
 NAME_BYTES: Final = 16

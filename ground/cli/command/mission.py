@@ -6,7 +6,11 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Final
 
-from ground.link import Link, linked
+from ground.cli.command.simple_commands import tell
+from ground.client.arming import insist
+from ground.client.connection import add_common, add_json, common_of
+from ground.client.link import Link, linked
+from ground.client.requests import Answered
 from ground.missions import files
 from ground.missions.items import home_at
 from ground.missions.mission import Home, Mission
@@ -15,16 +19,12 @@ from ground.missions.sift import Foreign
 from ground.missions.transfer import Clear, Downloaded, Upload, Verdict
 from ground.missions.transport import fetch, send, send_fence, tell_verdict
 from ground.missions.wire import fence_of, items_of, waypoints_of
-from ground.operator import Answered
-from ground.options import add_common, add_json, common_of
-from ground.orders import tell
-from ground.ready import insist
-from ground.says import Says
-from protocol.enums import Command, MissionState, MissionType
-from protocol.errors import UserError
-from protocol.messages import CommandRequest
+from ground.text.output import Says
 from protocol.options import finite, whole
-from protocol.reasons import Reason
+from protocol.wire.enums import Command, MissionState, MissionType
+from protocol.wire.messages import CommandRequest
+from protocol.wire.reasons import Reason
+from runtime.errors import UserError
 
 MOST_ITEMS: Final = 65_535
 """People count items from 1; the wire begins with 0."""

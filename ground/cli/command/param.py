@@ -9,18 +9,18 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from ground import param_files
-from ground.link import Link, Unanswered
-from ground.operator import is_saving
-from ground.options import add_common
-from ground.param_rows import Row, rows_in
-from ground.says import Says
-from protocol.enums import PARAM_TYPE_REAL32
-from protocol.errors import RemoteError, UserError
-from protocol.messages import CommandAck, ParamSet, ParamValue
+from ground.cli.command import param_files
+from ground.client.connection import add_common
+from ground.client.link import Link, Unanswered
+from ground.client.parameter_rows import Row, rows_in
+from ground.client.requests import is_saving
+from ground.text.output import Says
 from protocol.options import finite
-from protocol.reasons import Reason, reason_text
 from protocol.topics import PARAMETER, PARAMETERS
+from protocol.wire.enums import PARAM_TYPE_REAL32
+from protocol.wire.messages import CommandAck, ParamSet, ParamValue
+from protocol.wire.reasons import Reason, reason_text
+from runtime.errors import RemoteError, UserError
 
 ATTEMPTS: Final = 3
 PATIENCE_S: Final = 0.5

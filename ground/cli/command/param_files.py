@@ -5,11 +5,11 @@ from math import isclose
 from pathlib import Path
 from typing import Any, Final
 
-from ground import whole_file
-from ground.param_rows import NAME
-from protocol.config import read_toml, unknown_key
-from protocol.errors import ConfigError, UserError
-from protocol.terminal import printable
+from ground.client.parameter_rows import NAME
+from ground.recording import export_file
+from runtime.config import read_toml, unknown_key
+from runtime.errors import ConfigError, UserError
+from runtime.terminal import printable
 
 TABLE: Final = "parameters"
 HUGE: Final = 1e300
@@ -30,7 +30,7 @@ def write(path: Path, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Those that are not as they are by default; their names. UserError when it cannot be."""
     chosen = [row for row in rows if not is_usual(row)]
     lines = [f"{name_in(row)} = {row['value']!r}  # {said(row)}".rstrip(" #") for row in chosen]
-    whole_file.replace(path, "\n".join([f"[{TABLE}]", *lines, ""]))
+    export_file.replace(path, "\n".join([f"[{TABLE}]", *lines, ""]))
     return [str(row["name"]) for row in chosen]
 
 

@@ -5,15 +5,15 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from ground.emergency_stop import EmergencyStop, outcome_words
-from ground.holder import who_refuses
-from ground.link import Link
-from ground.operator import ATTEMPTS, PATIENCE_NS, Answered, GaveUp
-from ground.options import add_common, seconds
-from ground.says import Says
-from protocol.enums import Command, Mode, Navigator
-from protocol.reasons import Reason, reason_text
+from ground.client.connection import add_common, seconds
+from ground.client.emergency_stop import EmergencyStop, outcome_words
+from ground.client.lease_holder import who_refuses
+from ground.client.link import Link
+from ground.client.requests import ATTEMPTS, PATIENCE_NS, Answered, GaveUp
+from ground.text.output import Says
 from protocol.topics import STATUS, STOP
+from protocol.wire.enums import Command, Mode, Navigator
+from protocol.wire.reasons import Reason, reason_text
 
 MS: Final = 1_000_000
 STOP_NS: Final = 5_000 * MS

@@ -5,22 +5,22 @@ from contextlib import suppress
 from math import radians
 from typing import Final
 
-from ground.lease import leased
-from ground.link import NS_PER_S, Link, linked
-from ground.operator import Answered, Pace
-from ground.options import add_common, common_of, seconds, within
-from ground.orders import MS, tell
-from ground.ready import arm_if_standing_by, insist
-from ground.says import Says
-from ground.telemetry import Telemetry
+from ground.cli.command.lease import leased
+from ground.cli.command.simple_commands import MS, tell
+from ground.client.arming import arm_if_standing_by, insist
+from ground.client.connection import add_common, common_of, seconds, within
+from ground.client.link import NS_PER_S, Link, linked
+from ground.client.requests import Answered, Pace
+from ground.client.telemetry import Telemetry
+from ground.text.output import Says
 from protocol.bus import Publisher
-from protocol.clock import ticks
-from protocol.enums import Command, Mode, Vehicle
-from protocol.errors import RemoteError, UserError
-from protocol.messages import CommandRequest, NavigatorStatus, Teleop
 from protocol.options import finite
-from protocol.reasons import reason_text
 from protocol.topics import STATUS, TELEOP
+from protocol.wire.enums import Command, Mode, Vehicle
+from protocol.wire.messages import CommandRequest, NavigatorStatus, Teleop
+from protocol.wire.reasons import reason_text
+from runtime.clock import ticks
+from runtime.errors import RemoteError, UserError
 
 RATE_HZ: Final = 20.0
 TTL_MS: Final = 250

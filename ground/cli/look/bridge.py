@@ -6,15 +6,15 @@ from collections.abc import Iterable
 from time import time_ns
 from typing import Any, Final, NamedTuple
 
-from ground.blackbox.facts import Facts
-from ground.blackbox.spread import Piece, Spread
-from ground.link import Link
-from ground.options import add_common, common_of
-from ground.recorder import MAX_KEY
-from ground.says import Says
-from ground.tlog import whole
-from protocol.clock import Clock
-from protocol.errors import UserError
+from ground.client.connection import add_common, common_of
+from ground.client.link import Link
+from ground.recording.log_writer import MAX_KEY
+from ground.recording.mcap.channels import Piece, Spread
+from ground.recording.metadata import Facts
+from ground.recording.tlog import whole
+from ground.text.output import Says
+from runtime.clock import Clock
+from runtime.errors import UserError
 
 USUAL_PLACE: Final = "127.0.0.1:8765"
 ROUND_NS: Final = 50_000_000

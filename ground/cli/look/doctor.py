@@ -4,18 +4,18 @@ import argparse
 from time import time
 from typing import Any, Final
 
-from ground.findings import Observed, Report, Stream, examine, lines
-from ground.link import Link, Unanswered, linked
-from ground.options import add_common, common_of, seconds
-from ground.presence import crew_of
-from ground.says import Says
-from ground.telemetry import Telemetry
-from protocol.bus.access import barred
-from protocol.bus.certificate import own
-from protocol.errors import NotLetIn, PeerHangs, RemoteError
-from protocol.mailbox import Mailbox
-from protocol.messages import CommandRequest
+from ground.client.connection import add_common, common_of, seconds
+from ground.client.diagnosis import Observed, Report, Stream, examine, lines
+from ground.client.link import Link, Unanswered, linked
+from ground.client.presence import crew_of
+from ground.client.telemetry import Telemetry
+from ground.text.output import Says
+from protocol.bus.mailbox import Mailbox
+from protocol.bus.tls.access import barred
+from protocol.bus.tls.certificate import own
 from protocol.topics import COMMAND, CYCLE, PARAMETERS, STATUS, TOPICS, WORLD, Role, Service
+from protocol.wire.messages import CommandRequest
+from runtime.errors import NotLetIn, PeerHangs, RemoteError
 
 LISTEN_S: Final = 1.0
 ASK_S: Final = 0.5

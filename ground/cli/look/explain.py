@@ -4,17 +4,17 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-from ground.blackbox.frames import opened
-from ground.blackbox.reel import Reel
+from ground.client.connection import LONGEST_S, add_common, common_of
+from ground.client.link import LISTEN_NS, Link, linked
+from ground.client.telemetry import Telemetry
 from ground.explain.explanation import Explanation, explain
-from ground.explain.recorded import Recorded, Turn
-from ground.link import LISTEN_NS, Link, linked
-from ground.options import LONGEST_S, add_common, common_of
-from ground.says import Says
-from ground.telemetry import Telemetry
-from protocol.errors import UserError
+from ground.explain.from_recording import Recorded, Turn
+from ground.recording.log_index import Reel
+from ground.recording.log_reader import opened
+from ground.text.output import Says
 from protocol.options import up_to
 from protocol.topics import CYCLE, DECISION, STATUS
+from runtime.errors import UserError
 
 NS_PER_S: Final = 1_000_000_000
 NEXT_NS: Final = 200_000_000

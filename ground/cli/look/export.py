@@ -7,14 +7,14 @@ from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Final, NamedTuple, TextIO
 
-from ground.blackbox.axis import Axis
-from ground.blackbox.frames import opened
-from ground.blackbox.table_files import parquet, write_csv, write_parquet
-from ground.blackbox.tables import LONG, Column, Row, long_rows, wide_columns, wide_rows
-from ground.options import add_json, within
-from ground.says import Says
-from protocol.errors import UserError
+from ground.client.connection import add_json, within
+from ground.recording.log_reader import opened
+from ground.recording.tables.files import parquet, write_csv, write_parquet
+from ground.recording.tables.rows import LONG, Column, Row, long_rows, wide_columns, wide_rows
+from ground.recording.tables.time_axis import Axis
+from ground.text.output import Says
 from protocol.options import finite
+from runtime.errors import UserError
 
 USUAL_RATE_HZ: Final = 20.0
 LOWEST_HZ: Final = 0.01

@@ -4,25 +4,25 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-from ground.blackbox.frames import opened
-from ground.blackbox.reel import Reel
-from ground.destination import Destination, destination
-from ground.explain.verb import instant_ns, moment
-from ground.ghost.course import FAILED, Course
+from ground.cli.command.simple_commands import NAVIGATORS, SIDES
+from ground.cli.look.explain import instant_ns, moment
+from ground.client.connection import add_common, common_of, seconds
+from ground.client.goal import Destination, destination
+from ground.client.link import Link, linked
+from ground.ghost.branch_point import Instant, driving
 from ground.ghost.ghost import Ghost
-from ground.ghost.ghosts import Ghosts
-from ground.ghost.instant import Instant, driving
-from ground.ghost.live import Present
-from ground.ghost.recorded import Footage, parameters_in, side_of
-from ground.link import Link, linked
-from ground.options import add_common, common_of, seconds
-from ground.orders import NAVIGATORS, SIDES
-from ground.parts import Part
-from ground.says import Says
-from protocol.clock import Clock, WallClock
-from protocol.errors import UserError
-from protocol.messages import NavigatorStatus
+from ground.ghost.ghost_set import Ghosts
+from ground.ghost.live_ghost import Present
+from ground.ghost.predicted_path import FAILED, Course
+from ground.ghost.recorded_ghost import Footage, parameters_in, side_of
+from ground.recording.log_index import Reel
+from ground.recording.log_reader import opened
+from ground.text.output import Says
+from ground.text.status_parts import Part
 from protocol.options import finite, whole
+from protocol.wire.messages import NavigatorStatus
+from runtime.clock import Clock, WallClock
+from runtime.errors import UserError
 
 ALL: Final = "all"
 NOISES: Final = ("none", "default", "lossy", "harsh")

@@ -10,12 +10,12 @@ from http.client import HTTPConnection, HTTPException
 from types import MappingProxyType
 from typing import Any, Final
 
-from ground.link import Link, Unanswered
-from ground.options import add_common
-from ground.presence import crew_of
-from ground.says import Says
+from ground.client.connection import add_common
+from ground.client.link import Link, Unanswered
+from ground.client.presence import crew_of
+from ground.text.output import Says
 from ground.web.address import Address, address_of
-from protocol.network import Hub
+from protocol.bus.network import Hub
 from protocol.topics import HEARTBEAT, SONAR, STATUS, WHEELS, Role, Topic
 
 ROUTER: Final = "router"
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
     """Raises Unanswered, which has exit code 1, with the reason."""
     if options.web is not None:
         ask_page(address_of(options.web))
-    from ground.verbs import talking  # which knows this verb
+    from ground.cli.verbs import talking  # which knows this verb
 
     return talking(act)(options, says)
 

@@ -5,17 +5,17 @@ import os
 from pathlib import Path
 from typing import Any, Final
 
-from ground.blackbox import plot
-from ground.blackbox.axis import Axis
-from ground.blackbox.frames import Log, opened
-from ground.blackbox.place import facts_of, radius_of
-from ground.blackbox.run import gathered
-from ground.leash import command
-from ground.options import add_json
-from ground.says import Says
-from ground.scenario import world_facts
-from protocol.errors import UserError
+from ground.client.connection import add_json
+from ground.launch.child_command import command
+from ground.launch.scenario import world_facts
+from ground.recording.log_reader import Log, opened
+from ground.recording.tables import figure
+from ground.recording.tables.series import gathered
+from ground.recording.tables.time_axis import Axis
+from ground.recording.world_metadata import facts_of, radius_of
+from ground.text.output import Says
 from protocol.options import finite
+from runtime.errors import UserError
 
 KINDS: Final = (".png", ".svg")
 
@@ -56,7 +56,7 @@ def draw(options: argparse.Namespace, target: Path, robot: str, facts: dict[str,
         raise UserError(f"{source}: there is no pose in that time, so there is nothing to draw")
     where = f" in {facts['name']}" if "name" in facts else ""
     try:
-        plot.write(target, found, facts, f"{source.name}: {robot}{where}")
+        figure.write(target, found, facts, f"{source.name}: {robot}{where}")
     except OSError as error:
         raise UserError(f"{target}: {error.strerror}") from error
 

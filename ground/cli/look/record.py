@@ -6,19 +6,19 @@ from pathlib import Path
 from time import time_ns
 from typing import Final
 
-from ground.blackbox.facts import Facts
-from ground.blackbox.tape import Tape, Track
-from ground.children import held_back
-from ground.link import Link, linked
-from ground.options import add_common, common_of
-from ground.recorder import Recorder
-from ground.recording import add_keep, kept_in
-from ground.says import Says
-from ground.shelf import Shelf
-from protocol.enums import Severity
-from protocol.errors import UserError
-from protocol.texts import pieces_of
+from ground.client.connection import add_common, common_of
+from ground.client.link import Link, linked
+from ground.launch.child_processes import held_back
+from ground.launch.recording_session import add_keep, kept_in
+from ground.recording.dual_log import Tape, Track
+from ground.recording.log_writer import Recorder
+from ground.recording.metadata import Facts
+from ground.recording.retention import Shelf
+from ground.text.output import Says
 from protocol.topics import MARK
+from protocol.wire.enums import Severity
+from protocol.wire.statustext import pieces_of
+from runtime.errors import UserError
 
 FLUSH_NS: Final = 250_000_000
 SYNC_EVERY: Final = 4

@@ -9,22 +9,22 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from ground.app.looks import add_looks
+from ground.app.appearance import add_looks
 from ground.app.start import has_screen, run_replay
-from ground.blackbox.replay import NS_PER_S, ReplayBus
-from ground.leash import command
-from ground.options import add_json, positive
-from ground.orders import NAVIGATORS
-from ground.parts import in_words
-from ground.says import Says
-from ground.status_line import watch_line
-from ground.telemetry import Telemetry
-from ground.texts import Texts
-from protocol.clock import Clock, WallClock
-from protocol.codec import decode
-from protocol.errors import RemoteError, UserError
+from ground.cli.command.simple_commands import NAVIGATORS
+from ground.client.connection import add_json, positive
+from ground.client.status_line import watch_line
+from ground.client.telemetry import Telemetry
+from ground.launch.child_command import command
+from ground.recording.playback.playback_bus import NS_PER_S, ReplayBus
+from ground.text.output import Says
+from ground.text.status_parts import in_words
+from ground.text.statustext import Texts
 from protocol.options import finite
 from protocol.topics import TEXT
+from protocol.wire.codec import decode
+from runtime.clock import Clock, WallClock
+from runtime.errors import RemoteError, UserError
 
 EVERY_S: Final = 1.0
 LARGE_BYTES: Final = 20_000_000

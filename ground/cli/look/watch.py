@@ -7,22 +7,22 @@ from contextlib import suppress
 from typing import Final
 
 from ground import web
-from ground.app.keymap import as_toml
-from ground.app.looks import add_looks
+from ground.app.appearance import add_looks
+from ground.app.input.keymap import as_toml
 from ground.app.start import has_screen, keymap_of
 from ground.app.start import run as run_app
-from ground.link import LISTEN_NS, Link, linked
-from ground.operator import BEAT_NS, Pace
-from ground.options import add_common, common_of
-from ground.parts import in_words
-from ground.recording import Recording, add_recording, folder_of, usual_folder
-from ground.says import Says
-from ground.status_line import watch_line
-from ground.telemetry import LOOKED_AT, Telemetry
-from ground.texts import Texts, aged
-from protocol.codec import decode
-from protocol.errors import RemoteError
+from ground.client.connection import add_common, common_of
+from ground.client.link import LISTEN_NS, Link, linked
+from ground.client.requests import BEAT_NS, Pace
+from ground.client.status_line import watch_line
+from ground.client.telemetry import LOOKED_AT, Telemetry
+from ground.launch.recording_session import Recording, add_recording, folder_of, usual_folder
+from ground.text.output import Says
+from ground.text.status_parts import in_words
+from ground.text.statustext import Texts, aged
 from protocol.topics import HEARTBEAT, STATUS, TEXT
+from protocol.wire.codec import decode
+from runtime.errors import RemoteError
 
 SILENT_NS: Final = 2_000_000_000
 SHOW_NS: Final = 200_000_000

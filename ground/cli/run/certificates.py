@@ -8,13 +8,13 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Final
 
-from ground.options import add_json
-from ground.says import Says
-from protocol.bus.access import ROBOT, ROUTER
-from protocol.errors import UserError
-from protocol.network import check_operators
+from ground.client.connection import add_json
+from ground.text.output import Says
+from protocol.bus.network import check_operators
+from protocol.bus.tls.access import ROBOT, ROUTER
 from protocol.options import whole
 from protocol.topics import robot_name
+from runtime.errors import UserError
 
 LACKING: Final = "keys needs the library cryptography: pip install 'sidestep[keys]'"
 USUAL_DAYS: Final = 365
@@ -108,7 +108,7 @@ def require_library() -> None:
 
 
 def run_new(options: argparse.Namespace, says: Says) -> int:
-    from ground.keys.folder import make
+    from ground.certificates.folder import make
 
     robots = [robot_name(name) for name in options.robots]
     if len(set(robots)) < len(robots):
@@ -134,7 +134,7 @@ def run_new(options: argparse.Namespace, says: Says) -> int:
 
 
 def run_renew(options: argparse.Namespace, says: Says) -> int:
-    from ground.keys.folder import renew
+    from ground.certificates.folder import renew
 
     now = datetime.now(UTC)
     wanted = now + timedelta(days=options.days)
@@ -150,7 +150,7 @@ def run_renew(options: argparse.Namespace, says: Says) -> int:
 
 
 def run_revoke(options: argparse.Namespace, says: Says) -> int:
-    from ground.keys.folder import revoke
+    from ground.certificates.folder import revoke
 
     found = revoke(options.folder, options.names)
     use = "give its .toml to each process that listens or dials, and start these again"
@@ -172,7 +172,7 @@ def hosts_of(places: Sequence[tuple[str, str]], robots: Sequence[str]) -> dict[s
 
 
 def run_check(options: argparse.Namespace, says: Says) -> int:
-    from ground.keys.checking import check
+    from ground.certificates.check import check
 
     all_checked = check(options.folder, datetime.now(UTC))
     good = not any(one.wrong for one in all_checked)

@@ -14,14 +14,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from ground.leash import command
-from ground.says import Says
-from ground.scenario import question, world_facts
-from protocol.calibration import settings_of
-from protocol.errors import UserError
-from protocol.network import MOST_ROBOTS
+from ground.launch.child_command import command
+from ground.launch.scenario import question, world_facts
+from ground.text.output import Says
+from protocol.bus.network import MOST_ROBOTS
 from protocol.options import whole
-from protocol.wire_goal import start_words
+from protocol.wire.goal import start_words
+from runtime.calibration import settings_of
+from runtime.errors import UserError
 
 KEY: Final = ".key"
 MOST_USERS: Final = 60_000
@@ -207,7 +207,7 @@ def refuse_keys_of_others(file: Path, *, apart: bool) -> None:
 
 def takes_config(verb: str) -> bool:
     """Whether it talks to others."""
-    from ground.verbs import PLACES, VERBS, parser_of  # which know this verb
+    from ground.cli.verbs import PLACES, VERBS, parser_of  # which know this verb
 
     if verb not in PLACES:
         return verb in ("robot", "plant")

@@ -3,11 +3,11 @@
 import argparse
 from typing import Final
 
-from ground.options import add_common, listening_of
-from ground.says import Says
+from ground.client.connection import add_common, listening_of
+from ground.text.output import Says
 from protocol.bus import open_bus
-from protocol.bus.doors import watched_doors
-from protocol.clock import WallClock
+from protocol.bus.audit import watched_doors
+from runtime.clock import WallClock
 
 NOBODY: Final = "router"
 PAUSE_NS: Final = 200_000_000

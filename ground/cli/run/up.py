@@ -10,28 +10,28 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from ground.app.looks import add_looks
+from ground.app.appearance import add_looks
 from ground.app.start import has_screen
 from ground.app.start import run as run_app
-from ground.errand import Errand
-from ground.leash import command
-from ground.link import NS_PER_S, Link, Unanswered
-from ground.locked import ground_file
-from ground.options import Common, add_json, positive, seconds
-from ground.orders import NAVIGATORS, SIDES, USUAL_NAVIGATOR
-from ground.outing import Outing, as_json, in_words
-from ground.parts import Part
-from ground.recording import Recording, add_recording, folder_of, usual_folder
-from ground.says import Says
-from ground.scenario import Scenario, question, scenario_of, world_facts
-from ground.stack import Stack
+from ground.cli.command.simple_commands import NAVIGATORS, SIDES, USUAL_NAVIGATOR
+from ground.client.connection import Common, add_json, positive, seconds
+from ground.client.link import NS_PER_S, Link, Unanswered
+from ground.launch.child_command import command
+from ground.launch.fleet_run import Outing, as_json, in_words
+from ground.launch.goal_run import Errand
+from ground.launch.launcher import Stack
+from ground.launch.recording_session import Recording, add_recording, folder_of, usual_folder
+from ground.launch.scenario import Scenario, question, scenario_of, world_facts
+from ground.launch.tls_configs import ground_file
+from ground.text.output import Says
+from ground.text.status_parts import Part
 from protocol.bus import Bus, open_bus
-from protocol.clock import Clock, WallClock
-from protocol.errors import NoPeer, RemoteError
-from protocol.network import MOST_ROBOTS
+from protocol.bus.network import MOST_ROBOTS
 from protocol.options import finite, whole
 from protocol.outcome import Outcome
 from protocol.topics import Role
+from runtime.clock import Clock, WallClock
+from runtime.errors import NoPeer, RemoteError
 
 TIMEOUT_S: Final = 300.0
 NOISES: Final = ("none", "default", "lossy", "harsh")

@@ -5,11 +5,11 @@ from typing import ClassVar, Final, NamedTuple
 
 from ground.client.operations.session import Session
 from ground.client.results import Answer, answer_row
-from ground.emergency_stop import EmergencyStop, StopOutcome, outcome_words
-from ground.operator import GaveUp
-from protocol.enums import Command, Mode, Navigator, Severity
-from protocol.reasons import Reason
-from protocol.texts import pieces_of
+from ground.client.emergency_stop import EmergencyStop, StopOutcome, outcome_words
+from ground.client.requests import GaveUp
+from protocol.wire.enums import Command, Mode, Navigator, Severity
+from protocol.wire.reasons import Reason
+from protocol.wire.statustext import pieces_of
 from protocol.topics import MARK, STATUS, STOP
 
 MS: Final = 1_000_000

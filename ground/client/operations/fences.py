@@ -8,7 +8,7 @@ from ground.client.operations.session import Session
 from ground.missions.mission import Circle, Fence
 from ground.missions.transfer import Clear, Verdict
 from ground.missions.wire import fence_of
-from protocol.enums import MissionType
+from protocol.wire.enums import MissionType
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,14 +6,14 @@ from typing import ClassVar, Final
 from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
 from ground.client.results import Accepted, Refused
-from ground.destination import Destination, from_robot, goal_request
-from ground.link import NS_PER_S, Link
-from ground.operator import BEAT_NS, Answered, Asking, GoalEnd, GoalWatch
-from ground.status_line import goal_line
-from ground.telemetry import Telemetry
-from protocol.enums import Command, Mode
-from protocol.errors import RemoteError, UserError
-from protocol.messages import GoalRequest
+from ground.client.goal import Destination, from_robot, goal_request
+from ground.client.link import NS_PER_S, Link
+from ground.client.requests import BEAT_NS, Answered, Asking, GoalEnd, GoalWatch
+from ground.client.status_line import goal_line
+from ground.client.telemetry import Telemetry
+from protocol.wire.enums import Command, Mode
+from runtime.errors import RemoteError, UserError
+from protocol.wire.messages import GoalRequest
 from protocol.topics import COMMAND, DECISION, ODOMETRY, STATUS
 
 SHOW_NS: Final = 200_000_000

@@ -12,12 +12,12 @@ from typing import ClassVar, Final
 
 from ground.client.operations.session import Session
 from ground.client.results import Answer, RefusedError
-from ground.holder import lease_status, words_of
-from ground.link import NS_PER_S, Link
-from ground.operator import BEAT_NS, Answered, Asking
-from protocol.enums import LeaseAction
-from protocol.errors import RemoteError, UserError
-from protocol.messages import LeaseRequest, LeaseStatus
+from ground.client.lease_holder import lease_status, words_of
+from ground.client.link import NS_PER_S, Link
+from ground.client.requests import BEAT_NS, Answered, Asking
+from protocol.wire.enums import LeaseAction
+from runtime.errors import RemoteError, UserError
+from protocol.wire.messages import LeaseRequest, LeaseStatus
 from protocol.topics import LEASE_SERVICE
 
 RELEASE_NS: Final = 200_000_000

@@ -13,13 +13,13 @@ from ground.client import parameter_file
 from ground.client.operations.session import Session
 from ground.client.parameter import Parameter, parameters_in, same
 from ground.client.results import Refused
-from ground.link import Link, Unanswered
-from ground.operator import ATTEMPTS, PATIENCE_NS, GaveUp, Send, is_saving
-from protocol.enums import PARAM_TYPE_REAL32
-from protocol.errors import RemoteError, UserError
-from protocol.message import Message
-from protocol.messages import CommandAck, ParamSet, ParamValue
-from protocol.reasons import Reason, reason_text
+from ground.client.link import Link, Unanswered
+from ground.client.requests import ATTEMPTS, PATIENCE_NS, GaveUp, Send, is_saving
+from protocol.wire.enums import PARAM_TYPE_REAL32
+from runtime.errors import RemoteError, UserError
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, ParamSet, ParamValue
+from protocol.wire.reasons import Reason, reason_text
 from protocol.topics import PARAMETER, PARAMETERS, Service
 
 SAVING_NS: Final = 15_000_000_000

@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from typing import Final, Protocol, TypeVar
 
 from ground.client.results import Accepted, Answer, Refused
-from ground.holder import who_refuses
-from ground.link import Link
-from ground.operator import ATTEMPTS, BEAT_NS, PATIENCE_NS, Answered, Request
-from ground.parts import Part
-from protocol.enums import Command, Vehicle
-from protocol.reasons import Reason
+from ground.client.lease_holder import who_refuses
+from ground.client.link import Link
+from ground.client.requests import ATTEMPTS, BEAT_NS, PATIENCE_NS, Answered, Request
+from ground.text.status_parts import Part
+from protocol.wire.enums import Command, Vehicle
+from protocol.wire.reasons import Reason
 from protocol.topics import COMMAND, STATUS, Service
 
 R = TypeVar("R", bound=Request)

@@ -8,15 +8,15 @@ from typing import ClassVar, Final
 from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
 from ground.client.results import Answer
-from ground.link import NS_PER_S, Link
-from ground.operator import Pace
-from ground.options import within
-from ground.teleop import FASTEST_DEG_S, FASTEST_M_S, RATE_HZ, Stick
-from protocol.clock import ticks
-from protocol.enums import Command, Mode, Vehicle
-from protocol.errors import RemoteError, UserError
-from protocol.messages import CommandRequest, NavigatorStatus
-from protocol.reasons import reason_text
+from ground.client.link import NS_PER_S, Link
+from ground.client.requests import Pace
+from ground.client.connection import within
+from ground.cli.command.teleop import FASTEST_DEG_S, FASTEST_M_S, RATE_HZ, Stick
+from runtime.clock import ticks
+from protocol.wire.enums import Command, Mode, Vehicle
+from runtime.errors import RemoteError, UserError
+from protocol.wire.messages import CommandRequest, NavigatorStatus
+from protocol.wire.reasons import reason_text
 from protocol.topics import STATUS
 
 HOLD_NS: Final = 300_000_000

@@ -6,7 +6,7 @@ from math import cos, sin
 from struct import pack
 from typing import Final, TypeAlias
 
-from ground.blackbox.schemas import Json
+from ground.recording.mcap.json_schemas import Json
 
 Point: TypeAlias = tuple[float, float]
 Colour: TypeAlias = tuple[float, float, float, float]

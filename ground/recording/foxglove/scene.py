@@ -8,17 +8,8 @@ from collections.abc import Callable
 from math import cos, isfinite, radians, sin
 from typing import Any, Final, NamedTuple, TypeVar
 
-from ground.blackbox import shape_schemas as schemas
-from ground.blackbox.place import (
-    BEARINGS_RAD,
-    USUAL_RADIUS_M,
-    facts_of,
-    radius_of,
-    solids,
-    start_of,
-)
-from ground.blackbox.schemas import Json
-from ground.blackbox.shapes import (
+from ground.recording.foxglove import schemas
+from ground.recording.foxglove.messages import (
     LINE_LIST,
     LINE_LOOP,
     Point,
@@ -34,10 +25,20 @@ from ground.blackbox.shapes import (
     turn,
     vector,
 )
-from ground.texts import Texts
-from protocol.enums import Severity
-from protocol.message import Message
-from protocol.messages import (
+from ground.recording.mcap.json_schemas import Json
+from ground.recording.world_metadata import (
+    BEARINGS_RAD,
+    USUAL_RADIUS_M,
+    facts_of,
+    radius_of,
+    solids,
+    start_of,
+)
+from ground.text.statustext import Texts
+from protocol.topics import MARK, path_of
+from protocol.wire.enums import Severity
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     AvoidanceDecision,
     GroundTruth,
     NavigatorStatus,
@@ -45,7 +46,6 @@ from protocol.messages import (
     SonarScan,
     Statustext,
 )
-from protocol.topics import MARK, path_of
 
 M = TypeVar("M", bound=Message)
 WORLD: Final = "world"

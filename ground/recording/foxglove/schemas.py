@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from ground.blackbox.schemas import Json, Schema, many, named, record
+from ground.recording.mcap.json_schemas import Json, Schema, many, named, record
 
 NS_PER_S: Final = 1_000_000_000
 

@@ -9,13 +9,13 @@ from typing import Final, NamedTuple
 import msgspec
 
 from ground.blackbox.frame_paths import path_in
-from ground.blackbox.mcap_file import KEY_TOPIC, RAW_TOPIC, Key
-from ground.blackbox.picture import Drawn, Picture
-from ground.blackbox.schemas import KEY_SCHEMA, Schema, schema_of
-from ground.blackbox.shape_schemas import SHAPES
-from protocol.codec import decode
-from protocol.errors import RemoteError
-from protocol.message import Message
+from ground.recording.mcap.reader import KEY_TOPIC, RAW_TOPIC, Key
+from ground.recording.foxglove.scene import Drawn, Picture
+from ground.recording.mcap.json_schemas import KEY_SCHEMA, Schema, schema_of
+from ground.recording.foxglove.schemas import SHAPES
+from protocol.wire.codec import decode
+from runtime.errors import RemoteError
+from protocol.wire.message import Message
 from protocol.topics import ENCODING, path_of
 
 TO_JSON: Final = msgspec.json.Encoder()

@@ -4,8 +4,8 @@ import json
 from functools import cache
 from typing import Final, NamedTuple, TypeAlias
 
-from protocol.layout import LAYOUT, Field
-from protocol.message import Message
+from protocol.wire.layout import LAYOUT, Field
+from protocol.wire.message import Message
 
 Json: TypeAlias = dict[str, object]
 

@@ -22,8 +22,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata
 
 from ground.blackbox.frame_paths import path_in
-from ground.blackbox.mcap_chunk import unpacked
-from protocol.codec import HEADER_SIZE
+from ground.recording.mcap.chunk import unpacked
+from protocol.wire.codec import HEADER_SIZE
 from protocol.topics import ENCODING_FAMILY, PREFIX
 
 RAW_TOPIC: Final = "/mavlink"

@@ -11,16 +11,12 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
-from ground.blackbox.frames import opened
-from ground.blackbox.marks import Mark, marks_of
-from ground.blackbox.reel import Reel
-from ground.blackbox.timeline import Timeline
-from ground.param_rows import rows_in
-from protocol.clock import Clock
-from protocol.errors import LocalError, NoAnswer, UserError
-from protocol.mailbox import Mailbox, Sample
-from protocol.message import Message
-from protocol.messages import ParamValue
+from ground.client.parameter_rows import rows_in
+from ground.recording.bookmarks import Mark, marks_of
+from ground.recording.log_index import Reel
+from ground.recording.log_reader import opened
+from ground.recording.playback.playback_clock import Timeline
+from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import (
     ANSWERED,
     DRIVE,
@@ -37,6 +33,10 @@ from protocol.topics import (
     Topic,
     path_of,
 )
+from protocol.wire.message import Message
+from protocol.wire.messages import ParamValue
+from runtime.clock import Clock
+from runtime.errors import LocalError, NoAnswer, UserError
 
 M = TypeVar("M", bound=Message)
 Handler = Callable[[str, bytes, int], None]

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from protocol.clock import Clock
+from runtime.clock import Clock
 
 SLOWEST: Final = 0.0625
 FASTEST: Final = 64.0

@@ -5,9 +5,9 @@ from math import atan2, cos, degrees, isfinite, sin, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from ground.blackbox.place import discs, outlines
-from ground.blackbox.run import Place, Run, Series
-from protocol.errors import UserError
+from ground.recording.tables.series import Place, Run, Series
+from ground.recording.world_metadata import discs, outlines
+from runtime.errors import UserError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,8 +6,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Final, TextIO
 
-from ground.blackbox.tables import Column, Row
-from protocol.errors import UserError
+from ground.recording.tables.rows import Column, Row
+from runtime.errors import UserError
 
 GROUP: Final = 10_000
 

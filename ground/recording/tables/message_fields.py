@@ -5,8 +5,8 @@ from math import isfinite
 from struct import pack
 from typing import NamedTuple
 
-from protocol.layout import LAYOUT, Field
-from protocol.message import Message
+from protocol.wire.layout import LAYOUT, Field
+from protocol.wire.message import Message
 
 
 class Cell(NamedTuple):

@@ -10,11 +10,11 @@ from collections.abc import Iterable, Iterator
 from math import ceil, floor
 from typing import Final, NamedTuple
 
-from ground.blackbox.axis import Timed
-from ground.blackbox.fields import Cell, cells_of
-from protocol.layout import LAYOUT
-from protocol.message import Message
+from ground.recording.tables.message_fields import Cell, cells_of
+from ground.recording.tables.time_axis import Timed
 from protocol.topics import MS, TOPICS
+from protocol.wire.layout import LAYOUT
+from protocol.wire.message import Message
 
 STALE_S: Final = {topic.path: topic.stale_after_ns / MS / 1000.0 for topic in TOPICS}
 SEVERAL: Final = frozenset(topic.path for topic in TOPICS if len(topic.messages) > 1)

@@ -4,11 +4,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import cos, inf, isfinite, nan, sin, sqrt
 
-from ground.blackbox.axis import Timed
-from ground.blackbox.marks import Mark, changes
-from ground.blackbox.place import BEARINGS_RAD
-from protocol.message import Message
-from protocol.messages import (
+from ground.recording.bookmarks import Mark, changes
+from ground.recording.tables.time_axis import Timed
+from ground.recording.world_metadata import BEARINGS_RAD
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     AvoidanceDecision,
     GroundTruth,
     NavigatorStatus,

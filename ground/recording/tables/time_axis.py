@@ -7,11 +7,11 @@ another clock: they count as none.
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
-from ground.blackbox.frames import Frame, Log
-from protocol.codec import decode
-from protocol.errors import RemoteError
-from protocol.message import Message
+from ground.recording.log_reader import Frame, Log
 from protocol.topics import TOPICS, Role
+from protocol.wire.codec import decode
+from protocol.wire.message import Message
+from runtime.errors import RemoteError
 
 NS_PER_S: Final = 1_000_000_000
 OF_OPERATORS: Final = tuple(f"/{one.path}" for one in TOPICS if one.publisher is Role.GROUND)

@@ -7,12 +7,17 @@ from contextlib import suppress
 from itertools import islice, takewhile
 from typing import Final, NamedTuple, TypeVar
 
-from ground.station.inbox import Arrival
-from protocol.codec import decode
-from protocol.errors import RemoteError
-from protocol.message import Message
-from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus, PlanarOdometry
+from ground.station.history.inbox import Arrival
 from protocol.topics import CYCLE, DECISION, ODOMETRY, STATUS
+from protocol.wire.codec import decode
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    AvoidanceDecision,
+    CycleReport,
+    NavigatorStatus,
+    PlanarOdometry,
+)
+from runtime.errors import RemoteError
 
 KEPT: Final = 12_000
 """Ten minutes at 20 Hz."""

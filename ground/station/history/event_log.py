@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from itertools import islice
 from typing import Final, NamedTuple
 
-from protocol.enums import Severity
+from protocol.wire.enums import Severity
 
 LINES: Final = 10_000
 LETTERS: Final = "EEEEWIID"

@@ -4,18 +4,18 @@ from collections.abc import Callable
 from math import sqrt
 from typing import Any, Final
 
-from ground.station.dearest import Dearest
-from ground.station.history import History
-from ground.station.tracks import RADIUS_M, Echoes, Marks, Trail
-from ground.telemetry import Age, Telemetry, age_of
-from protocol.messages import (
+from ground.client.telemetry import Age, Telemetry, age_of
+from ground.station.history.time_series import History
+from ground.station.history.trail import RADIUS_M, Echoes, Marks, Trail
+from ground.station.history.worst_cycle import Dearest
+from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
+from protocol.wire.messages import (
     AvoidanceDecision,
     CycleReport,
     NavigatorStatus,
     PlanarOdometry,
     SonarScan,
 )
-from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
 
 NS_PER_S: Final = 1_000_000_000
 APART_S: Final = 0.25

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from math import cos, hypot, isfinite, pi, sin
 from typing import Final
 
-from protocol.enums import GoalState
-from protocol.messages import NavigatorStatus, PlanarOdometry, SonarScan
+from protocol.wire.enums import GoalState
+from protocol.wire.messages import NavigatorStatus, PlanarOdometry, SonarScan
 
 STEP_M: Final = 0.03
 TRAIL: Final = 1000

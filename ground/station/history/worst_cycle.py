@@ -2,7 +2,7 @@
 
 from math import inf
 
-from protocol.messages import CycleReport
+from protocol.wire.messages import CycleReport
 
 
 class Dearest:

@@ -3,7 +3,7 @@
 from enum import Enum
 from typing import Final, NamedTuple
 
-from ground.station.loss import LossKind
+from ground.station.link.loss import LossKind
 
 MS: Final = 1_000_000
 BEGUN_NS: Final = 150 * MS

@@ -2,16 +2,15 @@
 
 from typing import Any, Final
 
-from ground.station.contact import Change, Contact, Need
-from ground.station.items import Items
-from ground.station.lease import Lease
-from ground.station.loss import Loss, LossKind, Signs, judge
+from ground.station.link.contact import Change, Contact, Need
+from ground.station.link.loss import Loss, LossKind, Signs, judge
+from ground.station.link.loss_texts import Known, does, ended, what
 from ground.station.reader import Failed, Found, Parameters, Probe, Reader
-from ground.station.watched import Tell, Watched
-from ground.station.words import Known, does, ended, what
+from ground.station.robot.lease_state import Lease
+from ground.station.robot.mission_items import Items
+from ground.station.robot.robot_model import Tell, Watched
 from ground.station.world import WorldFacts
-from protocol.enums import Severity
-from protocol.network import Hub
+from protocol.bus.network import Hub
 from protocol.topics import (
     CLOCK,
     HEARTBEAT,
@@ -24,6 +23,7 @@ from protocol.topics import (
     Role,
     Topic,
 )
+from protocol.wire.enums import Severity
 
 NS_PER_S: Final = 1_000_000_000
 INFO: Final = Severity.INFO

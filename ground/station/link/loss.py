@@ -4,7 +4,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from protocol.limits import SCAN_LOST_MS
-from protocol.network import Hub
+from protocol.bus.network import Hub
 from protocol.topics import HEARTBEAT
 
 MS: Final = 1_000_000

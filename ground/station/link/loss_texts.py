@@ -2,9 +2,9 @@
 
 from typing import Final, NamedTuple
 
-from ground.station.lease import Lease
-from ground.station.loss import LossKind
-from protocol.enums import GoalState, Mode, Vehicle
+from ground.station.robot.lease_state import Lease
+from ground.station.link.loss import LossKind
+from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.limits import (
     MAX_LEASE_MS,
     MAX_WHEEL_TTL_MS,
@@ -12,9 +12,9 @@ from protocol.limits import (
     SCAN_LOST_MS,
     TICKS_LOST_MS,
 )
-from protocol.messages import NavigatorStatus
-from protocol.network import Hub
-from protocol.reasons import Reason, reason_text
+from protocol.wire.messages import NavigatorStatus
+from protocol.bus.network import Hub
+from protocol.wire.reasons import Reason, reason_text
 
 MS: Final = 1_000_000
 

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from ground.station.hears import Token
-from protocol.enums import Severity
+from ground.station.bus_protocols import Token
 from protocol.topics import Role
+from protocol.wire.enums import Severity
 
 OTHERS: Final = "another ground station"
 NAMED: Final = {

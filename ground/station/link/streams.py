@@ -4,10 +4,10 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
-from ground.station.inbox import Arrival
-from ground.telemetry import Age, Telemetry, age_of
-from protocol.codec import framed
+from ground.client.telemetry import Age, Telemetry, age_of
+from ground.station.history.inbox import Arrival
 from protocol.topics import Role, Topic
+from protocol.wire.codec import framed
 
 NS_PER_S: Final = 1_000_000_000
 WINDOW_NS: Final = 5 * NS_PER_S

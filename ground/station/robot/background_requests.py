@@ -7,7 +7,7 @@ from threading import Thread
 from time import monotonic
 from typing import NamedTuple, Protocol, TypeAlias
 
-from protocol.errors import LocalError, RemoteError
+from runtime.errors import LocalError, RemoteError
 
 LOG = logging.getLogger(__name__)
 

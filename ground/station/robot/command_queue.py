@@ -4,14 +4,14 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final, NamedTuple
 
-from ground.operator import RequestIds
-from ground.station.asking import ask_lease
-from ground.station.hears import Hears
-from ground.station.requests import Job, Outcome, Works, outcome_of
-from ground.station.tenure import Tenure
-from protocol.clock import Clock
-from protocol.enums import LeaseAction, Severity
-from protocol.messages import LeaseRequest
+from ground.client.requests import RequestIds
+from ground.station.bus_protocols import Hears
+from ground.station.robot.background_requests import Job, Outcome, Works, outcome_of
+from ground.station.robot.lease_holding import Tenure
+from ground.station.robot.lease_request import ask_lease
+from protocol.wire.enums import LeaseAction, Severity
+from protocol.wire.messages import LeaseRequest
+from runtime.clock import Clock
 
 NAME_BYTES: Final = 16
 

@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from ground.link import ALIVE
-from ground.operator import Pace
-from ground.station.hears import Puts
-from ground.station.lease import UNKNOWN, lease_in
-from protocol.messages import Heartbeat, LeaseStatus
+from ground.client.link import ALIVE
+from ground.client.requests import Pace
+from ground.station.bus_protocols import Puts
+from ground.station.robot.lease_state import UNKNOWN, lease_in
+from protocol.wire.messages import Heartbeat, LeaseStatus
 
 MS: Final = 1_000_000
 SETTLED_NS: Final = 110 * MS

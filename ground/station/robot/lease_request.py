@@ -2,14 +2,14 @@
 
 from typing import Final
 
-from ground.station.hears import Hears
-from ground.station.requests import Outcome
-from protocol.clock import Clock
-from protocol.enums import AckResult, LeaseAction
-from protocol.errors import NoAnswer, RemoteError
-from protocol.messages import CommandAck, LeaseRequest
-from protocol.reasons import reason_text
+from ground.station.bus_protocols import Hears
+from ground.station.robot.background_requests import Outcome
 from protocol.topics import LEASE_SERVICE
+from protocol.wire.enums import AckResult, LeaseAction
+from protocol.wire.messages import CommandAck, LeaseRequest
+from protocol.wire.reasons import reason_text
+from runtime.clock import Clock
+from runtime.errors import NoAnswer, RemoteError
 
 MS: Final = 1_000_000
 ATTEMPTS: Final = 3

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from protocol.messages import LeaseStatus
-from protocol.terminal import printable
+from protocol.wire.messages import LeaseStatus
+from runtime.terminal import printable
 
 
 class Lease(NamedTuple):

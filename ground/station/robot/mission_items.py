@@ -8,13 +8,13 @@ from ground.map import Disc, Outline, Shape, Target
 from ground.missions.mission import Circle, Fence, Waypoint
 from ground.missions.transfer import MAX_ITEMS, Download, Downloaded
 from ground.missions.wire import fence_of, waypoints_of
-from ground.station.hears import Hears
-from protocol.clock import Clock
-from protocol.enums import MissionType
-from protocol.errors import RemoteError
-from protocol.messages import MissionClearAll, MissionCount, MissionItemInt, MissionVerdict
-from protocol.reasons import Reason
+from ground.station.bus_protocols import Hears
 from protocol.topics import MISSION_SERVICE
+from protocol.wire.enums import MissionType
+from protocol.wire.messages import MissionClearAll, MissionCount, MissionItemInt, MissionVerdict
+from protocol.wire.reasons import Reason
+from runtime.clock import Clock
+from runtime.errors import RemoteError
 
 PATIENCE_S = 0.5
 IN_FORCE = (Reason.NONE, Reason.NOT_SAVED)

@@ -1,7 +1,7 @@
 """The robot's parameters as last read: all of them, or none."""
 
-from ground.param_rows import Row
-from protocol.messages import ParamValue
+from ground.client.parameter_rows import Row
+from protocol.wire.messages import ParamValue
 
 
 class ParameterList:

@@ -4,25 +4,25 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from typing import Final
 
-from ground.station.again import Again
-from ground.station.comings import Comings
-from ground.station.figures import Figures
-from ground.station.hears import Hears, Token
-from ground.station.inbox import Arrival, Inbox
-from ground.station.items import Charts
-from ground.station.moments import Moments
-from ground.station.parameters import ParameterList
-from ground.station.restarts import Restarts
-from ground.station.streams import Streams
-from ground.telemetry import Telemetry
-from ground.texts import Texts, aged
-from protocol.codec import decode
-from protocol.enums import Severity
-from protocol.errors import RemoteError
-from protocol.message import Message
-from protocol.messages import ParamValue, Statustext
-from protocol.timing import PERIOD_NS
+from ground.client.telemetry import Telemetry
+from ground.station.bus_protocols import Hears, Token
+from ground.station.history.decision_history import Moments
+from ground.station.history.inbox import Arrival, Inbox
+from ground.station.history.telemetry_history import Figures
+from ground.station.link.presence_log import Comings
+from ground.station.link.restart_notice import Again
+from ground.station.link.restarts import Restarts
+from ground.station.link.streams import Streams
+from ground.station.robot.mission_items import Charts
+from ground.station.robot.parameters import ParameterList
+from ground.text.statustext import Texts, aged
 from protocol.topics import ANSWERED, COMMANDED, CYCLE, SONAR, TEXT, TOPICS, Role
+from protocol.wire.codec import decode
+from protocol.wire.enums import Severity
+from protocol.wire.message import Message
+from protocol.wire.messages import ParamValue, Statustext
+from runtime.errors import RemoteError
+from runtime.timing import PERIOD_NS
 
 OVERTAKEN: Final = 20
 """A frame up to so many periods behind the newest was overtaken on its way."""

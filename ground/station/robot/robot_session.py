@@ -3,18 +3,18 @@
 from collections.abc import Callable
 from typing import Final
 
-from ground.emergency_stop import EmergencyStop, outcome_words
-from ground.station.hears import Puts, Speaks
-from ground.station.loss import Loss, LossKind
+from ground.client.emergency_stop import EmergencyStop, outcome_words
+from ground.station.bus_protocols import Puts, Speaks
+from ground.station.link.link_monitor import Vigil
+from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader
-from ground.station.requests import Outcome, Works
-from ground.station.tenure import Tenure
-from ground.station.vigil import Vigil
-from ground.station.watched import Tell, Watched
-from protocol.clock import Clock
-from protocol.enums import Severity
-from protocol.messages import CommandRequest, Heartbeat
+from ground.station.robot.background_requests import Outcome, Works
+from ground.station.robot.lease_holding import Tenure
+from ground.station.robot.robot_model import Tell, Watched
 from protocol.topics import LEASE, OPERATOR, STATUS, STOP, Role
+from protocol.wire.enums import Severity
+from protocol.wire.messages import CommandRequest, Heartbeat
+from runtime.clock import Clock
 
 NS_PER_S: Final = 1_000_000_000
 

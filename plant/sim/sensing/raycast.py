@@ -17,8 +17,8 @@ from typing import Final
 
 import numpy as np
 
-from plant.scene import Disc, Pose, Scene
-from plant.surfaces import Chosen, Drift, Floats, Surfaces
+from plant.model.scene import Disc, Pose, Scene
+from plant.sim.sensing.surfaces import Chosen, Drift, Floats, Surfaces
 
 SONARS: Final = 8
 RAYS_PER_SONAR: Final = 5

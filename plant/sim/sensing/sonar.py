@@ -6,11 +6,11 @@ Even sonars are pinged half a period before the stamp of the scan, odd ones at t
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from plant.body import Body
-from plant.noise import Noise
-from plant.raycast import ORDER, SONARS
-from plant.seeds import gaussian_rows, uniform_rows
-from plant.trouble import SonarTrouble
+from plant.model.body import Body
+from plant.model.noise import Noise
+from plant.sim.active_faults import SonarTrouble
+from plant.sim.seeds import gaussian_rows, uniform_rows
+from plant.sim.sensing.raycast import ORDER, SONARS
 
 EARLY_US: Final = 25_000
 PING_AGE_US: Final = tuple(0 if sonar % 2 else EARLY_US for sonar in range(SONARS))

@@ -2,7 +2,7 @@
 
 A row times a ray's (ux, uy, -u.o, -u x o) gives p of a disc, u x (a - o) or -u x (b - o) of an
 edge; a row times its origin's (ox, oy, 1, |o|^2) gives q of a disc, n of an edge. The letters are
-those of `plant.raycast`.
+those of `plant.sim.sensing.raycast`.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from plant.scene import Disc, Pose, Scene
+from plant.model.scene import Disc, Pose, Scene
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Mask: TypeAlias = npt.NDArray[np.bool_]

@@ -7,8 +7,8 @@ from typing import Final, TypeAlias
 
 import zenoh
 
+from protocol.bus.faults.link_faults import Rough, Trouble, earliest
 from protocol.topics import CLOCK, TOPICS, key_parts
-from protocol.trouble import Rough, Trouble, earliest
 
 Take: TypeAlias = Callable[[zenoh.Sample], None]
 NS_PER_S: Final = 1_000_000_000

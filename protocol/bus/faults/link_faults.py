@@ -7,7 +7,7 @@ from itertools import count
 from random import Random
 from typing import Final, Generic, TypeVar
 
-from protocol.errors import UserError
+from runtime.errors import UserError
 
 S = TypeVar("S")
 NS_PER_MS: Final = 1_000_000

@@ -5,10 +5,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from protocol.bus.access import misfit
-from protocol.errors import BadKeys
-from protocol.network import Tls
+from protocol.bus.network import Tls
+from protocol.bus.tls.access import misfit
 from protocol.topics import Role
+from runtime.errors import BadKeys
 
 ROUNDS: Final = 4
 WHENEVER: Final = 0x200000

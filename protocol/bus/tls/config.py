@@ -9,10 +9,10 @@ from typing import Final
 
 import zenoh
 
-from protocol.bus.certificate import Own, context, own
-from protocol.bus.rules import access_control, dialled_access_control
-from protocol.errors import BadKeys, NotLetIn
-from protocol.network import LOCKED, Network, Tls
+from protocol.bus.network import LOCKED, Network, Tls
+from protocol.bus.tls.certificate import Own, context, own
+from protocol.bus.tls.rules import access_control, dialled_access_control
+from runtime.errors import BadKeys, NotLetIn
 
 KNOCK_S: Final = 1.5
 MAKE_NEW: Final = "make a new set with `sidestep keys new`, or use the one of that authority"

@@ -7,9 +7,9 @@ from typing import Any, Final
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.access import impostor
-from protocol.errors import NotLetIn
-from protocol.network import Network
+from protocol.bus.network import Network
+from protocol.bus.tls.access import impostor
+from runtime.errors import NotLetIn
 
 QUIET_S: Final = 10.0
 REPLACED: Final = "nothing is taken from it or sent to it; find out who listens there, by whose key"

@@ -5,9 +5,18 @@ from typing import Final, NamedTuple
 
 import zenoh
 
-from protocol.bus.access import GROUND, OPERATOR, PLANT, RECORDER, ROBOT, ROUTER, VIEWER, impostor
-from protocol.bus.rules import access_control
-from protocol.network import Network
+from protocol.bus.network import Network
+from protocol.bus.tls.access import (
+    GROUND,
+    OPERATOR,
+    PLANT,
+    RECORDER,
+    ROBOT,
+    ROUTER,
+    VIEWER,
+    impostor,
+)
+from protocol.bus.tls.rules import access_control
 from protocol.topics import (
     COMMAND,
     COMMANDED,

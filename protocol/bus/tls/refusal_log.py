@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from protocol.bus.access import grant_of
+from protocol.bus.tls.access import grant_of
 
 QUIET_NS: Final = 60_000_000_000
 """A sentence is repeated only after this long, with a count. Budgets are for this long, too."""

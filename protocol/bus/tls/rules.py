@@ -9,8 +9,8 @@ and only what its role is for.
 from collections.abc import Iterable, Mapping
 from typing import Final, TypeAlias
 
-from protocol.bus.access import ALL, OPERATOR, ROBOT, ROUTER, Grant, grant_of, grants
-from protocol.network import Network
+from protocol.bus.network import Network
+from protocol.bus.tls.access import ALL, OPERATOR, ROBOT, ROUTER, Grant, grant_of, grants
 
 Rule: TypeAlias = dict[str, object]
 Table: TypeAlias = Mapping[tuple[str, ...], tuple[str, ...]]

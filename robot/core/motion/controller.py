@@ -3,9 +3,9 @@
 from math import cos, pi, sin, tanh
 
 from robot.core.geometry import wrap
-from robot.core.odometry import wheel_shares
 from robot.core.parameters import Params
-from robot.core.typed import Final
+from robot.core.perception.odometry import wheel_shares
+from robot.core.typing_shim import Final
 from robot.core.values import Twist
 
 HALF_TURN: Final = 0.5 * pi

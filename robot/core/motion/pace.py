@@ -4,8 +4,8 @@ from math import cos, pi, sin
 
 from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.parameters import Params
-from robot.core.ring import Ring
-from robot.core.typed import Final
+from robot.core.perception.sonar_ring import Ring
+from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS
 
 # How fast. `_PER_S`: metres per second for each metre of room. Sonars 2 to 5 look ahead, the

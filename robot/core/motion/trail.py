@@ -2,7 +2,7 @@
 
 from math import sqrt
 
-from robot.core.typed import Final
+from robot.core.typing_shim import Final
 
 SPACING_M: Final = 0.25
 LIMIT: Final = 128

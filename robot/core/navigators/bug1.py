@@ -6,13 +6,13 @@ whoever meets it again there knows that the goal is unreachable.
 
 from math import inf
 
-from robot.core import boundary as boundaries
-from robot.core import lap as laps
 from robot.core import states
-from robot.core.boundary import Boundary
+from robot.core.navigators import classical as boundaries
+from robot.core.navigators.classical import Boundary
+from robot.core.navigators.memory import lap as laps
 from robot.core.parameters import Params
-from robot.core.ring import Ring
-from robot.core.typed import Final
+from robot.core.perception.sonar_ring import Ring
+from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Pose
 
 GOING: Final = 0

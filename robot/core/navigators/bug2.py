@@ -6,12 +6,12 @@ obstacle met is nearer than the last. Back where it was met without having left:
 
 from math import sqrt
 
-from robot.core import boundary as boundaries
 from robot.core import states
-from robot.core.boundary import Boundary
+from robot.core.navigators import classical as boundaries
+from robot.core.navigators.classical import Boundary
 from robot.core.parameters import Params
-from robot.core.ring import Ring
-from robot.core.typed import Final
+from robot.core.perception.sonar_ring import Ring
+from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Pose
 
 ON_LINE_M: Final = 0.03

@@ -5,16 +5,16 @@ When to leave, and what a closed loop means, is what they differ in.
 
 from math import atan2, cos, inf, pi, sin, sqrt
 
-from robot.core import follower as followers
-from robot.core import lap as laps
-from robot.core import ring as rings
 from robot.core import states
-from robot.core.follower import Follower
 from robot.core.geometry import BEARINGS, HALF_CONE, wrap
-from robot.core.lap import Lap
+from robot.core.navigators import boundary_follower as followers
+from robot.core.navigators.boundary_follower import Follower
+from robot.core.navigators.memory import lap as laps
+from robot.core.navigators.memory.lap import Lap
 from robot.core.parameters import Params
-from robot.core.ring import AHEAD, Ring
-from robot.core.typed import Final
+from robot.core.perception import sonar_ring as rings
+from robot.core.perception.sonar_ring import AHEAD, Ring
+from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
 
 HIT_M: Final = 0.03  # an obstacle that leaves less clearance than this is in the way

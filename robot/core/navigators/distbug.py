@@ -3,12 +3,12 @@
 What the sonars see free towards the goal is believed, less what the robot needs to stop and turn.
 """
 
-from robot.core import boundary as boundaries
 from robot.core import states
-from robot.core.boundary import Boundary
+from robot.core.navigators import classical as boundaries
+from robot.core.navigators.classical import Boundary
 from robot.core.parameters import Params
-from robot.core.ring import Ring
-from robot.core.typed import Final
+from robot.core.perception.sonar_ring import Ring
+from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Pose
 
 STEP_M: Final = 0.05

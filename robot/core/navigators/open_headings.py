@@ -7,7 +7,8 @@ it does not. Sectors are integers (brads, 4096 to the circle; millimetres), not 
 
 from math import acos, asin, atan2, cos, sin, sqrt
 
-from robot.core.echoes import (
+from robot.core.perception.echo_decay import looks_at
+from robot.core.perception.echoes import (
     BRADS,
     CIRCLE,
     HALF_CIRCLE,
@@ -16,11 +17,10 @@ from robot.core.echoes import (
     SURE,
     Echoes,
 )
-from robot.core.fading import looks_at
-from robot.core.ring import Ring
-from robot.core.typed import Final
+from robot.core.perception.pedestrians import EACH, PERSON_M, Walkers
+from robot.core.perception.sonar_ring import Ring
+from robot.core.typing_shim import Final
 from robot.core.values import Pose
-from robot.core.walkers import EACH, PERSON_M, Walkers
 
 NEAR: Final = 24
 """At most this many sectors at a time."""

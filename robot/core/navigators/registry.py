@@ -1,10 +1,11 @@
 """The navigators by their numbers; all have one shape, so more of them change nothing elsewhere."""
 
-from robot.core import bug, bug1, bug2, distbug, states, vgm, vgm_memory
-from robot.core import memory as memories
+from robot.core import states
+from robot.core.navigators import bug, bug1, bug2, distbug, vgm, vgm_memory
+from robot.core.navigators.memory import paper_memory as memories
 from robot.core.parameters import Params
-from robot.core.ring import Ring
-from robot.core.typed import Any, Final, NamedTuple, Protocol
+from robot.core.perception.sonar_ring import Ring
+from robot.core.typing_shim import Any, Final, NamedTuple, Protocol
 from robot.core.values import Decision, Goal, Pose
 
 

@@ -1,7 +1,7 @@
 """Sweeps over closed sectors: the smallest turn to an open heading, and what lies beyond it."""
 
-from robot.core.echoes import CIRCLE, HALF_CIRCLE, NOTHING
-from robot.core.headings import FREE_MM, Sectors
+from robot.core.navigators.open_headings import FREE_MM, Sectors
+from robot.core.perception.echoes import CIRCLE, HALF_CIRCLE, NOTHING
 
 
 def closer(sectors: Sectors, heading: int, halves: "list[int]") -> int:

@@ -7,12 +7,12 @@ about the robot, not about the origin, until the way to it is tangent to the nea
 
 from math import atan2, cos, inf, pi, sin
 
-from robot.core import ring as rings
 from robot.core import states
 from robot.core.geometry import wrap
-from robot.core.memory import Memory
+from robot.core.navigators.memory.paper_memory import Memory
 from robot.core.parameters import Params
-from robot.core.ring import Ring
+from robot.core.perception import sonar_ring as rings
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose
 
 

@@ -6,14 +6,24 @@ leads away is tried on the other side.
 
 from math import atan2, inf
 
-from robot.core import echoes as echo_memory
-from robot.core import headings, loops, states
-from robot.core import sweep as sweeps
-from robot.core.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING, QUARTER, SURE, Echoes
-from robot.core.escort import Escort
-from robot.core.headings import Sectors
-from robot.core.loops import Loops
-from robot.core.typed import Final
+from robot.core import states
+from robot.core.navigators import open_headings
+from robot.core.navigators import sweep as sweeps
+from robot.core.navigators.memory import loops
+from robot.core.navigators.memory.loops import Loops
+from robot.core.navigators.open_headings import Sectors
+from robot.core.perception import echoes as echo_memory
+from robot.core.perception.echoes import (
+    BRADS,
+    CIRCLE,
+    HALF_CIRCLE,
+    NOTHING,
+    QUARTER,
+    SURE,
+    Echoes,
+)
+from robot.core.perception.flank_walker import Escort
+from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
 STEP_M: Final = 0.10
@@ -180,7 +190,7 @@ def open_turn(memory: Memory, start: int, heading: int) -> int:
     closing = sectors.closing
     off = (start + side * turn - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
     if turn >= CIRCLE or not -WIDE_TURN < off < WIDE_TURN:
-        headings.squeeze(sectors)
+        open_headings.squeeze(sectors)
         squeezed = sweeps.open_from(sectors, sectors.squeezed, 0, turn - SOFT)
         if squeezed < turn - SOFT:
             turn, closing = squeezed, sectors.closing

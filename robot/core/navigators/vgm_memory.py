@@ -10,17 +10,20 @@ open, at the third it chooses one. All at once would take more than half the per
 
 from math import atan2, cos, sin, sqrt
 
-from robot.core import echoes as echo_memory
-from robot.core import escort as escorts
-from robot.core import fading, following, headings, pace, states
-from robot.core import ring as rings
-from robot.core import sweep as sweeps
-from robot.core.echoes import BRADS, HALF_CIRCLE, NOTHING, SURE
-from robot.core.following import Memory
+from robot.core import states
 from robot.core.geometry import wrap
+from robot.core.motion import pace
+from robot.core.navigators import open_headings, vgm_following
+from robot.core.navigators import sweep as sweeps
+from robot.core.navigators.vgm_following import Memory
 from robot.core.parameters import Params
-from robot.core.ring import Ring
-from robot.core.typed import Final
+from robot.core.perception import echo_decay
+from robot.core.perception import echoes as echo_memory
+from robot.core.perception import flank_walker as escorts
+from robot.core.perception import sonar_ring as rings
+from robot.core.perception.echoes import BRADS, HALF_CIRCLE, NOTHING, SURE
+from robot.core.perception.sonar_ring import Ring
+from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Pose
 
 __all__ = ["Memory", "step"]
@@ -47,7 +50,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         return Decision(states.TO_GOAL, None, ring.nearest_m, 0.0, 0.0, goal.x_m, goal.y_m, 0.0)
     if goal.x_m != memory.goal_x_m or goal.y_m != memory.goal_y_m:
         memory.goal_x_m, memory.goal_y_m = goal.x_m, goal.y_m
-        following.begin(memory)
+        vgm_following.begin(memory)
     goal_rad = atan2(dy_m, dx_m)
     to_goal = int(BRADS * goal_rad)
     if escorts.watch(memory.escort, ring, pose):
@@ -57,8 +60,8 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     if memory.turn == HEARS:
         echo_memory.hear(memory.echoes, memory.before or pose, pose, ring, radius_mm)
     elif memory.turn == LOOKS:
-        fading.listen(memory.echoes, ring, radius_mm)
-        headings.measure(memory.sectors, memory.echoes, pose, ring, memory.ease_mm, radius_mm)
+        echo_decay.listen(memory.echoes, ring, radius_mm)
+        open_headings.measure(memory.sectors, memory.echoes, pose, ring, memory.ease_mm, radius_mm)
     else:
         memory.heading = to_goal
         if memory.escort.ticks > 0:
@@ -68,8 +71,8 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         if has_stood(memory, int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)):
             bar(memory, pose, radius_mm)
         memory.rotation = memory.heading - to_goal
-        fading.listen(memory.echoes, ring, radius_mm)
-        fading.fade(memory.echoes, pose)
+        echo_decay.listen(memory.echoes, ring, radius_mm)
+        echo_decay.fade(memory.echoes, pose)
     memory.before = pose
     if distance_m < memory.best_m:
         memory.best_m = distance_m
@@ -130,9 +133,9 @@ def choose(
         if leaves(memory, pose, ring, to_goal, distance_m, params):
             leave(memory, x_cm, y_cm)
         else:
-            following.follow(memory, pose, distance_m)
+            vgm_following.follow(memory, pose, distance_m)
     elif closes(memory, pose, to_goal, distance_m, params):
-        following.hit(memory, x_cm, y_cm, to_goal, distance_m)
+        vgm_following.hit(memory, x_cm, y_cm, to_goal, distance_m)
 
 
 def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
@@ -145,7 +148,7 @@ def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: 
     closing = sweeps.closer(sectors, to_goal, sectors.tight)
     if closing != NOTHING and sectors.point[closing] != NOTHING:
         return True
-    turn_aside(memory, to_goal, following.SOFT if closing == NOTHING else HALF_CIRCLE)
+    turn_aside(memory, to_goal, vgm_following.SOFT if closing == NOTHING else HALF_CIRCLE)
     return False
 
 
@@ -180,7 +183,7 @@ def leaves(
     if memory.broken < PROMISES:
         alpha_rad = wrap(to_goal / BRADS - pose.heading_rad)
         free_m = pace.free_towards(ring, alpha_rad, distance_m, params)
-    return distance_m - free_m <= memory.best_m - following.STEP_M
+    return distance_m - free_m <= memory.best_m - vgm_following.STEP_M
 
 
 def leave(memory: Memory, x_cm: int, y_cm: int) -> None:
@@ -199,7 +202,7 @@ def is_clear(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params
         dx_mm, dy_mm = echoes.x_mm[k] - x_mm, echoes.y_mm[k] - y_mm
         along_mm = dx_mm * along_x + dy_mm * along_y >> 10
         aside_mm = dy_mm * along_x - dx_mm * along_y >> 10
-        body_mm = radius_mm - (headings.DOUBT * echoes.spread_mm[k] >> 2)
+        body_mm = radius_mm - (open_headings.DOUBT * echoes.spread_mm[k] >> 2)
         if along_mm < 0 or not -body_mm < aside_mm < body_mm or echoes.weight[k] < SURE:
             continue
         past_mm = along_mm - length_mm

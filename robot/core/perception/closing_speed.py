@@ -9,12 +9,20 @@ seen or not: most who would walk into the robot do so where it has no eyes.
 from math import cos, sqrt
 
 from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, SINES
-from robot.core.odometry import Odometry
 from robot.core.parameters import DEFAULTS, Params
-from robot.core.ring import FRONT, Ring
-from robot.core.typed import Final
+from robot.core.perception.odometry import Odometry
+from robot.core.perception.pedestrians import (
+    EACH,
+    PERSON_M,
+    TRACKS,
+    Walkers,
+    clear,
+    expect,
+    goes_on,
+)
+from robot.core.perception.sonar_ring import FRONT, Ring
+from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS
-from robot.core.walkers import EACH, PERSON_M, TRACKS, Walkers, clear, expect, goes_on
 
 RIGHTWARDS: Final = tuple(range(SONARS - 1, -1, -1))
 FAR_M: Final = 1.1

@@ -2,9 +2,18 @@
 
 from math import atan2
 
-from robot.core.echoes import BRADS, CIRCLE, CONE, HALF_CIRCLE, NOTHING, QUARTER, Echoes, drop
-from robot.core.ring import Ring
-from robot.core.typed import Final
+from robot.core.perception.echoes import (
+    BRADS,
+    CIRCLE,
+    CONE,
+    HALF_CIRCLE,
+    NOTHING,
+    QUARTER,
+    Echoes,
+    drop,
+)
+from robot.core.perception.sonar_ring import Ring
+from robot.core.typing_shim import Final
 from robot.core.values import EVERY, Pose
 
 CORE: Final = 102  # 0.8 of half a cone

@@ -11,8 +11,8 @@ Millimetres and brads (4096 to the circle) as integers: they cost a third of flo
 from math import cos, pi, sin, sqrt
 
 from robot.core.geometry import HALF_CONE
-from robot.core.ring import Ring
-from robot.core.typed import Final
+from robot.core.perception.sonar_ring import Ring
+from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Pose
 
 POINTS: Final = 64

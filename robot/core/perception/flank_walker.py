@@ -5,9 +5,9 @@ straight driving. What is still there after much more drives or walks alongside,
 boundary would follow a person. Then the robot turns away and lets it go ahead.
 """
 
-from robot.core.echoes import BRADS, CIRCLE, HALF_CIRCLE
-from robot.core.ring import Ring
-from robot.core.typed import Final
+from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
+from robot.core.perception.sonar_ring import Ring
+from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
 NEAR_M: Final = 0.20

@@ -4,7 +4,7 @@ Host and trial both come through here, so neither can read a sense in its own wa
 anything with the fields of the dialect: the core knows no wire.
 """
 
-from robot.core.typed import Protocol
+from robot.core.typing_shim import Protocol
 from robot.core.values import Goal, Scan, Twist, Wheels
 
 NS_PER_MS = 1_000_000

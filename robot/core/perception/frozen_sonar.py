@@ -8,8 +8,8 @@ when something ahead came closer as fast as the robot drove and then, from one s
 """
 
 from robot.core.parameters import Params
-from robot.core.ring import AHEAD
-from robot.core.typed import Final
+from robot.core.perception.sonar_ring import AHEAD
+from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Scan
 
 NOISY: Final = 3  # echoes that changed before a standing robot, until they are called noisy

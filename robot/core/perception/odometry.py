@@ -9,7 +9,7 @@ from math import cos, sin
 
 from robot.core.geometry import wrap
 from robot.core.parameters import Params
-from robot.core.typed import Final
+from robot.core.typing_shim import Final
 from robot.core.values import Pose, Wheels
 
 COUNTER: Final = 0x100000000

@@ -8,9 +8,9 @@ of sight. `closing` keeps it, `headings` closes the headings along which the rob
 from math import cos, inf, sin
 
 from robot.core.geometry import wrap
-from robot.core.odometry import Odometry
 from robot.core.parameters import Params
-from robot.core.typed import Final
+from robot.core.perception.odometry import Odometry
+from robot.core.typing_shim import Final
 
 TRACKS: Final = 3
 EACH: Final = tuple(range(TRACKS))

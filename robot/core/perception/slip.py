@@ -10,10 +10,10 @@ may have lost the share of their way that is missing. Where nothing is ahead, no
 
 from math import inf, sqrt
 
-from robot.core.odometry import Odometry, blur
 from robot.core.parameters import Params
-from robot.core.ring import Ring
-from robot.core.typed import Final
+from robot.core.perception.odometry import Odometry, blur
+from robot.core.perception.sonar_ring import Ring
+from robot.core.typing_shim import Final
 
 WINDOW_M: Final = 0.35
 MEMORY_M: Final = 1.0

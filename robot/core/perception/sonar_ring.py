@@ -4,9 +4,9 @@ from math import inf
 
 from robot.core.geometry import BEARINGS
 from robot.core.parameters import Params
-from robot.core.typed import Final
+from robot.core.perception.pedestrians import Walkers
+from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Scan
-from robot.core.walkers import Walkers
 
 FRONT: Final = (2, 3, 4, 5)
 AHEAD: Final = (3, 4)

@@ -1,8 +1,8 @@
 """A wheel that is told to turn and does not: what it should have turned is not sure, then stuck."""
 
-from robot.core.odometry import Odometry, blur
 from robot.core.parameters import Params
-from robot.core.typed import Final
+from robot.core.perception.odometry import Odometry, blur
+from robot.core.typing_shim import Final
 
 TURNS: Final = 0.5  # share of what it was told in a period; below, it may be the encoder that fails
 SLACK_M: Final = 0.05  # as much is late while a motor speeds up or turns round

@@ -1,7 +1,7 @@
 """The fence: a circle or a simple polygon that the robot does not leave by itself."""
 
 from robot.core import reasons
-from robot.core.typed import Final, NamedTuple
+from robot.core.typing_shim import Final, NamedTuple
 
 LEAST_CORNERS: Final = 3
 MOST_CORNERS: Final = 16

@@ -3,8 +3,8 @@
 from robot.core import reasons
 from robot.core.geometry import COSINES
 from robot.core.parameters import Params
-from robot.core.ring import AHEAD, FRONT, Ring
-from robot.core.typed import Final
+from robot.core.perception.sonar_ring import AHEAD, FRONT, Ring
+from robot.core.typing_shim import Final
 from robot.core.values import Wheels
 
 ROUNDING: Final = 1.0 + 1e-9  # a command right at the limit is not over it

@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from study.report.style import colour, dashed
-from study.report.svg import Drawing
-from study.statistics import Floats, Share
+from study.report.charts.style import colour, dashed
+from study.report.charts.svg import Drawing
+from study.statistics.intervals import Floats, Share
 
 NAMES: Final = 118.0
 PANEL: Final = 210.0

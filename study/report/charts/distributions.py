@@ -5,13 +5,13 @@ from typing import Final
 
 import numpy as np
 
-from study.report.charts import bars, distribution_chart, success_chart
+from study.report.charts.charts import bars, distribution_chart, success_chart
 from study.report.page import Block, Figure, Table
+from study.report.paper.targets import ERRORS, RATIO
 from study.report.summary import Summary
 from study.report.trials import Trials
-from study.report.wanted import ERRORS, RATIO
 from study.report.words import number, percent, share
-from study.statistics import Floats, Share, quantile
+from study.statistics.intervals import Floats, Share, quantile
 
 ENDS: Final = {
     "reached": "o-reached",

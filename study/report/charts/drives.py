@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from math import hypot, remainder, tau
 from typing import TypeAlias, TypeVar
 
-from plant.plant import Plant
+from plant.sim.simulation import Plant
 from protocol.outcome import Outcome
 from robot.core import states
 from robot.core.values import Outputs
-from study.onboard import Onboard
-from study.trial import Trial, run_trial
+from study.trial.core_loop import Onboard
+from study.trial.trial import Trial, run_trial
 
 Pose: TypeAlias = tuple[float, float, float]
 """x_m, y_m, heading_rad."""

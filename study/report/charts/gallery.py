@@ -6,17 +6,17 @@ from typing import Final, NamedTuple, TypeAlias
 
 import pyarrow as pa
 
-from plant.world_problems import WorldError
-from plant.world_types import World
-from protocol.errors import UserError
-from protocol.reasons import Reason
-from study.one import trial_of
-from study.report.drives import Drive, all_attempted
-from study.report.map_drawing import Map
+from plant.model.errors import WorldError
+from plant.model.types import World
+from protocol.wire.reasons import Reason
+from runtime.errors import UserError
+from study.report.charts.drives import Drive, all_attempted
+from study.report.charts.world_map import Map
 from study.report.page import Block, Figure, Gallery, Section, Text
 from study.report.trials import NOISES, Trials
-from study.rows import FAILED, Row, rows_of
-from study.trial import Trial
+from study.runner.rows import FAILED, Row, rows_of
+from study.runner.run_task import trial_of
+from study.trial.trial import Trial
 
 WorldOf: TypeAlias = Callable[[str], World]
 """Makes a world from a row's `world_source`; raises WorldError, UserError or ValueError."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from html import escape
 from typing import TypeAlias
 
-from study.report.style import DRAWING_STYLE
+from study.report.charts.style import DRAWING_STYLE
 
 Dot: TypeAlias = tuple[float, float]
 

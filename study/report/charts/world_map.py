@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from plant.world_overrides import body_of
-from plant.world_types import Circle, Point, Polygon, Polyline, World
-from study.report.drives import Drive, Pose
-from study.report.style import colour, dashed
-from study.report.svg import Dot, Drawing
-from study.statistics import CHI2_2_95, Floats
+from plant.model.types import Circle, Point, Polygon, Polyline, World
+from plant.world.overrides import body_of
+from study.report.charts.drives import Drive, Pose
+from study.report.charts.style import colour, dashed
+from study.report.charts.svg import Dot, Drawing
+from study.statistics.intervals import CHI2_2_95, Floats
 
 RIM: Final = 8.0
 STRAIGHT_M: Final = 0.004

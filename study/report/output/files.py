@@ -10,15 +10,15 @@ from typing import Any, Final
 
 import pyarrow as pa
 
-from protocol.errors import UserError
+from runtime.errors import UserError
 from study.report.build import Asked, page_of
-from study.report.claims import claims
-from study.report.html import html
-from study.report.markdown import markdown
+from study.report.output.html import html
+from study.report.output.markdown import markdown
 from study.report.page import figures_of
+from study.report.paper.claims import claims
+from study.report.paper.targets import targets
 from study.report.summary import as_json, numbers, summaries
 from study.report.trials import Trials, distinct, trials_of
-from study.report.wanted import targets
 
 FIGURES: Final = "figures"
 SUMMARY: Final = "summary.json"

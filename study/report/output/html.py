@@ -3,6 +3,7 @@
 import re
 from html import escape
 
+from study.report.charts.style import DRAWING_RULES, PAGE_STYLE
 from study.report.page import (
     Block,
     Cell,
@@ -16,7 +17,6 @@ from study.report.page import (
     Table,
     Text,
 )
-from study.report.style import DRAWING_RULES, PAGE_STYLE
 
 SHORT = 24
 """A name of so few letters is not broken."""

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import pyarrow as pa
 
-from protocol.errors import UserError
-from study.report.markdown import table_lines
+from runtime.errors import UserError
+from study.report.output.markdown import table_lines
 from study.report.page import Table
 from study.report.summary import HEAD, as_json, summaries
 from study.report.trials import NOISES, distinct, trials_of

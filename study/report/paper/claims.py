@@ -7,18 +7,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
 
+from study.report.charts.drives import Drive
 from study.report.comparisons import by_pair, comparison
-from study.report.drives import Drive
-from study.report.paper_runs import (
-    Runs,
-    left_of_deviation,
-    turn_left_deg,
-    untouched,
-    ways,
-)
+from study.report.paper.runs import Runs, left_of_deviation, turn_left_deg, untouched, ways
 from study.report.trials import Flags, Trials
 from study.report.words import count, interval, number, probability, share
-from study.statistics import Share, quantile, quantile_interval
+from study.statistics.intervals import Share, quantile, quantile_interval
 
 CONFIRMED: Final = "confirmed"
 REFUTED: Final = "refuted"

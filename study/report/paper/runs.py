@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from math import degrees
 from typing import Final
 
-from plant.noise import LEVELS
-from plant.world_file import load
-from study.report.drives import Drive, all_driven
-from study.trial import Trial
+from plant.model.noise import LEVELS
+from plant.world.file import load
+from study.report.charts.drives import Drive, all_driven
+from study.trial.trial import Trial
 
 SEEDS: Final = 20
 TRAP_SHARE: Final = 4

@@ -2,13 +2,13 @@
 
 from typing import Final
 
-from plant.noise import LEVELS
-from plant.world_file import load
-from study.report.claims import CONFIRMED, REFUTED, UNCLEAR, Claim, claims
-from study.report.drives import Drive
-from study.report.map_drawing import Map
+from plant.model.noise import LEVELS
+from plant.world.file import load
+from study.report.charts.drives import Drive
+from study.report.charts.world_map import Map
 from study.report.page import Block, Cell, Figure, Gallery, Section, Table, Text
-from study.report.paper_runs import (
+from study.report.paper.claims import CONFIRMED, REFUTED, UNCLEAR, Claim, claims
+from study.report.paper.runs import (
     PLACES,
     Runs,
     deviation_m,
@@ -19,7 +19,7 @@ from study.report.paper_runs import (
 )
 from study.report.trials import Trials
 from study.report.words import number, share
-from study.statistics import Share, quantile
+from study.statistics.intervals import Share, quantile
 
 WIDTH: Final = 520.0
 DRAWN_SEEDS: Final = 5

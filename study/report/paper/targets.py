@@ -14,7 +14,7 @@ import numpy as np
 from study.report.page import Cell, Table
 from study.report.trials import NOISES, Flags, Trials
 from study.report.words import DASH, interval, number, percent
-from study.statistics import Floats, Interval, Share, quantile, quantile_interval
+from study.statistics.intervals import Floats, Interval, Share, quantile, quantile_interval
 
 OWN: Final = "vgm_memory"
 GRIDS: Final = ("moving_ai", "movingai", "grid")

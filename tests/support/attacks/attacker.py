@@ -9,14 +9,14 @@ from zenoh.handlers import Callback
 
 from protocol.bus.robot_clock import time_bytes
 from protocol.bus.session import open_session
-from protocol.codec import Encoder, decode
-from protocol.enums import Command
-from protocol.message import Message
-from protocol.messages import CommandAck, CommandRequest
-from protocol.network import Network
-from protocol.reasons import Reason
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.enums import Command
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, CommandRequest
+from protocol.bus.network import Network
+from protocol.wire.reasons import Reason
 from protocol.topics import COMMAND, ENCODING, Service, Topic
-from tests.harness import Stack
+from tests.support.harness import Stack
 from tests.support.until import until
 
 EVE = "eve/0123456789abcdef"

@@ -7,10 +7,10 @@ from typing import Final
 
 from ground.station import LossKind, Station
 from protocol.bus import Network, open_bus
-from protocol.clock import Tick, WallClock
-from protocol.timing import PERIOD_NS
+from runtime.clock import Tick, WallClock
+from runtime.timing import PERIOD_NS
 from protocol.topics import Role
-from tests.harness import Stack
+from tests.support.harness import Stack
 from tests.support.until import PATIENCE_S, until
 
 PERIOD_S: Final = PERIOD_NS / 1e9

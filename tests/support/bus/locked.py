@@ -9,10 +9,10 @@ import zenoh
 from zenoh.handlers import Callback
 
 from protocol.bus.session import bound_endpoints, configured, open_session
-from protocol.network import Mode, Network, Tls
+from protocol.bus.network import Mode, Network, Tls
 from protocol.topics import SERVICES, TOPICS, Role
-from tests.bus.nets import Topology, prefixes
-from tests.keyring import Keyring
+from tests.support.bus.nets import Topology, prefixes
+from tests.support.keyring import Keyring
 from tests.support.until import until
 
 ROBOTS = ("r1", "r2")

@@ -6,7 +6,7 @@ from itertools import count
 from typing import Literal
 
 from protocol.bus import Bus, open_bus
-from protocol.network import Network
+from protocol.bus.network import Network
 from protocol.topics import Role
 
 Topology = Literal["hub", "router"]

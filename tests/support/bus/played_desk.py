@@ -1,9 +1,10 @@
 """The lease and the missions of a robot that a test plays."""
 
 from protocol.bus import Asked, Bus
-from protocol.enums import AckResult, LeaseAction, MissionState, MissionType
-from protocol.message import Message
-from protocol.messages import (
+from protocol.topics import LEASE, LEASE_SERVICE, MISSION, MISSION_SERVICE
+from protocol.wire.enums import AckResult, LeaseAction, MissionState, MissionType
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     LeaseRequest,
     LeaseStatus,
@@ -15,8 +16,7 @@ from protocol.messages import (
     MissionStatus,
     MissionVerdict,
 )
-from protocol.reasons import Reason
-from protocol.topics import LEASE, LEASE_SERVICE, MISSION, MISSION_SERVICE
+from protocol.wire.reasons import Reason
 
 NO_ITEM = 65_535
 

@@ -7,21 +7,6 @@ from math import nan
 from typing import Self
 
 from protocol.bus import Asked, Bus, Network, open_bus
-from protocol.codec import decode
-from protocol.enums import AckResult, Command, GoalState, Mode, Navigator, Vehicle
-from protocol.message import Message
-from protocol.messages import (
-    CommandAck,
-    CommandRequest,
-    GoalRequest,
-    Heartbeat,
-    NavigatorStatus,
-    ParamSet,
-    ParamValue,
-    PlanarOdometry,
-    Teleop,
-)
-from protocol.reasons import Reason
 from protocol.topics import (
     COMMAND,
     HEARTBEAT,
@@ -33,8 +18,23 @@ from protocol.topics import (
     TELEOP,
     Role,
 )
+from protocol.wire.codec import decode
+from protocol.wire.enums import AckResult, Command, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    CommandAck,
+    CommandRequest,
+    GoalRequest,
+    Heartbeat,
+    NavigatorStatus,
+    ParamSet,
+    ParamValue,
+    PlanarOdometry,
+    Teleop,
+)
+from protocol.wire.reasons import Reason
 from robot.commands import acknowledge
-from tests.bus.played_desk import PlayedDesk
+from tests.support.bus.played_desk import PlayedDesk
 
 Say = Callable[..., tuple[int, str, str]]
 """Runs a verb: exit code, standard output, standard error."""

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 from uuid import uuid4
 
-from tests.stack.processes import free_endpoint
+from tests.support.stack.processes import free_endpoint
 from tests.support.until import until
 
 ROOT: Final = Path(__file__).parents[2]

@@ -4,14 +4,14 @@ from collections.abc import Callable
 from io import StringIO
 from typing import Any, cast
 
-from ground.link import Link
-from ground.operator import Answered, RequestIds
-from ground.says import Says
-from protocol.clock import ManualClock
-from protocol.enums import Command
-from protocol.message import Message
-from protocol.messages import CommandRequest
-from protocol.reasons import Reason
+from ground.client.link import Link
+from ground.client.requests import Answered, RequestIds
+from ground.text.output import Says
+from protocol.wire.enums import Command
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandRequest
+from protocol.wire.reasons import Reason
+from runtime.clock import ManualClock
 
 MS = 1_000_000
 ANSWER_NS = 10 * MS

@@ -6,22 +6,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ground.blackbox.frames import Frame
-from ground.tlog import record_bytes
-from plant.plant import Plant
-from plant.world_file import load
-from plant.world_json import as_json
-from protocol.codec import Encoder
-from protocol.message import Message
-from protocol.messages import CycleReport, GoalRequest
+from ground.recording.log_reader import Frame
+from ground.recording.tlog import record_bytes
+from plant.sim.simulation import Plant
+from plant.world.file import load
+from plant.world.to_json import as_json
 from protocol.outcome import Outcome
 from protocol.sender import COMPONENT
 from protocol.topics import COMMANDED, CYCLE, DECISION, ODOMETRY, STATUS, TRUTH, Topic
+from protocol.wire.codec import Encoder
+from protocol.wire.message import Message
+from protocol.wire.messages import CycleReport, GoalRequest
 from robot import telemetry
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
-from study.onboard import Onboard
-from study.trial import Trial, run_trial, wire_goal_of
+from study.trial.core_loop import Onboard
+from study.trial.trial import Trial, run_trial, wire_goal_of
 
 BEGAN_NS = 1_790_000_000_000_000_000
 ROBOT = "r1"
@@ -29,7 +29,7 @@ ROBOT = "r1"
 
 @dataclass
 class Recording:
-    """A log as `ground.blackbox.frames` opens one, and a watch that fills it."""
+    """A log as `ground.recording.log_reader` opens one, and a watch that fills it."""
 
     facts: dict[str, str] = field(default_factory=dict)
     found: list[Frame] = field(default_factory=list)

@@ -3,13 +3,13 @@
 import json
 from pathlib import Path
 
-from ground.blackbox.replay import ReplayBus
+from ground.recording.playback.playback_bus import ReplayBus
 from ground.station import Station
 from ground.station.world import world_in
-from plant.world_file import load
-from plant.world_json import as_json
-from protocol.clock import ManualClock
-from tests.unit.ground.recordings import Recording
+from plant.world.file import load
+from plant.world.to_json import as_json
+from runtime.clock import ManualClock
+from tests.support.ground.recordings import Recording
 
 WORLD = world_in(json.dumps(as_json(load("box"), None)))
 

@@ -1,9 +1,9 @@
 """Wheel commands, and a gate that has been sent ticks, as the tests of both use them."""
 
-from plant.command_gate import CommandGate, Demand
+from plant.process.command_gate import CommandGate, Demand
 from protocol.limits import MAX_WHEEL_TTL_MS
-from protocol.messages import WheelCommand
-from protocol.timing import UINT32
+from protocol.wire.messages import WheelCommand
+from runtime.timing import UINT32
 
 FAST = 9000
 

@@ -1,8 +1,8 @@
 """Rooms to drive in, and the few moves that the tests of the plant share."""
 
-from plant.noise import LEVELS
-from plant.plant import Plant
-from plant.world_types import GoalPose, Obstacle, Settings, Start, World
+from plant.model.noise import LEVELS
+from plant.model.types import GoalPose, Obstacle, Settings, Start, World
+from plant.sim.simulation import Plant
 
 NONE = LEVELS["none"]
 FOREVER_NS = 10**18

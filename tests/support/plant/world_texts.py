@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import pytest
 
-from plant.world_file import WorldError, loads
+from plant.world.file import WorldError, loads
 
 GOOD = """\
 name = "test"

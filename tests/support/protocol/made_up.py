@@ -4,9 +4,9 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from protocol.layout import LAYOUT, Field
-from protocol.message import Message
-from protocol.messages import MESSAGES
+from protocol.wire.layout import LAYOUT, Field
+from protocol.wire.message import Message
+from protocol.wire.messages import MESSAGES
 
 
 def texts(size: int) -> st.SearchStrategy[str]:

@@ -3,8 +3,8 @@
 from typing import Any
 
 from protocol.dialect.mavgen import oracle
-from protocol.layout import LAYOUT, Field
-from protocol.message import Message
+from protocol.wire.layout import LAYOUT, Field
+from protocol.wire.message import Message
 
 
 def frame_by_pymavlink(message: Message, system: int, component: int, sequence: int) -> bytes:

@@ -1,8 +1,8 @@
 """A disk whose pace a test sets, and requests whose answers it sees."""
 
 from protocol.bus import Asked
-from protocol.message import Message
-from robot.writer import Done, Job, do
+from protocol.wire.message import Message
+from robot.storage.writer import Done, Job, do
 
 
 class HeldWriter:

@@ -4,22 +4,22 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 from protocol.bus import Asked, Bus
-from protocol.clock import ManualClock, Tick
-from protocol.codec import Encoder
-from protocol.mailbox import Mailbox, Sample
-from protocol.message import Message
-from protocol.messages import CommandAck, SonarScan, WheelCommand, WheelTicks
-from protocol.timing import PERIOD_NS
+from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import COMMAND, DRIVE, ENCODING, SONAR, WHEELS, Role, Service, Topic
+from protocol.wire.codec import Encoder
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, SonarScan, WheelCommand, WheelTicks
 from robot.core.parameters import DEFAULTS
-from robot.meter import Meter
 from robot.process import Process
+from robot.scheduling.cycle_meter import Meter
 from robot.senses import Senses
-from robot.store import Store
+from robot.storage.files import Store
 from robot.vehicle import Vehicle
-from tests.played_bus import PlayedBus, PlayedPublisher
-from tests.unit.robot.held_writer import Question
-from tests.unit.robot.vehicles import MS
+from runtime.clock import ManualClock, Tick
+from runtime.timing import PERIOD_NS
+from tests.support.played_bus import PlayedBus, PlayedPublisher
+from tests.support.robot.held_writer import Question
+from tests.support.robot.vehicles import MS
 
 M = TypeVar("M", bound=Message)
 ADA, BOB = "ada/1", "bob/2"

@@ -2,11 +2,11 @@
 
 from math import radians
 
-from protocol.enums import Command, Mode
-from protocol.messages import CommandAck, CommandRequest, GoalRequest
+from protocol.wire.enums import Command, Mode
+from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs, Outputs, Scan, Wheels
-from robot.store import Store
+from robot.storage.files import Store
 from robot.vehicle import Vehicle
 
 MS = 1_000_000

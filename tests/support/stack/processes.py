@@ -18,12 +18,12 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import IO, Self
 
-from ground.leash import command
+from ground.launch.child_command import command
 from protocol.bus import Bus, Network, open_bus
-from protocol.codec import decode
-from protocol.enums import Vehicle
-from protocol.errors import NoPeer, RemoteError
-from protocol.messages import (
+from protocol.wire.codec import decode
+from protocol.wire.enums import Vehicle
+from runtime.errors import NoPeer, RemoteError
+from protocol.wire.messages import (
     CycleReport,
     GroundTruth,
     NavigatorStatus,

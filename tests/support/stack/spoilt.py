@@ -7,10 +7,10 @@ from typing import Any, Final
 
 START: Final = (
     "import sys; sys.path.insert(0, sys.argv.pop(1));"
-    " from tests.stack.spoilt import spoil; spoil({folder!r}, sys.argv[2]);"
-    " from ground.leash import main; sys.exit(main(sys.argv[1:]))"
+    " from tests.support.stack.spoilt import spoil; spoil({folder!r}, sys.argv[2]);"
+    " from ground.launch.child_command import main; sys.exit(main(sys.argv[1:]))"
 )
-"""In place of the one in `ground.leash`."""
+"""In place of the one in `ground.launch.child_command`."""
 
 
 class Sabotage:
@@ -39,11 +39,11 @@ def spoil(folder: str, verb: str) -> None:
 
         before(brain, "step", asked)
     elif verb == "plant":
-        from plant.plant import Plant
+        from plant.sim.simulation import Plant
 
         before(Plant, "advance", asked)
     elif verb == "router":
-        from protocol.clock import WallClock
+        from runtime.clock import WallClock
 
         before(WallClock, "sleep_until", asked)
 

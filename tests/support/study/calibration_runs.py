@@ -6,7 +6,7 @@ import numpy as np
 
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
-from robot.parameters import with_values
+from robot.parameters.table import with_values
 from study.calibration.runs import CCW, CW, Run, believed
 
 STEPS = 100  # no wheel turns farther in a period than the odometry believes

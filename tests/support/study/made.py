@@ -4,12 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from plant.world_types import Circle, GoalPose, Start, World
-from study.one import Bench, failed
-from study.plan import Settings, Task, tasks_of
-from study.provenance import Code
-from study.rows import Row
-from study.sources import Listed, digest_of
+from plant.model.types import Circle, GoalPose, Start, World
+from study.runner.plan import Settings, Task, tasks_of
+from study.runner.provenance import Code
+from study.runner.rows import Row
+from study.runner.run_task import Bench, failed
+from study.runner.sources import Listed, digest_of
 
 CODE = Code(commit="c0ffee", dirty=False, version="0.1.0", digest="d1")
 

@@ -6,15 +6,15 @@ from dataclasses import dataclass, field
 from math import pi
 from pathlib import Path
 
-from ground.blackbox.mcap_form import McapForm
-from plant.noise import LEVELS
-from plant.plant import Plant
-from plant.world_types import World
-from protocol.codec import Encoder
-from protocol.enums import Command
+from ground.recording.mcap.writer import McapForm
+from plant.model.noise import LEVELS
+from plant.sim.simulation import Plant
+from plant.model.types import World
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import Command
 from protocol.limits import MAX_WHEEL_TTL_MS
-from protocol.message import Message
-from protocol.messages import CommandRequest, GoalRequest, WheelCommand
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandRequest, GoalRequest, WheelCommand
 from protocol.sender import sender_of
 from protocol.topics import (
     ANSWERED,
@@ -30,14 +30,14 @@ from protocol.topics import (
 )
 from robot import telemetry
 from robot.core.parameters import DEFAULTS, Params
-from robot.core.senses import now_ms_of, scan_of, wheels_of
+from robot.core.perception.from_messages import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs
-from robot.parameters import described
-from robot.store import Store
+from robot.parameters.table import described
+from robot.storage.files import Store
 from robot.telemetry import Given
 from robot.vehicle import Vehicle
-from study.trial import start_of, wire_goal_of
-from tests.unit.study.made import boxed
+from study.trial.trial import start_of, wire_goal_of
+from tests.support.study.made import boxed
 
 NS_PER_MS = 1_000_000
 UTC_US = 1_790_000_000_000_000

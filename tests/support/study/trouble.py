@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from plant.world_types import World
-from tests.unit.study.made import floor
+from plant.model.types import World
+from tests.support.study.made import floor
 
 
 class Deadly(dict[str, float]):

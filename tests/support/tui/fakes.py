@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
+from ground.client.presence import Crew
+from ground.client.telemetry import Seen, Telemetry
 from ground.map import Scene, Target
-from ground.presence import Crew
 from ground.station import (
     History,
     Lease,
@@ -16,15 +17,7 @@ from ground.station import (
     StreamRow,
     WorldFacts,
 )
-from ground.station.log import Line
-from ground.telemetry import Seen, Telemetry
-from protocol.clock import ManualClock
-from protocol.enums import Severity
-from protocol.messages import (
-    AvoidanceDecision,
-    CycleReport,
-    MissionStatus,
-)
+from ground.station.history.event_log import Line
 from protocol.topics import (
     CYCLE,
     DECISION,
@@ -34,7 +27,10 @@ from protocol.topics import (
     Role,
     Topic,
 )
-from tests.air import Air
+from protocol.wire.enums import Severity
+from protocol.wire.messages import AvoidanceDecision, CycleReport, MissionStatus
+from runtime.clock import ManualClock
+from tests.support.air import Air
 
 MS = 1_000_000
 S = 1_000 * MS

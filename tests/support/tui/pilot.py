@@ -8,12 +8,12 @@ from typing import TypeVar
 from textual.pilot import Pilot
 
 from ground.app.app import GroundApp
-from ground.app.keymap import Keymap
-from ground.app.looks import Looks
-from ground.widgets.lines import Lines
-from ground.widgets.rows import words_of
-from tests.tui.fakes import FakeOrders, FakeStation
-from tests.tui.underway import driving
+from ground.app.appearance import Looks
+from ground.app.input.keymap import Keymap
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.rows import words_of
+from tests.support.tui.fakes import FakeOrders, FakeStation
+from tests.support.tui.underway import driving
 
 T = TypeVar("T")
 

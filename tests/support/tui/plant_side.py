@@ -5,13 +5,13 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from ground.app.app import GroundApp
-from ground.app.looks import Looks
-from ground.scenario import Scenario
-from ground.stack import Stack
-from protocol.clock import ManualClock
-from tests.tui.fakes import FakeOrders, FakeStation
-from tests.tui.pilot import Stage
-from tests.tui.underway import driving
+from ground.app.appearance import Looks
+from ground.launch.launcher import Stack
+from ground.launch.scenario import Scenario
+from runtime.clock import ManualClock
+from tests.support.tui.fakes import FakeOrders, FakeStation
+from tests.support.tui.pilot import Stage
+from tests.support.tui.underway import driving
 
 T = TypeVar("T")
 WORLD: dict[str, Any] = {

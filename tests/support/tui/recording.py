@@ -4,13 +4,13 @@ from pathlib import Path
 
 import msgspec
 
-from ground.tlog import record_bytes
-from protocol.codec import Encoder
-from protocol.messages import PlanarOdometry, WheelCommand
+from ground.recording.tlog import record_bytes
 from protocol.sender import sender_of
 from protocol.topics import DRIVE, ODOMETRY, Role
-from tests.tui.fakes import MS, S
-from tests.tui.underway import drive_messages
+from protocol.wire.codec import Encoder
+from protocol.wire.messages import PlanarOdometry, WheelCommand
+from tests.support.tui.fakes import MS, S
+from tests.support.tui.underway import drive_messages
 
 BEGAN_US = 1_700_000_000_000_000
 PERIOD_MS = 50

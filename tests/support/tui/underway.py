@@ -3,12 +3,13 @@
 from math import radians
 from typing import Any
 
+from ground.client.telemetry import Age
 from ground.map import Outline, Robot, Scene, Target
 from ground.station import StreamRow, WorldFacts
-from ground.telemetry import Age
-from protocol.enums import Branch, GoalState, Mode, Navigator, Vehicle
-from protocol.message import Message
-from protocol.messages import (
+from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, SONAR, STATUS, Topic
+from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     AvoidanceDecision,
     CycleReport,
     Heartbeat,
@@ -16,8 +17,7 @@ from protocol.messages import (
     PlanarOdometry,
     SonarScan,
 )
-from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, SONAR, STATUS, Topic
-from tests.tui.fakes import MS, FakeStation, S
+from tests.support.tui.fakes import MS, FakeStation, S
 
 
 def driving(station: FakeStation, at_s: float = 0.0) -> FakeStation:

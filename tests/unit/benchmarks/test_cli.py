@@ -8,7 +8,7 @@ from types import ModuleType
 import pytest
 
 from benchmarks.__main__ import BENCHMARKS, main, named
-from benchmarks.figures import Figure, Report
+from verification.harness.figures import Figure, Report
 
 
 class Stub(ModuleType):

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks import page
 from benchmarks.__main__ import BENCHMARKS
-from benchmarks.figures import Figure, Report
+from verification.harness.figures import Figure, Report
 
 REPORT = Report(
     benchmark="codec",

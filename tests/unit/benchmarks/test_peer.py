@@ -3,8 +3,8 @@
 import json
 from math import pi
 
-from benchmarks.irsim_peer import PERIOD_S, RAYS, scene_of
-from plant.world_types import Circle, GoalPose, Polygon, Polyline, Start, World
+from benchmarks.irsim.peer import PERIOD_S, RAYS, scene_of
+from plant.model.types import Circle, GoalPose, Polygon, Polyline, Start, World
 
 CORNERS = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0))
 

@@ -4,19 +4,19 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ground.client.operations import Session
-from ground.link import Link
-from ground.operator import NO_COMMAND, Request, command_of
-from ground.options import Common
-from ground.parts import Part, in_words
-from protocol.clock import ManualClock
-from protocol.enums import AckResult, GoalState, Mode, Navigator, Vehicle
-from protocol.errors import NoAnswer
-from protocol.message import Message
-from protocol.messages import CommandAck, LeaseStatus, NavigatorStatus
-from protocol.network import Network
-from protocol.reasons import Reason
+from ground.client.link import Link
+from ground.client.requests import NO_COMMAND, Request, command_of
+from ground.client.connection import Common
+from ground.text.status_parts import Part, in_words
+from runtime.clock import ManualClock
+from protocol.wire.enums import AckResult, GoalState, Mode, Navigator, Vehicle
+from runtime.errors import NoAnswer
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, LeaseStatus, NavigatorStatus
+from protocol.bus.network import Network
+from protocol.wire.reasons import Reason
 from protocol.topics import LEASE, STATUS, Service, Topic
-from tests.boxes import Box, Wireless
+from tests.support.boxes import Box, Wireless
 
 MS = 1_000_000
 ANSWER_NS = 14 * MS

@@ -13,11 +13,11 @@ from ground.client.operations import (
     StopNow,
 )
 from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
-from ground.link import Unanswered
-from ground.operator import ATTEMPTS
-from protocol.enums import Command, Mode, Navigator, Vehicle
-from protocol.messages import CommandRequest
-from protocol.reasons import Reason
+from ground.client.link import Unanswered
+from ground.client.requests import ATTEMPTS
+from protocol.wire.enums import Command, Mode, Navigator, Vehicle
+from protocol.wire.messages import CommandRequest
+from protocol.wire.reasons import Reason
 from protocol.topics import STATUS, STOP
 from tests.unit.client.scripted import ANSWER_NS, HELD, Stage, status
 

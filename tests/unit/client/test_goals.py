@@ -6,12 +6,12 @@ import pytest
 
 from ground.client.operations import GoalEnded, Goto
 from ground.client.results import Refused, RefusedError
-from ground.destination import destination
-from protocol.enums import Command, GoalState, LeaseAction, Mode, Vehicle
-from protocol.errors import RemoteError, UserError
-from protocol.message import Message
-from protocol.messages import CommandRequest, GoalRequest, LeaseRequest
-from protocol.reasons import Reason
+from ground.client.goal import destination
+from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
+from runtime.errors import RemoteError, UserError
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest
+from protocol.wire.reasons import Reason
 from protocol.topics import STATUS
 from tests.unit.client.scripted import HELD, STANDBY, Stage, status
 

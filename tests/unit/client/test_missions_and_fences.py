@@ -19,20 +19,20 @@ from ground.client.operations import (
     StartMission,
     UploadMission,
 )
-from ground.link import Unanswered
+from ground.client.link import Unanswered
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
 from ground.missions.wire import fence_items_of, items_of
-from protocol.enums import Command, MissionState, MissionType
-from protocol.errors import RemoteError, UserError
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.enums import Command, MissionState, MissionType
+from runtime.errors import RemoteError, UserError
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     MissionCount,
     MissionItemInt,
     MissionRequestInt,
     MissionStatus,
     MissionVerdict,
 )
-from protocol.reasons import Reason
+from protocol.wire.reasons import Reason
 from protocol.topics import MISSION
 from tests.unit.client.scripted import HELD, STANDBY, Stage
 

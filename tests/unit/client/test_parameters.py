@@ -14,10 +14,10 @@ from ground.client.operations import (
     ShowParameters,
 )
 from ground.client.operations.parameters import SAVING_NS
-from ground.link import Unanswered
-from protocol.errors import ConfigError, RemoteError, UserError
-from protocol.messages import CommandAck, ParamSet, ParamValue
-from protocol.reasons import Reason
+from ground.client.link import Unanswered
+from runtime.errors import ConfigError, RemoteError, UserError
+from protocol.wire.messages import CommandAck, ParamSet, ParamValue
+from protocol.wire.reasons import Reason
 from tests.unit.client.scripted import ANSWER_NS, IN_PROGRESS, Stage
 
 ROWS = [

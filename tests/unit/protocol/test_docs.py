@@ -7,16 +7,17 @@ from pathlib import Path
 import pytest
 
 import sidestep
-from plant import world_file
-from protocol import config, docs
-from protocol.message import Message
-from protocol.messages import SonarScan
+from plant.world import file as world_file
+from protocol import docs
 from protocol.topics import Role, Service, Topic
+from protocol.wire.message import Message
+from protocol.wire.messages import SonarScan
 from robot import cli as robot_cli
-from robot.core import failsafe
-from robot.parameters import SPECS
+from robot.core.safety import failsafe
+from robot.parameters.table import SPECS
+from runtime import config
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 README = (ROOT / "README.md").read_text()
 TOML = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
 SHELL = "\n".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.network import Network, Tls
+from protocol.bus.network import Network, Tls
 from protocol.options import (
     DEFAULT_ENDPOINT,
     LOCKED_ENDPOINT,

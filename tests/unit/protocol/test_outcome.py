@@ -6,11 +6,11 @@ from math import pi
 
 import pytest
 
-from protocol.enums import GoalState
-from protocol.messages import RunScore
 from protocol.outcome import OUTCOMES, Asked, Ended, Outcome, end_of, judged
-from protocol.reasons import Reason
-from protocol.wire_goal import WireGoal
+from protocol.wire.enums import GoalState
+from protocol.wire.goal import WireGoal
+from protocol.wire.messages import RunScore
+from protocol.wire.reasons import Reason
 
 KEYS = [
     "world",

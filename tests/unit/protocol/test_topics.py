@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.errors import UserError
 from protocol.sender import sender_of, system_id_of
 from protocol.topics import SERVICES, SONAR, TOPICS, Role
+from runtime.errors import UserError
 
 
 def test_no_path_is_used_twice() -> None:

@@ -1,14 +1,14 @@
 """A loop that was held up hears what arrived after its tick had begun: that is new, not younger."""
 
-from protocol.clock import ManualClock, Tick
-from protocol.messages import SonarScan, WheelTicks
+from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core.parameters import DEFAULTS
-from robot.meter import Meter
+from robot.scheduling.cycle_meter import Meter
 from robot.senses import Senses
-from robot.store import Store
+from robot.storage.files import Store
 from robot.vehicle import Vehicle
-from tests.boxes import Wireless
-from tests.bus.robots import BEAT
+from runtime.clock import ManualClock, Tick
+from tests.support.boxes import Wireless
+from tests.support.bus.robots import BEAT
 
 MS = 1_000_000
 SCAN = SonarScan(time_ns=0, seq=7, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=255, echo=255)

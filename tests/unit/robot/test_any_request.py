@@ -5,9 +5,9 @@ from typing import Final
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.codec import Encoder
-from protocol.message import Message, check
-from protocol.messages import (
+from protocol.wire.codec import Encoder
+from protocol.wire.message import Message, check
+from protocol.wire.messages import (
     CommandRequest,
     GoalRequest,
     LeaseRequest,
@@ -18,8 +18,8 @@ from protocol.messages import (
     ParamSet,
     Teleop,
 )
-from tests.unit.protocol.made_up import any_message, messages_of
-from tests.unit.robot.vehicles import Desk
+from tests.support.protocol.made_up import any_message, messages_of
+from tests.support.robot.vehicles import Desk
 
 LIKELY: Final[tuple[type[Message], ...]] = (
     CommandRequest,

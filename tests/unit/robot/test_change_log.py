@@ -2,13 +2,13 @@
 
 import pytest
 
-from ground.texts import Texts
-from protocol.enums import Severity
-from protocol.texts import PIECE_BYTES
+from ground.text.statustext import Texts
+from protocol.wire.enums import Severity
+from protocol.wire.statustext import PIECE_BYTES
+from robot.change_log import News
 from robot.core.machine import Machine
 from robot.core.parameters import DEFAULTS
 from robot.mission.mission import Mission
-from robot.news import News
 
 
 def news() -> News:

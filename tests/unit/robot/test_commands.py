@@ -4,9 +4,9 @@ from math import nan
 
 import pytest
 
-from protocol.enums import AckResult, Command, GoalState, MissionState, Mode, Navigator
-from protocol.messages import CommandAck, CommandRequest, GoalRequest
-from protocol.reasons import Reason
+from protocol.wire.enums import AckResult, Command, GoalState, MissionState, Mode, Navigator
+from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
+from protocol.wire.reasons import Reason
 from robot.commands import (
     MAX_ANSWERS,
     MAX_OPERATORS,
@@ -21,8 +21,8 @@ from robot.core import states
 from robot.core.parameters import DEFAULTS
 from robot.core.state import State
 from robot.mission.mission import Mission
-from tests.unit.robot.mission.items import line
-from tests.unit.robot.vehicles import goal
+from tests.support.robot.mission.items import line
+from tests.support.robot.vehicles import goal
 
 ADA, BOB = "ada/1", "bob/2"
 

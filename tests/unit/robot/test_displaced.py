@@ -1,16 +1,16 @@
 """A plant that was started again has put the robot elsewhere: it stops and says it is lost."""
 
-from protocol.clock import Tick
-from protocol.enums import Severity
-from protocol.messages import WheelTicks
+from protocol.wire.enums import Severity
+from protocol.wire.messages import WheelTicks
 from robot.core import reasons, states
 from robot.core.machine import start_goal
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal
 from robot.senses import Senses
-from robot.store import Store
+from robot.storage.files import Store
 from robot.vehicle import Vehicle
-from tests.boxes import Wireless
+from runtime.clock import Tick
+from tests.support.boxes import Wireless
 
 PERIOD_NS = 50_000_000
 LOST = "senses began anew: the place is not known any more"

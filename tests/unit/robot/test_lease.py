@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.enums import AckResult, Command, LeaseAction, Mode, Severity
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.enums import AckResult, Command, LeaseAction, Mode, Severity
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     LeaseRequest,
@@ -18,9 +18,9 @@ from protocol.messages import (
     ParamValue,
     Teleop,
 )
-from protocol.reasons import Reason
+from protocol.wire.reasons import Reason
 from robot.lease import LAPSE_NS, Lease
-from tests.unit.robot.vehicles import MS, Desk, goal
+from tests.support.robot.vehicles import MS, Desk, goal
 
 ADA, BOB = "ada0", "bob0"
 S = 1_000 * MS

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.delays import MAX_SENDERS, Delays
-from tests.unit.robot.vehicles import MS
+from robot.operator_delays import MAX_SENDERS, Delays
+from tests.support.robot.vehicles import MS
 
 S = 1_000 * MS
 ADA, BOB = "ada/1", "bob/2"

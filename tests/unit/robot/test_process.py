@@ -6,23 +6,6 @@ from pathlib import Path
 import pytest
 
 from protocol.bus import Presence
-from protocol.clock import Tick
-from protocol.codec import Encoder
-from protocol.enums import AckResult, Command, GoalState, LeaseAction, Mode
-from protocol.errors import LocalError
-from protocol.messages import (
-    CommandAck,
-    CommandRequest,
-    Heartbeat,
-    LeaseRequest,
-    MissionRequestList,
-    ParamRequestRead,
-    ParamSet,
-    ParamValue,
-    Teleop,
-    WheelCommand,
-)
-from protocol.reasons import Reason
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -38,16 +21,33 @@ from protocol.topics import (
     TEXT,
     Role,
 )
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import AckResult, Command, GoalState, LeaseAction, Mode
+from protocol.wire.messages import (
+    CommandAck,
+    CommandRequest,
+    Heartbeat,
+    LeaseRequest,
+    MissionRequestList,
+    ParamRequestRead,
+    ParamSet,
+    ParamValue,
+    Teleop,
+    WheelCommand,
+)
+from protocol.wire.reasons import Reason
 from robot import telemetry
 from robot.commands import acknowledge
 from robot.core import states
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
 from robot.process import SERVICES
 from robot.stop_latch import emergency_stop
-from robot.store import Store
-from tests.unit.robot.held_writer import HeldWriter
-from tests.unit.robot.processes import ADA, BOB, Request, Rig
-from tests.unit.robot.vehicles import MS, goal
+from robot.storage.files import Store
+from runtime.clock import Tick
+from runtime.errors import LocalError
+from tests.support.robot.held_writer import HeldWriter
+from tests.support.robot.processes import ADA, BOB, Request, Rig
+from tests.support.robot.vehicles import MS, goal
 
 S = 1_000 * MS
 BRAKE = (0, 0, 0)

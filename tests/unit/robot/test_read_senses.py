@@ -5,18 +5,18 @@ from typing import cast
 import pytest
 
 from protocol.bus import Bus
-from protocol.clock import ManualClock, Tick
-from protocol.messages import Heartbeat, SonarScan, Teleop, WheelTicks
-from protocol.timing import PERIOD_NS, UINT32
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
+from protocol.wire.messages import Heartbeat, SonarScan, Teleop, WheelTicks
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs
 from robot.lease import Holder
 from robot.senses import OVERTAKEN, Senses, begun_anew, newer
-from robot.store import Store
+from robot.storage.files import Store
 from robot.vehicle import Vehicle
-from tests.unit.robot.processes import ADA, BOB, ServedBus
-from tests.unit.robot.vehicles import MS
+from runtime.clock import ManualClock, Tick
+from runtime.timing import PERIOD_NS, UINT32
+from tests.support.robot.processes import ADA, BOB, ServedBus
+from tests.support.robot.vehicles import MS
 
 S = 1_000 * MS
 BEAT = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)

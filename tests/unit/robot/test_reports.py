@@ -6,12 +6,12 @@ from typing import cast
 import pytest
 
 from protocol.bus import Bus
-from protocol.clock import ManualClock
-from protocol.messages import WheelCommand
 from protocol.topics import DRIVE
+from protocol.wire.messages import WheelCommand
 from robot.reports import Reports
 from robot.run import epoch
-from tests.played_bus import PlayedBus
+from runtime.clock import ManualClock
+from tests.support.played_bus import PlayedBus
 
 
 def told(epoch_s: int, stamp_ns: int, sense_seq: int) -> list[WheelCommand]:

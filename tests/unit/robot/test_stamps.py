@@ -1,12 +1,12 @@
 """The stamp of a tick: that of its scan on the plant's clock, which does not turn back."""
 
-from protocol.clock import Tick
-from protocol.messages import SonarScan
+from protocol.wire.messages import SonarScan
 from robot.core.parameters import DEFAULTS
 from robot.senses import Senses
-from robot.store import Store
+from robot.storage.files import Store
 from robot.vehicle import Vehicle
-from tests.boxes import Wireless
+from runtime.clock import Tick
+from tests.support.boxes import Wireless
 
 MS = 1_000_000
 PERIOD = 50 * MS

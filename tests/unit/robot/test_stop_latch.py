@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.codec import Encoder
-from protocol.enums import Command
-from protocol.message import Message
-from protocol.messages import CommandRequest, MissionRequestList
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import Command
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandRequest, MissionRequestList
 from robot.stop_latch import StopLatch, emergency_stop
-from tests.unit.robot.vehicles import goal
+from tests.support.robot.vehicles import goal
 
 ADA, BOB, STRANGER = "ada/1", "bob/2", ""
 

@@ -1,10 +1,10 @@
 from math import inf, isnan
 
-from protocol.enums import Branch, GoalState, SystemState
+from protocol.wire.enums import Branch, GoalState, SystemState
 from robot import telemetry
 from robot.core import reasons, states
 from robot.core.values import Decision, Outputs, Twist
-from tests.unit.robot.vehicles import MS, Desk
+from tests.support.robot.vehicles import MS, Desk
 
 
 def test_a_robot_without_a_goal_tells_not_a_number_and_no_times() -> None:

@@ -5,10 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.limits import MAX_TELEOP_TTL_MS
-from protocol.messages import Teleop
+from protocol.wire.messages import Teleop
 from robot.core.values import Twist
 from robot.teleop import Handle, wanted
-from tests.unit.robot.vehicles import MS, Desk
+from tests.support.robot.vehicles import MS, Desk
 
 
 def frame(ttl_ms: int, speed_mm_s: int = 200, yaw_rate_mrad_s: int = -500) -> Teleop:

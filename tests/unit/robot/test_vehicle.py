@@ -6,17 +6,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.enums import AckResult, Command, GoalState, Mode, Navigator, Severity
-from protocol.enums import Vehicle as VehicleState
-from protocol.message import Message
-from protocol.messages import CommandAck, CommandRequest, ParamRequestRead, ParamSet, ParamValue
-from protocol.reasons import Reason
+from protocol.wire.enums import AckResult, Command, GoalState, Mode, Navigator, Severity
+from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    CommandAck,
+    CommandRequest,
+    ParamRequestRead,
+    ParamSet,
+    ParamValue,
+)
+from protocol.wire.reasons import Reason
 from robot.commands import HANDLERS
 from robot.core import brain, states
 from robot.core.parameters import DEFAULTS
-from robot.store import Store
-from tests.unit.robot.mission.items import ready, start
-from tests.unit.robot.vehicles import MS, Desk, goal
+from robot.storage.files import Store
+from tests.support.robot.mission.items import ready, start
+from tests.support.robot.vehicles import MS, Desk, goal
 
 
 def test_it_starts_disarmed_and_says_so() -> None:

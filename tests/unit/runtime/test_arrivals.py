@@ -9,9 +9,9 @@ from time import monotonic, monotonic_ns
 
 import pytest
 
-from plant.process import Wake
-from protocol.clock import NS_PER_S, LockstepClock, Pulse, Stopped
-from protocol.pulse import WakeUp
+from plant.process.loop import Wake
+from runtime.clock import NS_PER_S, LockstepClock, Pulse, Stopped
+from runtime.arrivals import WakeUp
 
 WAIT_S = 0.02
 RESCUED_S = 5.0

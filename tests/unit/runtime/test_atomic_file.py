@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from protocol import whole_file
+from runtime import atomic_file
 from verification.power_cut import Disk, content_of
 
 HOME = Path("/state")
@@ -28,10 +28,10 @@ class Story:
         """Replace the file, or remove it, and look at every cut up to the answer and after it."""
         before, begun = self._now, len(self.disk.cuts)
         if text is None:
-            whole_file.remove(self.path)
+            atomic_file.remove(self.path)
         else:
-            whole_file.make_folder(self.path.parent)
-            whole_file.replace(self.path, text)
+            atomic_file.make_folder(self.path.parent)
+            atomic_file.replace(self.path, text)
         self._now = text
         for states in self.disk.cuts[begun:]:
             self._look(states, {before, text}, "before the answer")
@@ -57,7 +57,7 @@ def test_every_power_cut_leaves_the_old_content_or_the_new(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     disk = Disk()
-    monkeypatch.setattr(whole_file, "os", disk)
+    monkeypatch.setattr(atomic_file, "os", disk)
     assert told(disk) == []
     assert len(disk.cuts) > 30
     assert max(len(states) for states in disk.cuts) > 5, "a cut in between has several outcomes"
@@ -65,7 +65,7 @@ def test_every_power_cut_leaves_the_old_content_or_the_new(
 
 def test_a_folder_that_was_made_survives_with_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Disk()
-    monkeypatch.setattr(whole_file, "os", disk)
+    monkeypatch.setattr(atomic_file, "os", disk)
     assert told(disk, HOME / "of" / "r1" / "fence.json") == []
 
 
@@ -98,11 +98,11 @@ def test_a_missing_step_is_found_by_the_simulated_cut(
     kind: type[Disk], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     disk = kind()
-    monkeypatch.setattr(whole_file, "os", disk)
+    monkeypatch.setattr(atomic_file, "os", disk)
     assert told(disk) != []
 
 
-@pytest.mark.parametrize("act", [lambda path: whole_file.replace(path, "b"), whole_file.remove])
+@pytest.mark.parametrize("act", [lambda path: atomic_file.replace(path, "b"), atomic_file.remove])
 @pytest.mark.parametrize("number", [errno.EIO, errno.ENOSPC])
 def test_a_directory_that_cannot_be_synchronised_is_an_error(
     act: Callable[[Path], None], number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -117,7 +117,7 @@ def test_a_file_system_without_directory_sync_is_used_all_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fail_for_folders(monkeypatch, errno.EINVAL)
-    whole_file.replace(tmp_path / "file", "b")
+    atomic_file.replace(tmp_path / "file", "b")
     assert (tmp_path / "file").read_text() == "b"
 
 
@@ -133,14 +133,14 @@ def fail_for_folders(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
 
 
 def test_a_file_that_never_was_is_removed_without_a_word(tmp_path: Path) -> None:
-    whole_file.remove(tmp_path / "file")
-    whole_file.remove(tmp_path / "no folder" / "file")
+    atomic_file.remove(tmp_path / "file")
+    atomic_file.remove(tmp_path / "no folder" / "file")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_draft_left_by_a_killed_process_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / ".file.part").write_text("half of somethi")
-    whole_file.replace(tmp_path / "file", "whole")
+    atomic_file.replace(tmp_path / "file", "whole")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
     assert (tmp_path / "file").read_text() == "whole"
 
@@ -150,5 +150,5 @@ def test_a_write_that_takes_less_than_it_was_given_is_repeated(
 ) -> None:
     write = os.write
     monkeypatch.setattr("os.write", lambda number, data: write(number, data[:3]))
-    whole_file.replace(tmp_path / "file", "longer than three")
+    atomic_file.replace(tmp_path / "file", "longer than three")
     assert (tmp_path / "file").read_text() == "longer than three"

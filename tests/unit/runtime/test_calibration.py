@@ -2,12 +2,12 @@ from pathlib import Path
 
 import pytest
 
-from plant.noise import LEVELS
-from protocol import calibration
-from protocol.calibration import FOLDER, calibration_of, settings_of
-from protocol.errors import ConfigError
+from plant.model.noise import LEVELS
 from robot.core.parameters import DEFAULTS
-from robot.parameters import SPECS, with_value
+from robot.parameters.table import SPECS, with_value
+from runtime import calibration
+from runtime.calibration import FOLDER, calibration_of, settings_of
+from runtime.errors import ConfigError
 
 
 @pytest.mark.parametrize("level", LEVELS)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.clock import Clock, LockstepClock, ManualClock, Stopped, Tick, WallClock, ticks
+from runtime.clock import Clock, LockstepClock, ManualClock, Stopped, Tick, WallClock, ticks
 
 MS = 1_000_000
 

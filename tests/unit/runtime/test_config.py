@@ -7,9 +7,9 @@ from typing import Annotated
 import pytest
 from msgspec import Meta
 
-from protocol.config import load, load_shared, parse
-from protocol.errors import ConfigError, LocalError
-from protocol.network import Network
+from protocol.bus.network import Network
+from runtime.config import load, load_shared, parse
+from runtime.errors import ConfigError, LocalError
 
 
 @dataclass(frozen=True, kw_only=True)

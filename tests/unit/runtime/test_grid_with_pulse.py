@@ -5,7 +5,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.clock import ManualClock, Tick, ticks
+from runtime.clock import ManualClock, Tick, ticks
 
 MS = 1_000_000
 PERIOD = 50 * MS

@@ -5,7 +5,7 @@ from math import inf
 
 import pytest
 
-from protocol.json_text import MAX_DEPTH, value_in
+from runtime.json_reader import MAX_DEPTH, value_in
 
 
 def nested(depth: int, opens: str = "[", closes: str = "]") -> str:

@@ -5,7 +5,7 @@ from itertools import count
 
 import pytest
 
-from protocol.clock import LockstepClock, Stopped
+from runtime.clock import LockstepClock, Stopped
 
 MS = 1_000_000
 

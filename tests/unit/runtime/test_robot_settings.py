@@ -2,9 +2,9 @@
 
 from dataclasses import fields
 
-from plant.body import Body
-from protocol.robot_table import RENAMED, SAME, parameters_of
+from plant.model.body import Body
 from robot.core.parameters import DEFAULTS, Params
+from runtime.robot_settings import RENAMED, SAME, parameters_of
 
 UNKNOWN_TO_THE_ROBOT = {
     "brake_m_s2",

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.terminal import CLEAR_LINE, guarded, guarded_output, printable, steer
+from runtime.terminal import CLEAR_LINE, guarded, guarded_output, printable, steer
 
 ROOT = Path(__file__).parents[3]
 HOSTILE = "\x00\x07\x08\x0b\x0c\r\x1b\x7f\x80\x85\x9b\x9d\xad\u061c\u200b\u200e\u200f\u2028\u2029"

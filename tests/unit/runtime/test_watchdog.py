@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from protocol.watchdog import Watchdog
+from runtime.watchdog import Watchdog
 
 ROOT = Path(__file__).parents[3]
 LOOP = """
 import ctypes, sys, time
 from pathlib import Path
-from protocol.watchdog import Watchdog
+from runtime.watchdog import Watchdog
 story = Path(sys.argv[2]) if len(sys.argv) > 2 else None
 with Watchdog(0.5, story) as watchdog:
     for _ in watchdog.wound_by(range(4)):

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from protocol import whole_file
-from protocol.enums import MissionType
-from protocol.messages import MissionClearAll, MissionItemInt, ParamSet, ParamValue
-from protocol.reasons import Reason
+from protocol.wire.enums import MissionType
+from protocol.wire.messages import MissionClearAll, MissionItemInt, ParamSet, ParamValue
+from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.mission.kept import Kept, text_of
-from robot.store import Store
-from robot.writer import Directory
-from tests.unit.robot.mission.items import circle, line, upload
-from tests.unit.robot.vehicles import Desk
+from robot.mission.persistence import Kept, text_of
+from robot.storage.files import Store
+from robot.storage.writer import Directory
+from runtime import atomic_file
+from tests.support.robot.mission.items import circle, line, upload
+from tests.support.robot.vehicles import Desk
 from verification.power_cut import Disk, State, restore
 
 HOME = Path("/state/of/r1")
@@ -96,7 +96,7 @@ def test_every_cut_leaves_what_was_acknowledged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     disk = Disk()
-    monkeypatch.setattr(whole_file, "os", disk)
+    monkeypatch.setattr(atomic_file, "os", disk)
     for before, after, during, at_the_end in outcomes(disk, tmp_path):
         assert during == {before, after}
         assert at_the_end == {after}
@@ -114,6 +114,6 @@ def test_a_directory_that_is_not_synchronised_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     disk = NamesForgotten()
-    monkeypatch.setattr(whole_file, "os", disk)
+    monkeypatch.setattr(atomic_file, "os", disk)
     told = outcomes(disk, tmp_path)
     assert any(at_the_end != {after} for _, after, _, at_the_end in told)

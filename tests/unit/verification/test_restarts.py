@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.restarts import Recovery, of
+from verification.restarts import Recovery, of
 
 TOOK = [Recovery(0.5, 0.7), Recovery(0.6, 2.0)]
 

@@ -10,11 +10,6 @@ from random import Random
 from typing import Any, Final
 
 from protocol.bus.robot_clock import time_bytes
-from protocol.codec import Encoder, decode
-from protocol.enums import Command
-from protocol.layout import LAYOUT, Field
-from protocol.message import Message
-from protocol.messages import CommandRequest, Heartbeat, LeaseRequest, Teleop, WheelCommand
 from protocol.sender import sender_of
 from protocol.topics import (
     COMMAND,
@@ -31,10 +26,15 @@ from protocol.topics import (
     WHEELS,
     Role,
 )
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.enums import Command
+from protocol.wire.layout import LAYOUT, Field
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandRequest, Heartbeat, LeaseRequest, Teleop, WheelCommand
 from verification.simulation.events import Argument
-from verification.simulation.hub import Hub, Sample, path_of
-from verification.simulation.limits import MS, PERIOD_NS
-from verification.simulation.scheduler import Host, Scheduler
+from verification.simulation.hosts.hub import Hub, Sample, path_of
+from verification.simulation.hosts.scheduler import Host, Scheduler
+from verification.simulation.invariants.limits import MS, PERIOD_NS
 
 ROBOT: Final = "sidestep/r1/"
 MINE: Final = f"open/{0xBAD:032x}"

@@ -7,7 +7,7 @@ import os
 from random import Random
 from typing import Any, Final
 
-from verification.simulation.scheduler import Host, current_host, current_task
+from verification.simulation.hosts.scheduler import Host, current_host, current_task
 
 NO_SPACE: Final = 28
 IO_ERROR: Final = 5

@@ -5,8 +5,8 @@ from typing import Any, Final
 
 import zenoh
 
-from verification.simulation.network import Network
-from verification.simulation.scheduler import Host, Task
+from verification.simulation.hosts.network import Network
+from verification.simulation.hosts.scheduler import Host, Task
 
 WATCHED: Final = ("drive/", "sense/", "op/", "srv/")
 """Beginnings of the topics and services that invariants or the attacker look at."""

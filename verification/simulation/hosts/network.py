@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any, Final
 
-from verification.simulation.scheduler import Host, Scheduler
+from verification.simulation.hosts.scheduler import Host, Scheduler
 
 MS: Final = 1_000_000
 USUAL_DELAY_NS: Final = 300_000

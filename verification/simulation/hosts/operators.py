@@ -9,27 +9,27 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from ground import lease
-from ground.destination import destination, goal_request
-from ground.emergency_stop import EmergencyStop
-from ground.link import Link
+from ground.cli.command import lease
+from ground.cli.command.simple_commands import ORDERS
+from ground.cli.command.teleop import Stick
+from ground.client.connection import Common
+from ground.client.emergency_stop import EmergencyStop
+from ground.client.goal import destination, goal_request
+from ground.client.link import Link
+from ground.client.requests import BEAT_NS, Answered, is_saving
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict
 from ground.missions.wire import fence_items_of, items_of
-from ground.operator import BEAT_NS, Answered, is_saving
-from ground.options import Common
-from ground.orders import ORDERS
-from ground.teleop import Stick
 from protocol.bus import open_bus
-from protocol.enums import PARAM_TYPE_REAL32, Command, LeaseAction, MissionType, Mode
-from protocol.errors import LocalError, RemoteError
-from protocol.message import Message
-from protocol.messages import MissionItemInt, ParamSet, ParamValue
-from protocol.network import Network
+from protocol.bus.network import Network
 from protocol.topics import MISSION_SERVICE, PARAMETER, STATUS, STOP, Role
+from protocol.wire.enums import PARAM_TYPE_REAL32, Command, LeaseAction, MissionType, Mode
+from protocol.wire.message import Message
+from protocol.wire.messages import MissionItemInt, ParamSet, ParamValue
+from runtime.errors import LocalError, RemoteError
 from verification.simulation.events import Argument
-from verification.simulation.scheduler import Host, Scheduler
-from verification.simulation.threads import SimulatedClock, SimulatedQueue
+from verification.simulation.hosts.scheduler import Host, Scheduler
+from verification.simulation.hosts.threads import SimulatedClock, SimulatedQueue
 
 MS: Final = 1_000_000
 DIALS: Final = Network(mode="client", connect=("tcp/127.0.0.1:7447",))

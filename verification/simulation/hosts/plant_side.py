@@ -3,18 +3,18 @@
 from collections.abc import Callable
 from typing import Any, Final
 
-from plant.desk import Desk
-from plant.noise import Noise
-from plant.plant import Plant
-from plant.process import Process, Wake
-from plant.wires import Wires
-from plant.world_types import GoalPose, Polygon, Start, World
+from plant.model.noise import Noise
+from plant.model.types import GoalPose, Polygon, Start, World
+from plant.process.loop import Process, Wake
+from plant.process.requests import Desk
+from plant.process.robot_link import Wires
+from plant.sim.simulation import Plant
 from protocol.bus import Bus, open_bus
-from protocol.claim import claim
-from protocol.network import Network
+from protocol.bus.claim import claim
+from protocol.bus.network import Network
 from protocol.topics import RUN, WORLD, Role
-from verification.simulation.scheduler import Host, Scheduler
-from verification.simulation.threads import SimulatedClock
+from verification.simulation.hosts.scheduler import Host, Scheduler
+from verification.simulation.hosts.threads import SimulatedClock
 
 WORLDS: Final = (
     World(

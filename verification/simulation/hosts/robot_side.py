@@ -4,21 +4,21 @@ from collections.abc import Iterable, Iterator
 from typing import Any, Final, Protocol
 
 from protocol.bus import Bus, open_bus
-from protocol.claim import claim
-from protocol.clock import Tick
-from protocol.message import Message
-from protocol.network import Network
+from protocol.bus.claim import claim
+from protocol.bus.network import Network
 from protocol.topics import Role
+from protocol.wire.message import Message
 from robot import run as robot_run
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
 from robot.process import Process
-from robot.store import Store
+from robot.storage.files import Store
+from robot.storage.writer import WriterThread
 from robot.vehicle import Answer, Vehicle
-from robot.writer import WriterThread
-from verification.simulation.disk import DISKS, Disk, SimulatedPath
-from verification.simulation.scheduler import Host, Scheduler, current_task
-from verification.simulation.threads import SimulatedClock
+from runtime.clock import Tick
+from verification.simulation.hosts.disk import DISKS, Disk, SimulatedPath
+from verification.simulation.hosts.scheduler import Host, Scheduler, current_task
+from verification.simulation.hosts.threads import SimulatedClock
 
 SETTLES_NS: Final = 300_000_000
 """After a hang the grid has found its phase within this time."""

@@ -6,14 +6,14 @@ does is what the command line does.
 
 from typing import Any, Final
 
-from ground.link import Link
-from ground.options import Common
+from ground.client.connection import Common
+from ground.client.link import Link
 from ground.station import Outcome, Station
 from protocol.bus import open_bus
 from protocol.topics import Role
 from verification.simulation.events import Argument
-from verification.simulation.operators import ACTIONS, DIALS, Asked, Operator
-from verification.simulation.threads import SimulatedClock, SimulatedQueue
+from verification.simulation.hosts.operators import ACTIONS, DIALS, Asked, Operator
+from verification.simulation.hosts.threads import SimulatedClock, SimulatedQueue
 
 POLL_NS: Final = 50_000_000
 ACKNOWLEDGED: Final = "E-STOP acknowledged"

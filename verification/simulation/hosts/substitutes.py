@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, Final
 
+from protocol.bus.network import Hub
 from protocol.bus.publisher import Publisher
-from protocol.message import Message
-from protocol.network import Hub
-from protocol.pulse import Pulse
-from verification.simulation.disk import SimulatedOs
-from verification.simulation.scheduler import current_host
-from verification.simulation.threads import (
+from protocol.wire.message import Message
+from runtime.arrivals import Pulse
+from verification.simulation.hosts.disk import SimulatedOs
+from verification.simulation.hosts.scheduler import current_host
+from verification.simulation.hosts.threads import (
     SimulatedClock,
     SimulatedQueue,
     SimulatedThread,
@@ -100,19 +100,19 @@ BLOCKING: Final[tuple[tuple[str, dict[str, object]], ...]] = (
 BLOCKS: Final = (
     "protocol.bus.bus",
     "protocol.bus.service",
-    "protocol.bus.history",
+    "protocol.bus.late_join",
     "protocol.bus.publisher",
     "protocol.bus.robot_clock",
-    "protocol.pulse",
-    "ground.emergency_stop",
-    "ground.operator",
-    "ground.station.requests",
+    "runtime.arrivals",
+    "ground.client.emergency_stop",
+    "ground.client.requests",
+    "ground.station.robot.background_requests",
     "ground.station.station",
     "ground.station.reader",
     "robot.process",
-    "robot.writer",
-    "plant.desk",
-    "plant.process",
+    "robot.storage.writer",
+    "plant.process.requests",
+    "plant.process.loop",
 )
 """Modules in which every name that blocks is replaced, where they have it."""
 
@@ -127,9 +127,9 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("robot.run", "Rehearsed", no_rehearsal),
     ("robot.run", "Rehearsal", lambda _params: None),
     ("robot.run", "on_signal", no_signal),
-    ("ground.link", "Pulse", simulated_pulse),
-    ("protocol.whole_file", "os", SimulatedOs),
-    ("protocol.whole_file", "Path", lambda path: path),
+    ("ground.client.link", "Pulse", simulated_pulse),
+    ("runtime.atomic_file", "os", SimulatedOs),
+    ("runtime.atomic_file", "Path", lambda path: path),
 )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from queue import Empty
 from typing import Any, Generic, TypeVar
 
-from verification.simulation.scheduler import NS_PER_S, Task, current_host, current_task
+from verification.simulation.hosts.scheduler import NS_PER_S, Task, current_host, current_task
 
 T = TypeVar("T")
 
@@ -187,7 +187,7 @@ class SimulatedTime:
 
 
 class SimulatedClock:
-    """As protocol.clock.Clock of one host; CPU time is what `spend` has added to it."""
+    """As runtime.clock.Clock of one host; CPU time is what `spend` has added to it."""
 
     def __init__(self) -> None:
         self._host = current_host()

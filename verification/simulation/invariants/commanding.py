@@ -2,17 +2,17 @@
 
 from typing import TYPE_CHECKING
 
-from protocol.codec import decode
-from protocol.enums import Mode
-from protocol.errors import RemoteError
-from protocol.messages import Teleop
 from protocol.topics import operator_in
+from protocol.wire.codec import decode
+from protocol.wire.enums import Mode
+from protocol.wire.messages import Teleop
 from robot.core import states
 from robot.core.machine import Machine, goal_lives
 from robot.lease import Holder
-from verification.simulation import limits
-from verification.simulation.facts import NEVER, Facts
-from verification.simulation.limits import MS
+from runtime.errors import RemoteError
+from verification.simulation.invariants import limits
+from verification.simulation.invariants.limits import MS
+from verification.simulation.invariants.shared import NEVER, Facts
 
 if TYPE_CHECKING:
     from robot.vehicle import Vehicle

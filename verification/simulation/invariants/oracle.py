@@ -8,24 +8,24 @@ from hashlib import blake2b
 from struct import pack
 from typing import Any
 
-from plant.plant import Plant
-from protocol.clock import Tick
-from protocol.enums import Mode
-from protocol.enums import Vehicle as VehicleState
-from protocol.message import Message
-from protocol.reasons import Reason
+from plant.sim.simulation import Plant
+from protocol.wire.enums import Mode
+from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.message import Message
+from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.core.machine import Machine
 from robot.vehicle import Answer, Vehicle
-from verification.simulation.facts import Facts
-from verification.simulation.keeping import Keeping
-from verification.simulation.motion import Motion
-from verification.simulation.onboard import Onboard
-from verification.simulation.operators import History
-from verification.simulation.presence import Presence
-from verification.simulation.requests import Requests
-from verification.simulation.robot_side import RobotSide
-from verification.simulation.scheduler import Host, Scheduler
+from runtime.clock import Tick
+from verification.simulation.hosts.operators import History
+from verification.simulation.hosts.robot_side import RobotSide
+from verification.simulation.hosts.scheduler import Host, Scheduler
+from verification.simulation.invariants.commanding import Presence
+from verification.simulation.invariants.persistence import Keeping
+from verification.simulation.invariants.requests import Requests
+from verification.simulation.invariants.robot_loop import Onboard
+from verification.simulation.invariants.shared import Facts
+from verification.simulation.invariants.wheels import Motion
 
 FORGED_NS = 1_000_000_000
 """For so long after forged senses the robot may take its ticks at other times."""

@@ -3,16 +3,16 @@
 from collections import defaultdict
 from typing import Any, Final
 
-from protocol.enums import MissionType
-from protocol.message import Message
-from protocol.messages import MissionClearAll, MissionItemInt, ParamSet
-from protocol.wire import wire_of
-from robot.core import fence as fences
+from protocol.wire.enums import MissionType
+from protocol.wire.message import Message
+from protocol.wire.messages import MissionClearAll, MissionItemInt, ParamSet
+from protocol.wire.packing import wire_of
 from robot.core import states
-from robot.mission.stops import stop_of
+from robot.core.safety import fence as fences
+from robot.mission.waypoint import stop_of
 from robot.vehicle import Vehicle
-from verification.simulation.facts import Facts
-from verification.simulation.operators import Asked
+from verification.simulation.hosts.operators import Asked
+from verification.simulation.invariants.shared import Facts
 
 Items = tuple[MissionItemInt, ...]
 ITEMS: Final = (MissionType.FENCE, MissionType.MISSION)

@@ -3,9 +3,9 @@
 from collections import defaultdict
 from typing import NamedTuple
 
-from protocol.enums import AckResult, Command
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.enums import AckResult, Command
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     GoalRequest,
@@ -15,11 +15,11 @@ from protocol.messages import (
 from robot.core import reasons, states
 from robot.lease import open_to_all
 from robot.vehicle import Answer, Vehicle
-from verification.simulation import limits
-from verification.simulation.facts import Facts
-from verification.simulation.limits import MS
-from verification.simulation.operators import Asked
-from verification.simulation.presence import Presence
+from verification.simulation.hosts.operators import Asked
+from verification.simulation.invariants import limits
+from verification.simulation.invariants.commanding import Presence
+from verification.simulation.invariants.limits import MS
+from verification.simulation.invariants.shared import Facts
 
 
 class Acted(NamedTuple):

@@ -3,16 +3,16 @@
 from math import hypot
 from typing import Any
 
-from protocol.reasons import Reason
+from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.core.geometry import wrap
 from robot.core.machine import Machine, drives, goal_lives
 from robot.core.parameters import Params
 from robot.vehicle import Vehicle
-from verification.simulation import limits
-from verification.simulation.facts import Facts
-from verification.simulation.limits import MS
-from verification.simulation.requests import Requests
+from verification.simulation.invariants import limits
+from verification.simulation.invariants.limits import MS
+from verification.simulation.invariants.requests import Requests
+from verification.simulation.invariants.shared import Facts
 
 CALM = (Reason.BUDGET, Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.NAME_TAKEN)
 """Failsafes that nothing in a calm run can cause."""

@@ -3,12 +3,12 @@
 from typing import TYPE_CHECKING, NamedTuple
 
 from verification.simulation.coverage import Coverage
-from verification.simulation.limits import MS
-from verification.simulation.operators import History
-from verification.simulation.scheduler import Scheduler
+from verification.simulation.hosts.operators import History
+from verification.simulation.hosts.scheduler import Scheduler
+from verification.simulation.invariants.limits import MS
 
 if TYPE_CHECKING:
-    from verification.simulation.robot_side import RobotSide
+    from verification.simulation.hosts.robot_side import RobotSide
 
 NEVER = -(1 << 62)
 

@@ -3,19 +3,19 @@
 from math import hypot
 from typing import Any
 
-from plant.plant import Plant
-from protocol.codec import decode
-from protocol.errors import RemoteError
-from protocol.messages import WheelCommand
-from robot.core import fence as fences
+from plant.sim.simulation import Plant
+from protocol.wire.codec import decode
+from protocol.wire.messages import WheelCommand
 from robot.core import reasons, states
-from robot.core.fence import Fence
+from robot.core.safety import fence as fences
+from robot.core.safety.fence import Fence
 from robot.vehicle import Vehicle
-from verification.simulation import limits
-from verification.simulation.facts import NEVER, Facts
-from verification.simulation.limits import MS, PERIOD_NS
-from verification.simulation.operators import Asked
-from verification.simulation.presence import Presence
+from runtime.errors import RemoteError
+from verification.simulation.hosts.operators import Asked
+from verification.simulation.invariants import limits
+from verification.simulation.invariants.commanding import Presence
+from verification.simulation.invariants.limits import MS, PERIOD_NS
+from verification.simulation.invariants.shared import NEVER, Facts
 
 Place = tuple[float, float]
 

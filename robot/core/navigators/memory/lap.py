@@ -6,7 +6,7 @@ The place alone proves nothing: a corridor is passed in both directions.
 from math import pi, sqrt
 
 from robot.core.geometry import wrap
-from robot.core.typed import Final
+from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
 MARK_AFTER_M: Final = 0.35  # at the hit itself the robot still turns

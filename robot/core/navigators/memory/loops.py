@@ -4,8 +4,8 @@ A loop is the same places in the same order in the same direction; the place alo
 two sides of a corridor for one. Integers: centimetres, and brads (4096 to the circle).
 """
 
-from robot.core.echoes import CIRCLE
-from robot.core.typed import Final
+from robot.core.perception.echoes import CIRCLE
+from robot.core.typing_shim import Final
 
 HITS: Final = 16
 HIT_CM: Final = 35

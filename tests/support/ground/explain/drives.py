@@ -2,14 +2,14 @@
 
 from typing import NamedTuple
 
-from plant.plant import Plant
-from plant.world_file import load
-from protocol.messages import AvoidanceDecision, NavigatorStatus
+from plant.sim.simulation import Plant
+from plant.world.file import load
+from protocol.wire.messages import AvoidanceDecision, NavigatorStatus
 from robot import telemetry
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
-from study.onboard import Onboard
-from study.trial import Trial, run_trial
+from study.trial.core_loop import Onboard
+from study.trial.trial import Trial, run_trial
 
 WORLDS = ("box", "u_trap", "forest_medium")
 TIMEOUT_S = 60.0

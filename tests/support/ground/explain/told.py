@@ -5,8 +5,8 @@ from itertools import pairwise
 from math import radians
 
 from ground.explain import TurningPoint, turning_point
-from protocol.enums import Branch, GoalState, Mode, Navigator, Vehicle
-from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 
 
 def decided(**changes: float) -> AvoidanceDecision:

@@ -1,10 +1,10 @@
 """Real runs with every place they came through, for ghosts to be compared with."""
 
-from plant.plant import Plant
+from plant.sim.simulation import Plant
 from protocol.outcome import Outcome
 from robot.core.values import Outputs
-from study.onboard import Onboard
-from study.trial import Trial, run_trial
+from study.trial.core_loop import Onboard
+from study.trial.trial import Trial, run_trial
 
 
 def driven(trial: Trial) -> tuple[Outcome, list[tuple[float, float]]]:

@@ -6,7 +6,7 @@ from math import cos, pi, sin
 from hypothesis import strategies as st
 
 from ground.missions.mission import Circle, Fence, Home, Mission, Polygon, Waypoint
-from protocol.errors import UserError
+from runtime.errors import UserError
 
 FAR_TENTHS = 2_000_000_000
 metres = st.integers(-FAR_TENTHS, FAR_TENTHS).map(lambda tenths: tenths / 1e4)

@@ -10,24 +10,8 @@ from typing import Any, NamedTuple
 
 from mcap.writer import Writer
 
-from ground.blackbox.mcap_form import McapForm
-from ground.tlog import record_bytes
-from protocol.codec import Encoder
-from protocol.enums import GoalState, Mode, Navigator, Severity, Vehicle
-from protocol.message import Message
-from protocol.messages import (
-    AvoidanceDecision,
-    CommandAck,
-    GoalRequest,
-    GroundTruth,
-    Heartbeat,
-    NavigatorStatus,
-    PlanarOdometry,
-    SonarScan,
-    Statustext,
-    SystemTime,
-    WheelTicks,
-)
+from ground.recording.mcap.writer import McapForm
+from ground.recording.tlog import record_bytes
 from protocol.sender import sender_of
 from protocol.topics import (
     ANSWERED,
@@ -42,6 +26,22 @@ from protocol.topics import (
     TRUTH,
     WHEELS,
     Topic,
+)
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import GoalState, Mode, Navigator, Severity, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    AvoidanceDecision,
+    CommandAck,
+    GoalRequest,
+    GroundTruth,
+    Heartbeat,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    Statustext,
+    SystemTime,
+    WheelTicks,
 )
 
 START_US = 1_790_000_000_000_000

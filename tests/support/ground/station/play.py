@@ -5,23 +5,8 @@ from functools import partial
 from typing import Self
 
 from ground.station import Outcome, Station, WorldFacts
-from ground.station.requests import Job, outcome_of
-from protocol.clock import ManualClock
-from protocol.codec import Encoder
-from protocol.enums import AckResult, LeaseAction, Vehicle
-from protocol.errors import NoAnswer
-from protocol.message import Message
-from protocol.messages import (
-    CommandAck,
-    CommandRequest,
-    LeaseRequest,
-    ParamValue,
-    Statustext,
-)
-from protocol.network import Hub
-from protocol.reasons import Reason
-from protocol.texts import pieces_of
-from protocol.timing import PERIOD_NS
+from ground.station.robot.background_requests import Job, outcome_of
+from protocol.bus.network import Hub
 from protocol.topics import (
     COMMAND,
     LEASE_SERVICE,
@@ -34,9 +19,24 @@ from protocol.topics import (
     WORLD,
     Role,
 )
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import AckResult, LeaseAction, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    CommandAck,
+    CommandRequest,
+    LeaseRequest,
+    ParamValue,
+    Statustext,
+)
+from protocol.wire.reasons import Reason
+from protocol.wire.statustext import pieces_of
 from robot.commands import acknowledge
-from tests.played_bus import PlayedBus
-from tests.unit.station.said import Robot
+from runtime.clock import ManualClock
+from runtime.errors import NoAnswer
+from runtime.timing import PERIOD_NS
+from tests.support.ground.station.said import Robot
+from tests.support.played_bus import PlayedBus
 
 S = 1_000_000_000
 LIST = b"""[{"name": "d_obs_m", "value": 0.3, "default": 0.3, "unit": "m"},

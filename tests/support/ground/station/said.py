@@ -4,24 +4,6 @@ from dataclasses import dataclass, field
 from math import inf, nan
 from typing import Any
 
-from protocol.enums import Branch, GoalState, Mode, Navigator, Vehicle
-from protocol.message import Message
-from protocol.messages import (
-    AvoidanceDecision,
-    CycleReport,
-    GroundTruth,
-    Heartbeat,
-    LeaseStatus,
-    MissionStatus,
-    NavigatorStatus,
-    PlanarOdometry,
-    SonarScan,
-    TickInputs,
-    WheelCommand,
-    WheelTicks,
-)
-from protocol.reasons import Reason
-from protocol.timing import PERIOD_NS
 from protocol.topics import (
     CYCLE,
     DECISION,
@@ -37,6 +19,24 @@ from protocol.topics import (
     WHEELS,
     Topic,
 )
+from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    AvoidanceDecision,
+    CycleReport,
+    GroundTruth,
+    Heartbeat,
+    LeaseStatus,
+    MissionStatus,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    TickInputs,
+    WheelCommand,
+    WheelTicks,
+)
+from protocol.wire.reasons import Reason
+from runtime.timing import PERIOD_NS
 
 BEAT = Heartbeat(
     type=10, autopilot=3, base_mode=1, custom_mode=0, system_status=3, mavlink_version=3

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from plant.world_problems import Problem, WorldError
+from plant.model.errors import Problem, WorldError
 
 MAP = """\
 type octile

@@ -5,11 +5,12 @@ from typing import NamedTuple
 
 from hypothesis import strategies as st
 
-from robot.core import navigators, states
-from robot.core import ring as rings
+from robot.core import states
 from robot.core.geometry import BEARINGS, HALF_CONE, wrap
+from robot.core.navigators import registry
 from robot.core.parameters import DEFAULTS
-from robot.core.ring import Ring
+from robot.core.perception import sonar_ring as rings
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import SONARS, Decision, Goal, Pose, Scan
 
 Wall = tuple[float, float, float, float]
@@ -121,7 +122,7 @@ def walk_to(
     seconds: float = 120.0,
 ) -> Walk:
     """From the origin with a navigator's own decisions, until it arrives, gives up or is late."""
-    memory, step = navigators.fresh(number, side), navigators.NAVIGATORS[number].step
+    memory, step = registry.fresh(number, side), registry.NAVIGATORS[number].step
     pose, poses, decisions = Pose(0.0, 0.0, 0.0), [], []
     for _ in range(round(seconds * 20)):
         decision = step(memory, pose, seen_from(pose, walls, discs), goal, DEFAULTS)

@@ -2,16 +2,16 @@
 
 from math import nan
 
-from protocol.enums import FRAME_LOCAL_FLU, Command, MissionState, MissionType
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionState, MissionType
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     MissionCount,
     MissionItemInt,
     MissionRequestInt,
     MissionVerdict,
 )
-from protocol.reasons import Reason
-from tests.unit.robot.vehicles import Desk
+from protocol.wire.reasons import Reason
+from tests.support.robot.vehicles import Desk
 
 
 def item(

@@ -7,14 +7,14 @@ from typing import Any
 
 import pyarrow as pa
 
-from plant.world_types import World
+from plant.model.types import World
 from protocol.outcome import Outcome
-from protocol.reasons import Reason
-from study.report.drives import Drive, Pose
+from protocol.wire.reasons import Reason
+from study.report.charts.drives import Drive, Pose
 from study.report.trials import Trials, trials_of
-from study.rows import SCHEMA, Row, table_of
-from study.trial import Trial
-from tests.unit.study.made import floor
+from study.runner.rows import SCHEMA, Row, table_of
+from study.trial.trial import Trial
+from tests.support.study.made import floor
 
 USUAL: dict[str, Any] = {
     "study": "test",

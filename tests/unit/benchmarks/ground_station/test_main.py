@@ -4,12 +4,12 @@ from argparse import ArgumentParser
 
 import pytest
 
-from benchmarks import ground
 from benchmarks.crowded import sizes_mb
-from benchmarks.reaction import first, held, stopped
-from benchmarks.terminal import Terminal
-from protocol.message import Message
-from protocol.messages import WheelCommand
+from benchmarks.ground_station import main as ground
+from benchmarks.ground_station.reaction import first, held, stopped
+from protocol.wire.message import Message
+from protocol.wire.messages import WheelCommand
+from verification.harness.terminal import Terminal
 
 
 def wheels(speed_mrad_s: int) -> Message:

@@ -6,11 +6,11 @@ from functools import partial
 import pytest
 from rich.text import Text
 
-from benchmarks import map as benchmark
-from benchmarks.map_plotext import PlotextMap
-from benchmarks.map_scene import drive, noted, segments, whirl
-from benchmarks.map_stage import perform
-from ground.widgets.map import MapWidget
+from benchmarks.map_drawing import main as benchmark
+from benchmarks.map_drawing.plotext import PlotextMap
+from benchmarks.map_drawing.scene import drive, noted, segments, whirl
+from benchmarks.map_drawing.stage import perform
+from ground.app.widgets.map import MapWidget
 
 
 def test_every_frame_has_500_segments_and_14_obstacles() -> None:

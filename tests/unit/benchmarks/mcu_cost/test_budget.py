@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from benchmarks import budget, mcu
-from benchmarks.memory_size import heap_bytes, lengths
-from benchmarks.rewriting import SCALE, Rewriting
-from benchmarks.scale import Scale
+from benchmarks.mcu_cost import budget, mcu
+from benchmarks.mcu_cost.instrumentation import SCALE, Rewriting
+from benchmarks.mcu_cost.memory_size import heap_bytes, lengths
+from benchmarks.mcu_cost.operation_counter import Scale
 from robot.core.values import Pose
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from ground.cli import main
-from ground.keys.checking import check
-from ground.keys.folder import make
-from protocol.errors import UserError
-from tests.keyring import DAY, NOW, Keyring
+from ground.certificates.check import check
+from ground.certificates.folder import make
+from ground.cli.main import main
+from runtime.errors import UserError
+from tests.support.keyring import DAY, NOW, Keyring
 
 
 @pytest.fixture

@@ -9,12 +9,12 @@ import pytest
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from ground.cli import main, parse
-from ground.keys import folder as folder_module
-from ground.keys.authority import Pair
-from ground.options import common_of
-from protocol.bus.certificate import own
-from protocol.network import Tls
+from ground.certificates import folder as folder_module
+from ground.certificates.authority import Pair
+from ground.cli.main import main, parse
+from ground.client.connection import common_of
+from protocol.bus.network import Tls
+from protocol.bus.tls.certificate import own
 
 NAMES = ("router", "plant", "ground", "viewer", "recorder", "robot-r1", "robot-r2")
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 
-from ground.cli import main
-from ground.keys.authority import hosts_in
-from ground.keys.checking import check
-from ground.keys.folder import renew
-from protocol.bus.certificate import own
-from protocol.errors import UserError
-from protocol.network import Tls
-from tests.keyring import DAY, NOW
+from ground.certificates.authority import hosts_in
+from ground.certificates.check import check
+from ground.certificates.folder import renew
+from ground.cli.main import main
+from protocol.bus.network import Tls
+from protocol.bus.tls.certificate import own
+from runtime.errors import UserError
+from tests.support.keyring import DAY, NOW
 
 
 @pytest.fixture

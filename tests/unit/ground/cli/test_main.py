@@ -10,11 +10,11 @@ from collections.abc import Callable
 import pytest
 
 import sidestep
-from ground import cli
-from ground.cli import Interrupted, main
-from ground.says import Says
-from ground.verbs import VERBS, Verb
-from protocol.errors import NoAnswer, UserError
+from ground.cli import main as cli
+from ground.cli.main import Interrupted, main
+from ground.cli.verbs import VERBS, Verb
+from ground.text.output import Says
+from runtime.errors import NoAnswer, UserError
 
 Run = Callable[[argparse.Namespace, Says], int]
 
@@ -40,7 +40,7 @@ def raises(error: BaseException) -> Run:
 
 
 def test_every_verb_that_the_executable_sends_here_is_known() -> None:
-    sent = {name for name, verb in sidestep.VERBS.items() if verb.module == "ground.cli"}
+    sent = {name for name, verb in sidestep.VERBS.items() if verb.module == "ground.cli.main"}
     assert sent == set(VERBS)
 
 

@@ -2,12 +2,12 @@
 
 import pytest
 
-from ground.ready import HEARD_NS, insist
-from protocol.enums import Command, GoalState, Mode, Navigator, Vehicle
-from protocol.messages import CommandRequest, NavigatorStatus
-from protocol.reasons import Reason
+from ground.client.arming import HEARD_NS, insist
 from protocol.topics import STATUS
-from tests.unit.ground.answering import AnsweringLink, speaking
+from protocol.wire.enums import Command, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.messages import CommandRequest, NavigatorStatus
+from protocol.wire.reasons import Reason
+from tests.support.ground.answering import AnsweringLink, speaking
 
 ARM = Command.COMPONENT_ARM_DISARM
 START = Command.MISSION_START

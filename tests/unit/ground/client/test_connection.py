@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from ground.cli import parse
-from ground.options import common_of, listening_of
-from protocol.errors import ConfigError
+from ground.cli.main import parse
+from ground.client.connection import common_of, listening_of
+from runtime.errors import ConfigError
 
 FILE = """
 robot = "r7"

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from ground.findings import Observed, Stream, examine, lines
-from ground.presence import Crew, why_silent
-from protocol.enums import GoalState, Mode, Navigator, Vehicle
-from protocol.messages import CycleReport, NavigatorStatus
-from protocol.reasons import Reason
+from ground.client.diagnosis import Observed, Stream, examine, lines
+from ground.client.presence import Crew, why_silent
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
+from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
+from protocol.wire.messages import CycleReport, NavigatorStatus
+from protocol.wire.reasons import Reason
 
 MS = 1_000_000
 EVERYBODY = Crew(frozenset({("r1", "robot"), ("r1", "plant")}))

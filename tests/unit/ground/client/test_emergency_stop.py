@@ -4,21 +4,21 @@ from collections.abc import Callable
 
 import pytest
 
-from ground.emergency_stop import (
+from ground.client.emergency_stop import (
     HELD_NS,
     Acknowledgement,
     EmergencyStop,
     StopOutcome,
     outcome_words,
 )
-from protocol.clock import ManualClock
-from protocol.enums import AckResult, Vehicle
-from protocol.message import Message
-from protocol.messages import CommandAck, CommandRequest, NavigatorStatus
-from protocol.reasons import Reason
 from protocol.topics import STOP, STOP_SERVICE
-from tests.played_bus import PlayedBus
-from tests.unit.station.said import Robot
+from protocol.wire.enums import AckResult, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
+from protocol.wire.reasons import Reason
+from runtime.clock import ManualClock
+from tests.support.ground.station.said import Robot
+from tests.support.played_bus import PlayedBus
 
 MS = 1_000_000
 YES = CommandAck(command=185, result=AckResult.ACCEPTED, result_param2=0)

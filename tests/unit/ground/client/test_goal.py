@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.destination import arguments, destination, destination_of, from_robot, goal_request
-from ground.options import positive, seconds
-from protocol.codec import Encoder, decode
-from protocol.enums import Mode
-from protocol.errors import UserError
+from ground.client.connection import positive, seconds
+from ground.client.goal import arguments, destination, destination_of, from_robot, goal_request
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.enums import Mode
+from runtime.errors import UserError
 
 
 def typed(*words: str) -> argparse.Namespace:

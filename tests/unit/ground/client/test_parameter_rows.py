@@ -8,11 +8,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ground import param_files
-from ground.param import table
-from ground.param_rows import MAX_ROWS, MAX_TEXT, rows_in
-from protocol.errors import RemoteError
-from tests.hostile import TEXT, raw_in
+from ground.cli.command import param_files
+from ground.cli.command.param import table
+from ground.client.parameter_rows import MAX_ROWS, MAX_TEXT, rows_in
+from runtime.errors import RemoteError
+from tests.support.hostile import TEXT, raw_in
 
 NAMES = st.text(min_size=1, max_size=18) | st.from_regex(r"[A-Za-z0-9_]{1,16}", fullmatch=True)
 TEXTS = st.text() | st.just('x"\n[network]\nconnect = ["tcp/evil:1"]\n#')

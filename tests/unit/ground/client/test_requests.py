@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.operator import (
+from ground.client.requests import (
     BEAT_NS,
     Answered,
     Asking,
@@ -20,10 +20,10 @@ from ground.operator import (
     RequestIds,
     Send,
 )
-from protocol.clock import ManualClock
-from protocol.enums import AckResult, GoalState, Mode, Navigator, Vehicle
-from protocol.messages import CommandAck, CommandRequest, NavigatorStatus
-from protocol.reasons import Reason
+from protocol.wire.enums import AckResult, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
+from protocol.wire.reasons import Reason
+from runtime.clock import ManualClock
 
 MS = 1_000_000
 MINE = 77

@@ -4,15 +4,23 @@ from math import inf, nan
 
 import pytest
 
-from ground.operator import Pace
-from ground.parts import fitted, in_words
-from ground.status_line import doing, echo_of, goal_line, metres, short_line, state_of, watch_line
-from ground.telemetry import Age, Telemetry, age_of
-from protocol.enums import GoalState, Mode, Navigator, Vehicle
-from protocol.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
-from protocol.reasons import Reason
+from ground.client.requests import Pace
+from ground.client.status_line import (
+    doing,
+    echo_of,
+    goal_line,
+    metres,
+    short_line,
+    state_of,
+    watch_line,
+)
+from ground.client.telemetry import Age, Telemetry, age_of
+from ground.text.status_parts import fitted, in_words
 from protocol.topics import DECISION, HEARTBEAT, ODOMETRY, STATUS, TEXT
-from tests.air import Air
+from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
+from protocol.wire.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
+from protocol.wire.reasons import Reason
+from tests.support.air import Air
 
 MS = 1_000_000
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from ground.cli.verbs import VERBS
 from ground.console.aliases import ALIASES, PAIRS, unfolded
-from ground.console.local import LOCAL
-from ground.verbs import VERBS
+from ground.console.app_commands import LOCAL
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import pytest
 
 from ground.console import help_text, verbs
-from protocol.errors import UserError
+from runtime.errors import UserError
 
 
 def test_every_command_is_in_the_list() -> None:

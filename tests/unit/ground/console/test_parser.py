@@ -7,14 +7,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from ground import cli
 from ground.app.app import GroundApp
-from ground.app.local import words_of_the_app
+from ground.app.commands.app_commands import words_of_the_app
+from ground.cli import main as cli
+from ground.cli.verbs import VERBS
 from ground.console import LOCAL, parse, verbs
-from ground.console.reading import ELSEWHERE
-from ground.verbs import VERBS
-from protocol.errors import UserError
-from tests.unit.ground.console.spoken import SPOKEN
+from ground.console.parser import ELSEWHERE
+from runtime.errors import UserError
+from tests.support.ground.console.spoken import SPOKEN
 
 GRACE_S = 0.05
 

@@ -5,17 +5,17 @@ from collections.abc import Callable
 
 import pytest
 
-from ground.console import acting
-from ground.console.acting import act, act_locally
-from ground.console.reading import parse
-from ground.link import Link, Unanswered
+from ground.cli.verbs import Verb
+from ground.client.link import Link, Unanswered
+from ground.console import run_command
+from ground.console.parser import parse
+from ground.console.run_command import act, act_locally
 from ground.missions.draft import Draft
 from ground.missions.files import DASH
 from ground.missions.mission import Waypoint
-from ground.says import Says
-from ground.verbs import Verb
-from protocol.errors import ConfigError, RemoteError, UserError
-from tests.unit.ground.answering import AnsweringLink, speaking
+from ground.text.output import Says
+from runtime.errors import ConfigError, RemoteError, UserError
+from tests.support.ground.answering import AnsweringLink, speaking
 
 Did = Callable[[argparse.Namespace, Link, Says], int]
 
@@ -32,7 +32,7 @@ def acted(
     def run(_: argparse.Namespace, __: Says) -> int:
         raise AssertionError("there is a link already")
 
-    monkeypatch.setattr(acting, "VERBS", {"try": Verb(nothing, run, "says", did)})
+    monkeypatch.setattr(run_command, "VERBS", {"try": Verb(nothing, run, "says", did)})
     named = argparse.Namespace(verb="try", local=False, **options)
     says, said = speaking()
     code = act(named, AnsweringLink().as_link(), says, draft=draft)
@@ -98,7 +98,7 @@ def test_a_verb_that_needs_no_robot_simply_runs(monkeypatch: pytest.MonkeyPatch)
         says.note("done without anybody")
         return 0
 
-    monkeypatch.setattr(acting, "VERBS", {"try": Verb(nothing, run, "says")})
+    monkeypatch.setattr(run_command, "VERBS", {"try": Verb(nothing, run, "says")})
     says, said = speaking()
     options = argparse.Namespace(verb="try", local=False)
     assert act(options, AnsweringLink().as_link(), says) == 0

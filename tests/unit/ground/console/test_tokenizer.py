@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.console.typed import LONGEST, last_word, words_of
-from protocol.errors import UserError
+from ground.console.tokenizer import LONGEST, last_word, words_of
+from runtime.errors import UserError
 
 shown = st.text(st.characters(exclude_categories=("C", "Z")) | st.just(" "), max_size=20)
 

@@ -5,10 +5,10 @@ from math import inf, nan, radians
 import pytest
 
 from ground.explain import explain
-from protocol.enums import Branch, GoalState, Mode, Navigator, Vehicle
-from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
-from protocol.reasons import Reason, reason_text
-from tests.unit.ground.explain.told import cycle, decided, standing
+from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from protocol.wire.reasons import Reason, reason_text
+from tests.support.ground.explain.told import cycle, decided, standing
 
 TO_GOAL: dict[str, float] = {"branch": Branch.TO_GOAL, "rotation_rad": 0.0}
 STILL: dict[str, float] = {"speed_m_s": 0.0, "yaw_rate_rad_s": 0.0}

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from ground.explain import explain
 from ground.explain.headline import TURNS_DEG_S, headline
-from protocol.messages import AvoidanceDecision, CycleReport, NavigatorStatus
-from study.trial import NAVIGATORS
-from tests.unit.ground.explain.drives import WORLDS, drive
+from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from study.trial.trial import NAVIGATORS
+from tests.support.ground.explain.drives import WORLDS, drive
 
 LAG_TICKS = 2
 WHOLE = st.integers(0, 255)

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from ground.blackbox.reel import Reel
-from ground.cli import main
+from ground.cli.main import main
 from ground.explain import explain
-from ground.explain.recorded import Recorded
-from protocol.codec import decode
-from protocol.messages import AvoidanceDecision
+from ground.explain.from_recording import Recorded
+from ground.recording.log_index import Reel
 from protocol.topics import CYCLE, DECISION, STATUS
-from tests.unit.ground.explain.told import turning_points
-from tests.unit.ground.recordings import BEGAN_NS, Recording, box
+from protocol.wire.codec import decode
+from protocol.wire.messages import AvoidanceDecision
+from tests.support.ground.explain.told import turning_points
+from tests.support.ground.recordings import BEGAN_NS, Recording, box
 
 S = 1_000_000_000
 

@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 
 from ground.explain import Why, explained
-from ground.explain.why import MANY
-from ground.station.moments import AT_ONCE
-from protocol.codec import decode
-from protocol.enums import Branch
-from protocol.messages import AvoidanceDecision
-from tests.unit.ground.explain.told import decided, turning_points
-from tests.unit.ground.recordings import Recording, box
-from tests.unit.ground.shown import Show
+from ground.explain.reason_text import MANY
+from ground.station.history.decision_history import AT_ONCE
+from protocol.wire.codec import decode
+from protocol.wire.enums import Branch
+from protocol.wire.messages import AvoidanceDecision
+from tests.support.ground.explain.told import decided, turning_points
+from tests.support.ground.recordings import Recording, box
+from tests.support.ground.shown import Show
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,9 @@
 """The instants that decided a run, for a timeline and for one key that jumps to the last."""
 
-from protocol.enums import Branch
-from protocol.messages import AvoidanceDecision
-from protocol.reasons import Reason
-from tests.unit.ground.explain.told import decided, turning_points
+from protocol.wire.enums import Branch
+from protocol.wire.messages import AvoidanceDecision
+from protocol.wire.reasons import Reason
+from tests.support.ground.explain.told import decided, turning_points
 
 TICK_NS = 50_000_000
 

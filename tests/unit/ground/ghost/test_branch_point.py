@@ -6,12 +6,12 @@ from math import pi
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.destination import Destination, destination
-from ground.ghost.instant import Instant, driving, trial_words, world_bytes
+from ground.client.goal import Destination, destination
+from ground.ghost.branch_point import Instant, driving, trial_words, world_bytes
 from protocol.options import numbers_kept
-from protocol.wire_goal import told_heading_rad
+from protocol.wire.goal import told_heading_rad
 from robot.core.parameters import DEFAULTS
-from study.cli import goal_of, parser, start_of
+from study.cli.trial import goal_of, parser, start_of
 
 PLACES = st.floats(-2000.0, 2000.0)
 TURNS = st.floats(-pi, pi)

@@ -12,16 +12,16 @@ from typing import Any
 
 import pytest
 
-from ground.destination import Destination
+from ground.client.goal import Destination
 from ground.ghost import Course, Ghost, Ghosts
-from ground.ghost.course import FAILED
+from ground.ghost.predicted_path import FAILED
 from ground.ghost.ghost import CANCELLED
-from plant.world_file import load
-from plant.world_json import as_json
-from protocol.clock import ManualClock
-from study.trial import NAVIGATORS, Trial
+from plant.world.file import load
+from plant.world.to_json import as_json
+from runtime.clock import ManualClock
+from study.trial.trial import NAVIGATORS, Trial
 from tests.support.until import until
-from tests.unit.ground.ghost.runs import driven
+from tests.support.ground.ghost.runs import driven
 
 ROOT = Path(__file__).parents[4]
 FOREVER = "import time; print('time_s,true_x_m,true_y_m', flush=True); time.sleep(60)"
@@ -200,7 +200,7 @@ def test_one_that_cannot_be_started_says_so() -> None:
 
 PARENT = """
 import sys
-from ground.leash import command
+from ground.launch.child_command import command
 from tests.unit.ground.ghost.test_ghost import ghost_in
 endless = ["router", "--listen", "tcp/127.0.0.1:0"]
 ghost = ghost_in("box", command_of=lambda words, parent: command(endless, parent))

@@ -7,18 +7,18 @@ from pathlib import Path
 import pytest
 
 from ground.ghost import Course, Ghosts
-from ground.ghost.haunting import CHOICES, Haunting, instant_of, told
+from ground.ghost.ghost_thread import CHOICES, Haunting, instant_of, told
 from ground.station import Station
-from protocol.codec import Encoder
-from protocol.enums import GoalState
-from protocol.errors import UserError
-from protocol.mailbox import Sample
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import GoalState
+from runtime.errors import UserError
+from protocol.bus.mailbox import Sample
 from protocol.outcome import Outcome
 from protocol.topics import ENCODING, ODOMETRY, STATUS, TRUTH
 from tests.support.until import until
-from tests.unit.ground.explain.told import standing
-from tests.unit.ground.recordings import Recording, box
-from tests.unit.ground.shown import WORLD, Show
+from tests.support.ground.explain.told import standing
+from tests.support.ground.recordings import Recording, box
+from tests.support.ground.shown import WORLD, Show
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.ghost.course import FAILED, STEP_M, Course, Reading, number
+from ground.ghost.predicted_path import FAILED, STEP_M, Course, Reading, number
 
 HEAD = b"time_s,true_x_m,true_y_m,more\n"
 END = json.dumps(

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from ground.blackbox.reel import Reel
-from ground.cli import main
-from ground.destination import destination
-from ground.ghost.recorded import Footage, changed, parameters_in
-from plant.world_file import load
-from plant.world_types import GoalPose
-from protocol.errors import UserError
-from protocol.messages import GoalRequest, SystemTime
+from ground.cli.main import main
+from ground.client.goal import destination
+from ground.ghost.recorded_ghost import Footage, changed, parameters_in
+from ground.recording.log_index import Reel
+from plant.model.types import GoalPose
+from plant.world.file import load
 from protocol.outcome import Outcome
 from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH
-from study.trial import Trial, wire_goal_of
-from tests.unit.ground.recordings import Recording, box, recorded
+from protocol.wire.messages import GoalRequest, SystemTime
+from runtime.errors import UserError
+from study.trial.trial import Trial, wire_goal_of
+from tests.support.ground.recordings import Recording, box, recorded
 
 S = 1_000_000_000
 

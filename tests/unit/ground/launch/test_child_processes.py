@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from ground.children import ENDS, Child, ChildDied, Children, held_back, how
-from ground.leash import command
-from protocol.clock import WallClock
+from ground.launch.child_processes import ENDS, Child, ChildDied, Children, held_back, how
+from ground.launch.child_command import command
+from runtime.clock import WallClock
 from tests.support.until import PATIENCE_S, until
 
 ROOT = Path(__file__).parents[3]
@@ -118,8 +118,8 @@ def test_only_the_last_lines_are_told() -> None:
 
 PARENT = """
 import os, sys
-from ground.children import Children
-from protocol.clock import WallClock
+from ground.launch.child_processes import Children
+from runtime.clock import WallClock
 children = Children(WallClock())
 children.start("router", ["router", "--listen", "tcp/127.0.0.1:0"])
 print(children._children[0].process.pid, flush=True)
@@ -137,7 +137,7 @@ def test_a_killed_parent_takes_its_children_with_it() -> None:
     ) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
-        until(lambda: b"ground.leash" in Path(f"/proc/{child}/cmdline").read_bytes())
+        until(lambda: b"ground.launch.child_command" in Path(f"/proc/{child}/cmdline").read_bytes())
         until(lambda: _tied(child))
         parent.send_signal(signal.SIGKILL)
     until(lambda: not alive(child))
@@ -229,7 +229,7 @@ while True: signal.pause()
 
 
 def test_what_a_child_tells_for_months_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ground.children.MAX_OUTPUT", 2000)
+    monkeypatch.setattr("ground.launch.child_processes.MAX_OUTPUT", 2000)
     with Children(WallClock(), python) as children:
         children.start("one", [TALKER])
         (child,) = children._children

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from ground.errand import Errand, NotRun
-from ground.outing import Outing, as_json, in_words
-from ground.parts import Part
-from protocol.clock import ManualClock
+from ground.launch.fleet_run import Outing, as_json, in_words
+from ground.launch.goal_run import Errand, NotRun
+from ground.text.status_parts import Part
 from protocol.outcome import Outcome
+from runtime.clock import ManualClock
 
 REACHED = Outcome(
     world="box",

@@ -5,23 +5,23 @@ from typing import Any, Self
 
 import pytest
 
-from ground.destination import destination
-from ground.errand import PATIENCE_NS, READY_NS, Errand, NotRun
-from ground.link import Link, Unanswered
-from ground.operator import ATTEMPTS
-from ground.options import Common
-from ground.scenario import Entrant, Scenario
-from ground.upkeep import Void
-from protocol.clock import ManualClock
-from protocol.enums import AckResult, GoalState
-from protocol.errors import NoAnswer
-from protocol.message import Message
-from protocol.messages import CommandAck, CommandRequest, NavigatorStatus
-from protocol.network import Network
-from protocol.reasons import Reason
+from ground.client.connection import Common
+from ground.client.goal import destination
+from ground.client.link import Link, Unanswered
+from ground.client.requests import ATTEMPTS
+from ground.launch.goal_run import PATIENCE_NS, READY_NS, Errand, NotRun
+from ground.launch.scenario import Entrant, Scenario
+from ground.launch.supervisor import Void
+from protocol.bus.network import Network
 from protocol.topic import Service
 from protocol.topics import STATUS
-from tests.boxes import Wireless
+from protocol.wire.enums import AckResult, GoalState
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
+from protocol.wire.reasons import Reason
+from runtime.clock import ManualClock
+from runtime.errors import NoAnswer
+from tests.support.boxes import Wireless
 
 SECOND = 1_000_000_000
 SILENT = "nobody serves it"

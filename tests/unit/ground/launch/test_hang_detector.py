@@ -1,6 +1,6 @@
 """Who is silent hangs, but never for the silence of the hub that it is heard through."""
 
-from ground.hearts import ROUTER, SILENT_NS, STARTING_NS, Hearts
+from ground.launch.hang_detector import ROUTER, SILENT_NS, STARTING_NS, Hearts
 
 ROBOT, PLANT = "robot r1", "plant"
 MS = 1_000_000

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from ground.children import Children
-from ground.cli import parse
-from ground.scenario import Scenario
-from ground.stack import PAUSED, Stack
-from protocol.clock import ManualClock
-from protocol.errors import UserError
+from ground.cli.main import parse
+from ground.launch.child_processes import Children
+from ground.launch.launcher import PAUSED, Stack
+from ground.launch.scenario import Scenario
+from runtime.clock import ManualClock
+from runtime.errors import UserError
 
 ENDPOINT = "tcp/127.0.0.1:7999"
 

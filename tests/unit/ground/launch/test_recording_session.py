@@ -8,12 +8,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from ground.cli import parse
-from ground.options import Common
-from ground.recording import Recording, folder_of, usual_folder
-from protocol.clock import ManualClock
-from protocol.errors import UserError
-from protocol.network import Network
+from ground.cli.main import parse
+from ground.client.connection import Common
+from ground.launch.recording_session import Recording, folder_of, usual_folder
+from protocol.bus.network import Network
+from runtime.clock import ManualClock
+from runtime.errors import UserError
 
 S = 1_000_000_000
 COMMON = Common(network=Network(mode="client", connect=("tcp/127.0.0.1:1",)), robot="r1")

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.supervisor import MS, SECOND, Policy, Supervisor
+from ground.launch.restart_policy import MS, SECOND, Policy, Supervisor
 
 ROLE = "robot r1"
 KILLED = "was killed (signal SIGKILL)"

@@ -12,18 +12,18 @@ from typing import Any
 
 import pytest
 
-from ground.cli import parse
-from ground.leash import command
-from ground.scenario import Scenario, cast, question, scenario_of, world_facts
-from plant.lineup import starts
-from plant.world_file import load
-from plant.world_overrides import body_of
-from plant.worlds_cli import main as worlds
-from protocol.calibration import calibration_of
-from protocol.errors import UserError
+from ground.cli.main import parse
+from ground.launch.child_command import command
+from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
+from plant.cli.worlds import main as worlds
+from plant.placement.start_positions import starts
+from plant.world.file import load
+from plant.world.overrides import body_of
 from protocol.outcome import Asked
-from protocol.wire_goal import wire_goal
+from protocol.wire.goal import wire_goal
 from robot.cli import parser as robot_parser
+from runtime.calibration import calibration_of
+from runtime.errors import UserError
 
 ENDPOINT = "tcp/127.0.0.1:7001"
 

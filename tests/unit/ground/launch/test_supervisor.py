@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 import pytest
 
-from ground.children import Children, Ended
-from ground.hearts import SILENT, SILENT_NS, Hearts
-from ground.supervisor import Policy, Supervisor
-from ground.upkeep import PATIENCE_NS, SETTLED_NS, Upkeep
-from protocol.clock import ManualClock
+from ground.launch.child_processes import Children, Ended
+from ground.launch.hang_detector import SILENT, SILENT_NS, Hearts
+from ground.launch.restart_policy import Policy, Supervisor
+from ground.launch.supervisor import PATIENCE_NS, SETTLED_NS, Upkeep
+from runtime.clock import ManualClock
 
 ROBOT, PLANT = "robot r1", "plant"
 NEEDED = (ROBOT, PLANT)

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from ground.keys.folder import make
-from ground.locked import check, dialling, file_of, ground_file, locked, with_locks
-from protocol.errors import UserError
-from protocol.network import Network
-from tests.keyring import DAY, NOW
+from ground.certificates.folder import make
+from ground.launch.tls_configs import check, dialling, file_of, ground_file, locked, with_locks
+from protocol.bus.network import Network
+from runtime.errors import UserError
+from tests.support.keyring import DAY, NOW
 
 ROLES = ("router", "robot r1", "robot r2", "recorder r1", "plant")
 

@@ -6,7 +6,7 @@ from math import inf, nan, pi
 from hypothesis import given, settings
 
 from ground.map import Robot, Scene, Target, describe
-from tests.unit.ground.map.rooms import EVERYTHING, ROOM
+from tests.support.ground.map.rooms import EVERYTHING, ROOM
 from tests.unit.ground.map.test_drawing import SCENES
 
 

@@ -24,7 +24,7 @@ from ground.map import (
     standing,
 )
 from ground.map.ellipse import ellipse
-from tests.unit.ground.map.rooms import EVERYTHING, ROOM
+from tests.support.ground.map.rooms import EVERYTHING, ROOM
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 POINTS = st.tuples(ANY, ANY)

@@ -6,7 +6,7 @@ import pytest
 
 from ground.map import Canvas, Scene, View, draw
 from ground.map.legend import LOST, TRUTH, metres, words
-from tests.unit.ground.map.rooms import ROOM
+from tests.support.ground.map.rooms import ROOM
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from dataclasses import replace
 from math import pi
 
 from ground.map import Canvas, Scene, Target, View, draw
-from tests.unit.ground.map.rooms import EVERYTHING, ROOM
+from tests.support.ground.map.rooms import EVERYTHING, ROOM
 
 SEEN = tuple((2.9, 1.0 + 0.1 * step) for step in range(20))
 

@@ -9,8 +9,8 @@ from ground.console import parse
 from ground.missions.draft import Draft
 from ground.missions.files import read_text
 from ground.missions.mission import Waypoint
-from ground.says import Says
-from protocol.errors import UserError
+from ground.text.output import Says
+from runtime.errors import UserError
 
 
 def say(draft: Draft, text: str) -> str:

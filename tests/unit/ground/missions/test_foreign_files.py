@@ -14,8 +14,8 @@ from ground.missions.files import read, write
 from ground.missions.items import home_at
 from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.problems import MissionError
-from protocol.errors import UserError
-from tests.unit.ground.missions.made_up import homes, missions, refusal_of
+from runtime.errors import UserError
+from tests.support.ground.missions.made_up import homes, missions, refusal_of
 
 HOME = Home(latitude_deg=47.4, longitude_deg=8.5)
 USUAL = st.just(3.0)

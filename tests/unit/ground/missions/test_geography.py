@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from ground.missions.geography import heading_of, to_global, to_local, yaw_of
 from ground.missions.mission import Home
-from tests.unit.ground.missions.made_up import homes, metres
+from tests.support.ground.missions.made_up import homes, metres
 
 ZURICH = Home(latitude_deg=47.4, longitude_deg=8.5)
 

@@ -5,7 +5,7 @@ from hypothesis import given
 
 from ground.missions.mission import Polygon
 from ground.missions.outline import fault_of
-from tests.unit.ground.missions.made_up import polygons
+from tests.support.ground.missions.made_up import polygons
 
 
 @pytest.mark.parametrize(

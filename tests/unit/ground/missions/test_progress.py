@@ -3,9 +3,9 @@
 import pytest
 
 from ground.missions.progress import state_name, words
-from protocol.enums import MissionState
-from protocol.messages import MissionStatus
-from protocol.reasons import Reason
+from protocol.wire.enums import MissionState
+from protocol.wire.messages import MissionStatus
+from protocol.wire.reasons import Reason
 
 
 def status(state: int, *, hold_left_ms: int = 0, reason: int = 0) -> MissionStatus:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.problems import MissionError
 from ground.missions.toml_file import read_text, text_of
-from tests.unit.ground.missions.made_up import homes, missions, refusal_of, thousandths
+from tests.support.ground.missions.made_up import homes, missions, refusal_of, thousandths
 
 WHOLE = """
 [home]

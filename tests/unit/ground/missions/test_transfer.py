@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ground.client.requests import GaveUp
 from ground.missions.mission import Waypoint
 from ground.missions.transfer import (
     ATTEMPTS,
@@ -21,10 +22,9 @@ from ground.missions.transfer import (
     Verdict,
 )
 from ground.missions.wire import items_of
-from ground.operator import GaveUp
-from protocol.enums import AckResult, MissionType
-from protocol.message import Message
-from protocol.messages import (
+from protocol.wire.enums import AckResult, MissionType
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     MissionClearAll,
     MissionCount,
@@ -33,7 +33,7 @@ from protocol.messages import (
     MissionRequestList,
     MissionVerdict,
 )
-from protocol.reasons import Reason
+from protocol.wire.reasons import Reason
 
 MISSION = MissionType.MISSION
 ITEMS = items_of([Waypoint(x_m=float(at), y_m=0.0) for at in range(3)])

@@ -6,11 +6,11 @@ from hypothesis import strategies as st
 
 from ground.missions.mission import Circle, Fence, Mission, Polygon, Waypoint
 from ground.missions.wire import fence_items_of, fence_of, items_of, waypoints_of
-from protocol.codec import Encoder, decode
-from protocol.enums import Command
-from protocol.errors import RemoteError
-from protocol.messages import MissionItemInt
-from tests.unit.ground.missions.made_up import fences, missions, thousandths
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.enums import Command
+from protocol.wire.messages import MissionItemInt
+from runtime.errors import RemoteError
+from tests.support.ground.missions.made_up import fences, missions, thousandths
 
 
 def sent(items: list[MissionItemInt]) -> list[MissionItemInt]:

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from ground.blackbox.frames import frames, opened
-from ground.blackbox.tape import Tape
-from ground.recorder import LogFile
-from tests.unit.ground.blackbox.made import START_US, WORLD_TEXT, Said, run
+from ground.recording.dual_log import Tape
+from ground.recording.log_reader import frames, opened
+from ground.recording.log_writer import LogFile
+from tests.support.ground.recording.made import START_US, WORLD_TEXT, Said, run
 
 NOON = datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC)
 
@@ -125,8 +125,8 @@ import sys
 import threading
 from datetime import UTC, datetime
 from pathlib import Path
-from ground.blackbox.tape import Tape
-from tests.unit.ground.blackbox.made import run
+from ground.recording.dual_log import Tape
+from tests.support.ground.recording.made import run
 tape = Tape.new(Path(sys.argv[1]), "r1", datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC), 0)
 round_number, said = 0, list(run())
 while True:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from ground import whole_file
-from protocol.errors import UserError
+from ground.recording import export_file
+from runtime.errors import UserError
 
 
 def test_a_link_keeps_leading_to_the_file(tmp_path: Path) -> None:
@@ -14,7 +14,7 @@ def test_a_link_keeps_leading_to_the_file(tmp_path: Path) -> None:
     real.parent.mkdir()
     real.write_text("before")
     link.symlink_to(real)
-    whole_file.replace(link, "after")
+    export_file.replace(link, "after")
     assert link.is_symlink()
     assert real.read_text() == "after"
     assert [path.name for path in real.parent.iterdir()] == ["tour.toml"]
@@ -22,7 +22,7 @@ def test_a_link_keeps_leading_to_the_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["with blank.toml", "-x.toml", "ä\n*?.toml", ".toml", "a" * 240])
 def test_any_name_that_the_disk_takes_will_do(tmp_path: Path, name: str) -> None:
-    whole_file.replace(tmp_path / name, "text")
+    export_file.replace(tmp_path / name, "text")
     assert [path.name for path in tmp_path.iterdir()] == [name]
     assert (tmp_path / name).read_text() == "text"
 
@@ -43,6 +43,6 @@ def test_what_cannot_be_written_is_named_with_the_reason_and_leaves_nothing(
     (tmp_path / "file").write_text("there")
     before = sorted(tmp_path.iterdir())
     with pytest.raises(UserError, match=f"{re.escape(name)}: .*{why}"):
-        whole_file.replace(tmp_path / name, "text")
+        export_file.replace(tmp_path / name, "text")
     assert sorted(tmp_path.iterdir()) == before
     assert (tmp_path / "file").read_text() == "there"

@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from ground.blackbox.frames import Frame
-from ground.blackbox.reel import LATEST_NS, Reel
-from protocol.messages import SystemTime
+from ground.recording.log_index import LATEST_NS, Reel
+from ground.recording.log_reader import Frame
 from protocol.topics import CLOCK, WHEELS
-from tests.unit.ground.blackbox.made import Speaker, wheels
+from protocol.wire.messages import SystemTime
+from tests.support.ground.recording.made import Speaker, wheels
 
 S = 1_000_000_000
 

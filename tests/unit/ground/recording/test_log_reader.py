@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from ground.blackbox.frames import Frame, frames, key_of, opened, robot_in
-from ground.blackbox.mcap_form import McapForm
-from protocol.codec import Encoder
-from protocol.errors import UserError
-from protocol.messages import Heartbeat, MissionCurrent, ParamRequestList
-from tests.unit.ground.blackbox.made import Said, mcap, mcap_of_before, run, tlog
+from ground.recording.log_reader import Frame, frames, key_of, opened, robot_in
+from ground.recording.mcap.writer import McapForm
+from protocol.wire.codec import Encoder
+from runtime.errors import UserError
+from protocol.wire.messages import Heartbeat, MissionCurrent, ParamRequestList
+from tests.support.ground.recording.made import Said, mcap, mcap_of_before, run, tlog
 
 
 @pytest.fixture

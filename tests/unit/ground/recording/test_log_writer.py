@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from ground.recorder import FRAME_COST, LogFile, Recorder, new_log
-from ground.tlog import Reader, read
-from protocol.codec import Encoder
-from protocol.messages import Statustext
+from ground.recording.log_writer import FRAME_COST, LogFile, Recorder, new_log
+from ground.recording.tlog import Reader, read
+from protocol.wire.codec import Encoder
+from protocol.wire.messages import Statustext
 
 OFFSET_NS = 1_790_000_000_000_000_000
 NOON = datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC)
@@ -236,9 +236,9 @@ def test_the_file_is_named_after_time_and_robot_and_never_overwritten(tmp_path: 
 WRITER = """
 import sys
 from pathlib import Path
-from ground.recorder import LogFile, Recorder
-from protocol.codec import Encoder
-from protocol.messages import Statustext
+from ground.recording.log_writer import LogFile, Recorder
+from protocol.wire.codec import Encoder
+from protocol.wire.messages import Statustext
 recorder = Recorder(LogFile(Path(sys.argv[1])), 1_790_000_000_000_000_000)
 encoder, n = Encoder(1, 1), 0
 while True:

@@ -1,10 +1,10 @@
 """The world and the parameters are asked for until somebody tells them, and then no more."""
 
-from ground.blackbox.facts import Facts
-from protocol.errors import NoAnswer
-from protocol.message import Message
-from protocol.messages import Statustext
+from ground.recording.metadata import Facts
 from protocol.topics import PARAMETERS, WORLD, Service
+from protocol.wire.message import Message
+from protocol.wire.messages import Statustext
+from runtime.errors import NoAnswer
 
 S = 1_000_000_000
 

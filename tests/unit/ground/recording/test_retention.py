@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from ground.recorder import new_log
-from ground.recording import USUAL_KEEP, kept_in, usual_folder
-from ground.shelf import LOW_BYTES, Shelf, in_units, size_in
-from protocol.errors import UserError
+from ground.launch.recording_session import USUAL_KEEP, kept_in, usual_folder
+from ground.recording.log_writer import new_log
+from ground.recording.retention import LOW_BYTES, Shelf, in_units, size_in
+from runtime.errors import UserError
 
 KB = 1000
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.tlog import Reader, Record, frame_size, record_bytes, whole
-from protocol.codec import Encoder
-from protocol.messages import Statustext, WheelTicks
+from ground.recording.tlog import Reader, Record, frame_size, record_bytes, whole
+from protocol.wire.codec import Encoder
+from protocol.wire.messages import Statustext, WheelTicks
 
 START_US = 1_790_000_000_000_000
 

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ground.map import Canvas, View, draw
-from protocol.message import Message
 from protocol.topics import TOPICS, Topic
-from tests.unit.protocol.made_up import messages_of
-from tests.unit.station.play import Play
+from protocol.wire.message import Message
+from tests.support.ground.station.play import Play
+from tests.support.protocol.made_up import messages_of
 
 Said = tuple[Topic[Any], Message]
 

@@ -1,12 +1,12 @@
 """A station over a played log: everything is seen, and nothing commanded."""
 
+from ground.client.telemetry import Age
 from ground.station import Lease, Station
-from ground.telemetry import Age
-from protocol.clock import ManualClock
 from protocol.topics import STATUS
-from tests.played_bus import PlayedBus
-from tests.unit.station.play import Play, S
-from tests.unit.station.said import Robot
+from runtime.clock import ManualClock
+from tests.support.ground.station.play import Play, S
+from tests.support.ground.station.said import Robot
+from tests.support.played_bus import PlayedBus
 
 
 class Heard:

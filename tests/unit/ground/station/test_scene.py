@@ -2,10 +2,10 @@
 
 import pytest
 
-from protocol.enums import GoalState, Mode
 from protocol.topics import Role
-from tests.unit.station.play import Play
-from tests.unit.station.said import Robot
+from protocol.wire.enums import GoalState, Mode
+from tests.support.ground.station.play import Play
+from tests.support.ground.station.said import Robot
 
 
 def test_the_scene_shows_all_that_is_live_and_marks_what_is_not() -> None:

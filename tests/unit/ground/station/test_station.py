@@ -5,12 +5,12 @@ from sys import getallocatedblocks
 
 import pytest
 
-from ground.telemetry import Age
-from protocol.enums import Severity
-from protocol.errors import UserError
-from protocol.messages import MissionStatus, ParamValue, Statustext
+from ground.client.telemetry import Age
 from protocol.topics import ANSWERED, MISSION, ODOMETRY, STATUS, TEXT, Role
-from tests.unit.station.play import Play
+from protocol.wire.enums import Severity
+from protocol.wire.messages import MissionStatus, ParamValue, Statustext
+from runtime.errors import UserError
+from tests.support.ground.station.play import Play
 
 
 def test_every_field_fades_above_two_periods_and_is_gone_above_five() -> None:

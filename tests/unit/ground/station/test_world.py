@@ -7,13 +7,13 @@ import pytest
 
 from ground.map import Disc, Outline
 from ground.station.world import MAX_OBSTACLES, MAX_POINTS, world_in
-from plant.movers import Mover as Walker
-from plant.world_file import load
-from plant.world_json import as_json
-from plant.world_types import Circle
-from protocol.errors import RemoteError
-from tests.hostile import TEXT, raw_in
-from tests.unit.station.play import WORLD_TEXT
+from plant.model.movers import Mover as Walker
+from plant.model.types import Circle
+from plant.world.file import load
+from plant.world.to_json import as_json
+from runtime.errors import RemoteError
+from tests.support.ground.station.play import WORLD_TEXT
+from tests.support.hostile import TEXT, raw_in
 
 
 def test_walls_outlines_discs_and_walkers_are_told_apart() -> None:

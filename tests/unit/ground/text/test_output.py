@@ -10,9 +10,9 @@ from typing import TextIO
 
 import pytest
 
-from ground.parts import Part
-from ground.says import Says
-from protocol.terminal import DIM
+from ground.text.output import Says
+from ground.text.status_parts import Part
+from runtime.terminal import DIM
 
 LINE = (Part("driving"), Part("3.25 m to go", "3.25 m", age_s=0.2))
 MARK = "\0"

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.parts import Part, Piece, fitted, in_words
+from ground.text.status_parts import Part, Piece, fitted, in_words
 
 LINE = (Part("driving"), Part("3.25 m to go", "3.25 m"), Part(""), Part("echo 0.50 m", "echo 0.50"))
 

@@ -2,11 +2,11 @@
 
 import pytest
 
-from ground.texts import Texts
-from protocol.enums import Severity
-from protocol.messages import Statustext
-from protocol.texts import MOST_PIECES, PIECE_BYTES, pieces_of
-from tests.unit.ground.test_findings import CYCLE
+from ground.text.statustext import Texts
+from protocol.wire.enums import Severity
+from protocol.wire.messages import Statustext
+from protocol.wire.statustext import MOST_PIECES, PIECE_BYTES, pieces_of
+from tests.unit.ground.client.test_diagnosis import CYCLE
 
 
 def piece(text: str, id: int = 0, chunk_seq: int = 0) -> Statustext:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.bearings import NONE, SONARS, echo, heading_deg, metres, place, side, sonar
+from ground.text.wording import NONE, SONARS, echo, heading_deg, metres, place, side, sonar
 from robot.core.geometry import BEARINGS
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from plant.cli.make_worlds import write
+from plant.cli.worlds import main
 from plant.corpus import FAMILIES, generate
-from plant.geometry import clearance_m
-from plant.shortest_path import shortest_path_m
-from plant.world_file import load
-from plant.worlds_cli import main
-from plant.worlds_make import write
-from tests.unit.plant.imports.files import MAP, P5, SCEN, YAML
+from plant.model.geometry import clearance_m
+from plant.placement.shortest_path import shortest_path_m
+from plant.world.file import load
+from tests.support.plant.imports.files import MAP, P5, SCEN, YAML
 
 Told = pytest.CaptureFixture[str]
 

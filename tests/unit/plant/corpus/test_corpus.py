@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 
 from plant import corpus as made
-from plant.body import Body
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
 from plant.corpus.draft import STANDING_M
 from plant.corpus.generate import MARGIN_M
-from plant.geometry import clearance_m
-from plant.scene import movers
-from plant.shortest_path import shortest_path_m
-from plant.world_file import load, loads
-from plant.world_toml import dumps
-from plant.world_types import Circle, Point, Polyline, World
+from plant.model.body import Body
+from plant.model.geometry import clearance_m
+from plant.model.scene import movers
+from plant.model.types import Circle, Point, Polyline, World
+from plant.placement.shortest_path import shortest_path_m
+from plant.world.file import load, loads
+from plant.world.to_toml import dumps
 
 FIXED_DIR = Path(made.__file__).parent / "fixed"
 SOME = 5

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.body import Body
 from plant.corpus import GRID_FAMILIES, generate
 from plant.corpus.buildings import Plan, carved, neighbours, wall_lines
 from plant.corpus.draft import Frame
@@ -16,7 +15,8 @@ from plant.corpus.forests import LEAST_PASSAGE_M
 from plant.corpus.grids import MAPS
 from plant.imports.cells import labelled
 from plant.imports.moving_ai import parse_map
-from plant.world_types import Circle, Polyline, World
+from plant.model.body import Body
+from plant.model.types import Circle, Polyline, World
 
 SOME = range(8)
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.imports.barn import BEFORE_M, Field, load_grid, load_list, parse_list
-from plant.world_problems import WorldError
-from tests.unit.plant.imports.files import refused
+from plant.model.errors import WorldError
+from tests.support.plant.imports.files import refused
 
 
 def saved(folder: Path, grid: object) -> Path:

@@ -4,8 +4,8 @@ from hypothesis import strategies as st
 
 from plant.imports.cells import Cells
 from plant.imports.moving_ai import MOST_CELLS, Scenario, fits, parse_map, parse_scenarios
-from plant.world_problems import WorldError
-from tests.unit.plant.imports.files import MAP, SCEN, refused
+from plant.model.errors import WorldError
+from tests.support.plant.imports.files import MAP, SCEN, refused
 
 
 def cells(text: str = MAP) -> Cells:

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.imports.netpbm import parse_pgm
-from plant.world_problems import WorldError
-from tests.unit.plant.imports.files import P2, P5, ROWS, refused
+from plant.model.errors import WorldError
+from tests.support.plant.imports.files import P2, P5, ROWS, refused
 
 
 def test_both_kinds_say_the_same() -> None:

@@ -4,9 +4,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from plant.geometry import area_m2, crossing_edges, folded_corner, inside
 from plant.imports.cells import Cells, Mask
 from plant.imports.outlines import MOST_POINTS, outlines
+from plant.model.geometry import area_m2, crossing_edges, folded_corner, inside
 
 masks = hnp.arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)))
 RING = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=bool)

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from plant.imports.map_yaml import parse_map_yaml
 from plant.imports.ros_map import load_ros_map
-from plant.world_problems import WorldError
-from tests.unit.plant.imports.files import P2, P5, YAML, refused
+from plant.model.errors import WorldError
+from tests.support.plant.imports.files import P2, P5, YAML, refused
 
 
 @pytest.fixture

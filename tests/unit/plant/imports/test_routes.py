@@ -12,17 +12,17 @@ from random import Random
 import numpy as np
 import pytest
 
-from plant.body import Body
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
-from plant.geometry import clearance_m
 from plant.imports.cells import Cells, Mask
 from plant.imports.grid_world import grid_world
 from plant.imports.made import Made
 from plant.imports.routes import Places
-from plant.near_path import near_path
-from plant.scene import moves
-from plant.shortest_path import shortest_path_m
-from plant.world_types import Point, World
+from plant.model.body import Body
+from plant.model.geometry import clearance_m
+from plant.model.scene import moves
+from plant.model.types import Point, World
+from plant.placement.near_path import near_path
+from plant.placement.shortest_path import shortest_path_m
 
 RADIUS_M = Body().radius_m
 PITCH_M = 0.05

@@ -3,7 +3,7 @@ from math import inf, nan
 
 import pytest
 
-from plant.body import Body
+from plant.model.body import Body
 
 
 def test_the_usual_robot_is_the_one_of_the_figures() -> None:

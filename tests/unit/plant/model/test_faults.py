@@ -2,7 +2,7 @@ from math import inf, nan
 
 import pytest
 
-from plant.faults import Fault
+from plant.model.faults import Fault
 
 
 def test_an_unknown_fault_is_refused_with_those_there_are() -> None:

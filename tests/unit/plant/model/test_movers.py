@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.movers import Mover
-from plant.world_types import Circle
+from plant.model.movers import Mover
+from plant.model.types import Circle
 
 CORNER = Circle(
     x_m=0.0, y_m=0.0, radius_m=0.1, path_m=((0.0, 0.0), (1.0, 0.0), (1.0, 2.0)), speed_m_s=0.5

@@ -3,7 +3,7 @@ from math import inf, nan, pi, radians
 
 import pytest
 
-from plant.noise import LEVELS, Noise
+from plant.model.noise import LEVELS, Noise
 
 
 def test_there_are_four_levels() -> None:

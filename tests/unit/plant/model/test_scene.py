@@ -1,6 +1,6 @@
-from plant.scene import movers, still
-from plant.world_types import Circle, Polygon, Polyline
-from tests.unit.plant.rooms import room
+from plant.model.scene import movers, still
+from plant.model.types import Circle, Polygon, Polyline
+from tests.support.plant.rooms import room
 
 SQUARE = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0))
 

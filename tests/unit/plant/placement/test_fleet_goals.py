@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.body import Body
-from plant.goals import RobotGoal, goals
-from plant.lineup import starts
-from plant.world_file import load, shipped
-from plant.world_overrides import body_of
-from plant.world_types import Circle, Obstacle, Point, Polygon
-from tests.unit.plant.rooms import room
+from plant.model.body import Body
+from plant.model.types import Circle, Obstacle, Point, Polygon
+from plant.placement.fleet_goals import RobotGoal, goals
+from plant.placement.start_positions import starts
+from plant.world.file import load, shipped
+from plant.world.overrides import body_of
+from tests.support.plant.rooms import room
 
 
 def gone_to(robots: int, goal: Point, *obstacles: Obstacle) -> list[RobotGoal]:

@@ -4,12 +4,12 @@ from math import inf, nan
 
 import pytest
 
-from plant.elsewhere import elsewhere
-from plant.noise import LEVELS
-from plant.plant import Plant
-from plant.world_types import Circle, GoalPose, Polygon, Polyline, Start, World
-from protocol.errors import UserError
-from tests.unit.plant.rooms import room
+from plant.model.noise import LEVELS
+from plant.model.types import Circle, GoalPose, Polygon, Polyline, Start, World
+from plant.placement.relocate import elsewhere
+from plant.sim.simulation import Plant
+from runtime.errors import UserError
+from tests.support.plant.rooms import room
 
 ROLLER = Circle(x_m=2.0, y_m=1.0, radius_m=0.2, path_m=((2.0, 1.0), (2.0, 3.0)), speed_m_s=0.5)
 BOX = Polygon(((1.0, 1.0), (1.5, 1.0), (1.5, 1.5), (1.0, 1.5)))

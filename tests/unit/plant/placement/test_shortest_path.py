@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.geometry import clearance_m
-from plant.shortest_path import shortest_path, shortest_path_m
-from plant.world_file import load, shipped
-from plant.world_types import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
+from plant.model.geometry import clearance_m
+from plant.model.types import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
+from plant.placement.shortest_path import shortest_path, shortest_path_m
+from plant.world.file import load, shipped
 
 RADIUS_M = 0.12
 

@@ -3,10 +3,10 @@ from math import dist, pi
 
 import pytest
 
-from plant.body import Body
-from plant.lineup import starts
-from plant.world_types import Circle, Polygon
-from tests.unit.plant.rooms import room
+from plant.model.body import Body
+from plant.model.types import Circle, Polygon
+from plant.placement.start_positions import starts
+from tests.support.plant.rooms import room
 
 
 def test_one_robot_starts_where_the_world_says() -> None:

@@ -3,15 +3,15 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.body import Body
-from plant.command_gate import CommandGate, Demand
-from plant.drive import Drive
-from plant.noise import LEVELS
-from plant.trouble import NO_TROUBLE
+from plant.model.body import Body
+from plant.process.command_gate import CommandGate, Demand
+from plant.sim.drive import Drive
+from plant.model.noise import LEVELS
+from plant.sim.active_faults import NO_TROUBLE
 from protocol.limits import MAX_WHEEL_TTL_MS
-from protocol.messages import WheelCommand
-from protocol.timing import PERIOD_MS, PERIOD_NS, UINT32
-from tests.unit.plant.commands import FAST, command, gate_at, taken
+from protocol.wire.messages import WheelCommand
+from runtime.timing import PERIOD_MS, PERIOD_NS, UINT32
+from tests.support.plant.commands import FAST, command, gate_at, taken
 
 numbers = st.integers(0, UINT32)
 speeds = st.one_of(st.integers(-(1 << 31), (1 << 31) - 1), st.sampled_from([0, FAST, -FAST]))

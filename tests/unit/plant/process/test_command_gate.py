@@ -2,11 +2,11 @@
 
 import pytest
 
-from plant.command_gate import HELD_TICKS, SILENT_TICKS, CommandGate, Demand
+from plant.process.command_gate import HELD_TICKS, SILENT_TICKS, CommandGate, Demand
 from protocol.limits import MAX_WHEEL_TTL_MS
-from protocol.messages import WheelCommand
-from protocol.timing import PERIOD_MS, UINT32
-from tests.unit.plant.commands import FAST, command, gate_at, taken
+from protocol.wire.messages import WheelCommand
+from runtime.timing import PERIOD_MS, UINT32
+from tests.support.plant.commands import FAST, command, gate_at, taken
 
 BRAKE = Demand(0, 0, 0)
 

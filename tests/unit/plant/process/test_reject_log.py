@@ -1,6 +1,6 @@
 """Noise is told, and does not become noise itself."""
 
-from plant.unreadable import Unreadable
+from plant.process.reject_log import Unreadable
 
 
 def test_the_first_is_told_at_once_and_a_flood_in_few_lines() -> None:

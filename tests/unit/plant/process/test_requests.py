@@ -4,15 +4,15 @@ from typing import cast
 
 import pytest
 
-from plant.desk import MAX_ANSWERED, MAX_WAITING, Desk
-from plant.noise import LEVELS
-from plant.plant import Plant
-from plant.world_file import load
+from plant.model.noise import LEVELS
+from plant.process.requests import MAX_ANSWERED, MAX_WAITING, Desk
+from plant.sim.simulation import Plant
+from plant.world.file import load
 from protocol.bus import Asked
-from protocol.enums import AckResult, RunAction
-from protocol.message import Message
-from protocol.messages import CommandAck, RunRequest, RunScore
-from protocol.reasons import Reason
+from protocol.wire.enums import AckResult, RunAction
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, RunRequest, RunScore
+from protocol.wire.reasons import Reason
 
 SCORE = RunRequest(action=RunAction.SCORE, until_ns=0)
 

@@ -4,15 +4,15 @@ from typing import cast
 
 import pytest
 
-from plant.noise import LEVELS
-from plant.plant import Plant
-from plant.wires import Wires
-from plant.world_file import load
+from plant.model.noise import LEVELS
+from plant.process.robot_link import Wires
+from plant.sim.simulation import Plant
+from plant.world.file import load
 from protocol.bus import Bus
-from protocol.clock import ManualClock
-from protocol.messages import WheelCommand
 from protocol.topics import DRIVE
-from tests.played_bus import PlayedBus
+from protocol.wire.messages import WheelCommand
+from runtime.clock import ManualClock
+from tests.support.played_bus import PlayedBus
 
 PERIOD_S = 0.05
 FAST = 9000

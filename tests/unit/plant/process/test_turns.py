@@ -6,12 +6,12 @@ from math import inf
 
 import pytest
 
-from plant.desk import Desk
-from plant.noise import LEVELS
-from plant.plant import Plant
-from plant.process import Process, Wake
-from plant.world_file import load
-from protocol.clock import WallClock
+from plant.model.noise import LEVELS
+from plant.process.loop import Process, Wake
+from plant.process.requests import Desk
+from plant.sim.simulation import Plant
+from plant.world.file import load
+from runtime.clock import WallClock
 
 PATIENCE_S = 0.02
 TURNS = 20

@@ -1,8 +1,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.faults import Fault
-from plant.trouble import NO_TROUBLE, Schedule
+from plant.model.faults import Fault
+from plant.sim.active_faults import NO_TROUBLE, Schedule
 
 S = 10**9
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.world import CLEARANCE_LIMIT_M, Arena
-from plant.world_types import Circle, Obstacle, Point, Polygon, Polyline
-from tests.unit.plant.rooms import room
+from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline
+from plant.sim.physics import CLEARANCE_LIMIT_M, Arena
+from tests.support.plant.rooms import room
 
 RADIUS_M = 0.12
 STILL: tuple[Obstacle, ...] = (

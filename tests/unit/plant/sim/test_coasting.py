@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.corpus import generate
-from plant.noise import LEVELS
-from plant.plant import Plant
-from protocol.messages import RunScore
+from plant.model.noise import LEVELS
+from plant.sim.simulation import Plant
+from protocol.wire.messages import RunScore
 
 FASTEST_MRAD_S = 9000
 COMMANDS = st.lists(

@@ -2,10 +2,10 @@ from math import cos, dist, pi, radians, sin
 
 import pytest
 
-from plant.geometry import clearance_m
-from plant.plant import Plant
-from plant.world_types import Circle, Obstacle, Polygon, Polyline, World
-from tests.unit.plant.rooms import FOREVER_NS, NONE, bumper, drive, room
+from plant.model.geometry import clearance_m
+from plant.model.types import Circle, Obstacle, Polygon, Polyline, World
+from plant.sim.simulation import Plant
+from tests.support.plant.rooms import FOREVER_NS, NONE, bumper, drive, room
 
 LEFT, RIGHT, REAR = 1, 2, 4
 THIN_WALL = Polyline(((2.0, 0.0), (2.0, 4.0)), 0.01)

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.body import Body
-from plant.drive import Drive, Motor
-from plant.faults import Fault
-from plant.noise import LEVELS, Noise
-from plant.trouble import NO_TROUBLE, Schedule, Trouble
+from plant.model.body import Body
+from plant.model.faults import Fault
+from plant.model.noise import LEVELS, Noise
+from plant.sim.active_faults import NO_TROUBLE, Schedule, Trouble
+from plant.sim.drive import Drive, Motor
 
 MS = 1_000_000
 SUBSTEP_S = 0.025

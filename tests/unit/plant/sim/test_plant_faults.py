@@ -2,10 +2,10 @@ from math import inf
 
 import pytest
 
-from plant.faults import KINDS, Fault
-from plant.noise import LEVELS
-from plant.plant import Plant
-from tests.unit.plant.rooms import NONE, bumper, counters, drive, ranges_m, room
+from plant.model.faults import KINDS, Fault
+from plant.model.noise import LEVELS
+from plant.sim.simulation import Plant
+from tests.support.plant.rooms import NONE, bumper, counters, drive, ranges_m, room
 
 
 def plant(*faults: Fault) -> Plant:

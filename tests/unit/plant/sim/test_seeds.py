@@ -1,6 +1,6 @@
 import pytest
 
-from plant.seeds import BLOCK_ROWS, gaussian_rows, stream, uniform_rows
+from plant.sim.seeds import BLOCK_ROWS, gaussian_rows, stream, uniform_rows
 
 
 def test_the_same_names_give_the_same_numbers() -> None:

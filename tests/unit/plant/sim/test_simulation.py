@@ -3,20 +3,12 @@ from math import cos, pi, radians, sin
 
 import pytest
 
-from plant.noise import LEVELS, Noise
-from plant.plant import Plant
-from plant.world_types import Circle, World
-from protocol.codec import Encoder, decode
-from protocol.messages import SonarScan, WheelTicks
-from tests.unit.plant.rooms import (
-    FOREVER_NS,
-    NONE,
-    counters,
-    drive,
-    mrad_s,
-    ranges_m,
-    room,
-)
+from plant.model.noise import LEVELS, Noise
+from plant.model.types import Circle, World
+from plant.sim.simulation import Plant
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.messages import SonarScan, WheelTicks
+from tests.support.plant.rooms import FOREVER_NS, NONE, counters, drive, mrad_s, ranges_m, room
 
 TICK_NS = 50_000_000
 AT_ONCE = {"motor_lag_s": 0.0, "max_acceleration_m_s2": 1e6}

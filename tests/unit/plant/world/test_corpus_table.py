@@ -2,10 +2,10 @@
 
 import pytest
 
-from plant.shortest_path import known_length_m, shortest_path_m
-from plant.world_file import loads
-from study.trial import Trial, run_trial, shortest_once
-from tests.unit.plant.world_texts import GOOD, Bad, assert_told, more, refusal
+from plant.placement.shortest_path import known_length_m, shortest_path_m
+from plant.world.file import loads
+from study.trial.trial import Trial, run_trial, shortest_once
+from tests.support.plant.world_texts import GOOD, Bad, assert_told, more, refusal
 
 WHOLE = """
 [corpus]

@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from plant.body import Body
-from plant.noise import LEVELS
-from plant.world_file import (
+from plant.model.body import Body
+from plant.model.noise import LEVELS
+from plant.world.file import (
     Circle,
     Polygon,
     Polyline,
@@ -17,7 +17,7 @@ from plant.world_file import (
     noise_of,
     shipped,
 )
-from tests.unit.plant.world_texts import GOOD, goal, more, start, with_line
+from tests.support.plant.world_texts import GOOD, goal, more, start, with_line
 
 
 def test_a_world_is_read_in_metres_and_radians() -> None:

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from plant.world_facts import from_json
-from plant.world_file import World, WorldError, load, loads, shipped
-from plant.world_json import as_json
-from plant.world_toml import dumps
+from plant.world.file import World, WorldError, load, loads, shipped
+from plant.world.from_json import from_json
+from plant.world.to_json import as_json
+from plant.world.to_toml import dumps
 
 GIVEN = ("name", "size_m", "start", "goal", "walls", "obstacles", "robot", "noise", "faults")
 

@@ -1,6 +1,6 @@
 import pytest
 
-from tests.unit.plant.world_texts import Bad, assert_told, more, with_line
+from tests.support.plant.world_texts import Bad, assert_told, more, with_line
 
 BAD = [
     Bad(

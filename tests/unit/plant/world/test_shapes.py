@@ -1,6 +1,6 @@
 import pytest
 
-from tests.unit.plant.world_texts import GOOD, Bad, assert_told, more, polygon, with_line
+from tests.support.plant.world_texts import GOOD, Bad, assert_told, more, polygon, with_line
 
 BAD = [
     Bad(

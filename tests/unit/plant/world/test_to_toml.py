@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.world_file import load, loads, shipped
-from plant.world_toml import dumps, in_degrees
-from plant.world_types import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
-from tests.unit.plant.world_texts import GOOD, more
+from plant.model.types import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
+from plant.world.file import load, loads, shipped
+from plant.world.to_toml import dumps, in_degrees
+from tests.support.plant.world_texts import GOOD, more
 
 EVERYTHING = more("""
 [robot]

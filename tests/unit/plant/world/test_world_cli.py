@@ -3,10 +3,10 @@ from pathlib import Path
 
 import pytest
 
-from plant.world_file import load, shipped
-from plant.world_text import draw
-from plant.worlds_cli import main
-from tests.unit.plant.world_texts import GOOD, goal, more, with_line
+from plant.cli.worlds import main
+from plant.world.file import load, shipped
+from plant.world.text import draw
+from tests.support.plant.world_texts import GOOD, goal, more, with_line
 
 
 @pytest.fixture

@@ -4,8 +4,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.world_file import WorldError, loads
-from tests.unit.plant.world_texts import GOOD, Bad, assert_told, more, refusal, start, with_line
+from plant.world.file import WorldError, loads
+from tests.support.plant.world_texts import (
+    GOOD,
+    Bad,
+    assert_told,
+    more,
+    refusal,
+    start,
+    with_line,
+)
 
 BAD = [
     Bad("an open list", with_line(2, "size_m = [6.0,"), 3, "start", "Invalid", "correct the TOML"),

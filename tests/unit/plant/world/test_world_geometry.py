@@ -3,8 +3,15 @@ from math import cos, dist, isclose, pi, sin
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.geometry import area_m2, clearance_m, crossing_edges, from_segment_m, inside, meet
-from plant.world_types import Circle, Point, Polygon, Polyline
+from plant.model.geometry import (
+    area_m2,
+    clearance_m,
+    crossing_edges,
+    from_segment_m,
+    inside,
+    meet,
+)
+from plant.model.types import Circle, Point, Polygon, Polyline
 
 coordinates = st.integers(-50, 50).map(lambda tenths: tenths / 10.0)
 points = st.tuples(coordinates, coordinates)

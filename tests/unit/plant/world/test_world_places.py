@@ -1,6 +1,6 @@
 import pytest
 
-from tests.unit.plant.world_texts import ROBOT_AT, Bad, assert_told, goal, more, start
+from tests.support.plant.world_texts import ROBOT_AT, Bad, assert_told, goal, more, start
 
 BAD = [
     Bad(

@@ -4,12 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.codec import Encoder
-from protocol.errors import RemoteError
-from protocol.mailbox import Mailbox, Origin, Sample, opened, stamp_of
-from protocol.message import Message
-from protocol.messages import SonarScan, Statustext, WheelTicks
+from protocol.bus.mailbox import Mailbox, Origin, Sample, opened, stamp_of
 from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, MS, TEXT, WHEELS
+from protocol.wire.codec import Encoder
+from protocol.wire.message import Message
+from protocol.wire.messages import SonarScan, Statustext, WheelTicks
+from runtime.errors import RemoteError
 
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=3, bumper=0, expired=0)
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)

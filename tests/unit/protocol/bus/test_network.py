@@ -2,8 +2,8 @@
 
 import pytest
 
-from protocol.errors import BadEndpoint, UserError
-from protocol.network import Network, Tls
+from protocol.bus.network import Network, Tls
+from runtime.errors import BadEndpoint, UserError
 
 TLS = Tls(ca="ca.pem", certificate="ground.pem", key="ground.key")
 

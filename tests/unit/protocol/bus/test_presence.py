@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from protocol.bus.presence import Presence, TokenSet, presence_in
-from tests.hostile import TEXT
+from tests.support.hostile import TEXT
 
 
 def test_a_token_says_robot_role_and_session() -> None:

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from protocol.codec import CHECKSUM_SIZE, LARGEST_FRAME, Encoder, decode, framed
-from protocol.errors import LocalError, RemoteError
-from protocol.layout import LAYOUT
-from protocol.message import Message
-from protocol.messages import MESSAGES, GroundTruth, Statustext, WheelCommand
-from tests.unit.protocol.made_up import any_message, messages_of, wire_values
-from tests.unit.protocol.oracle import frame_by_pymavlink, read_by_pymavlink, value_read
+from protocol.wire.codec import CHECKSUM_SIZE, LARGEST_FRAME, Encoder, decode, framed
+from protocol.wire.layout import LAYOUT
+from protocol.wire.message import Message
+from protocol.wire.messages import MESSAGES, GroundTruth, Statustext, WheelCommand
+from runtime.errors import LocalError, RemoteError
+from tests.support.protocol.made_up import any_message, messages_of, wire_values
+from tests.support.protocol.oracle import frame_by_pymavlink, read_by_pymavlink, value_read
 
 COMMAND = WheelCommand(
     time_ns=50_000_000, seq=1, sense_seq=1, left_mrad_s=-900, right_mrad_s=900, ttl_ms=150

@@ -5,11 +5,11 @@ from types import ModuleType
 
 import pytest
 
-from protocol import enums
+from protocol.wire import enums
 from protocol.dialect.definitions import read_dialect
 from protocol.dialect.generate import CLASS_OF_ENUM, CONSTANTS
-from protocol.enums import Branch, GoalState, Mode, Navigator, Vehicle
-from protocol.reasons import Reason, reason_text
+from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.reasons import Reason, reason_text
 from robot.core import reasons, states
 
 DIALECT = read_dialect()

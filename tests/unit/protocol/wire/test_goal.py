@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.wire_goal import start_words, told_heading_rad, wire_goal
-from robot.core.senses import goal_of
+from protocol.wire.goal import start_words, told_heading_rad, wire_goal
+from robot.core.perception.from_messages import goal_of
 
 metres = st.floats(-100.0, 100.0)
 TOLERANCES = (0.05, 0.05235987755982989)

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 
 from protocol.dialect.mavgen import oracle
-from protocol.errors import LocalError
-from protocol.layout import LAYOUT
-from protocol.message import Message, check
-from protocol.messages import (
+from runtime.errors import LocalError
+from protocol.wire.layout import LAYOUT
+from protocol.wire.message import Message, check
+from protocol.wire.messages import (
     MESSAGES,
     CycleReport,
     LeaseRequest,
@@ -21,7 +21,7 @@ from protocol.messages import (
     SonarScan,
     Statustext,
 )
-from tests.unit.protocol.made_up import any_message
+from tests.support.protocol.made_up import any_message
 
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
 

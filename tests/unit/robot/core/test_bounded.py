@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.unit.core.test_portable import CORE, FILES
+from tests.unit.robot.core.test_portable import CORE, FILES
 
 FORMATTING = {"str", "repr", "format", "print", "round"}
 

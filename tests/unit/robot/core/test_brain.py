@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from robot.core import brain, budget, modes, reasons, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Inputs, Scan, Wheels
-from tests.unit.core.driving import AHEAD, Driven, armed, driving
+from tests.support.robot.core.driving import AHEAD, Driven, armed, driving
 
 AGES = (25, 0) * 4
 VGM = DEFAULTS._replace(navigator=states.VGM)

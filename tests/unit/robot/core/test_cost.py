@@ -11,20 +11,20 @@ from typing import Any
 
 import pytest
 
-from benchmarks.budget import LIMIT_PERCENT, LIMITS_PERCENT, STATE_BYTES, hard_ticks
-from benchmarks.hardest import Body, Carried, ShutIn, told
-from benchmarks.mcu import share_percent
-from benchmarks.memory_size import lengths
-from benchmarks.weighed import WeighedCore
-from robot.core import ring as rings
+from benchmarks.mcu_cost.budget import LIMIT_PERCENT, LIMITS_PERCENT, STATE_BYTES, hard_ticks
+from benchmarks.mcu_cost.counted_core import WeighedCore
+from benchmarks.mcu_cost.hardest import Body, Carried, ShutIn, told
+from benchmarks.mcu_cost.mcu import share_percent
+from benchmarks.mcu_cost.memory_size import lengths
 from robot.core import states
-from robot.core.controller import HALT
 from robot.core.geometry import wrap
-from robot.core.navigators import NAVIGATORS as REGISTERED
-from robot.core.navigators import fresh
+from robot.core.motion.controller import HALT
+from robot.core.navigators.registry import NAVIGATORS as REGISTERED
+from robot.core.navigators.registry import fresh
 from robot.core.parameters import DEFAULTS
+from robot.core.perception import sonar_ring as rings
 from robot.core.values import Goal, Outputs, Pose
-from study.trial import NAVIGATORS
+from study.trial.trial import NAVIGATORS
 
 STORIES, TICKS = 4, 80
 """With twice as many stories the worst tick costs at most 0.3 percentage points more."""

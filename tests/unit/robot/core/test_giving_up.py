@@ -2,11 +2,12 @@
 
 import pytest
 
-from robot.core import following, states
-from robot.core.following import ISLANDS, LONG_CM, Memory
+from robot.core import states
+from robot.core.navigators import vgm_following
+from robot.core.navigators.vgm_following import ISLANDS, LONG_CM, Memory
 from robot.core.values import Goal
-from tests.unit.core.rings import SILENT, Wall, clearance_m, walk_to
-from tests.unit.core.test_vgm_memory import GOAL, SIDES, stand
+from tests.support.robot.core.rings import SILENT, Wall, clearance_m, walk_to
+from tests.unit.robot.core.navigators.test_vgm_memory import GOAL, SIDES, stand
 
 
 def come_round(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
@@ -18,7 +19,7 @@ def come_round(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
         for k, (dx_cm, dy_cm) in enumerate(corners):
             way.x_cm[k], way.y_cm[k] = x_cm + dx_cm, dy_cm
         way.count, way.first = len(corners), 0
-        following.come_round(memory)
+        vgm_following.come_round(memory)
 
 
 def heading_for(goal: Goal, side: int) -> Memory:
@@ -93,7 +94,7 @@ def test_a_goal_begun_again_forgets_as_much_as_a_new_memory_has() -> None:
     fresh = Memory()
     stand(fresh, SILENT, 1)
     come_round(memory, 1, 0)
-    following.begin(memory)
+    vgm_following.begin(memory)
     for name in ("following", "given_up", "reversed", "doubtful", "left_m", "hit_m"):
         assert getattr(memory, name) == getattr(fresh, name)
     for name in ("proofs", "broken", "islands", "shut", "ease_mm"):

@@ -9,14 +9,15 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from robot.core import ring as rings
-from robot.core import states, vgm
+from robot.core import states
 from robot.core.geometry import BEARINGS, wrap
-from robot.core.navigators import NAVIGATORS, Navigator, fresh
+from robot.core.navigators import vgm
+from robot.core.navigators.registry import NAVIGATORS, Navigator, fresh
 from robot.core.parameters import DEFAULTS
-from robot.core.ring import FRONT, Ring
+from robot.core.perception import sonar_ring as rings
+from robot.core.perception.sonar_ring import FRONT, Ring
 from robot.core.values import SONARS, Decision, Goal, Outputs, Pose, Scan
-from tests.unit.core.stories import (
+from tests.support.robot.core.stories import (
     AGES,
     ALL,
     PERIOD_MS,

@@ -6,7 +6,7 @@ from robot.core import machine as machines
 from robot.core import reasons, states
 from robot.core.machine import Machine
 from robot.core.parameters import DEFAULTS
-from tests.unit.core.driving import AHEAD
+from tests.support.robot.core.driving import AHEAD
 
 LIVING = (states.ACCEPTED, states.DRIVING, states.AVOIDING, states.ALIGNING)
 GOAL_STATES = range(states.NONE, states.REFUSED + 1)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from robot.core import modes, reasons, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Scan, Twist
-from tests.unit.core.driving import Driven, armed
+from tests.support.robot.core.driving import Driven, armed
 
 WALL_AHEAD = Scan((100,) * 8, (25, 0) * 4, 0xFF, 0xFF)
 

@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from robot.core import states
 from robot.core.geometry import wrap
-from robot.core.navigators import NAVIGATORS, fresh
+from robot.core.navigators.registry import NAVIGATORS, fresh
 from robot.core.parameters import DEFAULTS
 from robot.core.values import SONARS, Goal, Pose
-from tests.unit.core.stories import ALL, goals, mirrored_goal, reversed_bits
-from tests.unit.core.test_invariants import seen
+from tests.support.robot.core.stories import ALL, goals, mirrored_goal, reversed_bits
+from tests.unit.robot.core.test_invariants import seen
 
 JOLTS = 16
 LOOKS = 24

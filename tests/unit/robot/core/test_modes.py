@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import failsafe, modes, reasons, states
+from robot.core import modes, reasons, states
 from robot.core.machine import Machine, goal_lives
+from robot.core.safety import failsafe
 from robot.core.values import Goal
-from tests.unit.core.driving import AHEAD, Driven, armed, driving
+from tests.support.robot.core.driving import AHEAD, Driven, armed, driving
 
 
 def outcome(driven: Driven) -> tuple[int, int]:

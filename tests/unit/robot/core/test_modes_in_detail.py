@@ -6,12 +6,12 @@ import pytest
 
 from robot.core import machine as machines
 from robot.core import modes, reasons, states
-from robot.core.fence import Fence
 from robot.core.machine import Machine
+from robot.core.motion.trail import Trail
 from robot.core.parameters import DEFAULTS
-from robot.core.trail import Trail
+from robot.core.safety.fence import Fence
 from robot.core.values import Goal, Pose
-from tests.unit.core.driving import AHEAD
+from tests.support.robot.core.driving import AHEAD
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 ELSEWHERE = Fence((10.0,), (0.0,), 1.0)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-CORE = Path(__file__).parents[3] / "robot" / "core"
-FILES = sorted(CORE.glob("*.py"))
+CORE = Path(__file__).parents[4] / "robot" / "core"
+FILES = sorted(CORE.rglob("*.py"))
 FORBIDDEN = {"dataclass", "enum", "hypot", "remainder", "_replace", "OrderedDict", "print", "open"}
 
 

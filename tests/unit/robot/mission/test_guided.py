@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.enums import Command, MissionState, Mode, Vehicle
-from protocol.reasons import Reason
-from tests.unit.robot.mission.items import pause, ready, resume, start, state, until
-from tests.unit.robot.vehicles import Desk
+from protocol.wire.enums import Command, MissionState, Mode, Vehicle
+from protocol.wire.reasons import Reason
+from tests.support.robot.mission.items import pause, ready, resume, start, state, until
+from tests.support.robot.vehicles import Desk
 
 OP_LOST_TICKS: Final = 31
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.message import check
-from protocol.messages import MissionItemInt
-from robot.store import Store
-from tests.unit.robot.mission.items import corners, line
-from tests.unit.robot.vehicles import Desk
+from protocol.wire.message import check
+from protocol.wire.messages import MissionItemInt
+from robot.storage.files import Store
+from tests.support.robot.mission.items import corners, line
+from tests.support.robot.vehicles import Desk
 
 scalars = st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=20))
 anything = st.recursive(

@@ -2,11 +2,11 @@
 
 import pytest
 
-from protocol.enums import Command, GoalState, MissionState, Mode, Severity
-from protocol.reasons import Reason
-from protocol.timing import UINT32
+from protocol.wire.enums import Command, GoalState, MissionState, Mode, Severity
+from protocol.wire.reasons import Reason
 from robot.core import states
-from tests.unit.robot.mission.items import (
+from runtime.timing import UINT32
+from tests.support.robot.mission.items import (
     circle,
     estop,
     line,
@@ -19,7 +19,7 @@ from tests.unit.robot.mission.items import (
     upload,
     x_m,
 )
-from tests.unit.robot.vehicles import Desk
+from tests.support.robot.vehicles import Desk
 
 
 def test_a_mission_goes_from_stop_to_stop_without_an_operator() -> None:

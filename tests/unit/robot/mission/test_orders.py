@@ -6,11 +6,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.enums import Command, GoalState, MissionState, Mode, Vehicle
-from protocol.messages import MissionClearAll
-from protocol.reasons import Reason
-from tests.unit.robot.mission.items import circle, estop, item, pause, ready, start, until, upload
-from tests.unit.robot.vehicles import Desk
+from protocol.wire.enums import Command, GoalState, MissionState, Mode, Vehicle
+from protocol.wire.messages import MissionClearAll
+from protocol.wire.reasons import Reason
+from tests.support.robot.mission.items import (
+    circle,
+    estop,
+    item,
+    pause,
+    ready,
+    start,
+    until,
+    upload,
+)
+from tests.support.robot.vehicles import Desk
 
 
 def disarm(desk: Desk) -> None:

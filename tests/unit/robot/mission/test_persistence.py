@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from protocol.enums import Command, GoalState, MissionState, MissionType, Severity, Vehicle
-from protocol.message import check
-from protocol.messages import MissionClearAll, MissionItemInt, MissionVerdict
-from protocol.reasons import Reason
+from protocol.wire.enums import Command, GoalState, MissionState, MissionType, Severity, Vehicle
+from protocol.wire.message import check
+from protocol.wire.messages import MissionClearAll, MissionItemInt, MissionVerdict
+from protocol.wire.reasons import Reason
 from robot import telemetry
 from robot.core.values import Pose
-from robot.store import Store
-from tests.unit.robot.mission.items import circle, corners, line, start, state, until, upload
-from tests.unit.robot.vehicles import Desk
+from robot.storage.files import Store
+from tests.support.robot.mission.items import circle, corners, line, start, state, until, upload
+from tests.support.robot.vehicles import Desk
 
 CLEAR = Command.SIDESTEP_CLEAR_EMERGENCY_STOP
 NEAR = corners((-1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (-1.0, 1.0))
@@ -268,7 +268,7 @@ def test_what_is_kept_already_is_not_written_again(
     def written(*_: object) -> None:
         raise AssertionError("written once more")
 
-    monkeypatch.setattr("robot.writer.do", written)
+    monkeypatch.setattr("robot.storage.writer.do", written)
     desk = restarted(tmp_path)
     desk.arm()
     assert upload(desk, circle(0.5, 0.0, 1.5)).reason == Reason.NONE

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.enums import Command, MissionType
-from protocol.messages import (
+from protocol.wire.enums import Command, MissionType
+from protocol.wire.messages import (
     MissionClearAll,
     MissionCount,
     MissionItemInt,
@@ -16,14 +16,14 @@ from protocol.messages import (
     MissionRequestList,
     MissionVerdict,
 )
-from protocol.reasons import Reason
+from protocol.wire.reasons import Reason
 from robot.core import reasons
-from robot.mission.kept import Kept
 from robot.mission.mission import MOST_ITEMS
+from robot.mission.persistence import Kept
 from robot.mission.transfer import NO_ITEM, Request, Transfers
-from robot.writer import Directory
-from tests.unit.robot.mission.items import circle, corners, item, line, ready, start, upload
-from tests.unit.robot.vehicles import Desk
+from robot.storage.writer import Directory
+from tests.support.robot.mission.items import circle, corners, item, line, ready, start, upload
+from tests.support.robot.vehicles import Desk
 
 
 def held(desk: Desk, kind: int = MissionType.MISSION) -> list[str]:

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.enums import Command, Severity
-from protocol.messages import CommandAck, ParamSet
-from protocol.reasons import Reason
+from protocol.wire.enums import Command, Severity
+from protocol.wire.messages import CommandAck, ParamSet
+from protocol.wire.reasons import Reason
 from robot.cli import Settings, parser, vehicle_of
-from robot.core import guard
-from robot.core.failsafe import ROWS
 from robot.core.parameters import DEFAULTS
-from robot.parameters import NEAR_SHARE, SPECS, TABLE, Safer, Spec, is_less_safe
-from robot.store import FILE_NAME
+from robot.core.safety import guard
+from robot.core.safety.failsafe import ROWS
+from robot.parameters.table import NEAR_SHARE, SPECS, TABLE, Safer, Spec, is_less_safe
+from robot.storage.files import FILE_NAME
 from robot.vehicle import Vehicle
-from tests.unit.robot.vehicles import Desk
+from tests.support.robot.vehicles import Desk
 
 WEAKER = (
     ("guard_stop_m", 0.0),

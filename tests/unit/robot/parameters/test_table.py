@@ -4,9 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.errors import UserError
 from robot.core.parameters import DEFAULTS, Params
-from robot.parameters import (
+from robot.parameters.table import (
     SPECS,
     TABLE,
     OutOfRange,
@@ -16,6 +15,7 @@ from robot.parameters import (
     with_value,
     with_values,
 )
+from runtime.errors import UserError
 
 
 def test_every_setting_of_the_core_has_one_row_in_the_same_order() -> None:

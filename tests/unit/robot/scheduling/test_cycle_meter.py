@@ -1,11 +1,11 @@
 import pytest
 
-from protocol.clock import ManualClock, Tick
-from protocol.codec import Encoder, decode
-from protocol.messages import CycleReport
-from protocol.timing import UINT32
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.messages import CycleReport
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
-from robot.meter import Meter
+from robot.scheduling.cycle_meter import Meter
+from runtime.clock import ManualClock, Tick
+from runtime.timing import UINT32
 
 PERIOD_NS = 50_000_000
 US = 1_000

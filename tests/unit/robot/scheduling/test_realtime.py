@@ -5,12 +5,12 @@ import threading
 
 import pytest
 
-from protocol.heap import freeze_heap
 from robot.core.parameters import DEFAULTS
-from robot.realtime import FIFO_PRIORITY, SWITCH_S, share_interpreter, use_fifo
 from robot.run import Options, settle
-from robot.store import Store
+from robot.scheduling.realtime import FIFO_PRIORITY, SWITCH_S, share_interpreter, use_fifo
+from robot.storage.files import Store
 from robot.vehicle import Vehicle
+from runtime.gc_freeze import freeze_heap
 
 
 @pytest.fixture(autouse=True)

@@ -1,5 +1,5 @@
 from robot.core.parameters import DEFAULTS
-from robot.rehearsal import LEAD_NS, Rehearsal, Rehearsed
+from robot.scheduling.rehearsal import LEAD_NS, Rehearsal, Rehearsed
 
 MS = 1_000_000
 PATIENCE_NS = 12 * MS

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from robot.core.parameters import DEFAULTS
-from robot.store import FILE_NAME, Store
+from robot.storage.files import FILE_NAME, Store
 
 
 def test_what_was_saved_is_in_force_after_a_restart(tmp_path: Path) -> None:

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from protocol.enums import Severity
+from protocol.wire.enums import Severity
 from robot.core.parameters import DEFAULTS
-from robot.life import FILE_NAME, HUNG_BEFORE, HUNG_NAME, NO_WORD, Life
 from robot.run import PLACE_UNKNOWN, in_brief, tell_life
-from robot.store import Store
+from robot.storage.files import Store
+from robot.storage.previous_run import FILE_NAME, HUNG_BEFORE, HUNG_NAME, NO_WORD, Life
 from robot.vehicle import Vehicle
 
 KILLED = "was killed (signal SIGKILL)"

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from protocol.errors import UserError
 from robot import cli
-from robot.store import OWNER_NAME, own
+from robot.storage.files import OWNER_NAME, own
+from runtime.errors import UserError
 
 
 def test_first_robot_makes_the_directory_its_own(tmp_path: Path) -> None:

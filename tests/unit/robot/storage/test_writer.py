@@ -10,25 +10,25 @@ from typing import Any
 
 import pytest
 
-from protocol import whole_file
-from protocol.enums import AckResult, MissionType, Severity
-from protocol.message import Message
-from protocol.messages import (
+from runtime import atomic_file
+from protocol.wire.enums import AckResult, MissionType, Severity
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     MissionClearAll,
     MissionVerdict,
     ParamSet,
     ParamValue,
 )
-from protocol.reasons import Reason
+from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
 from robot.saved_replies import MAX_WITHHELD, SAVING, SavedReplies
-from robot.store import Store
-from robot.writer import Directory, Done, Job, WriterThread
+from robot.storage.files import Store
+from robot.storage.writer import Directory, Done, Job, WriterThread
 from tests.support.until import until
-from tests.unit.robot.held_writer import HeldWriter, Question
-from tests.unit.robot.mission.items import circle, count_of, line, upload
-from tests.unit.robot.vehicles import Desk
+from tests.support.robot.held_writer import HeldWriter, Question
+from tests.support.robot.mission.items import circle, count_of, line, upload
+from tests.support.robot.vehicles import Desk
 
 FULL = OSError(28, "No space left on device")
 
@@ -326,7 +326,7 @@ def test_the_thread_survives_a_defect_and_reports_it(
         raise ZeroDivisionError("as the test wants it")
 
     with monkeypatch.context() as patch:
-        patch.setattr(whole_file, "replace", defective)
+        patch.setattr(atomic_file, "replace", defective)
         assert "ZeroDivisionError: as the test wants it" in str(ended(thread, tmp_path, "1").error)
     assert ended(thread, tmp_path, "2").error is None
     assert (tmp_path / "one.json").read_text() == "2"

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from protocol import config
-from protocol.calibration import Calibration
 from robot.core.parameters import DEFAULTS
-from robot.store import Store
+from robot.storage.files import Store
+from runtime import config
+from runtime.calibration import Calibration
 from sidestep import main as sidestep
 from study.calibration import log
 

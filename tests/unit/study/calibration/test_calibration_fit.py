@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core.parameters import DEFAULTS
-from robot.parameters import OutOfRange, with_values
+from robot.parameters.table import OutOfRange, with_values
 from study.calibration.fit import Fit, fitted, likeliest_k, spreads_of
 from study.calibration.golden import least
 from study.calibration.runs import Run, believed, covariance_of
-from tests.unit.study.calibration_runs import squares
+from tests.support.study.calibration_runs import squares
 
 
 @given(st.floats(-20.0, 5.0))

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.errors import ConfigError
 from robot.core.values import Pose
+from runtime.errors import ConfigError
 from study.calibration import log
 from study.calibration.runs import CCW, CW, Run
 

@@ -3,10 +3,10 @@ from math import hypot
 import pytest
 
 from robot.core.parameters import DEFAULTS
-from robot.parameters import with_values
+from robot.parameters.table import with_values
 from study.calibration.runs import CCW, CW
 from study.calibration.umbmark import umbmark, wheel_ratio
-from tests.unit.study.calibration_runs import SIDE_M, squares
+from tests.support.study.calibration_runs import SIDE_M, squares
 
 
 def test_a_robot_that_is_as_it_believes_has_no_error() -> None:

@@ -7,14 +7,14 @@ import pytest
 
 from ground.missions.mission import Circle, Fence
 from ground.missions.wire import fence_items_of
-from protocol.enums import MissionType
-from protocol.errors import UserError
-from protocol.message import Message
-from protocol.messages import MissionClearAll, MissionCount, ParamSet
 from protocol.topics import ANSWERED, COMMANDED, WHEELS
-from robot.store import Store
-from study.reexecute_cli import main
-from tests.unit.study.recorded_drive import Drive
+from protocol.wire.enums import MissionType
+from protocol.wire.message import Message
+from protocol.wire.messages import MissionClearAll, MissionCount, ParamSet
+from robot.storage.files import Store
+from runtime.errors import UserError
+from study.cli.reexecute import main
+from tests.support.study.recorded_drive import Drive
 
 AROUND = Circle(x_m=2.0, y_m=1.5, radius_m=4.0)
 ELSEWHERE = Circle(x_m=50.0, y_m=50.0, radius_m=1.0)

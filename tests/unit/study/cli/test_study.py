@@ -9,12 +9,13 @@ import pyarrow.parquet as pq
 import pytest
 
 import sidestep
-from study import study_cli, study_run
+from study.cli import study as study_cli
+from study.cli import study_run
+from study.cli.study_options import parser
 from study.report import cli as report_cli
-from study.rows import rows_of
-from study.store import RESULTS, SHARDS, commands_of, read, write_shard
-from study.study_options import parser
-from tests.unit.study.made import ids, rows, spoil
+from study.runner.rows import rows_of
+from study.runner.store import RESULTS, SHARDS, commands_of, read, write_shard
+from tests.support.study.made import ids, rows, spoil
 
 SMALL = ("--worlds", "open", "--noise", "none", "default", "--navigators", "vgm", "--jobs", "1")
 

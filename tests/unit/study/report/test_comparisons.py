@@ -5,8 +5,8 @@ import pytest
 from study.report.comparisons import by_pair, compared, comparison, comparison_table
 from study.report.families import family_table
 from study.report.page import Cell, text_of
-from study.statistics import mcnemar
-from tests.unit.report.made import STUCK, row, trials
+from study.statistics.intervals import mcnemar
+from tests.support.study.report.made import STUCK, row, trials
 
 
 def test_only_trials_of_the_same_world_noise_and_seed_are_pairs() -> None:

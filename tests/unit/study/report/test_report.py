@@ -9,19 +9,19 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 
-from plant.world_types import World
-from protocol.errors import UserError
+from plant.model.types import World
+from runtime.errors import UserError
 from study.report import Asked, write
+from study.report.charts.svg import Drawing
 from study.report.cli import main
-from study.report.html import html
-from study.report.markdown import markdown
+from study.report.output.html import html
+from study.report.output.markdown import markdown
 from study.report.page import Cell, Code, Figure, Items, Page, Section, Table, Text
-from study.report.paper_runs import Runs
-from study.report.svg import Drawing
-from study.rows import SCHEMA, table_of
-from study.store import commands_of, compact, write_table
-from tests.unit.report.made import STUCK, drive, row, study, without_values
-from tests.unit.study.made import floor
+from study.report.paper.runs import Runs
+from study.runner.rows import SCHEMA, table_of
+from study.runner.store import commands_of, compact, write_table
+from tests.support.study.made import floor
+from tests.support.study.report.made import STUCK, drive, row, study, without_values
 
 VOID = {"meta", "rect", "line", "circle", "polyline", "polygon", "ellipse", "br"}
 SECTIONS = [

@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.errors import UserError
+from runtime.errors import UserError
 from study.report import summary_table
 from study.report.build import Asked
-from study.report.files import summary_of
-from study.report.readme import BEGIN, END, block, update, with_block
+from study.report.output.files import summary_of
+from study.report.output.readme import BEGIN, END, block, update, with_block
 from study.report.summary import HEAD, as_json, numbers, summaries
 from study.report.words import interval, number, percent, probability, share
-from study.rows import SCHEMA, table_of
-from study.statistics import Interval, Share
-from tests.unit.report.made import COLLIDED, GAVE_UP, SHUT, row, study, trials
+from study.runner.rows import SCHEMA, table_of
+from study.statistics.intervals import Interval, Share
+from tests.support.study.report.made import COLLIDED, GAVE_UP, SHUT, row, study, trials
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 SUMMARY = ROOT / "docs" / "study" / "summary.json"
 
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from protocol.errors import UserError
+from runtime.errors import UserError
 from study.report.trials import distinct, trials_of
-from study.rows import SCHEMA, table_of
-from tests.unit.report.made import (
+from study.runner.rows import SCHEMA, table_of
+from tests.support.study.report.made import (
     COLLIDED,
     GAVE_UP,
     SHUT,

@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as tuned
 from hypothesis import strategies as st
 
-from protocol.errors import UserError
-from study import store
-from study.conduct import (
+from runtime.errors import UserError
+from study.runner import store
+from study.runner.conduct import (
     FLUSH_S,
     LONGEST_FLUSH_S,
     Collector,
@@ -24,11 +24,11 @@ from study.conduct import (
     open_tasks,
     recover,
 )
-from study.plan import Task
-from study.progress import Progress
-from study.rows import Row
-from tests.unit.study.made import floor, ids, rows, spoil, tasks
-from tests.unit.study.test_progress import Watch
+from study.runner.plan import Task
+from study.runner.progress import Progress
+from study.runner.rows import Row
+from tests.support.study.made import floor, ids, rows, spoil, tasks
+from tests.unit.study.runner.test_progress import Watch
 
 
 def gather(directory: Path, coming: Iterator[Row | None], watch: Watch) -> None:

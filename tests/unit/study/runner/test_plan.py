@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.noise import LEVELS
-from protocol.errors import UserError
-from study.plan import (
+from plant.model.noise import LEVELS
+from runtime.errors import UserError
+from study.runner.plan import (
     EVERY_NAVIGATOR,
     LEAST_S,
     SEEDS_APART,
@@ -22,8 +22,8 @@ from study.plan import (
     tasks_of,
     time_for,
 )
-from study.sources import Listed
-from tests.unit.study.made import boxed, floor, list_of, settings, tasks
+from study.runner.sources import Listed
+from tests.support.study.made import boxed, floor, list_of, settings, tasks
 
 
 def test_every_combination_is_there_once_but_without_noise_one_seed_is_enough() -> None:

@@ -8,14 +8,14 @@ from signal import SIGINT, SIGTERM
 
 import pytest
 
-from plant.world_types import World
-from protocol.errors import UserError
-from study import pool as pools
-from study.plan import Task
-from study.pool import Pool
-from study.rows import FAILED, Row
-from tests.unit.study.made import bench_of, boxed, floor, tasks
-from tests.unit.study.trouble import deadly, faulty
+from plant.model.types import World
+from runtime.errors import UserError
+from study.runner import pool as pools
+from study.runner.plan import Task
+from study.runner.pool import Pool
+from study.runner.rows import FAILED, Row
+from tests.support.study.made import bench_of, boxed, floor, tasks
+from tests.support.study.trouble import deadly, faulty
 
 
 def run(jobs: int, made: Sequence[Task], *worlds: World) -> dict[str, Row]:
@@ -96,8 +96,8 @@ def test_no_more_workers_than_trials() -> None:
 
 BLOCKED = """
 from pathlib import Path
-from study.pool import Pool
-from tests.unit.study.made import bench_of, floor, tasks
+from study.runner.pool import Pool
+from tests.support.study.made import bench_of, floor, tasks
 
 made = tasks(floor(), noise=('default',), seeds=8)
 with Pool(2, bench_of(floor())) as pool:

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.progress import Progress, in_words
-from tests.unit.study.made import rows
+from study.runner.progress import Progress, in_words
+from tests.support.study.made import rows
 
 
 class Terminal(StringIO):

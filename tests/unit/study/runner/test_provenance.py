@@ -6,20 +6,24 @@ from shutil import which
 
 import pytest
 
-from study.provenance import ROOT, code, code_digest, machine
-from tests.unit.study.made import CODE
+from study.runner.provenance import ROOT, code, code_digest, machine
+from tests.support.study.made import CODE
 
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    for name in ("robot/core/brain.py", "plant/plant.py", "protocol/calibrations/none.toml"):
+    for name in (
+        "robot/core/brain.py",
+        "plant/sim/simulation.py",
+        "runtime/calibrations/none.toml",
+    ):
         (tmp_path / name).parent.mkdir(parents=True)
         (tmp_path / name).write_text(name)
     return tmp_path
 
 
 @pytest.mark.parametrize(
-    "name", ["robot/core/brain.py", "plant/new.py", "protocol/calibrations/none.toml"]
+    "name", ["robot/core/brain.py", "plant/new.py", "runtime/calibrations/none.toml"]
 )
 def test_what_decides_a_trial_changes_the_digest(tree: Path, name: str) -> None:
     before = code_digest(tree)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.rows import COLUMNS, SCHEMA, Row, rows_of, table_of
-from tests.unit.study.made import rows
+from study.runner.rows import COLUMNS, SCHEMA, Row, rows_of, table_of
+from tests.support.study.made import rows
 
 FLOATS = st.floats(allow_nan=False) | st.sampled_from([inf, -inf])
 

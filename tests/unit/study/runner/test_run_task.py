@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.enums import GoalState
+from protocol.wire.enums import GoalState
 from robot.core import states
-from study.one import failed, mahalanobis2, row_of, trial_of
-from study.provenance import machine
-from study.rows import FAILED, rows_of, table_of
-from study.trial import run_trial
-from tests.unit.study.made import CODE, bench_of, boxed, floor, tasks
-from tests.unit.study.trouble import faulty
+from study.runner.provenance import machine
+from study.runner.rows import FAILED, rows_of, table_of
+from study.runner.run_task import failed, mahalanobis2, row_of, trial_of
+from study.trial.trial import run_trial
+from tests.support.study.made import CODE, bench_of, boxed, floor, tasks
+from tests.support.study.trouble import faulty
 
 FINITE = st.floats(-10.0, 10.0)
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 
 from plant.corpus import FAMILIES
-from plant.world_file import load, shipped
-from plant.world_problems import WorldError
-from plant.world_toml import dumps
-from protocol.errors import UserError
-from study import sources
-from study.sources import Listed, Wanted, digest_of, keep, listed, world_of
-from tests.unit.study.made import boxed, floor
+from plant.model.errors import WorldError
+from plant.world.file import load, shipped
+from plant.world.to_toml import dumps
+from runtime.errors import UserError
+from study.runner import sources
+from study.runner.sources import Listed, Wanted, digest_of, keep, listed, world_of
+from tests.support.study.made import boxed, floor
 
 
 def wanted(*places: str, families: list[str] | None = None, per_family: int = 1) -> Wanted:

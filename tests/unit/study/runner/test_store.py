@@ -8,10 +8,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from protocol.errors import UserError
-from study import store
-from study.rows import table_of
-from tests.unit.study.made import ids, rows, spoil
+from runtime.errors import UserError
+from study.runner import store
+from study.runner.rows import table_of
+from tests.support.study.made import ids, rows, spoil
 
 
 def names(directory: Path) -> list[str]:

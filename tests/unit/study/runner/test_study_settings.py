@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from protocol.errors import UserError
-from study.provenance import machine
-from study.settled import FILE, alone, settings_of, settle
-from tests.unit.study.made import CODE, boxed, floor, list_of, settings
+from runtime.errors import UserError
+from study.runner.provenance import machine
+from study.runner.study_settings import FILE, alone, settings_of, settle
+from tests.support.study.made import CODE, boxed, floor, list_of, settings
 
 WORLDS = list_of(floor(), boxed())
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from study.consistency import KINDS, Array, bounds, judged, speeds_of
+from study.statistics.consistency import KINDS, Array, bounds, judged, speeds_of
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study import statistics
-from study.statistics import (
+from study.statistics import intervals
+from study.statistics.intervals import (
     CHI2_2_95,
     Interval,
     Share,
@@ -86,10 +86,10 @@ def test_few_signed_ranks_are_those_of_every_pattern_of_signs(values: list[int])
 
 
 def test_many_signed_ranks_go_over_smoothly_into_the_normal_law() -> None:
-    values = [((index * 37) % 101 - 44) / 10 for index in range(statistics.EXACT_RANKS)]
+    values = [((index * 37) % 101 - 44) / 10 for index in range(intervals.EXACT_RANKS)]
     exact = signed_rank(values)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(statistics, "EXACT_RANKS", 0)
+        patch.setattr(intervals, "EXACT_RANKS", 0)
         assert signed_rank(values) == pytest.approx(exact, abs=0.005)
     assert signed_rank([1.0, 2.0, -0.5] * 400) < 1e-9
 

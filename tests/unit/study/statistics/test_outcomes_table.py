@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from plant.world_file import shipped
-from study.outcomes import document, main, rows_of, with_summary
+from plant.world.file import shipped
+from study.statistics.outcomes_table import document, main, rows_of, with_summary
 
-TABLE = Path(__file__).parents[2] / "docs" / "outcomes.md"
+TABLE = Path(__file__).parents[4] / "docs" / "outcomes.md"
 NAMES = ("bug, left", "bug, right", "vgm", "bug1", "bug2", "distbug", "vgm_memory")
 
 

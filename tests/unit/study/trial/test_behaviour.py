@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.plant import Plant
+from plant.sim.simulation import Plant
 from robot.core import states
 from robot.core.values import Decision, Outputs, Twist
-from study.behaviour import Behaviour
-from study.onboard import Onboard
-from study.trial import Trial, run_trial
-from tests.unit.study.made import boxed, floor
+from study.trial.behaviour import Behaviour
+from study.trial.core_loop import Onboard
+from study.trial.trial import Trial, run_trial
+from tests.support.study.made import boxed, floor
 
 LEFT, RIGHT, GOAL, ALIGN = states.PASS_LEFT, states.PASS_RIGHT, states.TO_GOAL, states.ALIGN
 

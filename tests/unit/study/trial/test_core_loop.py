@@ -1,11 +1,11 @@
 """The core in a trial gets what the robot process would give it, also when a sense stays away."""
 
-from protocol.messages import SonarScan, WheelTicks
-from protocol.wire_goal import WireGoal
+from protocol.wire.goal import WireGoal
+from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
-from study.onboard import Onboard
+from study.trial.core_loop import Onboard
 
 PERIOD_NS = 50_000_000
 ORIGIN = Pose(0.0, 0.0, 0.0)

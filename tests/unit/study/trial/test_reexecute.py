@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from ground.tlog import record_bytes
-from protocol.codec import Encoder, decode
-from protocol.errors import UserError
-from protocol.message import Message
-from protocol.messages import (
+from ground.recording.tlog import record_bytes
+from protocol.topics import ANSWERED, COMMANDED, DECISION, DRIVE, INPUTS, SONAR, WHEELS, Topic
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     LeaseRequest,
@@ -20,15 +20,15 @@ from protocol.messages import (
     ParamSet,
     WheelCommand,
 )
-from protocol.reasons import Reason
-from protocol.topics import ANSWERED, COMMANDED, DECISION, DRIVE, INPUTS, SONAR, WHEELS, Topic
-from robot.core import guard
+from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.parameters import described
-from study.recorded import reason_in
-from study.reexecute import chooses_navigator
-from study.reexecute_cli import main
-from tests.unit.study.recorded_drive import ARM, Drive
+from robot.core.safety import guard
+from robot.parameters.table import described
+from runtime.errors import UserError
+from study.cli.reexecute import main
+from study.trial.recorded_drive import reason_in
+from study.trial.reexecute import chooses_navigator
+from tests.support.study.recorded_drive import ARM, Drive
 
 Told = dict[str, Any]
 Again = Callable[..., tuple[int, Told]]

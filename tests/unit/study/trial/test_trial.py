@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import pytest
 
-from plant.plant import Plant
-from plant.world_file import load
-from plant.world_types import Circle, GoalPose, Start, World
-from protocol.messages import GroundTruth
+from plant.model.types import Circle, GoalPose, Start, World
+from plant.sim.simulation import Plant
+from plant.world.file import load
+from protocol.wire.messages import GroundTruth
 from robot.core import states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Outputs
-from robot.parameters import OutOfRange, Unknown
-from study.onboard import Onboard
-from study.trial import Trial, params_of, run_trial, wire_goal_of
+from robot.parameters.table import OutOfRange, Unknown
+from study.trial.core_loop import Onboard
+from study.trial.trial import Trial, params_of, run_trial, wire_goal_of
 
 NEAR = World(
     name="near",

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from ground import cli as ground_cli
-from plant.world_file import load
-from plant.world_problems import WorldError
-from protocol.errors import UserError
+from ground.cli import main as ground_cli
+from plant.model.errors import WorldError
+from plant.world.file import load
 from robot.core.parameters import DEFAULTS
+from runtime.errors import UserError
 from sidestep import main as sidestep
-from study.cli import main, parser
-from study.trace import COLUMNS
-from study.trial import NAVIGATORS, Trial
+from study.cli.trial import main, parser
+from study.trial.trace import COLUMNS
+from study.trial.trial import NAVIGATORS, Trial
 
 WORLD = """
 name = "near"

@@ -4,11 +4,11 @@ from math import isinf, isnan
 
 import pytest
 
-from benchmarks.matrix.strangers import HEARD, READ, extremes, extremes_of, turns
-from protocol.codec import decode
-from protocol.layout import LAYOUT
-from protocol.messages import CommandRequest, SonarScan, Teleop, WheelTicks
 from protocol.topics import STOP
+from protocol.wire.codec import decode
+from protocol.wire.layout import LAYOUT
+from protocol.wire.messages import CommandRequest, SonarScan, Teleop, WheelTicks
+from verification.faults_matrix.intruders import HEARD, READ, extremes, extremes_of, turns
 
 
 @pytest.mark.parametrize("kind", [SonarScan, WheelTicks, Teleop, CommandRequest])

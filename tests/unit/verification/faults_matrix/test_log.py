@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.matrix.log import lost_from, missing
-from ground.tlog import record_bytes
-from protocol.codec import Encoder
-from protocol.enums import Severity
-from protocol.messages import Statustext, WheelTicks
+from ground.recording.tlog import record_bytes
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import Severity
+from protocol.wire.messages import Statustext, WheelTicks
+from verification.faults_matrix.log import lost_from, missing
 
 UTC_2026_US = 1_795_000_000_000_000
 

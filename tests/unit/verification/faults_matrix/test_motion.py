@@ -2,9 +2,9 @@
 
 import pytest
 
-from benchmarks.matrix import motion
-from benchmarks.matrix.motion import HOLDS, Seen
-from protocol.messages import GroundTruth
+from protocol.wire.messages import GroundTruth
+from verification.faults_matrix import motion
+from verification.faults_matrix.motion import HOLDS, Seen
 
 
 def seen(*speeds_m_s: float, touching: tuple[int, ...] = ()) -> list[Seen]:

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from benchmarks.matrix.page import page
-from benchmarks.matrix.results import Repetition, Results
-from benchmarks.matrix.table import FAULTS
+from verification.faults_matrix.page import page
+from verification.faults_matrix.results import Repetition, Results
+from verification.faults_matrix.table import FAULTS
 
 
 def shown(*repetitions: Repetition, before: str = "") -> str:

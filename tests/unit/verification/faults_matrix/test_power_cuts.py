@@ -2,13 +2,13 @@
 
 import pytest
 
-from benchmarks.matrix import power
+from verification.faults_matrix import power_cuts
 from verification.power_cut import Disk
 
 
 @pytest.mark.parametrize("number", range(4))
 def test_what_was_acknowledged_is_there(number: int) -> None:
-    one = power.run("a cut", "lockstep", number)
+    one = power_cuts.run("a cut", "lockstep", number)
     assert (one.reached, one.trouble) == (True, "")
 
 
@@ -21,5 +21,5 @@ class NamesForgotten(Disk):
 
 
 def test_a_rename_that_was_not_synchronised_is_found() -> None:
-    found = [power.run("a cut", "lockstep", number, NamesForgotten()) for number in range(8)]
+    found = [power_cuts.run("a cut", "lockstep", number, NamesForgotten()) for number in range(8)]
     assert any("instead of Held" in one.trouble for one in found)

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.matrix.acts import Break, EmergencyStop
-from benchmarks.matrix.results import Repetition, Results
-from benchmarks.matrix.table import FAULTS, Fault, Must, Way, goes_on, stops
-from protocol.reasons import Reason
+from protocol.wire.reasons import Reason
+from verification.faults_matrix.actions import Break, EmergencyStop
+from verification.faults_matrix.results import Repetition, Results
+from verification.faults_matrix.table import FAULTS, Fault, Must, Way, goes_on, stops
 
 STOP = stops("a stop", EmergencyStop(), 0.25, Reason.SCAN_LOST)
 DEATH = Fault(name="a death", act=Break(), must=Must.STAND, stands_s=0.2, unseen=True)

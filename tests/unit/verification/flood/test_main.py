@@ -1,13 +1,13 @@
 """What `bench flood` says of a press, and what its attackers send."""
 
-from benchmarks.flood import Run, figures_of
-from benchmarks.flooding.accepted import SLICE_NS, Shown, unfounded
-from benchmarks.flooding.kinds import KINDS, Heard, id_in
-from benchmarks.flooding.operator import Pressed
-from benchmarks.flooding.shots import UINT32, forbidden, frames, order, questions, wheels
-from protocol.codec import Encoder
-from protocol.messages import CycleReport
 from protocol.topics import OPERATOR, PREFIX, key_parts
+from protocol.wire.codec import Encoder
+from protocol.wire.messages import CycleReport
+from verification.flood.acknowledgements import SLICE_NS, Shown, unfounded
+from verification.flood.kinds import KINDS, Heard, id_in
+from verification.flood.main import Run, figures_of
+from verification.flood.operator import Pressed
+from verification.flood.presses import UINT32, forbidden, frames, order, questions, wheels
 
 EVE = "eve/0123"
 

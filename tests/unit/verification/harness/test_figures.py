@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.figures import Figure, Report, digits, percentile, ratios
+from verification.harness.figures import Figure, Report, digits, percentile, ratios
 
 finite = st.floats(-1e9, 1e9)
 

@@ -6,16 +6,17 @@ from typing import Any
 
 import pytest
 
-from protocol.messages import GoalRequest
+from protocol.wire.messages import GoalRequest
 from robot import vehicle
 from robot.commands import HANDLERS
-from robot.core import brain, failsafe, machine, modes, reasons, states
-from robot.core.failsafe import ROWS
+from robot.core import brain, machine, modes, reasons, states
+from robot.core.safety import failsafe
+from robot.core.safety.failsafe import ROWS
 from robot.core.values import Twist
 from robot.lease import Lease
 from robot.mission.mission import Mission
+from robot.parameters.service import Tuning
 from robot.process import SERVICES
-from robot.tuning import Tuning
 from verification.mode_model import memento
 from verification.mode_model.diagram import DRAWINGS, HEADER, section
 from verification.mode_model.events import REQUESTS, VARIANTS, Part, causes, name_of, parts
@@ -27,7 +28,7 @@ from verification.mode_model.invariants import (
 )
 from verification.mode_model.world import ADA, World
 
-DOCUMENT = Path(__file__).parents[3] / "docs" / "state-diagram.md"
+DOCUMENT = Path(__file__).parents[4] / "docs" / "state-diagram.md"
 PARTS = {part.name: part for part in parts()}
 
 

@@ -13,7 +13,7 @@ from verification.mutation.forks import Verdict
 from verification.mutation.mutants import Identity, mutants_of
 from verification.mutation.targets import TARGETS
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 
 
 def changes(folder: Path, source: str) -> list[tuple[str, str]]:

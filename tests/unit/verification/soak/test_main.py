@@ -13,18 +13,19 @@ from typing import Any, Self
 
 import pytest
 
-from benchmarks import soak, soak_supervised
-from benchmarks.figures import Figure
-from benchmarks.soak_drift import SETTLE_S, student, trend
-from benchmarks.soak_ears import Heard
-from benchmarks.soak_faults import CUT, KILLED, STOPPED, faults, schedule
-from benchmarks.soak_fleet import Size, size_of
-from benchmarks.soak_report import Course, report_of
-from benchmarks.soak_supervised import KILL_NS
-from ground.blackbox.mcap_form import McapForm
-from protocol.codec import Encoder
-from protocol.enums import Severity
-from protocol.messages import CycleReport, SonarScan, Statustext, WheelCommand
+from ground.recording.mcap.writer import McapForm
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import Severity
+from protocol.wire.messages import CycleReport, SonarScan, Statustext, WheelCommand
+from verification.harness.figures import Figure
+from verification.soak import main as soak
+from verification.soak import supervised
+from verification.soak.drift import SETTLE_S, student, trend
+from verification.soak.faults import CUT, KILLED, STOPPED, faults, schedule
+from verification.soak.fleet import Size, size_of
+from verification.soak.fleet_telemetry import Heard
+from verification.soak.report import Course, report_of
+from verification.soak.supervised import KILL_NS
 
 ROLES = sorted({*KILLED, *STOPPED, *CUT, "ground r1"})
 HALF_AN_HOUR_S = 1800.0
@@ -247,10 +248,10 @@ class Leaping:
 def test_the_supervisor_that_is_watched_has_a_robot_to_start_again_each_minute(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(soak_supervised, "ROUND_S", 0.0)
+    monkeypatch.setattr(supervised, "ROUND_S", 0.0)
     over = Event()
     sent: Any = Sent(over)
     clock: Any = Leaping()
-    soak_supervised.supervise(sent, sent, clock, over)
+    supervised.supervise(sent, sent, clock, over)
     assert sent.killed == ["robot r1", "robot r1"]
     assert clock.now_ns() == 3 * KILL_NS

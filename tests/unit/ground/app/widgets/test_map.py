@@ -11,8 +11,8 @@ from textual.app import App, ComposeResult
 from textual.geometry import Region
 from textual.pilot import Pilot
 
+from ground.app.widgets.map import MapWidget, bands
 from ground.map import Robot, Scene, Target
-from ground.widgets.map import MapWidget, bands
 
 STYLES = {"robot": Style(color="yellow", bold=True), "truth": Style(color="white")}
 ROOM = Scene(size_m=(6.0, 4.0), robot=Robot(2.02, 2.02, 0.0), goal=Target(5.0, 3.0))

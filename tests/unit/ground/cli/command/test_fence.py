@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.fence import arguments, fence_in, in_words, outlined
+from ground.cli.command.fence import arguments, fence_in, in_words, outlined
 from ground.missions.mission import Circle, Polygon
-from protocol.errors import UserError
-from tests.unit.ground.missions.made_up import polygons, refusal_of
+from runtime.errors import UserError
+from tests.support.ground.missions.made_up import polygons, refusal_of
 
 
 def typed(*words: str) -> argparse.Namespace:

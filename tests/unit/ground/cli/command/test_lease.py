@@ -2,8 +2,8 @@
 
 import pytest
 
-from ground.lease import NAME_BYTES, named
-from protocol.errors import UserError
+from ground.cli.command.lease import NAME_BYTES, named
+from runtime.errors import UserError
 
 
 def test_without_a_name_it_is_that_of_the_user() -> None:

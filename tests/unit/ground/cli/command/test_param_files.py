@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from ground import param_files
-from protocol.errors import ConfigError, UserError
+from ground.cli.command import param_files
+from runtime.errors import ConfigError, UserError
 
 ROWS: list[dict[str, Any]] = [
     {"name": "d_obs_m", "value": 0.4, "default": 0.3, "minimum": 0.05, "maximum": 3.0, "unit": "m"},

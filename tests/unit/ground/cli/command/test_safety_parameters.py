@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from ground import param
-from ground.param_rows import rows_in
-from protocol.reasons import Reason
+from ground.cli.command import param
+from ground.client.parameter_rows import rows_in
+from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.parameters import described, with_value
+from robot.parameters.table import described, with_value
 
 STRICTER = with_value(DEFAULTS, "op_lost_ms", 900)
 ROWS = rows_in(json.dumps(described(STRICTER, DEFAULTS)))

@@ -6,13 +6,13 @@ from math import nan
 import pytest
 from msgspec.structs import replace
 
-from ground.teleop import SETTLE_NS, TTL_MS, Stick, judge, taken_away
-from protocol.clock import ManualClock
-from protocol.enums import Mode, Vehicle
-from protocol.errors import UserError
-from protocol.messages import Teleop
-from protocol.reasons import Reason
-from tests.unit.ground.test_ready import status
+from ground.cli.command.teleop import SETTLE_NS, TTL_MS, Stick, judge, taken_away
+from protocol.wire.enums import Mode, Vehicle
+from protocol.wire.messages import Teleop
+from protocol.wire.reasons import Reason
+from runtime.clock import ManualClock
+from runtime.errors import UserError
+from tests.unit.ground.client.test_arming import status
 
 LATER_NS = SETTLE_NS + 1
 

@@ -7,13 +7,13 @@ from typing import Any, cast
 
 import pytest
 
-from ground.bridge import Bridge, Place, act, place, sdk
-from ground.link import Link
-from ground.options import Common
-from ground.says import Says
-from protocol.clock import ManualClock
-from protocol.errors import UserError
-from protocol.network import Network
+from ground.cli.look.bridge import Bridge, Place, act, place, sdk
+from ground.client.connection import Common
+from ground.client.link import Link
+from ground.text.output import Says
+from protocol.bus.network import Network
+from runtime.clock import ManualClock
+from runtime.errors import UserError
 
 
 def test_a_place_is_a_host_and_a_port() -> None:
@@ -48,8 +48,10 @@ def test_it_has_heard_the_robot_for_a_second_before_it_listens(
     def served(*_: Any) -> Any:
         raise UserError("listens")
 
-    monkeypatch.setattr("ground.bridge.served", served)
-    monkeypatch.setattr("ground.bridge.common_of", lambda _: Common(network=Network(), robot="r1"))
+    monkeypatch.setattr("ground.cli.look.bridge.served", served)
+    monkeypatch.setattr(
+        "ground.cli.look.bridge.common_of", lambda _: Common(network=Network(), robot="r1")
+    )
     monkeypatch.setattr(Bridge, "__init__", lambda *_: None)
     monkeypatch.setattr(Bridge, "round", lambda _, now_ns: rounds_ms.append(now_ns // 1_000_000))
     link = cast(Link, SimpleNamespace(clock=clock, robot="r1"))

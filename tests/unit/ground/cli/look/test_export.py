@@ -12,8 +12,8 @@ from typing import Any
 import pyarrow.parquet
 import pytest
 
-from ground.cli import main
-from tests.unit.ground.blackbox.made import Said, mcap, run, tlog
+from ground.cli.main import main
+from tests.support.ground.recording.made import Said, mcap, run, tlog
 
 
 @pytest.fixture

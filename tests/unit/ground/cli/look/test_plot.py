@@ -9,15 +9,24 @@ from pathlib import Path
 import matplotlib.image
 import pytest
 
-from ground.blackbox.axis import Axis
-from ground.blackbox.frames import opened
-from ground.blackbox.run import gathered
-from ground.cli import main
+from ground.cli.main import main
+from ground.cli.verbs import VERBS
 from ground.console import parse
-from ground.says import Says
-from ground.verbs import VERBS
+from ground.recording.log_reader import opened
+from ground.recording.tables.series import gathered
+from ground.recording.tables.time_axis import Axis
+from ground.text.output import Says
 from protocol.topics import SONAR, STATUS
-from tests.unit.ground.blackbox.made import START_US, Said, Speaker, mcap, run, scan, status, tlog
+from tests.support.ground.recording.made import (
+    START_US,
+    Said,
+    Speaker,
+    mcap,
+    run,
+    scan,
+    status,
+    tlog,
+)
 
 
 @pytest.fixture
@@ -52,7 +61,7 @@ def test_of_very_many_echoes_a_part_is_drawn(
     """A picture of two hours has to be opened, too."""
     log, drawn = mcap(tmp_path / "a.mcap", said), []
     for most in (4000, 10):
-        monkeypatch.setattr("ground.blackbox.plot.MOST_ECHOES", most)
+        monkeypatch.setattr("ground.recording.tables.figure.MOST_ECHOES", most)
         out = tmp_path / f"{most}.svg"
         assert main(["plot", str(log), "--out", str(out)]) == 0
         drawn.append(out.read_text().count("<use "))

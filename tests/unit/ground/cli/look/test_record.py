@@ -3,8 +3,8 @@
 from types import SimpleNamespace
 from typing import Any
 
-from ground.record import COMPLAIN_NS, Alarms
-from tests.unit.ground.answering import speaking
+from ground.cli.look.record import COMPLAIN_NS, Alarms
+from tests.support.ground.answering import speaking
 
 
 def tape(trouble: str = "", dropped: int = 0) -> Any:

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from ground.berth import addresses, place_of, words_of
-from ground.cli import main, parse
-from plant.lineup import starts
-from plant.world_file import load
-from plant.world_overrides import body_of
-from protocol.errors import UserError
+from ground.cli.main import main, parse
+from ground.cli.run.container import addresses, place_of, words_of
+from plant.placement.start_positions import starts
+from plant.world.file import load
+from plant.world.overrides import body_of
+from runtime.errors import UserError
 
 HERE = "172.19.0.4"
 NAMES = {

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from ground.cli import parse
-from ground.leash import command
-from ground.says import Says
-from ground.scenario import Scenario, question, scenario_of, world_facts
-from ground.up import await_records
-from protocol.clock import ManualClock
+from ground.cli.main import parse
+from ground.cli.run.up import await_records
+from ground.launch.child_command import command
+from ground.launch.scenario import Scenario, question, scenario_of, world_facts
+from ground.text.output import Says
+from runtime.clock import ManualClock
 
 
 class Recorders:

@@ -8,7 +8,7 @@ from typing import Any
 import foxglove.messages as sdk
 import pytest
 
-from ground.blackbox.shape_schemas import SHAPES
+from ground.recording.foxglove.schemas import SHAPES
 
 OF_FOXGLOVE = "foxglove."
 BASIC = ("time", "duration")

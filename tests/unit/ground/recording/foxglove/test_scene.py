@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from ground.blackbox.picture import MOST_POSES, Drawn, Picture
-from protocol.enums import GoalState, Severity
-from protocol.message import Message
-from protocol.messages import Statustext
-from protocol.texts import pieces_of
+from ground.recording.foxglove.scene import MOST_POSES, Drawn, Picture
 from protocol.topics import MARK, TEXT
-from tests.unit.ground.blackbox.made import (
+from protocol.wire.enums import GoalState, Severity
+from protocol.wire.message import Message
+from protocol.wire.messages import Statustext
+from protocol.wire.statustext import pieces_of
+from tests.support.ground.recording.made import (
     WORLD_TEXT,
     decision,
     odometry,

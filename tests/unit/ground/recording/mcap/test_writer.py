@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from ground.blackbox.mcap_form import McapForm
-from protocol.codec import Encoder
-from protocol.messages import AvoidanceDecision, Statustext
+from ground.recording.mcap.writer import McapForm
+from protocol.wire.codec import Encoder
+from protocol.wire.messages import AvoidanceDecision, Statustext
 from protocol.topics import ENCODING
-from tests.unit.ground.blackbox.json_schema import problem
-from tests.unit.ground.blackbox.made import Said, decision, mcap, run
+from tests.support.ground.recording.json_schema import problem
+from tests.support.ground.recording.made import Said, decision, mcap, run
 
 FOXGLOVE: dict[str, set[str]] = {
     "foxglove.PoseInFrame": {"timestamp", "frame_id", "pose"},

@@ -7,12 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.blackbox.replay import ReplayBus
-from protocol.clock import ManualClock
-from protocol.enums import GoalState, Severity, Vehicle
-from protocol.errors import LocalError, NoAnswer, UserError
-from protocol.messages import CommandRequest, ParamValue, Statustext
-from protocol.reasons import Reason
+from ground.recording.playback.playback_bus import ReplayBus
 from protocol.topics import (
     ANSWERED,
     CLOCK,
@@ -24,7 +19,12 @@ from protocol.topics import (
     TEXT,
     WORLD,
 )
-from tests.unit.ground.blackbox.made import (
+from protocol.wire.enums import GoalState, Severity, Vehicle
+from protocol.wire.messages import CommandRequest, ParamValue, Statustext
+from protocol.wire.reasons import Reason
+from runtime.clock import ManualClock
+from runtime.errors import LocalError, NoAnswer, UserError
+from tests.support.ground.recording.made import (
     PERIOD_US,
     START_US,
     Said,

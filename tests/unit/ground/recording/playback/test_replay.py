@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from ground.blackbox.replay import ReplayBus
-from ground.cli import main, parse
-from ground.replay import show_lines
-from ground.says import Says
-from protocol.clock import ManualClock
-from protocol.enums import Severity
-from protocol.texts import pieces_of
+from ground.cli.look.replay import show_lines
+from ground.cli.main import main, parse
+from ground.recording.playback.playback_bus import ReplayBus
+from ground.text.output import Says
 from protocol.topics import MARK
-from tests.unit.ground.blackbox.made import START_US, Speaker, mcap, run
+from protocol.wire.enums import Severity
+from protocol.wire.statustext import pieces_of
+from runtime.clock import ManualClock
+from tests.support.ground.recording.made import START_US, Speaker, mcap, run
 
 
 @pytest.fixture
@@ -101,6 +101,6 @@ def test_a_large_file_is_named_before_it_is_read(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("ground.replay.LARGE_BYTES", large)
+    monkeypatch.setattr("ground.cli.look.replay.LARGE_BYTES", large)
     assert main(["replay", log, "--json"]) == 0
     assert capsys.readouterr().err.startswith(f"reading {log}, ") is said

@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.blackbox.axis import Axis
-from ground.blackbox.fields import cells_of, shortest_single
-from ground.blackbox.frames import opened
-from ground.blackbox.table_files import write_csv
-from ground.blackbox.tables import LONG, long_rows, wide_columns, wide_rows
-from protocol.enums import Severity
-from protocol.messages import CycleReport, Statustext, Teleop
+from ground.recording.log_reader import opened
+from ground.recording.tables.files import write_csv
+from ground.recording.tables.message_fields import cells_of, shortest_single
+from ground.recording.tables.rows import LONG, long_rows, wide_columns, wide_rows
+from ground.recording.tables.time_axis import Axis
 from protocol.topics import COMMANDED, CYCLE, HEARTBEAT, ODOMETRY, TELEOP, TEXT, WHEELS
-from tests.unit.ground.blackbox.made import (
+from protocol.wire.enums import Severity
+from protocol.wire.messages import CycleReport, Statustext, Teleop
+from tests.support.ground.recording.made import (
     BEAT,
     GOAL,
     PERIOD_US,

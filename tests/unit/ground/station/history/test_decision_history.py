@@ -2,12 +2,12 @@
 
 import tracemalloc
 
-from ground.station.inbox import Arrival, Inbox
-from ground.station.moments import Frames, Moments
-from protocol.codec import Encoder
+from ground.station.history.decision_history import Frames, Moments
+from ground.station.history.inbox import Arrival, Inbox
 from protocol.topics import DECISION
-from tests.unit.station.play import Play, S
-from tests.unit.station.said import Robot
+from protocol.wire.codec import Encoder
+from tests.support.ground.station.play import Play, S
+from tests.support.ground.station.said import Robot
 
 
 def test_an_instant_of_the_past_has_its_decision_and_the_one_before() -> None:

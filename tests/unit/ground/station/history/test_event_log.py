@@ -3,7 +3,7 @@
 import tracemalloc
 
 from ground.station import Line, Log
-from protocol.enums import Severity
+from protocol.wire.enums import Severity
 
 
 def line(number: int, severity: int = Severity.INFO) -> Line:

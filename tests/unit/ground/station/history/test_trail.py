@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.station.figures import uncertainty_m
-from ground.station.tracks import Echoes, Marks, Trail, ranges_m
-from protocol.enums import GoalState
-from protocol.messages import PlanarOdometry
-from tests.unit.station.said import Robot
+from ground.station.history.telemetry_history import uncertainty_m
+from ground.station.history.trail import Echoes, Marks, Trail, ranges_m
+from protocol.wire.enums import GoalState
+from protocol.wire.messages import PlanarOdometry
+from tests.support.ground.station.said import Robot
 
 NUMBERS = st.floats(width=32)
 

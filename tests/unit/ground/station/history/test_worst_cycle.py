@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import pytest
 
-from ground.station.dearest import Dearest
-from protocol.messages import CycleReport
-from tests.unit.station.play import Play
-from tests.unit.station.said import Robot
+from ground.station.history.worst_cycle import Dearest
+from protocol.wire.messages import CycleReport
+from tests.support.ground.station.play import Play
+from tests.support.ground.station.said import Robot
 
 
 def cycle(spent_us: int, tick: int = 0) -> CycleReport:

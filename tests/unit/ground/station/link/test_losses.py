@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import pytest
 
+from ground.client.telemetry import Age
 from ground.station import LossKind, Outcome
-from ground.telemetry import Age
-from protocol.enums import Command, GoalState
-from protocol.network import Hub
+from protocol.bus.network import Hub
 from protocol.topics import ODOMETRY, SONAR, STATUS
-from tests.unit.station.play import Play
+from protocol.wire.enums import Command, GoalState
+from tests.support.ground.station.play import Play
 
 
 def unlinked_router(play: Play) -> None:

@@ -1,10 +1,10 @@
 """Who comes and goes is told once, and never of ourselves."""
 
-from ground.station.comings import BURST, Comings
+from ground.station.link.presence_log import BURST, Comings
 from protocol.bus import Presence
-from protocol.enums import Severity
 from protocol.topics import Role
-from tests.unit.station.play import Play
+from protocol.wire.enums import Severity
+from tests.support.ground.station.play import Play
 
 ROBOT = Presence("r1", "robot", "a")
 OTHER = Presence("r1", "ground", "b")

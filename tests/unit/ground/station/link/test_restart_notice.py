@@ -2,12 +2,12 @@
 
 import pytest
 
-from ground.station.again import NEAR_NS, SHOWN_NS, TOLD, Again
-from protocol.enums import Severity
+from ground.station.link.restart_notice import NEAR_NS, SHOWN_NS, TOLD, Again
 from protocol.topics import TEXT, Role
-from robot.life import Life
+from protocol.wire.enums import Severity
 from robot.run import tell_life
-from tests.unit.station.play import Play, S
+from robot.storage.previous_run import Life
+from tests.support.ground.station.play import Play, S
 
 CAUSE = "the one before was killed (signal SIGKILL)"
 

@@ -1,8 +1,8 @@
 """A process that begins anew under our eyes: it is told, and what was known is read again."""
 
-from ground.telemetry import Age
+from ground.client.telemetry import Age
 from protocol.topics import HEARTBEAT, Role
-from tests.unit.station.play import Play
+from tests.support.ground.station.play import Play
 
 
 def test_a_restart_between_two_polls_is_noticed_and_everything_read_again() -> None:

@@ -1,6 +1,6 @@
 """A restart is counted once, whichever of its signs comes first."""
 
-from ground.station.restarts import Restarts
+from ground.station.link.restarts import Restarts
 
 
 def test_the_first_token_is_no_restart_and_the_next_one_is() -> None:

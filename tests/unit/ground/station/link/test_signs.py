@@ -2,7 +2,7 @@
 
 import pytest
 
-from ground.station.loss import LossKind, Signs, judge
+from ground.station.link.loss import LossKind, Signs, judge
 
 MS = 1_000_000
 

@@ -2,13 +2,13 @@
 
 from typing import Any
 
-from ground.station.streams import Counter, StreamRow
-from ground.telemetry import Age
-from protocol.codec import Encoder
-from protocol.network import Hub
+from ground.client.telemetry import Age
+from ground.station.link.streams import Counter, StreamRow
+from protocol.bus.network import Hub
 from protocol.topics import HEARTBEAT, ODOMETRY, OPERATOR, SONAR, TEXT, Topic
-from tests.unit.station.play import Play
-from tests.unit.station.said import BEAT
+from protocol.wire.codec import Encoder
+from tests.support.ground.station.play import Play
+from tests.support.ground.station.said import BEAT
 
 PERIOD_NS = 200_000_000
 

@@ -3,10 +3,10 @@
 import pytest
 
 from ground.station import LossKind
-from protocol.enums import GoalState, Mode, Vehicle
-from protocol.network import Hub
-from protocol.reasons import Reason
-from tests.unit.station.play import Play
+from protocol.bus.network import Hub
+from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.reasons import Reason
+from tests.support.ground.station.play import Play
 
 
 def test_one_good_beat_is_no_return() -> None:

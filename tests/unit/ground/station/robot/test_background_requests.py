@@ -3,8 +3,8 @@
 from threading import Event, current_thread
 from time import monotonic
 
-from ground.station.requests import Lane, Outcome
-from protocol.errors import UserError
+from ground.station.robot.background_requests import Lane, Outcome
+from runtime.errors import UserError
 from tests.support.until import until
 
 

@@ -5,14 +5,14 @@ from collections.abc import Callable
 import pytest
 
 from ground.station import Outcome
-from ground.station.requests import Job
-from protocol.enums import AckResult, LeaseAction, Severity
-from protocol.errors import RemoteError
-from protocol.message import Message
-from protocol.messages import CommandAck, LeaseRequest
-from protocol.reasons import Reason
+from ground.station.robot.background_requests import Job
 from protocol.topics import LEASE_SERVICE
-from tests.unit.station.play import Play, silent
+from protocol.wire.enums import AckResult, LeaseAction, Severity
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, LeaseRequest
+from protocol.wire.reasons import Reason
+from runtime.errors import RemoteError
+from tests.support.ground.station.play import Play, silent
 
 
 def ready() -> Play:

@@ -1,7 +1,7 @@
 """The station repeats an emergency stop until it is acknowledged, and reports how it stands."""
 
-from protocol.enums import Severity
-from tests.unit.station.play import Play
+from protocol.wire.enums import Severity
+from tests.support.ground.station.play import Play
 
 
 def pressed() -> Play:

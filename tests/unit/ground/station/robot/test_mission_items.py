@@ -8,12 +8,11 @@ import pytest
 from ground.map import Disc, Outline
 from ground.missions.mission import Circle, Fence, Polygon, Waypoint
 from ground.missions.wire import fence_items_of, items_of
-from ground.station.items import Charts, downloaded
-from protocol.clock import ManualClock
-from protocol.enums import MissionType
-from protocol.errors import RemoteError
-from protocol.message import Message
-from protocol.messages import (
+from ground.station.robot.mission_items import Charts, downloaded
+from protocol.topics import ANSWERED, COMMANDED, MISSION, MISSION_SERVICE
+from protocol.wire.enums import MissionType
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     MissionClearAll,
     MissionCount,
     MissionItemInt,
@@ -22,10 +21,11 @@ from protocol.messages import (
     MissionStatus,
     MissionVerdict,
 )
-from protocol.reasons import Reason
-from protocol.topics import ANSWERED, COMMANDED, MISSION, MISSION_SERVICE
-from tests.played_bus import PlayedBus
-from tests.unit.station.play import Play
+from protocol.wire.reasons import Reason
+from runtime.clock import ManualClock
+from runtime.errors import RemoteError
+from tests.support.ground.station.play import Play
+from tests.support.played_bus import PlayedBus
 
 WAY = (Waypoint(x_m=1.0, y_m=2.0), Waypoint(x_m=3.0, y_m=2.0, heading_deg=90.0))
 ROUND = Circle(x_m=1.0, y_m=1.0, radius_m=2.5)

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from ground.app.orders import Orders
+from ground.app.commands.runner import Orders
+from ground.client.connection import Common
 from ground.console import History
-from ground.options import Common
-from protocol.network import Network
-from tests.unit.station.play import Play
+from protocol.bus.network import Network
+from tests.support.ground.station.play import Play
 
 
 @pytest.fixture

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.geometry import clearance_m
-from plant.raycast import ORDER, RAYS_PER_SONAR, SONARS, Caster, ray_bearings_rad
-from plant.scene import Pose, Scene, still
-from plant.world_types import Circle, Obstacle, Polygon, Polyline
-from tests.unit.plant.rooms import room
+from plant.model.geometry import clearance_m
+from plant.model.scene import Pose, Scene, still
+from plant.model.types import Circle, Obstacle, Polygon, Polyline
+from plant.sim.sensing.raycast import ORDER, RAYS_PER_SONAR, SONARS, Caster, ray_bearings_rad
+from tests.support.plant.rooms import room
 
 NOTHING = Scene((), ())
 AHEAD_RIGHT, AHEAD_LEFT = 3, 4

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.body import Body
-from plant.faults import Fault
-from plant.noise import LEVELS, Noise
-from plant.raycast import ORDER
-from plant.sonar import PING_AGE_US, Reading, Ring
-from plant.trouble import Schedule, SonarTrouble
+from plant.model.body import Body
+from plant.model.faults import Fault
+from plant.model.noise import LEVELS, Noise
+from plant.sim.active_faults import Schedule, SonarTrouble
+from plant.sim.sensing.raycast import ORDER
+from plant.sim.sensing.sonar import PING_AGE_US, Reading, Ring
 
 RIM_M = 0.12
 ALL = 0b1111_1111

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from protocol import config
-from protocol.errors import ConfigError, UserError
-from protocol.network import Network
-from protocol.trouble import Rough, Trouble, earliest
+from protocol.bus.faults.link_faults import Rough, Trouble, earliest
+from protocol.bus.network import Network
+from runtime import config
+from runtime.errors import ConfigError, UserError
 
 MS = 1_000_000
 MANY = 4000

@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 import zenoh
 
-from protocol.bus.access import (
+from protocol.bus.network import Network
+from protocol.bus.tls.access import (
     barred,
     grant_of,
     grants,
@@ -14,9 +15,7 @@ from protocol.bus.access import (
     operator_name,
     unanswered,
 )
-from protocol.bus.rules import access_control
-from protocol.errors import UserError
-from protocol.network import Network
+from protocol.bus.tls.rules import access_control
 from protocol.topics import (
     ANSWERED,
     COMMAND,
@@ -30,6 +29,7 @@ from protocol.topics import (
     WORLD,
     Role,
 )
+from runtime.errors import UserError
 
 ALL_ROLES = {"router", "plant", "ground", "viewer", "recorder", "robot-r1", "robot-r2"}
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from protocol.bus.refusals import (
+from protocol.bus.tls.refusal_log import (
     MAX_CHARACTERS,
     MAX_EVENTS,
     MAX_TOLD,

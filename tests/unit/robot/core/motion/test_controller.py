@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import controller
-from robot.core.controller import into, limited, ramp, toward
+from robot.core.motion import controller
+from robot.core.motion.controller import into, limited, ramp, toward
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Twist
 

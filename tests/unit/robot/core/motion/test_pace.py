@@ -4,14 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import pace
 from robot.core.geometry import BEARINGS
-from robot.core.headings import FREE_MM
-from robot.core.pace import BESIDE, CLOSE_M, FLANK_M, LOOK_M
+from robot.core.motion import pace
+from robot.core.motion.pace import BESIDE, CLOSE_M, FLANK_M, LOOK_M
+from robot.core.navigators.open_headings import FREE_MM
 from robot.core.parameters import DEFAULTS
-from robot.core.ring import Ring
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import SONARS
-from tests.unit.core.rings import SILENT, Ranges, heard
+from tests.support.robot.core.rings import SILENT, Ranges, heard
 
 AHEAD = [2, 3, 4, 5]
 MOST_M_S = DEFAULTS.v_max_m_s

@@ -1,8 +1,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import trail as trails
-from robot.core.trail import LIMIT, PASSED_M, SPACING_M, Trail
+from robot.core.motion import trail as trails
+from robot.core.motion.trail import LIMIT, PASSED_M, SPACING_M, Trail
 
 
 def walked(distance_m: float) -> Trail:

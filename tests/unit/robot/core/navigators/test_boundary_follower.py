@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import follower as followers
-from robot.core.follower import Follower
 from robot.core.geometry import wrap
+from robot.core.navigators import boundary_follower as followers
+from robot.core.navigators.boundary_follower import Follower
 from robot.core.parameters import DEFAULTS
-from robot.core.ring import Ring
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
-from tests.unit.core.rings import HERE, Disc, Wall, clearance_m, ring, rolled, seen_from
+from tests.support.robot.core.rings import HERE, Disc, Wall, clearance_m, ring, rolled, seen_from
 
 BELOW: list[Wall] = [(-9.0, -0.25, 9.0, -0.25)]
 SPEED_M_S = 0.2

@@ -4,12 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import bug, navigators, states
+from robot.core import states
 from robot.core.geometry import wrap
-from robot.core.memory import Memory
+from robot.core.navigators import bug, registry
+from robot.core.navigators.memory.paper_memory import Memory
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Decision, Goal, Pose
-from tests.unit.core.rings import ring
+from tests.support.robot.core.rings import ring
 
 AHEAD = Goal(5.0, 0.0, None, 0.05, 0.05)
 HERE = Pose(0.0, 0.0, 0.0)
@@ -17,7 +18,7 @@ RIGHT_WALL = {0: 150, 1: 172, 2: 262}  # parallel, at the distance to follow
 
 
 def memory(side: int = states.LEFT) -> Memory:
-    fresh = navigators.fresh(states.BUG, side)
+    fresh = registry.fresh(states.BUG, side)
     assert isinstance(fresh, Memory)
     return fresh
 

@@ -2,10 +2,11 @@ from math import hypot
 
 import pytest
 
-from robot.core import bug1, states
+from robot.core import states
+from robot.core.navigators import bug1
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Pose
-from tests.unit.core.rings import Disc, Wall, clearance_m, ring, seen_from, walk_to
+from tests.support.robot.core.rings import Disc, Wall, clearance_m, ring, seen_from, walk_to
 
 GOAL = Goal(2.4, 0.0, None, 0.05, 0.05)
 FAR = Goal(3.4, 0.0, None, 0.05, 0.05)

@@ -1,10 +1,11 @@
 import pytest
 
-from robot.core import bug2, states
+from robot.core import states
+from robot.core.navigators import bug2
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Pose
-from tests.unit.core.rings import Disc, Wall, clearance_m, ring, walk_to
-from tests.unit.core.test_bug1 import BOX_AROUND_THE_GOAL, DISC, FAR, GOAL
+from tests.support.robot.core.rings import Disc, Wall, clearance_m, ring, walk_to
+from tests.unit.robot.core.navigators.test_bug1 import BOX_AROUND_THE_GOAL, DISC, FAR, GOAL
 
 U_TRAP: list[Wall] = [(0.8, 0.5, 2.0, 0.5), (2.0, 0.5, 2.0, -0.5), (2.0, -0.5, 0.8, -0.5)]
 BEHIND_THE_TRAP = Goal(3.2, 0.0, None, 0.05, 0.05)

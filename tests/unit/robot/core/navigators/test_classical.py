@@ -4,14 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import boundary as boundaries
-from robot.core import navigators, states
-from robot.core.boundary import Boundary
+from robot.core import states
 from robot.core.geometry import BEARINGS, HALF_CONE
+from robot.core.navigators import classical as boundaries
+from robot.core.navigators import registry
+from robot.core.navigators.classical import Boundary
 from robot.core.parameters import DEFAULTS
-from robot.core.ring import Ring
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Goal, Pose
-from tests.unit.core.rings import HERE, Wall, ring, seen_from
+from tests.support.robot.core.rings import HERE, Wall, ring, seen_from
 
 GOAL = Goal(3.0, 0.0, None, 0.05, 0.05)
 BUGS = (states.BUG1, states.BUG2, states.DISTBUG)
@@ -158,7 +159,7 @@ def test_a_step_is_total_and_never_drives_into_the_unknown(
     goal_x_m: float,
     goal_y_m: float,
 ) -> None:
-    memory, step = navigators.fresh(number, states.LEFT), navigators.NAVIGATORS[number].step
+    memory, step = registry.fresh(number, states.LEFT), registry.NAVIGATORS[number].step
     goal, seen = Goal(goal_x_m, goal_y_m, None, 0.05, 0.05), Ring()
     for range_m, x_m, y_m, heading_rad in moments:
         seen.range_m = range_m
@@ -176,7 +177,7 @@ def finite(number: float) -> bool:
 
 @pytest.mark.parametrize("number", BUGS)
 def test_sonars_that_stop_measuring_in_mid_follow_leave_only_creeping(number: int) -> None:
-    memory, step = navigators.fresh(number, states.LEFT), navigators.NAVIGATORS[number].step
+    memory, step = registry.fresh(number, states.LEFT), registry.NAVIGATORS[number].step
     for _ in range(5):
         step(memory, HERE, ring({3: 180, 4: 180}), GOAL, DEFAULTS)
     blind = Ring()

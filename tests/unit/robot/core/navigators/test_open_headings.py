@@ -4,22 +4,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robot.core import headings
-from robot.core import sweep as sweeps
-from robot.core.echoes import (
-    BRADS,
-    CIRCLE,
-    HALF_CIRCLE,
-    MOST_WEIGHT,
-    NOTHING,
-    QUARTER,
-    SURE,
-    Echoes,
-    hear,
-)
-from robot.core.fading import listen
 from robot.core.geometry import BEARINGS
-from robot.core.headings import (
+from robot.core.navigators import open_headings
+from robot.core.navigators import sweep as sweeps
+from robot.core.navigators.open_headings import (
     FEW,
     FREE_MM,
     LOOK_MM,
@@ -32,9 +20,29 @@ from robot.core.headings import (
     Sectors,
     squeeze,
 )
-from robot.core.ring import Ring
+from robot.core.perception.echo_decay import listen
+from robot.core.perception.echoes import (
+    BRADS,
+    CIRCLE,
+    HALF_CIRCLE,
+    MOST_WEIGHT,
+    NOTHING,
+    QUARTER,
+    SURE,
+    Echoes,
+    hear,
+)
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
-from tests.unit.core.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
+from tests.support.robot.core.rings import (
+    HERE,
+    RADIUS_MM,
+    SILENT,
+    Ranges,
+    any_ranges,
+    heard,
+    ring,
+)
 
 SLIM_MM = RADIUS_MM + SQUEEZE_MM
 sides = st.sampled_from([1, -1])
@@ -52,14 +60,14 @@ def points(*places_mm: tuple[int, int], weight: int = MOST_WEIGHT, spread_mm: in
 def measured(echoes: Echoes, pose: Pose = HERE, seen: Ring = SILENT, ease_mm: int = 0) -> Sectors:
     sectors = Sectors()
     listen(echoes, seen, RADIUS_MM)
-    headings.measure(sectors, echoes, pose, seen, ease_mm, RADIUS_MM)
+    open_headings.measure(sectors, echoes, pose, seen, ease_mm, RADIUS_MM)
     return sectors
 
 
 def closed(away_mm: int, body_mm: int) -> int:
     sectors = Sectors()
     sectors.count, sectors.away_mm[0], sectors.body_mm[0] = 1, away_mm, body_mm
-    headings.close(sectors, sectors.tight, 0)
+    open_headings.close(sectors, sectors.tight, 0)
     return sectors.tight[0]
 
 
@@ -104,7 +112,7 @@ def test_what_is_out_of_the_look_closes_nothing_and_what_touches_closes_a_flank(
 @given(st.integers(-400, 400), st.integers(-400, 400), st.integers(0, 30), st.integers(0, 30))
 def test_a_wider_margin_closes_more(x_mm: int, y_mm: int, spread_mm: int, ease_mm: int) -> None:
     sectors = measured(points((x_mm, y_mm), spread_mm=spread_mm), ease_mm=ease_mm)
-    headings.squeeze(sectors)
+    open_headings.squeeze(sectors)
     assert SQUEEZE_MM < TIGHT_MM < WIDE_MM
     for k in range(sectors.count):
         assert 0 <= sectors.squeezed[k] <= sectors.tight[k] <= sectors.wide[k] <= QUARTER
@@ -185,7 +193,7 @@ def test_what_was_heard_before_a_point_was_there_does_not_weaken_it() -> None:
     echoes, pose = Echoes(), Pose(0.0, 0.0, -BEARINGS[3])
     for seen in [ring({3: 150})] * 4 + [ring({3: 2000})] * 20 + [ring({3: 150})] * 4:
         listen(echoes, seen, RADIUS_MM)
-        headings.measure(Sectors(), echoes, pose, seen, 0, RADIUS_MM)
+        open_headings.measure(Sectors(), echoes, pose, seen, 0, RADIUS_MM)
         hear(echoes, pose, pose, seen, RADIUS_MM)
     assert echoes.count == 1
     assert echoes.weight[0] >= SURE

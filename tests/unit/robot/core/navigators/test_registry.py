@@ -1,12 +1,13 @@
 import pytest
 
-from protocol.enums import Navigator as Numbers
-from robot.core import bug2, navigators, reasons, states
-from robot.core.navigators import NAVIGATORS, Navigator
+from protocol.wire.enums import Navigator as Numbers
+from robot.core import reasons, states
+from robot.core.navigators import bug2, registry
+from robot.core.navigators.registry import NAVIGATORS, Navigator
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Decision
-from study.trial import NAVIGATORS as NAMES
-from tests.unit.core.driving import AHEAD, armed
+from study.trial.trial import NAVIGATORS as NAMES
+from tests.support.robot.core.driving import AHEAD, armed
 
 
 def test_every_navigator_of_the_dialect_is_there_and_has_its_name() -> None:
@@ -17,7 +18,7 @@ def test_every_navigator_of_the_dialect_is_there_and_has_its_name() -> None:
 @pytest.mark.parametrize("number", NAVIGATORS)
 @pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
 def test_a_fresh_memory_is_a_new_one_with_the_side_asked_for(number: int, side: int) -> None:
-    one, other = navigators.fresh(number, side), navigators.fresh(number, side)
+    one, other = registry.fresh(number, side), registry.fresh(number, side)
     assert one is not other
     assert one.side == side
 

@@ -2,9 +2,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robot.core import sweep as sweeps
-from robot.core.echoes import CIRCLE, HALF_CIRCLE, NOTHING, QUARTER
-from robot.core.headings import NEAR, Sectors
+from robot.core.navigators import sweep as sweeps
+from robot.core.navigators.open_headings import NEAR, Sectors
+from robot.core.perception.echoes import CIRCLE, HALF_CIRCLE, NOTHING, QUARTER
 
 BOTH = pytest.mark.parametrize("side", [1, -1])
 

@@ -4,13 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import states, vgm
+from robot.core import states
 from robot.core.geometry import BEARINGS, wrap
-from robot.core.memory import Memory
+from robot.core.navigators import vgm
+from robot.core.navigators.memory.paper_memory import Memory
 from robot.core.parameters import DEFAULTS
-from robot.core.ring import Ring
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose
-from tests.unit.core.rings import ring
+from tests.support.robot.core.rings import ring
 
 places = st.floats(-20.0, 20.0)
 poses = st.builds(Pose, places, places, st.floats(-pi, pi))

@@ -4,17 +4,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.core import escort as escorts
-from robot.core import loops, states, vgm_memory
-from robot.core import ring as rings
-from robot.core.echoes import MOST_WEIGHT, REACH_M, SURE
-from robot.core.following import SHUT, Memory
+from robot.core import states
 from robot.core.geometry import wrap
+from robot.core.navigators import vgm_memory
+from robot.core.navigators.memory import loops
+from robot.core.navigators.vgm_following import SHUT, Memory
+from robot.core.navigators.vgm_memory import PROMISES, STOOD
 from robot.core.parameters import DEFAULTS
-from robot.core.ring import Ring
+from robot.core.perception import flank_walker as escorts
+from robot.core.perception import sonar_ring as rings
+from robot.core.perception.echoes import MOST_WEIGHT, REACH_M, SURE
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import SONARS, Decision, Goal, Pose, Scan
-from robot.core.vgm_memory import PROMISES, STOOD
-from tests.unit.core.rings import HERE, SILENT, Disc, Wall, clearance_m, ring, walk_to
+from tests.support.robot.core.rings import HERE, SILENT, Disc, Wall, clearance_m, ring, walk_to
 
 GOAL = Goal(3.0, 0.0, None, 0.05, 0.05)
 PASSING = {states.PASS_LEFT, states.PASS_RIGHT}

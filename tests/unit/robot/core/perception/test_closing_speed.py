@@ -4,14 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import closing as closings
-from robot.core import ring as rings
-from robot.core.odometry import Odometry
 from robot.core.parameters import DEFAULTS
-from robot.core.ring import Ring
+from robot.core.perception import closing_speed as closings
+from robot.core.perception import sonar_ring as rings
+from robot.core.perception.odometry import Odometry
+from robot.core.perception.pedestrians import BEHIND, PERSON_M, TRACKS, Walkers
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose, Scan
-from robot.core.walkers import BEHIND, PERSON_M, TRACKS, Walkers
-from tests.unit.core.rings import Wall, seen_from
+from tests.support.robot.core.rings import Wall, seen_from
 
 PERIOD_S = DEFAULTS.period_s
 scans = st.lists(

@@ -4,9 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import echoes as memory
-from robot.core import fading
-from robot.core.echoes import (
+from robot.core.geometry import BEARINGS
+from robot.core.perception import echo_decay
+from robot.core.perception import echoes as memory
+from robot.core.perception.echo_decay import CORE, FADE_TURNS, FORGET_MM2, SLICES, THROUGH_MM
+from robot.core.perception.echoes import (
     BRADS,
     CIRCLE,
     CONE,
@@ -19,19 +21,25 @@ from robot.core.echoes import (
     SURE,
     Echoes,
 )
-from robot.core.fading import CORE, FADE_TURNS, FORGET_MM2, SLICES, THROUGH_MM
-from robot.core.geometry import BEARINGS
-from robot.core.ring import Ring
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import SONARS, Pose
-from tests.unit.core.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
+from tests.support.robot.core.rings import (
+    HERE,
+    RADIUS_MM,
+    SILENT,
+    Ranges,
+    any_ranges,
+    heard,
+    ring,
+)
 
 
 def look(
     echoes: Echoes, seen: Ring, looks: int, pose: Pose = HERE, before: Pose | None = None
 ) -> None:
     for _ in range(looks):
-        fading.listen(echoes, seen, RADIUS_MM)
-        fading.fade(echoes, pose)
+        echo_decay.listen(echoes, seen, RADIUS_MM)
+        echo_decay.fade(echoes, pose)
         memory.hear(echoes, before or pose, pose, seen, RADIUS_MM)
 
 
@@ -208,8 +216,8 @@ def test_cleared_there_is_nothing_to_confirm() -> None:
 def passed_through(seen: Ring, bearing: int, range_mm: int) -> bool:
     echoes = Echoes()
     echoes.count = 1
-    fading.listen(echoes, seen, RADIUS_MM)
-    return (range_mm + RADIUS_MM) ** 2 < echoes.through_mm2[fading.looks_at(bearing)]
+    echo_decay.listen(echoes, seen, RADIUS_MM)
+    return (range_mm + RADIUS_MM) ** 2 < echoes.through_mm2[echo_decay.looks_at(bearing)]
 
 
 def bearing_of(sonar: int) -> int:

@@ -2,12 +2,19 @@ from math import cos, pi, sin
 
 import pytest
 
-from robot.core import escort as escorts
-from robot.core.echoes import BRADS, CIRCLE, HALF_CIRCLE
-from robot.core.escort import ALONG_MM, ASIDE, BEFORE_M, GIVE_WAY_TICKS, NEAR_M, Escort
-from robot.core.ring import Ring
+from robot.core.perception import flank_walker as escorts
+from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
+from robot.core.perception.flank_walker import (
+    ALONG_MM,
+    ASIDE,
+    BEFORE_M,
+    GIVE_WAY_TICKS,
+    NEAR_M,
+    Escort,
+)
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
-from tests.unit.core.rings import Wall, ring, seen_from
+from tests.support.robot.core.rings import Wall, ring, seen_from
 
 FLANKS = pytest.mark.parametrize("side", [1, -1])
 STEP_M = 0.01

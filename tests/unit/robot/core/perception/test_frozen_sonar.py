@@ -1,15 +1,15 @@
-from robot.core import frozen
-from robot.core.frozen import Frozen
 from robot.core.parameters import DEFAULTS
+from robot.core.perception import frozen_sonar
+from robot.core.perception.frozen_sonar import Frozen
 from robot.core.values import Scan
-from tests.unit.core.test_ring import scan
+from tests.unit.robot.core.perception.test_sonar_ring import scan
 
 
 def drive(
     sonars: Frozen, one: Scan, ticks: int, moved_m: float = 0.015, turned: float = 0.0
 ) -> None:
     for _ in range(ticks):
-        frozen.watch(sonars, one, moved_m, turned, DEFAULTS)
+        frozen_sonar.watch(sonars, one, moved_m, turned, DEFAULTS)
 
 
 def test_echoes_that_ignore_a_turn_are_frozen() -> None:
@@ -87,7 +87,7 @@ def test_echoes_that_went_to_and_fro_on_the_way_and_then_stay_are_frozen() -> No
 
 def test_a_missing_scan_is_not_judged() -> None:
     sonars = Frozen()
-    frozen.watch(sonars, None, 1.0, 1.0, DEFAULTS)
+    frozen_sonar.watch(sonars, None, 1.0, 1.0, DEFAULTS)
     assert not sonars.verdict
 
 

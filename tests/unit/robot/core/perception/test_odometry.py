@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import odometry as odometries
-from robot.core.odometry import Odometry, tick_difference
 from robot.core.parameters import DEFAULTS, Params
+from robot.core.perception import odometry as odometries
+from robot.core.perception.odometry import Odometry, tick_difference
 from robot.core.values import Pose, Wheels
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import odometry as odometries
-from robot.core import slip as slips
-from robot.core.odometry import Odometry
 from robot.core.parameters import DEFAULTS
-from robot.core.ring import Ring
-from robot.core.slip import Slip
+from robot.core.perception import odometry as odometries
+from robot.core.perception import slip as slips
+from robot.core.perception.odometry import Odometry
+from robot.core.perception.slip import Slip
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Wheels
 
 STEP_TICKS = 60  # 12 mm

@@ -3,10 +3,10 @@ from math import inf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import ring as rings
 from robot.core.geometry import BEARINGS
 from robot.core.parameters import DEFAULTS
-from robot.core.ring import Ring
+from robot.core.perception import sonar_ring as rings
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Scan
 
 AGES = (25, 0) * 4

@@ -4,10 +4,10 @@ from math import cos, sin
 
 import pytest
 
-from robot.core import stall as stalls
-from robot.core.odometry import Odometry
 from robot.core.parameters import DEFAULTS
-from robot.core.stall import Stall, Wheel
+from robot.core.perception import stall as stalls
+from robot.core.perception.odometry import Odometry
+from robot.core.perception.stall import Stall, Wheel
 
 TOLD_M_S = 0.2
 TOLD_M = TOLD_M_S * DEFAULTS.period_s

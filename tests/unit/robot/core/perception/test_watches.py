@@ -2,13 +2,13 @@ from math import pi
 
 import pytest
 
-from robot.core import progress as progresses
 from robot.core import reasons
-from robot.core import stall as stalls
-from robot.core.odometry import Odometry
+from robot.core.motion import progress as progresses
+from robot.core.motion.progress import Progress
 from robot.core.parameters import DEFAULTS
-from robot.core.progress import Progress
-from robot.core.stall import Stall
+from robot.core.perception import stall as stalls
+from robot.core.perception.odometry import Odometry
+from robot.core.perception.stall import Stall
 from robot.core.values import Pose
 
 PERIOD_MS = 50

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robot.core import fence as fences
 from robot.core import modes, reasons, states
-from robot.core.fence import Fence
+from robot.core.safety import fence as fences
+from robot.core.safety.fence import Fence
 from robot.core.values import Goal, Pose
-from tests.unit.core.driving import AHEAD, armed, driving
+from tests.support.robot.core.driving import AHEAD, armed, driving
 
 Places = list[tuple[float, float]]
 

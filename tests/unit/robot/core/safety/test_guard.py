@@ -4,11 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import guard, reasons
-from robot.core import ring as rings
+from robot.core import reasons
 from robot.core.geometry import COSINES
 from robot.core.parameters import DEFAULTS, Params
-from robot.core.ring import FRONT, Ring
+from robot.core.perception import sonar_ring as rings
+from robot.core.perception.sonar_ring import FRONT, Ring
+from robot.core.safety import guard
 from robot.core.values import Scan, Wheels
 
 REST = Wheels(0, 0, 0, 0)

@@ -4,11 +4,12 @@ from collections.abc import Callable
 
 import pytest
 
-from robot.core import failsafe, modes, reasons, states
-from robot.core.fence import Fence
+from robot.core import modes, reasons, states
 from robot.core.machine import Machine
+from robot.core.safety import failsafe
+from robot.core.safety.fence import Fence
 from robot.core.values import Pose
-from tests.unit.core.driving import Driven, armed
+from tests.support.robot.core.driving import Driven, armed
 
 HERE = Pose(0.0, 0.0, 0.0)
 AROUND = Fence((0.0,), (0.0,), 2.0)

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.world_file import load
-from study.report.charts import bars, distribution_chart, steps, success_chart
-from study.report.drives import all_driven, driven
-from study.report.map_drawing import Map, ellipse, end_mark, thinned
-from study.report.svg import Drawing, n
-from study.statistics import CHI2_2_95, Share
-from study.trial import Trial, run_trial
-from tests.unit.report.made import drive
-from tests.unit.study.made import boxed, floor
+from plant.world.file import load
+from study.report.charts.charts import bars, distribution_chart, steps, success_chart
+from study.report.charts.drives import all_driven, driven
+from study.report.charts.svg import Drawing, n
+from study.report.charts.world_map import Map, ellipse, end_mark, thinned
+from study.statistics.intervals import CHI2_2_95, Share
+from study.trial.trial import Trial, run_trial
+from tests.support.study.made import boxed, floor
+from tests.support.study.report.made import drive
 
 
 def shapes(drawing: Drawing) -> list[str]:

@@ -2,18 +2,18 @@
 
 import pytest
 
-from plant.world_file import WorldError, load
-from plant.world_problems import Problem
-from plant.world_types import World
-from protocol.errors import UserError
-from study.one import trial_of
-from study.report.gallery import chosen, command_of, gallery, kind_of, varied
+from plant.model.errors import Problem
+from plant.model.types import World
+from plant.world.file import WorldError, load
+from runtime.errors import UserError
+from study.report.charts.gallery import chosen, command_of, gallery, kind_of, varied
 from study.report.page import Gallery, Text
 from study.report.trials import distinct, trials_of
-from study.rows import Row, table_of
-from study.trial import run_trial
-from tests.unit.report.made import COLLIDED, GAVE_UP, SHUT, STUCK, row, study
-from tests.unit.study.made import floor
+from study.runner.rows import Row, table_of
+from study.runner.run_task import trial_of
+from study.trial.trial import run_trial
+from tests.support.study.made import floor
+from tests.support.study.report.made import COLLIDED, GAVE_UP, SHUT, STUCK, row, study
 
 
 def a_world(source: str) -> World:

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from robot.core import states
-from study.report import paper_runs
-from study.report.claims import CONFIRMED, REFUTED, UNCLEAR, Claim, claims
-from study.report.drives import Drive, Pose
+from study.report.charts.drives import Drive, Pose
 from study.report.page import figures_of
-from study.report.paper_runs import (
+from study.report.paper import runs as paper_runs
+from study.report.paper.claims import CONFIRMED, REFUTED, UNCLEAR, Claim, claims
+from study.report.paper.runs import (
     PLACES,
     TRAPS,
     Runs,
@@ -23,11 +23,11 @@ from study.report.paper_runs import (
     turn_left_deg,
     ways,
 )
-from study.report.paper_section import claims_table, paper_section
+from study.report.paper.section import claims_table, paper_section
 from study.report.trials import trials_of
-from study.rows import SCHEMA, Row
-from tests.unit.report.made import COLLIDED, STUCK, drive, row, trials
-from tests.unit.study.made import floor
+from study.runner.rows import SCHEMA, Row
+from tests.support.study.made import floor
+from tests.support.study.report.made import COLLIDED, STUCK, drive, row, trials
 
 NONE = trials_of(SCHEMA.empty_table())
 DETOUR: Sequence[Pose] = [(1.0, 1.0, 0.0), (2.0, 1.5, 0.0), (2.5, 1.25, 0.0), (3.0, 1.0, 0.0)]

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from study.report.page import text_of
-from study.report.wanted import MET, MISSED, UNMEASURED, Target, targets, wanted_table
-from study.rows import Row
-from tests.unit.report.made import COLLIDED, GAVE_UP, SHUT, STUCK, row, trials
+from study.report.paper.targets import MET, MISSED, UNMEASURED, Target, targets, wanted_table
+from study.runner.rows import Row
+from tests.support.study.report.made import COLLIDED, GAVE_UP, SHUT, STUCK, row, trials
 
 
 def target(found: list[Target], what: str, noise: str = "default") -> Target:

@@ -3,9 +3,9 @@ from math import cos, pi, sin
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core import lap as laps
 from robot.core.geometry import wrap
-from robot.core.lap import Lap
+from robot.core.navigators.memory import lap as laps
+from robot.core.navigators.memory.lap import Lap
 from robot.core.values import Pose
 
 STEP_M = 0.015

@@ -6,9 +6,17 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robot.core import loops as way
-from robot.core.echoes import BRADS
-from robot.core.loops import CRUMBS, HIT_CM, HITS, IN_A_ROW, LEAST_AWAY, SPACING_CM, Loops
+from robot.core.navigators.memory import loops as way
+from robot.core.navigators.memory.loops import (
+    CRUMBS,
+    HIT_CM,
+    HITS,
+    IN_A_ROW,
+    LEAST_AWAY,
+    SPACING_CM,
+    Loops,
+)
+from robot.core.perception.echoes import BRADS
 
 LEFT, RIGHT = 1, -1
 

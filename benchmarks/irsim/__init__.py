@@ -1,0 +1,1 @@
+"""ir-sim, the peer."""

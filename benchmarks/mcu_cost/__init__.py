@@ -1,0 +1,1 @@
+"""Modelled cost of the control core on the LPC1768."""

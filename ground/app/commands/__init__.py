@@ -1,0 +1,1 @@
+"""From actions to commands, of the robot and of the app."""

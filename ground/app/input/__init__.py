@@ -1,0 +1,1 @@
+"""From bytes of a terminal to actions."""

@@ -1,0 +1,1 @@
+"""Verbs that command a robot."""

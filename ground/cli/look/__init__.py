@@ -1,0 +1,1 @@
+"""Verbs that observe, record and explain."""

@@ -1,0 +1,1 @@
+"""Messages that Foxglove and Lichtblick draw."""

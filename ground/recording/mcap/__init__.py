@@ -1,0 +1,1 @@
+"""MCAP files: read and written."""

@@ -1,0 +1,1 @@
+"""Presence, loss and rates of what arrives."""

@@ -1,0 +1,1 @@
+"""One robot: its state, its lease, the requests to it."""

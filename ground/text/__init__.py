@@ -1,0 +1,1 @@
+"""Text for people, shared by the command line and the app."""

@@ -1,0 +1,1 @@
+"""The verbs `plant` and `worlds`."""

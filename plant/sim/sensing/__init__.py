@@ -1,0 +1,1 @@
+"""Sonars: rays, surfaces, echoes."""

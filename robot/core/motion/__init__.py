@@ -1,0 +1,1 @@
+"""From a place to go to, to wheel speeds within limits."""

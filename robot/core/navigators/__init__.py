@@ -1,0 +1,1 @@
+"""The navigators, and what only they use."""

@@ -1,0 +1,1 @@
+"""What navigators remember between ticks."""

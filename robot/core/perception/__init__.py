@@ -1,0 +1,1 @@
+"""From raw sensor values to what the navigators use."""

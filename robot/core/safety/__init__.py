@@ -1,0 +1,1 @@
+"""What may only take speed away or stop the robot."""

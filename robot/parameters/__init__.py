@@ -1,0 +1,1 @@
+"""The robot's parameters: their table and the service that sets them."""

@@ -1,0 +1,1 @@
+"""Timing of the control loop on the host."""

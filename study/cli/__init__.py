@@ -1,0 +1,1 @@
+"""The verbs `trial`, `study` and `reexecute`."""

@@ -1,0 +1,1 @@
+"""The paper's experiments and claims, and the project's own targets."""

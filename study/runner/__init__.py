@@ -1,0 +1,1 @@
+"""Many trials: planned, run on all cores or a cluster, stored."""

@@ -1,0 +1,1 @@
+"""What tests, benchmarks and campaigns run the stack with."""

@@ -1,0 +1,1 @@
+"""Processes, network, disk and scheduler of the simulation."""

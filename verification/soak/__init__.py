@@ -1,0 +1,1 @@
+"""A fleet driven for a long time while faults happen."""
