@@ -9,9 +9,8 @@ from collections.abc import Callable
 from time import process_time
 from typing import Any
 
-from verification.harness.figures import Figure, Report, ratios
-from protocol.wire.codec import Encoder, decode
 from protocol.dialect.mavgen import oracle
+from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -24,6 +23,7 @@ from protocol.wire.messages import (
     WheelCommand,
     WheelTicks,
 )
+from verification.harness.figures import Figure, Report, ratios
 
 AT_LEAST = 3.0
 SYSTEM, COMPONENT = 1, 1

@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from textual.pilot import Pilot
 
-from benchmarks.robot import resident_mb
 from ground.app.app import GroundApp
 from ground.app.appearance import Looks
 from ground.map import Target
@@ -40,6 +39,7 @@ from protocol.wire.messages import (
 )
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswer
+from verification.harness.process_stats import resident_mb
 
 TELEMETRY_HZ: Final = 50
 POLL_HZ: Final = 10

@@ -13,10 +13,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from benchmarks.robot import cpu_s
 from plant.world.file import load
 from verification.harness.figures import Figure, Report, percentile, ratios
 from verification.harness.pace import PERIOD_NS, paced, wait_until
+from verification.harness.process_stats import cpu_s
 from verification.harness.stand_in import ROBOT, Standin, driving, robot_process
 
 AT_MOST: Final = 1.10

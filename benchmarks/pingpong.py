@@ -5,7 +5,6 @@ client that asks; both in direct callbacks, with the flow settings the stack use
 """
 
 import json
-import socket
 import subprocess
 import sys
 import time
@@ -16,6 +15,8 @@ from typing import Any
 
 import zenoh
 from zenoh.handlers import Callback
+
+from verification.harness.ports import free_port
 
 PING, PONG = "floor/ping", "floor/pong"
 ANSWER_WITHIN_S = 2.0
@@ -105,13 +106,6 @@ def configured(mode: str, listen: str | None = None, connect: str | None = None)
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    return port
 
 
 if __name__ == "__main__":

@@ -5,17 +5,16 @@ simulated hours take minutes: `--hours 10`.
 """
 
 import argparse
-import os
 import subprocess
 import sys
-from pathlib import Path
 from time import monotonic
 
 from plant.model.types import World
 from plant.world.file import load
-from protocol.bus import open_bus
+from protocol.bus.bus import open_bus
 from verification.harness.figures import Figure, Report
 from verification.harness.pace import RATE_HZ, paced
+from verification.harness.process_stats import cpu_s, resident_mb
 from verification.harness.stand_in import Standin, driving, robot_process
 
 CPU_AT_MOST, RSS_AT_MOST, IMPORT_AT_MOST, GROWTH_AT_MOST = 5.0, 60.0, 0.3, 1.0
@@ -107,16 +106,3 @@ def over_hours(world: World, hours: float) -> tuple[Figure, str]:
     )
     shown = ", ".join(f"{size:.1f}" for size in sizes[:: SAMPLES // 10])
     return growth, f"resident at each tenth of it, MB: {shown}; {pace:.0f} x real time"
-
-
-def cpu_s(pid: int) -> float:
-    """User and system time of all threads so far."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def resident_mb(pid: int) -> float:
-    for line in Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) / 1024
-    raise RuntimeError(f"process {pid} has no resident memory")

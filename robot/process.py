@@ -6,9 +6,9 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Final
 
-from protocol.bus import Asked, Bus
+from protocol.bus.bus import Bus
 from protocol.bus.claim import Twins
-from protocol.bus.service import refusal
+from protocol.bus.service import Asked, refusal
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
 from protocol.wire.enums import AckResult, Command
 from protocol.wire.messages import Teleop

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from time import time
 from typing import Final
 
-from protocol.bus import Bus, Network, open_bus
 from protocol.bus.audit import watched_doors
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import claim
 from protocol.bus.mailbox import MAX_STAMP_NS, Mailbox
+from protocol.bus.network import Network
 from protocol.topics import CLOCK, Role
 from protocol.wire.enums import Severity
 from protocol.wire.messages import SystemTime

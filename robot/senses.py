@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final, TypeVar
 
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Origin
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from protocol.wire.messages import SonarScan, WheelTicks

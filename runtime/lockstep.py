@@ -3,8 +3,8 @@
 import time
 from collections.abc import Callable
 
-from runtime.errors import Stopped
 from runtime.arrivals import WakeUp
+from runtime.errors import Stopped
 
 
 class LockstepClock:

@@ -17,7 +17,7 @@ from ground.launch.child_command import command
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import Policy
 from ground.launch.scenario import question, scenario_of, world_facts
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.bus.session import listens
 from protocol.topics import STATUS, TRUTH
 from runtime.clock import WallClock

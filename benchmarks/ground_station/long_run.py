@@ -6,13 +6,14 @@ from typing import Final
 
 from benchmarks.crowded import sizes_mb
 from benchmarks.ground_station.stage import SIZES, commanding
-from benchmarks.robot import resident_mb
-from protocol.bus import Network, open_bus
+from protocol.bus.bus import open_bus
+from protocol.bus.network import Network
 from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
 from verification.harness.figures import Figure
 from verification.harness.observer import Observer, observed
+from verification.harness.process_stats import resident_mb
 
 WORLD: Final = "forest_medium"
 GROWTH_AT_MOST_MB: Final = 15.0

@@ -118,19 +118,19 @@ def stories(
         state = core["brain"].State(params)
         state.machine.fence = far_fence(core)
         if number % 4 < 2:
-            state.trail.xs_m.extend([50.0] * core["trail"].LIMIT)
-            state.trail.ys_m.extend([50.0] * core["trail"].LIMIT)
+            state.trail.xs_m.extend([50.0] * core["motion.trail"].LIMIT)
+            state.trail.ys_m.extend([50.0] * core["motion.trail"].LIMIT)
         body = (ShutIn if number % 2 else Carried)(params, luck, number // 2)
         yield from told(core, state, body, ticks)
 
 
 def far_fence(core: Core) -> Any:
     """A comb with the robot in a tooth too wide to leave; a ray meets nearly all of its sides."""
-    last = core["fence"].MOST_CORNERS - 3
+    last = core["safety.fence"].MOST_CORNERS - 3
     comb = [(k - 7.0, -((-1.0) ** k)) for k in range(last + 1)]
     corners = [*comb, (last - 6.5, -2.0), (-7.5, -2.0)]
     xs_m, ys_m = (tuple(FENCE_M * corner[axis] for corner in corners) for axis in (0, 1))
-    return core["fence"].Fence(xs_m, ys_m, 0.0)
+    return core["safety.fence"].Fence(xs_m, ys_m, 0.0)
 
 
 def told(core: Core, state: Any, body: Body, ticks: int = TICKS) -> Iterator[Any]:

@@ -41,7 +41,7 @@ class Place(NamedTuple):
     arguments: str = "arguments"
 
     def verb(self) -> Verb:
-        module = import_module(f"ground.{self.module}")
+        module = import_module(f"ground.cli.{self.module}")
         arguments: Arguments = getattr(module, self.arguments)
         act: Act | None = getattr(module, self.act) if self.act else None
         if self.run:
@@ -62,7 +62,7 @@ def talking(act: Act) -> Run:
 
 def order(says: str) -> Place:
     """A verb that is one command."""
-    return Place(says, "orders", "act")
+    return Place(says, SIMPLE, "act")
 
 
 def both(says: str, module: str) -> Place:
@@ -75,52 +75,62 @@ def alone(says: str, module: str) -> Place:
     return Place(says, module, run="run")
 
 
+SIMPLE: Final = "command.simple_commands"
+
 PLACES: Final[Mapping[str, Place]] = MappingProxyType(
     {
-        "up": alone("start plant, robot and a goal, and tell how it ended", "up"),
-        "goto": both("drive to X Y [DEG] and wait for the outcome", "goto"),
+        "up": alone("start plant, robot and a goal, and tell how it ended", "run.up"),
+        "goto": both("drive to X Y [DEG] and wait for the outcome", "command.goto"),
         "hold": order("stand still, keep the goal"),
         "resume": order("go on to the goal"),
         "abort": order("drop the goal and stand still"),
         "estop": Place(
-            "emergency stop, latched", "orders", "act_estop", arguments="estop_arguments"
+            "emergency stop, latched",
+            SIMPLE,
+            "act_estop",
+            arguments="estop_arguments",
         ),
         "clear-estop": order("release the emergency stop"),
         "arm": order("let the wheels turn"),
         "disarm": order("do not let the wheels turn"),
         "rtl": order("drive back along the robot's own trail"),
-        "mode": Place("choose the mode", "orders", "act_mode", arguments="mode_arguments"),
+        "mode": Place("choose the mode", SIMPLE, "act_mode", arguments="mode_arguments"),
         "navigator": Place(
-            "choose the navigator", "orders", "act_navigator", arguments="navigator_arguments"
+            "choose the navigator",
+            SIMPLE,
+            "act_navigator",
+            arguments="navigator_arguments",
         ),
-        "param": Place("read and set the robot's parameters", "param", "act"),
-        "mission": both("waypoints: send, start, pause, jump, fetch", "missions.verb"),
-        "fence": both("keep the robot inside of a place", "fence"),
-        "lease": Place("who commands the robot: take it, give it back", "lease", "act"),
-        "teleop": both("drive by hand: SPEED YAW_DEG_S", "teleop"),
-        "watch": Place("show what the robot says, line by line", "watch", "act"),
+        "param": Place("read and set the robot's parameters", "command.param", "act"),
+        "mission": both("waypoints: send, start, pause, jump, fetch", "command.mission"),
+        "fence": both("keep the robot inside of a place", "command.fence"),
+        "lease": Place("who commands the robot: take it, give it back", "command.lease", "act"),
+        "teleop": both("drive by hand: SPEED YAW_DEG_S", "command.teleop"),
+        "watch": Place("show what the robot says, line by line", "look.watch", "act"),
         "ground": Place(
             "the ground station, in this terminal or in a browser",
-            "watch",
+            "look.watch",
             "act_ground",
             "run_ground",
             "ground_arguments",
         ),
-        "doctor": both("say what is missing and what to do", "doctor"),
-        "health": both("are the data of a role flowing?", "health"),
-        "berth": alone("a verb in one of several containers", "berth"),
-        "router": alone("a Zenoh router, until told to stop", "router"),
-        "keys": alone("who may join a locked bus: certificates made, and checked", "keys.verb"),
-        "explain": both("why did it turn?", "explain.verb"),
-        "ghost": both("another navigator from here on", "ghost.verb"),
-        "record": alone("write every frame to .tlog and .mcap", "record"),
-        "bridge": Place("live, for Foxglove or Lichtblick to connect to", "bridge", "act"),
-        "mark": Place(
-            "a remark in what is recorded", "record", "act_mark", arguments="mark_arguments"
+        "doctor": both("say what is missing and what to do", "look.doctor"),
+        "health": both("are the data of a role flowing?", "look.health"),
+        "berth": alone("a verb in one of several containers", "run.container"),
+        "router": alone("a Zenoh router, until told to stop", "run.router"),
+        "keys": alone(
+            "who may join a locked bus: certificates made and checked", "run.certificates"
         ),
-        "replay": alone("a recorded run, shown or executed again", "replay"),
-        "export": alone("a recording as CSV or Parquet", "exporting"),
-        "plot": alone("a recorded run as a picture", "plotting"),
+        "explain": both("why did it turn?", "look.explain"),
+        "ghost": both("another navigator from here on", "look.ghost"),
+        "record": alone("write every frame to .tlog and .mcap", "look.record"),
+        "bridge": Place("live, for Foxglove or Lichtblick to connect to", "look.bridge", "act"),
+        "mark": Place(
+            "a remark in what is recorded", "look.record", "act_mark", arguments="mark_arguments"
+        ),
+        "replay": alone("a recorded run, shown or executed again", "look.replay"),
+        "export": alone("a recording as CSV or Parquet", "look.export"),
+        "plot": alone("a recorded run as a picture", "look.plot"),
     }
 )
 

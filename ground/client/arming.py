@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Final, TypeVar
 
-from ground.cli.command.simple_commands import why
 from ground.client.link import Link
 from ground.client.requests import BEAT_NS, Answered, Request
+from ground.client.vocabulary import why
 from ground.text.output import Says
 from protocol.topics import STATUS
 from protocol.wire.enums import Command, Vehicle

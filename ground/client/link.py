@@ -18,7 +18,8 @@ from ground.client.requests import (
     Talk,
 )
 from ground.client.telemetry import Telemetry
-from protocol.bus import Bus, Publisher, open_bus
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.publisher import Publisher
 from protocol.bus.tls.access import barred
 from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role, Service, Topic
 from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState

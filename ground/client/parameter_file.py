@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from ground.recording import export_file
 from ground.client.parameter import Parameter
 from ground.client.parameter_rows import NAME
+from ground.recording import export_file
 from runtime.config import read_toml, unknown_key
 from runtime.errors import ConfigError, UserError
 from runtime.terminal import printable

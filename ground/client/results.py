@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Final, Protocol, TypeAlias
 
-from ground.cli.command.simple_commands import HINTS
-from runtime.errors import RemoteError
+from ground.client.vocabulary import HINTS
 from protocol.wire.reasons import Reason, reason_text
+from runtime.errors import RemoteError
 
 MS: Final = 1_000_000
 

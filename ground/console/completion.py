@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from ground.cli.command.simple_commands import NAVIGATORS
+from ground.client.vocabulary import NAVIGATORS
 from ground.console.aliases import unfolded
 from ground.console.parser import parser_for, subcommands_of, verbs
 from ground.console.tokenizer import LONGEST, last_word

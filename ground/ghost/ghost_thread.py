@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Final
 
-from ground.cli.command.simple_commands import NAVIGATORS
 from ground.client.goal import Destination
+from ground.client.vocabulary import NAVIGATORS
 from ground.ghost.branch_point import Instant, driving
 from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts

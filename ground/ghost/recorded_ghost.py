@@ -5,9 +5,9 @@ from itertools import pairwise
 from math import dist, isfinite
 from typing import Any, Final, NamedTuple
 
-from ground.cli.command.simple_commands import SIDES
 from ground.client.goal import Destination
 from ground.client.parameter_rows import rows_in
+from ground.client.vocabulary import SIDES
 from ground.ghost.branch_point import Facts, Instant
 from ground.ghost.predicted_path import Course, Point
 from ground.recording.log_index import Reel

@@ -4,12 +4,12 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from ground.cli.command.simple_commands import NAVIGATORS, SIDES, why
 from ground.client.goal import goal_request
 from ground.client.link import NS_PER_S, Link, Unanswered
 from ground.client.requests import Answered, GoalWatch
 from ground.client.status_line import goal_line, short_line
 from ground.client.telemetry import Telemetry
+from ground.client.vocabulary import NAVIGATORS, SIDES, why
 from ground.launch.scenario import Entrant, Scenario
 from ground.launch.supervisor import Void
 from ground.text.status_parts import Part

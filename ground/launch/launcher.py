@@ -20,7 +20,7 @@ from ground.launch.restart_policy import Policy, Supervisor
 from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
 from ground.launch.supervisor import Upkeep, Void
 from ground.launch.tls_configs import check, dialling
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.bus.network import Network
 from protocol.topics import HEARTBEAT, TRUTH
 from runtime.clock import Clock

@@ -1,9 +1,9 @@
 """Carries the transfers of missions and fences over a link, and tells how they ended."""
 
-from ground.cli.command.simple_commands import HINTS
 from ground.client.lease_holder import who_refuses
 from ground.client.link import Link
 from ground.client.requests import GaveUp
+from ground.client.vocabulary import HINTS
 from ground.missions.mission import Fence
 from ground.missions.transfer import Download, Downloaded, Transfer, Upload, Verdict
 from ground.missions.wire import fence_items_of

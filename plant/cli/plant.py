@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 
+from plant.model.configuration import noise_of
 from plant.model.noise import LEVELS
 from plant.process.run import run
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from plant.world.overrides import noise_of
 from protocol.bus.network import Network
 from protocol.options import add_network_options, network_of, whole
 from protocol.topics import robot_name

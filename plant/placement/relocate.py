@@ -5,11 +5,11 @@ from dataclasses import replace
 from math import isfinite
 from typing import Final
 
+from plant.model.configuration import body_of
 from plant.model.geometry import clearance_m
 from plant.model.movers import Mover
 from plant.model.scene import moves
 from plant.model.types import GoalPose, Obstacle, Point, Start, World
-from plant.world.overrides import body_of
 from runtime.errors import UserError
 
 PRESSED_M: Final = 0.005

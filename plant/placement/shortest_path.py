@@ -14,9 +14,9 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.model.configuration import body_of
 from plant.model.geometry import edges
 from plant.model.types import Circle, Point, Polygon, World
-from plant.world.overrides import body_of
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]

@@ -7,10 +7,10 @@ from time import monotonic
 from typing import Final
 
 from plant.process.requests import Desk
-from plant.sim.simulation import Plant
 from plant.process.robot_link import Wires
-from runtime.clock import NS_PER_S, Clock, ticks
+from plant.sim.simulation import Plant
 from runtime.arrivals import WakeUp
+from runtime.clock import NS_PER_S, Clock, ticks
 from runtime.timing import PERIOD_NS
 
 PERIOD_S: Final = PERIOD_NS / NS_PER_S

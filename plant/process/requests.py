@@ -6,7 +6,7 @@ from queue import Empty, SimpleQueue
 from typing import Final
 
 from plant.sim.simulation import Plant
-from protocol.bus import Asked
+from protocol.bus.service import Asked
 from protocol.wire.enums import AckResult, RunAction
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, RunRequest

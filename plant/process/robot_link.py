@@ -5,7 +5,8 @@ from typing import Any
 
 from plant.process.command_gate import CommandGate
 from plant.sim.simulation import Plant
-from protocol.bus import Bus, Publisher
+from protocol.bus.bus import Bus
+from protocol.bus.publisher import Publisher
 from protocol.topics import CLOCK, DRIVE, SONAR, TRUTH, WHEELS
 from protocol.wire.messages import SystemTime
 from runtime.timing import PERIOD_NS, UINT32

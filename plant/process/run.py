@@ -12,7 +12,7 @@ from plant.process.requests import Desk
 from plant.process.robot_link import Wires
 from plant.sim.simulation import Plant
 from plant.world.to_json import as_json
-from protocol.bus import Bus, open_bus
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import claim
 from protocol.bus.network import Network
 from protocol.topics import RUN, WORLD, Role

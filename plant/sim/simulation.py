@@ -5,6 +5,7 @@ from math import sqrt
 from typing import Final
 
 from plant.model.body import Body
+from plant.model.configuration import body_of, faults_of
 from plant.model.faults import Fault
 from plant.model.movers import Mover
 from plant.model.noise import Noise
@@ -13,7 +14,6 @@ from plant.model.types import World
 from plant.placement.start_positions import starts
 from plant.sim.physics import Arena
 from plant.sim.simulated_robot import PERIOD_S, Common, Moved, Vehicle
-from plant.world.overrides import body_of, faults_of
 from protocol.wire.messages import GroundTruth, RunScore, SonarScan, WheelTicks
 from runtime.timing import PERIOD_NS
 

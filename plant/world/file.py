@@ -10,6 +10,7 @@ from os.path import isfile
 from pathlib import Path
 from typing import Final
 
+from plant.model.configuration import body_of, faults_of, noise_of
 from plant.model.errors import Problem, Report, WorldError
 from plant.model.types import (
     Circle,
@@ -23,7 +24,6 @@ from plant.model.types import (
     World,
 )
 from plant.world.from_json import from_json, is_json
-from plant.world.overrides import body_of, faults_of, noise_of
 from plant.world.reader import read_world
 from runtime.toml_lines import key_lines
 from runtime.toml_reader import LARGEST_BYTES, TooDeep, table_in
@@ -49,7 +49,7 @@ __all__ = [
 ]
 
 STANDARD_INPUT: Final = "-"
-SHIPPED_DIR: Final = Path(__file__).parent / "worlds"
+SHIPPED_DIR: Final = Path(__file__).parents[1] / "worlds"
 PARSER_PLACE: Final = re.compile(
     r"(.*) \(at (?:line (\d+), column \d+|end of document)\)", re.DOTALL
 )

@@ -4,7 +4,8 @@
 is whole again: `Twins` watches for that.
 """
 
-from protocol.bus import Bus, Presence
+from protocol.bus.bus import Bus
+from protocol.bus.presence import Presence
 from runtime.errors import UserError
 
 

@@ -23,7 +23,7 @@ from protocol.dialect.python_text import (
 )
 
 ROOT: Final = Path(__file__).resolve().parents[2]
-WIRE: Final = "protocol"
+WIRE: Final = "protocol/wire"
 """Folder and package of the typed messages."""
 CORE: Final = "robot/core"
 
@@ -198,7 +198,7 @@ def core_states(dialect: Dialect) -> str:
 
 def core_module(docstring: str, groups: Iterable[Iterable[Entry]]) -> str:
     blocks = (["", *constant_lines(group)] for group in groups)
-    imports = ["", "from robot.core.typed import Final"]
+    imports = ["", "from robot.core.typing_shim import Final"]
     return module(docstring, imports, *blocks)
 
 

@@ -38,7 +38,7 @@ from protocol.wire.messages_operator import (
     MissionVerdict,
     Teleop,
 )
-from protocol.messages_robot import (
+from protocol.wire.messages_robot import (
     AvoidanceDecision,
     CycleReport,
     GroundTruth,

@@ -7,9 +7,9 @@ from hashlib import sha256
 from math import ceil
 from typing import Any, Final
 
+from plant.model.configuration import body_of
 from plant.model.noise import LEVELS
 from plant.model.types import World
-from plant.world.overrides import body_of
 from runtime.errors import UserError
 from study.runner.sources import Listed
 from study.runner.suggestion import unknown

@@ -18,9 +18,9 @@ class Row:
     None: unknown to anybody (no way to the goal, any heading will do). NaN: never came about, as
     the trial failed. `parameters` is a JSON object; `world_source` is what `study.runner.sources`
     makes the world from again. `own_contacts` are those the robot's own motion caused.
-    `mahalanobis2` is the true position error squared under the believed covariance. `side_changes` counts changes
-    between passing on the left and on the right, `avoidances` how often avoiding began; heading
-    for the goal between two avoidances of the same side is no change.
+    `mahalanobis2` is the true position error squared under the believed covariance. `side_changes`
+    counts changes between passing on the left and on the right, `avoidances` how often avoiding
+    began; heading for the goal between two avoidances of the same side is no change.
     """
 
     study: str

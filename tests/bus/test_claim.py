@@ -4,8 +4,9 @@ from contextlib import ExitStack
 
 import pytest
 
-from protocol.bus import Bus, Network, open_bus
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import NameTaken, Twins, claim
+from protocol.bus.network import Network
 from protocol.topics import Role
 from verification.harness.observer import until
 

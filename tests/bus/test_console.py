@@ -15,7 +15,7 @@ from ground.client.link import Link
 from ground.console import act, parse
 from ground.missions.draft import Draft
 from ground.text.output import Says
-from protocol.bus import open_bus
+from protocol.bus.bus import open_bus
 from protocol.bus.mailbox import Mailbox
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, LeaseAction, Mode, Vehicle

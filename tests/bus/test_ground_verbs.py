@@ -5,7 +5,8 @@ import json
 import pytest
 
 from ground.cli.main import main
-from protocol.bus import Network, open_bus
+from protocol.bus.bus import open_bus
+from protocol.bus.network import Network
 from protocol.topics import Role
 from protocol.wire.enums import Command, Mode, Vehicle
 from protocol.wire.messages import CommandRequest

@@ -10,7 +10,8 @@ from threading import Event, Thread
 import pytest
 
 from ground.cli.main import main
-from protocol.bus import Network, open_bus
+from protocol.bus.bus import open_bus
+from protocol.bus.network import Network
 from protocol.topics import HEARTBEAT, Role
 from tests.support.bus.lively import Lively
 from tests.support.bus.nets import net

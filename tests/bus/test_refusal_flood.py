@@ -10,7 +10,7 @@ LISTENER = """
 import os, sys, time
 from pathlib import Path
 import zenoh
-from protocol.bus import open_bus
+from protocol.bus.bus import open_bus
 from protocol.bus.audit import watched_doors
 from protocol.bus.session import configured
 from protocol.bus.network import Network

@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
-from protocol.bus import Asked, Bus
+from protocol.bus.bus import Bus
+from protocol.bus.service import Asked
 from protocol.topics import COMMAND, Service
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle

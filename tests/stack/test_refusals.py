@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from protocol.bus import Network
+from protocol.bus.network import Network
 from protocol.bus.session import open_session
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import AckResult

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Mailbox, Origin
 from protocol.topics import Topic
 

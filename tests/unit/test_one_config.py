@@ -53,7 +53,7 @@ def plant_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Network, list[str]
         runs.append((network, robots))
         return 0
 
-    monkeypatch.setattr(plant.cli, "run", run)
+    monkeypatch.setattr(plant.cli.plant, "run", run)
     return runs
 
 

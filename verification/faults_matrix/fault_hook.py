@@ -23,7 +23,7 @@ import robot.run
 from ground.launch.child_command import tie_to
 from plant.model.faults import Fault
 from plant.process.loop import Process
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.bus.faults.link_faults import Trouble
 from runtime.clock import WallClock
 

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Final, Self
 
-from benchmarks.pingpong import free_port
 from protocol.bus.network import Network
 from verification.flood.kinds import Attacker, frames, questions, wheels
 from verification.harness.observer import tls_of
+from verification.harness.ports import free_port
 
 NAME: Final = "robot-r2"
 KINDS: Final = (frames, questions, wheels)

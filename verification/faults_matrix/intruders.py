@@ -6,7 +6,7 @@ from itertools import zip_longest
 from math import inf, nan
 from typing import Any, Final, TypeAlias
 
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.topics import OPERATOR, SONAR, STOP, TELEOP, WHEELS, Role, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.layout import LAYOUT, Field

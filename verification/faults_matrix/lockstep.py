@@ -18,7 +18,7 @@ from protocol.topics import Role
 from protocol.wire.enums import Command
 from protocol.wire.enums import Vehicle as VehicleState
 from runtime.clock import Tick
-from verification.faults_matrix import motion, power_cuts
+from verification.faults_matrix import power_cuts
 from verification.faults_matrix.actions import (
     Act,
     Break,
@@ -37,10 +37,11 @@ from verification.faults_matrix.actions import (
     Wrap,
 )
 from verification.faults_matrix.intruders import Stranger, second_robot
-from verification.faults_matrix.motion import PERIOD_S, Seen
 from verification.faults_matrix.results import Repetition, reason_name
 from verification.faults_matrix.table import Fault, Must, Way
+from verification.harness import motion
 from verification.harness.inprocess import InProcess
+from verification.harness.motion import PERIOD_S, Seen
 
 STOPPING: Final = (Must.STOP, Must.STAND, Must.SAY)
 SET_OFF_TICKS: Final = (4, 60)

@@ -6,8 +6,8 @@ from time import monotonic_ns
 from typing import Any, Final, NamedTuple, Self
 
 from ground.client.emergency_stop import EmergencyStop
-from protocol.bus import Bus, Network, open_bus
-from protocol.bus.network import Tls
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network, Tls
 from protocol.topics import COMMAND, PARAMETER, STATUS, STOP, TRUTH, Role, Service, Topic
 from protocol.wire.codec import decode
 from protocol.wire.enums import PARAM_TYPE_REAL32, AckResult, Command, Vehicle
@@ -21,7 +21,7 @@ from protocol.wire.messages import (
 )
 from runtime.clock import WallClock
 from runtime.errors import NoAnswer, RemoteError
-from verification.faults_matrix.motion import Seen
+from verification.harness.motion import Seen
 
 DIAL_S: Final = 20.0
 GIVE_UP_NS: Final = 10_000_000_000

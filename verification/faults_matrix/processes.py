@@ -14,9 +14,9 @@ from threading import Event
 from time import monotonic
 from typing import IO, Any, Final, Self
 
-from benchmarks.pingpong import free_port
 from ground.launch.child_command import command
 from verification.harness.certificates import made_keys
+from verification.harness.ports import free_port
 from verification.harness.tcp_proxy import Cable
 
 PATIENCE_S: Final = 20.0

@@ -18,7 +18,6 @@ from plant.world.file import SHIPPED_DIR, load
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.goal import start_words
-from verification.faults_matrix import motion
 from verification.faults_matrix.actions import (
     Abandon,
     Act,
@@ -42,12 +41,13 @@ from verification.faults_matrix.impostor import NAME as IMPOSTOR
 from verification.faults_matrix.impostor import Impostor
 from verification.faults_matrix.intruders import Stranger
 from verification.faults_matrix.log import Lost, lost_from
-from verification.faults_matrix.motion import PERIOD_S
 from verification.faults_matrix.observer import Witness
 from verification.faults_matrix.processes import Crew, until
 from verification.faults_matrix.results import Repetition, reason_name
 from verification.faults_matrix.table import Fault, Must, Way
 from verification.flood.attack import Attack, Door
+from verification.harness import motion
+from verification.harness.motion import PERIOD_S
 from verification.harness.observer import tls_of
 
 STOPPING: Final = (Must.STOP, Must.STAND, Must.SAY)

@@ -21,7 +21,6 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Final
 
-from benchmarks.robot import cpu_s, resident_mb
 from protocol.topics import CYCLE, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.enums import Vehicle
@@ -33,6 +32,7 @@ from verification.flood.operator import Operator, Pressed
 from verification.harness.certificates import made_keys
 from verification.harness.figures import Figure, Report, percentile
 from verification.harness.observer import Observer, observed, until
+from verification.harness.process_stats import cpu_s, resident_mb
 
 ALONE: Final = "none"
 STOPS: Final = "stops"

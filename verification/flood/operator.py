@@ -17,8 +17,8 @@ from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest
 from protocol.wire.reasons import reason_text
 from runtime.clock import WallClock
 from runtime.errors import NoAnswer
-from verification.faults_matrix.motion import HOLDS, PERIOD_S, Seen, stood_s
 from verification.flood.presses import BEAT
+from verification.harness.motion import HOLDS, PERIOD_S, Seen, stood_s
 from verification.harness.observer import Observer
 
 BEAT_S: Final = 0.2

@@ -10,7 +10,7 @@ from math import degrees, inf, radians
 from typing import Final, Self
 
 from plant.model.faults import Fault
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.topics import COMMAND, CYCLE, DRIVE, Service
 from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, GoalState, Mode
 from protocol.wire.enums import Vehicle as VehicleState

@@ -11,11 +11,10 @@ from threading import Event
 from time import monotonic, monotonic_ns
 from typing import Any, Final
 
-from benchmarks.pingpong import free_port
 from plant.model.types import World
 from plant.world.file import load
-from protocol.bus import Bus, Network, open_bus
-from protocol.bus.network import Tls
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network, Tls
 from protocol.topics import COMMAND, DRIVE, RUN, STATUS, TRUTH, Role, Service, Topic
 from protocol.wire.codec import decode
 from protocol.wire.enums import AckResult, Command, GoalState, Mode, RunAction
@@ -31,6 +30,7 @@ from protocol.wire.messages import (
     WheelCommand,
 )
 from runtime.errors import NoAnswer
+from verification.harness.ports import free_port
 from verification.harness.processes import sidestep
 
 PATIENCE_S: Final = 10.0

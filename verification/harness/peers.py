@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from typing import Any, Final
 from uuid import uuid4
 
+from plant.model.configuration import noise_of
 from plant.model.types import World
 from plant.process.loop import Process as PlantProcess
 from plant.process.loop import Wake
@@ -13,9 +14,9 @@ from plant.process.requests import Desk
 from plant.process.robot_link import Wires
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from plant.world.overrides import noise_of
-from protocol.bus import Bus, Network, Publisher, open_bus
-from protocol.bus.network import Mode
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Mode, Network
+from protocol.bus.publisher import Publisher
 from protocol.topics import (
     CYCLE,
     OPERATOR,

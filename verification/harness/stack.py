@@ -7,9 +7,9 @@ from queue import Empty, SimpleQueue
 from time import monotonic_ns, perf_counter
 from typing import NamedTuple
 
-from benchmarks.pingpong import free_port
 from plant.model.types import World
-from protocol.bus import Bus, Network, open_bus
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network
 from protocol.topics import COMMAND, RUN, STATUS, Role, Service
 from protocol.wire.codec import decode
 from protocol.wire.enums import AckResult, Command, GoalState, Mode, RunAction
@@ -26,6 +26,7 @@ from protocol.wire.messages import (
 from robot.core.parameters import DEFAULTS
 from runtime.errors import NoAnswer
 from study.trial.trial import Trial, params_of, wire_goal_of
+from verification.harness.ports import free_port
 from verification.harness.processes import sidestep
 
 ROBOT = "r1"

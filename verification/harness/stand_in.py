@@ -12,19 +12,19 @@ from threading import Event
 from time import monotonic_ns
 from typing import NamedTuple
 
-from benchmarks.pingpong import free_port
+from plant.model.configuration import noise_of
 from plant.model.types import World
 from plant.process.robot_link import Wires
 from plant.sim.simulation import Plant
-from plant.world.overrides import noise_of
-from protocol.bus import Bus, Network, open_bus
-from protocol.bus.network import Tls
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network, Tls
 from protocol.topics import COMMAND, STATUS, Role
 from protocol.wire.enums import AckResult, Command, GoalState, Mode
 from protocol.wire.goal import WireGoal, start_words, wire_goal
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from study.trial.trial import wire_goal_of
 from verification.harness.pace import paced
+from verification.harness.ports import free_port
 from verification.harness.processes import sidestep
 
 ROBOT = "r1"

@@ -13,7 +13,7 @@ from threading import Event, Lock, Thread
 from time import monotonic_ns
 from typing import Final, NamedTuple, Self
 
-from benchmarks.robot import cpu_s
+from verification.harness.process_stats import cpu_s
 
 CHUNK: Final = 65_536
 SLOW_READ_S: Final = 0.05

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final, TypeVar, cast
 
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import ENCODING, OPERATOR, SONAR, TELEOP, WHEELS, Topic
 from protocol.wire.codec import Encoder

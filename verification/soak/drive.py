@@ -9,7 +9,7 @@ from typing import Final
 
 from ground.client.goal import Destination, goal_request
 from ground.client.requests import RequestIds
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.topics import COMMAND
 from protocol.wire.enums import AckResult, Command, GoalState, Mode, Vehicle
 from protocol.wire.message import Message

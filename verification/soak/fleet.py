@@ -13,7 +13,8 @@ from ground.launch.child_processes import Children
 from ground.launch.restart_policy import Supervisor
 from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
 from ground.launch.supervisor import Upkeep
-from protocol.bus import Bus, Network, open_bus
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network
 from protocol.topics import Role
 from runtime.clock import Clock
 from verification.flood.attack import Attack, Door

@@ -5,7 +5,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Final
 
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.topics import CYCLE, DRIVE, ODOMETRY, SONAR, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.message import Message

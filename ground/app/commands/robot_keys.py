@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
 from ground.app.screens import SCREENS
 from ground.app.screens.sheet import Action
-from ground.cli.command.simple_commands import NAVIGATORS, SIDES, USUAL_NAVIGATOR
+from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.text.theme_names import THEMES
 from protocol.topics import STATUS
 from protocol.wire.enums import Mode

@@ -19,7 +19,7 @@ from ground.missions.draft import Draft
 from ground.station import Outcome, Station
 from ground.station.robot.mission_items import target_of
 from ground.text.output import Says
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.options import DEFAULT_ENDPOINT
 from protocol.wire.enums import Severity
 from runtime.clock import Clock

@@ -4,9 +4,9 @@ from typing import Final, NamedTuple
 
 from ground.app.panels.aged import MISSING, aged, live, number, role_of
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row, width_of
-from ground.cli.command.simple_commands import NAVIGATORS, SIDES
 from ground.client.status_line import name_of
 from ground.client.telemetry import Age, Seen
+from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.station.station import Station
 from protocol.topics import HEARTBEAT, STATUS
 from protocol.wire.enums import Mode, Vehicle

@@ -10,11 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from ground.cli.command.simple_commands import MS, tell, why
+from ground.cli.command.simple_commands import MS, tell
 from ground.client.connection import add_common, seconds
 from ground.client.lease_holder import lease_status, who_refuses, words_of
 from ground.client.link import NS_PER_S, Link
 from ground.client.requests import BEAT_NS, Answered, Asking
+from ground.client.vocabulary import why
 from ground.text.output import Says
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction

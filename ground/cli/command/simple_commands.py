@@ -10,32 +10,15 @@ from ground.client.emergency_stop import EmergencyStop, outcome_words
 from ground.client.lease_holder import who_refuses
 from ground.client.link import Link
 from ground.client.requests import ATTEMPTS, PATIENCE_NS, Answered, GaveUp
+from ground.client.vocabulary import NAVIGATORS, SIDES, why
 from ground.text.output import Says
 from protocol.topics import STATUS, STOP
-from protocol.wire.enums import Command, Mode, Navigator
+from protocol.wire.enums import Command, Mode
 from protocol.wire.reasons import Reason, reason_text
 
 MS: Final = 1_000_000
 STOP_NS: Final = 5_000 * MS
 """How long `estop` repeats an emergency stop that is not acknowledged."""
-SIDES: Final = MappingProxyType({"left": 1, "right": -1})
-NAVIGATORS: Final = MappingProxyType({name.name.lower(): name for name in Navigator})
-USUAL_NAVIGATOR: Final = Navigator.VGM_MEMORY.name.lower()
-"""The robot's own."""
-
-HINTS: Final[Mapping[int, str]] = MappingProxyType(
-    {
-        Reason.NOT_ARMED: "sidestep arm",
-        Reason.EMERGENCY_STOPPED: "sidestep clear-estop",
-        Reason.NO_OPERATOR: "keep `sidestep ground` running, or use --no-wait",
-        Reason.NO_SENSES: "is the plant running? sidestep doctor",
-        Reason.DRIVING: "sidestep abort",
-        Reason.LEASE_HELD: "sidestep lease seize",
-        Reason.OUTSIDE_FENCE: "sidestep fence show",
-        Reason.FENCE_BREACHED: "sidestep fence off",
-        Reason.NO_MISSION: "sidestep mission upload FILE",
-    }
-)
 
 
 class Order(NamedTuple):
@@ -157,10 +140,3 @@ def tell(says: Says, verb: str, link: Link, answered: Answered) -> int:
         text = f"refused: {why(answered, who_refuses(link, answered.reason))}"
     says.result(found, text)
     return 0 if answered.ok else 1
-
-
-def why(answered: Answered, who: str = "") -> str:
-    """The robot's reason, with what to do where there is something; `who`: because of whom."""
-    text = f"{answered.text}: {who}" if who else answered.text
-    hint = HINTS.get(answered.reason)
-    return f"{text} ({hint})" if hint else text

@@ -13,7 +13,7 @@ from ground.client.link import NS_PER_S, Link, linked
 from ground.client.requests import Answered, Pace
 from ground.client.telemetry import Telemetry
 from ground.text.output import Says
-from protocol.bus import Publisher
+from protocol.bus.publisher import Publisher
 from protocol.options import finite
 from protocol.topics import STATUS, TELEOP
 from protocol.wire.enums import Command, Mode, Vehicle

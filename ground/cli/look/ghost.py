@@ -4,11 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-from ground.cli.command.simple_commands import NAVIGATORS, SIDES
 from ground.cli.look.explain import instant_ns, moment
 from ground.client.connection import add_common, common_of, seconds
 from ground.client.goal import Destination, destination
 from ground.client.link import Link, linked
+from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.ghost.branch_point import Instant, driving
 from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts

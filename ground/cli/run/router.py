@@ -5,8 +5,8 @@ from typing import Final
 
 from ground.client.connection import add_common, listening_of
 from ground.text.output import Says
-from protocol.bus import open_bus
 from protocol.bus.audit import watched_doors
+from protocol.bus.bus import open_bus
 from runtime.clock import WallClock
 
 NOBODY: Final = "router"

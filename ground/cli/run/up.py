@@ -13,9 +13,9 @@ from typing import Final
 from ground.app.appearance import add_looks
 from ground.app.start import has_screen
 from ground.app.start import run as run_app
-from ground.cli.command.simple_commands import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.client.connection import Common, add_json, positive, seconds
 from ground.client.link import NS_PER_S, Link, Unanswered
+from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.launch.child_command import command
 from ground.launch.fleet_run import Outing, as_json, in_words
 from ground.launch.goal_run import Errand
@@ -25,7 +25,7 @@ from ground.launch.scenario import Scenario, question, scenario_of, world_facts
 from ground.launch.tls_configs import ground_file
 from ground.text.output import Says
 from ground.text.status_parts import Part
-from protocol.bus import Bus, open_bus
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import MOST_ROBOTS
 from protocol.options import finite, whole
 from protocol.outcome import Outcome

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
-from ground.client.operations.session import Session
-from ground.client.results import Answer, answer_row
 from ground.client.emergency_stop import EmergencyStop, StopOutcome, outcome_words
+from ground.client.operations.session import Session
 from ground.client.requests import GaveUp
+from ground.client.results import Answer, answer_row
+from protocol.topics import MARK, STATUS, STOP
 from protocol.wire.enums import Command, Mode, Navigator, Severity
 from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
-from protocol.topics import MARK, STATUS, STOP
 
 MS: Final = 1_000_000
 STOP_S: Final = 5.0

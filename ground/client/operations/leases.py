@@ -10,15 +10,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from ground.client.operations.session import Session
-from ground.client.results import Answer, RefusedError
 from ground.client.lease_holder import lease_status, words_of
 from ground.client.link import NS_PER_S, Link
+from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, Answered, Asking
-from protocol.wire.enums import LeaseAction
-from runtime.errors import RemoteError, UserError
-from protocol.wire.messages import LeaseRequest, LeaseStatus
+from ground.client.results import Answer, RefusedError
 from protocol.topics import LEASE_SERVICE
+from protocol.wire.enums import LeaseAction
+from protocol.wire.messages import LeaseRequest, LeaseStatus
+from runtime.errors import RemoteError, UserError
 
 RELEASE_NS: Final = 200_000_000
 NAME_BYTES: Final = 16

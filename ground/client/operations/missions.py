@@ -4,20 +4,20 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Final
 
-from ground.client.operations.session import Session
-from ground.client.results import Answer, refusal_words
 from ground.client.lease_holder import who_refuses
 from ground.client.link import Link
+from ground.client.operations.session import Session
+from ground.client.requests import GaveUp
+from ground.client.results import Answer, refusal_words
 from ground.missions import files
 from ground.missions.mission import Fence, Home, Mission
 from ground.missions.transfer import Clear, Download, Downloaded, Transfer, Upload, Verdict
 from ground.missions.wire import fence_items_of, fence_of, items_of, waypoints_of
-from ground.client.requests import GaveUp
+from protocol.topics import MISSION, MISSION_SERVICE
 from protocol.wire.enums import Command, MissionState, MissionType
-from runtime.errors import RemoteError
 from protocol.wire.messages import CommandRequest, MissionStatus
 from protocol.wire.reasons import Reason, reason_text
-from protocol.topics import MISSION, MISSION_SERVICE
+from runtime.errors import RemoteError
 
 STATUS_NS: Final = 1_500_000_000
 CURRENT: Final = -1

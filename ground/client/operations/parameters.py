@@ -10,17 +10,17 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from ground.client import parameter_file
+from ground.client.link import Link, Unanswered
 from ground.client.operations.session import Session
 from ground.client.parameter import Parameter, parameters_in, same
-from ground.client.results import Refused
-from ground.client.link import Link, Unanswered
 from ground.client.requests import ATTEMPTS, PATIENCE_NS, GaveUp, Send, is_saving
+from ground.client.results import Refused
+from protocol.topics import PARAMETER, PARAMETERS, Service
 from protocol.wire.enums import PARAM_TYPE_REAL32
-from runtime.errors import RemoteError, UserError
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, ParamSet, ParamValue
 from protocol.wire.reasons import Reason, reason_text
-from protocol.topics import PARAMETER, PARAMETERS, Service
+from runtime.errors import RemoteError, UserError
 
 SAVING_NS: Final = 15_000_000_000
 """Longer than a robot waits for its disk before it answers NOT_SAVED."""

@@ -3,14 +3,14 @@
 from collections.abc import Callable, Sequence
 from typing import Final, Protocol, TypeVar
 
-from ground.client.results import Accepted, Answer, Refused
 from ground.client.lease_holder import who_refuses
 from ground.client.link import Link
 from ground.client.requests import ATTEMPTS, BEAT_NS, PATIENCE_NS, Answered, Request
+from ground.client.results import Accepted, Answer, Refused
 from ground.text.status_parts import Part
+from protocol.topics import COMMAND, STATUS, Service
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.reasons import Reason
-from protocol.topics import COMMAND, STATUS, Service
 
 R = TypeVar("R", bound=Request)
 INSIST_NS: Final = 2_000_000_000

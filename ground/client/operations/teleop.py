@@ -5,19 +5,19 @@ from dataclasses import dataclass
 from math import radians
 from typing import ClassVar, Final
 
+from ground.cli.command.teleop import FASTEST_DEG_S, FASTEST_M_S, RATE_HZ, Stick
+from ground.client.connection import within
+from ground.client.link import NS_PER_S, Link
 from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
-from ground.client.results import Answer
-from ground.client.link import NS_PER_S, Link
 from ground.client.requests import Pace
-from ground.client.connection import within
-from ground.cli.command.teleop import FASTEST_DEG_S, FASTEST_M_S, RATE_HZ, Stick
-from runtime.clock import ticks
+from ground.client.results import Answer
+from protocol.topics import STATUS
 from protocol.wire.enums import Command, Mode, Vehicle
-from runtime.errors import RemoteError, UserError
 from protocol.wire.messages import CommandRequest, NavigatorStatus
 from protocol.wire.reasons import reason_text
-from protocol.topics import STATUS
+from runtime.clock import ticks
+from runtime.errors import RemoteError, UserError
 
 HOLD_NS: Final = 300_000_000
 SETTLE_NS: Final = 500_000_000

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from plant.model.configuration import body_of
 from plant.model.types import Circle, Point, Polygon, Polyline, World
-from plant.world.overrides import body_of
 from study.report.charts.drives import Drive, Pose
 from study.report.charts.style import colour, dashed
 from study.report.charts.svg import Dot, Drawing

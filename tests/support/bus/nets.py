@@ -5,7 +5,7 @@ from contextlib import ExitStack, contextmanager
 from itertools import count
 from typing import Literal
 
-from protocol.bus import Bus, open_bus
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
 

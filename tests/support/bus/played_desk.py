@@ -1,6 +1,7 @@
 """The lease and the missions of a robot that a test plays."""
 
-from protocol.bus import Asked, Bus
+from protocol.bus.bus import Bus
+from protocol.bus.service import Asked
 from protocol.topics import LEASE, LEASE_SERVICE, MISSION, MISSION_SERVICE
 from protocol.wire.enums import AckResult, LeaseAction, MissionState, MissionType
 from protocol.wire.message import Message

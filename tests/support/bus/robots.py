@@ -6,7 +6,9 @@ from contextlib import contextmanager
 from math import nan
 from typing import Self
 
-from protocol.bus import Asked, Bus, Network, open_bus
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network
+from protocol.bus.service import Asked
 from protocol.topics import (
     COMMAND,
     HEARTBEAT,

@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-from protocol.bus import Asked, Bus
+from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Mailbox, Sample
+from protocol.bus.service import Asked
 from protocol.topics import COMMAND, DRIVE, ENCODING, SONAR, WHEELS, Role, Service, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.bus import Presence
+from protocol.bus.presence import Presence
 from protocol.topics import (
     ANSWERED,
     COMMANDED,

@@ -4,7 +4,7 @@ from typing import cast
 
 import pytest
 
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from protocol.wire.messages import Heartbeat, SonarScan, Teleop, WheelTicks
 from robot.core.parameters import DEFAULTS

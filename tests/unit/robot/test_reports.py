@@ -5,7 +5,7 @@ from typing import cast
 
 import pytest
 
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.topics import DRIVE
 from protocol.wire.messages import WheelCommand
 from robot.reports import Reports

@@ -10,8 +10,8 @@ from time import monotonic, monotonic_ns
 import pytest
 
 from plant.process.loop import Wake
-from runtime.clock import NS_PER_S, LockstepClock, Pulse, Stopped
 from runtime.arrivals import WakeUp
+from runtime.clock import NS_PER_S, LockstepClock, Pulse, Stopped
 
 WAIT_S = 0.02
 RESCUED_S = 5.0

@@ -20,7 +20,7 @@ from ground.client.requests import BEAT_NS, Answered, is_saving
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict
 from ground.missions.wire import fence_items_of, items_of
-from protocol.bus import open_bus
+from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import MISSION_SERVICE, PARAMETER, STATUS, STOP, Role
 from protocol.wire.enums import PARAM_TYPE_REAL32, Command, LeaseAction, MissionType, Mode

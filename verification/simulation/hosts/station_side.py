@@ -9,7 +9,7 @@ from typing import Any, Final
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.station import Outcome, Station
-from protocol.bus import open_bus
+from protocol.bus.bus import open_bus
 from protocol.topics import Role
 from verification.simulation.events import Argument
 from verification.simulation.hosts.operators import ACTIONS, DIALS, Asked, Operator

@@ -16,9 +16,9 @@ from ground.cli.main import parse
 from ground.launch.child_command import command
 from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
 from plant.cli.worlds import main as worlds
+from plant.model.configuration import body_of
 from plant.placement.start_positions import starts
 from plant.world.file import load
-from plant.world.overrides import body_of
 from protocol.outcome import Asked
 from protocol.wire.goal import wire_goal
 from robot.cli import parser as robot_parser

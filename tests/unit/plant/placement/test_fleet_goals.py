@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.model.body import Body
+from plant.model.configuration import body_of
 from plant.model.types import Circle, Obstacle, Point, Polygon
 from plant.placement.fleet_goals import RobotGoal, goals
 from plant.placement.start_positions import starts
 from plant.world.file import load, shipped
-from plant.world.overrides import body_of
 from tests.support.plant.rooms import room
 
 

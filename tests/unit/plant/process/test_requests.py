@@ -8,7 +8,7 @@ from plant.model.noise import LEVELS
 from plant.process.requests import MAX_ANSWERED, MAX_WAITING, Desk
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from protocol.bus import Asked
+from protocol.bus.service import Asked
 from protocol.wire.enums import AckResult, RunAction
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, RunRequest, RunScore

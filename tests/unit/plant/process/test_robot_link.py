@@ -8,7 +8,7 @@ from plant.model.noise import LEVELS
 from plant.process.robot_link import Wires
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from protocol.bus import Bus
+from protocol.bus.bus import Bus
 from protocol.topics import DRIVE
 from protocol.wire.messages import WheelCommand
 from runtime.clock import ManualClock

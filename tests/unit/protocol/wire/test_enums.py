@@ -5,9 +5,9 @@ from types import ModuleType
 
 import pytest
 
-from protocol.wire import enums
 from protocol.dialect.definitions import read_dialect
 from protocol.dialect.generate import CLASS_OF_ENUM, CONSTANTS
+from protocol.wire import enums
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.reasons import Reason, reason_text
 from robot.core import reasons, states

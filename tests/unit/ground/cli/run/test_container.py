@@ -11,9 +11,9 @@ import pytest
 
 from ground.cli.main import main, parse
 from ground.cli.run.container import addresses, place_of, words_of
+from plant.model.configuration import body_of
 from plant.placement.start_positions import starts
 from plant.world.file import load
-from plant.world.overrides import body_of
 from runtime.errors import UserError
 
 HERE = "172.19.0.4"

@@ -1,7 +1,7 @@
 """Who comes and goes is told once, and never of ourselves."""
 
 from ground.station.link.presence_log import BURST, Comings
-from protocol.bus import Presence
+from protocol.bus.presence import Presence
 from protocol.topics import Role
 from protocol.wire.enums import Severity
 from tests.support.ground.station.play import Play

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from ground.client.link import Unanswered
 from ground.client.operations import (
     LoadParameters,
     ParameterChanged,
@@ -14,11 +15,10 @@ from ground.client.operations import (
     ShowParameters,
 )
 from ground.client.operations.parameters import SAVING_NS
-from ground.client.link import Unanswered
-from runtime.errors import ConfigError, RemoteError, UserError
 from protocol.wire.messages import CommandAck, ParamSet, ParamValue
 from protocol.wire.reasons import Reason
-from tests.unit.client.scripted import ANSWER_NS, IN_PROGRESS, Stage
+from runtime.errors import ConfigError, RemoteError, UserError
+from tests.support.ground.client import ANSWER_NS, IN_PROGRESS, Stage
 
 ROWS = [
     {

@@ -8,12 +8,12 @@ from ground.client.operations import ChangeLease, DriveByHand, DriveEnded, ShowL
 from ground.client.operations.leases import NAME_BYTES, leased, operator_name
 from ground.client.operations.teleop import SETTLE_NS, taken_away
 from ground.client.results import Refused, RefusedError
+from protocol.topics import LEASE, OPERATOR, STATUS
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
-from runtime.errors import RemoteError, UserError
 from protocol.wire.messages import LeaseRequest, Teleop
 from protocol.wire.reasons import Reason
-from protocol.topics import LEASE, OPERATOR, STATUS
-from tests.unit.client.scripted import HELD, STANDBY, Stage, lease_of, status
+from runtime.errors import RemoteError, UserError
+from tests.support.ground.client import HELD, STANDBY, Stage, lease_of, status
 
 LATER_NS = SETTLE_NS + 1
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from ground.client.link import Unanswered
 from ground.client.operations import (
     ClearFence,
     ClearMission,
@@ -19,11 +20,10 @@ from ground.client.operations import (
     StartMission,
     UploadMission,
 )
-from ground.client.link import Unanswered
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
 from ground.missions.wire import fence_items_of, items_of
+from protocol.topics import MISSION
 from protocol.wire.enums import Command, MissionState, MissionType
-from runtime.errors import RemoteError, UserError
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     MissionCount,
@@ -33,8 +33,8 @@ from protocol.wire.messages import (
     MissionVerdict,
 )
 from protocol.wire.reasons import Reason
-from protocol.topics import MISSION
-from tests.unit.client.scripted import HELD, STANDBY, Stage
+from runtime.errors import RemoteError, UserError
+from tests.support.ground.client import HELD, STANDBY, Stage
 
 WAYPOINTS = (Waypoint(x_m=1.0, y_m=2.0), Waypoint(x_m=3.0, y_m=4.0, heading_deg=90.0))
 CIRCLE = Circle(x_m=0.0, y_m=0.0, radius_m=5.0)

@@ -3,8 +3,8 @@
 import pytest
 
 from protocol.wire.messages import GroundTruth
-from verification.faults_matrix import motion
-from verification.faults_matrix.motion import HOLDS, Seen
+from verification.harness import motion
+from verification.harness.motion import HOLDS, Seen
 
 
 def seen(*speeds_m_s: float, touching: tuple[int, ...] = ()) -> list[Seen]:

@@ -3,19 +3,19 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ground.client.operations import Session
-from ground.client.link import Link
-from ground.client.requests import NO_COMMAND, Request, command_of
 from ground.client.connection import Common
+from ground.client.link import Link
+from ground.client.operations import Session
+from ground.client.requests import NO_COMMAND, Request, command_of
 from ground.text.status_parts import Part, in_words
-from runtime.clock import ManualClock
+from protocol.bus.network import Network
+from protocol.topics import LEASE, STATUS, Service, Topic
 from protocol.wire.enums import AckResult, GoalState, Mode, Navigator, Vehicle
-from runtime.errors import NoAnswer
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, LeaseStatus, NavigatorStatus
-from protocol.bus.network import Network
 from protocol.wire.reasons import Reason
-from protocol.topics import LEASE, STATUS, Service, Topic
+from runtime.clock import ManualClock
+from runtime.errors import NoAnswer
 from tests.support.boxes import Box, Wireless
 
 MS = 1_000_000

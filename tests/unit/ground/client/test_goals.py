@@ -4,16 +4,16 @@ from typing import Any
 
 import pytest
 
+from ground.client.goal import destination
 from ground.client.operations import GoalEnded, Goto
 from ground.client.results import Refused, RefusedError
-from ground.client.goal import destination
+from protocol.topics import STATUS
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
-from runtime.errors import RemoteError, UserError
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest
 from protocol.wire.reasons import Reason
-from protocol.topics import STATUS
-from tests.unit.client.scripted import HELD, STANDBY, Stage, status
+from runtime.errors import RemoteError, UserError
+from tests.support.ground.client import HELD, STANDBY, Stage, status
 
 GOAL = destination([1.0, 2.0, 90.0])
 FRESH_NS = 2_000_000_000
