@@ -37,12 +37,8 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "robot": Verb("robot.cli", "the control loop of one robot, 20 Hz", False),
         "ground": Verb(GROUND, "the ground station, in this terminal or in a browser"),
         "router": Verb(GROUND, "a Zenoh router for more than one robot or machine"),
-        "keys": Verb(
-            "ground.cli.main", "who may join a locked bus: certificates made, and checked"
-        ),
-        "berth": Verb(
-            "ground.cli.main", "a verb in a container: its robot, its start, its network"
-        ),
+        "keys": Verb(GROUND, "who may join a locked bus: certificates made, and checked"),
+        "berth": Verb(GROUND, "a verb in a container: its robot, its start, its network"),
     },
     "command": {
         "goto": Verb(GROUND, "drive to X Y [DEG] and wait for the outcome"),
@@ -57,9 +53,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "mode": Verb(GROUND, "choose the mode"),
         "navigator": Verb(GROUND, "choose the navigator"),
         "param": Verb(GROUND, "read and set the robot's parameters"),
-        "mission": Verb(
-            "ground.cli.main", "waypoints: check, send, start, pause, jump, fetch, convert"
-        ),
+        "mission": Verb(GROUND, "waypoints: check, send, start, pause, jump, fetch, convert"),
         "fence": Verb(GROUND, "keep the robot inside of a circle or polygon"),
         "lease": Verb(GROUND, "who commands the robot: take it, give it back, show it"),
         "teleop": Verb(GROUND, "drive by hand at a speed and a turn"),

@@ -13,15 +13,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import atan2, cos, hypot, inf, pi, sin
 
-from plant.world_file import load
+from plant.world.file import load
 from protocol.outcome import Outcome
 from robot.core import states
 from robot.core.geometry import wrap
-from robot.core.navigators import NAVIGATORS, Navigator
+from robot.core.navigators.registry import NAVIGATORS, Navigator
 from robot.core.parameters import Params
-from robot.core.ring import Ring, bearing_rad
+from robot.core.perception.sonar_ring import Ring, bearing_rad
 from robot.core.values import Decision, Goal, Pose
-from study.trial import Trial, run_trial
+from study.trial.trial import Trial, run_trial
 
 STANDS_IN_FOR = "bug"
 """The robot finds the new navigator under this name during a run."""

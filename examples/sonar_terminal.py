@@ -10,7 +10,7 @@ import asyncio
 import sys
 
 import sidestep
-from protocol.messages import SonarScan
+from protocol.wire.messages import SonarScan
 
 SONARS = 8
 BETWEEN_DEG = 22.5

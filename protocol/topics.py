@@ -9,6 +9,17 @@ from protocol.limits import (
     SCAN_LOST_MS,
     TICKS_LOST_MS,
 )
+from protocol.topic import DIALECT as DIALECT
+from protocol.topic import ENCODING as ENCODING
+from protocol.topic import ENCODING_FAMILY as ENCODING_FAMILY
+from protocol.topic import MS as MS
+from protocol.topic import PREFIX as PREFIX
+from protocol.topic import Priority as Priority
+from protocol.topic import Role as Role
+from protocol.topic import Service as Service
+from protocol.topic import Topic as Topic
+from protocol.topic import operator_in as operator_in
+from protocol.topic import robot_name as robot_name
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -42,17 +53,6 @@ from protocol.wire.messages import (
     WheelCommand,
     WheelTicks,
 )
-from protocol.topic import DIALECT as DIALECT
-from protocol.topic import ENCODING as ENCODING
-from protocol.topic import ENCODING_FAMILY as ENCODING_FAMILY
-from protocol.topic import MS as MS
-from protocol.topic import PREFIX as PREFIX
-from protocol.topic import Priority as Priority
-from protocol.topic import Role as Role
-from protocol.topic import Service as Service
-from protocol.topic import Topic as Topic
-from protocol.topic import operator_in as operator_in
-from protocol.topic import robot_name as robot_name
 
 STOP_REPEAT_MS: Final = 50
 """An emergency stop is sent again after this, until the robot is seen to be stopped."""

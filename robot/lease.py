@@ -5,8 +5,8 @@ Sans-I/O. `allows` may be asked from any thread: it reads one reference.
 
 from typing import Final, NamedTuple
 
-from protocol.wire.enums import Command, LeaseAction, Severity
 from protocol.limits import MAX_LEASE_MS
+from protocol.wire.enums import Command, LeaseAction, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,
@@ -16,8 +16,8 @@ from protocol.wire.messages import (
     MissionRequestList,
     ParamRequestRead,
 )
-from runtime.terminal import printable
 from robot.core import reasons
+from runtime.terminal import printable
 
 NS_PER_MS: Final = 1_000_000
 LAPSE_NS: Final = MAX_LEASE_MS * NS_PER_MS

@@ -1,11 +1,8 @@
 """What goes out: the wheel command first, then belief, status, decision, cost and events."""
 
-from protocol.bus import Bus
-from protocol.limits import MAX_WHEEL_TTL_MS
+from protocol.bus.bus import Bus
 from protocol.bus.mailbox import MAX_STAMP_NS
-from protocol.wire.message import Message
-from protocol.wire.messages import WheelCommand
-from runtime.timing import UINT32
+from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -20,10 +17,13 @@ from protocol.topics import (
     STATUS,
     TEXT,
 )
+from protocol.wire.message import Message
+from protocol.wire.messages import WheelCommand
 from robot import telemetry
 from robot.core.perception.from_messages import now_ms_of
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
+from runtime.timing import UINT32
 
 
 class Reports:

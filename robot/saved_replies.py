@@ -2,15 +2,14 @@
 
 from typing import Final, NamedTuple
 
-from protocol.bus import Asked
-from protocol.bus.service import refusal
-from runtime.clock import NS_PER_S
+from protocol.bus.service import Asked, refusal
 from protocol.wire.enums import AckResult, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck
 from robot.core import reasons
-from robot.vehicle import Answer, Vehicle, not_saved, once_saved
 from robot.storage.writer import File, Ticket
+from robot.vehicle import Answer, Vehicle, not_saved, once_saved
+from runtime.clock import NS_PER_S
 
 MAX_WITHHELD: Final = 64
 INTERIM_NS: Final = 300_000_000

@@ -8,12 +8,12 @@ import secrets
 from collections.abc import Callable
 from typing import Final, NamedTuple, Protocol, TypeVar
 
-from runtime.clock import Clock
+from protocol.topics import STOP_REPEAT_MS, STOP_SERVICE, Service
 from protocol.wire.enums import AckResult, Command, Vehicle
-from runtime.errors import RemoteError
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
-from protocol.topics import STOP_REPEAT_MS, STOP_SERVICE, Service
+from runtime.clock import Clock
+from runtime.errors import RemoteError
 
 MS: Final = 1_000_000
 NS_PER_S: Final = 1_000_000_000

@@ -5,12 +5,19 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, Self, TypeAlias, TypeVar
 
+from ground.client.requests import OVERTAKEN_NS
 from ground.client.streams import QUEUE, Hub, Stream
-from ground.operator import OVERTAKEN_NS
-from ground.texts import Texts
-from protocol.enums import GoalState, MissionState, Mode, Severity, Vehicle
-from protocol.message import Message
-from protocol.messages import (
+from ground.text.statustext import Texts
+from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
+from protocol.wire.enums import (
+    GoalState,
+    MissionState,
+    Mode,
+    Severity,
+    Vehicle,
+)
+from protocol.wire.message import Message
+from protocol.wire.messages import (
     AvoidanceDecision,
     LeaseStatus,
     MissionStatus,
@@ -19,9 +26,8 @@ from protocol.messages import (
     SonarScan,
     Statustext,
 )
-from protocol.reasons import reason_text
-from protocol.terminal import printable
-from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
+from protocol.wire.reasons import reason_text
+from runtime.terminal import printable
 
 E = TypeVar("E", bound=IntEnum)
 M = TypeVar("M", bound=Message)

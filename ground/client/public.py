@@ -11,6 +11,7 @@ from ground.client.events import (
     TextReceived,
     VehicleChanged,
 )
+from ground.client.link import Unanswered
 from ground.client.operations import (
     DriveEnded,
     GoalEnded,
@@ -23,11 +24,17 @@ from ground.client.parameter import Parameter
 from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
 from ground.client.robot import Robot, connect
 from ground.client.streams import Stream
-from ground.link import Unanswered
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
-from protocol.enums import GoalState, MissionState, Mode, Navigator, Severity, Vehicle
-from protocol.errors import ConfigError, RemoteError, UserError
-from protocol.reasons import Reason
+from protocol.wire.enums import (
+    GoalState,
+    MissionState,
+    Mode,
+    Navigator,
+    Severity,
+    Vehicle,
+)
+from protocol.wire.reasons import Reason
+from runtime.errors import ConfigError, RemoteError, UserError
 
 __all__ = [
     "Accepted",

@@ -20,8 +20,18 @@ from math import radians
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+from ground.cli.command.teleop import Stick
 from ground.client import threads
+from ground.client.connection import Common, common
+from ground.client.emergency_stop import EmergencyStop
 from ground.client.events import Telemetry
+from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
+from ground.client.link import (
+    ALIVE,
+    NS_PER_S,
+    Link,
+    linked,
+)
 from ground.client.operations import (
     Abort,
     Arm,
@@ -45,19 +55,14 @@ from ground.client.operations.commands import STOP_S
 from ground.client.operations.goals import abort, send_goal
 from ground.client.operations.leases import ask_lease, give_back, operator_name
 from ground.client.operations.teleop import hold, take_manual, taken_away
+from ground.client.requests import GoalEnd, GoalWatch, Pace
 from ground.client.results import Answer, Outcome, Refused
 from ground.client.services import Fences, Leases, Missions, Parameters
 from ground.client.streams import Hub
-from ground.destination import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
-from ground.emergency_stop import EmergencyStop
-from ground.link import ALIVE, NS_PER_S, Link, linked
-from ground.operator import GoalEnd, GoalWatch, Pace
-from ground.options import Common, common
-from ground.teleop import Stick
-from protocol.bus import Publisher
-from protocol.clock import WallClock
-from protocol.enums import LeaseAction, Mode, Navigator
+from protocol.bus.publisher import Publisher
 from protocol.topics import LEASE, MISSION, OPERATOR, STATUS, STOP
+from protocol.wire.enums import LeaseAction, Mode, Navigator
+from runtime.clock import WallClock
 
 T = TypeVar("T")
 Out = TypeVar("Out", bound=Outcome)

@@ -35,16 +35,16 @@ from ground.client.operations import (
     UploadMission,
 )
 from ground.client.parameter import Parameter
+from ground.client.requests import SILENCE_NS
 from ground.client.results import Answer, Outcome, Refused
 from ground.client.streams import Hub
 from ground.missions import files
 from ground.missions.mission import Fence, Mission
-from ground.operator import SILENCE_NS
-from protocol.clock import Clock
-from protocol.enums import LeaseAction, MissionState
-from protocol.errors import RemoteError
-from protocol.messages import MissionStatus
 from protocol.topics import MISSION
+from protocol.wire.enums import LeaseAction, MissionState
+from protocol.wire.messages import MissionStatus
+from runtime.clock import Clock
+from runtime.errors import RemoteError
 
 Out = TypeVar("Out", bound=Outcome)
 TICK_S: Final = 0.05

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Final, Generic, Protocol, Self, TypeVar
 
-from protocol.mailbox import Mailbox
-from protocol.message import Message
+from protocol.bus.mailbox import Mailbox
 from protocol.topics import Topic
+from protocol.wire.message import Message
 
 T = TypeVar("T")
 M = TypeVar("M", bound=Message)

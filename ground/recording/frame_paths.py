@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from protocol.codec import HEADER_SIZE, WIRE_OF_ID, WIRE_OF_TYPE
 from protocol.sender import COMPONENT
 from protocol.topics import TOPICS
+from protocol.wire.codec import HEADER_SIZE, WIRE_OF_ID, WIRE_OF_TYPE
 
 UNKNOWN_PATH: Final = "unknown"
 PATH_OF: Final[Mapping[tuple[int, int], str]] = MappingProxyType(

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
 
-from ground.blackbox.frame_paths import path_in
+from ground.recording.frame_paths import path_in
 from ground.recording.mcap.reader import McapFile
 from ground.recording.tlog import Reader
-from runtime.errors import UserError
 from protocol.topics import PREFIX
+from runtime.errors import UserError
 
 NS_PER_US: Final = 1000
 MCAP_BEGINS: Final = b"\x89MCAP"

@@ -4,16 +4,16 @@ from collections.abc import Iterable
 from math import isfinite, sqrt
 from typing import Final
 
+from ground.client.telemetry import Age, age_of
 from ground.map import Robot, Scene, Target
 from ground.map.ellipse import CHI2_2_95
 from ground.station.history.trail import ranges_m
 from ground.station.robot.robot_model import Watched
 from ground.station.world import WorldFacts
-from ground.client.telemetry import Age, age_of
-from protocol.wire.enums import Mode
 from protocol.limits import OPERATOR_LOST_MS
-from protocol.wire.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
 from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
+from protocol.wire.enums import Mode
+from protocol.wire.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
 
 NS_PER_S: Final = 1_000_000_000
 STOPPED_S: Final = OPERATOR_LOST_MS / 1000 + 0.5

@@ -5,8 +5,8 @@ from math import cos, radians, sin
 from typing import Final
 
 from plant.model.noise import Noise
-from plant.sim.simulation import Plant
 from plant.model.types import GoalPose, Start, World
+from plant.sim.simulation import Plant
 from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.goal import wire_goal
 from robot.core import reasons, states

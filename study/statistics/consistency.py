@@ -14,18 +14,18 @@ import numpy as np
 import numpy.typing as npt
 
 from plant.corpus.tree_placement import grow
-from plant.sim.simulation import Plant
-from plant.world.overrides import noise_of
+from plant.model.configuration import noise_of
 from plant.model.types import GoalPose, Start, World
-from runtime.calibration import settings_of
+from plant.sim.simulation import Plant
 from protocol.limits import MAX_WHEEL_TTL_MS
-from robot.core.perception import odometry as odometries
 from robot.core.geometry import wrap
-from robot.core.perception.odometry import Odometry
 from robot.core.parameters import DEFAULTS, Params
+from robot.core.perception import odometry as odometries
 from robot.core.perception.from_messages import wheels_of
+from robot.core.perception.odometry import Odometry
 from robot.core.values import Outputs, Pose
 from robot.parameters.table import with_values
+from runtime.calibration import settings_of
 from study.calibration.runs import covariance_of
 from study.trial.core_loop import Onboard
 from study.trial.trial import Trial, run_trial

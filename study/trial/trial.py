@@ -6,20 +6,20 @@ from functools import lru_cache
 from time import perf_counter
 from typing import TypeAlias
 
-from plant.sim.simulation import Plant
-from plant.placement.shortest_path import known_length_m
-from plant.world.overrides import noise_of
+from plant.model.configuration import noise_of
 from plant.model.types import World
-from runtime.calibration import settings_of
+from plant.placement.shortest_path import known_length_m
+from plant.sim.simulation import Plant
 from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.outcome import Asked, Ended, Outcome, judged
-from runtime.timing import CONTROL_HZ, PERIOD_NS
 from protocol.wire.goal import WireGoal, told_heading_rad, wire_goal
 from robot.core import reasons, states
 from robot.core.machine import goal_lives
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Outputs, Pose
 from robot.parameters.table import with_values
+from runtime.calibration import settings_of
+from runtime.timing import CONTROL_HZ, PERIOD_NS
 from study.trial.core_loop import Onboard
 
 NAVIGATORS: Mapping[str, int] = {

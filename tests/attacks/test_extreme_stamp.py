@@ -2,16 +2,16 @@
 
 import pytest
 
-from runtime.clock import Tick, WallClock
-from protocol.wire.messages import SonarScan, WheelCommand
-from runtime.timing import PERIOD_NS
 from protocol.topics import DRIVE, SONAR
+from protocol.wire.messages import SonarScan, WheelCommand
 from robot.core.parameters import DEFAULTS
-from robot.scheduling.cycle_meter import Meter
 from robot.process import Process
+from robot.scheduling.cycle_meter import Meter
 from robot.senses import Senses
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
+from runtime.clock import Tick, WallClock
+from runtime.timing import PERIOD_NS
 from tests.support.attacks.attacker import Attacker
 from tests.support.bus.nets import Net, net
 from tests.support.until import until

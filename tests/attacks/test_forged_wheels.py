@@ -6,12 +6,12 @@ from itertools import chain, repeat
 
 import pytest
 
+from protocol.topics import DRIVE
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.messages import WheelCommand
 from protocol.wire.reasons import Reason
 from runtime.timing import PERIOD_NS
-from protocol.topics import DRIVE
 from tests.support.harness import Stack
 from tests.support.until import PATIENCE_S
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from ground.client.emergency_stop import EmergencyStop, StopOutcome
-from runtime.clock import WallClock
+from protocol.topics import COMMAND, COMMANDED, LEASE_SERVICE, STOP, STOP_SERVICE
 from protocol.wire.enums import Command, LeaseAction, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, LeaseRequest
 from protocol.wire.reasons import Reason
-from protocol.topics import COMMAND, COMMANDED, LEASE_SERVICE, STOP, STOP_SERVICE
 from robot.process import MAX_WAITING
+from runtime.clock import WallClock
 from tests.support.attacks.attacker import EVE, Attacker, Reply, answered, attacked, order
 from tests.support.harness import Stack
 from tests.support.until import PATIENCE_S, until

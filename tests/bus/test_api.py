@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 import sidestep
-from protocol.enums import Command, LeaseAction, MissionState
-from protocol.messages import CommandRequest, GoalRequest
+from protocol.wire.enums import Command, LeaseAction, MissionState
+from protocol.wire.messages import CommandRequest, GoalRequest
 from sidestep import GoalState, Mode, Reason, Vehicle
-from tests.bus.robots import PlayedRobot
+from tests.support.bus.robots import PlayedRobot
 
 PATIENCE_S = 8.0
 Stage = tuple[PlayedRobot, str]

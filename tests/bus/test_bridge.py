@@ -9,19 +9,19 @@ from typing import Any
 import aiohttp
 import pytest
 
-from ground.recording.mcap.reader import RAW_TOPIC
 from ground.cli.look.bridge import Bridge, place, served
-from ground.client.link import Link
 from ground.client.connection import Common
-from protocol.bus import open_bus
-from runtime.clock import WallClock
-from protocol.wire.codec import decode
-from runtime.errors import UserError
+from ground.client.link import Link
+from ground.recording.mcap.reader import RAW_TOPIC
+from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import ENCODING, PREFIX, WORLD, Role
+from protocol.wire.codec import decode
+from runtime.clock import WallClock
+from runtime.errors import UserError
 from tests.support.bus.robots import played
-from tests.support.until import until
 from tests.support.ground.recording.made import WORLD_TEXT
+from tests.support.until import until
 
 PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 DATA_HEAD = 1 + 4 + 8

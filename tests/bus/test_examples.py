@@ -10,12 +10,12 @@ import pytest
 import sidestep
 from examples import custom_navigator, drive_to_goal, log_to_parquet, patrol, sonar_terminal
 from ground.client import robot
-from ground.options import Common
-from protocol.bus import Network
-from protocol.enums import GoalState, MissionState
-from protocol.messages import SonarScan
-from robot.core.navigators import NAVIGATORS
-from tests.bus.lively import PERIOD_S, Lively
+from ground.client.connection import Common
+from protocol.bus.network import Network
+from protocol.wire.enums import GoalState, MissionState
+from protocol.wire.messages import SonarScan
+from robot.core.navigators.registry import NAVIGATORS
+from tests.support.bus.lively import PERIOD_S, Lively
 
 SPEED = 8.0
 """Simulated seconds in a second, where no heartbeat is needed: it is stamped in real time."""

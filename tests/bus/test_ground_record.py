@@ -9,15 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from ground.recording.log_reader import opened
 from ground.cli.main import main
+from ground.recording.log_reader import opened
 from ground.recording.log_writer import LogFile
-from ground.text.statustext import Texts
 from ground.recording.tlog import read
-from protocol.bus import Network, open_bus
+from ground.text.statustext import Texts
+from protocol.bus.bus import open_bus
+from protocol.bus.network import Network
+from protocol.topics import MARK, SONAR, Role
 from protocol.wire.codec import decode
 from protocol.wire.messages import Heartbeat, NavigatorStatus, Statustext
-from protocol.topics import MARK, SONAR, Role
 from tests.support.bus.robots import PlayedRobot, played
 from tests.support.until import PATIENCE_S
 

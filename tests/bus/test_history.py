@@ -9,18 +9,18 @@ from typing import Final, Literal
 
 import pytest
 
-from verification.harness.tcp_proxy import Cable
 from ground.station.link.streams import Counter
 from ground.text.statustext import aged
-from protocol.bus import Bus, open_bus
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Mode, Network
+from protocol.topics import MARK, TEXT, TOPICS, WHEELS, Role
 from protocol.wire.codec import decode
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext, WheelTicks
-from protocol.bus.network import Mode, Network
-from protocol.topics import MARK, TEXT, TOPICS, WHEELS, Role
 from tests.support.bus.nets import TOPOLOGIES, Topology, net, prefixes
 from tests.support.keyring import Keyring
 from tests.support.until import PATIENCE_S, until
+from verification.harness.tcp_proxy import Cable
 
 CUT_S: Final = 3.0
 """Three times what it takes until a silent link is given up."""

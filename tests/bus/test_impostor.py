@@ -12,12 +12,12 @@ import zenoh
 from zenoh.handlers import Callback
 
 from ground.cli.main import main
-from protocol.bus import Bus, open_bus
 from protocol.bus.audit import watched_doors
-from protocol.bus.session import configured
-from runtime.errors import NotLetIn
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Hub, Network
+from protocol.bus.session import configured
 from protocol.topics import COMMAND, OPERATOR, SONAR, STATUS, STOP, Role
+from runtime.errors import NotLetIn
 from tests.support.bus.locked import DIAL_S, SESSION
 from tests.support.keyring import Keyring
 from tests.support.until import until

@@ -4,10 +4,10 @@ import socket
 import subprocess
 import sys
 
-from protocol.bus import Bus, open_bus
-from protocol.wire.messages import WheelTicks
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import WHEELS, Role
+from protocol.wire.messages import WheelTicks
 from tests.support.bus.nets import net
 from tests.support.until import PATIENCE_S, until
 
@@ -15,7 +15,7 @@ TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
 
 ANNOUNCED = """
 import sys
-from protocol.bus import open_bus
+from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
 network = Network(mode="client", connect=(sys.argv[1],), prefix=sys.argv[2])

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import main
-from protocol.bus.tls import config as locks
-from protocol.bus import open_bus
-from protocol.bus.tls.config import NO_TLS
-from runtime.errors import BadKeys, NotLetIn, PeerHangs, UserError
+from protocol.bus.bus import open_bus
 from protocol.bus.network import Hub, Network, Tls
+from protocol.bus.tls import config as locks
+from protocol.bus.tls.config import NO_TLS
 from protocol.topics import Role
+from runtime.errors import BadKeys, NotLetIn, PeerHangs, UserError
 from tests.support.keyring import Keyring
 from tests.support.until import until
 

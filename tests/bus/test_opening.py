@@ -8,10 +8,10 @@ from typing import Literal
 
 import pytest
 
-from protocol.bus import open_bus
-from runtime.errors import BadEndpoint, EndpointInUse, LocalError, NoPeer, PeerHangs, UserError
+from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
+from runtime.errors import BadEndpoint, EndpointInUse, LocalError, NoPeer, PeerHangs, UserError
 from tests.support.bus.nets import TOPOLOGIES, Topology, net
 from tests.support.until import PATIENCE_S, until
 
@@ -134,7 +134,7 @@ def test_who_has_no_role_cannot_announce_itself() -> None:
 
 
 LEFT_OPEN = """
-from protocol.bus import open_bus
+from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import COMMAND, WHEELS, Role
 bus = open_bus(Network(mode="peer", listen=("tcp/127.0.0.1:0",)), Role.ROBOT, "r1")

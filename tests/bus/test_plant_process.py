@@ -8,16 +8,17 @@ from math import inf
 
 import pytest
 
-from plant.sim.simulation import Plant
+from plant.model.configuration import noise_of
 from plant.process.loop import Process, Wake
 from plant.process.run import assemble
+from plant.sim.simulation import Plant
 from plant.world.file import load
-from plant.world.overrides import noise_of
-from protocol.bus import Bus, Network, open_bus
-from runtime.clock import Pulse, WallClock
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network
+from protocol.topics import CLOCK, DRIVE, RUN, SONAR, TRUTH, WHEELS, WORLD, Role
 from protocol.wire.enums import AckResult, RunAction
 from protocol.wire.messages import CommandAck, GroundTruth, RunRequest, RunScore, WheelCommand
-from protocol.topics import CLOCK, DRIVE, RUN, SONAR, TRUTH, WHEELS, WORLD, Role
+from runtime.clock import Pulse, WallClock
 from tests.support.until import PATIENCE_S, until
 
 SECOND_NS = 1_000_000_000

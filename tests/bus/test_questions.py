@@ -7,14 +7,14 @@ from queue import SimpleQueue
 import pytest
 from zenoh import ZBytes
 
-from protocol.bus import Asked, Bus
-from protocol.bus.service import MAX_WAITING, Desk, taken
+from protocol.bus.bus import Bus
+from protocol.bus.service import MAX_WAITING, Asked, Desk, taken
+from protocol.topics import COMMAND, PARAMETERS, RUN, Role, Service, operator_in
 from protocol.wire.codec import LARGEST_FRAME
 from protocol.wire.enums import AckResult, Command
-from runtime.errors import NoAnswer, UserError
 from protocol.wire.messages import CommandAck, CommandRequest, Message, WheelTicks
 from protocol.wire.reasons import Reason
-from protocol.topics import COMMAND, PARAMETERS, RUN, Role, Service, operator_in
+from runtime.errors import NoAnswer, UserError
 from tests.support.bus.nets import TOPOLOGIES, Topology, net
 from tests.support.until import PATIENCE_S, until
 

@@ -13,17 +13,17 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
-from verification.flood.relay import SlowRelay
-from protocol.bus import Bus, open_bus
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.linger import sockets, taken
+from protocol.bus.network import Network
 from protocol.bus.service import Asked
 from protocol.bus.session import configured
-from protocol.wire.messages import Statustext
-from protocol.bus.network import Network
 from protocol.topics import PARAMETERS, TEXT, Role
+from protocol.wire.messages import Statustext
 from tests.support.bus.nets import net
 from tests.support.keyring import Keyring
 from tests.support.until import until
+from verification.flood.relay import SlowRelay
 
 BYTES_PER_S = 20_000.0
 LIST = bytes(200_000)

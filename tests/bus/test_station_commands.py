@@ -6,17 +6,17 @@ from io import StringIO
 from statistics import median
 from time import monotonic, thread_time
 
-from ground.console import act, parse
-from ground.client.link import Link
 from ground.client.connection import Common
-from ground.text.output import Says
+from ground.client.link import Link
+from ground.console import act, parse
 from ground.station import Outcome
 from ground.station.robot.background_requests import Job
-from protocol.bus import Bus
-from runtime.clock import WallClock
+from ground.text.output import Says
+from protocol.bus.bus import Bus
+from protocol.topics import COMMAND
 from protocol.wire.enums import Command, Mode, Vehicle
 from protocol.wire.messages import CommandAck, CommandRequest
-from protocol.topics import COMMAND
+from runtime.clock import WallClock
 from tests.support.bus.lively import Lively, Watching, watching
 from tests.support.until import PATIENCE_S, until
 

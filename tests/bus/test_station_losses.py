@@ -2,13 +2,13 @@
 
 import pytest
 
-from verification.harness.tcp_proxy import Cable
 from ground.station import LossKind
+from protocol.topics import LEASE_SERVICE, Role
 from protocol.wire.enums import AckResult, LeaseAction
 from protocol.wire.messages import CommandAck, LeaseRequest
-from protocol.topics import LEASE_SERVICE, Role
 from tests.support.bus.lively import Lively, watching
 from tests.support.until import PATIENCE_S
+from verification.harness.tcp_proxy import Cable
 
 
 def test_a_robot_whose_process_ends_behind_a_router_is_dead_and_comes_back() -> None:

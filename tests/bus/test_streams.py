@@ -2,11 +2,11 @@
 
 import pytest
 
-from protocol.wire.codec import decode
-from runtime.errors import LocalError
 from protocol.bus.mailbox import Mailbox
-from protocol.wire.messages import Heartbeat, SonarScan, WheelCommand, WheelTicks
 from protocol.topics import DRIVE, OPERATOR, SONAR, WHEELS, Role
+from protocol.wire.codec import decode
+from protocol.wire.messages import Heartbeat, SonarScan, WheelCommand, WheelTicks
+from runtime.errors import LocalError
 from tests.support.bus.nets import TOPOLOGIES, Topology, net
 from tests.support.until import PATIENCE_S, until
 

@@ -4,12 +4,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from time import monotonic_ns
 
-from protocol.bus import Bus, Publisher, open_bus
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.faults.link_faults import Trouble
+from protocol.bus.network import Network
+from protocol.bus.publisher import Publisher
+from protocol.topics import CLOCK, WHEELS, Role
 from protocol.wire.codec import decode
 from protocol.wire.messages import WheelTicks
-from protocol.bus.network import Network
-from protocol.topics import CLOCK, WHEELS, Role
-from protocol.bus.faults.link_faults import Trouble
 from tests.support.until import PATIENCE_S, until
 
 MS = 1_000_000

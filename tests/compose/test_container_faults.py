@@ -10,12 +10,12 @@ from time import monotonic_ns
 
 import pytest
 
+from protocol.topics import COMMAND
 from protocol.wire.enums import Command, GoalState, Mode, Vehicle
-from runtime.errors import NoAnswer
+from protocol.wire.goal import wire_goal
 from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
-from protocol.topics import COMMAND
-from protocol.wire.goal import wire_goal
+from runtime.errors import NoAnswer
 from tests.support.compose.compose import Compose, docker
 from tests.support.stack.processes import Witness, moved_not
 from tests.support.until import until

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from ground.missions.files import read
+from protocol.topics import MISSION
 from protocol.wire.enums import MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason
-from protocol.topics import MISSION
 from tests.support.stack.processes import Crew, Witness
 from tests.support.until import until
 

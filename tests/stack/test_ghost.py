@@ -11,8 +11,8 @@ import pytest
 
 from ground.app.playback.player import Player
 from ground.ghost.ghost_thread import Haunting
-from runtime.clock import ManualClock
 from protocol.topics import Role
+from runtime.clock import ManualClock
 from tests.support.stack.processes import Crew, Witness
 from tests.support.until import until
 

@@ -10,16 +10,16 @@ import pytest
 import zenoh
 
 from ground.certificates.folder import make
-from protocol.bus import Bus, open_bus
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network, Tls
 from protocol.bus.session import configured
+from protocol.topics import COMMAND, COMMANDED, ENCODING, LEASE_SERVICE, PREFIX, TELEOP, Role
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import Command, LeaseAction
-from runtime.errors import NotLetIn
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
-from protocol.bus.network import Network, Tls
 from protocol.wire.reasons import Reason
-from protocol.topics import COMMAND, COMMANDED, ENCODING, LEASE_SERVICE, PREFIX, TELEOP, Role
+from runtime.errors import NotLetIn
 from tests.support.keyring import DAY, NOW, Keyring
 from tests.support.stack.processes import Crew, Running
 from tests.support.until import until

@@ -9,10 +9,10 @@ import pytest
 
 from protocol.bus.network import Network
 from protocol.bus.session import open_session
+from protocol.topics import ENCODING, SERVICES, STOP, STOP_SERVICE, TOPICS
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import CommandRequest, WheelTicks
-from protocol.topics import ENCODING, SERVICES, STOP, STOP_SERVICE, TOPICS
 from tests.support.stack.processes import Crew, Witness
 from tests.support.until import until
 

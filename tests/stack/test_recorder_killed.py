@@ -15,10 +15,11 @@ from typing import Final
 import pytest
 
 from ground.recording.log_reader import opened
-from protocol.bus import Network, open_bus
+from protocol.bus.bus import open_bus
+from protocol.bus.network import Network
+from protocol.topics import WHEELS, Role
 from protocol.wire.codec import decode
 from protocol.wire.messages import WheelTicks
-from protocol.topics import WHEELS, Role
 from tests.support.stack.processes import Crew, Running
 from tests.support.until import until
 

@@ -10,11 +10,11 @@ import zenoh
 
 from protocol.bus.network import Network
 from protocol.bus.session import open_session
+from protocol.topics import COMMAND, HEARTBEAT, PARAMETER, SONAR, Role
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import AckResult
 from protocol.wire.messages import CommandAck, ParamSet, SonarScan
 from protocol.wire.reasons import Reason
-from protocol.topics import COMMAND, HEARTBEAT, PARAMETER, SONAR, Role
 from tests.support.bus.robots import BEAT
 from tests.support.stack.processes import Crew, Running, Witness
 from tests.support.until import until

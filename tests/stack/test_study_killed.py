@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 
 from study.runner.store import ASIDE, RESULTS, SHARDS, read
-from tests.support.until import until
 from tests.support.study.made import ids, spoil
+from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

@@ -8,20 +8,20 @@ from pathlib import Path
 
 import pytest
 
-from verification.restarts import NO_PAUSE, Ears, running
+from ground.cli.run.up import errands_of
 from ground.launch import child_command
 from ground.launch.child_processes import ChildDied
 from ground.launch.fleet_run import Outing
-from ground.text.output import Says
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import Policy
-from ground.cli.run.up import errands_of
-from runtime.clock import WallClock
+from ground.text.output import Says
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason
+from runtime.clock import WallClock
 from tests.support.stack.processes import Crew, Witness, moved_not
 from tests.support.stack.spoilt import Sabotage
 from tests.support.until import until
+from verification.restarts import NO_PAUSE, Ears, running
 
 pytestmark = pytest.mark.stack
 

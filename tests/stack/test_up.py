@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from ground.recording.tlog import Reader
-from protocol.wire.codec import decode
 from protocol.outcome import Outcome
+from protocol.wire.codec import decode
 from tests.support.until import until
 from tests.unit.ground.launch.test_child_processes import alive
 

@@ -3,6 +3,15 @@
 from math import nan
 from typing import Any
 
+from protocol.topics import (
+    COMMAND,
+    LEASE_SERVICE,
+    MISSION_SERVICE,
+    OPERATOR,
+    TELEOP,
+    Role,
+    Service,
+)
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType, Mode
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -14,15 +23,6 @@ from protocol.wire.messages import (
     Teleop,
 )
 from protocol.wire.reasons import Reason
-from protocol.topics import (
-    COMMAND,
-    LEASE_SERVICE,
-    MISSION_SERVICE,
-    OPERATOR,
-    TELEOP,
-    Role,
-    Service,
-)
 from tests.support.harness import OPERATOR_BEAT, Stack, reason_in
 from tests.support.until import PATIENCE_S
 

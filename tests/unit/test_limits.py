@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.emergency_stop import REPEAT_NS
+from ground.client.emergency_stop import REPEAT_NS
 from protocol.limits import (
     MAX_LEASE_MS,
     MAX_TELEOP_TTL_MS,
@@ -14,12 +14,12 @@ from protocol.limits import (
     SCAN_LOST_MS,
     TICKS_LOST_MS,
 )
-from protocol.message import Message
-from protocol.reasons import Reason, reason_text
-from protocol.timing import PERIOD_MS
 from protocol.topics import DRIVE, MS, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Topic
+from protocol.wire.message import Message
+from protocol.wire.reasons import Reason, reason_text
 from robot.core.parameters import DEFAULTS
 from robot.lease import LAPSE_NS
+from runtime.timing import PERIOD_MS
 
 README = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
 S = 1000

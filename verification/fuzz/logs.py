@@ -12,29 +12,25 @@ from typing import Any, Final
 
 from mcap.writer import CompressionType, Writer
 
-from verification.fuzz.messages import packed, pieces
-from verification.fuzz.target import REFUSALS, Target
-from verification.fuzz.wire import ARM, GOAL, SCAN, TEXT, TICKS
-from verification.fuzz.words import JSON_WORDS
 from ground.cli.look import export
-from ground.recording.tables.time_axis import Axis
-from ground.recording.log_reader import opened
-from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
-from ground.recording.mcap.writer import McapForm
-from ground.recording.world_metadata import discs, facts_of, outlines, radius_of, start_of
-from ground.recording.log_index import Reel
-from ground.recording.playback.playback_bus import ReplayBus
-from ground.recording.tables.series import gathered
+from ground.cli.look.replay import lines
 from ground.explain.from_recording import Recorded as Decided
 from ground.ghost.recorded_ghost import Footage, parameters_in
 from ground.map import Canvas, View, draw
-from ground.cli.look.replay import lines
-from ground.text.output import Says
-from ground.station import Station
+from ground.recording.log_index import Reel
+from ground.recording.log_reader import opened
+from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
+from ground.recording.mcap.writer import McapForm
+from ground.recording.playback.playback_bus import ReplayBus
+from ground.recording.tables.series import gathered
+from ground.recording.tables.time_axis import Axis
 from ground.recording.tlog import record_bytes
+from ground.recording.world_metadata import discs, facts_of, outlines, radius_of, start_of
+from ground.station import Station
+from ground.text.output import Says
 from plant.world.file import load
 from plant.world.to_json import as_json
-from runtime.clock import ManualClock
+from protocol.topics import ENCODING, PREFIX, TOPICS
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -44,14 +40,18 @@ from protocol.wire.messages import (
     TickInputs,
     WheelCommand,
 )
-from protocol.topics import ENCODING, PREFIX, TOPICS
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import described
 from robot.telemetry import SCAN_THERE, WHEELS_THERE
-from study.trial.recorded_drive import Recorded
-from study.trial.reexecute import reexecuted, refuse_unless_whole
+from runtime.clock import ManualClock
 from study.cli.reexecute import params_of
 from study.cli.reexecute import start_of as started_at
+from study.trial.recorded_drive import Recorded
+from study.trial.reexecute import reexecuted, refuse_unless_whole
+from verification.fuzz.messages import packed, pieces
+from verification.fuzz.target import REFUSALS, Target
+from verification.fuzz.wire import ARM, GOAL, SCAN, TEXT, TICKS
+from verification.fuzz.words import JSON_WORDS
 
 BEGUN_US: Final = 1_790_000_000_000_000
 MOST_ROWS: Final = 20_000

@@ -8,15 +8,15 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from ground.blackbox.frame_paths import path_in
-from ground.recording.mcap.reader import KEY_TOPIC, RAW_TOPIC, Key
 from ground.recording.foxglove.scene import Drawn, Picture
-from ground.recording.mcap.json_schemas import KEY_SCHEMA, Schema, schema_of
 from ground.recording.foxglove.schemas import SHAPES
-from protocol.wire.codec import decode
-from runtime.errors import RemoteError
-from protocol.wire.message import Message
+from ground.recording.frame_paths import path_in
+from ground.recording.mcap.json_schemas import KEY_SCHEMA, Schema, schema_of
+from ground.recording.mcap.reader import KEY_TOPIC, RAW_TOPIC, Key
 from protocol.topics import ENCODING, path_of
+from protocol.wire.codec import decode
+from protocol.wire.message import Message
+from runtime.errors import RemoteError
 
 TO_JSON: Final = msgspec.json.Encoder()
 """What is not finite becomes null: JSON has no infinity. The raw frame beside it is exact."""

@@ -21,10 +21,10 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata
 
-from ground.blackbox.frame_paths import path_in
+from ground.recording.frame_paths import path_in
 from ground.recording.mcap.chunk import unpacked
-from protocol.wire.codec import HEADER_SIZE
 from protocol.topics import ENCODING_FAMILY, PREFIX
+from protocol.wire.codec import HEADER_SIZE
 
 RAW_TOPIC: Final = "/mavlink"
 KEY_TOPIC: Final = "/mavlink/key"

@@ -11,9 +11,9 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
-from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
-from ground.recording.mcap.json_schemas import KEY_SCHEMA, Schema
 from ground.recording.mcap.channels import Piece, Spread
+from ground.recording.mcap.json_schemas import KEY_SCHEMA, Schema
+from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
 from protocol.topics import ENCODING, PREFIX
 
 LIBRARY: Final = "sidestep"

@@ -3,8 +3,8 @@
 from enum import Enum
 from typing import Final, NamedTuple
 
-from protocol.limits import SCAN_LOST_MS
 from protocol.bus.network import Hub
+from protocol.limits import SCAN_LOST_MS
 from protocol.topics import HEARTBEAT
 
 MS: Final = 1_000_000

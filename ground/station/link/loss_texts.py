@@ -2,9 +2,9 @@
 
 from typing import Final, NamedTuple
 
-from ground.station.robot.lease_state import Lease
 from ground.station.link.loss import LossKind
-from protocol.wire.enums import GoalState, Mode, Vehicle
+from ground.station.robot.lease_state import Lease
+from protocol.bus.network import Hub
 from protocol.limits import (
     MAX_LEASE_MS,
     MAX_WHEEL_TTL_MS,
@@ -12,8 +12,8 @@ from protocol.limits import (
     SCAN_LOST_MS,
     TICKS_LOST_MS,
 )
+from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
-from protocol.bus.network import Hub
 from protocol.wire.reasons import Reason, reason_text
 
 MS: Final = 1_000_000

@@ -1,10 +1,10 @@
 """The failsafe table: what stops the robot by itself, one row each."""
 
-from robot.core.safety import fence as fences
 from robot.core import limits, reasons, states
 from robot.core import machine as machines
 from robot.core.machine import Machine
 from robot.core.parameters import Params
+from robot.core.safety import fence as fences
 from robot.core.state import State
 from robot.core.typing_shim import Final, NamedTuple, Protocol
 from robot.core.values import Inputs

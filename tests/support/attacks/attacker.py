@@ -7,15 +7,15 @@ from typing import Any, Self
 import zenoh
 from zenoh.handlers import Callback
 
+from protocol.bus.network import Network
 from protocol.bus.robot_clock import time_bytes
 from protocol.bus.session import open_session
+from protocol.topics import COMMAND, ENCODING, Service, Topic
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import Command
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest
-from protocol.bus.network import Network
 from protocol.wire.reasons import Reason
-from protocol.topics import COMMAND, ENCODING, Service, Topic
 from tests.support.harness import Stack
 from tests.support.until import until
 

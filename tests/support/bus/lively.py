@@ -6,10 +6,11 @@ from contextlib import contextmanager
 from typing import Final
 
 from ground.station import LossKind, Station
-from protocol.bus import Network, open_bus
+from protocol.bus.bus import open_bus
+from protocol.bus.network import Network
+from protocol.topics import Role
 from runtime.clock import Tick, WallClock
 from runtime.timing import PERIOD_NS
-from protocol.topics import Role
 from tests.support.harness import Stack
 from tests.support.until import PATIENCE_S, until
 

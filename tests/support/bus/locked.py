@@ -8,8 +8,8 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.session import bound_endpoints, configured, open_session
 from protocol.bus.network import Mode, Network, Tls
+from protocol.bus.session import bound_endpoints, configured, open_session
 from protocol.topics import SERVICES, TOPICS, Role
 from tests.support.bus.nets import Topology, prefixes
 from tests.support.keyring import Keyring

@@ -19,10 +19,11 @@ from types import TracebackType
 from typing import IO, Self
 
 from ground.launch.child_command import command
-from protocol.bus import Bus, Network, open_bus
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network
+from protocol.topics import CYCLE, DRIVE, STATUS, TEXT, TRUTH, Role
 from protocol.wire.codec import decode
 from protocol.wire.enums import Vehicle
-from runtime.errors import NoPeer, RemoteError
 from protocol.wire.messages import (
     CycleReport,
     GroundTruth,
@@ -30,7 +31,7 @@ from protocol.wire.messages import (
     Statustext,
     WheelCommand,
 )
-from protocol.topics import CYCLE, DRIVE, STATUS, TEXT, TRUTH, Role
+from runtime.errors import NoPeer, RemoteError
 from tests.support.until import PATIENCE_S, until
 
 STILL_M_S = 0.001

@@ -8,13 +8,9 @@ from pathlib import Path
 
 from ground.recording.mcap.writer import McapForm
 from plant.model.noise import LEVELS
-from plant.sim.simulation import Plant
 from plant.model.types import World
-from protocol.wire.codec import Encoder
-from protocol.wire.enums import Command
+from plant.sim.simulation import Plant
 from protocol.limits import MAX_WHEEL_TTL_MS
-from protocol.wire.message import Message
-from protocol.wire.messages import CommandRequest, GoalRequest, WheelCommand
 from protocol.sender import sender_of
 from protocol.topics import (
     ANSWERED,
@@ -28,6 +24,10 @@ from protocol.topics import (
     WHEELS,
     Topic,
 )
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import Command
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandRequest, GoalRequest, WheelCommand
 from robot import telemetry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception.from_messages import now_ms_of, scan_of, wheels_of

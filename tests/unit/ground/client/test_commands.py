@@ -2,6 +2,7 @@
 
 import pytest
 
+from ground.client.link import Unanswered
 from ground.client.operations import (
     COMMANDS,
     Arm,
@@ -12,14 +13,18 @@ from ground.client.operations import (
     SetNavigator,
     StopNow,
 )
-from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
-from ground.client.link import Unanswered
 from ground.client.requests import ATTEMPTS
+from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
+from protocol.topics import STATUS, STOP
 from protocol.wire.enums import Command, Mode, Navigator, Vehicle
 from protocol.wire.messages import CommandRequest
 from protocol.wire.reasons import Reason
-from protocol.topics import STATUS, STOP
-from tests.unit.client.scripted import ANSWER_NS, HELD, Stage, status
+from tests.support.ground.client import (
+    ANSWER_NS,
+    HELD,
+    Stage,
+    status,
+)
 
 
 def test_agreement_is_accepted_with_the_time_it_took() -> None:

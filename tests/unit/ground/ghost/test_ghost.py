@@ -14,14 +14,14 @@ import pytest
 
 from ground.client.goal import Destination
 from ground.ghost import Course, Ghost, Ghosts
-from ground.ghost.predicted_path import FAILED
 from ground.ghost.ghost import CANCELLED
+from ground.ghost.predicted_path import FAILED
 from plant.world.file import load
 from plant.world.to_json import as_json
 from runtime.clock import ManualClock
 from study.trial.trial import NAVIGATORS, Trial
-from tests.support.until import until
 from tests.support.ground.ghost.runs import driven
+from tests.support.until import until
 
 ROOT = Path(__file__).parents[4]
 FOREVER = "import time; print('time_s,true_x_m,true_y_m', flush=True); time.sleep(60)"

@@ -9,16 +9,16 @@ import pytest
 from ground.ghost import Course, Ghosts
 from ground.ghost.ghost_thread import CHOICES, Haunting, instant_of, told
 from ground.station import Station
-from protocol.wire.codec import Encoder
-from protocol.wire.enums import GoalState
-from runtime.errors import UserError
 from protocol.bus.mailbox import Sample
 from protocol.outcome import Outcome
 from protocol.topics import ENCODING, ODOMETRY, STATUS, TRUTH
-from tests.support.until import until
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import GoalState
+from runtime.errors import UserError
 from tests.support.ground.explain.told import standing
 from tests.support.ground.recordings import Recording, box
 from tests.support.ground.shown import WORLD, Show
+from tests.support.until import until
 
 
 @pytest.fixture(scope="module")

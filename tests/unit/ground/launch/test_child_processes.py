@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from ground.launch.child_processes import ENDS, Child, ChildDied, Children, held_back, how
 from ground.launch.child_command import command
+from ground.launch.child_processes import ENDS, Child, ChildDied, Children, held_back, how
 from runtime.clock import WallClock
 from tests.support.until import PATIENCE_S, until
 

@@ -9,8 +9,8 @@ import pytest
 from ground.recording.log_reader import Frame, frames, key_of, opened, robot_in
 from ground.recording.mcap.writer import McapForm
 from protocol.wire.codec import Encoder
-from runtime.errors import UserError
 from protocol.wire.messages import Heartbeat, MissionCurrent, ParamRequestList
+from runtime.errors import UserError
 from tests.support.ground.recording.made import Said, mcap, mcap_of_before, run, tlog
 
 

@@ -4,10 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plant.model.body import Body
-from plant.process.command_gate import CommandGate, Demand
-from plant.sim.drive import Drive
 from plant.model.noise import LEVELS
+from plant.process.command_gate import CommandGate, Demand
 from plant.sim.active_faults import NO_TROUBLE
+from plant.sim.drive import Drive
 from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
 from runtime.timing import PERIOD_MS, PERIOD_NS, UINT32

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from runtime import atomic_file
 from protocol.wire.enums import AckResult, MissionType, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -25,10 +24,11 @@ from robot.core.parameters import DEFAULTS
 from robot.saved_replies import MAX_WITHHELD, SAVING, SavedReplies
 from robot.storage.files import Store
 from robot.storage.writer import Directory, Done, Job, WriterThread
-from tests.support.until import until
+from runtime import atomic_file
 from tests.support.robot.held_writer import HeldWriter, Question
 from tests.support.robot.mission.items import circle, count_of, line, upload
 from tests.support.robot.vehicles import Desk
+from tests.support.until import until
 
 FULL = OSError(28, "No space left on device")
 

@@ -11,9 +11,9 @@ import pytest
 from mcap.reader import make_reader
 
 from ground.recording.mcap.writer import McapForm
+from protocol.topics import ENCODING
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import AvoidanceDecision, Statustext
-from protocol.topics import ENCODING
 from tests.support.ground.recording.json_schema import problem
 from tests.support.ground.recording.made import Said, decision, mcap, run
 

@@ -4,12 +4,12 @@ from math import inf, nan
 import pytest
 
 from protocol.topics import MS, SONAR, WHEELS
-from robot.core.safety import failsafe
 from robot.core import modes, reasons, states
-from robot.core.safety.fence import Fence
-from robot.core.perception.odometry import JUMP_SLACK_M
 from robot.core.parameters import DEFAULTS, Params
+from robot.core.perception.odometry import JUMP_SLACK_M
 from robot.core.perception.sonar_ring import BEYOND
+from robot.core.safety import failsafe
+from robot.core.safety.fence import Fence
 from robot.core.values import Inputs, Pose, Scan, Twist, Wheels
 from robot.scheduling.cycle_meter import OVERRUNS_IN_A_ROW
 from tests.support.robot.core.driving import OPEN_SPACE, Driven, armed, driving
