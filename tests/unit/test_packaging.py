@@ -42,7 +42,7 @@ def test_the_pythons_make_looks_for_are_the_pythons_the_package_accepts() -> Non
 
 
 def test_every_package_of_the_tree_is_in_the_wheel() -> None:
-    packages = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"tests"}
+    packages = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"tests", "examples"}
     wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert set(wheel["only-include"]) == packages | {"sidestep.py"}
     assert set(PROJECT["tool"]["importlinter"]["root_packages"]) == packages
