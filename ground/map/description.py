@@ -5,7 +5,7 @@ from itertools import chain
 from math import atan2, degrees, hypot, inf, isfinite, pi, remainder
 from typing import Final
 
-from ground.map.ellipse import ellipse
+from ground.map.ellipse import CHANCE, ellipse
 from ground.map.glyphs import UNKNOWN
 from ground.map.scene import BEAM_RAD, Robot, Scene
 from ground.map.view import Point
@@ -62,7 +62,7 @@ def _robot(scene: Scene) -> Iterator[str]:
     yield f"robot: {last}at {place(robot.x_m, robot.y_m, robot.heading_rad)}"
     axes = ellipse(scene.covariance) if scene.covariance is not None else None
     if axes is not None:
-        yield f"sure of its place to {axes[0]:.2f} m (95 %)"
+        yield f"sure of its place to {axes[0]:.2f} m ({CHANCE})"
 
 
 def _goal(scene: Scene) -> Iterator[str]:

@@ -1,9 +1,11 @@
-"""The ellipse that holds the robot with a chance of 95 %."""
+"""The ellipse that holds the robot with a chance of CHANCE."""
 
-from math import atan2, isfinite, sqrt
+from math import atan2, isfinite, log, sqrt
 from typing import Final
 
-CHI2_2_95: Final = 5.991464547107979
+OUTSIDE: Final = 0.05
+CHANCE: Final = f"{100.0 * (1.0 - OUTSIDE):g} %"
+CHI2_2: Final = -2.0 * log(OUTSIDE)
 """The square of its half axis in standard deviations: chi-square with two degrees of freedom."""
 
 
@@ -14,6 +16,6 @@ def ellipse(covariance: tuple[float, float, float]) -> tuple[float, float, float
     half = sqrt(spread * spread + xy * xy)
     if not (isfinite(middle) and isfinite(half)) or middle + half < 0.0:
         return None
-    long_m = sqrt(CHI2_2_95 * (middle + half))
-    short_m = sqrt(CHI2_2_95 * max(0.0, middle - half))
+    long_m = sqrt(CHI2_2 * (middle + half))
+    short_m = sqrt(CHI2_2 * max(0.0, middle - half))
     return long_m, short_m, 0.5 * atan2(2.0 * xy, xx - yy) if half > 0.0 else 0.0

@@ -6,7 +6,7 @@ from typing import Final
 
 from ground.client.telemetry import Age, age_of
 from ground.map import Robot, Scene, Target
-from ground.map.ellipse import CHI2_2_95
+from ground.map.ellipse import CHI2_2
 from ground.station.history.trail import ranges_m
 from ground.station.robot.robot_model import Watched
 from ground.station.world import WorldFacts
@@ -87,7 +87,7 @@ def grown(
     if age_of(ODOMETRY, age_ns) is Age.GONE:
         alone = status is not None and status.mode in (Mode.AUTO, Mode.SMART_RTL)
         gone_s = min(age_ns / NS_PER_S, FARTHEST_S if alone else STOPPED_S)
-        gone_m = pose.speed_m_s * gone_s / sqrt(CHI2_2_95)
+        gone_m = pose.speed_m_s * gone_s / sqrt(CHI2_2)
     return pose.cov_xx_m2 + gone_m**2, pose.cov_xy_m2, pose.cov_yy_m2 + gone_m**2
 
 

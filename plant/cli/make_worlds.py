@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
 from plant.imports.anyone import CELL_M, TAKES, Wishes, import_worlds
+from plant.imports.barn import PITCH_M
 from plant.model.errors import Problem, WorldError
 from plant.model.types import World, bad_name
 from plant.world.to_toml import dumps
@@ -49,7 +50,8 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
         "--cell",
         type=_cell,
         metavar="M",
-        help=f"the size of a cell: of a Moving AI map {CELL_M} m, of a BARN grid 0.15 m by default",
+        help=f"the size of a cell: of a Moving AI map {CELL_M} m, of a BARN grid {PITCH_M} m by"
+        " default",
     )
     for end in ("start", "goal"):
         parser.add_argument(

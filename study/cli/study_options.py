@@ -9,7 +9,15 @@ from plant.cli.make_worlds import PER_FAMILY
 from plant.model.noise import LEVELS
 from protocol.options import add_param_option, whole
 from study.cli.trial import seconds
-from study.runner.plan import EVERY_NAVIGATOR, Settings, navigator_of, noise_of
+from study.runner.plan import (
+    DETOUR,
+    EVERY_NAVIGATOR,
+    LEAST_S,
+    WITHOUT_WAY_S,
+    Settings,
+    navigator_of,
+    noise_of,
+)
 from study.runner.sources import CORPUS, FIXED, Wanted
 
 OUTPUT: Final = "study-results"
@@ -81,8 +89,8 @@ def _add_what(made: argparse.ArgumentParser) -> None:
         "--timeout",
         type=seconds,
         metavar="S",
-        help="simulated; by default the time for 40 times the shortest way, at least 120 s, and"
-        " 1200 s where there is no way",
+        help=f"simulated; by default the time for {DETOUR:g} times the shortest way,"
+        f" at least {LEAST_S:g} s, and {WITHOUT_WAY_S:g} s where there is no way",
     )
     add_param_option(made)
     made.add_argument(

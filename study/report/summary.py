@@ -10,7 +10,7 @@ import numpy as np
 from study.report.page import Table
 from study.report.trials import Trials
 from study.report.words import DASH, count, number, percent, share
-from study.statistics.intervals import Floats, Share, quantile
+from study.statistics.intervals import CONFIDENT, Floats, Share, quantile
 
 HEAD: Final = (
     *("navigator", "noise", "worlds", "trials", "success %", "touched something %"),
@@ -128,7 +128,7 @@ def _known(value: float) -> float | None:
 def main_table(found: Iterable[Summary]) -> Table:
     caption = (
         "Success: arrived by its own belief and touched nothing, of worlds with a way; in brackets "
-        "the Wilson interval of 95 %. Error, ellipse and path ratio are of these arrivals. "
+        f"the Wilson interval of {CONFIDENT}. Error, ellipse and path ratio are of these arrivals. "
         "Recognised: said `unreachable` where there is no way; wrongly called: where there is one."
     )
     return Table(caption, HEAD, tuple(cells(one) for one in found), names=2)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError
 from study.runner.rows import COLUMNS, FAILED, SCHEMA
-from study.statistics.intervals import CHI2_2_95, Floats
+from study.statistics.intervals import CHI2_2, Floats
 
 Flags = NDArray[np.bool_]
 Texts = NDArray[np.str_]
@@ -109,8 +109,8 @@ class Trials:
 
     @cached_property
     def inside(self) -> Flags:
-        """The true place lies in the robot's own 95 % ellipse."""
-        found: Flags = self.numbers("mahalanobis2") <= CHI2_2_95
+        """The true place lies in the robot's own confidence ellipse."""
+        found: Flags = self.numbers("mahalanobis2") <= CHI2_2
         return found
 
     def count(self, chosen: Flags) -> int:

@@ -27,13 +27,11 @@ from robot.core.values import Outputs, Pose
 from robot.parameters.table import with_values
 from runtime.calibration import settings_of
 from study.calibration.runs import covariance_of
+from study.statistics.intervals import CHI2_2, SURE
 from study.trial.core_loop import Onboard
 from study.trial.trial import Trial, run_trial
 
 KINDS: Final = ("straight", "curves", "stop and go", "obstacles")
-SURE: Final = 1.959964
-ELLIPSE: Final = 5.991465
-"""95 % quantiles: of the normal distribution (both sides), of chi-square with two degrees."""
 FLOOR_M: Final = 40.0
 TICKS_PER_S: Final = 20
 
@@ -42,7 +40,7 @@ Speeds = tuple[float, float]
 
 
 class Consistency(NamedTuple):
-    """Means over the drives (expected: 3 and 2), their 95 % bounds, and the ellipse's share."""
+    """Means over the drives (expected: 3 and 2), their confidence bounds, and the share inside."""
 
     drives: int
     pose: float
@@ -69,12 +67,12 @@ def judged(errors: Sequence[tuple[Array, Array]]) -> Consistency:
         pose_bounds=bounds(3, count),
         position=sum(position) / count,
         position_bounds=bounds(2, count),
-        inside=sum(distance2 <= ELLIPSE for distance2 in position) / count,
+        inside=sum(distance2 <= CHI2_2 for distance2 in position) / count,
     )
 
 
 def bounds(degrees_of_freedom: int, count: int) -> tuple[float, float]:
-    """Where 95 % of all means of so many chi-squares lie (Wilson and Hilferty's approximation)."""
+    """Where most means of so many chi-squares lie (Wilson and Hilferty's approximation)."""
     total = degrees_of_freedom * count
     spread = SURE * sqrt(2.0 / (9.0 * total))
     low, high = ((1.0 - 2.0 / (9.0 * total) + sign * spread) ** 3 for sign in (-1.0, 1.0))

@@ -15,9 +15,16 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-CONFIDENCE: Final = 0.95
-CHI2_2_95: Final = -2.0 * log(0.05)
-"""A squared Mahalanobis distance in the plane is below this in 95 % of cases (chi square, 2)."""
+OUTSIDE: Final = 0.05
+"""Share of the cases that intervals and ellipses leave out."""
+
+CONFIDENCE: Final = 1.0 - OUTSIDE
+CONFIDENT: Final = f"{100.0 * CONFIDENCE:g} %"
+CHI2_2: Final = -2.0 * log(OUTSIDE)
+"""A squared Mahalanobis distance in the plane is mostly below this (chi square, 2)."""
+
+SURE: Final = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2.0)
+"""A deviation is mostly less than so many standard deviations (normal, both sides)."""
 
 EXACT_RANKS: Final = 40
 """Up to so many pairs the signed-rank test adds up every pattern of signs."""

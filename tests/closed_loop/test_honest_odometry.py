@@ -19,7 +19,8 @@ from runtime.calibration import settings_of
 from study.calibration.runs import covariance_of
 from study.calibration.squares import drive as squares
 from study.calibration.umbmark import umbmark
-from study.statistics.consistency import ELLIPSE, KINDS, drive, error_of, judged
+from study.statistics.consistency import KINDS, drive, error_of, judged
+from study.statistics.intervals import CHI2_2
 from study.trial.core_loop import Onboard
 from study.trial.trial import Trial, run_trial
 
@@ -97,7 +98,7 @@ def inside(worlds: Sequence[World]) -> float:
         plant, onboard = last[0]
         odometry = onboard.state.odometry
         error, spread = error_of(plant, odometry)[:2], covariance_of(odometry)[:2, :2]
-        count += float(error @ np.linalg.solve(spread, error)) <= ELLIPSE
+        count += float(error @ np.linalg.solve(spread, error)) <= CHI2_2
     return count / len(worlds)
 
 

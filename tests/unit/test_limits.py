@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from ground.client.emergency_stop import REPEAT_NS
+from ground.map import ellipse
 from protocol.limits import (
     MAX_LEASE_MS,
     MAX_TELEOP_TTL_MS,
@@ -20,8 +21,12 @@ from protocol.wire.reasons import Reason, reason_text
 from robot.core.parameters import DEFAULTS
 from robot.lease import LAPSE_NS
 from runtime.timing import PERIOD_MS
+from study.cli.study_options import parser
+from study.runner.plan import DETOUR, LEAST_S, WITHOUT_WAY_S
+from study.statistics.intervals import CHI2_2, CONFIDENCE, CONFIDENT
 
-README = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 S = 1000
 
 
@@ -77,3 +82,23 @@ def test_the_readme_shows_the_limits(words: str) -> None:
 
 def test_the_table_of_topics_shows_how_often_a_stop_is_repeated() -> None:
     assert re.search(rf"\b{REPEAT_NS // MS} ms\b", STOP.doc)
+
+
+def test_texts_about_confidence_take_it_from_its_constant() -> None:
+    """A number that is written down stays when the constant changes."""
+    literal = re.compile(r"\d %\)? (intervals?|ellipse|inside|bounds)|(intervals? of|\() ?\d+ %")
+    files = [*(ROOT / "study").rglob("*.py"), *(ROOT / "ground").rglob("*.py")]
+    found = [f.name for f in files if literal.search(f.read_text(encoding="utf-8"))]
+    assert found == []
+
+
+def test_the_confidence_of_both_ellipses_is_the_same() -> None:
+    """The station draws the one that the study judges."""
+    assert (ellipse.CHANCE, ellipse.CHI2_2) == (CONFIDENT, CHI2_2)
+    assert f"{100 * CONFIDENCE:g} %" == CONFIDENT
+
+
+def test_helps_show_the_defaults_in_force() -> None:
+    study_help = " ".join(parser().format_help().split())
+    for words in (f"{DETOUR:g} times", f"at least {LEAST_S:g} s", f"{WITHOUT_WAY_S:g} s where"):
+        assert words in study_help

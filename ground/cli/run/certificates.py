@@ -172,7 +172,7 @@ def hosts_of(places: Sequence[tuple[str, str]], robots: Sequence[str]) -> dict[s
 
 
 def run_check(options: argparse.Namespace, says: Says) -> int:
-    from ground.certificates.check import check
+    from ground.certificates.check import SOON, check
 
     all_checked = check(options.folder, datetime.now(UTC))
     good = not any(one.wrong for one in all_checked)
@@ -189,6 +189,6 @@ def run_check(options: argparse.Namespace, says: Says) -> int:
             for one in all_checked
         ],
     }
-    soon = [f"W {one.file} expires within 30 days" for one in all_checked if one.soon]
+    soon = [f"W {one.file} expires within {SOON.days} days" for one in all_checked if one.soon]
     says.result(found, "\n".join([*(one.line() for one in all_checked), *soon]))
     return 0 if good else 1

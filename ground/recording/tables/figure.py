@@ -1,10 +1,11 @@
 """A run as a picture: its way over the world, and ranges, speeds and uncertainty over time."""
 
 from collections.abc import Iterable
-from math import atan2, cos, degrees, isfinite, sin, sqrt
+from math import cos, degrees, isfinite, sin
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from ground.map.ellipse import ellipse
 from ground.recording.tables.series import Place, Run, Series
 from ground.recording.world_metadata import discs, outlines
 from runtime.errors import UserError
@@ -22,7 +23,6 @@ WARM: Final = "#d55e00"
 COOL: Final = "#3a9bd9"
 KINDS: Final = {"goal": GOAL, "outcome": INK, "failsafe": WARM, "mark": TRUE}
 ELLIPSES: Final = 8
-CHI2_2_95: Final = 5.991
 MOST_ECHOES: Final = 4000
 SIZE_INCHES: Final = (12.0, 7.0)
 DPI: Final = 120
@@ -94,22 +94,18 @@ def _rim(points: list[tuple[float, float]], facts: dict[str, Any]) -> bool:
 
 
 def draw_ellipses(axes: "Axes", run: Run) -> None:
-    """95 of 100 true places should lie in them."""
+    """Of the true places, the share `ground.map.ellipse.CHANCE` should lie in them."""
     from matplotlib.patches import Ellipse
 
     step = max(1, len(run.believed) // ELLIPSES)
-    for (x_m, y_m, _), (xx, xy, yy) in zip(
+    for (x_m, y_m, _), covariance in zip(
         run.believed[::step], run.covariances[::step], strict=True
     ):
-        if not all(map(isfinite, (xx, xy, yy))):
+        if (axes_of := ellipse(covariance)) is None:
             continue
-        middle, half = (xx + yy) / 2.0, sqrt(((xx - yy) / 2.0) ** 2 + xy * xy)
-        long_m = 2.0 * sqrt(max(0.0, CHI2_2_95 * (middle + half)))
-        short_m = 2.0 * sqrt(max(0.0, CHI2_2_95 * (middle - half)))
-        turned_deg = degrees(atan2(2.0 * xy, xx - yy) / 2.0)
-        axes.add_patch(
-            Ellipse((x_m, y_m), long_m, short_m, angle=turned_deg, fill=False, ec=INK, lw=0.8)
-        )
+        long_m, short_m, turned_rad = axes_of
+        size_m, turned_deg = (2.0 * long_m, 2.0 * short_m), degrees(turned_rad)
+        axes.add_patch(Ellipse((x_m, y_m), *size_m, angle=turned_deg, fill=False, ec=INK, lw=0.8))
 
 
 def draw_ranges(axes: "Axes", run: Run) -> None:

@@ -41,7 +41,8 @@ class Trouble:
                 raise UserError(f"{name}: {getattr(self, name)} is not a share from 0 to 1")
         for name in ("delay_ms", "jitter_ms"):
             if not 0.0 <= getattr(self, name) <= LONGEST_MS:
-                raise UserError(f"{name}: {getattr(self, name)} is not within 0 to 60000 ms")
+                limits = f"0 to {LONGEST_MS:.0f} ms"
+                raise UserError(f"{name}: {getattr(self, name)} is not within {limits}")
 
     def concerns(self, path: str) -> bool:
         """Is it about this topic?"""

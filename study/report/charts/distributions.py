@@ -11,7 +11,7 @@ from study.report.paper.targets import ERRORS, RATIO
 from study.report.summary import Summary
 from study.report.trials import Trials
 from study.report.words import number, percent, share
-from study.statistics.intervals import Floats, Share, quantile
+from study.statistics.intervals import CONFIDENT, Floats, Share, quantile
 
 ENDS: Final = {
     "reached": "o-reached",
@@ -36,7 +36,7 @@ def success_figure(found: list[Summary]) -> Figure:
     labels = list(dict.fromkeys(one.label for one in found))
     says = "Success by navigator and noise; the table below has the values"
     drawing = success_chart(panels, labels, says)
-    caption = "Success in percent, with 95 % intervals, by noise."
+    caption = f"Success in percent, with {CONFIDENT} intervals, by noise."
     return Figure("success", drawing, caption)
 
 
@@ -99,11 +99,12 @@ def error_table(trials: Trials) -> Table:
                 rows.append((label, noise, str(len(there)), *_errors(there)))
     head = (
         *("navigator", "noise", "arrivals", "position error m: 50 %", "90 %", "99 %", "100 %"),
-        *("heading error deg: 50 %", "95 %", "in own 95 % ellipse", "mean squared Mahalanobis"),
+        *("heading error deg: 50 %", "95 %"),
+        *(f"in own {CONFIDENT} ellipse", "mean squared Mahalanobis"),
     )
     caption = (
-        "Final pose of arrivals. An honest covariance has 95 % inside its ellipse and a mean "
-        "squared Mahalanobis distance of 2."
+        f"Final pose of arrivals. An honest covariance has {CONFIDENT} inside its ellipse "
+        "and a mean squared Mahalanobis distance of 2."
     )
     return Table(caption, head, tuple(rows), names=2)
 

@@ -16,6 +16,7 @@ from study.report.page import Block, Figure, Gallery, Section, Text
 from study.report.trials import NOISES, Trials
 from study.runner.rows import FAILED, Row, rows_of
 from study.runner.run_task import trial_of
+from study.statistics.intervals import CONFIDENT
 from study.trial.trial import Trial
 
 WorldOf: TypeAlias = Callable[[str], World]
@@ -114,10 +115,10 @@ OTHER: Final = "the code is another one, or the machine rounds otherwise"
 LEGEND: Final = (
     "Some failures of each navigator, chosen by rule: every kind of failure and every family gets "
     "its turn, the least noise and the shortest drive first. Coloured: the true way; dotted: where "
-    "the robot believed to be, ending in its 95 % ellipse; small dot: start; ring: goal, with its "
-    "heading where one was asked for. The way ends in a disc where it reached, a square where it "
-    "was stuck, a triangle where time was up, a cross where it had touched something. What moves "
-    "is drawn where it began, with its path."
+    f"the robot believed to be, ending in its {CONFIDENT} ellipse; small dot: start; ring: goal, "
+    "with its heading where one was asked for. The way ends in a disc where it reached, a square "
+    "where it was stuck, a triangle where time was up, a cross where it had touched something. "
+    "What moves is drawn where it began, with its path."
 )
 
 

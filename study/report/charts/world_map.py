@@ -12,7 +12,7 @@ from plant.model.types import Circle, Point, Polygon, Polyline, World
 from study.report.charts.drives import Drive, Pose
 from study.report.charts.style import colour, dashed
 from study.report.charts.svg import Dot, Drawing
-from study.statistics.intervals import CHI2_2_95, Floats
+from study.statistics.intervals import CHI2_2, Floats
 
 RIM: Final = 8.0
 STRAIGHT_M: Final = 0.004
@@ -105,7 +105,7 @@ class Map:
         self.drawing.line(*ends, "goal")
 
     def _doubt(self, drive: Drive) -> None:
-        """The 95 % ellipse around where it believed to be."""
+        """The confidence ellipse around where it believed to be."""
         long_m, short_m, turn_rad = ellipse(drive.covariance)
         x_m, y_m, _ = drive.believed[-1]
         radii = long_m * self._scale, short_m * self._scale
@@ -132,11 +132,11 @@ def end_mark(drawing: Drawing, at: Dot, outcome: str, kind: str) -> None:
 
 
 def ellipse(covariance: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Half axes of the 95 % ellipse in metres, and the long one's direction."""
+    """Half axes of the confidence ellipse in metres, and the long one's direction."""
     xx, xy, yy = covariance
     middle, half = (xx + yy) / 2.0, sqrt(((xx - yy) / 2.0) ** 2 + xy * xy)
-    long_m = sqrt(CHI2_2_95 * max(0.0, middle + half))
-    short_m = sqrt(CHI2_2_95 * max(0.0, middle - half))
+    long_m = sqrt(CHI2_2 * max(0.0, middle + half))
+    short_m = sqrt(CHI2_2 * max(0.0, middle - half))
     return long_m, short_m, 0.5 * atan2(2.0 * xy, xx - yy) if half > 0.0 else 0.0
 
 

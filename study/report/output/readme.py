@@ -13,6 +13,7 @@ from study.report.page import Table
 from study.report.summary import HEAD, as_json, summaries
 from study.report.trials import NOISES, distinct, trials_of
 from study.report.words import DASH
+from study.statistics.intervals import CONFIDENT
 
 BEGIN: Final = "<!-- study:begin -->"
 END: Final = "<!-- study:end -->"
@@ -54,8 +55,8 @@ def block(summary: Mapping[str, Any]) -> str:
     """What stands between the markers."""
     says = (
         f"{summary['trials']:,} trials in {summary['worlds']:,} worlds of {summary['families']} "
-        "families; in brackets 95 % intervals.\nSuccess: arrived by its own belief and touched "
-        "nothing, of worlds with a way. Recognised: said\nso where there is none."
+        f"families; in brackets {CONFIDENT} intervals.\nSuccess: arrived by its own belief "
+        "and touched nothing, of worlds with a way. Recognised: said\nso where there is none."
     )
     return f"{lines_of(summary['rows'])}\n\n{says}"
 

@@ -19,7 +19,7 @@ from study.report.paper.runs import (
 )
 from study.report.trials import Trials
 from study.report.words import number, share
-from study.statistics.intervals import Share, quantile
+from study.statistics.intervals import CONFIDENT, Share, quantile
 
 WIDTH: Final = 520.0
 DRAWN_SEEDS: Final = 5
@@ -64,7 +64,8 @@ def claims_table(found: list[Claim]) -> Table:
         for one in found
     )
     caption = (
-        "What the paper claims, and what the trials say. In brackets 95 % intervals: Wilson's for "
+        "What the paper claims, and what the trials say. "
+        f"In brackets {CONFIDENT} intervals: Wilson's for "
         "shares in percent, order statistics for medians."
     )
     head = ("the paper's claim", "verdict", "evidence", "rule", "trials")

@@ -14,7 +14,14 @@ import numpy as np
 from study.report.page import Cell, Table
 from study.report.trials import NOISES, Flags, Trials
 from study.report.words import DASH, interval, number, percent
-from study.statistics.intervals import Floats, Interval, Share, quantile, quantile_interval
+from study.statistics.intervals import (
+    CONFIDENT,
+    Floats,
+    Interval,
+    Share,
+    quantile,
+    quantile_interval,
+)
 
 OWN: Final = "vgm_memory"
 GRIDS: Final = ("moving_ai", "movingai", "grid")
@@ -105,7 +112,7 @@ def _ellipse(trials: Trials, noise: str) -> Target:
     found = Share(there.count(there.inside), len(there))
     low, high = ELLIPSE
     wanted = f"{percent(low, 0)} to {percent(high, 0)} %"
-    what = "of these, truly inside its own 95 % ellipse"
+    what = f"of these, truly inside its own {CONFIDENT} ellipse"
     return _of_share(what, noise, wanted, found, low <= found.rate <= high)
 
 
@@ -204,8 +211,8 @@ def wanted_table(found: list[Target]) -> Table:
         f"{sum(one.verdict == verdict for one in found)} {verdict}" for verdict in tones
     )
     caption = (
-        f"Figures to reach, of `{OWN}` unless it says otherwise: {counts}. Intervals of 95 %: "
-        "Wilson's for shares, order statistics for quantiles. Met means that the measured figure "
-        "is at least as good as the wanted one."
+        f"Figures to reach, of `{OWN}` unless it says otherwise: {counts}. Intervals of "
+        f"{CONFIDENT}: Wilson's for shares, order statistics for quantiles. Met means that the "
+        "measured figure is at least as good as the wanted one."
     )
     return Table(caption, ("what", "noise", "wanted", "measured", "interval", ""), rows, names=2)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from study.statistics import intervals
 from study.statistics.intervals import (
-    CHI2_2_95,
+    CHI2_2,
     Interval,
     Share,
     binomial_two_sided,
@@ -152,5 +152,5 @@ def test_the_ranks_are_the_same_for_many_values_as_for_few(of: int) -> None:
 
 
 def test_a_plane_ellipse_of_95_percent_has_the_size_in_the_tables() -> None:
-    assert pytest.approx(5.9915, abs=5e-5) == CHI2_2_95
+    assert pytest.approx(5.9915, abs=5e-5) == CHI2_2
     assert Interval(1.0, 2.0).low == 1.0

@@ -13,7 +13,7 @@ from study.report.charts.charts import bars, distribution_chart, steps, success_
 from study.report.charts.drives import all_driven, driven
 from study.report.charts.svg import Drawing, n
 from study.report.charts.world_map import Map, ellipse, end_mark, thinned
-from study.statistics.intervals import CHI2_2_95, Share
+from study.statistics.intervals import CHI2_2, Share
 from study.trial.trial import Trial, run_trial
 from tests.support.study.made import boxed, floor
 from tests.support.study.report.made import drive
@@ -81,8 +81,8 @@ def test_a_straight_way_has_two_points() -> None:
 
 def test_the_ellipse_has_the_axes_of_the_covariance() -> None:
     long_m, short_m, turn_rad = ellipse((0.01, 0.0, 0.04))
-    assert long_m == pytest.approx(0.2 * sqrt(CHI2_2_95))
-    assert short_m == pytest.approx(0.1 * sqrt(CHI2_2_95))
+    assert long_m == pytest.approx(0.2 * sqrt(CHI2_2))
+    assert short_m == pytest.approx(0.1 * sqrt(CHI2_2))
     assert abs(turn_rad) == pytest.approx(pi / 2)
     assert ellipse((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
 
