@@ -2,13 +2,6 @@
 
 from typing import Final, NamedTuple
 
-from protocol.limits import (
-    MAX_TELEOP_TTL_MS,
-    MAX_WHEEL_TTL_MS,
-    OPERATOR_LOST_MS,
-    SCAN_LOST_MS,
-    TICKS_LOST_MS,
-)
 from protocol.topic import DIALECT as DIALECT
 from protocol.topic import ENCODING as ENCODING
 from protocol.topic import ENCODING_FAMILY as ENCODING_FAMILY
@@ -20,6 +13,13 @@ from protocol.topic import Service as Service
 from protocol.topic import Topic as Topic
 from protocol.topic import operator_in as operator_in
 from protocol.topic import robot_name as robot_name
+from protocol.wire.limits import (
+    MAX_TELEOP_TTL_MS,
+    MAX_WHEEL_TTL_MS,
+    OPERATOR_LOST_MS,
+    SCAN_LOST_MS,
+    TICKS_LOST_MS,
+)
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,

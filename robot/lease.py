@@ -5,8 +5,8 @@ Sans-I/O. `allows` may be asked from any thread: it reads one reference.
 
 from typing import Final, NamedTuple
 
-from protocol.limits import MAX_LEASE_MS
 from protocol.wire.enums import Command, LeaseAction, Severity
+from protocol.wire.limits import MAX_LEASE_MS
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,

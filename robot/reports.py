@@ -2,7 +2,6 @@
 
 from protocol.bus.bus import Bus
 from protocol.bus.mailbox import MAX_STAMP_NS
-from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -17,6 +16,7 @@ from protocol.topics import (
     STATUS,
     TEXT,
 )
+from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.message import Message
 from protocol.wire.messages import WheelCommand
 from robot import telemetry

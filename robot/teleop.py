@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from protocol.limits import MAX_TELEOP_TTL_MS
+from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import Teleop
 from robot.core.perception.from_messages import twist_of
 from robot.core.values import Twist

@@ -10,9 +10,9 @@ from ground.map.ellipse import CHI2_2
 from ground.station.history.trail import ranges_m
 from ground.station.robot.robot_model import Watched
 from ground.station.world import WorldFacts
-from protocol.limits import OPERATOR_LOST_MS
 from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
 from protocol.wire.enums import Mode
+from protocol.wire.limits import OPERATOR_LOST_MS
 from protocol.wire.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
 
 NS_PER_S: Final = 1_000_000_000

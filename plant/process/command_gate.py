@@ -3,7 +3,7 @@
 import threading
 from typing import Final, NamedTuple
 
-from protocol.limits import MAX_WHEEL_TTL_MS
+from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
 from runtime.timing import CONTROL_HZ, PERIOD_MS, UINT32
 

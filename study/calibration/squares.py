@@ -7,8 +7,8 @@ from typing import Final
 from plant.model.noise import Noise
 from plant.model.types import GoalPose, Start, World
 from plant.sim.simulation import Plant
-from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.goal import wire_goal
+from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from robot.core import reasons, states
 from robot.core.geometry import wrap
 from robot.core.machine import goal_lives

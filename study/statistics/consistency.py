@@ -17,7 +17,7 @@ from plant.corpus.tree_placement import grow
 from plant.model.configuration import noise_of
 from plant.model.types import GoalPose, Start, World
 from plant.sim.simulation import Plant
-from protocol.limits import MAX_WHEEL_TTL_MS
+from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from robot.core.geometry import wrap
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception import odometry as odometries

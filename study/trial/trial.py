@@ -10,9 +10,9 @@ from plant.model.configuration import noise_of
 from plant.model.types import World
 from plant.placement.shortest_path import known_length_m
 from plant.sim.simulation import Plant
-from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.outcome import Asked, Ended, Outcome, judged
 from protocol.wire.goal import WireGoal, told_heading_rad, wire_goal
+from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from robot.core import reasons, states
 from robot.core.machine import goal_lives
 from robot.core.parameters import DEFAULTS, Params

@@ -7,7 +7,8 @@ import pytest
 
 from ground.client.emergency_stop import REPEAT_NS
 from ground.map import ellipse
-from protocol.limits import (
+from protocol.topics import DRIVE, MS, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Topic
+from protocol.wire.limits import (
     MAX_LEASE_MS,
     MAX_TELEOP_TTL_MS,
     MAX_WHEEL_TTL_MS,
@@ -15,7 +16,6 @@ from protocol.limits import (
     SCAN_LOST_MS,
     TICKS_LOST_MS,
 )
-from protocol.topics import DRIVE, MS, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Topic
 from protocol.wire.message import Message
 from protocol.wire.reasons import Reason, reason_text
 from robot.core.parameters import DEFAULTS

@@ -4,8 +4,8 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from protocol.bus.network import Hub
-from protocol.limits import SCAN_LOST_MS
 from protocol.topics import HEARTBEAT
+from protocol.wire.limits import SCAN_LOST_MS
 
 MS: Final = 1_000_000
 DEAD_NS: Final = 400 * MS

@@ -5,14 +5,14 @@ from typing import Final, NamedTuple
 from ground.station.link.loss import LossKind
 from ground.station.robot.lease_state import Lease
 from protocol.bus.network import Hub
-from protocol.limits import (
+from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.limits import (
     MAX_LEASE_MS,
     MAX_WHEEL_TTL_MS,
     OPERATOR_LOST_MS,
     SCAN_LOST_MS,
     TICKS_LOST_MS,
 )
-from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
 

@@ -1,7 +1,7 @@
 """Wheel commands, and a gate that has been sent ticks, as the tests of both use them."""
 
 from plant.process.command_gate import CommandGate, Demand
-from protocol.limits import MAX_WHEEL_TTL_MS
+from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
 from runtime.timing import UINT32
 

@@ -10,7 +10,6 @@ from ground.recording.mcap.writer import McapForm
 from plant.model.noise import LEVELS
 from plant.model.types import World
 from plant.sim.simulation import Plant
-from protocol.limits import MAX_WHEEL_TTL_MS
 from protocol.sender import sender_of
 from protocol.topics import (
     ANSWERED,
@@ -26,6 +25,7 @@ from protocol.topics import (
 )
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command
+from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, GoalRequest, WheelCommand
 from robot import telemetry

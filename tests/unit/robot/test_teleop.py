@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.limits import MAX_TELEOP_TTL_MS
+from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import Teleop
 from robot.core.values import Twist
 from robot.teleop import Handle, wanted

@@ -8,7 +8,7 @@ from plant.model.noise import LEVELS
 from plant.process.command_gate import CommandGate, Demand
 from plant.sim.active_faults import NO_TROUBLE
 from plant.sim.drive import Drive
-from protocol.limits import MAX_WHEEL_TTL_MS
+from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
 from runtime.timing import PERIOD_MS, PERIOD_NS, UINT32
 from tests.support.plant.commands import FAST, command, gate_at, taken

@@ -3,7 +3,7 @@
 import pytest
 
 from plant.process.command_gate import HELD_TICKS, SILENT_TICKS, CommandGate, Demand
-from protocol.limits import MAX_WHEEL_TTL_MS
+from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
 from runtime.timing import PERIOD_MS, UINT32
 from tests.support.plant.commands import FAST, command, gate_at, taken
