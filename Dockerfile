@@ -39,11 +39,10 @@ COPY robot robot
 COPY plant plant
 COPY ground ground
 COPY study study
-COPY benchmarks benchmarks
 RUN /pip/bin/pip wheel --quiet --no-deps --no-build-isolation --wheel-dir /wheel . \
     && ./install --no-deps /wheel/*.whl
 
-# For tests: the tools as well, and the tree beside them as in a checkout.
+# For tests and measurements: the tools as well, and the tree beside them as in a checkout.
 FROM wanted AS tools
 RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
@@ -57,7 +56,9 @@ RUN apt-get update -qq \
 COPY --from=tools /opt/sidestep /opt/sidestep
 WORKDIR /source
 COPY . .
-RUN python -m pip install --quiet --no-deps --no-build-isolation --no-index -e .
+# Here and not later: a container cannot write its tree.
+RUN python -m pip install --quiet --no-deps --no-build-isolation --no-index -e . \
+    && python -c "from protocol.dialect.mavgen import oracle; oracle()"
 USER 10001:10001
 # The user's own shell lets nobody in; tmux would start it.
 ENV HYPOTHESIS_STORAGE_DIRECTORY=/tmp/hypothesis SHELL=/bin/sh

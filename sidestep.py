@@ -10,11 +10,13 @@ asked. `import sidestep` gives the names of `ground.client.public`, each importe
 import importlib
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from ground.client.public import *  # noqa: F403
 
+ROOT = Path(__file__).resolve().parent
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
 EXIT_BROKEN_PIPE = 141
@@ -128,6 +130,14 @@ def dispatch(arguments: list[str]) -> int:
 
 
 def call(verb: Verb, word: str, rest: Sequence[str]) -> int:
+    package = verb.module.partition(".")[0]
+    if not (ROOT / package).is_dir():
+        print(
+            f"sidestep {word}: needs a checkout of the source, as {package}/ is not installed: "
+            f"run `make setup` there, then .venv/bin/sidestep {word}",
+            file=sys.stderr,
+        )
+        return EXIT_USAGE
     entry = importlib.import_module(verb.module).main
     code: int = entry([word, *rest] if verb.tells_verb else list(rest))
     return code

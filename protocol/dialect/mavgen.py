@@ -27,12 +27,13 @@ def oracle() -> Any:
     definitions = [SIDESTEP_XML, *upstream_definitions()]
     facts = [version("pymavlink").encode(), *(path.read_bytes() for path in definitions)]
     name = "mavgen_" + sha256(b"\0".join(facts)).hexdigest()[:16]
-    FOLDER.mkdir(parents=True, exist_ok=True)
     file = FOLDER / f"{name}.py"
-    with (FOLDER / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not file.exists():
-            write_module(definitions, file)
+    if not file.exists():
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        with (FOLDER / "lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not file.exists():
+                write_module(definitions, file)
     return loaded(file)
 
 

@@ -69,21 +69,21 @@ def test_what_each_robot_did_is_recorded(fleet: Compose, tmp_path: Path) -> None
     assert min(path.stat().st_size for path in tmp_path.rglob("*.tlog")) > 10_000
 
 
-def test_measurements_run_in_the_image(image: str) -> None:
+@pytest.fixture(scope="module")
+def checkout(image: str) -> Iterator[Compose]:
+    """The image with the tree and the tools."""
     with project(image) as compose:
-        done = compose.tries("run", "--rm", "-T", "--no-deps", "bench", "codec")
+        compose.does("build", "tests", within_s=BUILD_S)
+        yield compose
+        docker("rmi", "--force", f"{image}-tests")
+
+
+def test_measurements_run_in_the_image_with_the_tree(checkout: Compose) -> None:
+    done = checkout.tries("run", "--rm", "-T", "bench", "codec")
     assert done.code == 0, done.said
 
 
-def test_the_tests_run_in_an_image_of_their_own(image: str) -> None:
-    with project(image) as compose:
-        compose.does("build", "tests", within_s=BUILD_S)
-        wanted = (
-            "tests/bus/test_locks.py",
-            "tests/stack/test_terminal.py",
-            "-k",
-            "poor or dialled",
-        )
-        done = compose.tries("run", "--rm", "-T", "tests", "-q", *wanted)
-        docker("rmi", "--force", f"{image}-tests")
+def test_the_tests_run_in_the_image_with_the_tree(checkout: Compose) -> None:
+    wanted = ("tests/bus/test_locks.py", "tests/stack/test_terminal.py", "-k", "poor or dialled")
+    done = checkout.tries("run", "--rm", "-T", "tests", "-q", *wanted)
     assert (done.code, " passed" in done.said) == (0, True), done.said

@@ -17,6 +17,7 @@ FLOORS = [
     *PROJECT["project"]["dependencies"],
     *PROJECT["project"]["optional-dependencies"]["dev"],
 ]
+CHECKOUT_ONLY = {"benchmarks", "verification", "examples", "tests"}
 PIN = re.compile(r"(?P<name>[A-Za-z0-9._-]+)==(?P<version>[A-Za-z0-9.]+)")
 
 
@@ -41,11 +42,24 @@ def test_the_pythons_make_looks_for_are_the_pythons_the_package_accepts() -> Non
     assert all(f"{version}.0" in accepted for version in named)
 
 
-def test_every_package_of_the_tree_is_in_the_wheel() -> None:
-    packages = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"tests", "examples"}
+def test_every_package_of_the_tree_has_its_place() -> None:
+    packages = {path.parent.name for path in ROOT.glob("*/__init__.py")}
     wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
-    assert set(wheel["only-include"]) == packages | {"sidestep.py"}
-    assert set(PROJECT["tool"]["importlinter"]["root_packages"]) == packages
+    assert set(wheel["only-include"]) == packages - CHECKOUT_ONLY | {"sidestep.py"}
+    assert set(PROJECT["tool"]["importlinter"]["root_packages"]) == packages - {"tests", "examples"}
+
+
+def test_an_extra_is_for_what_the_wheel_carries() -> None:
+    extras = PROJECT["project"]["optional-dependencies"]
+    assert set(extras) - {"dev"} == {"study", "dask", "foxglove", "keys", "web"}
+    needed = {name for extra in set(extras) - {"dev"} for name in extras[extra]}
+    assert needed <= set(extras["dev"])
+
+
+def test_the_image_is_built_of_what_the_wheel_carries() -> None:
+    wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
+    copied = re.findall(r"^COPY (\w+) \1$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+    assert {*copied, "sidestep.py"} == set(wheel["only-include"])
 
 
 def test_the_gate_calls_the_command_the_readme_gives() -> None:

@@ -19,7 +19,7 @@ from uuid import uuid4
 from tests.support.stack.processes import free_endpoint
 from tests.support.until import until
 
-ROOT: Final = Path(__file__).parents[2]
+ROOT: Final = Path(__file__).parents[3]
 BUILD_S: Final = 600.0
 WITHIN_S: Final = 120.0
 HEALTHY_S: Final = 180.0

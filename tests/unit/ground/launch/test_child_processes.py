@@ -15,7 +15,7 @@ from ground.launch.child_processes import ENDS, Child, ChildDied, Children, held
 from runtime.clock import WallClock
 from tests.support.until import PATIENCE_S, until
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 QUIET = "import signal; signal.pause()"
 STUBBORN = """
 import signal, sys
