@@ -19,7 +19,7 @@ help:
 	echo "make mutation  change the modules a stop depends on, bit by bit: does a test notice?"
 	echo "make bench   measurements; ARGS=... is handed on"
 	echo "make generate  the modules that are made from protocol/dialect/sidestep.xml"
-	echo "make docs    docs/protocol.md and docs/state-diagram.md anew"
+	echo "make docs    docs/protocol.md, docs/state-diagram.md and docs/mutants.md anew"
 	echo "make clean   remove .venv and what the tools have cached"
 
 setup: $(READY)
@@ -117,6 +117,8 @@ docs: setup
 	mv docs/protocol.md.new docs/protocol.md
 	"$(BIN)/python" -m verification.mode_model --document >docs/state-diagram.md.new
 	mv docs/state-diagram.md.new docs/state-diagram.md
+	"$(BIN)/python" -m verification.mutation --document >docs/mutants.md.new
+	mv docs/mutants.md.new docs/mutants.md
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build *.egg-info

@@ -15,6 +15,7 @@ from pathlib import Path
 from verification.mutation import equivalent
 from verification.mutation.forks import Verdict
 from verification.mutation.mutants import Identity, Mutant, mutants_of
+from verification.mutation.page import page
 from verification.mutation.runner import Broken, Target, verdicts
 from verification.mutation.targets import TARGETS
 
@@ -32,7 +33,11 @@ def main(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes at a time")
     parser.add_argument("--list", action="store_true", help="print the mutants and try none")
+    parser.add_argument("--document", action="store_true", help="print docs/mutants.md")
     options = parser.parse_args(arguments)
+    if options.document:
+        print(page(TARGETS, equivalent.load()), end="")
+        return 0
     chosen = [
         module for module in TARGETS if not options.module or named_by(module, options.module)
     ]

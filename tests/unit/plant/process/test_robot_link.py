@@ -1,16 +1,18 @@
-"""Wheel commands at the plant: for how long they count, and which of two is the newer one."""
+"""The plant's link to a robot: what it publishes in which order, and which commands it obeys."""
 
 from typing import cast
 
 import pytest
 
+from plant.model.faults import Fault
 from plant.model.noise import LEVELS
 from plant.process.robot_link import Wires
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus
-from protocol.topics import DRIVE
-from protocol.wire.messages import WheelCommand
+from protocol.topics import CLOCK, DRIVE, SONAR, WHEELS
+from protocol.wire.message import Message
+from protocol.wire.messages import GroundTruth, SonarScan, SystemTime, WheelCommand, WheelTicks
 from runtime.clock import ManualClock
 from tests.support.played_bus import PlayedBus
 
@@ -25,14 +27,14 @@ class Bench:
         self._bus = PlayedBus(ManualClock())
         self.plant = Plant(load("open"), 0, LEVELS["none"])
         bus = cast(Bus, self._bus)
-        self._wires = Wires(bus, "r1", 0, lambda _: None, lockstep=True)
+        self.wires = Wires(bus, "r1", 0, lambda _: None, lockstep=True)
         for _ in range(20):
-            self._wires.publish(self.plant)
+            self.wires.publish(self.plant)
             self.plant.advance()
 
     def tick(self, *commands: tuple[int, int, int]) -> float:
         """A period in which these came: number, tick of their senses, speed. The speed after it."""
-        self._wires.publish(self.plant)
+        self.wires.publish(self.plant)
         for seq, sense_seq, mrad_s in commands:
             self._bus.say(
                 DRIVE,
@@ -45,7 +47,7 @@ class Bench:
                     ttl_ms=150,
                 ),
             )
-        self._wires.obey(self.plant)
+        self.wires.obey(self.plant)
         self.plant.advance()
         return self.plant.truth().speed_m_s
 
@@ -81,3 +83,73 @@ def test_a_robot_that_began_anew_is_obeyed() -> None:
     bench = Bench()
     bench.tick((4000, 20, 0))
     assert bench.tick((0, 21, FAST)) > 0.0
+
+
+class Listener:
+    """The second of two robots in a plant, and all that is published for it, in order."""
+
+    def __init__(self, *, lockstep: bool, at_ns: int = 0) -> None:
+        self._bus = PlayedBus(ManualClock())
+        self.plant = Plant(load("open"), 0, LEVELS["none"], robots=2, at_ns=at_ns)
+        self.wires = Wires(cast(Bus, self._bus), "r2", 1, lambda _: None, lockstep=lockstep)
+        self.said: list[Message] = []
+        for publisher in self._bus.publishers.values():
+            publisher.heard = self.said.append
+
+    def heard(self) -> list[Message]:
+        """Return what is published for this tick."""
+        self.said.clear()
+        self.wires.publish(self.plant)
+        return list(self.said)
+
+    def topics(self) -> list[str]:
+        """Return the paths of the topics that the robot must subscribe to."""
+        paths = {id(one): path for (_, path), one in self._bus.publishers.items()}
+        return [paths[id(one)] for one in self.wires.publishers]
+
+
+def test_senses_leave_before_the_clock_and_the_truth() -> None:
+    listener = Listener(lockstep=True)
+    heard = listener.heard()
+    assert [type(one) for one in heard] == [WheelTicks, SonarScan, SystemTime, GroundTruth]
+    assert heard[:2] == list(listener.plant.senses(1)), "of this robot, not of the first"
+    assert heard[3] == listener.plant.truth(1) != listener.plant.truth(0)
+
+
+def test_no_clock_is_published_in_wall_time() -> None:
+    heard = Listener(lockstep=False).heard()
+    assert [type(one) for one in heard] == [WheelTicks, SonarScan, GroundTruth]
+
+
+@pytest.mark.parametrize(
+    ("at_ms", "boot_ms"), [(0, 0), (20 * 50, 1000), (2**32 + 4, 4)], ids=["0", "1 s", "wrapped"]
+)
+def test_clock_tells_simulated_time(at_ms: int, boot_ms: int) -> None:
+    """Of a plant that is older than 2^32 ms the milliseconds begin anew."""
+    heard = Listener(lockstep=True, at_ns=at_ms * 1_000_000).heard()
+    assert heard[2] == SystemTime(time_unix_usec=at_ms * 1000, time_boot_ms=boot_ms)
+
+
+@pytest.mark.parametrize(
+    ("kind", "left"),
+    [("ticks_stopped", [SonarScan, GroundTruth]), ("scan_stopped", [WheelTicks, GroundTruth])],
+)
+def test_what_a_fault_keeps_back_is_not_published(kind: str, left: list[type[Message]]) -> None:
+    listener = Listener(lockstep=False)
+    listener.plant.inject(Fault(kind=kind, robot=1))
+    listener.plant.advance()
+    assert [type(one) for one in listener.heard()] == left
+
+
+@pytest.mark.parametrize(("lockstep", "clock"), [(True, [CLOCK.path]), (False, [])])
+def test_a_robot_must_subscribe_to_senses_and_clock(lockstep: bool, clock: list[str]) -> None:
+    assert Listener(lockstep=lockstep).topics() == [SONAR.path, WHEELS.path, *clock]
+
+
+def test_a_link_names_its_robot_and_tells_whether_it_has_answered() -> None:
+    bench = Bench()
+    assert bench.wires.robot == "r1"
+    bench.tick((1, 19, FAST))
+    assert not bench.wires.answered, "it answered the tick before"
+    bench.tick((2, 21, FAST))
+    assert bench.wires.answered

@@ -11,6 +11,7 @@ from verification.mutation import equivalent, forks
 from verification.mutation.equivalent import Entry, mistakes
 from verification.mutation.forks import Verdict
 from verification.mutation.mutants import Identity, mutants_of
+from verification.mutation.page import page
 from verification.mutation.targets import TARGETS
 
 ROOT = Path(__file__).parents[4]
@@ -210,3 +211,29 @@ def test_every_listed_mutant_exists_in_the_source() -> None:
 def test_targets_and_their_tests_exist() -> None:
     for module, tests in TARGETS.items():
         assert all((ROOT / file).is_file() for file in (module, *tests))
+
+
+def test_page_lists_each_equivalent_mutant_with_its_reason() -> None:
+    entry = Entry("a.py", "f", (("x < y", "x <= y"), ("x < y", "x > y")), "they never meet")
+    lines = page(["a.py", "b.py"], [entry]).splitlines()
+    begin = lines.index("## `a.py`")
+    assert lines[begin:] == [
+        "## `a.py`",
+        "",
+        "In `f`: they never meet.",
+        "",
+        "```diff",
+        "- x < y",
+        "+ x <= y",
+        "+ x > y",
+        "```",
+        "",
+        "## Modules without such a mutant",
+        "",
+        "`b.py`.",
+    ]
+
+
+def test_page_of_equivalent_mutants_is_up_to_date() -> None:
+    committed = (ROOT / "docs" / "mutants.md").read_text(encoding="utf-8")
+    assert committed == page(TARGETS, equivalent.load()), "make docs"
