@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from plant.world.file import load
+from runtime.units import NS_PER_S
 from verification.harness.figures import Figure, Report, percentile, ratios
 from verification.harness.pace import PERIOD_NS, paced, wait_until
 from verification.harness.process_stats import cpu_s
@@ -86,7 +87,7 @@ def in_turn(doors: Sequence[Standin], ticks: int, *, first: int) -> list[list[fl
         for place in range(len(doors)):
             wait_until(due_ns + place * share_ns)
             door = (first + place) % len(doors)
-            ns = doors[door].tick(patience_s=share_ns * PATIENCE / 1e9)
+            ns = doors[door].tick(patience_s=share_ns * PATIENCE / NS_PER_S)
             if ns is not None:
                 took[door].append(ns / 1e3)
     return took

@@ -11,6 +11,7 @@ import sys
 
 import sidestep
 from protocol.wire.messages import SonarScan
+from runtime.units import NS_PER_S
 
 SONARS = 8
 BETWEEN_DEG = 22.5
@@ -26,7 +27,7 @@ async def show(endpoint: str | None, scans: int | None) -> int:
     async with sidestep.connect(endpoint) as robot:
         stream = robot.sonar(size=1)
         async for scan in stream:
-            print(f"{clear}{robot.name} at {scan.time_ns / 1e9:.2f} s")
+            print(f"{clear}{robot.name} at {scan.time_ns / NS_PER_S:.2f} s")
             print("\n".join(rows_of(scan)), flush=True)
             drawn += 1
             if drawn == scans:

@@ -12,6 +12,7 @@ from protocol.bus.tls.access import grants
 from protocol.topics import Service, Topic
 from protocol.wire.layout import LAYOUT, class_name
 from protocol.wire.message import Message
+from runtime.units import NS_PER_MS
 
 DIALECT: Final = Path(__file__).parent / "dialect" / "sidestep.xml"
 
@@ -108,7 +109,7 @@ def stream_row(topic: Topic[Message]) -> Sequence[str]:
         wire_names(topic.messages),
         topic.publisher.value,
         f"{topic.rate_hz:g} Hz" if topic.rate_hz else f"event, {topic.history} kept",
-        f"{topic.stale_after_ns // topics.MS} ms" if topic.stale_after_ns else "never",
+        f"{topic.stale_after_ns // NS_PER_MS} ms" if topic.stale_after_ns else "never",
         topic.priority.name.lower().replace("_", " "),
         topic.doc,
     )

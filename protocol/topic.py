@@ -9,7 +9,6 @@ from typing import Final, Generic, TypeVar
 from protocol.wire.message import Message
 from runtime.errors import UserError
 
-MS: Final = 1_000_000
 ROBOT_NAME: Final = re.compile(r"[a-z0-9_-]{1,16}\Z")
 OPERATOR: Final = re.compile(r"[a-z0-9_-]{1,16}/[0-9a-f]{1,32}\Z")
 """Identity of an operator on the bus: the name in its certificate, and its session."""

@@ -5,7 +5,6 @@ from typing import Final, NamedTuple
 from protocol.topic import DIALECT as DIALECT
 from protocol.topic import ENCODING as ENCODING
 from protocol.topic import ENCODING_FAMILY as ENCODING_FAMILY
-from protocol.topic import MS as MS
 from protocol.topic import PREFIX as PREFIX
 from protocol.topic import Priority as Priority
 from protocol.topic import Role as Role
@@ -53,6 +52,7 @@ from protocol.wire.messages import (
     WheelCommand,
     WheelTicks,
 )
+from runtime.units import NS_PER_MS
 
 STOP_REPEAT_MS: Final = 50
 """An emergency stop is sent again after this, until the robot is seen to be stopped."""
@@ -62,7 +62,7 @@ SONAR: Final = Topic(
     messages=(SonarScan,),
     publisher=Role.PLANT,
     rate_hz=20.0,
-    stale_after_ns=SCAN_LOST_MS * MS,
+    stale_after_ns=SCAN_LOST_MS * NS_PER_MS,
     priority=Priority.DATA_HIGH,
     doc="one period of the sonar ring",
 )
@@ -71,7 +71,7 @@ WHEELS: Final = Topic(
     messages=(WheelTicks,),
     publisher=Role.PLANT,
     rate_hz=20.0,
-    stale_after_ns=TICKS_LOST_MS * MS,
+    stale_after_ns=TICKS_LOST_MS * NS_PER_MS,
     priority=Priority.DATA_HIGH,
     doc="encoder counters and bumper, latched at the tick",
 )
@@ -89,7 +89,7 @@ TRUTH: Final = Topic(
     messages=(GroundTruth,),
     publisher=Role.PLANT,
     rate_hz=20.0,
-    stale_after_ns=250 * MS,
+    stale_after_ns=250 * NS_PER_MS,
     priority=Priority.DATA_LOW,
     doc="where the robot truly is; for evaluation only",
 )
@@ -98,7 +98,7 @@ DRIVE: Final = Topic(
     messages=(WheelCommand,),
     publisher=Role.ROBOT,
     rate_hz=20.0,
-    stale_after_ns=MAX_WHEEL_TTL_MS * MS,
+    stale_after_ns=MAX_WHEEL_TTL_MS * NS_PER_MS,
     priority=Priority.REAL_TIME,
     doc="wheel speeds with their time-to-live",
 )
@@ -107,7 +107,7 @@ HEARTBEAT: Final = Topic(
     messages=(Heartbeat,),
     publisher=Role.ROBOT,
     rate_hz=5.0,
-    stale_after_ns=1000 * MS,
+    stale_after_ns=1000 * NS_PER_MS,
     doc="health of the control loop, sent from inside it",
 )
 ODOMETRY: Final = Topic(
@@ -115,7 +115,7 @@ ODOMETRY: Final = Topic(
     messages=(PlanarOdometry,),
     publisher=Role.ROBOT,
     rate_hz=20.0,
-    stale_after_ns=250 * MS,
+    stale_after_ns=250 * NS_PER_MS,
     doc="where the robot believes it is, with covariance",
 )
 STATUS: Final = Topic(
@@ -123,7 +123,7 @@ STATUS: Final = Topic(
     messages=(NavigatorStatus,),
     publisher=Role.ROBOT,
     rate_hz=20.0,
-    stale_after_ns=250 * MS,
+    stale_after_ns=250 * NS_PER_MS,
     doc="vehicle, mode, goal and navigator",
 )
 DECISION: Final = Topic(
@@ -131,7 +131,7 @@ DECISION: Final = Topic(
     messages=(AvoidanceDecision,),
     publisher=Role.ROBOT,
     rate_hz=20.0,
-    stale_after_ns=250 * MS,
+    stale_after_ns=250 * NS_PER_MS,
     priority=Priority.DATA_LOW,
     doc="what the navigator saw and chose",
 )
@@ -140,7 +140,7 @@ CYCLE: Final = Topic(
     messages=(CycleReport,),
     publisher=Role.ROBOT,
     rate_hz=20.0,
-    stale_after_ns=250 * MS,
+    stale_after_ns=250 * NS_PER_MS,
     priority=Priority.DATA_LOW,
     doc="cost and lateness of each control cycle",
 )
@@ -158,7 +158,7 @@ LEASE: Final = Topic(
     messages=(LeaseStatus,),
     publisher=Role.ROBOT,
     rate_hz=2.0,
-    stale_after_ns=1500 * MS,
+    stale_after_ns=1500 * NS_PER_MS,
     doc="which operator commands the robot; at once when that changes",
 )
 MISSION: Final = Topic(
@@ -166,7 +166,7 @@ MISSION: Final = Topic(
     messages=(MissionStatus,),
     publisher=Role.ROBOT,
     rate_hz=2.0,
-    stale_after_ns=1500 * MS,
+    stale_after_ns=1500 * NS_PER_MS,
     doc="how far the mission is; at once when that changes",
 )
 INPUTS: Final = Topic(
@@ -174,7 +174,7 @@ INPUTS: Final = Topic(
     messages=(TickInputs,),
     publisher=Role.ROBOT,
     rate_hz=20.0,
-    stale_after_ns=250 * MS,
+    stale_after_ns=250 * NS_PER_MS,
     priority=Priority.DATA_LOW,
     doc="what the control core was given, so that a recorded run can be executed again",
 )
@@ -209,7 +209,7 @@ OPERATOR: Final = Topic(
     messages=(Heartbeat,),
     publisher=Role.GROUND,
     rate_hz=5.0,
-    stale_after_ns=OPERATOR_LOST_MS * MS,
+    stale_after_ns=OPERATOR_LOST_MS * NS_PER_MS,
     doc="an operator is there",
 )
 TELEOP: Final = Topic(
@@ -217,7 +217,7 @@ TELEOP: Final = Topic(
     messages=(Teleop,),
     publisher=Role.GROUND,
     rate_hz=10.0,
-    stale_after_ns=MAX_TELEOP_TTL_MS * MS,
+    stale_after_ns=MAX_TELEOP_TTL_MS * NS_PER_MS,
     priority=Priority.DATA_HIGH,
     doc="speeds to drive with in MANUAL, each with its own time-to-live",
 )

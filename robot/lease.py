@@ -18,8 +18,8 @@ from protocol.wire.messages import (
 )
 from robot.core import reasons
 from runtime.terminal import printable
+from runtime.units import NS_PER_MS
 
-NS_PER_MS: Final = 1_000_000
 LAPSE_NS: Final = MAX_LEASE_MS * NS_PER_MS
 LAPSE_S: Final = MAX_LEASE_MS / 1000
 ONLY_LOOKS: Final = (ParamRequestRead, MissionRequestList, MissionRequestInt)

@@ -9,7 +9,7 @@ from protocol.wire.messages import CommandAck
 from robot.core import reasons
 from robot.storage.writer import File, Ticket
 from robot.vehicle import Answer, Vehicle, not_saved, once_saved
-from runtime.clock import NS_PER_S
+from runtime.units import NS_PER_S
 
 MAX_WITHHELD: Final = 64
 INTERIM_NS: Final = 300_000_000

@@ -21,9 +21,9 @@ from robot.core import states
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs
 from runtime.timing import UINT32
+from runtime.units import NS_PER_MS
 
 ARDUPILOT: Final = 3
-NS_PER_MS: Final = 1_000_000
 
 WHEELS_THERE: Final = 1
 SCAN_THERE: Final = 2

@@ -1,13 +1,10 @@
 """The dead man's handle: an operator steers for as long as frames keep coming, and no longer."""
 
-from typing import Final
-
 from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import Teleop
 from robot.core.perception.from_messages import twist_of
 from robot.core.values import Twist
-
-NS_PER_MS: Final = 1_000_000
+from runtime.units import NS_PER_MS
 
 
 class Handle:

@@ -47,6 +47,7 @@ from robot.rate_limiter import Occasion
 from robot.storage.files import Store
 from robot.storage.writer import Ticket
 from robot.teleop import Handle
+from runtime.units import NS_PER_MS
 
 Answer: TypeAlias = CommandAck | ParamValue | Reply
 Transfer: Final = (
@@ -60,7 +61,6 @@ Transfer: Final = (
 MOST_TEXTS: Final = 100  # from one look to the next
 HEARTBEAT_NS: Final = 200_000_000
 SLOW_NS: Final = 500_000_000
-NS_PER_MS: Final = 1_000_000
 ORIGIN: Final = Pose(0.0, 0.0, 0.0)
 
 

@@ -10,7 +10,7 @@ from threading import Lock
 from time import monotonic_ns
 from typing import Protocol
 
-NS_PER_S = 1_000_000_000
+from runtime.units import NS_PER_S
 
 
 class WakeUp:

@@ -8,6 +8,7 @@ from typing import Final, Protocol
 from runtime.arrivals import Beats, Pulse
 from runtime.errors import Stopped
 from runtime.lockstep import LockstepClock
+from runtime.units import NS_PER_S
 
 __all__ = [
     "Beats",
@@ -20,8 +21,6 @@ __all__ = [
     "WallClock",
     "ticks",
 ]
-
-NS_PER_S = 1_000_000_000
 
 
 class Clock(Protocol):

@@ -22,14 +22,14 @@ from protocol.bus.session import listens
 from protocol.topics import STATUS, TRUTH
 from runtime.clock import WallClock
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_MS, NS_PER_S
 from verification.harness.figures import Figure, Report
 
-MS: Final = 1_000_000
-ECHO_NS: Final = 100 * MS
+ECHO_NS: Final = 100 * NS_PER_MS
 """What is heard so soon after a kill was still on its way."""
-LOOK_NS: Final = 2 * MS
-PATIENCE_NS: Final = 15_000 * MS
-SETTLED_NS: Final = 700 * MS
+LOOK_NS: Final = 2 * NS_PER_MS
+PATIENCE_NS: Final = 15_000 * NS_PER_MS
+SETTLED_NS: Final = 700 * NS_PER_MS
 ROUTER_S: Final = 1.0
 NO_PAUSE: Final = Policy(pause_ns=0, limit=1_000_000)
 ROLES: Final = (("robot r1", False), ("plant", False), ("robot r1", True), ("router", True))
@@ -117,7 +117,7 @@ def recovered(stack: Stack, ears: Ears, clock: WallClock, role: str) -> Recovery
                 clock.sleep_until(clock.now_ns() + LOOK_NS)
     listens_ns = clock.now_ns()
     heard_ns = await_both(stack, ears, clock, killed_ns + ECHO_NS)
-    return Recovery((listens_ns - killed_ns) / 1e9, (heard_ns - killed_ns) / 1e9)
+    return Recovery((listens_ns - killed_ns) / NS_PER_S, (heard_ns - killed_ns) / NS_PER_S)
 
 
 def await_both(stack: Stack, ears: Ears, clock: WallClock, since_ns: int) -> int:
@@ -125,6 +125,6 @@ def await_both(stack: Stack, ears: Ears, clock: WallClock, since_ns: int) -> int
     while not ears.both_since(since_ns):
         stack.check()
         if clock.now_ns() - since_ns > PATIENCE_NS:
-            raise RemoteError(f"not heard again within {PATIENCE_NS / 1e9:g} s")
+            raise RemoteError(f"not heard again within {PATIENCE_NS / NS_PER_S:g} s")
         clock.sleep_until(clock.now_ns() + LOOK_NS)
     return clock.now_ns()

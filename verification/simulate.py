@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
+from runtime.units import NS_PER_S
 from verification.harness.figures import Figure, Report
 from verification.simulation.campaign import MOST_HUNTED, Ran, hunted, in_processes
 from verification.simulation.coverage import Coverage
@@ -20,7 +21,6 @@ from verification.simulation.events import from_json, to_json
 from verification.simulation.shrink import shrunk
 from verification.simulation.simulation import Result, run
 
-NS_PER_S: Final = 1_000_000_000
 MAX_SHOWN: Final = 5
 AGAIN: Final = ""
 """`--replay` without a file."""

@@ -13,6 +13,7 @@ from time import monotonic_ns
 from typing import Final
 
 from benchmarks.ground_station.stage import SIZES, on_terminal
+from runtime.units import NS_PER_S
 from verification.harness.figures import Figure
 from verification.harness.observer import Observer, observed
 
@@ -54,7 +55,7 @@ def in_turn(observer: Observer, bytecode: Path) -> tuple[float, float, float, fl
         painted_ns = terminal.shown(PAINTED, PATIENCE_S)
         cost_s = terminal.reading().cpu_s
         paint_s, first_s = (
-            (at_ns - terminal.begun_ns) / 1e9 for at_ns in (painted_ns, terminal.first_ns)
+            (at_ns - terminal.begun_ns) / NS_PER_S for at_ns in (painted_ns, terminal.first_ns)
         )
     bare_s, textual_s = (took_s(line, bytecode) for line in FLOORS)
     return paint_s, first_s, bare_s, textual_s, cost_s
@@ -66,4 +67,4 @@ def took_s(line: str, bytecode: Path) -> float:
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     begun_ns = monotonic_ns()
     subprocess.run([sys.executable, "-c", line], check=True, env=environment)
-    return (monotonic_ns() - begun_ns) / 1e9
+    return (monotonic_ns() - begun_ns) / NS_PER_S

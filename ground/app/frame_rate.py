@@ -4,8 +4,8 @@ from typing import Final, Protocol
 
 from ground.station.station import Station
 from protocol.topics import STATUS
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 SLOW_HZ: Final = 2.0
 MOST_SLOWER: Final = 16
 """To one frame in 1.6 s, of ten a second."""

@@ -14,11 +14,10 @@ from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, T
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
+from runtime.units import NS_PER_MS, NS_PER_S
 
-MS: Final = 1_000_000
 LATE_FACTOR: Final = 3
 PERIODS: Final = 1.5
-NS_PER_S: Final = 1000 * MS
 DAY_S: Final = 86_400.0
 SOON_S: Final = 30 * DAY_S
 
@@ -49,7 +48,7 @@ class Observed:
     status: NavigatorStatus | None = None
     cycle: CycleReport | None = None
     answers: tuple[tuple[str, str], ...] = ()  # service path, why it did not answer
-    listened_ns: int = 1000 * MS
+    listened_ns: int = 1000 * NS_PER_MS
     certified: Own | None = None  # where doors are locked
     clock_s: float = 0.0  # of this machine, since 1970
 
@@ -128,7 +127,7 @@ def streams(seen: Observed) -> Iterator[Finding]:
         if stream.age_ns is None:
             yield Finding(f"nothing on {topic.path}", f"is the {sender} paused? else restart it")
         else:
-            age = f"{stream.age_ns / MS:.0f} ms"
+            age = f"{stream.age_ns / NS_PER_MS:.0f} ms"
             yield Finding(f"{topic.path} is {age} old", f"the {sender} hangs or is overloaded")
 
 

@@ -14,10 +14,9 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
 from runtime.clock import Clock
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_MS, NS_PER_S
 
-MS: Final = 1_000_000
-NS_PER_S: Final = 1_000_000_000
-REPEAT_NS: Final = STOP_REPEAT_MS * MS
+REPEAT_NS: Final = STOP_REPEAT_MS * NS_PER_MS
 GIVE_UP_NS: Final = 30 * NS_PER_S
 LOUD_NS: Final = NS_PER_S
 """Interval of the reports that there is no acknowledgement yet."""
@@ -179,7 +178,7 @@ def outcome_words(outcome: StopOutcome, robot: str) -> str:
     """Describe how a press ended."""
     tries = f"{outcome.tries} {'try' if outcome.tries == 1 else 'tries'}"
     if outcome.acknowledged:
-        return f"E-STOP acknowledged by {robot} after {outcome.took_ns / MS:.0f} ms, {tries}"
+        return f"E-STOP acknowledged by {robot} after {outcome.took_ns / NS_PER_MS:.0f} ms, {tries}"
     after = f"{outcome.took_ns / NS_PER_S:.0f} s"
     return (
         f"E-STOP GIVEN UP after {after}: {robot} has NOT acknowledged it ({tries}; {outcome.why})"

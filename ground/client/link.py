@@ -27,9 +27,9 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, Heartbeat
 from runtime.clock import Clock, Pulse, WallClock
 from runtime.errors import NoPeer, NotLetIn, PeerHangs, RemoteError
+from runtime.units import NS_PER_S
 
 M = TypeVar("M", bound=Message)
-NS_PER_S: Final = 1_000_000_000
 LISTEN_NS: Final = 700_000_000
 ALIVE: Final = Heartbeat(
     type=TYPE_GCS,

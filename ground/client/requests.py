@@ -17,14 +17,14 @@ from protocol.wire.messages import (
     NavigatorStatus,
 )
 from protocol.wire.reasons import Reason, reason_text
+from runtime.units import NS_PER_MS, NS_PER_S
 
-MS: Final = 1_000_000
 ATTEMPTS: Final = 3
-PATIENCE_NS: Final = 500 * MS
-BEAT_NS: Final = 200 * MS
-SILENCE_NS: Final = 3_000 * MS
-UNSEEN_NS: Final = 3_000 * MS
-OVERTAKEN_NS: Final = 1_000 * MS
+PATIENCE_NS: Final = 500 * NS_PER_MS
+BEAT_NS: Final = 200 * NS_PER_MS
+SILENCE_NS: Final = 3_000 * NS_PER_MS
+UNSEEN_NS: Final = 3_000 * NS_PER_MS
+OVERTAKEN_NS: Final = 1_000 * NS_PER_MS
 """A status that is at most so much older than the newest was overtaken on its way."""
 ID_BITS: Final = 64
 
@@ -250,10 +250,10 @@ class GoalWatch:
         driven_ns = 0 if started_ns is None else self._stamp_ns - started_ns
         elapsed_ns = driven_ns if self._stamps_only else max(driven_ns, now_ns - self._asked_ns)
         if self._timeout_ns is not None and elapsed_ns >= self._timeout_ns:
-            said = f"not there after {self._timeout_ns / 1e9:g} s"
+            said = f"not there after {self._timeout_ns / NS_PER_S:g} s"
             self.end = GoalEnd("timeout", said, abort=True)
         elif self.silent_ns(now_ns) >= SILENCE_NS:
-            said = f"the robot has been silent for {self.silent_ns(now_ns) / 1e9:.1f} s"
+            said = f"the robot has been silent for {self.silent_ns(now_ns) / NS_PER_S:.1f} s"
             self.end = GoalEnd("aborted", said, abort=True)
 
 

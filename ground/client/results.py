@@ -1,13 +1,12 @@
 """Outcomes that several operations share: the robot agreed, or it refused and why."""
 
 from dataclasses import dataclass
-from typing import Final, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 from ground.client.vocabulary import HINTS
 from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import RemoteError
-
-MS: Final = 1_000_000
+from runtime.units import NS_PER_MS
 
 
 class Outcome(Protocol):
@@ -39,7 +38,7 @@ class Accepted:
 
     @property
     def text(self) -> str:
-        return f"ok {self.took_ns / MS:.0f} ms"
+        return f"ok {self.took_ns / NS_PER_MS:.0f} ms"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         return answer_row(verb, robot, Reason.NONE, self.took_ns)
@@ -93,5 +92,5 @@ def answer_row(verb: str, robot: str, reason: int, took_ns: int) -> dict[str, ob
         "ok": reason == Reason.NONE,
         "reason": reason_text(reason),
         "reason_code": reason,
-        "took_ms": round(took_ns / MS, 3),
+        "took_ms": round(took_ns / NS_PER_MS, 3),
     }

@@ -26,12 +26,7 @@ from ground.client.connection import Common, common
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.events import Telemetry
 from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
-from ground.client.link import (
-    ALIVE,
-    NS_PER_S,
-    Link,
-    linked,
-)
+from ground.client.link import ALIVE, Link, linked
 from ground.client.operations import (
     Abort,
     Arm,
@@ -63,6 +58,7 @@ from protocol.bus.publisher import Publisher
 from protocol.topics import LEASE, MISSION, OPERATOR, STATUS, STOP
 from protocol.wire.enums import LeaseAction, Mode, Navigator
 from runtime.clock import WallClock
+from runtime.units import NS_PER_S
 
 T = TypeVar("T")
 Out = TypeVar("Out", bound=Outcome)

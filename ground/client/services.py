@@ -45,6 +45,7 @@ from protocol.wire.enums import LeaseAction, MissionState
 from protocol.wire.messages import MissionStatus
 from runtime.clock import Clock
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_S
 
 Out = TypeVar("Out", bound=Outcome)
 TICK_S: Final = 0.05
@@ -172,7 +173,9 @@ class Missions:
             late = now_ns - began_ns > BEGUN_NS
             silent_ns = now_ns - max(began_ns, 0 if newest is None else newest[1])
             if silent_ns >= SILENCE_NS:
-                raise RemoteError(f"nothing is heard of the mission for {silent_ns / 1e9:.1f} s")
+                raise RemoteError(
+                    f"nothing is heard of the mission for {silent_ns / NS_PER_S:.1f} s"
+                )
             if newest is not None and newest[1] > began_ns:
                 if newest[0].state in UNDER_WAY:
                     seen = True

@@ -11,6 +11,7 @@ from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import Reason, reason_text
+from runtime.units import NS_PER_S
 
 NONE: Final = "--"
 LOUD_NS: Final = 700_000_000
@@ -26,7 +27,7 @@ def goal_line(
     With `goal_id` a status that speaks of another goal is not shown.
     """
     if silent_ns > LOUD_NS:
-        return [Part(f"nothing heard of the robot for {silent_ns / 1e9:.1f} s")]
+        return [Part(f"nothing heard of the robot for {silent_ns / NS_PER_S:.1f} s")]
     status = telemetry.live(STATUS, now_ns)
     if status is None:
         return [Part("waiting for the robot's status")]
@@ -78,7 +79,7 @@ def aged(
     seen = telemetry.seen(topic, now_ns)
     if seen.message is None or seen.age_ns is None:
         return Part(f"{name} {NONE}")
-    age_s = seen.age_ns / 1e9
+    age_s = seen.age_ns / NS_PER_S
     if seen.age is Age.GONE:
         return Part(f"{name} {NONE} ({age_s:.1f} s)")
     return Part(words(seen.message), age_s=None if seen.age is Age.LIVE else age_s)
@@ -98,7 +99,7 @@ def driven(status: NavigatorStatus) -> str:
     if not status.goal_id:
         return ""
     until_ns = status.goal_ended_ns or status.time_ns
-    return f"{(until_ns - status.goal_started_ns) / 1e9:.0f} s"
+    return f"{(until_ns - status.goal_started_ns) / NS_PER_S:.0f} s"
 
 
 def state_of(status: NavigatorStatus) -> str:

@@ -14,9 +14,9 @@ from protocol.topics import (
     Topic,
 )
 from protocol.wire.message import Message
+from runtime.units import NS_PER_S
 
 M = TypeVar("M", bound=Message)
-NS_PER_S: Final = 1_000_000_000
 DIM_PERIODS: Final = 2.0
 GONE_PERIODS: Final = 5.0
 LOOKED_AT: Final[tuple[Topic[Any], ...]] = (HEARTBEAT, STATUS, ODOMETRY, DECISION, CYCLE)

@@ -27,9 +27,9 @@ from ground.text.wording import (
 )
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from protocol.wire.reasons import reason_text
+from runtime.units import NS_PER_S
 
 NAMES: Final = 9
-NS_PER_S: Final = 1_000_000_000
 
 
 class Explanation(NamedTuple):

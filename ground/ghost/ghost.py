@@ -17,7 +17,8 @@ from ground.ghost.branch_point import Facts, Instant, trial_words, world_bytes
 from ground.ghost.predicted_path import FAILED, Course, Point, Reading
 from ground.launch.child_command import command
 from ground.launch.child_processes import held_back, how
-from runtime.clock import NS_PER_S, Clock, WallClock
+from runtime.clock import Clock, WallClock
+from runtime.units import NS_PER_S
 
 PATIENCE_S: Final = 30.0
 CHUNK: Final = 1 << 20

@@ -16,8 +16,8 @@ from protocol.topics import ODOMETRY, STATUS, TRUTH
 from protocol.wire.enums import GoalState, Severity
 from protocol.wire.messages import GroundTruth, PlanarOdometry
 from runtime.errors import UserError
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 ALL: Final = "all"
 NONE: Final = "none"
 CHOICES: Final = (*NAVIGATORS, ALL, NONE)

@@ -7,11 +7,12 @@ from ground.client.goal import Destination
 from ground.client.link import LISTEN_NS, Link, Unanswered
 from ground.ghost.branch_point import Facts, Instant, driving
 from ground.ghost.predicted_path import Course
-from ground.ghost.recorded_ghost import DRIVING, NS_PER_S, changed, goal_of
+from ground.ghost.recorded_ghost import DRIVING, changed, goal_of
 from protocol.topics import STATUS, TRUTH, WORLD
 from protocol.wire.messages import NavigatorStatus
 from runtime.errors import RemoteError, UserError
 from runtime.json_reader import value_in
+from runtime.units import NS_PER_S
 
 ASK_S: Final = 1.0
 

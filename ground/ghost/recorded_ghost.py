@@ -24,9 +24,8 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import reason_text
 from runtime.errors import RemoteError, UserError
 from runtime.json_reader import value_in
+from runtime.units import NS_PER_S, NS_PER_US
 
-NS_PER_S: Final = 1_000_000_000
-NS_PER_US: Final = 1_000
 SLACK_NS: Final = 100_000_000
 """A request is recorded at about the time at which the robot says that it has a goal."""
 

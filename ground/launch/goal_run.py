@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from ground.client.goal import goal_request
-from ground.client.link import NS_PER_S, Link, Unanswered
+from ground.client.link import Link, Unanswered
 from ground.client.requests import Answered, GoalWatch
 from ground.client.status_line import goal_line, short_line
 from ground.client.telemetry import Telemetry
@@ -26,6 +26,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswer, RemoteError
+from runtime.units import NS_PER_S
 
 READY_NS: Final = 15 * NS_PER_S
 RETRY_NS: Final = 20_000_000

@@ -7,17 +7,17 @@ where there is none.
 from collections.abc import Callable, Iterable
 from typing import Final
 
-MS: Final = 1_000_000
-SECOND: Final = 1_000 * MS
-SILENT_NS: Final = 2_500 * MS
-STARTING_NS: Final = 15 * SECOND
+from runtime.units import NS_PER_MS, NS_PER_S
+
+SILENT_NS: Final = 2_500 * NS_PER_MS
+STARTING_NS: Final = 15 * NS_PER_S
 """As long as this may pass from a start to the first sign of life."""
-ECHO_NS: Final = 100 * MS
+ECHO_NS: Final = 100 * NS_PER_MS
 """What comes so soon after a start was still on its way from the one before."""
-DEAF_NS: Final = 500 * MS
+DEAF_NS: Final = 500 * NS_PER_MS
 """Who has not looked for so long has not listened either."""
 ROUTER: Final = "router"
-SILENT: Final = f"hung (not heard for {SILENT_NS / SECOND:g} s)"
+SILENT: Final = f"hung (not heard for {SILENT_NS / NS_PER_S:g} s)"
 
 
 class Hearts:

@@ -17,12 +17,12 @@ from ground.recording.log_reader import robot_in
 from ground.recording.retention import Shelf, size_in, size_of
 from runtime.clock import Clock
 from runtime.errors import UserError
+from runtime.units import NS_PER_S
 
 FOLDER: Final = Path("sidestep") / "recordings"
 ON: Final = "REC"
 TROUBLE: Final = "REC!"
 ROLE: Final = "recorder"
-NS_PER_S: Final = 1_000_000_000
 LOOK_NS: Final = NS_PER_S // 2
 PATIENCE_NS: Final = 3 * NS_PER_S
 FULL_BYTES: Final = 1 << 20

@@ -1,19 +1,18 @@
 """Who is started again, when, and when no more: decided from deaths alone, without a process."""
 
 from collections.abc import Iterable
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
-MS: Final = 1_000_000
-SECOND: Final = 1_000 * MS
+from runtime.units import NS_PER_MS, NS_PER_S
 
 
 class Policy(NamedTuple):
     """The first restart is at once; each further one within `window_ns` waits twice as long."""
 
-    pause_ns: int = 200 * MS
-    longest_ns: int = 2 * SECOND
+    pause_ns: int = 200 * NS_PER_MS
+    longest_ns: int = 2 * NS_PER_S
     limit: int = 5
-    window_ns: int = 60 * SECOND
+    window_ns: int = 60 * NS_PER_S
 
 
 class Restart(NamedTuple):
@@ -41,14 +40,14 @@ class Supervisor:
         self._planned.pop(role, None)
         what = f"the {role} process {cause}"
         if len(recent) >= policy.limit:
-            times, seconds = len(recent) + 1, policy.window_ns // SECOND
+            times, seconds = len(recent) + 1, policy.window_ns // NS_PER_S
             self.given_up[role] = f"GIVEN UP: {what}, {times} times within {seconds} s"
             return self.given_up[role]
         pause_ns = 0
         if recent:
             pause_ns = min(policy.longest_ns, policy.pause_ns << (len(recent) - 1))
         self._planned[role] = (now_ns + pause_ns, cause)
-        return f"{what}; it is started again{f' in {pause_ns / SECOND:g} s' if pause_ns else ''}"
+        return f"{what}; it is started again{f' in {pause_ns / NS_PER_S:g} s' if pause_ns else ''}"
 
     def due(self, now_ns: int) -> list[Restart]:
         """Each restart once, when its time has come."""

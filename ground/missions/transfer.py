@@ -19,10 +19,10 @@ from protocol.wire.messages import (
     MissionVerdict,
 )
 from protocol.wire.reasons import Reason, reason_text
+from runtime.units import NS_PER_MS
 
-MS: Final = 1_000_000
 ATTEMPTS: Final = 5
-PATIENCE_NS: Final = 500 * MS
+PATIENCE_NS: Final = 500 * NS_PER_MS
 MAX_SAVING: Final = 60
 """Limit of IN_PROGRESS answers; longer than a robot waits for its disk."""
 

@@ -10,8 +10,8 @@ from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import reason_text
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 STOPPED: Final = (Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP)
 
 

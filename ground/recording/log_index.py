@@ -16,8 +16,8 @@ from protocol.wire.codec import decode
 from protocol.wire.message import Message
 from protocol.wire.messages import SystemTime
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_US
 
-NS_PER_US: Final = 1000
 LATEST_NS: Final = 1 << 62
 """What a damaged time is held back to."""
 

@@ -13,8 +13,8 @@ from ground.recording.mcap.reader import McapFile
 from ground.recording.tlog import Reader
 from protocol.topics import PREFIX
 from runtime.errors import UserError
+from runtime.units import NS_PER_US
 
-NS_PER_US: Final = 1000
 MCAP_BEGINS: Final = b"\x89MCAP"
 NAMED: Final = re.compile(r"\d{8}T\d{6}Z-(?P<robot>[a-z0-9_-]{1,16})(\.\d{1,3})?\Z")
 USUAL_ROBOT: Final = "r1"

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from ground.recording.tlog import record_bytes, whole
+from runtime.units import NS_PER_US
 
 HELD_BYTES: Final = 8 << 20
 FRAME_COST: Final = 300
@@ -25,7 +26,6 @@ MAX_KEY: Final = 250
 """Letters of a key, which is in the MCAP with each frame; all of ours are shorter."""
 
 TOO_SLOW: Final = "the disk took too long"
-NS_PER_US: Final = 1000
 
 
 class Form(Protocol):

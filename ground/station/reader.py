@@ -16,8 +16,8 @@ from protocol.wire.enums import MissionType
 from protocol.wire.messages import ParamRequestRead
 from runtime.clock import Clock
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 PROBE_NS: Final = NS_PER_S
 HURRIED_NS: Final = NS_PER_S // 4
 RETRY_NS: Final = NS_PER_S

@@ -14,8 +14,8 @@ from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
 from protocol.wire.enums import Mode
 from protocol.wire.limits import OPERATOR_LOST_MS
 from protocol.wire.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 STOPPED_S: Final = OPERATOR_LOST_MS / 1000 + 0.5
 """A robot that lost its operator has stopped by then: it brakes within half a second."""
 FARTHEST_S: Final = 30.0

@@ -20,8 +20,8 @@ from protocol.wire.enums import LeaseAction, Severity
 from runtime.clock import Clock
 from runtime.errors import RemoteError
 from runtime.terminal import printable
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 CLOSING_S: Final = 2.0
 REPLAYED: Final = "this is a replay: nothing can be commanded"
 

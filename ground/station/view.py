@@ -1,6 +1,6 @@
 """Everything of the shown robot that can be looked at, as it was at the last poll."""
 
-from typing import Any, Final
+from typing import Any
 
 from ground.client.parameter_rows import Row
 from ground.client.presence import Crew
@@ -17,8 +17,7 @@ from ground.station.scene import scene_of
 from ground.station.world import WorldFacts
 from protocol.topics import LEASE, MISSION, Role, Topic
 from protocol.wire.messages import AvoidanceDecision, CycleReport, LeaseStatus, MissionStatus
-
-NS_PER_S: Final = 1_000_000_000
+from runtime.units import NS_PER_S
 
 Point = tuple[float, float]
 

@@ -4,8 +4,8 @@ from protocol.wire.message import Message
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import MOST_PIECES, PIECE_BYTES
 from runtime.terminal import printable
+from runtime.units import NS_PER_S
 
-NS_PER_S = 1_000_000_000
 NEWS_NS = 2 * NS_PER_S
 """What is no older is told as it comes."""
 

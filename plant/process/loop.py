@@ -10,8 +10,9 @@ from plant.process.requests import Desk
 from plant.process.robot_link import Wires
 from plant.sim.simulation import Plant
 from runtime.arrivals import WakeUp
-from runtime.clock import NS_PER_S, Clock, ticks
+from runtime.clock import Clock, ticks
 from runtime.timing import PERIOD_NS
+from runtime.units import NS_PER_S
 
 PERIOD_S: Final = PERIOD_NS / NS_PER_S
 POLL_S: Final = 0.01

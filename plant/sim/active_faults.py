@@ -5,6 +5,7 @@ from math import isfinite
 from typing import Final, NamedTuple, TypeAlias
 
 from plant.model.faults import Fault
+from runtime.units import NS_PER_S
 
 SONARS: Final = 8
 NEVER_NS: Final = 1 << 63
@@ -74,11 +75,11 @@ class Schedule:
 
 
 def start_ns(fault: Fault) -> int:
-    return round(fault.start_s * 1e9)
+    return round(fault.start_s * NS_PER_S)
 
 
 def end_ns(fault: Fault) -> int:
-    return round(fault.end_s * 1e9) if isfinite(fault.end_s) else NEVER_NS
+    return round(fault.end_s * NS_PER_S) if isfinite(fault.end_s) else NEVER_NS
 
 
 def _added_up(faults: list[Fault], now_ns: int) -> Trouble:

@@ -5,14 +5,12 @@ wheels' true diameters. Nobody in here reads a sensor or knows where the robot i
 """
 
 from math import copysign, exp, floor, sqrt
-from typing import Final
 
 from plant.model.body import INT32, Body
 from plant.model.noise import Noise
 from plant.sim.active_faults import NO_TROUBLE, Trouble
 from plant.sim.seeds import gaussian_rows
-
-NS_PER_MS: Final = 1_000_000
+from runtime.units import NS_PER_MS
 
 
 class Motor:

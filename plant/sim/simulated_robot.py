@@ -18,6 +18,7 @@ from plant.sim.sensing.raycast import Caster
 from plant.sim.sensing.sonar import PING_AGE_US, Ring
 from protocol.wire.messages import GroundTruth, SonarScan, WheelTicks
 from runtime.timing import PERIOD_NS, UINT32
+from runtime.units import NS_PER_S
 
 LEFT: Final = 1
 RIGHT: Final = 2
@@ -30,7 +31,7 @@ CLOSING_M_S: Final = 0.01
 """A robot that moves faster than this towards somebody it touches has run into him: had he stood
 still, they would have touched all the same. Turning on the spot never brings a disc closer."""
 
-PERIOD_S: Final = PERIOD_NS / 1e9
+PERIOD_S: Final = PERIOD_NS / NS_PER_S
 
 Moved: TypeAlias = tuple[Sequence[Disc], Sequence[Disc]]
 

@@ -16,6 +16,7 @@ from plant.sim.physics import Arena
 from plant.sim.simulated_robot import PERIOD_S, Common, Moved, Vehicle
 from protocol.wire.messages import GroundTruth, RunScore, SonarScan, WheelTicks
 from runtime.timing import PERIOD_NS
+from runtime.units import NS_PER_S
 
 SUBSTEPS: Final = 2
 SUBSTEP_NS: Final = PERIOD_NS // SUBSTEPS
@@ -135,7 +136,7 @@ class Plant:
             self._arena.carry(index, (new[0] - old[0]) / SUBSTEP_S, (new[1] - old[1]) / SUBSTEP_S)
 
     def _discs_at(self, now_ns: int) -> list[Disc]:
-        return [(*mover.position_m(now_ns / 1e9), mover.radius_m) for mover in self._movers]
+        return [(*mover.position_m(now_ns / NS_PER_S), mover.radius_m) for mover in self._movers]
 
     def _sense(self) -> None:
         for vehicle in self._vehicles:

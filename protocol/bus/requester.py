@@ -17,10 +17,10 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, MissionVerdict, Timesync
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswer, RemoteError
+from runtime.units import NS_PER_S
 
 CLOCK_S: Final = 0.5
 SHORTEST_S: Final = 0.01
-NS_PER_S: Final = 1_000_000_000
 
 
 class Asker:

@@ -1,15 +1,16 @@
 """The core as the robot process runs it, without the process: senses in, wheel command out."""
 
-from protocol.topics import MS, SONAR, WHEELS
+from protocol.topics import SONAR, WHEELS
 from protocol.wire.goal import WireGoal
 from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core import brain, modes, reasons, states
 from robot.core.parameters import Params
 from robot.core.perception.from_messages import goal_of, now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Outputs, Pose, Wheels
+from runtime.units import NS_PER_MS
 
-WHEELS_STALE_MS = WHEELS.stale_after_ns // MS
-SCAN_STALE_MS = SONAR.stale_after_ns // MS
+WHEELS_STALE_MS = WHEELS.stale_after_ns // NS_PER_MS
+SCAN_STALE_MS = SONAR.stale_after_ns // NS_PER_MS
 
 
 class Onboard:

@@ -31,9 +31,9 @@ from robot.storage.files import Store
 from robot.telemetry import BUDGET_VIOLATED, NAME_TAKEN, NEVER, STEERED
 from robot.vehicle import Vehicle
 from runtime.errors import UserError
+from runtime.units import NS_PER_MS, NS_PER_S
 from study.trial.recorded_drive import Recorded
 
-NS_PER_MS: Final = 1_000_000
 COMPARED: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)
 UNCOMPARED: Final = frozenset(
     {"seq", "sense_seq", "epoch", "ttl_ms", "goal_started_ns", "goal_ended_ns"}
@@ -188,7 +188,7 @@ def differs(inputs: TickInputs, recorded: Message, now: Message) -> Difference |
     found = differs_in(recorded, now, names)
     if found is None:
         return None
-    return Difference(inputs.tick, inputs.time_ns / 1e9, type(now).__name__, *found)
+    return Difference(inputs.tick, inputs.time_ns / NS_PER_S, type(now).__name__, *found)
 
 
 def differs_in(

@@ -6,6 +6,7 @@ from typing import TextIO
 
 from plant.sim.simulation import Plant
 from robot.core.values import Decision, Outputs
+from runtime.units import NS_PER_S
 from study.trial.core_loop import Onboard
 
 COLUMNS = (
@@ -37,7 +38,7 @@ class Trace:
 def _truth(plant: Plant) -> tuple[float, ...]:
     truth = plant.truth()
     pose = (truth.x_m, truth.y_m, truth.heading_rad)
-    return plant.now_ns / 1e9, *pose, truth.clearance_m, truth.contact
+    return plant.now_ns / NS_PER_S, *pose, truth.clearance_m, truth.contact
 
 
 def _estimate(onboard: Onboard) -> tuple[float, ...]:

@@ -20,6 +20,7 @@ from robot.core.values import Outputs, Pose
 from robot.parameters.table import with_values
 from runtime.calibration import settings_of
 from runtime.timing import CONTROL_HZ, PERIOD_NS
+from runtime.units import NS_PER_S
 from study.trial.core_loop import Onboard
 
 NAVIGATORS: Mapping[str, int] = {
@@ -88,7 +89,7 @@ def drive(
     wheels, scan = plant.senses()
     outputs = onboard.step(plant.now_ns, wheels, scan)
     refusal = onboard.go(goal)
-    machine, last_ns = onboard.state.machine, plant.now_ns + round(timeout_s * 1e9)
+    machine, last_ns = onboard.state.machine, plant.now_ns + round(timeout_s * NS_PER_S)
     while True:
         plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, MAX_WHEEL_TTL_MS)
         if watch is not None:
@@ -148,7 +149,7 @@ def ended_of(
     return Ended(
         goal_state=states.REFUSED if refused else machine.goal_state,
         goal_reason=refusal if refused else machine.goal_reason,
-        time_s=(plant.now_ns - begun_ns) / 1e9,
+        time_s=(plant.now_ns - begun_ns) / NS_PER_S,
         estimate_x_m=pose.x_m,
         estimate_y_m=pose.y_m,
         wall_s=wall_s,

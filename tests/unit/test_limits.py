@@ -7,7 +7,7 @@ import pytest
 
 from ground.client.emergency_stop import REPEAT_NS
 from ground.map import ellipse
-from protocol.topics import DRIVE, MS, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Topic
+from protocol.topics import DRIVE, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Topic
 from protocol.wire.limits import (
     MAX_LEASE_MS,
     MAX_TELEOP_TTL_MS,
@@ -21,6 +21,7 @@ from protocol.wire.reasons import Reason, reason_text
 from robot.core.parameters import DEFAULTS
 from robot.lease import LAPSE_NS
 from runtime.timing import PERIOD_MS
+from runtime.units import NS_PER_MS
 from study.cli.study_options import parser
 from study.runner.plan import DETOUR, LEAST_S, WITHOUT_WAY_S
 from study.statistics.intervals import CHI2_2, CONFIDENCE, CONFIDENT
@@ -54,12 +55,12 @@ def test_the_text_of_a_failsafe_shows_its_limit(reason: Reason, words: str) -> N
     ids=lambda value: getattr(value, "path", value),
 )
 def test_a_topic_is_stale_when_its_limit_is_over(topic: Topic[Message], limit_ms: int) -> None:
-    assert topic.stale_after_ns == limit_ms * MS
+    assert topic.stale_after_ns == limit_ms * NS_PER_MS
 
 
 def test_the_core_and_the_lease_use_the_limits_of_the_wire() -> None:
     assert DEFAULTS.op_lost_ms == OPERATOR_LOST_MS
-    assert LAPSE_NS == MAX_LEASE_MS * MS
+    assert LAPSE_NS == MAX_LEASE_MS * NS_PER_MS
 
 
 @pytest.mark.parametrize(
@@ -72,7 +73,7 @@ def test_the_core_and_the_lease_use_the_limits_of_the_wire() -> None:
         f"| its loop hangs | {MAX_WHEEL_TTL_MS} ms |",
         f"| the robot itself is gone | {MAX_WHEEL_TTL_MS} ms |",
         f"ends it {MAX_WHEEL_TTL_MS} ms after that tick",
-        f"repeat it every {REPEAT_NS // MS} ms",
+        f"repeat it every {REPEAT_NS // NS_PER_MS} ms",
         f"on a fixed grid of {PERIOD_MS} ms",
     ],
 )
@@ -81,7 +82,7 @@ def test_the_readme_shows_the_limits(words: str) -> None:
 
 
 def test_the_table_of_topics_shows_how_often_a_stop_is_repeated() -> None:
-    assert re.search(rf"\b{REPEAT_NS // MS} ms\b", STOP.doc)
+    assert re.search(rf"\b{REPEAT_NS // NS_PER_MS} ms\b", STOP.doc)
 
 
 def test_texts_about_confidence_take_it_from_its_constant() -> None:

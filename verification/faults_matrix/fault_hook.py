@@ -26,6 +26,7 @@ from plant.process.loop import Process
 from protocol.bus.bus import Bus
 from protocol.bus.faults.link_faults import Trouble
 from runtime.clock import WallClock
+from runtime.units import NS_PER_S
 
 FOREVER_S: Final = 1_000_000
 
@@ -58,7 +59,7 @@ def jump(told: Mapping[str, Any]) -> Callable[[], object]:
 
     def act() -> None:
         for clock in clocks:
-            clock.ahead_ns = round(told["s"] * 1e9)
+            clock.ahead_ns = round(told["s"] * NS_PER_S)
 
     return act
 
@@ -82,7 +83,7 @@ def sense(told: Mapping[str, Any]) -> Callable[[], object]:
 
     def act() -> None:
         for process in processes:
-            process.plant.inject(Fault(start_s=process.plant.now_ns / 1e9, **told))
+            process.plant.inject(Fault(start_s=process.plant.now_ns / NS_PER_S, **told))
 
     return act
 
@@ -91,7 +92,7 @@ def slow(told: Mapping[str, Any]) -> Callable[[], object]:
     whole, clock = os.fsync, WallClock()
 
     def fsync(number: int) -> None:
-        clock.sleep_until(clock.now_ns() + round(told["s"] * 1e9))
+        clock.sleep_until(clock.now_ns() + round(told["s"] * NS_PER_S))
         whole(number)
 
     def act() -> None:

@@ -18,6 +18,7 @@ from protocol.topics import Role
 from protocol.wire.enums import Command
 from protocol.wire.enums import Vehicle as VehicleState
 from runtime.clock import Tick
+from runtime.units import NS_PER_S
 from verification.faults_matrix import power_cuts
 from verification.faults_matrix.actions import (
     Act,
@@ -186,7 +187,7 @@ class Drill:
             case Sense(kind, target, value):
                 stack.inject(kind, target, value)
             case Jump(seconds):
-                stack.clock.advance(round(seconds * 1e9))
+                stack.clock.advance(round(seconds * NS_PER_S))
             case Break():
                 stack.breaks = True
             case EmergencyStop():

@@ -21,6 +21,7 @@ from protocol.wire.messages import (
 )
 from runtime.clock import WallClock
 from runtime.errors import NoAnswer, RemoteError
+from runtime.units import NS_PER_S
 from verification.harness.motion import Seen
 
 DIAL_S: Final = 20.0
@@ -157,7 +158,7 @@ def after(heard: tuple[Heard, ...], offset_ns: int, since_ns: int) -> Iterator[S
     last: Seen | None = None
     for message, _ in heard:
         assert isinstance(message, GroundTruth)
-        one = Seen((message.time_ns + offset_ns - since_ns) / 1e9, message)
+        one = Seen((message.time_ns + offset_ns - since_ns) / NS_PER_S, message)
         if one.at_s > 0.0:
             if last is not None and last.at_s <= 0.0:
                 yield last

@@ -18,6 +18,7 @@ from plant.world.file import SHIPPED_DIR, load
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.goal import start_words
+from runtime.units import NS_PER_S
 from verification.faults_matrix.actions import (
     Abandon,
     Act,
@@ -157,7 +158,7 @@ class Drill:
         goto = ("goto", *PLACES[self._world], *(() if waits else ("--no-wait",)))
         self._crew.dialling("ground", *goto)
         until(lambda: witness.speed_m_s > FAST_M_S, "driving")
-        moment_ns = monotonic_ns() + round(self._random.uniform(0.0, SET_OFF_S) * 1e9)
+        moment_ns = monotonic_ns() + round(self._random.uniform(0.0, SET_OFF_S) * NS_PER_S)
         until(lambda: monotonic_ns() >= moment_ns, "the moment")
         if not witness.is_in(Vehicle.ACTIVE):
             raise RuntimeError("it stopped before anything was done to it")
@@ -266,7 +267,7 @@ class Drill:
             self._heal(self._fault.act)
 
     def _since(self, at_ns: int) -> float:
-        return (at_ns - self._at_ns) / 1e9
+        return (at_ns - self._at_ns) / NS_PER_S
 
     def _known_s(self) -> float | None:
         known_ns = self._witness.known_ns(self._at_ns)
@@ -319,7 +320,7 @@ class Drill:
             logged=lost.logged if lost else None,
             lost=lost.samples if lost else None,
             lost_events=lost.events if lost else None,
-            unlogged_s=(killed_ns - lost.last_ns) / 1e9 if lost and killed_ns else None,
+            unlogged_s=(killed_ns - lost.last_ns) / NS_PER_S if lost and killed_ns else None,
         )
 
     def _reason(self) -> str:
@@ -330,7 +331,7 @@ class Drill:
 
     def _drove_on(self) -> bool:
         """Of a plant that was gone: does the robot move when it is back?"""
-        back_ns = self._healed_ns + round(RUNS_OUT_S * 1e9)
+        back_ns = self._healed_ns + round(RUNS_OUT_S * NS_PER_S)
         later = [one for one in tuple(self._witness.truths) if one.at_ns > back_ns]
         return any(not motion.Seen(0.0, one.message).still for one in later)
 

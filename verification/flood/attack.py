@@ -19,6 +19,7 @@ from typing import Final, Self
 from protocol.bus.network import Network
 from protocol.bus.tls.access import operator_name
 from runtime.clock import WallClock
+from runtime.units import NS_PER_S
 from verification.flood.kinds import KINDS, Attacker, Kind, Shoot
 from verification.flood.relay import SlowRelay
 from verification.harness.observer import tls_of
@@ -137,12 +138,12 @@ def fire(shoot: Shoot, rate_hz: float, gate: Gate) -> int:
         gate.open.wait()
         begun_ns, shot = clock.now_ns(), 0
         while gate.open.is_set() and not gate.over:
-            due = round((clock.now_ns() - begun_ns) / 1e9 * rate_hz)
+            due = round((clock.now_ns() - begun_ns) / NS_PER_S * rate_hz)
             for _ in range(min(due - shot, max(1, round(rate_hz * BURST_S)))):
                 shoot()
                 fired += 1
             shot = due
-            clock.sleep_until(clock.now_ns() + round(TURN_S * 1e9))
+            clock.sleep_until(clock.now_ns() + round(TURN_S * NS_PER_S))
     return fired
 
 

@@ -17,6 +17,7 @@ from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest
 from protocol.wire.reasons import reason_text
 from runtime.clock import WallClock
 from runtime.errors import NoAnswer
+from runtime.units import NS_PER_S
 from verification.flood.presses import BEAT
 from verification.harness.motion import HOLDS, PERIOD_S, Seen, stood_s
 from verification.harness.observer import Observer
@@ -127,8 +128,8 @@ class Operator:
         robot, statuses = self._observer.robot, self._observer.statuses
         pressed_ns = monotonic_ns()
         stop = EmergencyStop(self._bus, self._stop, robot, WallClock(), lambda: statuses[-1])
-        outcome = stop.run(self.beat, round(PRESS_S * 1e9))
-        enough_s = outcome.took_ns / 1e9 + STANDS_S + HOLDS * PERIOD_S
+        outcome = stop.run(self.beat, round(PRESS_S * NS_PER_S))
+        enough_s = outcome.took_ns / NS_PER_S + STANDS_S + HOLDS * PERIOD_S
         until_s = monotonic() + PRESS_S
         seen = self._seen(pressed_ns)
         while stood_s(seen) is None and seen_s(seen) <= enough_s and monotonic() < until_s:
@@ -174,7 +175,7 @@ class Operator:
         truths = tuple(self._observer.truths)
         early = [(m, at_ns) for m, at_ns in truths if at_ns < pressed_ns][-RECENT:]
         offset_ns = min(at_ns - message.time_ns for message, at_ns in early)
-        seen = [Seen((m.time_ns + offset_ns - pressed_ns) / 1e9, m) for m, _ in truths]
+        seen = [Seen((m.time_ns + offset_ns - pressed_ns) / NS_PER_S, m) for m, _ in truths]
         return [one for one in seen if one.at_s > 0.0]
 
     def _ask(self, request: CommandRequest | GoalRequest) -> None:

@@ -44,6 +44,7 @@ from robot.core.parameters import DEFAULTS
 from robot.parameters.table import described
 from robot.telemetry import SCAN_THERE, WHEELS_THERE
 from runtime.clock import ManualClock
+from runtime.units import NS_PER_S
 from study.cli.reexecute import params_of
 from study.cli.reexecute import start_of as started_at
 from study.trial.recorded_drive import Recorded
@@ -240,7 +241,7 @@ def look(name: str) -> Callable[[bytes, Path], None]:
 def play(path: Path) -> None:
     bus = ReplayBus(path, ManualClock())
     station = Station(bus, bus.robot, bus.timeline)
-    duration_s = bus.timeline.duration_ns / 1e9
+    duration_s = bus.timeline.duration_ns / NS_PER_S
     for share in (0.0, 0.5, 1.0):
         bus.seek(duration_s * share)
         station.poll()

@@ -37,10 +37,10 @@ from robot.storage.files import Store
 from robot.teleop import wanted
 from robot.vehicle import Vehicle
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_MS
 from verification.fuzz.messages import packed, pieces
 from verification.fuzz.target import Target
 
-NS_PER_MS: Final = 1_000_000
 PERIOD_MS: Final = 50
 FULL_MRAD_S: Final = 200_000
 CLEAR: Final = Scan((0,) * 8, (0,) * 8, 255, 0)

@@ -26,6 +26,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from runtime.clock import Tick
 from runtime.timing import PERIOD_NS
+from runtime.units import NS_PER_S
 from verification.harness.peers import FRAME_S, TOLD, Peers
 
 BEAT_TICKS: Final = 4
@@ -63,10 +64,10 @@ class InProcess(Peers):
         """Go on until the condition holds; how long it took. AssertionError after `within_s`."""
         started_ns = self.clock.now_ns()
         while not condition():
-            elapsed_s = (self.clock.now_ns() - started_ns) / 1e9
+            elapsed_s = (self.clock.now_ns() - started_ns) / NS_PER_S
             assert elapsed_s < within_s, f"not within {within_s} s: {self.describe()}"
             self.cycle()
-        return (self.clock.now_ns() - started_ns) / 1e9
+        return (self.clock.now_ns() - started_ns) / NS_PER_S
 
     def cycle(self) -> None:
         for phase in self.phases:
@@ -221,7 +222,7 @@ class InProcess(Peers):
     def inject(self, kind: str, target: str = "", value: float = 0.0, for_s: float = inf) -> None:
         """From now on, for so long."""
         assert self.plant is not None
-        now_s = self.plant.plant.now_ns / 1e9
+        now_s = self.plant.plant.now_ns / NS_PER_S
         self.plant.plant.inject(Fault(kind, target, now_s, now_s + for_s, value))
 
     def clear_faults(self) -> None:

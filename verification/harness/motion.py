@@ -7,8 +7,9 @@ from typing import Final, NamedTuple
 
 from protocol.wire.messages import GroundTruth
 from runtime.timing import PERIOD_NS
+from runtime.units import NS_PER_S
 
-PERIOD_S: Final = PERIOD_NS / 1e9
+PERIOD_S: Final = PERIOD_NS / NS_PER_S
 STILL_M_S: Final = 0.001
 STILL_RAD_S: Final = 0.01
 HOLDS: Final = 8

@@ -13,6 +13,7 @@ from threading import Event, Lock, Thread
 from time import monotonic_ns
 from typing import Final, NamedTuple, Self
 
+from runtime.units import NS_PER_S
 from verification.harness.process_stats import cpu_s
 
 CHUNK: Final = 65_536
@@ -115,7 +116,7 @@ class Terminal:
         before = self.reading()
         Event().wait(seconds)
         after = self.reading()
-        took_s = (after.at_ns - before.at_ns) / 1e9
+        took_s = (after.at_ns - before.at_ns) / NS_PER_S
         return Spent(
             100.0 * (after.cpu_s - before.cpu_s) / took_s,
             (after.written - before.written) / took_s / 1e3,
@@ -126,7 +127,7 @@ class Terminal:
 
         Raises RuntimeError when they do not come in time.
         """
-        deadline_ns, pause = monotonic_ns() + round(patience_s * 1e9), Event()
+        deadline_ns, pause = monotonic_ns() + round(patience_s * NS_PER_S), Event()
         while (found_ns := self._found(words.encode())) is None:
             if monotonic_ns() > deadline_ns or self._process.poll() is not None:
                 raise RuntimeError(f"not on the screen: {words!r}; last: {self.text()[-300:]!r}")

@@ -29,10 +29,10 @@ from robot.teleop import wanted
 from robot.vehicle import Answer, Vehicle
 from runtime.clock import Tick
 from runtime.timing import PERIOD_NS
+from runtime.units import NS_PER_MS
 
 M = TypeVar("M", bound=Message)
 
-NS_PER_MS: Final = 1_000_000
 ADA: Final = "ada/1"
 BOB: Final = "bob/2"
 STRANGER: Final = ""

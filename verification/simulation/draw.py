@@ -3,14 +3,13 @@
 from random import Random
 from typing import Final
 
+from runtime.units import NS_PER_MS, NS_PER_S
 from verification.simulation.actions import OPERATORS, STATION, draw_driving, draw_operate
 from verification.simulation.events import Event, Scenario
 from verification.simulation.faults import FAULTS
 
-MS: Final = 1_000_000
-SECOND: Final = 1_000 * MS
-DURATION_NS: Final = 20 * SECOND
-BOOT_NS: Final = 300 * MS
+DURATION_NS: Final = 20 * NS_PER_S
+BOOT_NS: Final = 300 * NS_PER_MS
 BY_STATION: Final = 0.12
 """In this share of all seeds the first operator uses the ground station."""
 
@@ -33,7 +32,7 @@ def drawn(seed: int, duration_ns: int = DURATION_NS) -> Scenario:
         if random.random() < share:
             events.append(_event(random, "come", (name, random.randrange(2)), duration_ns))
     if random.random() < SETS_OFF:
-        at_ns = BOOT_NS + round(random.uniform(0.1, 4.0) * 1000) * MS
+        at_ns = BOOT_NS + round(random.uniform(0.1, 4.0) * 1000) * NS_PER_MS
         driving = (first, *draw_driving(random))
         events.append(Event(at_ns, "operate", driving, random.getrandbits(32)))
     kinds = ["operate"] * random.randint(3, 9)
@@ -52,14 +51,16 @@ def _stop_under(random: Random, event: Event, first: str) -> list[Event]:
     share = PRESSED.get(event.kind, 0.1)
     if random.random() >= share:
         return []
-    time_ns = event.time_ns + random.randrange(800) * MS
+    time_ns = event.time_ns + random.randrange(800) * NS_PER_MS
     return [Event(time_ns, "operate", (first, "stop"), random.getrandbits(32))]
 
 
 def _event(
     random: Random, kind: str, arguments: tuple[int | float | str, ...] | None, duration_ns: int
 ) -> Event:
-    time_ns = BOOT_NS + round(random.random() * (duration_ns - 2 * SECOND) / MS) * MS
+    time_ns = (
+        BOOT_NS + round(random.random() * (duration_ns - 2 * NS_PER_S) / NS_PER_MS) * NS_PER_MS
+    )
     if arguments is None:
         arguments = FAULTS[kind].draw(random)
     return Event(time_ns, kind, arguments, random.getrandbits(32))

@@ -4,7 +4,8 @@ from typing import NamedTuple, TypeAlias
 
 import msgspec
 
-MS = 1_000_000
+from runtime.units import NS_PER_MS
+
 Argument: TypeAlias = int | float | str
 
 
@@ -18,7 +19,7 @@ class Event(NamedTuple):
 
     def __str__(self) -> str:
         words = " ".join(str(argument) for argument in self.arguments)
-        return f"{self.time_ns / MS:9.1f} ms  {self.kind} {words}".rstrip()
+        return f"{self.time_ns / NS_PER_MS:9.1f} ms  {self.kind} {words}".rstrip()
 
 
 class Scenario(NamedTuple):

@@ -5,6 +5,7 @@ from random import Random
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from runtime.units import NS_PER_MS
 from verification.simulation.actions import OPERATORS, draw_operate
 from verification.simulation.events import Argument, Event
 from verification.simulation.hosts.attacker import ATTACKS
@@ -13,9 +14,8 @@ from verification.simulation.hosts.network import Impairment
 if TYPE_CHECKING:
     from verification.simulation.simulation import Simulation
 
-MS: Final = 1_000_000
 HOSTS: Final = ("robot", "plant", *OPERATORS)
-MEASURED_NS: Final = 2_700 * MS
+MEASURED_NS: Final = 2_700 * NS_PER_MS
 """An operator measures the robot's clock every 2 s and has the answer within 0.5 s."""
 
 TOPIC_GROUPS: Final = ("", "sense/", "drive/", "op/", "tlm/", "srv/", "op/heartbeat")
@@ -67,8 +67,8 @@ def apply_rough(simulation: "Simulation", event: Event) -> None:
         loss=float(loss),
         duplicate=float(double),
         reorder=float(swap),
-        delay_ns=int(delay_ms) * MS,
-        jitter_ns=int(jitter_ms) * MS,
+        delay_ns=int(delay_ms) * NS_PER_MS,
+        jitter_ns=int(jitter_ms) * NS_PER_MS,
         paths=paths,
     )
     late_ms = int(delay_ms) + int(jitter_ms) + 400
@@ -110,8 +110,8 @@ def impair(
 ) -> None:
     """Impair links for a while."""
     scheduler = simulation.scheduler
-    until_ns = scheduler.now_ns + for_ms * MS
-    simulation.oracle.facts.impaired(until_ns + late_ms * MS)
+    until_ns = scheduler.now_ns + for_ms * NS_PER_MS
+    simulation.oracle.facts.impaired(until_ns + late_ms * NS_PER_MS)
     for number, (source, target) in enumerate(ways):
         link = simulation.network.link(source, target)
         link.add(impairment, event.salt + number)
@@ -129,8 +129,8 @@ def draw_kill(random: Random) -> Arguments:
 def apply_kill(simulation: "Simulation", event: Event) -> None:
     name, back_ms = str(event.arguments[0]), int(event.arguments[1])
     scheduler = simulation.scheduler
-    simulation.oracle.facts.held_up(scheduler.now_ns + (back_ms + 1000) * MS)
-    back_ns = scheduler.now_ns + back_ms * MS
+    simulation.oracle.facts.held_up(scheduler.now_ns + (back_ms + 1000) * NS_PER_MS)
+    back_ns = scheduler.now_ns + back_ms * NS_PER_MS
     if name == "robot":
         simulation.robot.kill()
         scheduler.at(back_ns, simulation.start_robot)
@@ -149,9 +149,9 @@ def draw_suspend(random: Random) -> Arguments:
 def apply_suspend(simulation: "Simulation", event: Event) -> None:
     name, for_ms = str(event.arguments[0]), int(event.arguments[1])
     scheduler, host = simulation.scheduler, simulation.host(name)
-    until_ns = scheduler.now_ns + for_ms * MS
-    simulation.oracle.facts.held_up(until_ns + 300 * MS)
-    simulation.oracle.facts.impaired(until_ns + 300 * MS)
+    until_ns = scheduler.now_ns + for_ms * NS_PER_MS
+    simulation.oracle.facts.held_up(until_ns + 300 * NS_PER_MS)
+    simulation.oracle.facts.impaired(until_ns + 300 * NS_PER_MS)
     if name == "plant":
         simulation.oracle.facts.awake_ns = until_ns
     host.suspend()
@@ -164,7 +164,7 @@ def draw_hang(random: Random) -> Arguments:
 
 def apply_hang(simulation: "Simulation", event: Event) -> None:
     """The robot's loop hangs; its bus goes on."""
-    simulation.robot.hang_ns += int(event.arguments[0]) * MS
+    simulation.robot.hang_ns += int(event.arguments[0]) * NS_PER_MS
 
 
 def draw_busy(random: Random) -> Arguments:
@@ -175,8 +175,8 @@ def apply_busy(simulation: "Simulation", event: Event) -> None:
     """The robot's processor is busy: each tick takes longer, in time and in CPU time."""
     late_ms, for_ms = int(event.arguments[0]), int(event.arguments[1])
     robot, scheduler = simulation.robot, simulation.scheduler
-    robot.late_ns, robot.stage_cost_ns = late_ms * MS, late_ms * MS // 5
-    until_ns = scheduler.now_ns + for_ms * MS
+    robot.late_ns, robot.stage_cost_ns = late_ms * NS_PER_MS, late_ms * NS_PER_MS // 5
+    until_ns = scheduler.now_ns + for_ms * NS_PER_MS
     scheduler.at(until_ns, rested, simulation)
 
 
@@ -193,15 +193,15 @@ def draw_slow_disk(random: Random) -> Arguments:
 
 def apply_slow_disk(simulation: "Simulation", event: Event) -> None:
     disk = simulation.robot.disk
-    disk.slow_ns = int(event.arguments[0]) * MS
-    until_ns = simulation.scheduler.now_ns + int(event.arguments[1]) * MS
+    disk.slow_ns = int(event.arguments[0]) * NS_PER_MS
+    until_ns = simulation.scheduler.now_ns + int(event.arguments[1]) * NS_PER_MS
     simulation.scheduler.at(until_ns, setattr, disk, "slow_ns", 0)
 
 
 def apply_failing_disk(simulation: "Simulation", event: Event) -> None:
     disk = simulation.robot.disk
     disk.failing = True
-    until_ns = simulation.scheduler.now_ns + int(event.arguments[0]) * MS
+    until_ns = simulation.scheduler.now_ns + int(event.arguments[0]) * NS_PER_MS
     simulation.scheduler.at(until_ns, setattr, disk, "failing", False)
 
 
@@ -209,8 +209,8 @@ def apply_power_cut(simulation: "Simulation", event: Event) -> None:
     """The robot's machine loses power and starts again."""
     simulation.robot.kill()
     simulation.robot.disk.cut_power(event.salt)
-    back_ns = simulation.scheduler.now_ns + int(event.arguments[0]) * MS
-    simulation.oracle.facts.held_up(back_ns + 1000 * MS)
+    back_ns = simulation.scheduler.now_ns + int(event.arguments[0]) * NS_PER_MS
+    simulation.oracle.facts.held_up(back_ns + 1000 * NS_PER_MS)
     simulation.scheduler.at(back_ns, simulation.start_robot)
 
 
@@ -224,8 +224,8 @@ def apply_rot(simulation: "Simulation", event: Event) -> None:
     simulation.robot.kill()
     if simulation.robot.disk.damage(f"{name}.json"):
         simulation.oracle.keeping.damaged(name)
-    back_ns = simulation.scheduler.now_ns + back_ms * MS
-    simulation.oracle.facts.held_up(back_ns + 1000 * MS)
+    back_ns = simulation.scheduler.now_ns + back_ms * NS_PER_MS
+    simulation.oracle.facts.held_up(back_ns + 1000 * NS_PER_MS)
     simulation.scheduler.at(back_ns, simulation.start_robot)
 
 
@@ -240,8 +240,8 @@ def apply_sleep(simulation: "Simulation", event: Event) -> None:
     """An operator's machine sleeps; its clock stands still meanwhile."""
     name, for_ms = str(event.arguments[0]), int(event.arguments[1])
     apply_suspend(simulation, event)
-    until_ns = simulation.scheduler.now_ns + for_ms * MS
-    simulation.scheduler.at(until_ns - 1, step, simulation, name, -for_ms * MS)
+    until_ns = simulation.scheduler.now_ns + for_ms * NS_PER_MS
+    simulation.scheduler.at(until_ns - 1, step, simulation, name, -for_ms * NS_PER_MS)
 
 
 def draw_clock(random: Random) -> Arguments:
@@ -253,9 +253,9 @@ def apply_clock(simulation: "Simulation", event: Event) -> None:
     """A machine's clock jumps ahead, as after its virtual machine was moved."""
     name, step_ms = str(event.arguments[0]), int(event.arguments[1])
     facts, now_ns = simulation.oracle.facts, simulation.scheduler.now_ns
-    step(simulation, name, step_ms * MS)
+    step(simulation, name, step_ms * NS_PER_MS)
     if name in ("robot", "plant"):
-        facts.held_up(now_ns + 500 * MS)
+        facts.held_up(now_ns + 500 * NS_PER_MS)
 
 
 def step(simulation: "Simulation", name: str, by_ns: int) -> None:
@@ -269,7 +269,7 @@ def step(simulation: "Simulation", name: str, by_ns: int) -> None:
 
 def apply_wall_clock(simulation: "Simulation", event: Event) -> None:
     """The robot's wall clock is set; the monotonic one goes on."""
-    by_ns = int(event.arguments[0]) * 1000 * MS
+    by_ns = int(event.arguments[0]) * 1000 * NS_PER_MS
     simulation.robot.wall_step_ns += by_ns
     simulation.robot.host.wall_offset_ns += by_ns
 

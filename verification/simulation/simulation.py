@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 from robot.core import states
 from robot.core.values import Pose
+from runtime.units import NS_PER_MS
 from verification.simulation.actions import OPERATORS, STATION
 from verification.simulation.coverage import Coverage
 from verification.simulation.defects import defective
@@ -25,8 +26,7 @@ from verification.simulation.hosts.substitutes import Drawn, Opened, substituted
 from verification.simulation.invariants.oracle import Oracle
 from verification.simulation.invariants.shared import Violation
 
-MS: Final = 1_000_000
-LIES_NS: Final = 15_000 * MS
+LIES_NS: Final = 15_000 * NS_PER_MS
 """For so long after a time that is not true the robot may be wrong about its sender."""
 
 NAVIGATORS: Final = (states.BUG, states.VGM, states.BUG2)
@@ -88,7 +88,7 @@ class Simulation:
         self.plant.start()
         for event in scenario.events:
             scheduler.at(event.time_ns, self.apply, event)
-        step_ns = 50 * MS
+        step_ns = 50 * NS_PER_MS
         try:
             for now_ns in range(step_ns, scenario.duration_ns + 1, step_ns):
                 scheduler.run(now_ns)

@@ -17,8 +17,8 @@ from protocol.wire.messages import (
     WheelCommand,
 )
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1e9
 REMEMBERED: Final = 64
 
 

@@ -19,6 +19,7 @@ from typing import Final
 
 from runtime.clock import Clock, WallClock
 from runtime.terminal import CLEAR_LINE, steer
+from runtime.units import NS_PER_S
 from verification.harness.figures import Report
 from verification.soak.drive import Driver
 from verification.soak.faults import Fault, faults, schedule
@@ -28,7 +29,6 @@ from verification.soak.report import Course, report_of
 
 STEP_NS: Final = 100_000_000
 SAMPLE_NS: Final = 1_000_000_000
-NS_PER_S: Final = 1_000_000_000
 READY_NS: Final = 20 * NS_PER_S
 TOLD_S: Final = 60.0
 

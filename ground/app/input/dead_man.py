@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-MS: Final = 1_000_000
-FIRST_NS: Final = 600 * MS
+from runtime.units import NS_PER_MS
+
+FIRST_NS: Final = 600 * NS_PER_MS
 """A keyboard begins to repeat after 250 to 500 ms: the first press lasts longer than that."""
-AGAIN_NS: Final = 200 * MS
+AGAIN_NS: Final = 200 * NS_PER_MS
 """A repeated press comes every 30 to 50 ms."""
 FAST: Final = (0.25, 1.2)
 SLOW: Final = (0.08, 0.5)

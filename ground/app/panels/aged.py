@@ -6,9 +6,9 @@ from typing import Any, Final
 
 from ground.app.widgets.rows import Span
 from ground.client.telemetry import Age, Seen
+from runtime.units import NS_PER_S
 
 MISSING: Final = "--"
-NS_PER_S: Final = 1e9
 
 
 def aged(seen: Seen, words: Callable[[Any], str], role: str = "text") -> Span:

@@ -11,6 +11,7 @@ from ground.station.station import Station
 from protocol.topics import HEARTBEAT, STATUS
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
+from runtime.units import NS_PER_S
 
 GAP: Final = Span("  ", "text")
 TIGHT: Final = Span(" ", "text")
@@ -123,7 +124,7 @@ def driven_words(status: NavigatorStatus) -> str:
     if not status.goal_id:
         return MISSING
     until_ns = status.goal_ended_ns or status.time_ns
-    return f"{(until_ns - status.goal_started_ns) / 1e9:.1f} s"
+    return f"{(until_ns - status.goal_started_ns) / NS_PER_S:.1f} s"
 
 
 def kind_part(setting: Setting) -> Row:

@@ -7,6 +7,7 @@ from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.client.telemetry import Age
 from ground.station.link.streams import StreamRow
 from ground.station.station import Station
+from runtime.units import NS_PER_S
 
 ROLES: Final = {Age.LIVE: "text", Age.DIM: "faint", Age.GONE: "faint"}
 
@@ -39,8 +40,8 @@ def age(line: StreamRow) -> str:
     if line.age_ns is None:
         return MISSING
     if not line.topic.rate_hz:
-        return f"{line.age_ns / 1e9:.0f} s"
-    return "live" if line.age is Age.LIVE else f"{line.age_ns / 1e9:.1f} s"
+        return f"{line.age_ns / NS_PER_S:.0f} s"
+    return "live" if line.age is Age.LIVE else f"{line.age_ns / NS_PER_S:.1f} s"
 
 
 def long_head() -> Span:

@@ -7,8 +7,7 @@ from ground.explain import Explanation, Why, explain, explained
 from ground.explain.explanation import NAMES
 from ground.station import Station
 from ground.station.history.decision_history import Moment
-
-NS_PER_S = 1_000_000_000
+from runtime.units import NS_PER_S
 
 
 def now_rows(moment: Moment | None, width: int) -> list[Row]:

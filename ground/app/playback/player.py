@@ -2,7 +2,6 @@
 
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
 
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.station import Station
@@ -10,8 +9,7 @@ from ground.station.world import WorldFacts, world_in
 from protocol.topics import WORLD
 from runtime.clock import Clock
 from runtime.errors import RemoteError
-
-NS_PER_S: Final = 1_000_000_000
+from runtime.units import NS_PER_S
 
 
 class Player:

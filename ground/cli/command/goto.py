@@ -9,7 +9,7 @@ from ground.client.arming import insist
 from ground.client.connection import add_common, common_of, seconds
 from ground.client.goal import Destination, destination_of, from_robot, goal_request
 from ground.client.goal import arguments as destination_arguments
-from ground.client.link import NS_PER_S, Link, linked
+from ground.client.link import Link, linked
 from ground.client.requests import BEAT_NS, Answered, Asking, GoalEnd, GoalWatch
 from ground.client.status_line import goal_line
 from ground.client.telemetry import Telemetry
@@ -18,6 +18,7 @@ from protocol.topics import COMMAND, DECISION, ODOMETRY, STATUS
 from protocol.wire.enums import Command, Mode
 from protocol.wire.messages import GoalRequest
 from runtime.errors import RemoteError, UserError
+from runtime.units import NS_PER_S
 
 SHOW_NS: Final = 200_000_000
 SHOW_PLAIN_NS: Final = 2_000_000_000

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from ground.cli.command.simple_commands import MS, tell
+from ground.cli.command.simple_commands import tell
 from ground.client.connection import add_common, seconds
 from ground.client.lease_holder import lease_status, who_refuses, words_of
-from ground.client.link import NS_PER_S, Link
+from ground.client.link import Link
 from ground.client.requests import BEAT_NS, Answered, Asking
 from ground.client.vocabulary import why
 from ground.text.output import Says
@@ -21,8 +21,9 @@ from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseRequest
 from runtime.errors import RemoteError, UserError
+from runtime.units import NS_PER_MS, NS_PER_S
 
-RELEASE_NS: Final = 200 * MS
+RELEASE_NS: Final = 200 * NS_PER_MS
 NAME_BYTES: Final = 16
 ACTIONS: Final = ("take", "release", "seize", "show")
 

@@ -21,6 +21,7 @@ from protocol.wire.enums import PARAM_TYPE_REAL32
 from protocol.wire.messages import CommandAck, ParamSet, ParamValue
 from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import RemoteError, UserError
+from runtime.units import NS_PER_S
 
 ATTEMPTS: Final = 3
 PATIENCE_S: Final = 0.5
@@ -246,7 +247,7 @@ def ask(link: Link, request: ParamSet | None) -> object:
             answer = link.bus.ask(service, request, PATIENCE_S, robot=link.robot)
         except RemoteError as error:
             said, left = str(error), left - 1
-            link.clock.sleep_until(asked_ns + round(PATIENCE_S * 1e9))
+            link.clock.sleep_until(asked_ns + round(PATIENCE_S * NS_PER_S))
             continue
         if not is_saving(answer):
             return answer

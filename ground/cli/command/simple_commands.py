@@ -15,9 +15,9 @@ from ground.text.output import Says
 from protocol.topics import STATUS, STOP
 from protocol.wire.enums import Command, Mode
 from protocol.wire.reasons import Reason, reason_text
+from runtime.units import NS_PER_MS, NS_PER_S
 
-MS: Final = 1_000_000
-STOP_NS: Final = 5_000 * MS
+STOP_NS: Final = 5_000 * NS_PER_MS
 """How long `estop` repeats an emergency stop that is not acknowledged."""
 
 
@@ -81,7 +81,7 @@ def act_estop(options: argparse.Namespace, link: Link, says: Says) -> int:
         stop = EmergencyStop(
             link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)
         )
-        for_ns = STOP_NS if options.timeout is None else round(options.timeout * 1e9)
+        for_ns = STOP_NS if options.timeout is None else round(options.timeout * NS_PER_S)
         outcome = stop.run(give_up_ns=for_ns)
         silent = telemetry.latest(STATUS) is None
     if silent:
@@ -92,7 +92,7 @@ def act_estop(options: argparse.Namespace, link: Link, says: Says) -> int:
         "ok": outcome.acknowledged,
         "reason": reason_text(Reason.NONE) if outcome.acknowledged else outcome.why,
         "reason_code": 0 if outcome.acknowledged else None,
-        "took_ms": round(outcome.took_ns / MS, 3),
+        "took_ms": round(outcome.took_ns / NS_PER_MS, 3),
     }
     says.result(found, outcome_words(outcome, link.robot))
     return 0 if outcome.acknowledged else 1
@@ -121,12 +121,12 @@ def pace(timeout_s: float | None) -> tuple[int, int]:
     """Return how often to ask and how long to wait each time, in ns."""
     if timeout_s is None:
         return ATTEMPTS, PATIENCE_NS
-    return ATTEMPTS, max(1, round(timeout_s * 1e9 / ATTEMPTS))
+    return ATTEMPTS, max(1, round(timeout_s * NS_PER_S / ATTEMPTS))
 
 
 def tell(says: Says, verb: str, link: Link, answered: Answered) -> int:
     """The answer as the verb's result; 0 when the robot agrees."""
-    took_ms = answered.took_ns / MS
+    took_ms = answered.took_ns / NS_PER_MS
     found: dict[str, object] = {
         "verb": verb,
         "robot": link.robot,

@@ -6,10 +6,10 @@ from math import radians
 from typing import Final
 
 from ground.cli.command.lease import leased
-from ground.cli.command.simple_commands import MS, tell
+from ground.cli.command.simple_commands import tell
 from ground.client.arming import arm_if_standing_by, insist
 from ground.client.connection import add_common, common_of, seconds, within
-from ground.client.link import NS_PER_S, Link, linked
+from ground.client.link import Link, linked
 from ground.client.requests import Answered, Pace
 from ground.client.telemetry import Telemetry
 from ground.text.output import Says
@@ -21,13 +21,14 @@ from protocol.wire.messages import CommandRequest, NavigatorStatus, Teleop
 from protocol.wire.reasons import reason_text
 from runtime.clock import ticks
 from runtime.errors import RemoteError, UserError
+from runtime.units import NS_PER_MS, NS_PER_S
 
 RATE_HZ: Final = 20.0
 TTL_MS: Final = 250
 FASTEST_M_S: Final = 5.0
 FASTEST_DEG_S: Final = 720.0
-STOP_NS: Final = 300 * MS
-SETTLE_NS: Final = 500 * MS
+STOP_NS: Final = 300 * NS_PER_MS
+SETTLE_NS: Final = 500 * NS_PER_MS
 
 
 class Stick:

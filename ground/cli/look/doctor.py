@@ -16,6 +16,7 @@ from protocol.bus.tls.certificate import own
 from protocol.topics import COMMAND, CYCLE, PARAMETERS, STATUS, TOPICS, WORLD, Role, Service
 from protocol.wire.messages import CommandRequest
 from runtime.errors import NotLetIn, PeerHangs, RemoteError
+from runtime.units import NS_PER_S
 
 LISTEN_S: Final = 1.0
 ASK_S: Final = 0.5
@@ -53,7 +54,7 @@ def told(error: Unanswered, endpoint: str) -> tuple[str, str]:
 
 
 def act(options: argparse.Namespace, link: Link, says: Says) -> int:
-    seen = observe(link, round(options.timeout * 1e9))
+    seen = observe(link, round(options.timeout * NS_PER_S))
     return tell(says, seen, examine(seen))
 
 
@@ -118,7 +119,7 @@ def tell(says: Says, seen: Observed, report: Report) -> int:
             for finding in report.findings
         ],
         "streams": {
-            stream.topic.path: None if stream.age_ns is None else stream.age_ns / 1e9
+            stream.topic.path: None if stream.age_ns is None else stream.age_ns / NS_PER_S
             for stream in seen.streams
         },
     }

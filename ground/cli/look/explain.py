@@ -15,8 +15,8 @@ from ground.text.output import Says
 from protocol.options import up_to
 from protocol.topics import CYCLE, DECISION, STATUS
 from runtime.errors import UserError
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 NEXT_NS: Final = 200_000_000
 moment: Final = up_to(LONGEST_S)
 

@@ -17,6 +17,7 @@ from ground.text.output import Says
 from ground.web.address import Address, address_of
 from protocol.bus.network import Hub
 from protocol.topics import HEARTBEAT, SONAR, STATUS, WHEELS, Role, Topic
+from runtime.units import NS_PER_MS
 
 ROUTER: Final = "router"
 SIGNS: Final[Mapping[str, tuple[Topic[Any], ...]]] = MappingProxyType(
@@ -33,7 +34,6 @@ GRACE_NS: Final = 300_000_000
 """For the others to learn that somebody listens."""
 
 PAGE_S: Final = 2.0
-MS: Final = 1_000_000
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,7 +82,7 @@ def unheard(role: str, topic: Topic[Any], rejection: str, link: Link) -> str:
     """What is missing, and what is known about why."""
     if rejection:
         return f"{topic.path} of {link.robot} {rejection}"
-    within_ms = (topic.stale_after_ns + GRACE_NS) // MS
+    within_ms = (topic.stale_after_ns + GRACE_NS) // NS_PER_MS
     what = f"nothing on {topic.path} of {link.robot} within {within_ms} ms"
     if role != Role.PLANT.value:
         return f"{what}: {link.diagnosis()}"

@@ -16,7 +16,7 @@ from ground.client.status_line import watch_line
 from ground.client.telemetry import Telemetry
 from ground.client.vocabulary import NAVIGATORS
 from ground.launch.child_command import command
-from ground.recording.playback.playback_bus import NS_PER_S, ReplayBus
+from ground.recording.playback.playback_bus import ReplayBus
 from ground.text.output import Says
 from ground.text.status_parts import in_words
 from ground.text.statustext import Texts
@@ -25,6 +25,7 @@ from protocol.topics import TEXT
 from protocol.wire.codec import decode
 from runtime.clock import Clock, WallClock
 from runtime.errors import RemoteError, UserError
+from runtime.units import NS_PER_S
 
 EVERY_S: Final = 1.0
 LARGE_BYTES: Final = 20_000_000

@@ -23,6 +23,7 @@ from ground.text.statustext import Texts, aged
 from protocol.topics import HEARTBEAT, STATUS, TEXT
 from protocol.wire.codec import decode
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_S
 
 SILENT_NS: Final = 2_000_000_000
 SHOW_NS: Final = 200_000_000
@@ -112,7 +113,7 @@ def snapshot(telemetry: Telemetry, now_ns: int) -> dict[str, object]:
         message = telemetry.live(topic, now_ns)
         names = () if message is None else message.__struct_fields__
         streams[topic.path] = {
-            "age_s": None if seen.age_ns is None else seen.age_ns / 1e9,
+            "age_s": None if seen.age_ns is None else seen.age_ns / NS_PER_S,
             "state": seen.age.value,
             "message": {name: getattr(message, name) for name in names} or None,
         }

@@ -14,7 +14,7 @@ from ground.app.appearance import add_looks
 from ground.app.start import has_screen
 from ground.app.start import run as run_app
 from ground.client.connection import Common, add_json, positive, seconds
-from ground.client.link import NS_PER_S, Link, Unanswered
+from ground.client.link import Link, Unanswered
 from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.launch.child_command import command
 from ground.launch.fleet_run import Outing, as_json, in_words
@@ -32,6 +32,7 @@ from protocol.outcome import Outcome
 from protocol.topics import Role
 from runtime.clock import Clock, WallClock
 from runtime.errors import NoPeer, RemoteError
+from runtime.units import NS_PER_S
 
 TIMEOUT_S: Final = 300.0
 NOISES: Final = ("none", "default", "lossy", "harsh")

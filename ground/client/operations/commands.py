@@ -11,8 +11,8 @@ from protocol.topics import MARK, STATUS, STOP
 from protocol.wire.enums import Command, Mode, Navigator, Severity
 from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
+from runtime.units import NS_PER_S
 
-MS: Final = 1_000_000
 STOP_S: Final = 5.0
 """How long an emergency stop that is not acknowledged is repeated."""
 MARK_PATIENCE_S: Final = 0.5
@@ -177,7 +177,7 @@ class StopNow:
             stop = EmergencyStop(
                 link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)
             )
-            outcome = stop.run(give_up_ns=round(self.timeout_s * 1e9))
+            outcome = stop.run(give_up_ns=round(self.timeout_s * NS_PER_S))
             silent = telemetry.latest(STATUS) is None
         if silent:
             raise link.unanswered(GaveUp(outcome.why))

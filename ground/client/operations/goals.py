@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from ground.client.goal import Destination, from_robot, goal_request
-from ground.client.link import NS_PER_S, Link
+from ground.client.link import Link
 from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, Answered, Asking, GoalEnd, GoalWatch
@@ -15,6 +15,7 @@ from protocol.topics import COMMAND, DECISION, ODOMETRY, STATUS
 from protocol.wire.enums import Command, Mode
 from protocol.wire.messages import GoalRequest
 from runtime.errors import RemoteError, UserError
+from runtime.units import NS_PER_S
 
 SHOW_NS: Final = 200_000_000
 SHOW_PLAIN_NS: Final = 2_000_000_000

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from ground.client.lease_holder import lease_status, words_of
-from ground.client.link import NS_PER_S, Link
+from ground.client.link import Link
 from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, Answered, Asking
 from ground.client.results import Answer, RefusedError
@@ -19,6 +19,7 @@ from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseRequest, LeaseStatus
 from runtime.errors import RemoteError, UserError
+from runtime.units import NS_PER_S
 
 RELEASE_NS: Final = 200_000_000
 NAME_BYTES: Final = 16

@@ -11,6 +11,7 @@ from ground.text.status_parts import Part
 from protocol.topics import COMMAND, STATUS, Service
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.reasons import Reason
+from runtime.units import NS_PER_S
 
 R = TypeVar("R", bound=Request)
 INSIST_NS: Final = 2_000_000_000
@@ -65,7 +66,7 @@ class Session:
         """Ask up to three times, within `timeout_s` (1.5 s); Unanswered says what is missing."""
         patience_ns = PATIENCE_NS
         if timeout_s is not None:
-            patience_ns = max(1, round(timeout_s * 1e9 / ATTEMPTS))
+            patience_ns = max(1, round(timeout_s * NS_PER_S / ATTEMPTS))
         return self.answer(self.link.ask(request, patience_ns=patience_ns, service=service))
 
     def answer(self, answered: Answered) -> Answer:

@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 
 from ground.cli.command.teleop import FASTEST_DEG_S, FASTEST_M_S, RATE_HZ, Stick
 from ground.client.connection import within
-from ground.client.link import NS_PER_S, Link
+from ground.client.link import Link
 from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
 from ground.client.requests import Pace
@@ -18,6 +18,7 @@ from protocol.wire.messages import CommandRequest, NavigatorStatus
 from protocol.wire.reasons import reason_text
 from runtime.clock import ticks
 from runtime.errors import RemoteError, UserError
+from runtime.units import NS_PER_S
 
 HOLD_NS: Final = 300_000_000
 SETTLE_NS: Final = 500_000_000

@@ -7,10 +7,10 @@ from struct import pack
 from typing import Final, TypeAlias
 
 from ground.recording.mcap.json_schemas import Json
+from runtime.units import NS_PER_S
 
 Point: TypeAlias = tuple[float, float]
 Colour: TypeAlias = tuple[float, float, float, float]
-NS_PER_S: Final = 1_000_000_000
 FLOAT32: Final = 7
 DIGITS: Final = 4
 LINE_STRIP: Final = 0

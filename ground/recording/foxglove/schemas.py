@@ -8,8 +8,7 @@ from types import MappingProxyType
 from typing import Final
 
 from ground.recording.mcap.json_schemas import Json, Schema, many, named, record
-
-NS_PER_S: Final = 1_000_000_000
+from runtime.units import NS_PER_S
 
 NUMBER: Final[Json] = {"type": "number"}
 TEXT: Final[Json] = {"type": "string"}

@@ -15,12 +15,12 @@ from ground.recording.mcap.channels import Piece, Spread
 from ground.recording.mcap.json_schemas import KEY_SCHEMA, Schema
 from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
 from protocol.topics import ENCODING, PREFIX
+from runtime.units import NS_PER_US
 
 LIBRARY: Final = "sidestep"
 NO_SCHEMA: Final = 0
 ENTRIES: Final = "_Writer__chunk_indices"
 """Where the writer collects the index that it writes at the end."""
-NS_PER_US: Final = 1000
 FRAME_CHANNELS: Final = (
     Piece(KEY_TOPIC, KEY_SCHEMA, b""),
     Piece(RAW_TOPIC, None, b"", ENCODING),

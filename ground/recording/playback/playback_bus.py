@@ -37,10 +37,10 @@ from protocol.wire.message import Message
 from protocol.wire.messages import ParamValue
 from runtime.clock import Clock
 from runtime.errors import LocalError, NoAnswer, UserError
+from runtime.units import NS_PER_S
 
 M = TypeVar("M", bound=Message)
 Handler = Callable[[str, bytes, int], None]
-NS_PER_S: Final = 1_000_000_000
 THERE_NS: Final = 3 * NS_PER_S
 SLICE_NS: Final = NS_PER_S // 5
 WHOLE_NS: Final = 60 * NS_PER_S

@@ -3,6 +3,7 @@
 from typing import Final
 
 from runtime.clock import Clock
+from runtime.units import NS_PER_S
 
 SLOWEST: Final = 0.0625
 FASTEST: Final = 64.0
@@ -33,7 +34,7 @@ class Timeline:
 
     @property
     def position_s(self) -> float:
-        return self.position_ns / 1e9
+        return self.position_ns / NS_PER_S
 
     def play(self, speed: float | None = None) -> None:
         """Run from here on; a speed beyond what can be followed is held back."""

@@ -12,11 +12,12 @@ from typing import Final, NamedTuple
 
 from ground.recording.tables.message_fields import Cell, cells_of
 from ground.recording.tables.time_axis import Timed
-from protocol.topics import MS, TOPICS
+from protocol.topics import TOPICS
 from protocol.wire.layout import LAYOUT
 from protocol.wire.message import Message
+from runtime.units import NS_PER_MS
 
-STALE_S: Final = {topic.path: topic.stale_after_ns / MS / 1000.0 for topic in TOPICS}
+STALE_S: Final = {topic.path: topic.stale_after_ns / NS_PER_MS / 1000.0 for topic in TOPICS}
 SEVERAL: Final = frozenset(topic.path for topic in TOPICS if len(topic.messages) > 1)
 USUAL_RATE_HZ: Final = 20.0
 EPSILON: Final = 1e-9

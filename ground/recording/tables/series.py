@@ -15,6 +15,7 @@ from protocol.wire.messages import (
     PlanarOdometry,
     SonarScan,
 )
+from runtime.units import NS_PER_S
 
 Place = tuple[float, float, float]
 """Metres, metres, radians."""
@@ -70,7 +71,7 @@ def gathered(timed: Iterable[Timed], radius_m: float) -> Run:
             if isfinite(message.zone_m):
                 run.zone_m.add(time_s, message.zone_m)
         elif isinstance(message, NavigatorStatus):
-            statuses.append((round(time_s * 1e9), message))
+            statuses.append((round(time_s * NS_PER_S), message))
             goal = (message.goal_x_m, message.goal_y_m, message.goal_heading_rad)
             if goal[0] == goal[0] and (not run.goals or run.goals[-1][:2] != goal[:2]):
                 run.goals.append(goal)
@@ -83,7 +84,7 @@ def _errors(run: Run, truths: dict[int, tuple[float, float]]) -> Series:
     """How far off the belief was from the truth of the same stamp."""
     errors = Series()
     for time_s, (x_m, y_m, _) in zip(run.speed_m_s.times_s, run.believed, strict=True):
-        true = truths.get(round(time_s * 1e9))
+        true = truths.get(round(time_s * NS_PER_S))
         if true is not None:
             errors.add(time_s, sqrt((true[0] - x_m) ** 2 + (true[1] - y_m) ** 2))
     return errors

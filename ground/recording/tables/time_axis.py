@@ -12,8 +12,8 @@ from protocol.topics import TOPICS, Role
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 OF_OPERATORS: Final = tuple(f"/{one.path}" for one in TOPICS if one.publisher is Role.GROUND)
 
 

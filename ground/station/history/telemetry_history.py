@@ -16,8 +16,8 @@ from protocol.wire.messages import (
     PlanarOdometry,
     SonarScan,
 )
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 APART_S: Final = 0.25
 """A scan and a pose further apart say nothing of where an echo was."""
 CARRIED: Final = {

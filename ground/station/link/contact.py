@@ -4,16 +4,16 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from ground.station.link.loss import LossKind
+from runtime.units import NS_PER_MS
 
-MS: Final = 1_000_000
-BEGUN_NS: Final = 150 * MS
+BEGUN_NS: Final = 150 * NS_PER_MS
 """A loss is told once it has been judged the same for so long: streams do not stop together."""
-CHANGED_NS: Final = 1_500 * MS
+CHANGED_NS: Final = 1_500 * NS_PER_MS
 """A silence is given another cause only after this: whoever comes back is there in parts at first,
 and is dialled again within half a second."""
 HEARD: Final = (None, LossKind.SENSES_STALE, LossKind.OTHER_OPERATOR)
 """As long as it is one of these the robot is heard."""
-SETTLED_NS: Final = 300 * MS
+SETTLED_NS: Final = 300 * NS_PER_MS
 """A loss is over when nothing has been lost for so long: one good frame is no return."""
 
 

@@ -25,7 +25,6 @@ from protocol.topics import (
 )
 from protocol.wire.enums import Severity
 
-NS_PER_S: Final = 1_000_000_000
 INFO: Final = Severity.INFO
 SENSES: Final = 3
 """TICK_INPUTS: 1 wheel ticks were there, 2 a scan was there."""

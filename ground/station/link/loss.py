@@ -6,14 +6,14 @@ from typing import Final, NamedTuple
 from protocol.bus.network import Hub
 from protocol.topics import HEARTBEAT
 from protocol.wire.limits import SCAN_LOST_MS
+from runtime.units import NS_PER_MS, NS_PER_S
 
-MS: Final = 1_000_000
-DEAD_NS: Final = 400 * MS
+DEAD_NS: Final = 400 * NS_PER_MS
 """Two beats missed."""
-CUT_NS: Final = 1_500 * MS
+CUT_NS: Final = 1_500 * NS_PER_MS
 """So long after a cable is cut the transport has noticed: its lease is 1 s."""
-SENSES_NS: Final = SCAN_LOST_MS * MS
-BEHIND_NS: Final = 200 * MS
+SENSES_NS: Final = SCAN_LOST_MS * NS_PER_MS
+BEHIND_NS: Final = 200 * NS_PER_MS
 
 
 class LossKind(Enum):
@@ -42,7 +42,7 @@ class Loss(NamedTuple):
 
     def banner(self, now_ns: int) -> str:
         """The whole line: what is lost, for how long, why, and what the robot does now."""
-        seconds = (now_ns - self.since_ns) / 1e9
+        seconds = (now_ns - self.since_ns) / NS_PER_S
         return f"{self.kind.value} {self.robot} {seconds:.1f} s: {self.words}"
 
 

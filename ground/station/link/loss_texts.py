@@ -1,6 +1,6 @@
 """What each loss means, in words: what has happened, and what the robot does now by itself."""
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from ground.station.link.loss import LossKind
 from ground.station.robot.lease_state import Lease
@@ -15,8 +15,7 @@ from protocol.wire.limits import (
 )
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
-
-MS: Final = 1_000_000
+from runtime.units import NS_PER_MS
 
 
 class Known(NamedTuple):
@@ -77,7 +76,7 @@ def does(kind: LossKind, known: Known) -> str:
 
 def ended(robot: str, kind: LossKind, gap_ns: int) -> str:
     """It is over, and how long it was."""
-    after = f"after {gap_ns / MS / 1000:.1f} s"
+    after = f"after {gap_ns / NS_PER_MS / 1000:.1f} s"
     if kind is LossKind.OTHER_OPERATOR:
         return f"the lease of {robot} is free again {after}"
     return f"{robot} is back {after} ({kind.value})"

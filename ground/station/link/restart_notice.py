@@ -3,8 +3,8 @@
 from typing import Final
 
 from protocol.topics import Role
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 SHOWN_NS: Final = 20 * NS_PER_S
 NEAR_NS: Final = 10 * NS_PER_S
 """What is told of a restart is told so soon before or after it is noticed."""

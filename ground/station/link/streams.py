@@ -8,8 +8,8 @@ from ground.client.telemetry import Age, Telemetry, age_of
 from ground.station.history.inbox import Arrival
 from protocol.topics import Role, Topic
 from protocol.wire.codec import framed
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 WINDOW_NS: Final = 5 * NS_PER_S
 KEPT: Final = 512
 SEQUENCE_AT: Final = 4

@@ -7,11 +7,11 @@ from ground.client.requests import Pace
 from ground.station.bus_protocols import Puts
 from ground.station.robot.lease_state import UNKNOWN, lease_in
 from protocol.wire.messages import Heartbeat, LeaseStatus
+from runtime.units import NS_PER_MS
 
-MS: Final = 1_000_000
-SETTLED_NS: Final = 110 * MS
+SETTLED_NS: Final = 110 * NS_PER_MS
 """So long after the first beat the robot has heard it in one of its ticks."""
-CROSSING_NS: Final = 300 * MS
+CROSSING_NS: Final = 300 * NS_PER_MS
 """What the robot said of its lease just before it changed may arrive after that."""
 
 

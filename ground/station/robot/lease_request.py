@@ -10,8 +10,8 @@ from protocol.wire.messages import CommandAck, LeaseRequest
 from protocol.wire.reasons import reason_text
 from runtime.clock import Clock
 from runtime.errors import NoAnswer, RemoteError
+from runtime.units import NS_PER_MS, NS_PER_S
 
-MS: Final = 1_000_000
 ATTEMPTS: Final = 3
 PATIENCE_S: Final = 0.4
 DONE: Final = {
@@ -33,11 +33,11 @@ def ask_lease(
         except NoAnswer as error:
             why = str(error)
             if attempt < attempts:
-                clock.sleep_until(asked_ns + round(attempt * PATIENCE_S * 1e9))
+                clock.sleep_until(asked_ns + round(attempt * PATIENCE_S * NS_PER_S))
             continue
         if not isinstance(answer, CommandAck):
             raise RemoteError(f"{robot} answers, but not to a question about its lease")
-        took = f"{(clock.now_ns() - asked_ns) / MS:.0f} ms"
+        took = f"{(clock.now_ns() - asked_ns) / NS_PER_MS:.0f} ms"
         if answer.result == AckResult.ACCEPTED:
             return Outcome(True, f"lease of {robot} {DONE[LeaseAction(request.action)]} ({took})")
         return Outcome(False, f"lease of {robot} refused: {reason_text(answer.result_param2)}")

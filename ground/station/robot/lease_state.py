@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from protocol.wire.messages import LeaseStatus
 from runtime.terminal import printable
+from runtime.units import NS_PER_S
 
 
 class Lease(NamedTuple):
@@ -39,6 +40,6 @@ UNKNOWN = Lease(known=False)
 def lease_in(status: LeaseStatus, age_ns: int, own: str) -> Lease:
     """What the robot said of it so long ago, seen by who has this identity on the bus."""
     held = bool(status.held)
-    left_s = max(0.0, status.lapses_ms / 1000 - age_ns / 1e9)
+    left_s = max(0.0, status.lapses_ms / 1000 - age_ns / NS_PER_S)
     ours = held and status.holder == own
     return Lease(held, ours, printable(status.holder), printable(status.name), left_s)

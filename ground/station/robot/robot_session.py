@@ -1,7 +1,6 @@
 """One robot as its operator has it: the lease and the heart, the way to it, and the e-stop."""
 
 from collections.abc import Callable
-from typing import Final
 
 from ground.client.emergency_stop import EmergencyStop, outcome_words
 from ground.station.bus_protocols import Puts, Speaks
@@ -15,8 +14,6 @@ from protocol.topics import LEASE, OPERATOR, STATUS, STOP, Role
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CommandRequest, Heartbeat
 from runtime.clock import Clock
-
-NS_PER_S: Final = 1_000_000_000
 
 
 class Operated:

@@ -9,9 +9,9 @@ import zenoh
 
 from protocol.bus.faults.link_faults import Rough, Trouble, earliest
 from protocol.topics import CLOCK, TOPICS, key_parts
+from runtime.units import NS_PER_S
 
 Take: TypeAlias = Callable[[zenoh.Sample], None]
-NS_PER_S: Final = 1_000_000_000
 SPARED: Final = frozenset(topic.path for topic in TOPICS if topic.history) | {CLOCK.path}
 
 

@@ -8,9 +8,9 @@ from random import Random
 from typing import Final, Generic, TypeVar
 
 from runtime.errors import UserError
+from runtime.units import NS_PER_MS
 
 S = TypeVar("S")
-NS_PER_MS: Final = 1_000_000
 SHARES: Final = ("loss", "duplicate", "reorder")
 LONGEST_MS: Final = 60_000.0
 

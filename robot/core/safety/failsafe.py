@@ -1,7 +1,7 @@
 """The failsafe table: what stops the robot by itself, one row each."""
 
-from robot.core import limits, reasons, states
 from robot.core import machine as machines
+from robot.core import reasons, states
 from robot.core.machine import Machine
 from robot.core.parameters import Params
 from robot.core.safety import fence as fences
@@ -105,8 +105,8 @@ ROWS: Final = (
     Row(reasons.CORE_EXCEPTION, core_failed, "reported by the host", trip),
     Row(reasons.NAME_TAKEN, name_taken, "a second robot of this name: by the host", trip),
     Row(reasons.BUDGET, budget_violated, "3 overruns in a row, a period late: by the host", trip),
-    Row(reasons.TICKS_LOST, ticks_lost, f"{limits.TICKS_LOST_MS} ms, decided by the host", trip),
-    Row(reasons.SCAN_LOST, scan_lost, f"{limits.SCAN_LOST_MS} ms, decided by the host", trip),
+    Row(reasons.TICKS_LOST, ticks_lost, "TICKS_LOST_MS, decided by the host", trip),
+    Row(reasons.SCAN_LOST, scan_lost, "SCAN_LOST_MS, decided by the host", trip),
     Row(reasons.NOT_FINITE, not_finite, "pose, covariance, twist", trip),
     Row(reasons.BUMPER, bumper_hit, "a sector newly pressed", trip),
     Row(reasons.ENCODER_IMPOSSIBLE, encoder_impossible, "twice wheel_max_m_s + 20 mm", trip),

@@ -11,7 +11,8 @@ import pytest
 
 from plant.process.loop import Wake
 from runtime.arrivals import WakeUp
-from runtime.clock import NS_PER_S, LockstepClock, Pulse, Stopped
+from runtime.clock import LockstepClock, Pulse, Stopped
+from runtime.units import NS_PER_S
 
 WAIT_S = 0.02
 RESCUED_S = 5.0

@@ -31,16 +31,17 @@ from protocol.wire.enums import Command
 from protocol.wire.layout import LAYOUT, Field
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, Heartbeat, LeaseRequest, Teleop, WheelCommand
+from runtime.units import NS_PER_MS
 from verification.simulation.events import Argument
 from verification.simulation.hosts.hub import Hub, Sample, path_of
 from verification.simulation.hosts.scheduler import Host, Scheduler
-from verification.simulation.invariants.limits import MS, PERIOD_NS
+from verification.simulation.invariants.limits import PERIOD_NS
 
 ROBOT: Final = "sidestep/r1/"
 MINE: Final = f"open/{0xBAD:032x}"
 KEPT: Final = 300
 MAX_ID: Final = (1 << 64) - 1
-SOON_NS: Final = 500 * MS
+SOON_NS: Final = 500 * NS_PER_MS
 STRANGE_TOPICS: Final = tuple(topic for topic in TOPICS if topic.publisher is not Role.ROBOT)
 REQUESTS: Final = tuple(
     (service, kind)
@@ -103,7 +104,7 @@ class Attacker:
         random, start_ns = Random(salt), self._scheduler.now_ns
         act = ATTACKS[kind]
         for number in range(count):
-            at_ns = start_ns + number * gap_ms * MS + random.randrange(MS)
+            at_ns = start_ns + number * gap_ms * NS_PER_MS + random.randrange(NS_PER_MS)
             self._scheduler.at(at_ns, act, self, random, *more)
 
     # What it does.

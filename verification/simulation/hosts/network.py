@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any, Final
 
+from runtime.units import NS_PER_MS
 from verification.simulation.hosts.scheduler import Host, Scheduler
 
-MS: Final = 1_000_000
 USUAL_DELAY_NS: Final = 300_000
-GROWN_NS: Final = 4_000 * MS
+GROWN_NS: Final = 4_000 * NS_PER_MS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,12 +65,12 @@ class Link:
             if draw() < impairment.loss:
                 return []
             if draw() < impairment.duplicate:
-                delays_ns.append(delays_ns[0] + round(draw() * 200 * MS))
+                delays_ns.append(delays_ns[0] + round(draw() * 200 * NS_PER_MS))
             late_ns = impairment.delay_ns + round(draw() * impairment.jitter_ns)
             if impairment.growth:
                 late_ns += min(round(impairment.growth * (now_ns - impairment.since_ns)), GROWN_NS)
             if draw() < impairment.reorder:
-                late_ns += round(draw() * 120 * MS)
+                late_ns += round(draw() * 120 * NS_PER_MS)
             delays_ns = [delay_ns + late_ns for delay_ns in delays_ns]
         return delays_ns
 

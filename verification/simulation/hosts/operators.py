@@ -27,13 +27,13 @@ from protocol.wire.enums import PARAM_TYPE_REAL32, Command, LeaseAction, Mission
 from protocol.wire.message import Message
 from protocol.wire.messages import MissionItemInt, ParamSet, ParamValue
 from runtime.errors import LocalError, RemoteError
+from runtime.units import NS_PER_MS, NS_PER_S
 from verification.simulation.events import Argument
 from verification.simulation.hosts.scheduler import Host, Scheduler
 from verification.simulation.hosts.threads import SimulatedClock, SimulatedQueue
 
-MS: Final = 1_000_000
 DIALS: Final = Network(mode="client", connect=("tcp/127.0.0.1:7447",))
-STEER_NS: Final = 50 * MS
+STEER_NS: Final = 50 * NS_PER_MS
 
 
 @dataclass(slots=True)
@@ -213,7 +213,7 @@ class Operator:
         if not self.mode(link, "MANUAL"):
             return False
         self.order(link, "arm")
-        stick, until_ns = Stick(link), link.clock.now_ns() + round(for_s * 1e9)
+        stick, until_ns = Stick(link), link.clock.now_ns() + round(for_s * NS_PER_S)
         while link.clock.now_ns() < until_ns:
             stick.drive(speed_m_s, yaw_rad_s)
             link.clock.sleep_until(link.clock.now_ns() + STEER_NS)

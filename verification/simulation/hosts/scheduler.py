@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from greenlet import GreenletExit, getcurrent, greenlet
 
-NS_PER_S: Final = 1_000_000_000
+from runtime.units import NS_PER_S
 
 
 class Scheduler:

@@ -6,8 +6,9 @@ It has what the bus uses of Zenoh: publishers, subscribers, queryables, queries,
 from collections.abc import Callable
 from typing import Any
 
+from runtime.units import NS_PER_S
 from verification.simulation.hosts.hub import Hub, Put, Reply, Sample, Subscription, Waiting
-from verification.simulation.hosts.scheduler import NS_PER_S, current_host, current_task
+from verification.simulation.hosts.scheduler import current_host, current_task
 
 
 class Info:

@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterable
 from queue import Empty
 from typing import Any, Generic, TypeVar
 
-from verification.simulation.hosts.scheduler import NS_PER_S, Task, current_host, current_task
+from runtime.units import NS_PER_S
+from verification.simulation.hosts.scheduler import Task, current_host, current_task
 
 T = TypeVar("T")
 

@@ -10,8 +10,8 @@ from robot.core import states
 from robot.core.machine import Machine, goal_lives
 from robot.lease import Holder
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_MS
 from verification.simulation.invariants import limits
-from verification.simulation.invariants.limits import MS
 from verification.simulation.invariants.shared import NEVER, Facts
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Presence:
         except RemoteError:
             return
         if isinstance(teleop, Teleop):
-            newest(self._steers_until_ns, operator, sent_ns + teleop.ttl_ms * MS)
+            newest(self._steers_until_ns, operator, sent_ns + teleop.ttl_ms * NS_PER_MS)
             self._sender[teleop] = operator
 
     def leased(self, operator: str) -> None:
@@ -71,8 +71,8 @@ class Presence:
             return
         holder = vehicle.lease.holder
         age_ns = now_ns - self.beaten_ns(vehicle)
-        if age_ns > vehicle.params.op_lost_ms * MS + limits.ROUNDING_NS:
-            words = "never" if age_ns > 1 << 61 else f"{age_ns // MS} ms ago"
+        if age_ns > vehicle.params.op_lost_ms * NS_PER_MS + limits.ROUNDING_NS:
+            words = "never" if age_ns > 1 << 61 else f"{age_ns // NS_PER_MS} ms ago"
             facts.fail(
                 "operator present", f"it drives; the newest heartbeat it has heard was sent {words}"
             )
@@ -80,7 +80,7 @@ class Presence:
             facts.worst("operator's last heartbeat, last command to move", age_ns)
         over_ns = now_ns - self._newest(self._steers_until_ns, holder)
         if manual and over_ns > limits.STEERED_NS:
-            words = "never" if over_ns > 1 << 61 else f"{over_ns // MS} ms ago"
+            words = "never" if over_ns > 1 << 61 else f"{over_ns // NS_PER_MS} ms ago"
             facts.fail("steered by hand", f"it drives; what was sent last has expired {words}")
 
     def beaten_ns(self, vehicle: "Vehicle") -> int:
@@ -106,7 +106,8 @@ class Presence:
         if idle_ns > limits.RAMP_NS + limits.TICK_NS:
             mode = Mode(machine.mode).name
             self._facts.fail(
-                "moves for a reason", f"it drives, for {idle_ns // MS} ms without a goal in {mode}"
+                "moves for a reason",
+                f"it drives, for {idle_ns // NS_PER_MS} ms without a goal in {mode}",
             )
 
     def cycled(self, vehicle: "Vehicle") -> None:
@@ -126,7 +127,7 @@ class Presence:
         operator = holder.operator
         heard_ns = max(self._beat_ns.get(operator, NEVER), self._leased_ns.get(operator, NEVER))
         if now_ns - heard_ns > limits.LAPSE_NS:
-            ago_ms = (now_ns - heard_ns) // MS
+            ago_ms = (now_ns - heard_ns) // NS_PER_MS
             facts.fail("a lease lapses", f"held {ago_ms} ms after its holder's last heartbeat")
 
 

@@ -5,20 +5,20 @@ A limit is the sum of what the design allows, worst case each; nothing is added 
 
 from typing import Final
 
-MS: Final = 1_000_000
+from runtime.units import NS_PER_MS
 
-PERIOD_NS: Final = 50 * MS
-TTL_NS: Final = 150 * MS
-LINK_NS: Final = 1 * MS
+PERIOD_NS: Final = 50 * NS_PER_MS
+TTL_NS: Final = 150 * NS_PER_MS
+LINK_NS: Final = 1 * NS_PER_MS
 """Way of a frame on a sound network (0.3 ms), there and back."""
 
 STILL_M_S: Final = 0.01
 """Rim speed of a wheel that stands: what is left of 0.3 m/s after three time constants."""
 
-BRAKE_NS: Final = 38 * MS
+BRAKE_NS: Final = 38 * NS_PER_MS
 """The driver's brake from 0.3 m/s at 8 m/s^2."""
 
-RAMP_NS: Final = 250 * MS
+RAMP_NS: Final = 250 * NS_PER_MS
 """Braking by a command of zero speed: 0.3 to 0.075 m/s at 1.5 m/s^2 take 150 ms, the motor's lag
 of 50 ms takes another 100 ms down to 0.01 m/s."""
 
@@ -53,19 +53,19 @@ LOST_BRAKE_NS: Final = TTL_NS + BRAKE_NS
 BRAKED_NS: Final = COMMAND_STOP_NS + TICK_NS
 """After so long of commands to stand no forged command turns the wheels: it contradicts them."""
 
-BOOT_NS: Final = 300 * MS
+BOOT_NS: Final = 300 * NS_PER_MS
 """A robot that was started serves within this time."""
 
-ROUNDING_NS: Final = 5 * MS
+ROUNDING_NS: Final = 5 * NS_PER_MS
 """Ages are whole milliseconds, and the clock of a robot is known within the way of a frame."""
 
 STEERED_NS: Final = RAMP_NS
 """After a frame of teleop has expired the robot slows down at its own limit of acceleration."""
 
-LAPSE_NS: Final = 3_000 * MS + TICK_NS
+LAPSE_NS: Final = 3_000 * NS_PER_MS + TICK_NS
 """After so long without a heartbeat of its holder the lease is free: 3 s, and one tick."""
 
-GIVEN_UP_NS: Final = 500 * MS
+GIVEN_UP_NS: Final = 500 * NS_PER_MS
 """A request of an operator whose process has ended counts for the rest of its attempt."""
 
 FENCE_M: Final = 0.12
@@ -74,15 +74,15 @@ seen (62 ms), one more until the plant obeys (50 ms), and the way of braking (0.
 error of the odometry of a run (some millimetres), 0.3 * 0.112 + 0.04 = 0.08, and 0.04 for senses
 that are late by up to their time to live."""
 
-TICK_GAP_NS: Final = 2 * TICK_NS - 1 * MS
+TICK_GAP_NS: Final = 2 * TICK_NS - 1 * NS_PER_MS
 """Between two ticks of a loop that nothing disturbs: a frame that comes late and one early."""
 
 BACKLOG: Final = 64
 """Requests that wait in one line."""
 
-STANDSTILL_NS: Final = 12_000 * MS
+STANDSTILL_NS: Final = 12_000 * NS_PER_MS
 """A goal that is being driven to ends as STUCK after 10 s without motion, a tick is 50 ms; the
 rest is for a robot that turns on the spot."""
 
-CALM_NS: Final = 3_000 * MS
+CALM_NS: Final = 3_000 * NS_PER_MS
 """After so long with nothing wrong everything that was late or is remembered is over."""

@@ -15,10 +15,10 @@ from protocol.wire.messages import (
 from robot.core import reasons, states
 from robot.lease import open_to_all
 from robot.vehicle import Answer, Vehicle
+from runtime.units import NS_PER_MS
 from verification.simulation.hosts.operators import Asked
 from verification.simulation.invariants import limits
 from verification.simulation.invariants.commanding import Presence
-from verification.simulation.invariants.limits import MS
 from verification.simulation.invariants.shared import Facts
 
 
@@ -86,7 +86,7 @@ class Requests:
         if age_ns > allowed_ns and facts.now_ns > facts.unsure_until_ns:
             facts.fail(
                 "no late request",
-                f"{asked.action} acted on {age_ns // MS} ms after it was given up",
+                f"{asked.action} acted on {age_ns // NS_PER_MS} ms after it was given up",
             )
 
     def told(self, asked: Asked) -> None:

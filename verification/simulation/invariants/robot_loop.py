@@ -9,8 +9,8 @@ from robot.core.geometry import wrap
 from robot.core.machine import Machine, drives, goal_lives
 from robot.core.parameters import Params
 from robot.vehicle import Vehicle
+from runtime.units import NS_PER_MS
 from verification.simulation.invariants import limits
-from verification.simulation.invariants.limits import MS
 from verification.simulation.invariants.requests import Requests
 from verification.simulation.invariants.shared import Facts
 
@@ -73,7 +73,7 @@ class Onboard:
         last_ns, self._cycled_ns = self._cycled_ns, now_ns
         gap_ns = 0 if last_ns is None else now_ns - last_ns
         if gap_ns > limits.TICK_GAP_NS and now_ns > facts.sound_since_ns:
-            facts.fail("ticks are kept", f"{gap_ns // MS} ms between two ticks of the robot")
+            facts.fail("ticks are kept", f"{gap_ns // NS_PER_MS} ms between two ticks of the robot")
 
     def _goals(self, vehicle: Vehicle, machine: Machine) -> None:
         """Goals and missions end with what they need; a mission notices at the next tick."""
@@ -128,7 +128,7 @@ class Onboard:
         if away or abs(wrap(heading_rad - anchor[2])) > AWAY_RAD or not drives(machine):
             self._anchor, self._moved_ns = self._place, now_ns
         elif now_ns - self._moved_ns > limits.STANDSTILL_NS:
-            stands_s = (now_ns - self._moved_ns) // 1_000 // MS
+            stands_s = (now_ns - self._moved_ns) // 1_000 // NS_PER_MS
             self._facts.fail("a goal ends", f"a goal lives on, the robot stands for {stands_s} s")
 
     def _modes(self, machine: Machine) -> None:

@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from runtime.units import NS_PER_MS
 from verification.simulation.coverage import Coverage
 from verification.simulation.hosts.operators import History
 from verification.simulation.hosts.scheduler import Scheduler
-from verification.simulation.invariants.limits import MS
 
 if TYPE_CHECKING:
     from verification.simulation.hosts.robot_side import RobotSide
@@ -76,4 +76,4 @@ class Facts:
 
     def worst(self, what: str, took_ns: int) -> None:
         """Note how long something took, for the report of the worst of all runs."""
-        self.coverage.longest(what, took_ns // MS)
+        self.coverage.longest(what, took_ns // NS_PER_MS)

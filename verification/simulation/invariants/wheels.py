@@ -11,10 +11,11 @@ from robot.core.safety import fence as fences
 from robot.core.safety.fence import Fence
 from robot.vehicle import Vehicle
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_MS
 from verification.simulation.hosts.operators import Asked
 from verification.simulation.invariants import limits
 from verification.simulation.invariants.commanding import Presence
-from verification.simulation.invariants.limits import MS, PERIOD_NS
+from verification.simulation.invariants.limits import PERIOD_NS
 from verification.simulation.invariants.shared import NEVER, Facts
 
 Place = tuple[float, float]
@@ -121,11 +122,11 @@ class Motion:
         if lost and machine.vehicle == states.FAILSAFE and now_ns > facts.unsure_until_ns:
             took_ns = now_ns - self._presence.beaten_ns(vehicle)
             facts.worst("operator's last heartbeat, wheels still turn", took_ns)
-            limit_ns = vehicle.params.op_lost_ms * MS + limits.FAILSAFE_STOP_NS
+            limit_ns = vehicle.params.op_lost_ms * NS_PER_MS + limits.FAILSAFE_STOP_NS
             if took_ns > limit_ns and now_ns - facts.sound_since_ns > limits.CALM_NS:
                 facts.fail(
                     "stopped in time",
-                    f"wheels turn {took_ns // MS} ms after the last heartbeat was sent",
+                    f"wheels turn {took_ns // NS_PER_MS} ms after the last heartbeat was sent",
                 )
 
     def _forged(self) -> bool:
@@ -150,11 +151,11 @@ class Motion:
         if age_ns > limit_ns:
             facts.fail(
                 "stopped in time",
-                f"wheels turn at {fastest_m_s:.3f} m/s, {age_ns // MS} ms after the tick of the "
-                f"last command to move{', which was the last of all' if silent else ''}",
+                f"wheels turn at {fastest_m_s:.3f} m/s, {age_ns // NS_PER_MS} ms after the tick of "
+                f"the last command to move{', which was the last of all' if silent else ''}",
             )
         if now_ns - self._armed_ns > limits.DISARMED_STOP_NS:
-            ago_ms = (now_ns - self._armed_ns) // MS
+            ago_ms = (now_ns - self._armed_ns) // NS_PER_MS
             facts.fail("still unless armed", f"wheels turn {ago_ms} ms after it was armed last")
 
     def _stops(self) -> None:
@@ -167,7 +168,8 @@ class Motion:
             took_ns = now_ns - max(asked.asked_ns, since_ns)
             if asked.ended_ns is None and took_ns > limits.STOP_NS:
                 facts.fail(
-                    "a stop stops", f"wheels turn {took_ns // MS} ms after a stop was pressed"
+                    "a stop stops",
+                    f"wheels turn {took_ns // NS_PER_MS} ms after a stop was pressed",
                 )
             elif since_ns < asked.asked_ns:
                 facts.worst("stop pressed, wheels still turn", took_ns)
@@ -179,7 +181,7 @@ class Motion:
             sound = facts.sound_since_ns < told_ns - limits.TICK_NS
             limit_ns = limits.ACKNOWLEDGED_STOP_NS if sound else limits.LOST_BRAKE_NS
             if facts.armed_ns < told_ns and since_told_ns > limit_ns:
-                took_ms = since_told_ns // MS
+                took_ms = since_told_ns // NS_PER_MS
                 facts.fail(
                     "an acknowledged stop is a stop",
                     f"wheels turn {took_ms} ms after {asked.operator} was told that they stand",

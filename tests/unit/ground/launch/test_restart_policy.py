@@ -3,7 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.launch.restart_policy import MS, SECOND, Policy, Supervisor
+from ground.launch.restart_policy import Policy, Supervisor
+from runtime.units import NS_PER_MS, NS_PER_S
 
 ROLE = "robot r1"
 KILLED = "was killed (signal SIGKILL)"
@@ -26,7 +27,7 @@ def test_each_further_one_waits_twice_as_long_up_to_a_limit() -> None:
     waited = []
     for _ in range(8):
         supervisor.died(ROLE, KILLED, 0)
-        waited.append(next(ms for ms in range(0, 3000, 100) if supervisor.due(ms * MS)))
+        waited.append(next(ms for ms in range(0, 3000, 100) if supervisor.due(ms * NS_PER_MS)))
     assert waited == [0, 200, 400, 800, 1600, 2000, 2000, 2000]
 
 
@@ -37,17 +38,17 @@ def test_a_pause_is_told() -> None:
 
 def test_the_sixth_death_within_a_minute_is_given_up_loudly_and_for_good() -> None:
     supervisor = Supervisor([ROLE, "plant"])
-    words = deaths(supervisor, *(second * SECOND for second in range(6)))
+    words = deaths(supervisor, *(second * NS_PER_S for second in range(6)))
     assert words[5] == f"GIVEN UP: the robot r1 process {KILLED}, 6 times within 60 s"
     assert supervisor.given_up == {ROLE: words[5]}
-    supervisor.due(5 * SECOND)
-    assert supervisor.due(1000 * SECOND) == []
+    supervisor.due(5 * NS_PER_S)
+    assert supervisor.due(1000 * NS_PER_S) == []
 
 
 def test_after_a_quiet_minute_all_is_forgiven() -> None:
     supervisor = Supervisor([ROLE])
-    deaths(supervisor, *(second * SECOND for second in range(5)))
-    (words,) = deaths(supervisor, 64 * SECOND + 1)
+    deaths(supervisor, *(second * NS_PER_S for second in range(5)))
+    (words,) = deaths(supervisor, 64 * NS_PER_S + 1)
     assert words.endswith("it is started again")
     assert not supervisor.given_up
 
@@ -60,7 +61,7 @@ def test_the_deaths_of_one_are_not_those_of_another() -> None:
     assert not supervisor.given_up
 
 
-@given(st.lists(st.integers(0, 20 * SECOND), max_size=60))
+@given(st.lists(st.integers(0, 20 * NS_PER_S), max_size=60))
 def test_no_minute_has_more_restarts_than_the_limit(gaps_ns: list[int]) -> None:
     supervisor, now_ns, restarts = Supervisor([ROLE]), 0, []
     for gap_ns in gaps_ns:
@@ -68,9 +69,9 @@ def test_no_minute_has_more_restarts_than_the_limit(gaps_ns: list[int]) -> None:
         if supervisor.given_up:
             break
         supervisor.died(ROLE, KILLED, now_ns)
-        now_ns += 2 * SECOND  # the longest pause
+        now_ns += 2 * NS_PER_S  # the longest pause
         restarts += [now_ns for _ in supervisor.due(now_ns)]
-    window_ns = 60 * SECOND
+    window_ns = 60 * NS_PER_S
     for begun_ns in restarts:
         within = [at_ns for at_ns in restarts if begun_ns <= at_ns < begun_ns + window_ns]
         assert len(within) <= 6

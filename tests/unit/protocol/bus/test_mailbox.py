@@ -5,11 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.bus.mailbox import Mailbox, Origin, Sample, opened, stamp_of
-from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, MS, TEXT, WHEELS
+from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, TEXT, WHEELS
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import SonarScan, Statustext, WheelTicks
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_MS
 
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=3, bumper=0, expired=0)
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
@@ -37,9 +38,9 @@ def test_the_newest_message_is_kept_with_its_arrival() -> None:
 
 def test_a_message_is_fresh_up_to_the_topics_limit_and_not_beyond() -> None:
     box = Mailbox(WHEELS)
-    box.store(sample(), 1_000 * MS)
-    assert box.fresh(1_150 * MS) == TICKS
-    assert box.fresh(1_150 * MS + 1) is None
+    box.store(sample(), 1_000 * NS_PER_MS)
+    assert box.fresh(1_150 * NS_PER_MS) == TICKS
+    assert box.fresh(1_150 * NS_PER_MS + 1) is None
 
 
 def test_an_event_never_gets_stale() -> None:
@@ -56,31 +57,35 @@ def ticks_at(stamp_ns: int) -> Sample:
 def test_what_was_sent_before_is_not_taken_again_while_the_newest_is_fresh() -> None:
     heard: list[int] = []
     box = Mailbox(WHEELS, heard.append, forward=True)
-    box.store(ticks_at(500 * MS), 1_000 * MS)
+    box.store(ticks_at(500 * NS_PER_MS), 1_000 * NS_PER_MS)
     for late_ms in (1, 50, 150):
-        box.store(ticks_at(450 * MS), (1_000 + late_ms) * MS)
+        box.store(ticks_at(450 * NS_PER_MS), (1_000 + late_ms) * NS_PER_MS)
     newest = box.latest()
     assert newest is not None
-    assert (newest[0].time_ns, newest[1], heard) == (500 * MS, 1_000 * MS, [1_000 * MS])
+    assert (newest[0].time_ns, newest[1], heard) == (
+        500 * NS_PER_MS,
+        1_000 * NS_PER_MS,
+        [1_000 * NS_PER_MS],
+    )
     assert (box.rejected, box.last_rejection) == (3, "WheelTicks is older than the one before it")
 
 
 def test_who_begins_anew_is_heard_when_the_other_has_been_silent_for_long_enough() -> None:
     box = Mailbox(WHEELS, forward=True)
-    box.store(ticks_at(500 * MS), 1_000 * MS)
-    box.store(ticks_at(50 * MS), 1_151 * MS)
+    box.store(ticks_at(500 * NS_PER_MS), 1_000 * NS_PER_MS)
+    box.store(ticks_at(50 * NS_PER_MS), 1_151 * NS_PER_MS)
     newest = box.latest()
     assert newest is not None
-    assert (newest[0].time_ns, box.rejected) == (50 * MS, 0)
+    assert (newest[0].time_ns, box.rejected) == (50 * NS_PER_MS, 0)
 
 
 def test_a_box_that_may_go_back_in_time_takes_older_stamps() -> None:
     box = Mailbox(WHEELS)
     for stamp_ms, arrived_ms in ((50_000, 1_000), (10, 1_001), (50_000, 1_002)):
-        box.store(ticks_at(stamp_ms * MS), arrived_ms * MS)
+        box.store(ticks_at(stamp_ms * NS_PER_MS), arrived_ms * NS_PER_MS)
         newest = box.latest()
         assert newest is not None
-        assert (newest[0].time_ns, newest[1]) == (stamp_ms * MS, arrived_ms * MS)
+        assert (newest[0].time_ns, newest[1]) == (stamp_ms * NS_PER_MS, arrived_ms * NS_PER_MS)
     assert box.rejected == 0
 
 
@@ -97,17 +102,17 @@ def test_a_stamp_of_two_to_the_62nd_is_no_time(forward: bool) -> None:
 
 def test_a_stamp_may_be_ten_seconds_ahead_of_the_one_before_and_no_more() -> None:
     box = Mailbox(WHEELS, forward=True)
-    box.store(ticks_at(5_000 * MS), 1_000 * MS)
-    box.store(ticks_at(15_000 * MS), 1_050 * MS)
+    box.store(ticks_at(5_000 * NS_PER_MS), 1_000 * NS_PER_MS)
+    box.store(ticks_at(15_000 * NS_PER_MS), 1_050 * NS_PER_MS)
     assert box.latest() is not None
     assert box.rejected == 0
-    box.store(ticks_at(25_000 * MS + 1), 1_100 * MS)
+    box.store(ticks_at(25_000 * NS_PER_MS + 1), 1_100 * NS_PER_MS)
     words = "WheelTicks is far ahead of the one before it"
     assert (box.rejected, box.last_rejection) == (1, words)
-    box.store(ticks_at(25_000 * MS + 1), 1_050 * MS + WHEELS.stale_after_ns + 1)
+    box.store(ticks_at(25_000 * NS_PER_MS + 1), 1_050 * NS_PER_MS + WHEELS.stale_after_ns + 1)
     newest = box.latest()
     assert newest is not None
-    assert newest[0].time_ns == 25_000 * MS + 1, "the one before was no longer fresh"
+    assert newest[0].time_ns == 25_000 * NS_PER_MS + 1, "the one before was no longer fresh"
 
 
 def test_messages_without_a_stamp_are_never_out_of_order() -> None:
@@ -121,8 +126,8 @@ def test_messages_without_a_stamp_are_never_out_of_order() -> None:
 def test_a_clock_that_stands_still_is_heard_all_the_time() -> None:
     box = Mailbox(WHEELS, forward=True)
     for arrived_ms in range(0, 500, 50):
-        box.store(ticks_at(7), arrived_ms * MS)
-    assert box.fresh(450 * MS) is not None
+        box.store(ticks_at(7), arrived_ms * NS_PER_MS)
+    assert box.fresh(450 * NS_PER_MS) is not None
     assert box.rejected == 0
 
 

@@ -1,0 +1,29 @@
+"""How many nanoseconds a second has is written down once."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+PACKAGES = [
+    "runtime",
+    "protocol",
+    "robot",
+    "plant",
+    "ground",
+    "study",
+    "benchmarks",
+    "verification",
+]
+WRITTEN_DOWN = re.compile(r"^(NS_PER_\w+|MS|SECOND)\b.*= *[\d(]|[*/] 1e9\b", re.MULTILINE)
+PORTABLE = "robot/core/"
+"""Runs on a microcontroller, by itself."""
+
+
+def test_only_one_module_writes_down_the_units_of_time() -> None:
+    files = [file for package in PACKAGES for file in (ROOT / package).rglob("*.py")]
+    paths = {
+        file.relative_to(ROOT).as_posix()
+        for file in files
+        if WRITTEN_DOWN.search(file.read_text(encoding="utf-8"))
+    }
+    assert {path for path in paths if not path.startswith(PORTABLE)} == {"runtime/units.py"}
