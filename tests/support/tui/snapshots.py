@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import Final
 
-FOLDER: Final = Path(__file__).parent / "snapshots"
+FOLDER: Final = Path(__file__).parents[2] / "tui" / "snapshots"
 TERMINAL_ID: Final = re.compile(r"terminal-\d+-")
 ACTUAL: Final = ".actual.svg"
 
