@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.app.frame_rate import Pace
-from ground.app.input.dead_man import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadMan
-from ground.app.input.goal_cursor import Cursor, step_of
+from ground.app.input.map_cursor import Cursor, step_of
+from ground.app.input.teleop_keys import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadMan
 from tests.support.tui.fakes import MS, FakeStation, S
 from tests.support.tui.underway import driving
 

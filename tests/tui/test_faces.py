@@ -6,10 +6,10 @@ import pytest
 
 from ground.app.input.key_table import Layer
 from ground.app.input.keymap import Keymap
-from ground.app.panels.keybar import keybar_row
 from ground.app.panels.mission import mission_rows
 from ground.app.panels.side import side_rows, whole
 from ground.app.panels.status import Setting, status_row
+from ground.app.screens.sheet import keybar_row
 from ground.app.widgets.bars import bar, binned, spark
 from ground.app.widgets.rows import cut, in_ascii, row, width_of, words_of
 from ground.app.widgets.sparklines import FIGURES, figure_rows

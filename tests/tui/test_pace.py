@@ -4,7 +4,7 @@ import os
 from threading import Thread
 
 from ground.app.frame_rate import MOST_SLOWER, TRUSTED_NS, Pace
-from ground.app.terminal_output import TerminalText
+from ground.app.output_capture import TerminalText
 
 MS = 1_000_000
 ROUND_NS = 50 * MS

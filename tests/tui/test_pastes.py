@@ -9,7 +9,7 @@ from textual import events
 from textual._ansi_sequences import ANSI_SEQUENCES_KEYS, IGNORE_SEQUENCE
 from textual._xterm_parser import XTermParser
 
-from ground.app.input.input_parser import Ears
+from ground.app.input.driver import Ears
 from ground.app.input.paste_parser import (
     END,
     HELD_S,

@@ -6,9 +6,8 @@ import pytest
 
 from ground.app.app import GroundApp
 from ground.app.appearance import Looks
-from ground.app.panels.timeline import timeline_rows
 from ground.app.playback.player import Player
-from ground.app.screens.replay import ReplayScreen, recordings
+from ground.app.screens.replay import ReplayScreen, recordings, timeline_rows
 from ground.app.widgets.rows import width_of, words_of
 from runtime.clock import ManualClock
 from runtime.errors import UserError

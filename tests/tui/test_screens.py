@@ -6,8 +6,7 @@ import pytest
 from textual.app import ScreenStackError
 
 from ground.app.app import GroundApp
-from ground.app.panels.faults import Trouble
-from ground.app.screens.faults import FaultsScreen, fault_of
+from ground.app.screens.faults import FaultsScreen, Trouble, fault_of
 from ground.app.screens.worlds import WorldsScreen, looked_up
 from ground.app.widgets.map import MapWidget
 from ground.app.worlds import ask_worlds, reached_in, reached_of

@@ -4,10 +4,13 @@ from typing import ClassVar
 
 from textual.app import ComposeResult
 
-from ground.app.panels.links import link_rows
+from ground.app.panels.aged import MISSING, number
+from ground.app.panels.streams import long, long_head
 from ground.app.screens.listed import Listed
 from ground.app.widgets.log_view import LogView
-from ground.app.widgets.rows import Row
+from ground.app.widgets.rows import Row, Span, faint, head, row
+from ground.station.station import Station
+from protocol.topics import Role
 
 
 class LinksScreen(Listed):
@@ -30,3 +33,56 @@ class LinksScreen(Listed):
 
 def as_it_is(one: Row) -> Row:
     return one
+
+
+def link_rows(station: Station) -> list[Row]:
+    streams = [line for line in station.streams() if line.received]
+    silent = [line.topic.path for line in station.streams() if not line.received]
+    return [
+        *process_rows(station),
+        (),
+        *link_lines(station),
+        (),
+        row(" ", long_head()),
+        *(row(" ", *long(line)) for line in streams),
+        row(head(" silent  "), faint(", ".join(silent) or "none")),
+    ]
+
+
+def process_rows(station: Station) -> list[Row]:
+    crew, robot = station.crew, station.robot
+    rows: list[Row] = []
+    for role in (Role.ROBOT, Role.PLANT, Role.GROUND):
+        there = crew.has(robot, role)
+        mark = Span("● there ", "ok") if there else Span("○ gone  ", "danger")
+        rows.append(
+            row(head(f" {role.value:<8}"), mark, Span(again_words(station, role), "caution"))
+        )
+    others = [name for name in station.robots() if name != robot]
+    if others:
+        rows.append(row(head(" others  "), ", ".join(others)))
+    return rows
+
+
+def again_words(station: Station, role: Role) -> str:
+    """How often it was restarted, and why it was the last time; nothing when it was not."""
+    times = station.restarts(role)
+    words = [f"restarted {times} {'time' if times == 1 else 'times'}"] if times else []
+    if role is Role.ROBOT and station.restart_cause:
+        words.append(station.restart_cause)
+    return "; ".join(words)
+
+
+def link_lines(station: Station) -> list[Row]:
+    loss, lease = station.loss(), station.lease
+    lost = Span(loss.banner(station.now_ns), "danger") if loss else Span("nothing", "ok")
+    left = f", lapses in {lease.lapses_s:.1f} s without a beat" if lease.held else ""
+    return [
+        row(head(" lost    "), lost),
+        row(head(" arrive  "), f"{number(station.link_percent, '.1f')} % of the robot's frames"),
+        row(head(" answer  "), f"{number(station.round_trip_ms, '.0f')} ms round trip"),
+        row(
+            head(" lease   "), Span(lease.words, "caution" if lease.others else "text"), faint(left)
+        ),
+        row(head(" last    "), station.last_command or faint(MISSING)),
+    ]

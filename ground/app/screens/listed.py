@@ -3,10 +3,13 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from functools import partial
-from typing import Final
+from typing import ClassVar, Final
+
+from textual.app import ComposeResult
 
 from ground.app.input.key_table import Layer
 from ground.app.screens.sheet import Action, Sheet
+from ground.app.widgets.lines import Lines
 from ground.app.widgets.log_view import LogView
 from ground.app.widgets.table import Table
 
@@ -34,3 +37,18 @@ class Listed(Sheet):
             "row-first": partial(move, -TO_THE_END),
             "row-last": partial(move, TO_THE_END),
         }
+
+
+class Listing(Listed):
+    """A heading, a list to choose from, and details of the chosen row."""
+
+    focus_first: ClassVar[str] = "#rows"
+
+    def middle(self) -> ComposeResult:
+        yield Lines(id="heading")
+        yield Table(id="rows")
+        yield Lines(id="about")
+
+    @property
+    def listed(self) -> Table:
+        return self.query_one(Table)

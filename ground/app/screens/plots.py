@@ -1,22 +1,27 @@
 """Plots: speed, way to go, nearest echo, cost and uncertainty over the last minutes."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from math import isfinite
 from typing import Final
 
 from textual.app import ComposeResult
 from textual.containers import Grid
 
 from ground.app.input.key_table import Layer
-from ground.app.panels.plots import plot_rows
+from ground.app.panels.aged import MISSING, number
 from ground.app.playback.app_interface import Deck
 from ground.app.screens.sheet import Action, Sheet
 from ground.app.widgets.lines import Lines
-from ground.app.widgets.rows import faint, row
-from ground.app.widgets.sparklines import FIGURES, Figure
+from ground.app.widgets.rows import Row, Span, faint, head, row
+from ground.app.widgets.sparklines import FIGURES, FRESH_S, Figure
+from ground.map import Canvas
+from ground.station.station import Station
 
 WINDOWS_S: Final = (15.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 DRAWN_HZ: Final = 4.0
+LABEL: Final = 8
+Point = tuple[float, float]
 
 
 class PlotsScreen(Sheet):
@@ -58,3 +63,66 @@ class PlotsScreen(Sheet):
 
     def widen(self, steps: int) -> None:
         self._window = max(0, min(len(WINDOWS_S) - 1, self._window + steps))
+
+
+def plot_rows(
+    station: Station, figure: Figure, size: tuple[int, int], window_s: float, ascii_only: bool
+) -> list[Row]:
+    """`size` in columns and rows, of which the first is the title."""
+    columns, rows = size
+    now_s = station.time_s
+    points = station.history[figure.series].points(now_s - window_s)
+    values = [(time_s, value * figure.factor) for time_s, value in points]
+    low, high = ends(value for _, value in values)
+    canvas = Canvas(max(0, columns - LABEL), max(0, rows - 1), ascii_only)
+    draw(canvas, figure.role, values, (now_s - window_s, now_s), (low, high))
+    title = title_row(figure, values, now_s)
+    labels = labelled(canvas.rows, low, high, figure.form if values else "")
+    return [
+        title,
+        *(
+            row(faint(label), *(Span(text, role or "text") for role, text in canvas.strip(number)))
+            for number, label in enumerate(labels)
+        ),
+    ]
+
+
+def title_row(figure: Figure, values: Sequence[Point], now_s: float) -> Row:
+    last = values[-1] if values else None
+    fresh = last is not None and now_s - last[0] <= FRESH_S
+    words = number(last[1], figure.form) if last is not None and fresh else MISSING
+    return row(
+        head(f" {figure.says:<9}"),
+        Span(f"{words} {figure.unit}", figure.role if fresh else "faint"),
+    )
+
+
+def ends(values: Iterable[float]) -> tuple[float, float]:
+    """From zero, unless it goes below: a curve that hides its zero misleads."""
+    there = [value for value in values if isfinite(value)]
+    if not there:
+        return 0.0, 1.0
+    low, high = min(0.0, *there), max(there)
+    return low, high if high > low else low + 1.0
+
+
+def labelled(rows: int, low: float, high: float, form: str) -> list[str]:
+    """The greatest value at the top and the least at the bottom."""
+    words = [""] * rows
+    if rows and form:
+        words[0], words[-1] = format(high, form), format(low, form) if rows > 1 else words[0]
+    return [f"{word:>{LABEL - 1}} " for word in words]
+
+
+def draw(canvas: Canvas, role: str, values: Sequence[Point], time: Point, value: Point) -> None:
+    """Lines between neighbours; nothing is drawn across a gap."""
+    before: tuple[int, int] | None = None
+    across = (canvas.width - 1) / (time[1] - time[0])
+    up = (canvas.height - 1) / (value[1] - value[0])
+    for time_s, one in values:
+        if not isfinite(one):
+            before = None
+            continue
+        here = round((time_s - time[0]) * across), round((value[1] - one) * up)
+        canvas.line(*(before or here), *here, role)
+        before = here

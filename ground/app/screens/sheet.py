@@ -1,6 +1,7 @@
 """What every screen has: status and alarm above, the command line and the keys below."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from textwrap import wrap
 from typing import ClassVar, Final
 
 from textual.app import ComposeResult
@@ -8,19 +9,27 @@ from textual.containers import Container, Horizontal
 from textual.screen import Screen
 from textual.widgets import Input
 
-from ground.app.input.key_table import Layer
-from ground.app.panels.alarm import alarm_rows
-from ground.app.panels.keybar import keybar_row
+from ground.app.input.key_table import Key, Layer
+from ground.app.input.keymap import shown
 from ground.app.panels.status import status_row
 from ground.app.playback.app_interface import Deck
 from ground.app.widgets.command_line import CommandLine
 from ground.app.widgets.lines import Lines
-from ground.app.widgets.rows import Span, row
+from ground.app.widgets.rows import Row, Span, cut, row, width_of
+from ground.station.station import Station
 
 Action = Callable[[], object]
 WIDTHS: Final = ((0, "-tiny"), (60, "-narrow"), (110, "-wide"), (160, "-huge"))
 HEIGHTS: Final = ((0, "-low"), (18, "-medium"), (32, "-tall"))
 """Classes of a screen, by the least columns and rows for each."""
+MOST_ROWS: Final = 2
+STOPS: Final = ("estop-here",)
+LAST: Final = ("palette", "help")
+ORDER: Final = (
+    *("goal", "cursor", "hold", "resume", "arm", "mode", "navigator", "teleop"),
+    *("explain", "abort", "missions", "rtl"),
+)
+"""What every screen has; what only the present one has comes before it."""
 
 
 class Sheet(Screen[None]):
@@ -143,3 +152,52 @@ class Sheet(Screen[None]):
         self.leave_line()
         then(text)
         self.look()
+
+
+def alarm_rows(station: Station, width: int) -> list[Row]:
+    """The e-stop first; nothing when there is nothing to say."""
+    if station.stopping:
+        return across(station.stopping, "alarm", width)
+    loss = station.loss()
+    if loss is not None:
+        words = loss.banner(station.now_ns)
+        last = f"; last command: {station.last_command}" if station.last_command else ""
+        return across(f"{words}{last}", "alarm", width)
+    if station.live and not station.ready:
+        words = f"reading {station.waiting_for} before commands are taken"
+        return across(words, "caution", width)
+    return across(station.restarted, "caution", width) if station.restarted else []
+
+
+def across(words: str, role: str, width: int) -> list[Row]:
+    """From edge to edge, in two rows at the most."""
+    room = max(1, width - 2)
+    lines = wrap(words, room, max_lines=MOST_ROWS, placeholder="…")
+    return [cut(row(Span(f" {line}".ljust(width), role)), width) for line in lines]
+
+
+def keybar_row(keys: Sequence[Key], width: int) -> Row:
+    """As many as there is room for; the way to all the others keeps its place at the end."""
+    named = sorted((key for key in keys if key.short and key.keys), key=place)
+    tail = [span for key in named if key.id in LAST for span in button(key)]
+    room = width - width_of(tuple(tail))
+    spans: list[Span] = []
+    for key in named:
+        more = () if key.id in LAST else button(key)
+        room -= width_of(more)
+        if room < 0:
+            break
+        spans += more
+    gap = max(0, width - width_of(tuple(spans)) - width_of(tuple(tail)))
+    return cut(row(*spans, Span(" " * gap), *tail), width)
+
+
+def place(key: Key) -> int:
+    if key.id in STOPS:
+        return -2
+    return ORDER.index(key.id) if key.id in ORDER else -1
+
+
+def button(key: Key) -> Row:
+    role = "alarm" if key.id in STOPS else "key"
+    return row(" ", Span(shown(key.keys[:1]), role), Span(f" {key.short} "))

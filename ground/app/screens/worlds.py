@@ -3,25 +3,28 @@
 import json
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from textwrap import wrap
+from typing import Any, Final
 
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 
 from ground.app.input.key_table import Layer
-from ground.app.panels.worlds import ends_rows, fact_rows, world_row
+from ground.app.panels.aged import number
 from ground.app.playback.app_interface import Deck
-from ground.app.screens.listing import Listing
+from ground.app.screens.listed import Listing
 from ground.app.screens.sheet import Action
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
-from ground.app.widgets.rows import faint, row
+from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.app.widgets.table import Table
 from ground.app.worlds import Reached, ask_worlds, reached_in
 from ground.launch.scenario import Scenario
 from ground.map import Scene
 from ground.station.scene import preview_of
 from ground.station.world import world_in
+
+REACHED: Final = "reached of 10 seeds: "
 
 
 class WorldsScreen(Listing):
@@ -116,3 +119,44 @@ def looked_up(name: str) -> tuple[dict[str, Any], Scene]:
     """The facts of a world, and how it looks; UserError or RemoteError when it cannot be read."""
     facts = ask_worlds("show", name)
     return facts, preview_of(world_in(json.dumps(facts)))
+
+
+def world_row(world: Mapping[str, str], here: str, chosen: bool) -> Row:
+    """The one that is in force has a mark."""
+    mark = Span("● " if world["name"] == here else "  ", "ok")
+    name = Span(f"{world['name']:<15}", "reverse" if chosen else "text")
+    return row(" ", mark, name, f" {world['says']}")
+
+
+def fact_rows(facts: Mapping[str, Any] | None, says: str) -> list[Row]:
+    """What it is, how large, from where to where, and what goes wrong in it."""
+    if facts is None:
+        return [row(faint(" reading ..."))]
+    width_m, height_m = facts["size_m"]
+    start, goal = facts["start"], facts["goal"]
+    moving = sum("path_m" in one for one in facts["obstacles"])
+    faults = ", ".join(str(one["kind"]) for one in facts["faults"]) or "none"
+    way_m = facts.get("shortest_path_m")
+    heading_deg = goal.get("heading_deg")
+    return [
+        row(Span(f" {facts['name']}", "accent"), f"  {says}"),
+        row(
+            head(" size   "), f"{width_m:g} x {height_m:g} m, ",
+            f"{len(facts['obstacles'])} obstacles, {moving} moving", head("  faults "), faults,
+        ),
+        row(
+            head(" from   "), f"{start['x_m']:g} {start['y_m']:g} at {start['heading_deg']:g}°",
+            head("  to "), f"{goal['x_m']:g} {goal['y_m']:g}",
+            "" if heading_deg is None else f" at {heading_deg:g}°",
+            head("  shortest way "), f"{number(way_m)} m" if way_m else "none",
+        ),
+    ]  # fmt: skip
+
+
+def ends_rows(reached: Mapping[str, int] | None, width: int) -> list[Row]:
+    """How runs of each navigator in this world have ended; nothing when that is not known."""
+    if not reached:
+        return []
+    words = ", ".join(f"{navigator} {count}" for navigator, count in reached.items())
+    first, *more = wrap(f"{REACHED}{words}", max(len(REACHED), width - 9))
+    return [row(head(" study  "), first), *(row(f"        {line}") for line in more)]
