@@ -5,14 +5,16 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
-from ground.launch.child_processes import Children
-from ground.launch.exit_status import cause_of
+from ground.launch.child_processes import Children, how
 from ground.launch.hang_detector import SILENT, Hearts
 from ground.launch.restart_policy import Supervisor
+from runtime.watchdog import HANGS
 
 SETTLED_NS: Final = 2_000_000_000
 """So long after its death its own words of it have been heard and recorded, if it came back."""
 PATIENCE_NS: Final = 8_000_000_000
+DEFECT: Final = "internal error: "
+MOST: Final = 200
 
 
 class Void(NamedTuple):
@@ -77,3 +79,18 @@ class Upkeep:
         if back:
             return Void(f"{why}; it is back, but has begun anew", now_ns - at_ns > SETTLED_NS)
         return Void(f"{why} and has not come back", now_ns - at_ns > PATIENCE_NS)
+
+
+def cause_of(role: str, code: int, words: str) -> str:
+    """Return how a process ended, from its exit code and the end of what it wrote."""
+    if code == -signal.SIGALRM:
+        return HANGS
+    if code < 0:
+        return f"was killed ({how(code)})"
+    lines = [line.strip() for line in words.splitlines() if line.strip()]
+    for line in lines:
+        if DEFECT in line:
+            core = "a core exception" if role.startswith("robot") else "an exception"
+            return f"ended by {core} ({line.partition(DEFECT)[2]})"[:MOST]
+    last = f": {lines[-1]}" if lines else ""
+    return f"ended by itself ({how(code)}{last})"[:MOST]

@@ -8,6 +8,7 @@ made earlier have key and frame in one JSON text.
 
 import os
 import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
@@ -17,12 +18,11 @@ from typing import BinaryIO, Final
 import msgspec
 import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
+from mcap.exceptions import McapError, UnsupportedCompressionError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata
 
 from ground.recording.frame_paths import path_in
-from ground.recording.mcap.chunk import unpacked
 from protocol.topics import ENCODING_FAMILY, PREFIX
 from protocol.wire.codec import HEADER_SIZE
 
@@ -39,6 +39,10 @@ UNREADABLE: Final = (
     *(McapError, zstandard.ZstdError, struct.error),
     *(ValueError, OverflowError, RuntimeError, MemoryError),
 )
+LARGEST: Final = 1 << 24
+MOST_DENSE: Final = 200
+"""Times its size. Our own chunks unpack to ten times theirs."""
+SLACK: Final = 1 << 16
 
 
 class Raw(msgspec.Struct, frozen=True, gc=False):
@@ -186,3 +190,20 @@ class McapFile:
         if not self._closed:
             return "it was not closed: the last half second may be missing"
         return ""
+
+
+def unpacked(chunk: Chunk) -> bytes:
+    """Raises McapError, ZstdError or ValueError for what cannot be had, or is no log."""
+    most = min(LARGEST, MOST_DENSE * len(chunk.data) + SLACK)
+    if chunk.compression == "zstd":
+        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
+            data = reader.read(most + 1)
+    elif chunk.compression:
+        raise UnsupportedCompressionError(chunk.compression)
+    else:
+        data = chunk.data
+    if len(data) > most:
+        raise ValueError(f"a chunk unpacks to more than {most} bytes")
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise ValueError("the checksum of a chunk does not match")
+    return data

@@ -1,13 +1,12 @@
 """What a robot's telemetry is worth keeping of: figures over time, trail, echoes and marks."""
 
 from collections.abc import Callable
-from math import sqrt
+from math import inf, sqrt
 from typing import Any, Final
 
 from ground.client.telemetry import Age, Telemetry, age_of
 from ground.station.history.time_series import History
 from ground.station.history.trail import RADIUS_M, Echoes, Marks, Trail
-from ground.station.history.worst_cycle import Dearest
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -101,3 +100,28 @@ def uncertainty_m(odometry: PlanarOdometry) -> float:
     half_m2 = (odometry.cov_xx_m2 - odometry.cov_yy_m2) / 2.0
     most_m2 = mean_m2 + sqrt(half_m2 * half_m2 + odometry.cov_xy_m2 * odometry.cov_xy_m2)
     return sqrt(max(0.0, most_m2)) if most_m2 == most_m2 else most_m2
+
+
+class Dearest:
+    """`cycle` is replaced at once by a dearer one, and by a cheaper one when its second is over."""
+
+    def __init__(self) -> None:
+        self.cycle: CycleReport | None = None
+        self._this: CycleReport | None = None
+        self._second = -1
+
+    def add(self, cycle: CycleReport, time_s: float) -> None:
+        """The next cycle; times must not go back."""
+        second = int(time_s)
+        if second > self._second:
+            before = self._this if second == self._second + 1 else None
+            self.cycle, self._this, self._second = before, None, second
+        if spent_us(cycle) > spent_us(self._this):
+            self._this = cycle
+        if spent_us(cycle) > spent_us(self.cycle):
+            self.cycle = cycle
+
+
+def spent_us(cycle: CycleReport | None) -> float:
+    """In all stages; less than any when there is no cycle."""
+    return -inf if cycle is None else sum(cycle.stage_us)

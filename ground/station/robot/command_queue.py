@@ -8,14 +8,24 @@ from ground.client.requests import RequestIds
 from ground.station.bus_protocols import Hears
 from ground.station.robot.background_requests import Job, Outcome, Works, outcome_of
 from ground.station.robot.lease_holding import Tenure
-from ground.station.robot.lease_request import ask_lease
-from protocol.wire.enums import LeaseAction, Severity
-from protocol.wire.messages import LeaseRequest
+from protocol.topics import LEASE_SERVICE
+from protocol.wire.enums import AckResult, LeaseAction, Severity
+from protocol.wire.messages import CommandAck, LeaseRequest
+from protocol.wire.reasons import reason_text
 from runtime.clock import Clock
+from runtime.errors import NoAnswer, RemoteError
+from runtime.units import NS_PER_MS, NS_PER_S
 
 NAME_BYTES: Final = 16
 
 Tell = Callable[[str, Severity], None]
+ATTEMPTS: Final = 3
+PATIENCE_S: Final = 0.4
+DONE: Final = {
+    LeaseAction.TAKE: "taken",
+    LeaseAction.RELEASE: "released",
+    LeaseAction.SEIZE: "SEIZED",
+}
 
 
 class Stage(Enum):
@@ -139,3 +149,26 @@ class Commanding:
         usual = Severity.WARNING if loud else Severity.INFO
         for line in outcome.text.splitlines():
             self._tell(line, usual if outcome.ok else Severity.WARNING)
+
+
+def ask_lease(
+    bus: Hears, clock: Clock, robot: str, request: LeaseRequest, attempts: int = ATTEMPTS
+) -> Outcome:
+    """Take, release or seize; the same request again when there is no answer."""
+    asked_ns = clock.now_ns()
+    why = "no answer"
+    for attempt in range(1, attempts + 1):
+        try:
+            answer = bus.ask(LEASE_SERVICE, request, PATIENCE_S, robot=robot)
+        except NoAnswer as error:
+            why = str(error)
+            if attempt < attempts:
+                clock.sleep_until(asked_ns + round(attempt * PATIENCE_S * NS_PER_S))
+            continue
+        if not isinstance(answer, CommandAck):
+            raise RemoteError(f"{robot} answers, but not to a question about its lease")
+        took = f"{(clock.now_ns() - asked_ns) / NS_PER_MS:.0f} ms"
+        if answer.result == AckResult.ACCEPTED:
+            return Outcome(True, f"lease of {robot} {DONE[LeaseAction(request.action)]} ({took})")
+        return Outcome(False, f"lease of {robot} refused: {reason_text(answer.result_param2)}")
+    return Outcome(False, f"lease of {robot}: {why}")

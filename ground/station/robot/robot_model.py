@@ -4,17 +4,16 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from typing import Final
 
+from ground.client.parameter_rows import Row
 from ground.client.telemetry import Telemetry
 from ground.station.bus_protocols import Hears, Token
 from ground.station.history.decision_history import Moments
 from ground.station.history.inbox import Arrival, Inbox
 from ground.station.history.telemetry_history import Figures
 from ground.station.link.presence_log import Comings
-from ground.station.link.restart_notice import Again
-from ground.station.link.restarts import Restarts
+from ground.station.link.restarts import Again, Restarts
 from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import Charts
-from ground.station.robot.parameters import ParameterList
 from ground.text.statustext import Texts, aged
 from protocol.topics import ANSWERED, COMMANDED, CYCLE, SONAR, TEXT, TOPICS, Role
 from protocol.wire.codec import decode
@@ -119,3 +118,41 @@ class Watched:
         self._tell("ground", words, Severity.WARNING)
         if role is Role.ROBOT:
             self.figures.restart()
+
+
+class ParameterList:
+    """After a loss there are none until all were read again."""
+
+    def __init__(self) -> None:
+        self.rows: tuple[Row, ...] | None = None
+        self._known = 0
+        self._why = ""
+
+    def lose(self) -> None:
+        self.rows = None
+        self._why = ""
+
+    def read(self, rows: tuple[Row, ...]) -> None:
+        self.rows = rows
+        self._known = len(rows)
+        self._why = ""
+
+    def failed(self, why: str) -> None:
+        self._why = why
+
+    def changed(self, value: ParamValue) -> None:
+        """Somebody has set one: the robot has said its new value."""
+        if self.rows is None:
+            return
+        self.rows = tuple(
+            {**row, "value": value.param_value} if row["name"] == value.param_id else row
+            for row in self.rows
+        )
+
+    def words(self, asked: int) -> str:
+        """How many there are, or how many are missing and why."""
+        if self.rows is not None:
+            return f"{len(self.rows)}"
+        missing = f"all {self._known} missing" if self._known else "not read yet"
+        times = f"asked {asked} {'time' if asked == 1 else 'times'}" if asked else "not asked yet"
+        return f"{missing}: {times}{f', {self._why}' if self._why else ''}"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ground.launch.exit_status import MOST, cause_of
+from ground.launch.supervisor import MOST, cause_of
 
 DEFECT = (
     "robot r1: ready, disarmed\n"

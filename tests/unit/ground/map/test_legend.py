@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from ground.map import Canvas, Scene, View, draw
-from ground.map.legend import LOST, TRUTH, metres, words
+from ground.map.drawing import LOST, TRUTH, metres, words
 from tests.support.ground.map.rooms import ROOM
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from ground.station.history.worst_cycle import Dearest
+from ground.station.history.telemetry_history import Dearest
 from protocol.wire.messages import CycleReport
 from tests.support.ground.station.play import Play
 from tests.support.ground.station.said import Robot

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ground.station.link.restart_notice import NEAR_NS, SHOWN_NS, TOLD, Again
+from ground.station.link.restarts import NEAR_NS, SHOWN_NS, TOLD, Again
 from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
 from robot.run import tell_life
