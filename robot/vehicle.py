@@ -43,7 +43,6 @@ from robot.mission.persistence import Kept
 from robot.mission.restore import Exchange, restored
 from robot.mission.transfer import Reply, Transfers
 from robot.parameters.service import NO_COMMAND, Tuning
-from robot.rate_limiter import Occasion
 from robot.storage.files import Store
 from robot.storage.writer import Ticket
 from robot.teleop import Handle
@@ -91,9 +90,9 @@ class Vehicle:
         self._news = News(self.state.machine, self.mission)
         self._texts = self._news.text(Severity.INFO, "started: disarmed, standing still")
         self._operator_ns: int | None = None
-        self._beats = Occasion(HEARTBEAT_NS)
-        self._leases = Occasion(SLOW_NS)
-        self._missions = Occasion(SLOW_NS)
+        self._beats = ReportTimer(HEARTBEAT_NS)
+        self._leases = ReportTimer(SLOW_NS)
+        self._missions = ReportTimer(SLOW_NS)
         self._slipping = False
         self.restored: tuple[str, ...] = ()
         """What there was to say of what an earlier run had kept."""
@@ -288,3 +287,19 @@ def not_saved(answer: Answer) -> Answer:
     if isinstance(answer, MissionVerdict):
         return msgspec.structs.replace(answer, reason=reasons.NOT_SAVED)
     return ack(NO_COMMAND, reasons.NOT_SAVED)
+
+
+class ReportTimer:
+    """Decides when to report a value again: at once when it has changed, else every `period_ns`."""
+
+    def __init__(self, period_ns: int) -> None:
+        self._period_ns = period_ns
+        self._told: object = self
+        self._due_ns = 0
+
+    def due(self, what: object, now_ns: int) -> bool:
+        if what == self._told and now_ns < self._due_ns:
+            return False
+        self._told = what
+        self._due_ns = now_ns + self._period_ns
+        return True

@@ -12,9 +12,15 @@ from types import MappingProxyType
 from typing import Final
 
 from runtime import config
-from runtime.robot_settings import parameters_of
 
 FOLDER: Final = Path(__file__).parent / "calibrations"
+SAME: Final = ("radius_m", "track_m", "wheel_radius_m", "sonar_max_m")
+RENAMED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "max_speed_m_s": ("wheel_max_m_s", "v_max_m_s"),
+        "max_acceleration_m_s2": ("accel_m_s2",),
+    }
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,3 +43,19 @@ def settings_of(
     """Parameters of a robot in a world: its calibration, and over it the world's own `[robot]`."""
     found = calibration_of(level) if calibrated else {}
     return {**found, **parameters_of(robot)}
+
+
+def parameters_of(robot: Mapping[str, bool | int | float | str]) -> dict[str, float]:
+    """Parameters of the robot that differ from its defaults because the world's robot does.
+
+    What the robot cannot know of itself (motor lag, brake, where its counters start) is left out.
+    """
+    values: dict[str, float] = {}
+    for key, setting in robot.items():
+        if key in SAME:
+            values[key] = float(setting)
+        elif key in RENAMED:
+            values.update(dict.fromkeys(RENAMED[key], float(setting)))
+        elif key == "ticks_per_m":
+            values["m_per_tick"] = 1.0 / float(setting)
+    return values

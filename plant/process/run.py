@@ -2,12 +2,11 @@
 
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 from plant.placement.shortest_path import known_length_m
 from plant.process.loop import Process, Wake, nothing
-from plant.process.reject_log import Unreadable
 from plant.process.requests import Desk
 from plant.process.robot_link import Wires
 from plant.sim.simulation import Plant
@@ -65,9 +64,28 @@ def assemble(
         bus.serve(RUN, take, robot)
         bus.serve(WORLD, take, robot)
     claim(bus, robots)
-    look = Unreadable(lambda: bus.rejected, tell).look
+    look = RejectLog(lambda: bus.rejected, tell).look
     return Process(plant, wires, desk, wake, look=look, turn=turn)
 
 
 def tell(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
+
+
+class RejectLog:
+    """Reports rejected frames at once, and whenever their number has doubled.
+
+    `counts` returns how many frames were rejected, by path; `tell` gets a line.
+    """
+
+    def __init__(self, counts: Callable[[], Mapping[str, int]], tell: Callable[[str], None]):
+        self._counts = counts
+        self._tell = tell
+        self._told: dict[str, int] = {}
+
+    def look(self) -> None:
+        for path, count in self._counts().items():
+            if count > 2 * self._told.get(path, 0):
+                self._told[path] = count
+                what = f"{count} unreadable or refused on {path}"
+                self._tell(f"plant: {what}: find out which other process publishes there")

@@ -5,14 +5,14 @@ from typing import Any, Final
 
 import zenoh
 
-from protocol.bus.answer import answer_in
+from protocol.bus.mailbox import foreign
 from protocol.bus.network import Network
 from protocol.bus.publisher import PRIORITIES
 from protocol.bus.robot_clock import RobotClocks, time_bytes
 from protocol.bus.tls.access import unanswered
 from protocol.sender import sender_of
-from protocol.topics import CLOCK_SERVICE, ENCODING, Role, Service
-from protocol.wire.codec import Encoder
+from protocol.topics import CLOCK_SERVICE, ENCODING, ENCODING_FAMILY, Role, Service
+from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, MissionVerdict, Timesync
 from protocol.wire.reasons import Reason
@@ -126,3 +126,13 @@ def refused_as_late(answer: Message | bytes) -> bool:
     if isinstance(answer, CommandAck):
         return answer.result_param2 == Reason.TOO_LATE
     return isinstance(answer, MissionVerdict) and answer.reason == Reason.TOO_LATE
+
+
+def answer_in(sample: zenoh.Sample) -> Message | bytes:
+    """A message, or the bytes of a JSON text; NoAnswer when it is one of another version."""
+    encoding = str(sample.encoding)
+    if not encoding.startswith(ENCODING_FAMILY):
+        return sample.payload.to_bytes()
+    if encoding != ENCODING:
+        raise NoAnswer(f"{sample.key_expr}: {foreign(encoding)}")
+    return decode(sample.payload.to_bytes()).message

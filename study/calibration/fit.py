@@ -4,15 +4,15 @@ Wheels and track by generalized least squares: each end is weighed with the cova
 robot's own odometry has for it. Then k_r and k_l by maximum likelihood from what still scatters.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import exp, log
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from robot.core.parameters import Params
 from robot.parameters.table import with_values
-from study.calibration.golden import least
 from study.calibration.runs import Array, Run, believed, covariance_of, errors_of
 
 SYSTEMATIC: Final = ("wheel_ratio", "track_m")
@@ -23,6 +23,9 @@ SURE: Final = 2.58
 """Standard errors by which a parameter must be off to be changed: one in a hundred by chance."""
 LEAST_K_M: Final = 1e-10
 MOST_K_M: Final = 1e-2
+SHRINK: Final = 0.6180339887498949
+SEARCH_ROUNDS: Final = 36
+"""To 3e-8 of the span, in powers of ten."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,3 +129,20 @@ def likeliest_k(errors: Array, spreads: Spreads) -> float:
         return float(distance2 + np.linalg.slogdet(covariance)[1].sum())
 
     return least(unlikely, LEAST_K_M, MOST_K_M)
+
+
+def least(function: Callable[[float], float], low: float, high: float) -> float:
+    """Golden-section search on the logarithm, for a function with one valley."""
+    a, b = log(low), log(high)
+    c, d = b - SHRINK * (b - a), a + SHRINK * (b - a)
+    at_c, at_d = function(exp(c)), function(exp(d))
+    for _ in range(SEARCH_ROUNDS):
+        if at_c < at_d:
+            b, d, at_d = d, c, at_c
+            c = b - SHRINK * (b - a)
+            at_c = function(exp(c))
+        else:
+            a, c, at_c = c, d, at_d
+            d = a + SHRINK * (b - a)
+            at_d = function(exp(d))
+    return exp(0.5 * (a + b))

@@ -11,8 +11,7 @@ from plant.model.configuration import body_of
 from plant.model.noise import LEVELS
 from plant.model.types import World
 from runtime.errors import UserError
-from study.runner.sources import Listed
-from study.runner.suggestion import unknown
+from study.runner.sources import Listed, unknown
 from study.trial.trial import NAVIGATORS, SIDES
 
 SEEDS_APART: Final = 1000

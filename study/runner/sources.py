@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from difflib import get_close_matches
 from hashlib import sha256
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -15,7 +16,6 @@ from plant.world.file import load, shipped
 from plant.world.to_toml import dumps
 from runtime.errors import UserError
 from study.runner.store import replacing
-from study.runner.suggestion import unknown
 
 CORPUS: Final = "corpus"
 FIXED: Final = "fixed"
@@ -168,3 +168,11 @@ def _distinct(found: list[Listed]) -> list[Listed]:
                 "and differ; change `name` in one of them"
             )
     return list(by_name.values())
+
+
+def unknown(kind: str, name: str, names: Iterable[str]) -> str:
+    """`kind`: what it should have been, as in "no such navigator"."""
+    known = list(names)
+    near = get_close_matches(name, known, n=1)
+    meant = f"did you mean {near[0]!r}? " if near else ""
+    return f"no such {kind}: {name!r}; {meant}there are {', '.join(known)}"

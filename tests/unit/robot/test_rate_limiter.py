@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.rate_limiter import Occasion
+from robot.vehicle import ReportTimer as Occasion
 
 
 def test_the_first_time_is_an_occasion_whatever_there_is_to_tell() -> None:

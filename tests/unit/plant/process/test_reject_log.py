@@ -1,6 +1,6 @@
 """Noise is told, and does not become noise itself."""
 
-from plant.process.reject_log import Unreadable
+from plant.process.run import RejectLog as Unreadable
 
 
 def test_the_first_is_told_at_once_and_a_flood_in_few_lines() -> None:

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import OutOfRange, with_values
-from study.calibration.fit import Fit, fitted, likeliest_k, spreads_of
-from study.calibration.golden import least
+from study.calibration.fit import Fit, fitted, least, likeliest_k, spreads_of
 from study.calibration.runs import Run, believed, covariance_of
 from tests.support.study.calibration_runs import squares
 
