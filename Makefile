@@ -77,33 +77,10 @@ up: setup
 bench: setup
 	@exec "$(BIN)/sidestep" bench $(ARGS)
 
-# Every step is run, so that one call shows all there is to mend. With CI set a skipped test fails.
+# The steps are in verification/gate.py. With CI set a skipped test fails.
 test: setup
 	@PATH="$(BIN):$$PATH"
-	# Hundreds of processes are started: none of them compiles what another has compiled.
-	unset PYTHONDONTWRITEBYTECODE
-	failed=
-	step() {
-		name=$$1; shift
-		printf '\n=== %s: %s\n' "$$name" "$$*"
-		"$$@" || failed="$$failed, $$name"
-	}
-	step "format" ruff format --check .
-	step "lint" ruff check .
-	step "types" mypy --strict
-	step "import contracts" lint-imports
-	step "branch coverage" python -m verification.branch_coverage
-	step "mutation of the stop" python -m verification.mutation --module stop_latch
-	# One worker more than there are cores: many tests wait for links and processes.
-	workers=$$(($$(getconf _NPROCESSORS_ONLN) + 1))
-	step "tests" pytest -q -n $$workers -m "not stack and not compose" $(if $(CI),--no-skips)
-	step "tests with processes" pytest -q -n 2 --dist loadfile -m stack $(if $(CI),--no-skips)
-	step "tests with containers" pytest -q -m compose $(if $(CI),--no-skips)
-	if [ -n "$$failed" ]; then
-		printf '\nmake test: FAILED:%s\n' "$${failed#,}" >&2
-		exit 1
-	fi
-	printf '\nmake test: all passed\n'
+	exec "$(BIN)/python" -m verification.gate $(if $(CI),--no-skips)
 
 # Some minutes; ARGS="--module guard" tries one module.
 mutation: setup
