@@ -19,7 +19,7 @@ from tests.support.bus.robots import BEAT
 from tests.support.stack.processes import Crew, Running, Witness
 from tests.support.until import until
 
-pytestmark = pytest.mark.stack
+pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("refusals")]
 
 NEWER = "application/mavlink2;sidestep@9"
 DIFFER = "speaks sidestep@9, this is sidestep@2"

@@ -21,8 +21,6 @@ from study.runner.run_task import Bench
 from tests.support.study.made import bench_of, boxed, floor, tasks
 from tests.support.study.trouble import deadly
 
-pytestmark = pytest.mark.stack
-
 ANYWHERE = "127.0.0.1:0"
 
 

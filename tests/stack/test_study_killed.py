@@ -18,8 +18,6 @@ from study.runner.store import ASIDE, RESULTS, SHARDS, read
 from tests.support.study.made import ids, spoil
 from tests.support.until import until
 
-pytestmark = pytest.mark.stack
-
 ROOT = Path(__file__).parents[2]
 WORDS = (
     *("--worlds", "box", "u_trap", "--noise", "default", "harsh"),

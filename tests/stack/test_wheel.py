@@ -12,7 +12,7 @@ from typing import Final
 
 import pytest
 
-pytestmark = pytest.mark.stack
+pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("wheel")]
 
 ROOT: Final = Path(__file__).parents[2]
 WHEEL: Final = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"][
