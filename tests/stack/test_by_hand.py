@@ -12,7 +12,7 @@ from protocol.topics import MISSION
 from protocol.wire.enums import MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason
-from tests.support.stack.processes import Crew, Witness
+from tests.support.stack.processes import Crew, Witness, departs
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack
@@ -86,8 +86,7 @@ def test_a_mission_is_driven_from_a_file_and_comes_back_as_one(tmp_path: Path) -
 
 def test_while_somebody_drives_others_are_told_who_and_may_stop_the_robot() -> None:
     with scene() as (crew, witness):
-        goto = crew.dialling("goto", "5.4", "2")
-        witness.driving()
+        goto = departs(crew, witness, "goto", "5.4", "2")
         assert "another operator commands the robot: " in done(crew, "hold", code=1)
         assert "commands r1" in done(crew, "lease", "show")
         done(crew, "estop")

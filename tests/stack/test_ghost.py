@@ -13,7 +13,7 @@ from ground.app.playback.player import Player
 from ground.ghost.ghost_thread import Haunting
 from protocol.topics import Role
 from runtime.clock import ManualClock
-from tests.support.stack.processes import Crew, Witness
+from tests.support.stack.processes import Crew, Witness, departs
 from tests.support.until import until
 
 pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("ghost")]
@@ -85,8 +85,7 @@ def test_a_robot_that_drives_is_explained_and_others_go_on_from_where_it_is() ->
         crew.plant()
         with Witness(crew.endpoint) as witness:
             witness.ready()
-            assert crew.run("goto", "5", "2", "--no-wait")[0] == 0
-            witness.driving()
+            assert departs(crew, witness, "goto", "5", "2", "--no-wait").ends() == 0
             code, said = crew.run("explain")
             assert code == 0
             assert "the goal is straight ahead" in said

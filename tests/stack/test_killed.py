@@ -14,7 +14,13 @@ import pytest
 
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason, reason_text
-from tests.support.stack.processes import Crew, Running, Witness, moved_not
+from tests.support.stack.processes import (
+    Crew,
+    Running,
+    Witness,
+    departs,
+    moved_not,
+)
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack
@@ -57,8 +63,7 @@ def driving(*, router: bool) -> Iterator[Stage]:
         plant, robot = crew.plant(waits=False), crew.robot()
         witness = scope.enter_context(Witness(crew.endpoint))
         witness.ready()
-        goto = crew.dialling("goto", *GOAL)
-        witness.driving()
+        goto = departs(crew, witness, "goto", *GOAL)
         yield Stage(crew, robot, plant, goto, witness)
 
 

@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 
 from protocol.wire.enums import Vehicle
-from tests.support.stack.processes import Crew, Running, Witness
+from tests.support.stack.processes import (
+    Crew,
+    Running,
+    Witness,
+    departs,
+)
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack
@@ -63,8 +68,7 @@ def test_slow_disk_holds_up_answers_and_no_tick(tmp_path: Path) -> None:
         crew.plant()
         with Witness(crew.endpoint) as witness:
             witness.ready()
-            assert crew.run("goto", "5.4", "2", "--no-wait")[0] == 0
-            witness.driving()
+            assert departs(crew, witness, "goto", "5.4", "2", "--no-wait").ends() == 0
             before = missed(witness)
             code, said = crew.run("param", "set", "d_obs_m", "0.31")
             assert (code, "saved on the robot" in said) == (0, True), said

@@ -15,6 +15,7 @@ import time
 from collections import deque
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from types import TracebackType
 from typing import IO, Self
 
@@ -31,10 +32,14 @@ from protocol.wire.messages import (
     Statustext,
     WheelCommand,
 )
+from protocol.wire.reasons import Reason
 from runtime.errors import NoPeer, RemoteError
 from tests.support.until import PATIENCE_S, until
 
 STILL_M_S = 0.001
+FAST_M_S = 0.25
+TRIES = 6
+LATE = (Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.BUDGET)
 LOCAL = "127.0.0.1"
 
 
@@ -204,9 +209,22 @@ class Witness:
     def ready(self) -> None:
         until(lambda: self.status.vehicle == Vehicle.STANDBY, what="STANDBY")
 
+    def fast(self) -> bool:
+        return self.truth.speed_m_s > FAST_M_S
+
+    def was_late(self, since: int) -> bool:
+        """Whether a status from that number on shows a stop for which a busy machine suffices."""
+        return any(
+            status.vehicle == Vehicle.FAILSAFE and status.vehicle_reason in LATE
+            for status, _ in tuple(self.statuses)[since:]
+        )
+
+    def moves_or_was_late(self, since: int) -> bool:
+        return self.fast() or self.was_late(since)
+
     def driving(self) -> None:
         try:
-            until(lambda: self.truth.speed_m_s > 0.25, what="driving")
+            until(self.fast, what="driving")
         except AssertionError as error:
             raise AssertionError(f"{error}; {self.status}; {self.texts}") from None
 
@@ -219,6 +237,19 @@ class Witness:
         until(lambda: self.truth.time_ns > before and self.standing(), what="standing")
         still = [t.time_ns for t, _ in tuple(self.truths) if t.time_ns > before and moved_not(t)]
         return before, min(still)
+
+
+def departs(crew: Crew, witness: Witness, *words: str) -> Running:
+    """Start a verb that drives the robot, and again if a busy machine stops it before it moves."""
+    for _ in range(TRIES):
+        told = len(witness.statuses)
+        running = crew.dialling(*words)
+        until(partial(witness.moves_or_was_late, told), what=" ".join(words))
+        if witness.fast():
+            return running
+        running.ends()
+        crew.run("arm")
+    raise AssertionError(f"stopped {TRIES} times: {witness.status}; {witness.texts}")
 
 
 def moved_not(truth: GroundTruth) -> bool:
