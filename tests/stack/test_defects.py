@@ -71,7 +71,7 @@ def test_an_exception_in_the_core_stops_the_wheels_and_is_told() -> None:
             goto = under_way(crew, witness)
             robot.send(signal.SIGUSR1)
             assert robot.ends() == 1
-            until(lambda: witness.status.vehicle_reason == Reason.CORE_EXCEPTION, 1.0)
+            until(lambda: witness.status.vehicle_reason == Reason.CORE_EXCEPTION)
             assert witness.status.vehicle == Vehicle.FAILSAFE
             assert witness.status.goal == GoalState.ABORTED
             assert witness.status.goal_reason == Reason.CORE_EXCEPTION

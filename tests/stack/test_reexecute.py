@@ -6,19 +6,25 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.stack.processes import Crew
+from protocol.wire.reasons import Reason, reason_text
+from tests.support.stack.processes import TRIES, Crew
 
 pytestmark = pytest.mark.stack
 
 ROOT = Path(__file__).parents[2]
 DRIVE_S = 60.0
+LATE = reason_text(Reason.BUDGET)
 
 
 def driven(crew: Crew, folder: Path, *words: str) -> Path:
-    """The .mcap of a run that reached its goal."""
-    up = crew.start("up", "--headless", "--record", str(folder), *words)
-    assert up.ends(DRIVE_S) == 0, up.said
-    (log,) = folder.glob("*.mcap")
+    """The .mcap of a run that reached its goal; again if a busy machine stops the robot."""
+    for number in range(TRIES):
+        place = folder / str(number)
+        up = crew.start("up", "--headless", "--record", str(place), *words)
+        if up.ends(DRIVE_S) == 0 or LATE not in up.said:
+            break
+    assert up.ends() == 0, up.said
+    (log,) = place.glob("*.mcap")
     return log
 
 
