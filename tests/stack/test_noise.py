@@ -14,7 +14,7 @@ from protocol.wire.codec import Encoder
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import CommandRequest, WheelTicks
 from tests.support.stack.processes import Crew, Witness, arrives
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
 
 pytestmark = pytest.mark.stack
 
@@ -66,7 +66,9 @@ def pester(session: Any) -> int:
     answered = 0
     for service in OTHER_SERVICES:
         for noise in NOISE:
-            replies = session.get(service.key("r1"), payload=noise, encoding=ENCODING, timeout=2.0)
+            replies = session.get(
+                service.key("r1"), payload=noise, encoding=ENCODING, timeout=PATIENCE_S
+            )
             answered += sum(reply.ok is not None for reply in replies)
     return answered
 
