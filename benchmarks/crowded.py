@@ -62,19 +62,14 @@ class Air:
         topic: Topic[Any],
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
+        *,
+        take: Callable[[str, bytes, int], None] | None = None,
     ) -> Mailbox[Any]:
         box = Mailbox(topic, notify)
         self._boxes.setdefault(topic.path, []).append(box)
+        if take is not None:
+            self._handlers.setdefault(topic.path, []).append(take)
         return box
-
-    def stream(
-        self,
-        source: Topic[Any] | str,
-        handler: Callable[[str, bytes, int], None],
-        robot: str | None = None,
-    ) -> None:
-        path = source if isinstance(source, str) else source.path
-        self._handlers.setdefault(path, []).append(handler)
 
     def present(self) -> list[Any]:
         return []

@@ -17,6 +17,9 @@ from protocol.wire.message import Message
 from runtime.units import NS_PER_S
 
 M = TypeVar("M", bound=Message)
+Take = Callable[[str, bytes, int], None]
+"""Key, frame, and when it came or was told, in ns; called in the bus's thread."""
+
 DIM_PERIODS: Final = 2.0
 GONE_PERIODS: Final = 5.0
 LOOKED_AT: Final[tuple[Topic[Any], ...]] = (HEARTBEAT, STATUS, ODOMETRY, DECISION, CYCLE)
@@ -38,6 +41,8 @@ class Listens(Protocol):
         topic: Topic[M],
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
+        *,
+        take: Take | None = None,
     ) -> Mailbox[M]: ...
 
 
@@ -50,7 +55,10 @@ class Seen(NamedTuple):
 
 
 class Telemetry:
-    """Mailboxes of one robot's topics."""
+    """Mailboxes of one robot's topics.
+
+    `taker` returns who else gets every frame of a topic, by its path; None: nobody.
+    """
 
     def __init__(
         self,
@@ -58,9 +66,11 @@ class Telemetry:
         robot: str,
         topics: Iterable[Topic[Any]] = LOOKED_AT,
         notify: Callable[[int], None] | None = None,
+        taker: Callable[[str], Take | None] = lambda _path: None,
     ) -> None:
         self._boxes: dict[str, Mailbox[Any]] = {
-            topic.path: bus.mailbox(topic, robot, notify) for topic in topics
+            topic.path: bus.mailbox(topic, robot, notify, take=taker(topic.path))
+            for topic in topics
         }
 
     def latest(self, topic: Topic[M]) -> tuple[M, int] | None:

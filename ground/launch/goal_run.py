@@ -58,7 +58,13 @@ class Errand:
         void: Callable[[], Void | None] = lambda: None,
     ) -> None:
         self.link = link
-        self.telemetry = Telemetry(link.bus, link.robot, (STATUS, ODOMETRY, DECISION, CYCLE))
+        self._poses: deque[bytes] = deque(maxlen=REMEMBERED)
+        self.telemetry = Telemetry(
+            link.bus,
+            link.robot,
+            (STATUS, ODOMETRY, DECISION, CYCLE),
+            taker=lambda path: self._remember if path == ODOMETRY.path else None,
+        )
         self.outcome: Outcome | None = None
         self.spoilt = ""
         self._waiting = ""
@@ -70,8 +76,9 @@ class Errand:
         self._begun_ns = self._lost_ns = 0
         self._refusal: Answered | None = None
         self._watch: GoalWatch | None = None
-        self._poses: deque[bytes] = deque(maxlen=REMEMBERED)
-        link.bus.stream(ODOMETRY, lambda _key, frame, _at: self._poses.append(frame), link.robot)
+
+    def _remember(self, _key: str, frame: bytes, _at_ns: int) -> None:
+        self._poses.append(frame)
 
     def prepare(self) -> None:
         """Choose the navigator and arm: accepted as soon as senses are there."""

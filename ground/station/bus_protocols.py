@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from ground.client.emergency_stop import Puts as Puts
+from ground.client.telemetry import Take
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.network import Hub
 from protocol.topics import Service, Topic
@@ -31,13 +32,9 @@ class Hears(Protocol):
         topic: Topic[M],
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
+        *,
+        take: Take | None = None,
     ) -> Mailbox[M]: ...
-    def stream(
-        self,
-        source: Topic[Any] | str,
-        handler: Callable[[str, bytes, int], None],
-        robot: str | None = None,
-    ) -> None: ...
     def present(self) -> Iterable[Token]: ...
     def ask(
         self,

@@ -16,7 +16,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from protocol.bus.faults.fault_injector import Line
-from protocol.bus.late_join import following, told_ns
+from protocol.bus.late_join import following, told_ns, was_fetched
 from protocol.bus.linger import Lingering
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Hub, Network
@@ -148,10 +148,13 @@ class Bus:
         *,
         forward: bool = False,
         check: Callable[[M], str] | None = None,
+        take: Take | None = None,
     ) -> Mailbox[M]:
         """The newest message of a topic; `notify` gets each arrival (ns), in the bus's thread.
 
-        `accept` and `check` are called in the bus's thread, too: see `Mailbox`.
+        `accept` and `check` are called in the bus's thread, too: see `Mailbox`. `take` gets every
+        frame, as a handler of `stream` does, by the same subscription. What it gets of the topic's
+        history is not stored in the mailbox.
         """
         mailbox = Mailbox(topic, notify, accept, forward=forward, check=check)
         now_ns = self._now_ns
@@ -160,12 +163,18 @@ class Bus:
         def store(sample: zenoh.Sample) -> None:
             arrived_ns = now_ns()
             found = Sample(str(sample.encoding), taken(sample.payload))
+            if take is not None:
+                take(str(sample.key_expr), found.payload, told_ns(sample, arrived_ns))
+                if was_fetched(sample):
+                    return
             if operators:
                 sender = operator_in(str(sample.key_expr).removeprefix(operators))
                 found = found._replace(sender=sender, sent_ns=attached_time(sample.attachment))
             mailbox.store(found, arrived_ns)
 
-        self._mailboxes[mailbox] = self._subscriber(self._heard_on(topic, robot), store)
+        history = 0 if take is None else self._history(topic, robot)
+        key = self._heard_on(topic, robot)
+        self._mailboxes[mailbox] = self._subscriber(key, store, history)
         return mailbox
 
     def forget(self, mailbox: Mailbox[Any]) -> None:
@@ -188,9 +197,7 @@ class Bus:
         if isinstance(source, str):
             self._declared.append(self._subscriber(source, forward))
         else:
-            key = self._heard_on(source, robot)
-            may = may_fetch(self.holder, robot or self.robot, source)
-            history = source.history if may else 0
+            key, history = self._heard_on(source, robot), self._history(source, robot)
             self._declared.append(self._subscriber(key, forward, history))
 
     def everything(self, handler: Take, robot: str | None = None) -> None:
@@ -365,6 +372,10 @@ class Bus:
         """Return the key expression that a topic's samples come on, of all its operators."""
         key = self.key(topic.path, robot)
         return f"{key}/**" if topic.of_operators else key
+
+    def _history(self, topic: Topic[Any], robot: str | None) -> int:
+        """Return how many samples may be fetched of those that were told before."""
+        return topic.history if may_fetch(self.holder, robot or self.robot, topic) else 0
 
     def _encoder(self, robot: str | None) -> Encoder:
         return Encoder(*sender_of(self.role, robot or self.robot))

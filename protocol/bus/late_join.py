@@ -139,9 +139,14 @@ def fetched(session: zenoh.Session, key: str, newest: int, source: Source) -> li
         return []
 
 
+def was_fetched(sample: zenoh.Sample) -> bool:
+    """Return whether it was told before, and kept for those who come later."""
+    return bool(sample.congestion_control == FETCHED)
+
+
 def told_ns(sample: zenoh.Sample, now_ns: int) -> int:
     """When it was told: now, or earlier if it was fetched, as far as the sender's UTC goes."""
-    if sample.congestion_control != FETCHED or sample.timestamp is None:
+    if not was_fetched(sample) or sample.timestamp is None:
         return now_ns
     age_ns = time.time_ns() - sample.timestamp.get_time_as_ntp64().as_nanos()
     return now_ns - max(0, age_ns)

@@ -21,6 +21,8 @@ class Air:
         topic: Topic[Any],
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
+        *,
+        take: Callable[[str, bytes, int], None] | None = None,
     ) -> Mailbox[Any]:
         return self.boxes.setdefault(topic.path, Mailbox(topic, notify))
 

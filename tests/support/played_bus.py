@@ -98,9 +98,12 @@ class PlayedBus:
         notify: Callable[[int], None] | None = None,
         *,
         check: Callable[[M], str] | None = None,
+        take: Handler | None = None,
     ) -> Mailbox[M]:
         box = Mailbox(topic, notify, check=check)
         self._boxes.append((robot or "r1", box))
+        if take is not None:
+            self._handlers.append((robot or "r1", topic.path, take))
         return box
 
     def stream(self, source: Topic[Any] | str, handler: Handler, robot: str | None = None) -> None:

@@ -86,10 +86,14 @@ class ReplayBus:
         topic: Topic[M],
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
+        *,
+        take: Handler | None = None,
     ) -> Mailbox[M]:
         box = Mailbox(topic, notify)
 
-        def store(_key: str, frame: bytes, arrived_ns: int) -> None:
+        def store(key: str, frame: bytes, arrived_ns: int) -> None:
+            if take is not None:
+                take(key, frame, arrived_ns)
             box.store(Sample(ENCODING, frame), arrived_ns)
 
         self.stream(topic, store, robot)

@@ -39,7 +39,8 @@ class Watched:
         """`own`: our own identity on the bus."""
         self.robot = robot
         self.began_ns = self.gone_ns = now_ns
-        self.telemetry = Telemetry(bus, robot, TOPICS)
+        self._inbox = Inbox()
+        self.telemetry = Telemetry(bus, robot, TOPICS, taker=self._inbox.taker)
         self.parameters = ParameterList()
         self.streams = Streams(TOPICS)
         self.moments = Moments()
@@ -53,10 +54,7 @@ class Watched:
         self.charts = Charts()
         self._comings = Comings(robot, own)
         self._texts = Texts()
-        self._inbox = Inbox()
         self._tell = tell
-        for topic in TOPICS:
-            bus.stream(topic, self._inbox.taker(topic.path), robot)
 
     def poll(self, now_ns: int, present: Collection[Token]) -> set[Role]:
         """Look once; who has been restarted since the last time."""

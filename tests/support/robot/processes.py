@@ -18,7 +18,7 @@ from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
 from runtime.timing import PERIOD_NS
-from tests.support.played_bus import PlayedBus, PlayedPublisher
+from tests.support.played_bus import Handler, PlayedBus, PlayedPublisher
 from tests.support.robot.held_writer import Question
 from tests.support.robot.vehicles import MS
 
@@ -77,6 +77,7 @@ class ServedBus(PlayedBus):
         *,
         forward: bool = False,
         check: Callable[[M], str] | None = None,
+        take: Handler | None = None,
     ) -> Mailbox[M]:
         box = Mailbox(topic, notify, accept, forward=forward, check=check)
         self._boxes.append((robot or "r1", box))

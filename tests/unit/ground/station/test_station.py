@@ -1,16 +1,25 @@
 """The station as its screen sees it: what is shown of whom, and that it stays small."""
 
+from collections import Counter
 from math import isnan
 from sys import getallocatedblocks
+from typing import Any, TypeVar
 
 import pytest
 
 from ground.client.telemetry import Age
-from protocol.topics import ANSWERED, MISSION, ODOMETRY, STATUS, TEXT, Role
+from ground.station import Station
+from protocol.bus.mailbox import Mailbox
+from protocol.topics import ANSWERED, MISSION, ODOMETRY, STATUS, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import Severity
+from protocol.wire.message import Message
 from protocol.wire.messages import MissionStatus, ParamValue, Statustext
+from runtime.clock import ManualClock
 from runtime.errors import UserError
-from tests.support.ground.station.play import Play
+from tests.support.ground.station.play import Inline, Play
+from tests.support.played_bus import Handler, PlayedBus
+
+M = TypeVar("M", bound=Message)
 
 
 def test_every_field_fades_above_two_periods_and_is_gone_above_five() -> None:
@@ -177,3 +186,31 @@ def feed(play: Play, ticks: int) -> None:
         if tick % 5 == 4:
             play.station.poll()
         play.clock.advance(20_000_000)
+
+
+class Counting(PlayedBus):
+    """Counts how often each topic of each robot is subscribed."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        super().__init__(clock)
+        self.subscribed: Counter[tuple[str, str]] = Counter()
+
+    def mailbox(
+        self, topic: Topic[M], robot: str | None = None, *rest: Any, **more: Any
+    ) -> Mailbox[M]:
+        self.subscribed[robot or "r1", topic.path] += 1
+        return super().mailbox(topic, robot, *rest, **more)
+
+    def stream(self, source: Topic[Any] | str, handler: Handler, robot: str | None = None) -> None:
+        self.subscribed[robot or "r1", source if isinstance(source, str) else source.path] += 1
+        super().stream(source, handler, robot)
+
+
+def test_station_subscribes_each_topic_of_each_robot_once() -> None:
+    clock = ManualClock()
+    bus = Counting(clock)
+    station = Station(bus, "r1", clock, lanes=lambda _name: Inline())
+    for robot in ("r2", "r1", "r2"):
+        station.select(robot)
+        station.poll()
+    assert bus.subscribed == {(name, topic.path): 1 for name in ("r1", "r2") for topic in TOPICS}
