@@ -1,7 +1,8 @@
 """Sidestep: the command line, and the Python API.
 
-As the executable it is a table from verb to the package that does the work, imported only when
-asked. `import sidestep` gives the names of `ground.client.public`, each imported at its first use:
+As the executable it looks a verb up in `runtime.cli.verb_table` and imports the package that does
+the work only when asked. `import sidestep` gives the names of `ground.client.public`, each imported
+at its first use:
 
     async with sidestep.connect() as robot:
         outcome = await robot.goto(5.4, 2.0)
@@ -9,89 +10,26 @@ asked. `import sidestep` gives the names of `ground.client.public`, each importe
 
 import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ground.client.public import *  # noqa: F403
+    from runtime.cli.verb_table import Verb
 
 ROOT = Path(__file__).resolve().parent
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
 EXIT_BROKEN_PIPE = 141
-
-
-class Verb(NamedTuple):
-    """`module.main(arguments)` does it; a module that does several verbs is told which."""
-
-    module: str
-    says: str
-    tells_verb: bool = True
-
-
-GROUND = "ground.cli.main"
-
-GROUPS: dict[str, dict[str, Verb]] = {
-    "run": {
-        "up": Verb(GROUND, "start plant, robot and a goal, and tell how it ended"),
-        "plant": Verb("plant.cli.plant", "the world: pymunk, sonars, wheels, noise", False),
-        "robot": Verb("robot.cli", "the control loop of one robot, 20 Hz", False),
-        "ground": Verb(GROUND, "the ground station, in this terminal or in a browser"),
-        "router": Verb(GROUND, "a Zenoh router for more than one robot or machine"),
-        "keys": Verb(GROUND, "who may join a locked bus: certificates made, and checked"),
-        "berth": Verb(GROUND, "a verb in a container: its robot, its start, its network"),
-    },
-    "command": {
-        "goto": Verb(GROUND, "drive to X Y [DEG] and wait for the outcome"),
-        "hold": Verb(GROUND, "stand still, keep the goal"),
-        "resume": Verb(GROUND, "go on to the goal"),
-        "abort": Verb(GROUND, "drop the goal and stand still"),
-        "rtl": Verb(GROUND, "drive back along the robot's own trail"),
-        "arm": Verb(GROUND, "let the wheels turn"),
-        "disarm": Verb(GROUND, "do not let the wheels turn"),
-        "estop": Verb(GROUND, "emergency stop, latched"),
-        "clear-estop": Verb(GROUND, "release the emergency stop"),
-        "mode": Verb(GROUND, "choose the mode"),
-        "navigator": Verb(GROUND, "choose the navigator"),
-        "param": Verb(GROUND, "read and set the robot's parameters"),
-        "mission": Verb(GROUND, "waypoints: check, send, start, pause, jump, fetch, convert"),
-        "fence": Verb(GROUND, "keep the robot inside of a circle or polygon"),
-        "lease": Verb(GROUND, "who commands the robot: take it, give it back, show it"),
-        "teleop": Verb(GROUND, "drive by hand at a speed and a turn"),
-    },
-    "look": {
-        "watch": Verb(GROUND, "show what the robot says, line by line"),
-        "doctor": Verb(GROUND, "say what is missing and what to do"),
-        "health": Verb(GROUND, "are the data of a role flowing? For health checks"),
-        "explain": Verb(GROUND, "why did it turn? now, or in a recording"),
-        "ghost": Verb(GROUND, "what another navigator would do from here on"),
-        "record": Verb(GROUND, "write every frame to a .tlog and an .mcap file"),
-        "bridge": Verb(GROUND, "live, for Foxglove or Lichtblick to connect to"),
-        "mark": Verb(GROUND, "a remark in what is being recorded"),
-        "replay": Verb(GROUND, "a recorded run, shown or executed again"),
-        "export": Verb(GROUND, "a recording as a table: CSV or Parquet"),
-        "plot": Verb(GROUND, "a recorded run as a picture"),
-    },
-    "study": {
-        "reexecute": Verb("study.cli.reexecute", "what `replay --re-execute` does"),
-        "trial": Verb("study.cli.trial", "one run in this process, as fast as possible"),
-        "study": Verb("study.cli.study", "many trials on all cores, their results and a report"),
-        "calibrate": Verb("study.calibration.cli", "wheels, track and slip from squares", False),
-        "worlds": Verb(
-            "plant.cli.worlds", "list, check, show, generate and import world files", False
-        ),
-        "bench": Verb("benchmarks.__main__", "measure, against floors and peers", False),
-    },
-}
-VERBS = {name: verb for group in GROUPS.values() for name, verb in group.items()}
+OPERATOR = "ground.cli.main"
 
 USAGE = "usage: sidestep [--traceback] VERB ...\n       sidestep --help | --version"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; 0 reached or done, 1 not reached or refused, 2 wrong usage or configuration."""
-    from runtime.terminal import guarded_output  # the table alone imports nothing of ours
+    from runtime.terminal import guarded_output  # the API alone imports nothing of ours
 
     try:
         with guarded_output():
@@ -117,10 +55,11 @@ def dispatch(arguments: list[str]) -> int:
     if word == "--version":
         print(f"sidestep {version()}")
         return 0
-    if word not in VERBS:
-        return complain(f"no such verb: {word!r}{nearest(word)}")
+    verbs = verb_table()
+    if word not in verbs:
+        return complain(f"no such verb: {word!r}{nearest(word, verbs)}")
     try:
-        return call(VERBS[word], word, rest)
+        return call(verbs[word], word, rest)
     except (BrokenPipeError, KeyboardInterrupt):
         raise
     except Exception as error:
@@ -129,7 +68,13 @@ def dispatch(arguments: list[str]) -> int:
         return explain(word, error)
 
 
-def call(verb: Verb, word: str, rest: Sequence[str]) -> int:
+def verb_table() -> "Mapping[str, Verb]":
+    from runtime.cli.verb_table import VERBS
+
+    return VERBS
+
+
+def call(verb: "Verb", word: str, rest: Sequence[str]) -> int:
     package = verb.module.partition(".")[0]
     if not (ROOT / package).is_dir():
         print(
@@ -138,8 +83,8 @@ def call(verb: Verb, word: str, rest: Sequence[str]) -> int:
             file=sys.stderr,
         )
         return EXIT_USAGE
-    entry = importlib.import_module(verb.module).main
-    code: int = entry([word, *rest] if verb.tells_verb else list(rest))
+    module, arguments = (verb.module, list(rest)) if verb.is_program else (OPERATOR, [word, *rest])
+    code: int = importlib.import_module(module).main(arguments)
     return code
 
 
@@ -181,18 +126,21 @@ def complain(message: str) -> int:
     return EXIT_USAGE
 
 
-def nearest(word: str) -> str:
+def nearest(word: str, verbs: "Mapping[str, Verb]") -> str:
     import difflib  # needed only after a mistake
 
-    near = difflib.get_close_matches(word, VERBS, n=1)
+    near = difflib.get_close_matches(word, verbs, n=1)
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def overview() -> str:
     lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", "", USAGE]
-    for group, verbs in GROUPS.items():
-        lines += ["", f"{group}:"]
-        lines += [f"  {name:<12} {verb.says}" for name, verb in verbs.items()]
+    group = ""
+    for word, verb in verb_table().items():
+        if verb.group != group:
+            group = verb.group
+            lines += ["", f"{group}:"]
+        lines.append(f"  {word:<12} {verb.summary}")
     lines += ["", "sidestep VERB --help says more. Exit codes: 0 reached or done, 1 not, 2 usage."]
     return "\n".join(lines)
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol, cast
 
+from runtime.cli.verb_table import VERBS
 from verification.harness import machine
 from verification.harness.figures import Report
 
@@ -114,7 +115,9 @@ class Benchmark(Protocol):
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure; 0 when every threshold was met, 1 when one was missed, 2 wrong usage."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    parser = argparse.ArgumentParser(prog="sidestep bench", description=__doc__, epilog=table())
+    parser = argparse.ArgumentParser(
+        prog="sidestep bench", description=VERBS["bench"].summary, epilog=table()
+    )
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("name", choices=BENCHMARKS, metavar="NAME")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")

@@ -25,6 +25,7 @@ from robot.storage.previous_run import Life
 from robot.storage.writer import InlineWriter, WriterThread
 from robot.vehicle import Vehicle
 from runtime import config
+from runtime.cli.verb_table import VERBS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +59,7 @@ def main(argv: Sequence[str]) -> int:
 def parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="sidestep robot",
-        description="The control loop of one robot, 20 times a second.",
+        description=VERBS["robot"].summary,
         allow_abbrev=False,
     )
     add_network_options(parser)

@@ -1,6 +1,6 @@
 """`help`: all commands in a line each, or one of them with its arguments."""
 
-from ground.cli.verbs import PLACES
+from ground.cli.verbs import VERBS
 from ground.console.aliases import ALIASES, unfolded
 from ground.console.app_commands import LOCAL
 from ground.console.parser import ELSEWHERE, parser_for, usage_of
@@ -18,7 +18,7 @@ def help_text(word: str = "") -> str:
 
 def says_of() -> dict[str, str]:
     """Every word a command can begin with, and what it does."""
-    rows = {name: place.says for name, place in PLACES.items() if name not in ELSEWHERE}
+    rows = {name: VERBS.summary(name) for name in VERBS if name not in ELSEWHERE}
     return rows | {name: local.says for name, local in LOCAL.items()}
 
 

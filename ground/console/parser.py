@@ -74,7 +74,8 @@ def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     if is_local(words):
         arguments, says = LOCAL[word].arguments, LOCAL[word].says
     elif word in VERBS and word not in ELSEWHERE:
-        arguments, says = VERBS[word].arguments, VERBS[word].says
+        verb = VERBS[word]
+        arguments, says = verb.arguments, verb.summary
     else:
         raise UserError(_unknown(word))
     parser = ConsoleParser(word, description=says)

@@ -14,6 +14,7 @@ from protocol.bus.network import Network
 from protocol.options import add_network_options, network_of, whole
 from protocol.topics import robot_name
 from runtime import config
+from runtime.cli.verb_table import VERBS
 from runtime.errors import UserError
 
 
@@ -55,7 +56,7 @@ def plant_of(arguments: argparse.Namespace, robots: int) -> Plant:
 def parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="sidestep plant",
-        description="The world: pymunk, sonars, wheels, noise.",
+        description=VERBS["plant"].summary,
         allow_abbrev=False,
     )
     add_network_options(parser)

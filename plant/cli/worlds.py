@@ -18,6 +18,7 @@ from plant.world.file import SHIPPED_DIR, World, WorldError, load, shipped
 from plant.world.text import draw
 from plant.world.to_json import Json, as_json, places_json
 from protocol.options import numbers_kept
+from runtime.cli.verb_table import VERBS
 
 MANY_CORNERS: Final = 120
 EXIT_OK = 0
@@ -47,7 +48,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="sidestep worlds", description="List, check, show and make worlds.", allow_abbrev=False
+        prog="sidestep worlds", description=VERBS["worlds"].summary, allow_abbrev=False
     )
     verbs = parser.add_subparsers(
         dest="verb", required=True, metavar="list|faults|check|show|generate|import"

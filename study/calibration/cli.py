@@ -14,6 +14,7 @@ from plant.model.noise import LEVELS
 from protocol.options import add_param_option, whole
 from robot.core.parameters import DEFAULTS, Params
 from robot.parameters.table import OutOfRange, adjusted, with_values
+from runtime.cli.verb_table import VERBS
 from runtime.errors import UserError
 from study.calibration import log, plot
 from study.calibration.fit import fitted
@@ -26,6 +27,10 @@ RUNS = 20
 MOST_RUNS = 1000
 SIDE_M = 4.0
 PLOTS = (".svg", ".png")
+DETAILS = (
+    "Drives UMBmark squares in the plant, or reads a log of them, and finds wheel_ratio, track_m,"
+    " k_r_m and k_l_m.\nA value is set only when it differs for sure.\n"
+)
 
 
 def main(argv: Sequence[str]) -> int:
@@ -111,9 +116,8 @@ def judge(options: argparse.Namespace) -> None:
 def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(
         prog="sidestep calibrate",
-        description="Drives UMBmark squares in the plant, or reads a log of them, and finds"
-        " wheel_ratio, track_m, k_r_m and k_l_m. A value is set only when it differs for sure.",
-        epilog=log.__doc__,
+        description=VERBS["calibrate"].summary,
+        epilog=f"{DETAILS}\n{log.__doc__}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     made.add_argument("--noise", choices=LEVELS, default="default", help="of the plant (default)")

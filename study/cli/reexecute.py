@@ -16,6 +16,7 @@ from protocol.wire.messages import PlanarOdometry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
 from robot.parameters.table import adjusted
+from runtime.cli.verb_table import VERBS
 from runtime.errors import UserError
 from runtime.json_reader import value_in
 from study.trial.recorded_drive import Recorded
@@ -23,10 +24,9 @@ from study.trial.reexecute import Verdict, reexecuted, refuse_unless_whole
 from study.trial.trial import NAVIGATORS
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str]) -> int:
     """0 nothing differs, 1 something does or is missing, 2 it cannot be executed again."""
-    _, *rest = sys.argv[1:] if argv is None else argv
-    options = parser().parse_args(rest)
+    options = parser().parse_args(argv)
     recorded = Recorded(opened(Path(options.file), options.id))
     refuse_unless_whole(recorded)
     params = params_of(recorded)
@@ -46,7 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    made = argparse.ArgumentParser(prog="sidestep replay --re-execute", description=__doc__)
+    made = argparse.ArgumentParser(
+        prog="sidestep replay --re-execute", description=VERBS["reexecute"].summary
+    )
     made.add_argument("file", metavar="FILE", help="an .mcap, or a .tlog with its .mcap beside it")
     says = "the robot, where the name of the file does not tell"
     made.add_argument("--id", metavar="NAME", help=says)

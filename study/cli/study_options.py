@@ -8,6 +8,7 @@ from typing import Final
 from plant.cli.make_worlds import PER_FAMILY
 from plant.model.noise import LEVELS
 from protocol.options import add_param_option, whole
+from runtime.cli.verb_table import VERBS
 from study.cli.trial import seconds
 from study.runner.plan import (
     DETOUR,
@@ -26,16 +27,19 @@ QUICK_NOISE: Final = ("none", "default")
 QUICK_PAPER_SEEDS: Final = 5
 CORPUS_SEED: Final = 1
 
-DESCRIPTION: Final = (
-    "Run navigators x worlds x noise levels x seeds on all cores and write results.parquet and a"
-    " report. A study that was broken off, by whatever, goes on when the same command is given"
+DETAILS: Final = (
+    "It runs navigators x worlds x noise levels x seeds and writes results.parquet and a report. A"
+    " study that was broken off, by whatever, goes on when the same command is given"
     " again. `sidestep study report DIR` writes the report anew."
 )
 
 
 def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(
-        prog="sidestep study", description=DESCRIPTION, allow_abbrev=False
+        prog="sidestep study",
+        description=VERBS["study"].summary,
+        epilog=DETAILS,
+        allow_abbrev=False,
     )
     made.add_argument(
         "--quick",

@@ -22,6 +22,7 @@ from protocol.options import (
 )
 from protocol.outcome import Outcome
 from robot.parameters.table import OutOfRange, Unknown
+from runtime.cli.verb_table import VERBS
 from runtime.errors import UserError
 from study.trial.trace import Trace
 from study.trial.trial import NAVIGATORS, SIDES, USUAL_NAVIGATOR, Trial, params_of, run_trial
@@ -33,11 +34,9 @@ seconds: Final = above_zero(LONGEST_S)
 moment: Final = up_to(LONGEST_S)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str]) -> int:
     """0 reached, 1 not, 2 wrong usage (argparse) or configuration (raised)."""
-    verb, *rest = sys.argv[1:] if argv is None else argv
-    assert verb == "trial"
-    return trial(parser().parse_args(numbers_kept(rest)))
+    return trial(parser().parse_args(numbers_kept(argv)))
 
 
 def trial(options: argparse.Namespace) -> int:
@@ -116,7 +115,7 @@ def turn(option: str, heading_deg: float) -> float:
 
 
 def parser() -> argparse.ArgumentParser:
-    made = argparse.ArgumentParser(prog="sidestep trial", description=__doc__)
+    made = argparse.ArgumentParser(prog="sidestep trial", description=VERBS["trial"].summary)
     made.add_argument("--world", required=True, help="name of a shipped world, or a .toml file")
     made.add_argument(
         "--navigator", choices=NAVIGATORS, default=USUAL_NAVIGATOR, help=f"({USUAL_NAVIGATOR})"

@@ -207,9 +207,9 @@ def refuse_keys_of_others(file: Path, *, apart: bool) -> None:
 
 def takes_config(verb: str) -> bool:
     """Whether it talks to others."""
-    from ground.cli.verbs import PLACES, VERBS, parser_of  # which know this verb
+    from ground.cli.verbs import VERBS, parser_of  # which know this verb
 
-    if verb not in PLACES:
+    if verb not in VERBS:
         return verb in ("robot", "plant")
     return "--config" in parser_of(VERBS[verb], verb).format_usage()
 

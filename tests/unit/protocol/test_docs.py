@@ -16,6 +16,7 @@ from robot import cli as robot_cli
 from robot.core.safety import failsafe
 from robot.parameters.table import SPECS
 from runtime import config
+from runtime.cli.verb_table import VERBS
 
 ROOT = Path(__file__).parents[3]
 README = (ROOT / "README.md").read_text()
@@ -64,9 +65,9 @@ def test_every_verb_in_the_readme_is_there_and_every_verb_there_is_in_the_readme
     assert table
     first_cells = [row.split("|")[1] for row in table[0].splitlines()[2:] if row]
     in_table = {verb.split()[0] for cell in first_cells for verb in re.findall(r"`([^`]+)`", cell)}
-    assert in_table == set(sidestep.VERBS)
+    assert in_table == set(VERBS)
     in_shell = set(re.findall(r"^sidestep (\S+)", SHELL, re.MULTILINE))
-    assert in_shell <= set(sidestep.VERBS)
+    assert in_shell <= set(VERBS)
 
 
 def test_every_make_command_in_the_readme_has_its_target() -> None:
@@ -75,7 +76,7 @@ def test_every_make_command_in_the_readme_has_its_target() -> None:
     assert {"up", "test", "setup"} <= named <= targets
 
 
-@pytest.mark.parametrize("verb", list(sidestep.VERBS))
+@pytest.mark.parametrize("verb", list(VERBS))
 def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     code: object = None
     try:

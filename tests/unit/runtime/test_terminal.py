@@ -16,12 +16,11 @@ HOSTILE = "\x00\x07\x08\x0b\x0c\r\x1b\x7f\x80\x85\x9b\x9d\xad\u061c\u200b\u200e\
 HOSTILE += "\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069\ufeff\ud800\udcff\U000e0041"
 CODE = """
 import sys, types, importlib
-sys.modules["hostile"] = types.ModuleType("hostile")
+sys.modules["ground.cli.main"] = hostile = types.ModuleType("hostile")
 def main(arguments):
     {does}
-sys.modules["hostile"].main = main
+hostile.main = main
 import sidestep
-sidestep.VERBS["up"] = sidestep.Verb("hostile", "")
 sys.exit(sidestep.main(sys.argv[1:]))
 """
 WORDS = r"'\x1b]0;OWNED\x07 \x9b2J \u202e \u2028 \ud800 end'"

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from ground.cli.verbs import Verb
+from ground.cli.verbs import LoadedVerb
 from ground.client.link import Link, Unanswered
 from ground.console import run_command
 from ground.console.parser import parse
@@ -32,7 +32,7 @@ def acted(
     def run(_: argparse.Namespace, __: Says) -> int:
         raise AssertionError("there is a link already")
 
-    monkeypatch.setattr(run_command, "VERBS", {"try": Verb(nothing, run, "says", did)})
+    monkeypatch.setattr(run_command, "VERBS", {"try": LoadedVerb(nothing, run, "says", did)})
     named = argparse.Namespace(verb="try", local=False, **options)
     says, said = speaking()
     code = act(named, AnsweringLink().as_link(), says, draft=draft)
@@ -98,7 +98,7 @@ def test_a_verb_that_needs_no_robot_simply_runs(monkeypatch: pytest.MonkeyPatch)
         says.note("done without anybody")
         return 0
 
-    monkeypatch.setattr(run_command, "VERBS", {"try": Verb(nothing, run, "says")})
+    monkeypatch.setattr(run_command, "VERBS", {"try": LoadedVerb(nothing, run, "says")})
     says, said = speaking()
     options = argparse.Namespace(verb="try", local=False)
     assert act(options, AnsweringLink().as_link(), says) == 0

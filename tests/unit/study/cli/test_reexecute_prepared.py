@@ -35,7 +35,7 @@ def late(drive: Drive, *, hears: bool = True) -> Drive:
 
 
 def verdict(drive: Drive, path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
-    code = main(["reexecute", str(drive.written(path / "a.mcap")), "--json"])
+    code = main([str(drive.written(path / "a.mcap")), "--json"])
     printed = capsys.readouterr()
     told = json.loads(printed.out)
     return code, f"{told['compared']} {told['differing']}"
@@ -80,4 +80,4 @@ def test_a_fence_that_was_refused_is_not_up(
 def test_without_these_requests_in_it_it_is_refused(tmp_path: Path) -> None:
     drive = late(Drive().run(ticks=20, asked=upload(AROUND)), hears=False)
     with pytest.raises(UserError, match="begins after 2 requests"):
-        main(["reexecute", str(drive.written(tmp_path / "a.mcap"))])
+        main([str(drive.written(tmp_path / "a.mcap"))])

@@ -48,7 +48,7 @@ def drive(whole: list[tuple[str, bytes]]) -> Drive:
 def again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Again:
     def execute(drive: Drive, *words: str, **facts: str) -> tuple[int, Told]:
         path = drive.written(tmp_path / "20260304T120005Z-r1.mcap", **facts)
-        code = main(["reexecute", str(path), "--json", *words])
+        code = main([str(path), "--json", *words])
         told: Told = json.loads(capsys.readouterr().out)
         return code, told
 
@@ -123,11 +123,11 @@ def test_another_navigator_says_from_where_on(
     drive: Drive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = str(drive.written(tmp_path / "a.mcap"))
-    assert main(["reexecute", path, "--navigator", "bug"]) == 0
+    assert main([path, "--navigator", "bug"]) == 0
     said = capsys.readouterr().out
     assert said.startswith("bug would have decided otherwise from tick ")
     assert "open loop" in said
-    assert main(["reexecute", path, "--navigator", "vgm_memory"]) == 0
+    assert main([path, "--navigator", "vgm_memory"]) == 0
     said = capsys.readouterr().out
     assert "vgm_memory would have done the same in all 160 ticks" in said
 
@@ -204,7 +204,7 @@ def test_without_any_sense_it_says_what_it_lacks(drive: Drive, again: Again) -> 
 def refusal(drive: Drive, tmp_path: Path, **facts: str) -> str:
     path = drive.written(tmp_path / "a.mcap", **facts)
     with pytest.raises(UserError) as caught:
-        main(["reexecute", str(path)])
+        main([str(path)])
     return str(caught.value)
 
 
@@ -243,7 +243,7 @@ def test_a_tlog_is_executed_with_what_its_mcap_knows(
     path = tmp_path / "a.tlog"
     records = (record_bytes(1_790_000_000_000_000, frame) for _, frame in drive.said)
     path.write_bytes(b"".join(records))
-    assert main(["reexecute", str(path)]) == 0
+    assert main([str(path)]) == 0
     assert "160 ticks executed again: nothing differs" in capsys.readouterr().out
 
 

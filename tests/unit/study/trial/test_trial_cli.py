@@ -35,7 +35,7 @@ def near(tmp_path: Path) -> str:
 def test_json_is_one_object_on_standard_output(
     near: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["trial", "--world", near, "--json"]) == 0
+    assert main(["--world", near, "--json"]) == 0
     said = capsys.readouterr()
     outcome = json.loads(said.out)
     assert (outcome["world"], outcome["outcome"], outcome["noise"]) == (
@@ -47,7 +47,7 @@ def test_json_is_one_object_on_standard_output(
 
 
 def test_a_person_is_told_in_words(near: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["trial", "--world", near, "--navigator", "bug", "--noise", "none"]) == 0
+    assert main(["--world", near, "--navigator", "bug", "--noise", "none"]) == 0
     assert "reached the goal of near with bug in " in capsys.readouterr().out
 
 
@@ -62,21 +62,21 @@ def test_every_way_to_drive_uses_the_robot_s_own_navigator_unless_told() -> None
 def test_a_goal_that_is_not_reached_is_exit_code_1(
     near: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["trial", "--world", near, "--timeout", "0.5", "--json"]) == 1
+    assert main(["--world", near, "--timeout", "0.5", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["outcome"] == "timeout"
 
 
 def test_a_parameter_of_the_robot_is_taken(near: str, capsys: pytest.CaptureFixture[str]) -> None:
-    main(["trial", "--world", near, "--json"])
+    main(["--world", near, "--json"])
     usual = json.loads(capsys.readouterr().out)
-    main(["trial", "--world", near, "--json", "--param", "v_max_m_s=0.1"])
+    main(["--world", near, "--json", "--param", "v_max_m_s=0.1"])
     assert json.loads(capsys.readouterr().out)["time_s"] > 1.5 * usual["time_s"]
 
 
 @pytest.mark.parametrize("word", ["v_maxx=1", "v_max_m_s=99"])
 def test_a_parameter_that_cannot_be_is_a_users_error(near: str, word: str) -> None:
     with pytest.raises(UserError, match=word.partition("=")[0]):
-        main(["trial", "--world", near, "--param", word])
+        main(["--world", near, "--param", word])
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_a_parameter_that_cannot_be_is_a_users_error(near: str, word: str) -> No
 )
 def test_wrong_usage_is_exit_code_2(near: str, more: list[str]) -> None:
     with pytest.raises(SystemExit) as refused:
-        main(["trial", "--world", near, *more])
+        main(["--world", near, *more])
     assert refused.value.code == 2
 
 
@@ -111,7 +111,7 @@ def test_errors_of_a_world_file_come_as_they_are(tmp_path: Path) -> None:
     path = tmp_path / "bad.toml"
     path.write_text(WORLD.replace("x_m = 0.6", "x_cm = 60"), encoding="utf-8")
     with pytest.raises(WorldError, match=r"bad\.toml"):
-        main(["trial", "--world", str(path)])
+        main(["--world", str(path)])
 
 
 def test_through_the_executable_refusals_are_one_line_and_exit_code_2(
@@ -130,7 +130,7 @@ def test_a_trace_has_a_line_for_every_tick_and_ends_at_the_goal(
     near: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "trace.csv"
-    assert main(["trial", "--world", near, "--json", "--trace", str(path)]) == 0
+    assert main(["--world", near, "--json", "--trace", str(path)]) == 0
     outcome = json.loads(capsys.readouterr().out)
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -150,7 +150,7 @@ def rows_of(text: str) -> list[dict[str, str]]:
 def test_a_trace_on_standard_output_is_followed_by_the_outcome(
     near: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["trial", "--world", near, "--json", "--trace", "-"]) == 0
+    assert main(["--world", near, "--json", "--trace", "-"]) == 0
     *lines, last = capsys.readouterr().out.splitlines()
     assert len(lines) == json.loads(last)["ticks"] + 2
     assert rows_of("\n".join(lines))[0]["time_s"] == "0.0"
@@ -160,9 +160,7 @@ def test_start_goal_and_time_may_be_others_than_the_world_s(
     near: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["--start", "2.4", "1.4", "180", "--goal", "0.5", "0.5", "--at", "7.5"]
-    assert (
-        main(["trial", "--world", near, "--json", "--trace", "-", "--noise", "none", *words]) == 0
-    )
+    assert main(["--world", near, "--json", "--trace", "-", "--noise", "none", *words]) == 0
     *lines, last = capsys.readouterr().out.splitlines()
     first, outcome = rows_of("\n".join(lines))[0], json.loads(last)
     assert (first["true_x_m"], first["true_y_m"]) == ("2.4", "1.4")
@@ -177,17 +175,17 @@ def test_start_goal_and_time_may_be_others_than_the_world_s(
 def test_said_at_length_the_world_s_own_start_goal_and_time_change_nothing(
     near: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    main(["trial", "--world", near, "--json"])
+    main(["--world", near, "--json"])
     usual = json.loads(capsys.readouterr().out)
     words = ["--start", "0.6", "1", "0", "--goal", "1.4", "1", "0", "--at", "0"]
-    main(["trial", "--world", near, "--json", *words])
+    main(["--world", near, "--json", *words])
     assert json.loads(capsys.readouterr().out)["digest"] == usual["digest"]
 
 
 def test_the_time_limit_counts_from_the_start(
     near: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["trial", "--world", near, "--json", "--at", "60", "--timeout", "0.5"]) == 1
+    assert main(["--world", near, "--json", "--at", "60", "--timeout", "0.5"]) == 1
     outcome = json.loads(capsys.readouterr().out)
     assert (outcome["outcome"], outcome["time_s"], outcome["ticks"]) == ("timeout", 0.5, 10)
 
@@ -208,4 +206,4 @@ def test_a_start_or_a_goal_that_cannot_be_is_refused_with_the_reason(
     near: str, words: list[str], said: str
 ) -> None:
     with pytest.raises(UserError, match=said):
-        main(["trial", "--world", near, *words])
+        main(["--world", near, *words])

@@ -1,0 +1,1 @@
+"""What every verb of the executable shares: the table of verbs."""
