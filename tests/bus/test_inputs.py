@@ -8,9 +8,8 @@ from typing import Final, TypeVar
 
 from msgspec.structs import replace
 
-from protocol.topics import ANSWERED, COMMANDED, PARAMETER, Topic
+from protocol.topics import ANSWERED, COMMANDED, Topic
 from protocol.wire.codec import Encoder, decode
-from protocol.wire.enums import Command, LeaseAction
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -18,7 +17,6 @@ from protocol.wire.messages import (
     LeaseRequest,
     MissionVerdict,
     NavigatorStatus,
-    ParamSet,
     PlanarOdometry,
     SonarScan,
     TickInputs,
@@ -33,7 +31,7 @@ from robot.core.values import Inputs, Outputs, Pose
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from tests.support.harness import Stack
-from tests.support.operators import Operator, fence, stops
+from tests.support.operators import drive_about
 
 M = TypeVar("M", bound=Message)
 TOLD: Final = (WheelCommand, PlanarOdometry, AvoidanceDecision, NavigatorStatus)
@@ -110,35 +108,6 @@ def test_a_run_with_all_there_is_in_it_can_be_had_again_to_the_last_bit() -> Non
         start, params = stack.vehicle.state.odometry.pose, stack.vehicle.params
         drive_about(stack)
     compare(tape, params, start)
-
-
-def drive_about(stack: Stack) -> None:
-    """A goal, a parameter, a fence, a mission paused and gone on, a drive by hand, a lost sense,
-    and another operator who is refused."""
-    ada, bob = Operator(stack, "ada"), Operator(stack, "bobby")
-    stack.arm()
-    ada.ask(ParamSet(param_id="v_max_m_s", param_value=0.25, param_type=9), PARAMETER)
-    x_m, y_m = stack.world.start.x_m, stack.world.start.y_m
-    ada.upload(fence((-1.0, -1.0), (9.0, -1.0), (9.0, 9.0), (-1.0, 9.0)))
-    ada.upload(stops((x_m + 0.5, y_m), (x_m + 0.5, y_m + 0.5), hold_s=0.3))
-    stack.goto_goal()
-    stack.forward(2.0)
-    assert ada.lease(LeaseAction.TAKE) == Reason.NONE
-    assert bob.command(Command.SIDESTEP_ABORT_GOAL) == Reason.LEASE_HELD
-    assert bob.upload(stops((9.0, 9.0))).reason == Reason.LEASE_HELD
-    assert ada.command(Command.MISSION_START) == Reason.NONE
-    assert ada.lease(LeaseAction.RELEASE) == Reason.NONE
-    stack.forward(1.0)
-    ada.command(Command.DO_PAUSE_CONTINUE, 0)
-    stack.forward(0.5)
-    ada.command(Command.DO_PAUSE_CONTINUE, 1)
-    stack.forward(5.0)
-    assert ada.manual() == Reason.NONE
-    for _ in range(8):
-        ada.steer(-0.2, 0.7, ttl_ms=120)
-        stack.forward(0.2)
-    stack.inject("scan_stopped", for_s=0.5)
-    stack.forward(1.0)
 
 
 def compare(tape: Tape, params: Params, start: Pose) -> None:

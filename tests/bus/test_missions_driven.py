@@ -4,8 +4,7 @@ from protocol.topics import MISSION, MISSION_SERVICE
 from protocol.wire.enums import Command, GoalState, MissionState, MissionType, Vehicle
 from protocol.wire.messages import MissionClearAll, MissionStatus
 from protocol.wire.reasons import Reason
-from tests.faults.test_failsafes import STOPPING_S
-from tests.support.harness import Stack
+from tests.support.harness import STOPPING_S, Stack
 from tests.support.operators import Operator, fence, stops
 
 

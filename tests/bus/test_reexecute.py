@@ -9,8 +9,8 @@ from protocol.topics import INPUTS, SONAR, WHEELS
 from study.cli.reexecute import params_of, start_of
 from study.trial.recorded_drive import Recorded
 from study.trial.reexecute import reexecuted, refuse_unless_whole
-from tests.bus.test_inputs import drive_about
 from tests.support.harness import Stack
+from tests.support.operators import drive_about
 
 
 def test_goals_missions_fences_teleop_leases_and_lost_senses_are_had_again(tmp_path: Path) -> None:

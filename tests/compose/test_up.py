@@ -8,10 +8,9 @@ from typing import Any
 
 import pytest
 
-from tests.stack.test_browser import DRAWN, drawn, keep, sees
 from tests.support.compose.compose import ROOT, Compose, docker
 from tests.support.compose.web import asked, token_in
-from tests.support.stack.browser import browsing, chromium
+from tests.support.stack.browser import DRAWN, browsing, chromium, drawn, keep, sees
 from tests.support.stack.tmux import Tmux
 
 pytestmark = pytest.mark.compose

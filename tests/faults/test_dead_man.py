@@ -4,8 +4,7 @@ import pytest
 
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.reasons import Reason
-from tests.faults.test_failsafes import STOPPING_S
-from tests.support.harness import Stack
+from tests.support.harness import STOPPING_S, Stack
 from tests.support.operators import Operator
 
 PERIOD_S = 0.05

@@ -11,14 +11,11 @@ from protocol.wire.reasons import Reason
 from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
 from robot.core.values import Pose
-from tests.support.harness import Stack
+from tests.support.harness import STOPPING_S, Stack
 from verification.faults_matrix.intruders import second_robot
 from verification.faults_matrix.lockstep import Breakable
 from verification.faults_matrix.table import FAULTS
 from verification.harness.observer import until
-
-STOPPING_S = 0.40
-"""From the failsafe to a standing robot: braking from 0.3 m/s and the lag of the motors."""
 
 
 @dataclass(frozen=True)

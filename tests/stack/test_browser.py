@@ -1,8 +1,6 @@
 """The ground station in a browser: a headless Chromium sees the map, and what it types drives."""
 
 import asyncio
-import io
-import os
 import re
 import signal
 from collections.abc import Awaitable, Callable, Iterator
@@ -10,11 +8,9 @@ from contextlib import contextmanager
 from math import hypot
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
-from tests.support.stack.browser import Page, browsing, chromium
+from tests.support.stack.browser import SEEN_S, Page, browsing, chromium, keep, sees
 from tests.support.stack.processes import Crew, Running, Witness, free_endpoint
 from tests.support.until import until
 
@@ -22,10 +18,6 @@ pytestmark = [
     pytest.mark.stack,
     pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine"),
 ]
-
-SEEN_S = 30.0
-DRAWN = 20_000
-"""Pixels that are not the background: the map, the numbers and the log are far more."""
 
 
 @contextmanager
@@ -37,31 +29,6 @@ def served(crew: Crew) -> Iterator[tuple[Running, str]]:
     found = re.search(r"open (http://\S+)", ground.said)
     assert found is not None
     yield ground, found[1]
-
-
-def drawn(png: bytes) -> int:
-    """How many pixels differ from the most frequent colour."""
-    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).reshape(-1, 3).astype(int)
-    codes = pixels[:, 0] * 65536 + pixels[:, 1] * 256 + pixels[:, 2]
-    _, counts = np.unique(codes, return_counts=True)
-    return int(counts.sum() - counts.max())
-
-
-async def sees(page: Page) -> bytes:
-    """The first picture on which the app has drawn, and not only its splash."""
-    async with asyncio.timeout(SEEN_S):
-        while not await page.value("document.body.classList.contains('-first-byte')"):
-            await asyncio.sleep(0.1)
-        while drawn(png := await page.picture()) < DRAWN:
-            await asyncio.sleep(0.2)
-    return png
-
-
-def keep(png: bytes, name: str) -> None:
-    """Where a person may look at it afterwards, if there is such a place."""
-    folder = os.environ.get("SIDESTEP_PICTURES")
-    if folder:
-        Path(folder, name).write_bytes(png)
 
 
 def in_browser(url: str, story: Callable[[Page], Awaitable[None]]) -> None:

@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 
 from ground.launch.child_command import command
-from tests.stack.test_up import children_of, frames_in
+from tests.support.stack.process_table import alive, children_of, frames_in
 from tests.support.stack.processes import Crew, Running, Witness
 from tests.support.until import until
-from tests.unit.ground.launch.test_child_processes import alive
 
 pytestmark = pytest.mark.stack
 

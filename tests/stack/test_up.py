@@ -12,15 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from ground.recording.tlog import Reader
 from protocol.outcome import Outcome
-from protocol.wire.codec import decode
+from tests.support.stack.process_table import ROOT, alive, children_of, cmdline, frames_in
 from tests.support.until import until
-from tests.unit.ground.launch.test_child_processes import alive
 
 pytestmark = pytest.mark.stack
 
-ROOT = Path(__file__).parents[2]
 PATIENCE_S = 60.0
 
 
@@ -32,14 +29,6 @@ def sidestep(*words: str) -> subprocess.CompletedProcess[str]:
         timeout=PATIENCE_S,
         check=False,
     )
-
-
-def children_of(pid: int) -> list[int]:
-    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-
-
-def cmdline(pid: int) -> str:
-    return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
 
 
 @contextmanager
@@ -56,16 +45,6 @@ def driving(folder: Path) -> Iterator[tuple[subprocess.Popen[str], list[int]]]:
             yield up, children_of(up.pid)
         finally:
             up.kill()
-
-
-def frames_in(folder: Path) -> int:
-    (log,) = folder.glob("*.tlog")
-    with log.open("rb") as source:
-        reader = Reader(source)
-        for record in reader:
-            decode(record.frame)
-    assert reader.lost_bytes < 300, "more than the record that was being written is lost"
-    return reader.records
 
 
 @pytest.mark.parametrize("words", [(), ("--router", "--navigator", "bug")])

@@ -14,11 +14,10 @@ import pytest
 from ground.recording.tlog import Reader
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
-from tests.stack.test_up import ROOT, children_of, cmdline, frames_in
+from tests.support.stack.process_table import ROOT, alive, children_of, cmdline, frames_in
 from tests.support.stack.processes import Crew, Running
 from tests.support.stack.tmux import Tmux
 from tests.support.until import until
-from tests.unit.ground.launch.test_child_processes import alive
 
 pytestmark = pytest.mark.stack
 

@@ -15,6 +15,8 @@ from verification.harness.inprocess import OPERATOR_BEAT, InProcess, reason_in
 from verification.harness.peers import FRAME_S
 
 __all__ = ["OPERATOR_BEAT", "Stack", "reason_in"]
+STOPPING_S = 0.40
+"""From the failsafe to a standing robot: braking from 0.3 m/s and the lag of the motors."""
 
 
 class Stack(InProcess):

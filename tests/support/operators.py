@@ -8,6 +8,7 @@ from protocol.topics import (
     LEASE_SERVICE,
     MISSION_SERVICE,
     OPERATOR,
+    PARAMETER,
     TELEOP,
     Role,
     Service,
@@ -20,6 +21,7 @@ from protocol.wire.messages import (
     MissionCount,
     MissionItemInt,
     MissionVerdict,
+    ParamSet,
     Teleop,
 )
 from protocol.wire.reasons import Reason
@@ -107,3 +109,32 @@ def _item(seq: int, place: Place, **changes: Any) -> MissionItemInt:
     }
     x, y = (round(10_000 * metres) for metres in place)
     return MissionItemInt(seq=seq, frame=FRAME_LOCAL_FLU, x=x, y=y, z=0.0, **{**fields, **changes})
+
+
+def drive_about(stack: Stack) -> None:
+    """A goal, a parameter, a fence, a mission paused and gone on, a drive by hand, a lost sense,
+    and another operator who is refused."""
+    ada, bob = Operator(stack, "ada"), Operator(stack, "bobby")
+    stack.arm()
+    ada.ask(ParamSet(param_id="v_max_m_s", param_value=0.25, param_type=9), PARAMETER)
+    x_m, y_m = stack.world.start.x_m, stack.world.start.y_m
+    ada.upload(fence((-1.0, -1.0), (9.0, -1.0), (9.0, 9.0), (-1.0, 9.0)))
+    ada.upload(stops((x_m + 0.5, y_m), (x_m + 0.5, y_m + 0.5), hold_s=0.3))
+    stack.goto_goal()
+    stack.forward(2.0)
+    assert ada.lease(LeaseAction.TAKE) == Reason.NONE
+    assert bob.command(Command.SIDESTEP_ABORT_GOAL) == Reason.LEASE_HELD
+    assert bob.upload(stops((9.0, 9.0))).reason == Reason.LEASE_HELD
+    assert ada.command(Command.MISSION_START) == Reason.NONE
+    assert ada.lease(LeaseAction.RELEASE) == Reason.NONE
+    stack.forward(1.0)
+    ada.command(Command.DO_PAUSE_CONTINUE, 0)
+    stack.forward(0.5)
+    ada.command(Command.DO_PAUSE_CONTINUE, 1)
+    stack.forward(5.0)
+    assert ada.manual() == Reason.NONE
+    for _ in range(8):
+        ada.steer(-0.2, 0.7, ttl_ms=120)
+        stack.forward(0.2)
+    stack.inject("scan_stopped", for_s=0.5)
+    stack.forward(1.0)

@@ -12,7 +12,7 @@ from protocol.bus.network import Network
 from protocol.topics import LEASE, STATUS, Service, Topic
 from protocol.wire.enums import AckResult, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.message import Message
-from protocol.wire.messages import CommandAck, LeaseStatus, NavigatorStatus
+from protocol.wire.messages import CommandAck, CycleReport, LeaseStatus, NavigatorStatus
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswer
@@ -22,6 +22,18 @@ MS = 1_000_000
 ANSWER_NS = 14 * MS
 
 Reply = Message | bytes | Reason | None
+IN_PROGRESS = CommandAck(command=0, result=AckResult.IN_PROGRESS)
+CYCLE = CycleReport(
+    time_ns=1,
+    tick=100,
+    missed=0,
+    overruns=0,
+    rejected=0,
+    late_us=0,
+    sense_age_us=0,
+    budget_us=1,
+    stage_us=(1, 1, 1, 1, 1),
+)
 
 
 class Sent:
@@ -173,4 +185,3 @@ def status(vehicle: Vehicle = Vehicle.ACTIVE, **changes: Any) -> NavigatorStatus
 
 HELD = (LEASE, lease_of("anna"))
 STANDBY = (STATUS, status(Vehicle.STANDBY))
-IN_PROGRESS = CommandAck(command=0, result=AckResult.IN_PROGRESS)

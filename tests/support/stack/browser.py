@@ -2,7 +2,9 @@
 
 import asyncio
 import base64
+import io
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import AsyncIterator
@@ -11,6 +13,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import aiohttp
+import numpy as np
+from PIL import Image
 
 NAMES: Final = ("chromium", "chromium-browser", "google-chrome")
 FLAGS: Final = (
@@ -19,6 +23,9 @@ FLAGS: Final = (
     "--window-size=1200,700",
 )
 START_S: Final = 30.0
+SEEN_S = 30.0
+DRAWN = 20_000
+"""Pixels that are not the background: the map, the numbers and the log are far more."""
 
 
 def chromium() -> str | None:
@@ -104,3 +111,28 @@ async def _target(session: aiohttp.ClientSession, file: Path) -> str:
                         if tab["type"] == "page":
                             return str(tab["webSocketDebuggerUrl"])
             await asyncio.sleep(0.05)
+
+
+def drawn(png: bytes) -> int:
+    """How many pixels differ from the most frequent colour."""
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).reshape(-1, 3).astype(int)
+    codes = pixels[:, 0] * 65536 + pixels[:, 1] * 256 + pixels[:, 2]
+    _, counts = np.unique(codes, return_counts=True)
+    return int(counts.sum() - counts.max())
+
+
+async def sees(page: Page) -> bytes:
+    """The first picture on which the app has drawn, and not only its splash."""
+    async with asyncio.timeout(SEEN_S):
+        while not await page.value("document.body.classList.contains('-first-byte')"):
+            await asyncio.sleep(0.1)
+        while drawn(png := await page.picture()) < DRAWN:
+            await asyncio.sleep(0.2)
+    return png
+
+
+def keep(png: bytes, name: str) -> None:
+    """Where a person may look at it afterwards, if there is such a place."""
+    folder = os.environ.get("SIDESTEP_PICTURES")
+    if folder:
+        Path(folder, name).write_bytes(png)

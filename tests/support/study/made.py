@@ -70,3 +70,13 @@ def spoil(file: Path) -> None:
     """As a disk does that lost the end of a file."""
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 2])
+
+
+class Watch:
+    """A clock that the test sets."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s

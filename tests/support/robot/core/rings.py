@@ -1,5 +1,6 @@
 """Rings of sonars: with these echoes, or as they see walls and discs, by a few rays in a cone."""
 
+from collections.abc import Sequence
 from math import cos, hypot, inf, pi, sin, sqrt
 from typing import NamedTuple
 
@@ -12,6 +13,10 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import SONARS, Decision, Goal, Pose, Scan
+from tests.support.robot.core.stories import (
+    AGES,
+    ALL,
+)
 
 Wall = tuple[float, float, float, float]
 Disc = tuple[float, float, float]
@@ -134,3 +139,15 @@ def walk_to(
         turn_rad = wrap(decision.goal_bearing_rad + decision.rotation_rad)
         pose = rolled(pose, turn_rad, min(0.25, decision.speed_limit_m_s))
     return Walk(poses, decisions, False)
+
+
+def scan(ranges_mm: dict[int, int], valid: int = 0xFF) -> Scan:
+    """Echoes where a range is given, free space elsewhere."""
+    echo = sum(1 << i for i in ranges_mm)
+    return Scan(tuple(ranges_mm.get(i, 0) for i in range(8)), AGES, valid, echo)
+
+
+def seen(range_mm: Sequence[float], echo: int = ALL, valid: int = ALL) -> Ring:
+    ring = Ring()
+    rings.update(ring, Scan(tuple(range_mm), AGES, valid, echo), 0, DEFAULTS)  # type: ignore[arg-type]
+    return ring

@@ -4,33 +4,14 @@ import pytest
 
 from ground.client.arming import HEARD_NS, insist
 from protocol.topics import STATUS
-from protocol.wire.enums import Command, GoalState, Mode, Navigator, Vehicle
-from protocol.wire.messages import CommandRequest, NavigatorStatus
+from protocol.wire.enums import Command, Vehicle
+from protocol.wire.messages import CommandRequest
 from protocol.wire.reasons import Reason
 from tests.support.ground.answering import AnsweringLink, speaking
+from tests.support.ground.client import status
 
 ARM = Command.COMPONENT_ARM_DISARM
 START = Command.MISSION_START
-
-
-def status(vehicle: Vehicle) -> NavigatorStatus:
-    return NavigatorStatus(
-        time_ns=1,
-        goal_started_ns=0,
-        goal_ended_ns=0,
-        goal_id=0,
-        goal_x_m=0.0,
-        goal_y_m=0.0,
-        goal_heading_rad=0.0,
-        goal_distance_m=0.0,
-        vehicle=vehicle,
-        mode=Mode.GUIDED,
-        goal=GoalState.NONE,
-        vehicle_reason=Reason.NONE,
-        goal_reason=Reason.NONE,
-        navigator=Navigator.VGM,
-        side=1,
-    )
 
 
 def insisted(link: AnsweringLink, *, beats: bool = False) -> tuple[int, str]:

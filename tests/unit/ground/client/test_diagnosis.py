@@ -12,6 +12,7 @@ from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TO
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason
+from tests.support.ground.client import CYCLE
 
 MS = 1_000_000
 EVERYBODY = Crew(frozenset({("r1", "robot"), ("r1", "plant")}))
@@ -31,17 +32,6 @@ STATUS = NavigatorStatus(
     goal_reason=Reason.NONE,
     navigator=Navigator.VGM,
     side=1,
-)
-CYCLE = CycleReport(
-    time_ns=1,
-    tick=100,
-    missed=0,
-    overruns=0,
-    rejected=0,
-    late_us=0,
-    sense_age_us=0,
-    budget_us=1,
-    stage_us=(1, 1, 1, 1, 1),
 )
 
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import pytest
 
-from ground.client.goal import Destination
 from ground.ghost import Course, Ghost, Ghosts
 from ground.ghost.ghost import CANCELLED
 from ground.ghost.predicted_path import FAILED
@@ -20,7 +19,7 @@ from plant.world.file import load
 from plant.world.to_json import as_json
 from runtime.clock import ManualClock
 from study.trial.trial import NAVIGATORS, Trial
-from tests.support.ground.ghost.runs import driven
+from tests.support.ground.ghost.runs import driven, ghost_in, goal_in
 from tests.support.until import until
 
 ROOT = Path(__file__).parents[4]
@@ -46,17 +45,6 @@ def sockets(pid: int) -> bool:
         files = [str(file.readlink()) for file in Path(f"/proc/{pid}/fd").iterdir()]
         return any("socket" in file for file in files)
     return False
-
-
-def goal_in(world: str) -> Destination:
-    goal = load(world).goal
-    return Destination(x_m=goal.x_m, y_m=goal.y_m, heading_rad=goal.heading_rad)
-
-
-def ghost_in(world: str, navigator: str = "vgm_memory", **more: Any) -> Ghost:
-    start = load(world).start
-    pose = (start.x_m, start.y_m, start.heading_rad)
-    return Ghost(world, pose, 0.0, goal_in(world), navigator, **more)
 
 
 def instead(source: str) -> Callable[[Sequence[str], int], list[str]]:
@@ -201,7 +189,7 @@ def test_one_that_cannot_be_started_says_so() -> None:
 PARENT = """
 import sys
 from ground.launch.child_command import command
-from tests.unit.ground.ghost.test_ghost import ghost_in
+from tests.support.ground.ghost.runs import ghost_in
 endless = ["router", "--listen", "tcp/127.0.0.1:0"]
 ghost = ghost_in("box", command_of=lambda words, parent: command(endless, parent))
 ghost.start()

@@ -13,6 +13,7 @@ import pytest
 from ground.launch.child_command import command
 from ground.launch.child_processes import ENDS, Child, ChildDied, Children, held_back, how
 from runtime.clock import WallClock
+from tests.support.stack.process_table import alive
 from tests.support.until import PATIENCE_S, until
 
 ROOT = Path(__file__).parents[4]
@@ -28,15 +29,6 @@ while True: signal.pause()
 
 def python(arguments: Sequence[str], parent: int) -> list[str]:
     return [sys.executable, "-c", *arguments]
-
-
-def alive(pid: int) -> bool:
-    """Is it there and not merely waiting to be reaped?"""
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except (FileNotFoundError, ProcessLookupError):
-        return False
-    return state != "Z"
 
 
 def pids(children: Children) -> list[int]:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 
 from ground.map import Robot, Scene, Target, describe
 from tests.support.ground.map.rooms import EVERYTHING, ROOM
-from tests.unit.ground.map.test_drawing import SCENES
+from tests.support.ground.map.scenes import SCENES
 
 
 @given(SCENES)

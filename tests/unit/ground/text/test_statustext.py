@@ -6,7 +6,7 @@ from ground.text.statustext import Texts
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import MOST_PIECES, PIECE_BYTES, pieces_of
-from tests.unit.ground.client.test_diagnosis import CYCLE
+from tests.support.ground.client import CYCLE
 
 
 def piece(text: str, id: int = 0, chunk_seq: int = 0) -> Statustext:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.unit.robot.core.test_portable import CORE, FILES
+from tests.support.robot.core.sources import CORE, FILES
 
 NAMES = [".".join(file.relative_to(CORE).with_suffix("").parts) for file in FILES]
 """Modules of the core: `brain`, `safety.guard`."""

@@ -7,7 +7,7 @@ from robot.core.navigators import vgm_following
 from robot.core.navigators.vgm_following import ISLANDS, LONG_CM, Memory
 from robot.core.values import Goal
 from tests.support.robot.core.rings import SILENT, Wall, clearance_m, walk_to
-from tests.unit.robot.core.navigators.test_vgm_memory import GOAL, SIDES, stand
+from tests.support.robot.core.vgm_memory import GOAL, SIDES, stand
 
 
 def come_round(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:

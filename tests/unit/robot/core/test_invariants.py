@@ -1,7 +1,6 @@
 """What holds for every navigator, whatever its senses say: total, finite, bounded, never forward
 into what is seen to be too near, the same twice, and the same in a mirror."""
 
-from collections.abc import Sequence
 from math import atan2, cos, inf, isfinite, nan, pi, sin
 
 import pytest
@@ -14,11 +13,10 @@ from robot.core.geometry import BEARINGS, wrap
 from robot.core.navigators import vgm
 from robot.core.navigators.registry import NAVIGATORS, Navigator, fresh
 from robot.core.parameters import DEFAULTS
-from robot.core.perception import sonar_ring as rings
-from robot.core.perception.sonar_ring import FRONT, Ring
-from robot.core.values import SONARS, Decision, Goal, Outputs, Pose, Scan
+from robot.core.perception.sonar_ring import FRONT
+from robot.core.values import SONARS, Decision, Goal, Outputs, Pose
+from tests.support.robot.core.rings import seen
 from tests.support.robot.core.stories import (
-    AGES,
     ALL,
     PERIOD_MS,
     Driver,
@@ -83,12 +81,6 @@ class Ticks(RuleBasedStateMachine):
 
 TestTicks = Ticks.TestCase
 TestTicks.settings = settings(max_examples=40, stateful_step_count=30, deadline=None)
-
-
-def seen(range_mm: Sequence[float], echo: int = ALL, valid: int = ALL) -> Ring:
-    ring = Ring()
-    rings.update(ring, Scan(tuple(range_mm), AGES, valid, echo), 0, DEFAULTS)  # type: ignore[arg-type]
-    return ring
 
 
 @every

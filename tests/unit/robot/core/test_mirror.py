@@ -11,8 +11,8 @@ from robot.core.geometry import wrap
 from robot.core.navigators.registry import NAVIGATORS, fresh
 from robot.core.parameters import DEFAULTS
 from robot.core.values import SONARS, Goal, Pose
+from tests.support.robot.core.rings import seen
 from tests.support.robot.core.stories import ALL, goals, mirrored_goal, reversed_bits
-from tests.unit.robot.core.test_invariants import seen
 
 JOLTS = 16
 LOOKS = 24

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-CORE = Path(__file__).parents[4] / "robot" / "core"
-FILES = sorted(CORE.rglob("*.py"))
+from tests.support.robot.core.sources import CORE, FILES
+
 FORBIDDEN = {"dataclass", "enum", "hypot", "remainder", "_replace", "OrderedDict", "print", "open"}
 
 

@@ -27,8 +27,7 @@ from study.runner.conduct import (
 from study.runner.plan import Task
 from study.runner.progress import Progress
 from study.runner.rows import Row
-from tests.support.study.made import floor, ids, rows, spoil, tasks
-from tests.unit.study.runner.test_progress import Watch
+from tests.support.study.made import Watch, floor, ids, rows, spoil, tasks
 
 
 def gather(directory: Path, coming: Iterator[Row | None], watch: Watch) -> None:

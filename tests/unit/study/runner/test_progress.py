@@ -7,22 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from study.runner.progress import Progress, in_words
-from tests.support.study.made import rows
+from tests.support.study.made import Watch, rows
 
 
 class Terminal(StringIO):
     def isatty(self) -> bool:
         return True
-
-
-class Watch:
-    """A clock that the test sets."""
-
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 def test_trials_rate_and_time_left_are_told() -> None:

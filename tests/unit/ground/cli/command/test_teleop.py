@@ -12,7 +12,7 @@ from protocol.wire.messages import Teleop
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import UserError
-from tests.unit.ground.client.test_arming import status
+from tests.support.ground.client import status
 
 LATER_NS = SETTLE_NS + 1
 

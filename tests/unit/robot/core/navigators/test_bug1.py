@@ -6,17 +6,8 @@ from robot.core import states
 from robot.core.navigators import bug1
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Pose
-from tests.support.robot.core.rings import Disc, Wall, clearance_m, ring, seen_from, walk_to
-
-GOAL = Goal(2.4, 0.0, None, 0.05, 0.05)
-FAR = Goal(3.4, 0.0, None, 0.05, 0.05)
-DISC: list[Disc] = [(1.2, 0.1, 0.4)]
-BOX_AROUND_THE_GOAL: list[Wall] = [
-    (1.6, -0.6, 3.0, -0.6),
-    (3.0, -0.6, 3.0, 0.6),
-    (3.0, 0.6, 1.6, 0.6),
-    (1.6, 0.6, 1.6, -0.6),
-]
+from tests.support.robot.core.courses import BOX_AROUND_THE_GOAL, DISC, FAR, GOAL
+from tests.support.robot.core.rings import clearance_m, ring, seen_from, walk_to
 
 
 def test_with_a_free_way_it_drives_straight_to_the_goal() -> None:

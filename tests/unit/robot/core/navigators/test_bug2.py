@@ -3,12 +3,16 @@ import pytest
 from robot.core import states
 from robot.core.navigators import bug2
 from robot.core.parameters import DEFAULTS
-from robot.core.values import Goal, Pose
+from robot.core.values import Pose
+from tests.support.robot.core.courses import (
+    BEHIND_THE_TRAP,
+    BOX_AROUND_THE_GOAL,
+    DISC,
+    FAR,
+    GOAL,
+    U_TRAP,
+)
 from tests.support.robot.core.rings import Disc, Wall, clearance_m, ring, walk_to
-from tests.unit.robot.core.navigators.test_bug1 import BOX_AROUND_THE_GOAL, DISC, FAR, GOAL
-
-U_TRAP: list[Wall] = [(0.8, 0.5, 2.0, 0.5), (2.0, 0.5, 2.0, -0.5), (2.0, -0.5, 0.8, -0.5)]
-BEHIND_THE_TRAP = Goal(3.2, 0.0, None, 0.05, 0.05)
 
 
 def test_an_obstacle_ahead_is_met_only_when_it_is_seen_twice() -> None:

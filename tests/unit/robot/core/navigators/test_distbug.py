@@ -7,9 +7,14 @@ from robot.core.navigators import classical as boundaries
 from robot.core.navigators import distbug
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal
+from tests.support.robot.core.courses import (
+    BEHIND_THE_TRAP,
+    BOX_AROUND_THE_GOAL,
+    DISC,
+    GOAL,
+    U_TRAP,
+)
 from tests.support.robot.core.rings import HERE, Wall, clearance_m, ring, walk_to
-from tests.unit.robot.core.navigators.test_bug1 import BOX_AROUND_THE_GOAL, DISC, GOAL
-from tests.unit.robot.core.navigators.test_bug2 import BEHIND_THE_TRAP, U_TRAP
 
 
 def looking(echoes: dict[int, int], best_m: float, goal: Goal = GOAL) -> distbug.Memory:

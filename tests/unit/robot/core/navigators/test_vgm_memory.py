@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from robot.core import states
 from robot.core.geometry import wrap
-from robot.core.navigators import vgm_memory
 from robot.core.navigators.memory import loops
 from robot.core.navigators.vgm_following import SHUT, Memory
 from robot.core.navigators.vgm_memory import PROMISES, STOOD
@@ -15,22 +14,11 @@ from robot.core.perception import flank_walker as escorts
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.echoes import MOST_WEIGHT, REACH_M, SURE
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import SONARS, Decision, Goal, Pose, Scan
+from robot.core.values import SONARS, Goal, Pose, Scan
 from tests.support.robot.core.rings import HERE, SILENT, Disc, Wall, clearance_m, ring, walk_to
+from tests.support.robot.core.vgm_memory import GOAL, SIDES, stand, step
 
-GOAL = Goal(3.0, 0.0, None, 0.05, 0.05)
 PASSING = {states.PASS_LEFT, states.PASS_RIGHT}
-SIDES = pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
-
-
-def step(memory: Memory, pose: Pose, seen: Ring, goal: Goal = GOAL) -> Decision:
-    return vgm_memory.step(memory, pose, seen, goal, DEFAULTS)
-
-
-def stand(memory: Memory, seen: Ring, ticks: int, goal: Goal = GOAL) -> Decision:
-    for _ in range(ticks):
-        decision = step(memory, HERE, seen, goal)
-    return decision
 
 
 def contents(thing: object) -> object:

@@ -2,7 +2,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception import frozen_sonar
 from robot.core.perception.frozen_sonar import Frozen
 from robot.core.values import Scan
-from tests.unit.robot.core.perception.test_sonar_ring import scan
+from tests.support.robot.core.rings import scan
 
 
 def drive(

@@ -8,15 +8,9 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Scan
+from tests.support.robot.core.rings import scan
 
-AGES = (25, 0) * 4
 OPEN = (0,) * 8
-
-
-def scan(ranges_mm: dict[int, int], valid: int = 0xFF) -> Scan:
-    """Echoes where a range is given, free space elsewhere."""
-    echo = sum(1 << i for i in ranges_mm)
-    return Scan(tuple(ranges_mm.get(i, 0) for i in range(8)), AGES, valid, echo)
 
 
 def seen(one: Scan, now_ms: int = 0) -> Ring:
