@@ -8,8 +8,9 @@ from typing import Final
 
 from benchmarks.ground_station.stage import SIZES, commanding, replaying
 from verification.harness.figures import Figure
-from verification.harness.observer import Observer, Shuttle, observed, until
+from verification.harness.observer import Observer, Shuttle, observed
 from verification.harness.terminal import Spent
+from verification.harness.until import until
 
 WORLD: Final = "forest_medium"
 CPU_AT_MOST: Final = (10.0, 16.0)

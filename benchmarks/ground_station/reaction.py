@@ -15,8 +15,9 @@ from typing import Final, TypeVar
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, NavigatorStatus, WheelCommand
-from verification.harness.observer import PATIENCE_S, Observer, apart_m, until
+from verification.harness.observer import PATIENCE_S, Observer, apart_m
 from verification.harness.terminal import Terminal
+from verification.harness.until import until
 
 M = TypeVar("M", bound=Message)
 PERIOD_S: Final = 0.05

@@ -8,7 +8,7 @@ from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import NameTaken, Twins, claim
 from protocol.bus.network import Network
 from protocol.topics import Role
-from verification.harness.observer import until
+from tests.support.until import until
 
 ANYWHERE = "tcp/127.0.0.1:0"
 
@@ -66,12 +66,12 @@ def test_a_second_of_one_name_that_appears_later_is_seen_until_it_goes() -> None
         for role, robot in ((Role.PLANT, "r1"), (Role.GROUND, "r1"), (Role.ROBOT, "r2")):
             joined(scope, network, role, robot).announce()
         second = joined(scope, network, Role.ROBOT, "r1")
-        until(lambda: len(first.present()) == 4, "all others are there")
+        until(lambda: len(first.present()) == 4, what="all others are there")
         assert not twins
         second.announce()
-        until(lambda: bool(twins), "the second is there")
+        until(lambda: bool(twins), what="the second is there")
         second.close()
-        until(lambda: not twins, "the second is gone")
+        until(lambda: not twins, what="the second is gone")
 
 
 def test_a_second_that_was_there_before_is_seen_too() -> None:
@@ -80,4 +80,4 @@ def test_a_second_that_was_there_before_is_seen_too() -> None:
         first, second = (joined(scope, network, Role.ROBOT, "r1") for _ in range(2))
         second.announce()
         twins = Twins(first)
-        until(lambda: bool(twins), "the second is there")
+        until(lambda: bool(twins), what="the second is there")

@@ -20,7 +20,7 @@ from protocol.topics import MARK, SONAR, Role
 from protocol.wire.codec import decode
 from protocol.wire.messages import Heartbeat, NavigatorStatus, Statustext
 from tests.support.bus.robots import PlayedRobot, played
-from tests.support.until import PATIENCE_S
+from tests.support.until import PATIENCE_S, until
 
 
 @pytest.fixture
@@ -30,15 +30,13 @@ def stage() -> Iterator[tuple[PlayedRobot, str]]:
 
 
 def ends_when(condition: Callable[[], bool], number: signal.Signals = signal.SIGINT) -> None:
-    """Send ourselves a signal as soon as the condition holds (or after five seconds)."""
+    """Send this process a signal as soon as the condition holds, or when it does not in time."""
 
     def wait() -> None:
-        pause = threading.Event()
-        for _ in range(500):
-            if condition():
-                break
-            pause.wait(0.01)
-        os.kill(os.getpid(), number)
+        try:
+            until(condition)
+        finally:
+            os.kill(os.getpid(), number)
 
     threading.Thread(target=wait, daemon=True).start()
 
@@ -125,11 +123,7 @@ def test_a_remark_reaches_whoever_records(
     assert "nobody records" in capsys.readouterr().out
     stage[0].bus.stream(MARK, take)
     assert main(["mark", *words.split(), "--connect", stage[1]]) == 0
-    pause = threading.Event()
-    for _ in range(200):
-        if len(heard) == 2:
-            break
-        pause.wait(0.01)
+    until(lambda: len(heard) == 2)
     texts = Texts()
     assert [texts.receive(piece) for piece in heard] == ["", words]
 
@@ -171,11 +165,7 @@ def test_a_router_carries_what_others_say(capsys: pytest.CaptureFixture[str]) ->
             publisher = one.publisher(SONAR)
             one.await_matched([publisher], timeout_s=PATIENCE_S)
             publisher.put_frame(b"hello")
-            pause = threading.Event()
-            for _ in range(200):
-                if heard:
-                    break
-                pause.wait(0.01)
+            until(lambda: heard)
         return True
 
     ends_when(meet, signal.SIGTERM)

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from protocol.bus.network import Network
 from runtime.clock import WallClock
 from runtime.errors import UserError
 from tests.support.bus.robots import played
+from tests.support.until import until
 
 
 @pytest.fixture
@@ -27,13 +27,14 @@ def recording(tmp_path: Path) -> Iterator[Recording]:
 
 
 def told_until(recording: Recording, condition: Callable[[], bool]) -> list[str]:
-    told, pause = [], threading.Event()
-    for _ in range(1000):
-        told += recording.poll(heard=True)
-        if condition():
-            return told
-        pause.wait(0.01)
-    raise AssertionError(f"not in time; told {told}")
+    told: list[str] = []
+
+    def met() -> bool:
+        told.extend(recording.poll(heard=True))
+        return condition()
+
+    until(met, what=lambda: f"told {told}")
+    return told
 
 
 def grown(recording: Recording) -> bool:

@@ -12,10 +12,10 @@ from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
 from robot.core.values import Pose
 from tests.support.harness import STOPPING_S, Stack
+from tests.support.until import until
 from verification.faults_matrix.intruders import second_robot
 from verification.faults_matrix.lockstep import Breakable
 from verification.faults_matrix.table import FAULTS
-from verification.harness.observer import until
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def test_a_robot_is_not_armed_while_another_of_its_name_is_there() -> None:
         assert stack.arm() == Reason.NAME_TAKEN
         second.close()
         gone = stack.buses["robot"].present
-        until(lambda: second.zid not in {who.zid for who in gone()}, "the second is gone")
+        until(lambda: second.zid not in {who.zid for who in gone()}, what="the second is gone")
         stack.forward(0.05)
         assert stack.arm() == Reason.NONE
 

@@ -12,7 +12,7 @@ from protocol.wire.codec import Encoder
 from protocol.wire.layout import LAYOUT, Field
 from protocol.wire.message import Message
 from verification.harness.inprocess import InProcess
-from verification.harness.observer import until
+from verification.harness.until import until
 
 Turn: TypeAlias = list[tuple[Topic[Any], bytes]]
 """What is said within one tick, at most one frame of each topic: the robot reads the newest."""

@@ -7,32 +7,20 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from threading import Event
-from time import monotonic
 from typing import IO, Any, Final, Self
 
 from ground.launch.child_command import command
 from verification.harness.certificates import made_keys
 from verification.harness.ports import free_port
 from verification.harness.tcp_proxy import Cable
+from verification.harness.until import PATIENCE_S, until
 
-PATIENCE_S: Final = 20.0
-POLL_S: Final = 0.005
 LAST_WORDS: Final = 300
 CERTIFICATES: Final = {"robot": "robot-r1"}
 BURNS: Final = (sys.executable, "-c", "while True: pass")
-
-
-def until(condition: Callable[[], object], what: str, within_s: float = PATIENCE_S) -> None:
-    """Wait for it; RuntimeError when it does not come true in time."""
-    deadline_s, pause = monotonic() + within_s, Event()
-    while not condition():
-        if monotonic() > deadline_s:
-            raise RuntimeError(f"not within {within_s:g} s: {what}")
-        pause.wait(POLL_S)
 
 
 class Crew:

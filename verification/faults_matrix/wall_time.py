@@ -43,13 +43,14 @@ from verification.faults_matrix.impostor import Impostor
 from verification.faults_matrix.intruders import Stranger
 from verification.faults_matrix.log import Lost, lost_from
 from verification.faults_matrix.observer import Witness
-from verification.faults_matrix.processes import Crew, until
+from verification.faults_matrix.processes import Crew
 from verification.faults_matrix.results import Repetition, reason_name
 from verification.faults_matrix.table import Fault, Must, Way
 from verification.flood.attack import Attack, Door
 from verification.harness import motion
 from verification.harness.motion import PERIOD_S
 from verification.harness.observer import tls_of
+from verification.harness.until import until
 
 STOPPING: Final = (Must.STOP, Must.STAND, Must.SAY)
 CORRIDOR, BOX = "corridor", "box"

@@ -31,8 +31,9 @@ from verification.flood.kinds import ACTED, KINDS
 from verification.flood.operator import Operator, Pressed
 from verification.harness.certificates import made_keys
 from verification.harness.figures import Figure, Report, percentile
-from verification.harness.observer import Observer, observed, until
+from verification.harness.observer import Observer, observed
 from verification.harness.process_stats import cpu_s, resident_mb
+from verification.harness.until import until
 
 ALONE: Final = "none"
 STOPS: Final = "stops"

@@ -7,7 +7,6 @@ from itertools import count, cycle
 from math import hypot
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Event
 from time import monotonic, monotonic_ns
 from typing import Any, Final
 
@@ -32,9 +31,9 @@ from protocol.wire.messages import (
 from runtime.errors import NoAnswer
 from verification.harness.ports import free_port
 from verification.harness.processes import sidestep
+from verification.harness.until import until
 
 PATIENCE_S: Final = 10.0
-POLL_S: Final = 0.002
 KEPT: Final = 2000
 ROBOT: Final = "r1"
 
@@ -114,15 +113,6 @@ def keeper(topic: Topic[Any], into: deque[tuple[Any, int]]) -> Callable[[str, by
             into.append((message, arrived_ns))
 
     return keep
-
-
-def until(condition: Callable[[], object], what: str, within_s: float = PATIENCE_S) -> None:
-    """Wait for it; RuntimeError when it does not come true in time."""
-    deadline_s, pause = monotonic() + within_s, Event()
-    while not condition():
-        if monotonic() > deadline_s:
-            raise RuntimeError(f"not within {within_s:g} s: {what}")
-        pause.wait(POLL_S)
 
 
 @contextmanager

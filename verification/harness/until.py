@@ -1,0 +1,18 @@
+"""Wait for a condition that other threads or processes bring about."""
+
+from collections.abc import Callable
+from threading import Event
+from time import monotonic
+from typing import Final
+
+PATIENCE_S: Final = 20.0
+POLL_S: Final = 0.002
+
+
+def until(condition: Callable[[], object], what: str, within_s: float = PATIENCE_S) -> None:
+    """Wait for a condition. Raise RuntimeError, with `what`, when it is not met in time."""
+    deadline_s, pause = monotonic() + within_s, Event()
+    while not condition():
+        if monotonic() > deadline_s:
+            raise RuntimeError(f"not within {within_s:g} s: {what}")
+        pause.wait(POLL_S)
