@@ -12,14 +12,12 @@ from robot.core.values import Inputs, Scan, Wheels
 from robot.operator_delays import Delays
 from robot.vehicle import Vehicle
 from runtime.clock import Tick
+from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS, Order, order_of
 from runtime.timing import PERIOD_NS, UINT32
 
 Sense = TypeVar("Sense", WheelTicks, SonarScan)
-LATE_NS: Final = 1_000_000_000
-"""A scan that puts the tick at most so much before the last one was late; more: time began anew."""
-OVERTAKEN: Final = 20
-"""A sample up to so many behind the newest was overtaken on its way; one farther behind is of a
-plant that began anew."""
+WRAP: Final = UINT32 + 1
+"""The plant counts control periods in 32 bits."""
 
 
 class Senses:
@@ -100,8 +98,8 @@ class Senses:
         elif newest is not None:
             scan, arrived_ns = newest
             stamp_ns = scan.time_ns + max(0, tick.due_ns - arrived_ns)
-            late = 0 < self.stamp_ns - stamp_ns <= LATE_NS
-            self.stamp_ns = self.stamp_ns if late else stamp_ns
+            if order_of(stamp_ns, self.stamp_ns, MAX_LATE_NS) is not Order.LATE:
+                self.stamp_ns = stamp_ns
             self.sequence = scan.seq
 
     def _listen(self, vehicle: Vehicle, now_ns: int) -> None:
@@ -138,18 +136,16 @@ def newer(
     newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None
 ) -> tuple[Sense, int] | None:
     """What was sent last, and not what came last: that may have been overtaken on its way."""
-    if newest is None or last is None:
-        return newest
-    return last if 0 < behind(newest, last) <= OVERTAKEN else newest
+    return last if sent(newest, last) is Order.LATE else newest
 
 
 def begun_anew(newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None) -> bool:
     """Was it sent by a plant that was started again?"""
+    return sent(newest, last) is Order.RESTARTED
+
+
+def sent(newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None) -> Order:
+    """Return when a sample was sent, compared with the last one that was used."""
     if newest is None or last is None:
-        return False
-    return OVERTAKEN < behind(newest, last) < UINT32 // 2
-
-
-def behind(newest: tuple[Sense, int], last: tuple[Sense, int]) -> int:
-    """Return how many ticks it is older; a count that wraps makes a newer one 2^31 or more."""
-    return (last[0].seq - newest[0].seq) & UINT32
+        return Order.NEWER
+    return order_of(newest[0].seq, last[0].seq, MAX_LATE_TICKS, modulus=WRAP)

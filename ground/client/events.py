@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, Self, TypeAlias, TypeVar
 
-from ground.client.requests import OVERTAKEN_NS
 from ground.client.streams import QUEUE, Hub, Stream
 from ground.text.statustext import Texts
 from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
@@ -27,6 +26,7 @@ from protocol.wire.messages import (
     Statustext,
 )
 from protocol.wire.reasons import reason_text
+from runtime.sequence import MAX_LATE_NS, Order, SequenceTracker
 from runtime.terminal import printable
 
 E = TypeVar("E", bound=IntEnum)
@@ -97,7 +97,7 @@ class EventDetector:
         self._operator = operator
         self._texts = Texts()
         self._known: dict[type[object], Event] = {}
-        self._status_ns = 0
+        self._stamps = SequenceTracker(MAX_LATE_NS)
 
     def receive(self, message: Message) -> list[Event]:
         """Return what this message changes, in order; a reordered status changes nothing."""
@@ -118,10 +118,8 @@ class EventDetector:
         return []
 
     def _of_status(self, status: NavigatorStatus) -> list[Event]:
-        behind_ns = self._status_ns - status.time_ns
-        if 0 < behind_ns <= OVERTAKEN_NS:
+        if self._stamps.take(status.time_ns) is Order.LATE:
             return []
-        self._status_ns = status.time_ns
         goal = GoalChanged(
             status.goal_id,
             known(GoalState, status.goal),

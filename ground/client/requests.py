@@ -17,6 +17,7 @@ from protocol.wire.messages import (
     NavigatorStatus,
 )
 from protocol.wire.reasons import Reason, reason_text
+from runtime.sequence import MAX_LATE_NS, Order, order_of
 from runtime.units import NS_PER_MS, NS_PER_S
 
 ATTEMPTS: Final = 3
@@ -24,8 +25,6 @@ PATIENCE_NS: Final = 500 * NS_PER_MS
 BEAT_NS: Final = 200 * NS_PER_MS
 SILENCE_NS: Final = 3_000 * NS_PER_MS
 UNSEEN_NS: Final = 3_000 * NS_PER_MS
-OVERTAKEN_NS: Final = 1_000 * NS_PER_MS
-"""A status that is at most so much older than the newest was overtaken on its way."""
 ID_BITS: Final = 64
 
 NO_COMMAND: Final = 0
@@ -220,10 +219,10 @@ class GoalWatch:
         if self.end is not None:
             return
         self._heard_ns = now_ns
-        behind_ns = self._stamp_ns - status.time_ns
-        if behind_ns > 0 and self._seen:
-            if behind_ns > OVERTAKEN_NS:
-                self.end = GoalEnd("aborted", "the robot has been restarted")
+        order = order_of(status.time_ns, self._stamp_ns, MAX_LATE_NS)
+        if self._seen and order is Order.RESTARTED:
+            self.end = GoalEnd("aborted", "the robot has been restarted")
+        if self._seen and order in (Order.LATE, Order.RESTARTED):
             return
         self._stamp_ns = status.time_ns
         if status.goal_id == self._goal_id:

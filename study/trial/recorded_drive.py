@@ -29,10 +29,9 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.telemetry import SCAN_THERE, STEERED, WHEELS_THERE
 from runtime.errors import RemoteError
+from runtime.sequence import MAX_LATE_TICKS, Order, order_of
 
 BYTE: Final = 0xFF
-OVERTAKEN: Final = 20
-"""Samples may come out of order by so many."""
 
 PREPARES: Final = (
     *(MissionCount, MissionItemInt, MissionClearAll, MissionRequestList, MissionRequestInt),
@@ -168,10 +167,9 @@ class Recorded:
 
 def begun_anew(before: TickInputs, now: TickInputs) -> bool:
     """Has its robot or its plant begun to count again?"""
-    return (
-        now.tick < before.tick
-        or before.wheels_seq - now.wheels_seq > OVERTAKEN
-        or before.scan_seq - now.scan_seq > OVERTAKEN
+    return now.tick < before.tick or Order.RESTARTED in (
+        order_of(now.wheels_seq, before.wheels_seq, MAX_LATE_TICKS),
+        order_of(now.scan_seq, before.scan_seq, MAX_LATE_TICKS),
     )
 
 

@@ -33,6 +33,7 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             "tests/unit/robot/test_displaced.py",
             "tests/unit/robot/test_process.py",
         ),
+        "runtime/sequence.py": ("tests/unit/runtime/test_sequence.py",),
         "robot/scheduling/cycle_meter.py": ("tests/unit/robot/scheduling/test_cycle_meter.py",),
         "robot/stop_latch.py": ("tests/unit/robot/test_stop_latch.py",),
         "robot/operator_delays.py": ("tests/unit/robot/test_operator_delays.py",),

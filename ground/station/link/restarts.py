@@ -3,6 +3,7 @@
 from typing import Final, Literal
 
 from protocol.topics import Role
+from runtime.sequence import Order, SequenceTracker
 from runtime.units import NS_PER_S
 
 Sign = Literal["token", "count"]
@@ -16,14 +17,13 @@ TOLD: Final = "started again: "
 class Restarts:
     """Both signs of one restart count once, in whichever order they come.
 
-    A number up to `overtaken` behind the highest only came late.
+    A number up to `max_late` behind the newest only came late.
     """
 
-    def __init__(self, overtaken: int = 0) -> None:
+    def __init__(self, max_late: int = 0) -> None:
         self.count = 0
-        self._overtaken = overtaken
+        self._numbers = SequenceTracker(max_late)
         self._token = ""
-        self._number = -1
         self._owed: Sign | None = None
 
     def token(self, zid: str) -> bool:
@@ -35,11 +35,7 @@ class Restarts:
 
     def number(self, number: int) -> bool:
         """Its tick or its time; True when that shows a restart."""
-        behind = self._number - number
-        if 0 < behind <= self._overtaken:
-            return False
-        self._number = number
-        return behind > 0 and self._counted("count")
+        return self._numbers.take(number) is Order.RESTARTED and self._counted("count")
 
     def _counted(self, sign: Sign) -> bool:
         if self._owed is not None and self._owed != sign:

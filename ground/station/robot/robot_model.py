@@ -21,10 +21,7 @@ from protocol.wire.enums import Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import ParamValue, Statustext
 from runtime.errors import RemoteError
-from runtime.timing import PERIOD_NS
-
-OVERTAKEN: Final = 20
-"""A frame up to so many periods behind the newest was overtaken on its way."""
+from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS
 
 EVENTS: Final = frozenset((TEXT.path, COMMANDED.path, ANSWERED.path))
 
@@ -47,8 +44,8 @@ class Watched:
         self.figures = Figures(self.telemetry, now_ns)
         self.again = Again(robot)
         self.restarts = {
-            Role.ROBOT: Restarts(OVERTAKEN),
-            Role.PLANT: Restarts(OVERTAKEN * PERIOD_NS),
+            Role.ROBOT: Restarts(MAX_LATE_TICKS),
+            Role.PLANT: Restarts(MAX_LATE_NS),
         }
         self.tokens: dict[Role, str] = {}
         self.charts = Charts()

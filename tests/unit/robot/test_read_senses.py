@@ -10,10 +10,11 @@ from protocol.wire.messages import Heartbeat, SonarScan, Teleop, WheelTicks
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs
 from robot.lease import Holder
-from robot.senses import OVERTAKEN, Senses, begun_anew, newer
+from robot.senses import Senses, begun_anew, newer, sent
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
+from runtime.sequence import MAX_LATE_TICKS, Order
 from runtime.timing import PERIOD_NS, UINT32
 from tests.support.robot.processes import ADA, BOB, ServedBus
 from tests.support.robot.vehicles import MS
@@ -262,7 +263,7 @@ def test_a_stamp_goes_on_with_the_time_since_the_scan_came() -> None:
 def test_a_sample_a_little_behind_was_overtaken_and_one_far_behind_is_of_a_new_plant(
     last_seq: int, behind: int, overtaken: bool, anew: bool
 ) -> None:
-    assert OVERTAKEN == 20
+    assert MAX_LATE_TICKS == 20
     last, newest = (wheels(last_seq), 1), (wheels((last_seq - behind) & UINT32), 2)
     assert newer(newest, last) is (last if overtaken else newest)
     assert begun_anew(newest, last) == anew
@@ -274,3 +275,4 @@ def test_the_first_sample_has_none_to_be_compared_with() -> None:
     assert newer(None, one) is None
     assert not begun_anew(one, None)
     assert not begun_anew(None, one)
+    assert sent(one, None) is sent(None, one) is Order.NEWER

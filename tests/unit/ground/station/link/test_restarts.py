@@ -46,7 +46,7 @@ def test_count_then_token_count_once_and_the_next_restart_again() -> None:
 
 
 def test_a_number_that_was_overtaken_on_its_way_is_no_restart_and_one_far_behind_is() -> None:
-    restarts = Restarts(overtaken=3)
+    restarts = Restarts(max_late=3)
     assert not any(restarts.number(number) for number in (10, 12, 11, 9, 13, 10))
     assert restarts.number(2)
     assert not restarts.number(3)
