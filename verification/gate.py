@@ -56,7 +56,8 @@ def real_time(extra: Sequence[str]) -> list[Step]:
 
 def computing(extra: Sequence[str]) -> list[Step]:
     """Return the steps that only need processor time."""
-    workers = ("-n", str(os.cpu_count() or 1), "--dist", "worksteal")
+    # One worker more than there are cores: some tests wait for threads and processes.
+    workers = ("-n", str((os.cpu_count() or 1) + 1), "--dist", "worksteal")
     mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
     return [
         Step("format", (*PYTHON, "ruff", "format", "--check", ".")),

@@ -17,6 +17,8 @@ from tests.support.bus.lively import Lively
 from tests.support.bus.nets import net
 from tests.support.bus.robots import played
 
+pytestmark = pytest.mark.stack
+
 Ask = Callable[..., tuple[int, str]]
 
 

@@ -22,6 +22,8 @@ from tests.support.keyring import Keyring
 from tests.support.until import PATIENCE_S, until
 from verification.harness.tcp_proxy import Cable
 
+pytestmark = pytest.mark.stack
+
 CUT_S: Final = 3.0
 """Three times what it takes until a silent link is given up."""
 EVERY_S: Final = 0.1

@@ -25,6 +25,8 @@ from tests.support.keyring import Keyring
 from tests.support.until import until
 from verification.flood.relay import SlowRelay
 
+pytestmark = pytest.mark.stack
+
 BYTES_PER_S = 20_000.0
 LIST = bytes(200_000)
 QUESTIONS = 40

@@ -6,6 +6,8 @@ from io import StringIO
 from statistics import median
 from time import monotonic, thread_time
 
+import pytest
+
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.console import act, parse
@@ -19,6 +21,8 @@ from protocol.wire.messages import CommandAck, CommandRequest
 from runtime.clock import WallClock
 from tests.support.bus.lively import Lively, Watching, watching
 from tests.support.until import PATIENCE_S, until
+
+pytestmark = pytest.mark.stack
 
 
 def typed(seen: Watching, words: str) -> Job:

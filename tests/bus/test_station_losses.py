@@ -10,6 +10,8 @@ from tests.support.bus.lively import Lively, watching
 from tests.support.until import PATIENCE_S
 from verification.harness.tcp_proxy import Cable
 
+pytestmark = pytest.mark.stack
+
 
 def test_a_robot_whose_process_ends_behind_a_router_is_dead_and_comes_back() -> None:
     with Lively(router=True) as stack, stack.going(), watching(stack) as seen:

@@ -59,6 +59,7 @@ def test_an_exception_ends_them_too() -> None:
     assert not any(alive(pid) for pid in started)
 
 
+@pytest.mark.stack
 def test_a_child_that_ignores_every_request_is_ended_within_two_seconds() -> None:
     children = Children(WallClock(), python)
     children.start("stubborn", [STUBBORN])

@@ -5,7 +5,7 @@ from time import monotonic
 
 from ground.station.robot.background_requests import Lane, Outcome
 from runtime.errors import UserError
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
 
 
 def test_a_job_is_done_elsewhere_and_its_outcome_fetched_once() -> None:
@@ -15,17 +15,17 @@ def test_a_job_is_done_elsewhere_and_its_outcome_fetched_once() -> None:
     until(lambda: found.append(one) if (one := lane.done()) else found)
     assert found == [Outcome(True, "somewhere else")]
     assert lane.done() is None
-    lane.close(monotonic() + 1.0)
+    lane.close(monotonic() + PATIENCE_S)
 
 
 def test_there_is_one_job_at_a_time_until_its_outcome_is_fetched() -> None:
     lane, go = Lane("one"), Event()
-    assert lane.start(lambda: Outcome(go.wait(5.0), ""))
+    assert lane.start(lambda: Outcome(go.wait(PATIENCE_S), ""))
     assert not lane.start(lambda: Outcome(True, ""))
     go.set()
     until(lane.done)
     assert lane.start(lambda: Outcome(True, ""))
-    lane.close(monotonic() + 1.0)
+    lane.close(monotonic() + PATIENCE_S)
 
 
 def fails() -> Outcome:
@@ -40,15 +40,15 @@ def test_errors_come_back_in_words_and_the_lane_lives_on() -> None:
     assert found == [Outcome(False, "no such thing")]
     assert lane.start(lambda: Outcome(True, ""))
     until(lane.done)
-    lane.close(monotonic() + 1.0)
+    lane.close(monotonic() + PATIENCE_S)
 
 
 def test_closing_waits_no_longer_than_it_may() -> None:
     lane, go = Lane("one"), Event()
-    lane.start(lambda: Outcome(go.wait(10.0), ""))
+    lane.start(lambda: Outcome(go.wait(2 * PATIENCE_S), ""))
     began_s = monotonic()
     lane.close(monotonic() + 0.1)
-    assert monotonic() - began_s < 1.0
+    assert monotonic() - began_s < PATIENCE_S
     assert not lane.start(lambda: Outcome(True, ""))
     go.set()
 
