@@ -10,7 +10,6 @@ import faulthandler
 import signal
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Final, Self, TypeVar
 
 HUNG_S: Final = 5.0
@@ -38,12 +37,7 @@ class Watchdog:
         self.wind()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         if self._file is not None:
             faulthandler.unregister(signal.SIGALRM)

@@ -9,7 +9,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 from typing import IO, Final, Self
 
 from ground.client.goal import Destination
@@ -75,12 +75,7 @@ class Ghost:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.cancel()
 
     @property

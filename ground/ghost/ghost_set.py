@@ -1,7 +1,6 @@
 """Several ghosts at once, no more of them driving than there are cores; the others wait."""
 
 import os
-from types import TracebackType
 from typing import Self
 
 from ground.ghost.ghost import Ghost
@@ -20,12 +19,7 @@ class Ghosts:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.clear()
 
     def add(self, label: str, ghost: Ghost) -> None:

@@ -17,7 +17,6 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Self
 
 from ground.launch.child_command import command
@@ -102,12 +101,7 @@ class Crew:
                 self._scope = self._scope.pop_all()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._scope.close()
 
     def execute(self, *words: str, terminal: int | None = None) -> Running:
