@@ -60,7 +60,7 @@ def test_another_build_is_found_out(tmp_path: Path) -> None:
     with Crew() as crew:
         log = driven(crew, tmp_path, "--world", "open", "--speed", "10")
         other = (
-            "import sys; from robot.core import controller, brain;"
+            "import sys; from robot.core import brain; from robot.core.motion import controller;"
             " ramp = controller.ramp;"
             " brain.ramp = lambda wanted, last, params:"
             " ramp(wanted, last, params._replace(accel_m_s2=0.9 * params.accel_m_s2));"

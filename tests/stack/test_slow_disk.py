@@ -24,7 +24,7 @@ SLOW_DISK = f"""
 import os, sys, time
 sys.path.insert(0, sys.argv.pop(1))
 import sidestep
-from ground.leash import tie_to
+from ground.launch.child_command import tie_to
 tie_to(int(sys.argv.pop(1)))
 whole = os.fsync
 
