@@ -16,7 +16,7 @@ from textual.filter import LineFilter
 from textual.timer import Timer
 
 from ground.app.appearance import Looks
-from ground.app.background import Aside
+from ground.app.background import BackgroundJobs
 from ground.app.commands.command_sink import Gives
 from ground.app.commands.robot_keys import Helm
 from ground.app.frame_rate import Pace, Takes
@@ -83,7 +83,7 @@ class GroundApp(App[int]):
         self._keymap_in_force = keymap or Keymap()
         self._bindings = bindings_of(self._keymap_in_force)
         self._stack = stack
-        self._aside = Aside(self.say)
+        self._aside = BackgroundJobs(self.say)
         self._pace = Pace(self.looks.hz)
         self._settling: Timer | None = None
         self._printable = Printable()

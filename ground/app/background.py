@@ -10,7 +10,7 @@ from runtime.errors import LocalError, RemoteError
 T = TypeVar("T")
 
 
-class Aside:
+class BackgroundJobs:
     """What comes of a job is handed over at `poll`, in the thread that polls."""
 
     def __init__(self, say: Callable[[str], None]) -> None:

@@ -7,13 +7,13 @@ from threading import Event
 
 import pytest
 
-from ground.app.background import Aside
+from ground.app.background import BackgroundJobs
 from ground.app.output_capture import quiet
 from runtime.errors import UserError
 from tests.support.until import until
 
 
-def polled(aside: Aside, done: Event) -> None:
+def polled(aside: BackgroundJobs, done: Event) -> None:
     def is_done() -> bool:
         aside.poll()
         return done.is_set()
@@ -24,7 +24,7 @@ def polled(aside: Aside, done: Event) -> None:
 def test_what_comes_of_a_job_is_handed_over_when_it_is_polled_for() -> None:
     found: list[int] = []
     there = Event()
-    aside = Aside(found_nothing)
+    aside = BackgroundJobs(found_nothing)
 
     def done(value: int) -> None:
         found.append(value)
@@ -50,7 +50,7 @@ def test_an_error_that_is_meant_for_people_is_said() -> None:
     def job() -> int:
         raise UserError("no such world")
 
-    aside = Aside(say)
+    aside = BackgroundJobs(say)
     aside.begin(job, lambda _: None)
     polled(aside, there)
     assert said == ["no such world"]
