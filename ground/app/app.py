@@ -19,7 +19,7 @@ from ground.app.appearance import Looks
 from ground.app.background import BackgroundJobs
 from ground.app.commands.command_sink import Gives
 from ground.app.commands.robot_keys import Helm
-from ground.app.frame_rate import Pace, Takes
+from ground.app.frame_rate import Drawable, Pace
 from ground.app.input.bindings import bindings_of
 from ground.app.input.key_table import Key, Layer
 from ground.app.input.keymap import Keymap
@@ -231,7 +231,7 @@ class GroundApp(App[int]):
             loud = words.startswith("RECORDING")
             self._station.note(words, Severity.CRITICAL if loud else Severity.WARNING)
 
-    def paced_by(self, terminal: Takes) -> None:
+    def paced_by(self, terminal: Drawable) -> None:
         """Draw no more than this takes."""
         self._pace.terminal = terminal
 

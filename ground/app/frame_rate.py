@@ -15,7 +15,7 @@ WINDOW_NS: Final = 2 * NS_PER_S
 SLACK_NS: Final = 25_000_000
 
 
-class Takes(Protocol):
+class Drawable(Protocol):
     """Where the screen is drawn."""
 
     @property
@@ -33,7 +33,7 @@ class Pace:
     def __init__(self, hz: float) -> None:
         self.hz = hz
         self.watched = True
-        self.terminal: Takes | None = None
+        self.terminal: Drawable | None = None
         self.factor: float | None = None
         self.slower = 1
         self._changed_ns = 0
