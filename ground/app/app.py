@@ -19,7 +19,7 @@ from ground.app.appearance import Looks
 from ground.app.background import BackgroundJobs
 from ground.app.commands.command_sink import Gives
 from ground.app.commands.robot_keys import Helm
-from ground.app.frame_rate import Drawable, Pace
+from ground.app.frame_rate import Drawable, FrameRate
 from ground.app.input.bindings import bindings_of
 from ground.app.input.key_table import Key, Layer
 from ground.app.input.keymap import Keymap
@@ -84,7 +84,7 @@ class GroundApp(App[int]):
         self._bindings = bindings_of(self._keymap_in_force)
         self._stack = stack
         self._aside = BackgroundJobs(self.say)
-        self._pace = Pace(self.looks.hz)
+        self._pace = FrameRate(self.looks.hz)
         self._settling: Timer | None = None
         self._printable = Printable()
         self._helm = Helm(self)

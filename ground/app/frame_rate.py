@@ -24,7 +24,7 @@ class Drawable(Protocol):
         ...
 
 
-class Pace:
+class FrameRate:
     """Slower while nobody looks, and where one frame is not taken before the next one is due.
 
     What such a terminal has yet to take may be seconds of drawing: a key must not wait behind it.

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.app.frame_rate import Pace
+from ground.app.frame_rate import FrameRate
 from ground.app.input.map_cursor import Cursor, step_of
 from ground.app.input.teleop_keys import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadMan
 from tests.support.tui.fakes import MS, FakeStation, S
@@ -76,7 +76,7 @@ def test_the_first_turn_makes_the_heading_one_and_further_ones_go_round() -> Non
 
 
 def test_it_is_drawn_less_often_while_nobody_looks() -> None:
-    pace = Pace(10.0)
+    pace = FrameRate(10.0)
     drawn = sum(pace.due(k * 50 * MS) for k in range(40))
     assert drawn == 20
     pace.watched = False
@@ -84,7 +84,7 @@ def test_it_is_drawn_less_often_while_nobody_looks() -> None:
 
 
 def test_how_fast_time_goes_is_seen_from_the_robots_stamps() -> None:
-    station, pace = FakeStation(), Pace(10.0)
+    station, pace = FakeStation(), FrameRate(10.0)
     for _ in range(50):
         driving(station)
         pace.heard(station)

@@ -3,7 +3,7 @@
 import os
 from threading import Thread
 
-from ground.app.frame_rate import MOST_SLOWER, TRUSTED_NS, Pace
+from ground.app.frame_rate import MOST_SLOWER, TRUSTED_NS, FrameRate
 from ground.app.output_capture import TerminalText
 
 MS = 1_000_000
@@ -16,13 +16,13 @@ class Line:
     busy = False
 
 
-def drawn(pace: Pace, from_ns: int, rounds: int) -> int:
+def drawn(pace: FrameRate, from_ns: int, rounds: int) -> int:
     """How many frames in so many rounds of 50 ms."""
     return sum(pace.due(from_ns + number * ROUND_NS) for number in range(rounds))
 
 
-def paced() -> tuple[Pace, Line]:
-    pace, line = Pace(10.0), Line()
+def paced() -> tuple[FrameRate, Line]:
+    pace, line = FrameRate(10.0), Line()
     pace.terminal = line
     return pace, line
 
