@@ -23,7 +23,7 @@ class Asked(NamedTuple):
     width: int
 
 
-class Sifted:
+class FilteredLog:
     """`lines` in order, and the `parts` of them that are rows on the screen."""
 
     def __init__(self) -> None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.app.filtered_log import Sifted
+from ground.app.filtered_log import FilteredLog
 from ground.app.panels.log import MOST_LATELY, latest_rows, log_rows
 from ground.app.widgets.rows import words_of
 from ground.station.history.event_log import Line, Log
@@ -44,7 +44,7 @@ def test_a_long_line_goes_on_below_where_its_text_begins() -> None:
 def test_rows_are_the_same_whether_lines_come_at_once_or_one_by_one(
     texts: list[str], width: int
 ) -> None:
-    log, slowly, at_once = Log(5), Sifted(), Sifted()
+    log, slowly, at_once = Log(5), FilteredLog(), FilteredLog()
     for text in texts:
         log.add(line(text))
         slowly.look(log, Severity.DEBUG, width)
@@ -57,7 +57,7 @@ def test_only_what_is_bad_enough_is_there() -> None:
     log = filled("well")
     log.add(line("bad", Severity.WARNING))
     log.add(line("worse", Severity.CRITICAL))
-    sifted = Sifted()
+    sifted = FilteredLog()
     sifted.look(log, Severity.WARNING, 80)
     assert [one.text for one in sifted.lines] == ["bad", "worse"]
     sifted.look(log, Severity.ERROR, 80)
@@ -65,7 +65,7 @@ def test_only_what_is_bad_enough_is_there() -> None:
 
 
 def test_a_find_goes_round_and_all_rows_of_the_line_are_marked() -> None:
-    log, sifted = filled("one echo", "nothing", f"two Echo {REFUSAL}", "three"), Sifted()
+    log, sifted = filled("one echo", "nothing", f"two Echo {REFUSAL}", "three"), FilteredLog()
     sifted.look(log, Severity.DEBUG, 40)
     first, _, second, _ = log
     assert sifted.find("echo", None, -1) is second
@@ -82,7 +82,7 @@ def test_a_find_goes_round_and_all_rows_of_the_line_are_marked() -> None:
 
 
 def test_of_two_lines_alike_the_one_that_was_found_is_meant() -> None:
-    log, sifted = Log(), Sifted()
+    log, sifted = Log(), FilteredLog()
     for _ in range(3):
         log.add(line("the same"))
     sifted.look(log, Severity.DEBUG, 80)

@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 
 from textual.app import ComposeResult
 
-from ground.app.filtered_log import Sifted
+from ground.app.filtered_log import FilteredLog
 from ground.app.input.key_table import Layer
 from ground.app.playback.app_interface import Deck
 from ground.app.screens.listed import Listed
@@ -30,7 +30,7 @@ class LogScreen(Listed):
 
     def __init__(self, deck: Deck) -> None:
         super().__init__(deck)
-        self._sifted = Sifted()
+        self._sifted = FilteredLog()
         self._worst = 0
         self._words = ""
         self._at: Line | None = None
