@@ -15,7 +15,7 @@ class Part(NamedTuple):
     number: int
 
 
-class Asked(NamedTuple):
+class LogFilter(NamedTuple):
     """What is shown of which log."""
 
     log: Log
@@ -29,12 +29,12 @@ class FilteredLog:
     def __init__(self) -> None:
         self.lines: list[Line] = []
         self.parts: list[Part] = []
-        self._asked: Asked | None = None
+        self._asked: LogFilter | None = None
         self._total = 0
 
     def look(self, log: Log, worst: int, width: int) -> None:
         """Lines at least as bad as that; what has come since the last look, when it was alike."""
-        asked = Asked(log, worst, width)
+        asked = LogFilter(log, worst, width)
         if asked != self._asked:
             self._asked, self._total = asked, log.total
             self.lines, self.parts = [], []
@@ -43,7 +43,7 @@ class FilteredLog:
             fresh, self._total = log.since(self._total), log.total
             self._add(fresh, asked)
 
-    def _add(self, lines: Iterable[Line], asked: Asked) -> None:
+    def _add(self, lines: Iterable[Line], asked: LogFilter) -> None:
         new = [line for line in lines if line.severity <= asked.worst]
         self.lines += new
         self.parts += [part for line in new for part in self._parts(line, asked.width)]
