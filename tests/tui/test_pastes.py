@@ -9,7 +9,7 @@ from textual import events
 from textual._ansi_sequences import ANSI_SEQUENCES_KEYS, IGNORE_SEQUENCE
 from textual._xterm_parser import XTermParser
 
-from ground.app.input.driver import Ears
+from ground.app.input.driver import InputParser
 from ground.app.input.paste_parser import (
     END,
     HELD_S,
@@ -131,7 +131,7 @@ def test_half_a_mark_waits_for_the_other_half_and_not_for_ever() -> None:
 
 def heard(*parts: str, apart_s: float = 0.0) -> list[str]:
     """Keys by name and pastes by text, when after the parts all is quiet."""
-    ears, found, now_s = Ears(), [], 0.0
+    ears, found, now_s = InputParser(), [], 0.0
     for part in parts:
         found += [*ears.tick(now_s), *ears.feed(part, now_s)]
         now_s += apart_s
@@ -155,14 +155,14 @@ KNOWN = [one for one in ANSI_SEQUENCES_KEYS if len(one) > 1 and one != ESC + ESC
 @pytest.mark.parametrize("sequence", KNOWN)
 def test_a_sequence_that_textual_knows_means_what_it_means_there(sequence: str) -> None:
     known = [repr(one) for one in XTermParser().feed(sequence)]
-    ears = Ears()
+    ears = InputParser()
     assert [repr(one) for one in (*ears.feed(sequence, 0.0), *ears.tick(HELD_S))] == known
     assert known or ANSI_SEQUENCES_KEYS[sequence] is IGNORE_SEQUENCE
 
 
 @pytest.mark.parametrize("report", [f"{ESC}[<35;10;5M", f"{ESC}[I", f"{ESC}[48;24;80;480;800t"])
 def test_what_a_terminal_reports_is_handed_on(report: str) -> None:
-    assert len(list(Ears().feed(report, 0.0))) == 1
+    assert len(list(InputParser().feed(report, 0.0))) == 1
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ class Hearing:
 
     def __init__(self, process: Callable[[Message], None]) -> None:
         self._process = process
-        self._ears = Ears()
+        self._ears = InputParser()
         self._decode = getincrementaldecoder("utf-8")("replace").decode
 
     def hear(self, data: bytes) -> None:
@@ -84,7 +84,7 @@ def steady(driver: type[Driver]) -> type[Driver]:
     return Terminal if driver is LinuxDriver else driver
 
 
-class Ears:
+class InputParser:
     """Textual's parser, given one key at a time: it keeps nothing from one to the next."""
 
     def __init__(self) -> None:
