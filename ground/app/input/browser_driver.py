@@ -3,7 +3,7 @@
 from textual.drivers._byte_stream import ByteStream
 from textual.drivers.web_driver import WebDriver, _ExitInput
 
-from ground.app.input.driver import Hearing
+from ground.app.input.driver import InputReader
 
 TYPED = "D"
 
@@ -13,7 +13,7 @@ class Browser(WebDriver):
 
     def run_input_thread(self) -> None:
         """Until the server says that it is over."""
-        hearing, stream = Hearing(self.process_message), ByteStream()
+        hearing, stream = InputReader(self.process_message), ByteStream()
         try:
             for data in self._input_reader:
                 for kind, payload in stream.feed(data) if data else ():

@@ -32,7 +32,7 @@ class Terminal(LinuxDriver):
 
     def run_input_thread(self) -> None:
         """Until the app ends, or the terminal is gone."""
-        hearing = Hearing(self.process_message)
+        hearing = InputReader(self.process_message)
         while not self.exit_event.is_set():
             if select([self.fileno], [], [], TICK_S)[0]:
                 data = read(self.fileno)
@@ -42,7 +42,7 @@ class Terminal(LinuxDriver):
             hearing.tick()
 
 
-class Hearing:
+class InputReader:
     """Bytes come in, and messages go to the app."""
 
     def __init__(self, process: Callable[[Message], None]) -> None:
