@@ -17,7 +17,7 @@ from ground.app.input.paste_parser import (
     MOST,
     SILENT_S,
     START,
-    Pastes,
+    PasteParser,
     Piece,
 )
 
@@ -27,7 +27,7 @@ LATER_S = 10.0
 
 def told(*parts: str, apart_s: float = 0.0) -> list[Piece]:
     """What came of these parts, each so long after the one before."""
-    pastes = Pastes()
+    pastes = PasteParser()
     found: list[Piece] = []
     for number, part in enumerate(parts):
         now_s = number * apart_s
@@ -74,7 +74,7 @@ def test_of_a_long_paste_the_beginning_is_kept_and_its_end_is_found() -> None:
 
 
 def test_a_paste_without_an_end_is_over_when_nothing_more_comes() -> None:
-    pastes = Pastes()
+    pastes = PasteParser()
     assert pastes.feed(f"{START}abc", 0.0) == []
     assert pastes.due(0.9 * SILENT_S) == []
     assert pastes.due(SILENT_S) == [Piece("abc", pasted=True)]
@@ -119,7 +119,7 @@ def test_an_end_that_is_pasted_too_ends_nothing() -> None:
 
 
 def test_half_a_mark_waits_for_the_other_half_and_not_for_ever() -> None:
-    pastes = Pastes()
+    pastes = PasteParser()
     assert pastes.feed("a\x1b[2", 0.0) == [Piece("a")]
     assert pastes.feed("4~", 0.05) == [Piece("\x1b[24~")]
     assert pastes.feed(ESC, 1.0) == []

@@ -14,7 +14,7 @@ from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
 from ground.app.input.escape_sequences import ESCAPE, single
-from ground.app.input.paste_parser import Pastes, Piece
+from ground.app.input.paste_parser import PasteParser, Piece
 
 AT_ONCE: Final = 4096
 MOST_AT_ONCE: Final = 16 * AT_ONCE
@@ -88,7 +88,7 @@ class InputParser:
     """Textual's parser, given one key at a time: it keeps nothing from one to the next."""
 
     def __init__(self) -> None:
-        self._pastes = Pastes()
+        self._pastes = PasteParser()
         self._parser = XTermParser()
 
     def feed(self, text: str, now_s: float) -> Iterator[Message]:

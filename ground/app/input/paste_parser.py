@@ -28,7 +28,7 @@ class Piece(NamedTuple):
     pasted: bool = False
 
 
-class Pastes:
+class PasteParser:
     """`feed` is given what came, `due` is asked from time to time; seconds of any one clock."""
 
     def __init__(self) -> None:
