@@ -25,7 +25,7 @@ WAYS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
 )
 
 
-class ByHand:
+class TeleopKeys:
     """`held` while keys drive."""
 
     def __init__(self, deck: Deck) -> None:

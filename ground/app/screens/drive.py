@@ -11,7 +11,7 @@ from textual.containers import Horizontal, Vertical
 
 from ground.app.input.key_table import Layer
 from ground.app.input.map_cursor import Pointing
-from ground.app.input.teleop_keys import ByHand
+from ground.app.input.teleop_keys import TeleopKeys
 from ground.app.panels.log import latest_rows
 from ground.app.panels.mission import draft_rows, mission_rows
 from ground.app.panels.side import side_rows
@@ -43,7 +43,7 @@ class DriveScreen(Sheet):
     def __init__(self, deck: Deck) -> None:
         super().__init__(deck)
         self.why = Why()
-        self.hand = ByHand(deck)
+        self.hand = TeleopKeys(deck)
         self.pointing = Pointing(lambda: self.map.view, self.robot_place, deck.give, self.tell)
         self._haunting: Haunting | None = None
         self._station = deck.station
