@@ -6,20 +6,20 @@ from hypothesis import strategies as st
 
 from ground.app.frame_rate import FrameRate
 from ground.app.input.map_cursor import Cursor, step_of
-from ground.app.input.teleop_keys import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadMan
+from ground.app.input.teleop_keys import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadManSwitch
 from tests.support.tui.fakes import MS, FakeStation, S
 from tests.support.tui.underway import driving
 
 
 def test_one_press_lasts_until_a_keyboard_would_repeat_and_no_longer() -> None:
-    keys = DeadMan()
+    keys = DeadManSwitch()
     keys.press("forward", 0)
     assert keys.twist(FIRST_NS - 1) == (FAST[0], 0.0)
     assert keys.twist(FIRST_NS) == (0.0, 0.0)
 
 
 def test_repeats_hold_it_and_their_end_ends_it_soon() -> None:
-    keys = DeadMan()
+    keys = DeadManSwitch()
     keys.press("forward", 0)
     for at_ms in range(500, 2000, 33):
         keys.press("forward", at_ms * MS)
@@ -29,14 +29,14 @@ def test_repeats_hold_it_and_their_end_ends_it_soon() -> None:
 
 
 def test_the_opposite_key_turns_it_round_at_once() -> None:
-    keys = DeadMan()
+    keys = DeadManSwitch()
     keys.press("left", 0)
     keys.press("right", 10 * MS)
     assert keys.twist(11 * MS).yaw_rate_rad_s == -FAST[1]
 
 
 def test_speed_and_turn_are_held_each_for_itself() -> None:
-    keys = DeadMan()
+    keys = DeadManSwitch()
     keys.press("forward", 0)
     keys.press("left", 300 * MS, slow=True)
     assert keys.twist(400 * MS) == SLOW
@@ -47,7 +47,7 @@ def test_speed_and_turn_are_held_each_for_itself() -> None:
 def test_whatever_was_pressed_it_stands_after_a_while(
     presses: list[tuple[str, bool]],
 ) -> None:
-    keys = DeadMan()
+    keys = DeadManSwitch()
     now_ns = 0
     for way, slow in presses:
         keys.press(way, now_ns, slow=slow)

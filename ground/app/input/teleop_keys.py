@@ -30,7 +30,7 @@ class TeleopKeys:
 
     def __init__(self, deck: Deck) -> None:
         self._deck = deck
-        self._keys = DeadMan()
+        self._keys = DeadManSwitch()
         self._since_ns = 0
         self.held = False
 
@@ -44,7 +44,7 @@ class TeleopKeys:
     def take(self) -> bool:
         """False, with the reason in the log, when it may not be."""
         self.held = self._deck.take_hand()
-        self._keys, self._since_ns = DeadMan(), self._deck.station.now_ns
+        self._keys, self._since_ns = DeadManSwitch(), self._deck.station.now_ns
         return self.held
 
     def push(self, way: str, *, slow: bool) -> None:
@@ -79,7 +79,7 @@ class Twist(NamedTuple):
 STILL: Final = Twist(0.0, 0.0)
 
 
-class DeadMan:
+class DeadManSwitch:
     """Holds one way for speed and one for turning, each until its time is out."""
 
     def __init__(self) -> None:
