@@ -48,7 +48,7 @@ def step_of(m_per_cell: float) -> float:
     return next(step * power for step in STEPS if step * power >= m_per_cell * 0.999)
 
 
-class Pointing:
+class MapCursor:
     """`tell` is given the words of the goal that Enter would send, or nothing; `give` gets them."""
 
     def __init__(

@@ -10,7 +10,7 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
 from ground.app.input.key_table import Layer
-from ground.app.input.map_cursor import Pointing
+from ground.app.input.map_cursor import MapCursor
 from ground.app.input.teleop_keys import TeleopKeys
 from ground.app.panels.log import latest_rows
 from ground.app.panels.mission import draft_rows, mission_rows
@@ -44,7 +44,7 @@ class DriveScreen(Sheet):
         super().__init__(deck)
         self.why = Why()
         self.hand = TeleopKeys(deck)
-        self.pointing = Pointing(lambda: self.map.view, self.robot_place, deck.give, self.tell)
+        self.pointing = MapCursor(lambda: self.map.view, self.robot_place, deck.give, self.tell)
         self._haunting: Haunting | None = None
         self._station = deck.station
 
