@@ -9,7 +9,7 @@ from typing import Any, Final
 from textual.pilot import Pilot
 
 from ground.app.app import GroundApp
-from ground.app.appearance import Looks
+from ground.app.appearance import Appearance
 from ground.map import Target
 from ground.station import Station
 from protocol.bus.mailbox import Mailbox, Sample
@@ -123,7 +123,7 @@ def sizes_mb(minutes: float, lines: int) -> list[float]:
     """Resident memory before, and after each tenth of it."""
     clock, air = ManualClock(1), Air()
     station = Station(air, "r1", clock)
-    app = GroundApp(station, Nobody(), None, Looks(hz=0.0))
+    app = GroundApp(station, Nobody(), None, Appearance(hz=0.0))
     sizes: list[float] = []
     ticks = round(minutes * 60 * TELEMETRY_HZ)
 

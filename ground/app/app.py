@@ -15,7 +15,7 @@ from textual.driver import Driver
 from textual.filter import LineFilter
 from textual.timer import Timer
 
-from ground.app.appearance import Looks
+from ground.app.appearance import Appearance
 from ground.app.background import BackgroundJobs
 from ground.app.commands.command_sink import Gives
 from ground.app.commands.robot_keys import Helm
@@ -67,7 +67,7 @@ class GroundApp(App[int]):
         station: Station | None,
         orders: Gives,
         keymap: Keymap | None = None,
-        looks: Looks | None = None,
+        looks: Appearance | None = None,
         stack: "Stack | None" = None,
         player: "Player | None" = None,
         recording: "Recording | None" = None,
@@ -78,7 +78,7 @@ class GroundApp(App[int]):
         super().__init__(ansi_color=True if os.environ.get("NO_COLOR") else None)
         self.player = player
         self.recording = recording
-        self.looks = looks or Looks()
+        self.looks = looks or Appearance()
         self._station, self._orders = station, orders
         self._keymap_in_force = keymap or Keymap()
         self._bindings = bindings_of(self._keymap_in_force)

@@ -17,7 +17,7 @@ RATES_HZ: Final = (2.0, 5.0, 10.0, 20.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Looks:
+class Appearance:
     """`hz` 0: no timer; whoever tests calls `sample`."""
 
     theme: str = "dark"
@@ -36,8 +36,10 @@ def add_looks(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--keys", type=Path, metavar="FILE", help="a TOML file with other keys")
 
 
-def looks_of(options: argparse.Namespace, environment: Mapping[str, str] = os.environ) -> Looks:
-    return Looks(
+def looks_of(
+    options: argparse.Namespace, environment: Mapping[str, str] = os.environ
+) -> Appearance:
+    return Appearance(
         theme=options.theme or usual_theme(environment),
         ascii_only=options.ascii or speaks_ascii_only(environment),
         hz=options.hz,

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from ground.app.app import GroundApp
-from ground.app.appearance import Looks
+from ground.app.appearance import Appearance
 from ground.app.playback.player import Player
 from ground.app.screens.replay import ReplayScreen, recordings, timeline_rows
 from ground.app.widgets.rows import width_of, words_of
@@ -89,7 +89,7 @@ def test_the_screen_is_driven_by_keys(tmp_path: Path) -> None:
     async def story() -> None:
         shown, _ = player(tmp_path)
         orders = FakeOrders()
-        app = GroundApp(None, orders, looks=Looks(hz=0.0), player=shown)
+        app = GroundApp(None, orders, looks=Appearance(hz=0.0), player=shown)
         async with app.run_test(size=(100, 28)) as pilot:
             stage = Stage(app, pilot, FakeStation(), orders)
             await stage.look()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ground.app.app import GroundApp
-from ground.app.appearance import Looks
+from ground.app.appearance import Appearance
 from ground.app.playback.player import Player
 from ground.map import Target
 from ground.station import Loss, LossKind
@@ -146,7 +146,7 @@ def test_a_recording(tmp_path: Path, update_screens: bool) -> None:
         player = Player(recorded(tmp_path), ManualClock())
         player.seek(2.0)
         orders = FakeOrders()
-        app = GroundApp(None, orders, looks=Looks(hz=0.0), player=player)
+        app = GroundApp(None, orders, looks=Appearance(hz=0.0), player=player)
         async with app.run_test(size=(80, 24)) as pilot:
             stage = Stage(app, pilot, FakeStation(), orders)
             await stage.look()

@@ -8,7 +8,7 @@ from typing import TypeVar
 from textual.pilot import Pilot
 
 from ground.app.app import GroundApp
-from ground.app.appearance import Looks
+from ground.app.appearance import Appearance
 from ground.app.input.keymap import Keymap
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import words_of
@@ -61,7 +61,7 @@ async def staged(
     """With a robot on its way, unless a station is given."""
     station = station or driving(FakeStation())
     orders = FakeOrders()
-    app = GroundApp(station, orders, keymap, Looks(theme=theme, ascii_only=ascii_only, hz=0.0))
+    app = GroundApp(station, orders, keymap, Appearance(theme=theme, ascii_only=ascii_only, hz=0.0))
     async with app.run_test(size=size) as pilot:
         stage = Stage(app, pilot, station, orders)
         await stage.look()

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from ground.app.app import GroundApp
-from ground.app.appearance import Looks
+from ground.app.appearance import Appearance
 from ground.launch.launcher import Stack
 from ground.launch.scenario import Scenario
 from runtime.clock import ManualClock
@@ -78,7 +78,7 @@ class Prompt(GroundApp):
 
 async def on(screen: str, stack: Stack | None, story: Callable[[Stage], Any]) -> None:
     station, orders = driving(FakeStation()), FakeOrders()
-    app = Prompt(station, orders, looks=Looks(hz=0.0), stack=stack)
+    app = Prompt(station, orders, looks=Appearance(hz=0.0), stack=stack)
     async with app.run_test(size=(100, 28)) as pilot:
         stage = Stage(app, pilot, station, orders)
         await stage.press(screen)
