@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from ground.app.panels.aged import live
-from ground.app.playback.app_interface import Deck
+from ground.app.playback.app_interface import AppInterface
 from protocol.topics import STATUS
 from protocol.wire.enums import Mode
 from runtime.units import NS_PER_MS
@@ -28,7 +28,7 @@ WAYS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
 class TeleopKeys:
     """`held` while keys drive."""
 
-    def __init__(self, deck: Deck) -> None:
+    def __init__(self, deck: AppInterface) -> None:
         self._deck = deck
         self._keys = DeadManSwitch()
         self._since_ns = 0

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class Deck(Gives, Protocol):
+class AppInterface(Gives, Protocol):
     """The app, as its screens see it: it takes command lines, too."""
 
     @property

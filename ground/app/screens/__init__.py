@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from ground.app.playback.app_interface import Deck
+    from ground.app.playback.app_interface import AppInterface
     from ground.app.screens.sheet import Sheet
 
 SCREENS: Final[Mapping[str, int]] = MappingProxyType(
@@ -24,7 +24,7 @@ SCREENS: Final[Mapping[str, int]] = MappingProxyType(
 """By name, with the number of its key."""
 
 
-def screen_of(name: str, deck: "Deck") -> "Sheet":
+def screen_of(name: str, deck: "AppInterface") -> "Sheet":
     """The screen of that name: `params` is ParamsScreen in its own module."""
     module = import_module(f"ground.app.screens.{name}")
     sheet: Sheet = getattr(module, f"{name.capitalize()}Screen")(deck)

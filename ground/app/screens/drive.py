@@ -17,7 +17,7 @@ from ground.app.panels.mission import draft_rows, mission_rows
 from ground.app.panels.side import side_rows
 from ground.app.panels.streams import stream_rows
 from ground.app.panels.why import now_rows, turn_rows
-from ground.app.playback.app_interface import Deck
+from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.sheet import Action, Sheet
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
@@ -40,7 +40,7 @@ class DriveScreen(Sheet):
 
     back = 0
 
-    def __init__(self, deck: Deck) -> None:
+    def __init__(self, deck: AppInterface) -> None:
         super().__init__(deck)
         self.why = Why()
         self.hand = TeleopKeys(deck)

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 from ground.app.input.key_table import Layer
-from ground.app.playback.app_interface import Deck
+from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.listed import Listing
 from ground.app.screens.sheet import Action
 from ground.app.widgets.rows import Row, Span, faint, head, row
@@ -63,7 +63,7 @@ def about_rows(one: Trouble | None) -> list[Row]:
 class FaultsScreen(Listing):
     key_layer = Layer.FAULTS
 
-    def __init__(self, deck: Deck) -> None:
+    def __init__(self, deck: AppInterface) -> None:
         super().__init__(deck)
         self._kinds: list[Trouble] = []
 

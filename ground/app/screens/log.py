@@ -8,7 +8,7 @@ from textual.app import ComposeResult
 
 from ground.app.filtered_log import FilteredLog
 from ground.app.input.key_table import Layer
-from ground.app.playback.app_interface import Deck
+from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.listed import Listed
 from ground.app.screens.sheet import Action
 from ground.app.widgets.lines import Lines
@@ -28,7 +28,7 @@ class LogScreen(Listed):
     key_layer = Layer.LOG
     focus_first: ClassVar[str] = "#lines"
 
-    def __init__(self, deck: Deck) -> None:
+    def __init__(self, deck: AppInterface) -> None:
         super().__init__(deck)
         self._sifted = FilteredLog()
         self._worst = 0

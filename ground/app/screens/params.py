@@ -7,7 +7,7 @@ from typing import Final
 
 from ground.app.input.key_table import Layer
 from ground.app.panels.aged import number
-from ground.app.playback.app_interface import Deck
+from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.listed import Listing
 from ground.app.screens.sheet import Action
 from ground.app.widgets.rows import Row, Span, faint, head, row
@@ -20,7 +20,7 @@ ABOUT_ROWS: Final = 3
 class ParamsScreen(Listing):
     key_layer = Layer.PARAMS
 
-    def __init__(self, deck: Deck) -> None:
+    def __init__(self, deck: AppInterface) -> None:
         super().__init__(deck)
         self._words = ""
         self._only_different = False

@@ -10,7 +10,7 @@ from textual.containers import Grid
 
 from ground.app.input.key_table import Layer
 from ground.app.panels.aged import MISSING, number
-from ground.app.playback.app_interface import Deck
+from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.sheet import Action, Sheet
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, faint, head, row
@@ -27,7 +27,7 @@ Point = tuple[float, float]
 class PlotsScreen(Sheet):
     key_layer = Layer.PLOTS
 
-    def __init__(self, deck: Deck) -> None:
+    def __init__(self, deck: AppInterface) -> None:
         super().__init__(deck)
         self._window = 2
         self._drawn: tuple[object, ...] = ()

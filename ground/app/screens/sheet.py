@@ -12,7 +12,7 @@ from textual.widgets import Input
 from ground.app.input.key_table import Key, Layer
 from ground.app.input.keymap import shown
 from ground.app.panels.status import status_row
-from ground.app.playback.app_interface import Deck
+from ground.app.playback.app_interface import AppInterface
 from ground.app.widgets.command_line import CommandLine
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, row, width_of
@@ -39,7 +39,7 @@ class Sheet(Screen[None]):
     focus_first: ClassVar[str] = "#middle"
     key_layer: ClassVar[Layer | None] = None
 
-    def __init__(self, deck: Deck) -> None:
+    def __init__(self, deck: AppInterface) -> None:
         super().__init__()
         self.HORIZONTAL_BREAKPOINTS = list(WIDTHS)
         self.VERTICAL_BREAKPOINTS = list(HEIGHTS)

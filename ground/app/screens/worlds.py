@@ -11,7 +11,7 @@ from textual.containers import Horizontal
 
 from ground.app.input.key_table import Layer
 from ground.app.panels.aged import number
-from ground.app.playback.app_interface import Deck
+from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.listed import Listing
 from ground.app.screens.sheet import Action
 from ground.app.widgets.lines import Lines
@@ -30,7 +30,7 @@ REACHED: Final = "reached of 10 seeds: "
 class WorldsScreen(Listing):
     key_layer = Layer.WORLDS
 
-    def __init__(self, deck: Deck) -> None:
+    def __init__(self, deck: AppInterface) -> None:
         super().__init__(deck)
         self._worlds: list[dict[str, str]] = []
         self._facts: dict[str, Mapping[str, Any]] = {}
