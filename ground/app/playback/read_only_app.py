@@ -18,7 +18,7 @@ STOPS: Final = ("hold", "abort", "disarm", "estop", "stop")
 REFUSED: Final = "this is a replay: the map of the robot itself is on 1"
 
 
-class PlayedDeck:
+class ReadOnlyApp:
     """Hands on what does not concern the robot; without a recording it shows the app's station."""
 
     def __init__(self, app: "GroundApp") -> None:

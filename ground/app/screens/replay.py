@@ -9,7 +9,7 @@ from textual.app import ComposeResult
 
 from ground.app.input.key_table import Layer
 from ground.app.playback.player import Player
-from ground.app.playback.read_only_app import PlayedDeck
+from ground.app.playback.read_only_app import ReadOnlyApp
 from ground.app.screens.drive import DriveScreen
 from ground.app.screens.sheet import Action
 from ground.app.widgets.lines import Lines
@@ -30,7 +30,7 @@ class ReplayScreen(DriveScreen):
     key_layer = Layer.REPLAY
 
     def __init__(self, app: "GroundApp") -> None:
-        super().__init__(PlayedDeck(app))
+        super().__init__(ReadOnlyApp(app))
         self._app_below = app
 
     def middle(self) -> ComposeResult:
