@@ -25,7 +25,7 @@ from ground.app.input.key_table import Key, Layer
 from ground.app.input.keymap import Keymap
 from ground.app.panels.status import Setting
 from ground.app.screens import SCREENS, screen_of
-from ground.app.screens.sheet import Action, Sheet
+from ground.app.screens.sheet import Action, AppScreen
 from ground.app.themes import THEMES
 from ground.app.widgets.printable import Printable
 from ground.client.telemetry import Age
@@ -241,9 +241,9 @@ class GroundApp(App[int]):
             sheet.look()
 
     @property
-    def sheet(self) -> Sheet | None:
+    def sheet(self) -> AppScreen | None:
         """The screen below whatever is open above it."""
-        sheets = (screen for screen in reversed(self.screen_stack) if isinstance(screen, Sheet))
+        sheets = (screen for screen in reversed(self.screen_stack) if isinstance(screen, AppScreen))
         return next(sheets, None)
 
     def on_resize(self, event: events.Resize) -> None:
@@ -262,7 +262,7 @@ class GroundApp(App[int]):
 
     def key_layers(self) -> tuple[Layer, ...]:
         sheet = self.screen
-        own = sheet.key_layers() if isinstance(sheet, Sheet) else ()
+        own = sheet.key_layers() if isinstance(sheet, AppScreen) else ()
         return (Layer.ALWAYS, *own)
 
     def keys_now(self) -> list[Key]:

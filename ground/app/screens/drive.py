@@ -18,7 +18,7 @@ from ground.app.panels.side import side_rows
 from ground.app.panels.streams import stream_rows
 from ground.app.panels.why import now_rows, turn_rows
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.sheet import Action, Sheet
+from ground.app.screens.sheet import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import faint, row
@@ -34,7 +34,7 @@ ZOOM: Final = 1.25
 HINT: Final = "60 columns and 18 rows show the map"
 
 
-class DriveScreen(Sheet):
+class DriveScreen(AppScreen):
     key_layer = Layer.DRIVE
     focus_first: ClassVar[str] = "#map"
 

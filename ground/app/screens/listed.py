@@ -8,7 +8,7 @@ from typing import ClassVar, Final
 from textual.app import ComposeResult
 
 from ground.app.input.key_table import Layer
-from ground.app.screens.sheet import Action, Sheet
+from ground.app.screens.sheet import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.log_view import LogView
 from ground.app.widgets.table import Table
@@ -16,7 +16,7 @@ from ground.app.widgets.table import Table
 TO_THE_END: Final = 1_000_000
 
 
-class Listed(Sheet):
+class Listed(AppScreen):
     @property
     @abstractmethod
     def listed(self) -> Table | LogView:

@@ -11,7 +11,7 @@ from textual.containers import Grid
 from ground.app.input.key_table import Layer
 from ground.app.panels.aged import MISSING, number
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.sheet import Action, Sheet
+from ground.app.screens.sheet import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.app.widgets.sparklines import FIGURES, FRESH_S, Figure
@@ -24,7 +24,7 @@ LABEL: Final = 8
 Point = tuple[float, float]
 
 
-class PlotsScreen(Sheet):
+class PlotsScreen(AppScreen):
     key_layer = Layer.PLOTS
 
     def __init__(self, deck: AppInterface) -> None:

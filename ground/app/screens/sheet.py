@@ -32,7 +32,7 @@ ORDER: Final = (
 """What every screen has; what only the present one has comes before it."""
 
 
-class Sheet(Screen[None]):
+class AppScreen(Screen[None]):
     """`key_layers` and `actions` say what keys do here now; `look` draws what has changed."""
 
     AUTO_FOCUS: ClassVar[str | None] = ""
