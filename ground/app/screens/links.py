@@ -6,14 +6,14 @@ from textual.app import ComposeResult
 
 from ground.app.panels.aged import MISSING, number
 from ground.app.panels.streams import long, long_head
-from ground.app.screens.listed import Listed
+from ground.app.screens.listed import ScrolledScreen
 from ground.app.widgets.log_view import LogView
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.station.station import Station
 from protocol.topics import Role
 
 
-class LinksScreen(Listed):
+class LinksScreen(ScrolledScreen):
     focus_first: ClassVar[str] = "#lines"
 
     def middle(self) -> ComposeResult:

@@ -16,7 +16,7 @@ from ground.app.widgets.table import Table
 TO_THE_END: Final = 1_000_000
 
 
-class Listed(AppScreen):
+class ScrolledScreen(AppScreen):
     @property
     @abstractmethod
     def listed(self) -> Table | LogView:
@@ -39,7 +39,7 @@ class Listed(AppScreen):
         }
 
 
-class Listing(Listed):
+class Listing(ScrolledScreen):
     """A heading, a list to choose from, and details of the chosen row."""
 
     focus_first: ClassVar[str] = "#rows"

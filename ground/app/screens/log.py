@@ -9,7 +9,7 @@ from textual.app import ComposeResult
 from ground.app.filtered_log import FilteredLog
 from ground.app.input.key_table import Layer
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.listed import Listed
+from ground.app.screens.listed import ScrolledScreen
 from ground.app.screens.sheet import Action
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.log_view import LogView
@@ -24,7 +24,7 @@ WORST: Final = (
 )
 
 
-class LogScreen(Listed):
+class LogScreen(ScrolledScreen):
     key_layer = Layer.LOG
     focus_first: ClassVar[str] = "#lines"
 
