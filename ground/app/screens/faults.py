@@ -6,7 +6,7 @@ from typing import Any, Final, NamedTuple
 
 from ground.app.input.key_table import Layer
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.listed import Listing
+from ground.app.screens.listed import ListScreen
 from ground.app.screens.sheet import Action
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.app.worlds import ask_worlds
@@ -60,7 +60,7 @@ def about_rows(one: Trouble | None) -> list[Row]:
     ]
 
 
-class FaultsScreen(Listing):
+class FaultsScreen(ListScreen):
     key_layer = Layer.FAULTS
 
     def __init__(self, deck: AppInterface) -> None:

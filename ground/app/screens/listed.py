@@ -39,7 +39,7 @@ class ScrolledScreen(AppScreen):
         }
 
 
-class Listing(ScrolledScreen):
+class ListScreen(ScrolledScreen):
     """A heading, a list to choose from, and details of the chosen row."""
 
     focus_first: ClassVar[str] = "#rows"

@@ -8,7 +8,7 @@ from typing import Final
 from ground.app.input.key_table import Layer
 from ground.app.panels.aged import number
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.listed import Listing
+from ground.app.screens.listed import ListScreen
 from ground.app.screens.sheet import Action
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.client.parameter_rows import Row as Parameter
@@ -17,7 +17,7 @@ from ground.station.station import Station
 ABOUT_ROWS: Final = 3
 
 
-class ParamsScreen(Listing):
+class ParamsScreen(ListScreen):
     key_layer = Layer.PARAMS
 
     def __init__(self, deck: AppInterface) -> None:

@@ -12,7 +12,7 @@ from textual.containers import Horizontal
 from ground.app.input.key_table import Layer
 from ground.app.panels.aged import number
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.listed import Listing
+from ground.app.screens.listed import ListScreen
 from ground.app.screens.sheet import Action
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
@@ -27,7 +27,7 @@ from ground.station.world import world_in
 REACHED: Final = "reached of 10 seeds: "
 
 
-class WorldsScreen(Listing):
+class WorldsScreen(ListScreen):
     key_layer = Layer.WORLDS
 
     def __init__(self, deck: AppInterface) -> None:
