@@ -6,7 +6,7 @@ import pytest
 from textual.app import ScreenStackError
 
 from ground.app.app import GroundApp
-from ground.app.screens.faults import FaultsScreen, Trouble, fault_of
+from ground.app.screens.faults import FaultsScreen, InjectableFault, fault_of
 from ground.app.screens.worlds import WorldsScreen, looked_up
 from ground.app.widgets.map import MapWidget
 from ground.app.worlds import ask_worlds, reached_in, reached_of
@@ -263,14 +263,14 @@ def test_a_fault_of_the_world_is_started_anew() -> None:
     ("words", "value", "start_s"), [("0", 0.0, 3.0), ("all 0.5", 0.5, 3.0), ("1 0.5 9", 0.5, 9.0)]
 )
 def test_a_fault_is_a_target_a_value_and_a_time(words: str, value: float, start_s: float) -> None:
-    one = Trouble("sonar_dropout", "", kind="sonar_dropout", targets=("0", "1", "all"))
+    one = InjectableFault("sonar_dropout", "", kind="sonar_dropout", targets=("0", "1", "all"))
     found = fault_of(one, words.split())
     assert (found["target"], found["value"], found["start_s"]) == (words.split()[0], value, start_s)
 
 
 @pytest.mark.parametrize("words", ["", "x", "0 y", "0 1 2 3"])
 def test_what_is_no_fault_is_refused(words: str) -> None:
-    one = Trouble("sonar_dropout", "", kind="sonar_dropout", targets=("0", "1"))
+    one = InjectableFault("sonar_dropout", "", kind="sonar_dropout", targets=("0", "1"))
     with pytest.raises(UserError):
         fault_of(one, words.split())
 

@@ -20,7 +20,7 @@ USUAL_START_S: Final = 3.0
 HOW: Final = "TARGET [VALUE] [FROM_S]"
 
 
-class Trouble(NamedTuple):
+class InjectableFault(NamedTuple):
     """`kind` of the plant, or what happens to the process of a `role`."""
 
     name: str
@@ -40,13 +40,13 @@ def heading_row(ours: bool) -> Row:
     )
 
 
-def trouble_row(one: Trouble, chosen: bool) -> Row:
+def trouble_row(one: InjectableFault, chosen: bool) -> Row:
     when = "now  " if one.role else "anew "
     name = Span(f"{one.name:<18}", "reverse" if chosen else "text")
     return row(faint(f" {when}"), name, f" {one.says}")
 
 
-def about_rows(one: Trouble | None) -> list[Row]:
+def about_rows(one: InjectableFault | None) -> list[Row]:
     if one is None:
         return [row(faint(" reading ..."))]
     first = row(Span(f" {one.name}", "accent"), f"  {one.says}")
@@ -65,7 +65,7 @@ class FaultsScreen(ListScreen):
 
     def __init__(self, deck: AppInterface) -> None:
         super().__init__(deck)
-        self._kinds: list[Trouble] = []
+        self._kinds: list[InjectableFault] = []
 
     def on_mount(self) -> None:
         self.lines("about").styles.height = 4
@@ -74,7 +74,7 @@ class FaultsScreen(ListScreen):
 
     def take_kinds(self, found: dict[str, Any]) -> None:
         self._kinds = [
-            Trouble(
+            InjectableFault(
                 one["kind"], one["says"], kind=one["kind"], targets=tuple(one["targets"]),
                 unit=one["unit"],
             )
@@ -82,18 +82,18 @@ class FaultsScreen(ListScreen):
         ]  # fmt: skip
         self.look()
 
-    def troubles(self) -> list[Trouble]:
+    def troubles(self) -> list[InjectableFault]:
         """Those of our processes first: they happen at once."""
         roles = self.deck.stack.roles() if self.deck.stack else []
         ours = [
-            Trouble(f"{what} {role}", says, role=role)
+            InjectableFault(f"{what} {role}", says, role=role)
             for role in roles
             for what, (_, says) in TROUBLES.items()
         ]
         return [*ours, *self._kinds]
 
     @property
-    def chosen(self) -> Trouble | None:
+    def chosen(self) -> InjectableFault | None:
         found = self.troubles()
         return found[self.listed.at] if self.listed.at < len(found) else None
 
@@ -116,7 +116,7 @@ class FaultsScreen(ListScreen):
         else:
             self.ask(f"{one.kind} {HOW}", f"{one.targets[0]} ".lstrip(), partial(self.begin, one))
 
-    def begin(self, one: Trouble, words: str) -> None:
+    def begin(self, one: InjectableFault, words: str) -> None:
         """The same world with this fault in it, started anew."""
         stack = self.deck.stack
         if stack is None:
@@ -134,7 +134,7 @@ class FaultsScreen(ListScreen):
             self.deck.stack.restarted(scenario)
 
 
-def fault_of(one: Trouble, words: list[str]) -> dict[str, object]:
+def fault_of(one: InjectableFault, words: list[str]) -> dict[str, object]:
     """The table of a world file; UserError names what is wrong."""
     target = words.pop(0) if one.targets != ("",) and words else ""
     if target not in one.targets:
