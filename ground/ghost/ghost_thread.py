@@ -24,7 +24,7 @@ CHOICES: Final = (*NAVIGATORS, ALL, NONE)
 NO_WORLD: Final = "no world is known: a ghost needs a simulation, or a recording that holds its own"
 
 
-class Haunting:
+class GhostRunner:
     """`begin` one at a key press, `poll` when the station is polled, `trails` for its scene."""
 
     def __init__(self, shown: Callable[[], Station], ghosts: Ghosts | None = None) -> None:

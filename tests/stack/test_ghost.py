@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from ground.app.playback.player import Player
-from ground.ghost.ghost_thread import Haunting
+from ground.ghost.ghost_thread import GhostRunner
 from protocol.topics import Role
 from runtime.clock import ManualClock
 from tests.support.stack.processes import Crew, Witness, departs
@@ -53,7 +53,7 @@ def test_played_in_the_app_it_can_be_haunted_from_any_of_its_instants(recording:
     """The recording holds its world, so the map has walls, and a ghost knows where it drives."""
     player = Player(recording, ManualClock())
     player.seek(4.0)
-    haunting = Haunting(lambda: player.station)
+    haunting = GhostRunner(lambda: player.station)
     haunting.begin("bug")
 
     def over() -> bool:

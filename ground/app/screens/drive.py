@@ -28,7 +28,7 @@ from ground.map import LAYERS, Target
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
-    from ground.ghost.ghost_thread import Haunting
+    from ground.ghost.ghost_thread import GhostRunner
 
 ZOOM: Final = 1.25
 HINT: Final = "60 columns and 18 rows show the map"
@@ -45,7 +45,7 @@ class DriveScreen(AppScreen):
         self.why = Why()
         self.hand = TeleopKeys(deck)
         self.pointing = MapCursor(lambda: self.map.view, self.robot_place, deck.give, self.tell)
-        self._haunting: Haunting | None = None
+        self._haunting: GhostRunner | None = None
         self._station = deck.station
 
     def middle(self) -> ComposeResult:
@@ -167,12 +167,12 @@ class DriveScreen(AppScreen):
     # Ghosts.
 
     @property
-    def haunting(self) -> "Haunting":
+    def haunting(self) -> "GhostRunner":
         """The ghosts on this map; begun when the first is wanted."""
         if self._haunting is None:
-            from ground.ghost.ghost_thread import Haunting  # with its recordings, and trials
+            from ground.ghost.ghost_thread import GhostRunner  # with its recordings, and trials
 
-            self._haunting = Haunting(lambda: self.deck.station)
+            self._haunting = GhostRunner(lambda: self.deck.station)
         return self._haunting
 
     def choose_ghost(self) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ground.ghost import Course, Ghosts
-from ground.ghost.ghost_thread import CHOICES, Haunting, instant_of, told
+from ground.ghost.ghost_thread import CHOICES, GhostRunner, instant_of, told
 from ground.station import Station
 from protocol.bus.mailbox import Sample
 from protocol.outcome import Outcome
@@ -33,11 +33,11 @@ def show(drive: tuple[Recording, Outcome], tmp_path: Path) -> Iterator[Show]:
     shown.station.close()
 
 
-def haunting_of(show: Show) -> Haunting:
-    return Haunting(lambda: show.station)
+def haunting_of(show: Show) -> GhostRunner:
+    return GhostRunner(lambda: show.station)
 
 
-def ended(haunting: Haunting) -> None:
+def ended(haunting: GhostRunner) -> None:
     def over() -> bool:
         haunting.poll()
         return not haunting.busy
@@ -82,7 +82,7 @@ def test_from_the_beginning_the_same_navigator_drives_the_shown_run(
 
 
 def test_all_of_them_at_once_and_none_of_them(show: Show) -> None:
-    haunting = Haunting(lambda: show.station, Ghosts(most=1))
+    haunting = GhostRunner(lambda: show.station, Ghosts(most=1))
     haunting.begin("all")
     assert len(haunting.trails()) == len(CHOICES) - 2
     haunting.begin("none")
@@ -130,7 +130,7 @@ def test_without_truth_it_begins_where_the_robot_believes_to_be(
 def test_one_that_cannot_be_run_is_told_with_its_reason(show: Show) -> None:
     world = WORLD._replace(text=WORLD.text.replace('"size_m": [6.0, 4.0]', '"size_m": [1.0, 1.0]'))
     station = Station(show.bus, "r1", show.bus.timeline, world)
-    haunting = Haunting(lambda: station)
+    haunting = GhostRunner(lambda: station)
     show.bus.seek(6.5)
     station.poll()
     haunting.begin("bug")
