@@ -3,6 +3,6 @@
 from ground.ghost.branch_point import Instant, driving
 from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts
-from ground.ghost.predicted_path import Course
+from ground.ghost.predicted_path import PredictedPath
 
-__all__ = ["Course", "Ghost", "Ghosts", "Instant", "driving"]
+__all__ = ["Ghost", "Ghosts", "Instant", "PredictedPath", "driving"]

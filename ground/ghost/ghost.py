@@ -14,7 +14,7 @@ from typing import IO, Final, Self
 
 from ground.client.goal import Destination
 from ground.ghost.branch_point import Facts, Instant, trial_words, world_bytes
-from ground.ghost.predicted_path import FAILED, Course, Point, Reading
+from ground.ghost.predicted_path import FAILED, Point, PredictedPath, Reading
 from ground.launch.child_command import command
 from ground.launch.child_processes import held_back, how
 from runtime.clock import Clock, WallClock
@@ -70,7 +70,7 @@ class Ghost:
         self._files: list[IO[bytes]] = []
         self._read_bytes = 0
         self._deadline_ns = 0
-        self._course: Course | None = None
+        self._course: PredictedPath | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -99,7 +99,7 @@ class Ghost:
         try:
             self._launch()
         except OSError as error:
-            self._finish(Course([], FAILED, f"it cannot be started: {error.strerror}"))
+            self._finish(PredictedPath([], FAILED, f"it cannot be started: {error.strerror}"))
         self._deadline_ns = self._clock.now_ns() + self._patience_ns
 
     def _launch(self) -> None:
@@ -120,7 +120,7 @@ class Ghost:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, self._process.pid, POLITE)
 
-    def poll(self) -> Course | None:
+    def poll(self) -> PredictedPath | None:
         """Look, without waiting: how it came out, or None while it drives."""
         process = self._process
         if process is None:
@@ -138,7 +138,7 @@ class Ghost:
         if self._process is not None:
             self._end(CANCELLED)
         elif self._course is None:
-            self._course = Course([], CANCELLED, CANCELLED)
+            self._course = PredictedPath([], CANCELLED, CANCELLED)
 
     def _end(self, why: str) -> None:
         process = self._process
@@ -149,7 +149,7 @@ class Ghost:
         outcome = CANCELLED if why == CANCELLED else self._reading.course(why).outcome
         self._finish(self._reading.course(why)._replace(outcome=outcome, reason=why))
 
-    def _finish(self, course: Course) -> None:
+    def _finish(self, course: PredictedPath) -> None:
         self._course, self._process = course, None
         for file in self._files:
             file.close()

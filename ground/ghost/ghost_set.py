@@ -4,7 +4,7 @@ import os
 from typing import Self
 
 from ground.ghost.ghost import Ghost
-from ground.ghost.predicted_path import Course
+from ground.ghost.predicted_path import PredictedPath
 from ground.map import Ghost as Trail
 
 
@@ -14,7 +14,7 @@ class Ghosts:
     def __init__(self, most: int | None = None) -> None:
         self._most = max(1, most if most is not None else os.cpu_count() or 1)
         self._ghosts: dict[str, Ghost] = {}
-        self._courses: dict[str, Course] = {}
+        self._courses: dict[str, PredictedPath] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -40,7 +40,7 @@ class Ghosts:
         return ended
 
     @property
-    def courses(self) -> dict[str, Course | None]:
+    def courses(self) -> dict[str, PredictedPath | None]:
         """How each came out; None while it waits or drives."""
         return {label: self._courses.get(label) for label in self._ghosts}
 

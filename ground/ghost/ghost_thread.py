@@ -8,7 +8,7 @@ from ground.client.vocabulary import NAVIGATORS
 from ground.ghost.branch_point import Instant, driving
 from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts
-from ground.ghost.predicted_path import FAILED, Course
+from ground.ghost.predicted_path import FAILED, PredictedPath
 from ground.ghost.recorded_ghost import changed, goal_of, side_of
 from ground.map import Ghost as Trail
 from ground.station import Station
@@ -99,7 +99,7 @@ def world_of(station: Station) -> str:
     return "" if station.world is None else station.world.text
 
 
-def told(course: Course) -> str:
+def told(course: PredictedPath) -> str:
     """How it came out, in one line."""
     words = course.outcome
     if course.time_s is not None and course.length_m is not None:

@@ -6,7 +6,7 @@ from ground.cli.command.param import fetch
 from ground.client.goal import Destination
 from ground.client.link import LISTEN_NS, Link, Unanswered
 from ground.ghost.branch_point import Facts, Instant, driving
-from ground.ghost.predicted_path import Course
+from ground.ghost.predicted_path import PredictedPath
 from ground.ghost.recorded_ghost import DRIVING, changed, goal_of
 from protocol.topics import STATUS, TRUTH, WORLD
 from protocol.wire.messages import NavigatorStatus
@@ -52,6 +52,6 @@ class Present:
     def parameters(self) -> dict[str, float]:
         return driving(changed(fetch(self._link)))
 
-    def rest(self) -> Course:
+    def rest(self) -> PredictedPath:
         """It drives on; how that ends is not known yet."""
-        return Course([], DRIVING, "", None, None)
+        return PredictedPath([], DRIVING, "", None, None)

@@ -15,7 +15,7 @@ PLACE: Final = ("true_x_m", "true_y_m")
 FAILED: Final = "failed"
 
 
-class Course(NamedTuple):
+class PredictedPath(NamedTuple):
     """Where it went and how that ended: `outcome` as `protocol.outcome` has it, or `failed`.
 
     `length_m` and `time_s` are None when it did not get as far as driving.
@@ -79,12 +79,12 @@ class Reading:
             if self._last is not None and self.path_m[-1] != self._last:
                 self.path_m.append(self._last)
 
-    def course(self, otherwise: str) -> Course:
+    def course(self, otherwise: str) -> PredictedPath:
         """How it came out; `otherwise` is the reason when it never said."""
         told = self.outcome
         if told is None:
-            return Course(list(self.path_m), FAILED, otherwise)
-        return Course(
+            return PredictedPath(list(self.path_m), FAILED, otherwise)
+        return PredictedPath(
             list(self.path_m),
             told["outcome"],
             str(told.get("reason", "")),

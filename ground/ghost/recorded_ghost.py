@@ -9,7 +9,7 @@ from ground.client.goal import Destination
 from ground.client.parameter_rows import rows_in
 from ground.client.vocabulary import SIDES
 from ground.ghost.branch_point import Facts, Instant
-from ground.ghost.predicted_path import Course, Point
+from ground.ghost.predicted_path import Point, PredictedPath
 from ground.recording.log_index import Reel
 from protocol.outcome import ENDS
 from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH
@@ -121,7 +121,7 @@ class Footage:
         whereto = goal or self.goal_at(at_ns)
         return Instant(world or self.world(), place.pose, place.world_s_at(at_ns), whereto)
 
-    def rest(self, at_ns: int) -> Course:
+    def rest(self, at_ns: int) -> PredictedPath:
         """What the robot itself did from there to the end of that goal, or of the recording."""
         goal_id = self.status_at(at_ns).goal_id
         after = [(time_ns, one) for time_ns, one in self.statuses if time_ns > at_ns]
@@ -135,7 +135,7 @@ class Footage:
         path_m: list[Point] = [self.place_at(at_ns).pose[:2]]
         path_m += [place.pose[:2] for place in self.places if at_ns < place.at_ns <= ends_ns]
         outcome = ENDS[GoalState(last.goal)] if last.goal in ENDS else DRIVING
-        return Course(
+        return PredictedPath(
             path_m,
             outcome,
             reason_text(last.goal_reason),

@@ -13,7 +13,7 @@ from ground.ghost.branch_point import Instant, driving
 from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts
 from ground.ghost.live_ghost import Present
-from ground.ghost.predicted_path import FAILED, Course
+from ground.ghost.predicted_path import FAILED, PredictedPath
 from ground.ghost.recorded_ghost import Footage, parameters_in, side_of
 from ground.recording.log_index import Reel
 from ground.recording.log_reader import opened
@@ -112,7 +112,7 @@ def haunted(
     parameters: dict[str, float],
     says: Says,
     clock: Clock,
-) -> dict[str, Course]:
+) -> dict[str, PredictedPath]:
     """Run them all, as many at once as there are cores; none is left when this is left."""
     names = list(NAVIGATORS) if ALL in options.navigator else options.navigator
     with Ghosts() as ghosts:
@@ -146,7 +146,11 @@ def show(says: Says, ghosts: Ghosts) -> None:
 
 
 def tell(
-    says: Says, instant: Instant, navigator: str, real: Course, courses: dict[str, Course]
+    says: Says,
+    instant: Instant,
+    navigator: str,
+    real: PredictedPath,
+    courses: dict[str, PredictedPath],
 ) -> int:
     rows = {f"{REAL} {navigator}": real, **courses}
     ok = all(course.outcome != FAILED for course in courses.values())
@@ -165,13 +169,13 @@ def tell(
     return 0 if ok else 1
 
 
-def table(rows: dict[str, Course]) -> list[str]:
+def table(rows: dict[str, PredictedPath]) -> list[str]:
     """A line per drive, in columns."""
     width = max(map(len, rows))
     return [f"  {name:<{width}}  {row(course)}".rstrip() for name, course in rows.items()]
 
 
-def row(course: Course) -> str:
+def row(course: PredictedPath) -> str:
     time_s = UNKNOWN if course.time_s is None else f"{course.time_s:.1f} s"
     length_m = UNKNOWN if course.length_m is None else f"{course.length_m:.2f} m"
     why = "" if course.reason == "ok" else course.reason

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from ground.ghost import Course, Ghost, Ghosts
+from ground.ghost import Ghost, Ghosts, PredictedPath
 from ground.ghost.ghost import CANCELLED
 from ground.ghost.predicted_path import FAILED
 from plant.world.file import load
@@ -27,7 +27,7 @@ FOREVER = "import time; print('time_s,true_x_m,true_y_m', flush=True); time.slee
 START = (0.6, 2.0, 0.0)
 
 
-def ended(ghost: Ghost) -> Course:
+def ended(ghost: Ghost) -> PredictedPath:
     ghost.start()
     until(lambda: ghost.poll() is not None)
     course = ghost.poll()
@@ -140,7 +140,7 @@ def test_one_that_was_never_started_can_be_cancelled() -> None:
     ghost = stubborn()
     assert ghost.poll() is None
     ghost.cancel()
-    assert ghost.poll() == Course([], CANCELLED, CANCELLED)
+    assert ghost.poll() == PredictedPath([], CANCELLED, CANCELLED)
 
 
 def test_leaving_the_block_ends_it_whatever_happened() -> None:
@@ -178,12 +178,14 @@ def test_a_death_is_told_with_how_it_died() -> None:
     assert ghost.pid is not None
     os.kill(ghost.pid, signal.SIGKILL)
     until(lambda: ghost.poll() is not None)
-    assert ghost.poll() == Course([], FAILED, "it ended with signal SIGKILL")
+    assert ghost.poll() == PredictedPath([], FAILED, "it ended with signal SIGKILL")
 
 
 def test_one_that_cannot_be_started_says_so() -> None:
     ghost = ghost_in("box", command_of=lambda words, parent: ["/nowhere/at/all"])
-    assert ended(ghost) == Course([], FAILED, "it cannot be started: No such file or directory")
+    assert ended(ghost) == PredictedPath(
+        [], FAILED, "it cannot be started: No such file or directory"
+    )
 
 
 PARENT = """

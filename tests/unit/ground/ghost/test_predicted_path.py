@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.ghost.predicted_path import FAILED, STEP_M, Course, Reading, number
+from ground.ghost.predicted_path import FAILED, STEP_M, PredictedPath, Reading, number
 
 HEAD = b"time_s,true_x_m,true_y_m,more\n"
 END = json.dumps(
@@ -29,7 +29,9 @@ def taken(*pieces: bytes) -> Reading:
 
 def test_a_whole_run_is_a_path_and_how_it_ended() -> None:
     reading = taken(run((1.0, 2.0), (1.5, 2.0)) + END + b"\n")
-    assert reading.course("") == Course([(1.0, 2.0), (1.5, 2.0)], "stuck", "no way", 1.5, 0.7, 2)
+    assert reading.course("") == PredictedPath(
+        [(1.0, 2.0), (1.5, 2.0)], "stuck", "no way", 1.5, 0.7, 2
+    )
 
 
 @given(st.lists(st.integers(0, 400), max_size=8))
@@ -54,7 +56,7 @@ def test_a_robot_that_stands_still_is_one_point() -> None:
 
 def test_without_an_outcome_it_failed_for_the_reason_given() -> None:
     course = taken(run((1.0, 2.0))).course("it was ended")
-    assert course == Course([(1.0, 2.0)], FAILED, "it was ended")
+    assert course == PredictedPath([(1.0, 2.0)], FAILED, "it was ended")
 
 
 @pytest.mark.parametrize(
@@ -81,7 +83,7 @@ def test_lines_that_are_none_are_left_out(line: bytes) -> None:
 
 @given(st.binary(max_size=200), st.binary(max_size=200))
 def test_any_bytes_can_come(before: bytes, after: bytes) -> None:
-    assert isinstance(taken(before, run((1.0, 2.0)), after, END, b"\n").course(""), Course)
+    assert isinstance(taken(before, run((1.0, 2.0)), after, END, b"\n").course(""), PredictedPath)
 
 
 @pytest.mark.parametrize(
