@@ -14,7 +14,7 @@ from typing import IO, Final, Self
 
 from ground.client.goal import Destination
 from ground.ghost.branch_point import Facts, Instant, trial_words, world_bytes
-from ground.ghost.predicted_path import FAILED, Point, PredictedPath, Reading
+from ground.ghost.predicted_path import FAILED, PathReader, Point, PredictedPath
 from ground.launch.child_command import command
 from ground.launch.child_processes import held_back, how
 from runtime.clock import Clock, WallClock
@@ -65,7 +65,7 @@ class Ghost:
         self._clock = clock or WallClock()
         self._patience_ns = round(patience_s * NS_PER_S)
         self._command_of = command_of
-        self._reading = Reading()
+        self._reading = PathReader()
         self._process: subprocess.Popen[bytes] | None = None
         self._files: list[IO[bytes]] = []
         self._read_bytes = 0

@@ -29,7 +29,7 @@ class PredictedPath(NamedTuple):
     contacts: int = 0
 
 
-class Reading:
+class PathReader:
     """Takes the output as it comes, in pieces of any size; lines that are none are left out."""
 
     def __init__(self) -> None:

@@ -11,7 +11,7 @@ from ground.app.input.keymap import load as keymap_in
 from ground.cli.command.param_files import read as parameters_in
 from ground.client.connection import Config
 from ground.console.history import History
-from ground.ghost.predicted_path import Reading
+from ground.ghost.predicted_path import PathReader
 from robot.cli import Settings
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import adjusted, described
@@ -97,7 +97,7 @@ def study_settings(path: Path) -> None:
 
 def course(data: bytes, _: Path) -> None:
     """The output of a process of ours, cut anywhere."""
-    reading = Reading()
+    reading = PathReader()
     for at in range(0, len(data), CHUNK):
         reading.take(data[at : at + CHUNK])
     reading.course("never said")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.ghost.predicted_path import FAILED, STEP_M, PredictedPath, Reading, number
+from ground.ghost.predicted_path import FAILED, STEP_M, PathReader, PredictedPath, number
 
 HEAD = b"time_s,true_x_m,true_y_m,more\n"
 END = json.dumps(
@@ -20,8 +20,8 @@ def run(*places: tuple[float, float]) -> bytes:
     return HEAD + "".join(rows).encode()
 
 
-def taken(*pieces: bytes) -> Reading:
-    reading = Reading()
+def taken(*pieces: bytes) -> PathReader:
+    reading = PathReader()
     for piece in pieces:
         reading.take(piece)
     return reading
