@@ -48,7 +48,7 @@ class Place(NamedTuple):
         )
 
 
-class Footage:
+class GhostRecording:
     """The parts of a recording that a ghost needs; places are true ones where they are known.
 
     In lockstep all stamps are of one clock: they say what belongs together, arrival does not quite.

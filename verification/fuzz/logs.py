@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 from ground.cli.look import export
 from ground.cli.look.replay import lines
 from ground.explain.from_recording import Recorded as Decided
-from ground.ghost.recorded_ghost import Footage, parameters_in
+from ground.ghost.recorded_ghost import GhostRecording, parameters_in
 from ground.map import Canvas, View, draw
 from ground.recording.log_index import Reel
 from ground.recording.log_reader import opened
@@ -287,7 +287,7 @@ def gather(path: Path) -> None:
 def haunt(path: Path) -> None:
     reel = Reel(opened(path))
     parameters_in(reel.facts.get("parameters", ""))
-    footage = Footage(reel)
+    footage = GhostRecording(reel)
     at_ns = footage.beginning_ns()
     footage.rest(at_ns)
     footage.instant(at_ns, None, None)

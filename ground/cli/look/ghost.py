@@ -14,7 +14,7 @@ from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts
 from ground.ghost.live_ghost import Present
 from ground.ghost.predicted_path import FAILED, PredictedPath
-from ground.ghost.recorded_ghost import Footage, parameters_in, side_of
+from ground.ghost.recorded_ghost import GhostRecording, parameters_in, side_of
 from ground.recording.log_index import Reel
 from ground.recording.log_reader import opened
 from ground.text.output import Says
@@ -86,7 +86,7 @@ def of_a_recording(options: argparse.Namespace, says: Says) -> int:
     reel = Reel(opened(Path(options.file), options.id))
     if reel.damage:
         says.note(f"{options.file}: DAMAGED: {reel.damage}")
-    footage = Footage(reel)
+    footage = GhostRecording(reel)
     at_s: float | None = options.at
     at_ns = footage.beginning_ns() if at_s is None else instant_ns(options.file, reel, at_s)
     instant = footage.instant(at_ns, options.world, goal_in(options))

@@ -9,7 +9,7 @@ import pytest
 
 from ground.cli.main import main
 from ground.client.goal import destination
-from ground.ghost.recorded_ghost import Footage, changed, parameters_in
+from ground.ghost.recorded_ghost import GhostRecording, changed, parameters_in
 from ground.recording.log_index import Reel
 from plant.model.types import GoalPose
 from plant.world.file import load
@@ -38,8 +38,8 @@ def log(run: Recording, tmp_path_factory: pytest.TempPathFactory) -> str:
     return run.written(tmp_path_factory.mktemp("logs") / "20260101T000000Z-r1.tlog")
 
 
-def footage(run: Recording) -> Footage:
-    return Footage(Reel(run))
+def footage(run: Recording) -> GhostRecording:
+    return GhostRecording(Reel(run))
 
 
 def test_an_instant_has_the_true_place_the_world_and_its_time(run: Recording) -> None:
