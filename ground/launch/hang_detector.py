@@ -20,7 +20,7 @@ ROUTER: Final = "router"
 SILENT: Final = f"hung (not heard for {SILENT_NS / NS_PER_S:g} s)"
 
 
-class Hearts:
+class HangDetector:
     """`heard` may be called from any thread, everything else from one."""
 
     def __init__(

@@ -15,7 +15,7 @@ from typing import Any, Final, Self
 from ground.client.connection import Common
 from ground.launch.child_command import command
 from ground.launch.child_processes import ChildDied, Children
-from ground.launch.hang_detector import ROUTER, Hearts
+from ground.launch.hang_detector import ROUTER, HangDetector
 from ground.launch.restart_policy import Policy, Supervisor
 from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
 from ground.launch.supervisor import Upkeep, Void
@@ -149,7 +149,7 @@ class Stack:
         assert bus is not None, "somebody is heard"
         robots = [f"robot {robot}" for robot in self.scenario.robots]
         hub, now_ns = ROUTER if self.scenario.router else robots[0], self._clock.now_ns()
-        self._hearts = Hearts(hub, [*robots, PLANT], lambda: bus.hub().linked, now_ns)
+        self._hearts = HangDetector(hub, [*robots, PLANT], lambda: bus.hub().linked, now_ns)
         self._upkeep = Upkeep(
             self._children,
             Supervisor(self._roles, self._policy),

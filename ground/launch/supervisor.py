@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from ground.launch.child_processes import Children, how
-from ground.launch.hang_detector import SILENT, Hearts
+from ground.launch.hang_detector import SILENT, HangDetector
 from ground.launch.restart_policy import Supervisor
 from runtime.watchdog import HANGS
 
@@ -31,7 +31,7 @@ class Upkeep:
         self,
         children: Children,
         supervisor: Supervisor,
-        hearts: Hearts | None,
+        hearts: HangDetector | None,
         arguments_of: Callable[[str, str], list[str]],
     ) -> None:
         """Without `hearts` nobody is known to hang: in lockstep, time may stand still."""

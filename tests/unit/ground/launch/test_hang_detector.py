@@ -1,6 +1,6 @@
 """Who is silent hangs, but never for the silence of the hub that it is heard through."""
 
-from ground.launch.hang_detector import ROUTER, SILENT_NS, STARTING_NS, Hearts
+from ground.launch.hang_detector import ROUTER, SILENT_NS, STARTING_NS, HangDetector
 
 ROBOT, PLANT = "robot r1", "plant"
 MS = 1_000_000
@@ -17,7 +17,7 @@ class Link:
         return self.there
 
 
-class Watched(Hearts):
+class Watched(HangDetector):
     """Looked at all the time."""
 
     def until(self, now_ns: int, *beating: str) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import pytest
 
 from ground.launch.child_processes import Children, Ended
-from ground.launch.hang_detector import SILENT, SILENT_NS, Hearts
+from ground.launch.hang_detector import SILENT, SILENT_NS, HangDetector
 from ground.launch.restart_policy import Policy, Supervisor
 from ground.launch.supervisor import PATIENCE_NS, SETTLED_NS, Upkeep
 from runtime.clock import ManualClock
@@ -47,7 +47,7 @@ class Stage:
 
     def __init__(self, *, hearts: bool = True, limit: int = 5) -> None:
         self.children = Played()
-        self.hearts = Hearts(ROBOT, [ROBOT, PLANT], lambda: True, -SECOND)
+        self.hearts = HangDetector(ROBOT, [ROBOT, PLANT], lambda: True, -SECOND)
         for role in (ROBOT, PLANT):
             self.hearts.heard(role, 0)
         self.upkeep = Upkeep(
