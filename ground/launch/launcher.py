@@ -16,7 +16,7 @@ from ground.client.connection import Common
 from ground.launch.child_command import command
 from ground.launch.child_processes import ChildDied, Children
 from ground.launch.hang_detector import ROUTER, HangDetector
-from ground.launch.restart_policy import Policy, Supervisor
+from ground.launch.restart_policy import Policy, RestartSchedule
 from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
 from ground.launch.supervisor import Upkeep, Void
 from ground.launch.tls_configs import check, dialling
@@ -152,7 +152,7 @@ class Stack:
         self._hearts = HangDetector(hub, [*robots, PLANT], lambda: bus.hub().linked, now_ns)
         self._upkeep = Upkeep(
             self._children,
-            Supervisor(self._roles, self._policy),
+            RestartSchedule(self._roles, self._policy),
             None if self.scenario.lockstep else self._hearts,
             self._arguments_of,
         )

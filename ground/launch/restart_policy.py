@@ -22,7 +22,7 @@ class Restart(NamedTuple):
     cause: str
 
 
-class Supervisor:
+class RestartSchedule:
     """Fed with deaths; `due` says whom to start now."""
 
     def __init__(self, roles: Iterable[str], policy: Policy | None = None) -> None:

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from ground.launch.child_processes import Children, how
 from ground.launch.hang_detector import SILENT, HangDetector
-from ground.launch.restart_policy import Supervisor
+from ground.launch.restart_policy import RestartSchedule
 from runtime.watchdog import HANGS
 
 SETTLED_NS: Final = 2_000_000_000
@@ -30,7 +30,7 @@ class Upkeep:
     def __init__(
         self,
         children: Children,
-        supervisor: Supervisor,
+        supervisor: RestartSchedule,
         hearts: HangDetector | None,
         arguments_of: Callable[[str, str], list[str]],
     ) -> None:

@@ -9,7 +9,7 @@ from ground.cli.main import parse
 from ground.cli.run.up import free_endpoint
 from ground.launch.child_command import command
 from ground.launch.child_processes import Children
-from ground.launch.restart_policy import Supervisor
+from ground.launch.restart_policy import RestartSchedule
 from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
 from ground.launch.supervisor import Upkeep
 from protocol.bus.bus import Bus, open_bus
@@ -56,7 +56,7 @@ class Fleet:
             self._words = self._cast()
             for role, words in self._words.items():
                 self._children.start(role, words)
-            supervisor = Supervisor(self._words)
+            supervisor = RestartSchedule(self._words)
             self._upkeep = Upkeep(self._children, supervisor, None, self._again)
             self._supervised = self._scope.enter_context(Supervised(self._world))
             network = Network(mode="client", connect=(self.endpoint,), connect_timeout_s=LISTENS_S)

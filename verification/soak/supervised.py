@@ -18,7 +18,7 @@ from ground.cli.main import parse
 from ground.cli.run.up import free_endpoint
 from ground.launch.child_command import command, tie_to
 from ground.launch.child_processes import Children
-from ground.launch.restart_policy import Supervisor
+from ground.launch.restart_policy import RestartSchedule
 from ground.launch.scenario import cast, question, scenario_of, world_facts
 from ground.launch.supervisor import Upkeep
 from runtime.clock import Clock, WallClock
@@ -82,7 +82,7 @@ def main(arguments: Sequence[str]) -> int:
         pids = dict(zip(children.roles, children.pids, strict=True))
         print(json.dumps({"plant": pids["plant"]}), flush=True)
         threading.Thread(target=await_end, args=(over,), daemon=True).start()
-        upkeep = Upkeep(children, Supervisor(words), None, lambda role, _cause: words[role])
+        upkeep = Upkeep(children, RestartSchedule(words), None, lambda role, _cause: words[role])
         supervise(upkeep, children, clock, over)
     return 0
 

@@ -3,19 +3,19 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.launch.restart_policy import Policy, Supervisor
+from ground.launch.restart_policy import Policy, RestartSchedule
 from runtime.units import NS_PER_MS, NS_PER_S
 
 ROLE = "robot r1"
 KILLED = "was killed (signal SIGKILL)"
 
 
-def deaths(supervisor: Supervisor, *at_ns: int) -> list[str]:
+def deaths(supervisor: RestartSchedule, *at_ns: int) -> list[str]:
     return [supervisor.died(ROLE, KILLED, now_ns) for now_ns in at_ns]
 
 
 def test_the_first_restart_is_at_once_and_carries_the_cause() -> None:
-    supervisor = Supervisor([ROLE])
+    supervisor = RestartSchedule([ROLE])
     (words,) = deaths(supervisor, 7)
     assert words == "the robot r1 process was killed (signal SIGKILL); it is started again"
     assert supervisor.due(7) == [(ROLE, KILLED)]
@@ -23,7 +23,7 @@ def test_the_first_restart_is_at_once_and_carries_the_cause() -> None:
 
 
 def test_each_further_one_waits_twice_as_long_up_to_a_limit() -> None:
-    supervisor = Supervisor([ROLE], Policy(limit=9))
+    supervisor = RestartSchedule([ROLE], Policy(limit=9))
     waited = []
     for _ in range(8):
         supervisor.died(ROLE, KILLED, 0)
@@ -32,12 +32,12 @@ def test_each_further_one_waits_twice_as_long_up_to_a_limit() -> None:
 
 
 def test_a_pause_is_told() -> None:
-    supervisor = Supervisor([ROLE])
+    supervisor = RestartSchedule([ROLE])
     assert deaths(supervisor, 0, 1)[1].endswith("it is started again in 0.2 s")
 
 
 def test_the_sixth_death_within_a_minute_is_given_up_loudly_and_for_good() -> None:
-    supervisor = Supervisor([ROLE, "plant"])
+    supervisor = RestartSchedule([ROLE, "plant"])
     words = deaths(supervisor, *(second * NS_PER_S for second in range(6)))
     assert words[5] == f"GIVEN UP: the robot r1 process {KILLED}, 6 times within 60 s"
     assert supervisor.given_up == {ROLE: words[5]}
@@ -46,7 +46,7 @@ def test_the_sixth_death_within_a_minute_is_given_up_loudly_and_for_good() -> No
 
 
 def test_after_a_quiet_minute_all_is_forgiven() -> None:
-    supervisor = Supervisor([ROLE])
+    supervisor = RestartSchedule([ROLE])
     deaths(supervisor, *(second * NS_PER_S for second in range(5)))
     (words,) = deaths(supervisor, 64 * NS_PER_S + 1)
     assert words.endswith("it is started again")
@@ -54,7 +54,7 @@ def test_after_a_quiet_minute_all_is_forgiven() -> None:
 
 
 def test_the_deaths_of_one_are_not_those_of_another() -> None:
-    supervisor = Supervisor([ROLE, "plant"])
+    supervisor = RestartSchedule([ROLE, "plant"])
     deaths(supervisor, 0, 1, 2, 3, 4)
     supervisor.died("plant", "was told to stop", 5)
     assert ("plant", "was told to stop") in supervisor.due(5)
@@ -63,7 +63,7 @@ def test_the_deaths_of_one_are_not_those_of_another() -> None:
 
 @given(st.lists(st.integers(0, 20 * NS_PER_S), max_size=60))
 def test_no_minute_has_more_restarts_than_the_limit(gaps_ns: list[int]) -> None:
-    supervisor, now_ns, restarts = Supervisor([ROLE]), 0, []
+    supervisor, now_ns, restarts = RestartSchedule([ROLE]), 0, []
     for gap_ns in gaps_ns:
         now_ns += gap_ns
         if supervisor.given_up:
