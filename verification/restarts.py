@@ -15,7 +15,7 @@ from ground.cli.main import parse
 from ground.cli.run.up import dialled, free_endpoint
 from ground.launch.child_command import command
 from ground.launch.launcher import Stack
-from ground.launch.restart_policy import Policy
+from ground.launch.restart_policy import RestartPolicy
 from ground.launch.scenario import question, scenario_of, world_facts
 from protocol.bus.bus import Bus
 from protocol.bus.session import listens
@@ -31,7 +31,7 @@ LOOK_NS: Final = 2 * NS_PER_MS
 PATIENCE_NS: Final = 15_000 * NS_PER_MS
 SETTLED_NS: Final = 700 * NS_PER_MS
 ROUTER_S: Final = 1.0
-NO_PAUSE: Final = Policy(pause_ns=0, limit=1_000_000)
+NO_PAUSE: Final = RestartPolicy(pause_ns=0, limit=1_000_000)
 ROLES: Final = (("robot r1", False), ("plant", False), ("robot r1", True), ("router", True))
 
 
@@ -88,7 +88,9 @@ def of(name: str, took: list[Recovery], most_s: float | None) -> list[Figure]:
 
 
 @contextmanager
-def running(*, router: bool, policy: Policy = NO_PAUSE) -> Iterator[tuple[Stack, Ears, WallClock]]:
+def running(
+    *, router: bool, policy: RestartPolicy = NO_PAUSE
+) -> Iterator[tuple[Stack, Ears, WallClock]]:
     """Robot and plant standing in the open, looked after as `up` does but without any limit."""
     clock = WallClock()
     options = parse(["up", "--world", "open", *(["--router"] if router else [])])

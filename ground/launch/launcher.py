@@ -16,7 +16,7 @@ from ground.client.connection import Common
 from ground.launch.child_command import command
 from ground.launch.child_processes import ChildDied, Children
 from ground.launch.hang_detector import ROUTER, HangDetector
-from ground.launch.restart_policy import Policy, RestartSchedule
+from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
 from ground.launch.supervisor import Upkeep, Void
 from ground.launch.tls_configs import check, dialling
@@ -55,7 +55,7 @@ class Stack:
         scenario: Scenario,
         endpoint: str,
         clock: Clock,
-        policy: Policy | None = None,
+        policy: RestartPolicy | None = None,
     ) -> None:
         self._options = options
         self.scenario = scenario

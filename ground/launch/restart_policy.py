@@ -6,7 +6,7 @@ from typing import NamedTuple
 from runtime.units import NS_PER_MS, NS_PER_S
 
 
-class Policy(NamedTuple):
+class RestartPolicy(NamedTuple):
     """The first restart is at once; each further one within `window_ns` waits twice as long."""
 
     pause_ns: int = 200 * NS_PER_MS
@@ -25,8 +25,8 @@ class Restart(NamedTuple):
 class RestartSchedule:
     """Fed with deaths; `due` says whom to start now."""
 
-    def __init__(self, roles: Iterable[str], policy: Policy | None = None) -> None:
-        self._policy = policy or Policy()
+    def __init__(self, roles: Iterable[str], policy: RestartPolicy | None = None) -> None:
+        self._policy = policy or RestartPolicy()
         self._planned: dict[str, tuple[int, str]] = {}
         self._deaths: dict[str, list[int]] = {role: [] for role in roles}
         self.given_up: dict[str, str] = {}

@@ -13,7 +13,7 @@ from ground.launch import child_command
 from ground.launch.child_processes import ChildDied
 from ground.launch.fleet_run import Outing
 from ground.launch.launcher import Stack
-from ground.launch.restart_policy import Policy
+from ground.launch.restart_policy import RestartPolicy
 from ground.text.output import Says
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason
@@ -103,7 +103,7 @@ class Stage:
 
 
 @contextmanager
-def stage_of(*, router: bool, policy: Policy = NO_PAUSE) -> Iterator[Stage]:
+def stage_of(*, router: bool, policy: RestartPolicy = NO_PAUSE) -> Iterator[Stage]:
     with ExitStack() as scope:
         stack, ears, _ = scope.enter_context(running(router=router, policy=policy))
         witness = scope.enter_context(Witness(stack.common.endpoint))
@@ -175,7 +175,7 @@ def test_a_robot_that_is_the_hub_comes_back_too_and_its_exception_is_told(
 
 
 def test_who_dies_again_and_again_is_given_up_and_up_ends(sabotage: Sabotage) -> None:
-    with stage_of(router=False, policy=Policy(limit=1)) as stage:
+    with stage_of(router=False, policy=RestartPolicy(limit=1)) as stage:
         stage.hurt("robot r1", "SIGKILL", sabotage)
         stage.until(lambda: stage.said("started again"), "it is back")
         stage.hurt("robot r1", "SIGKILL", sabotage)

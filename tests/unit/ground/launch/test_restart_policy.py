@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.launch.restart_policy import Policy, RestartSchedule
+from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from runtime.units import NS_PER_MS, NS_PER_S
 
 ROLE = "robot r1"
@@ -23,7 +23,7 @@ def test_the_first_restart_is_at_once_and_carries_the_cause() -> None:
 
 
 def test_each_further_one_waits_twice_as_long_up_to_a_limit() -> None:
-    supervisor = RestartSchedule([ROLE], Policy(limit=9))
+    supervisor = RestartSchedule([ROLE], RestartPolicy(limit=9))
     waited = []
     for _ in range(8):
         supervisor.died(ROLE, KILLED, 0)

@@ -7,7 +7,7 @@ import pytest
 
 from ground.launch.child_processes import Children, Ended
 from ground.launch.hang_detector import SILENT, SILENT_NS, HangDetector
-from ground.launch.restart_policy import Policy, RestartSchedule
+from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.supervisor import PATIENCE_NS, SETTLED_NS, Upkeep
 from runtime.clock import ManualClock
 
@@ -52,7 +52,7 @@ class Stage:
             self.hearts.heard(role, 0)
         self.upkeep = Upkeep(
             self.children,
-            RestartSchedule([ROBOT, PLANT], Policy(limit=limit)),
+            RestartSchedule([ROBOT, PLANT], RestartPolicy(limit=limit)),
             self.hearts if hearts else None,
             lambda role, cause: [role, cause],
         )
