@@ -18,7 +18,7 @@ from ground.launch.child_processes import ChildDied, Children
 from ground.launch.hang_detector import ROUTER, HangDetector
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
-from ground.launch.supervisor import Upkeep, Void
+from ground.launch.supervisor import Supervisor, Void
 from ground.launch.tls_configs import check, dialling
 from protocol.bus.bus import Bus
 from protocol.bus.network import Network
@@ -65,7 +65,7 @@ class Stack:
         self._children = Children(clock)
         self._roles: list[str] = []
         self._folder: TemporaryDirectory[str] | None = None
-        self._upkeep: Upkeep | None = None
+        self._upkeep: Supervisor | None = None
         self._hears: Bus | None = None
         self.logs_before: set[Path] = set()
 
@@ -150,7 +150,7 @@ class Stack:
         robots = [f"robot {robot}" for robot in self.scenario.robots]
         hub, now_ns = ROUTER if self.scenario.router else robots[0], self._clock.now_ns()
         self._hearts = HangDetector(hub, [*robots, PLANT], lambda: bus.hub().linked, now_ns)
-        self._upkeep = Upkeep(
+        self._upkeep = Supervisor(
             self._children,
             RestartSchedule(self._roles, self._policy),
             None if self.scenario.lockstep else self._hearts,

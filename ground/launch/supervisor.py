@@ -24,7 +24,7 @@ class Void(NamedTuple):
     over: bool
 
 
-class Upkeep:
+class Supervisor:
     """Looked at in rounds; `arguments_of` says how each role is started anew after a cause."""
 
     def __init__(

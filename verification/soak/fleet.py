@@ -11,7 +11,7 @@ from ground.launch.child_command import command
 from ground.launch.child_processes import Children
 from ground.launch.restart_policy import RestartSchedule
 from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
-from ground.launch.supervisor import Upkeep
+from ground.launch.supervisor import Supervisor
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
@@ -57,7 +57,7 @@ class Fleet:
             for role, words in self._words.items():
                 self._children.start(role, words)
             supervisor = RestartSchedule(self._words)
-            self._upkeep = Upkeep(self._children, supervisor, None, self._again)
+            self._upkeep = Supervisor(self._children, supervisor, None, self._again)
             self._supervised = self._scope.enter_context(Supervised(self._world))
             network = Network(mode="client", connect=(self.endpoint,), connect_timeout_s=LISTENS_S)
             self.bus: Bus = self._scope.enter_context(open_bus(network, Role.GROUND, "r1"))

@@ -20,7 +20,7 @@ from ground.launch.child_command import command, tie_to
 from ground.launch.child_processes import Children
 from ground.launch.restart_policy import RestartSchedule
 from ground.launch.scenario import cast, question, scenario_of, world_facts
-from ground.launch.supervisor import Upkeep
+from ground.launch.supervisor import Supervisor
 from runtime.clock import Clock, WallClock
 
 ROUND_S: Final = 0.1
@@ -51,7 +51,7 @@ class Supervised:
         self._process.communicate()
 
 
-def supervise(upkeep: Upkeep, children: Children, clock: Clock, over: threading.Event) -> None:
+def supervise(upkeep: Supervisor, children: Children, clock: Clock, over: threading.Event) -> None:
     """Keep all running, and give the supervisor something to do."""
     killed_ns = clock.now_ns()
     while not over.wait(ROUND_S):
@@ -82,7 +82,9 @@ def main(arguments: Sequence[str]) -> int:
         pids = dict(zip(children.roles, children.pids, strict=True))
         print(json.dumps({"plant": pids["plant"]}), flush=True)
         threading.Thread(target=await_end, args=(over,), daemon=True).start()
-        upkeep = Upkeep(children, RestartSchedule(words), None, lambda role, _cause: words[role])
+        upkeep = Supervisor(
+            children, RestartSchedule(words), None, lambda role, _cause: words[role]
+        )
         supervise(upkeep, children, clock, over)
     return 0
 

@@ -8,7 +8,7 @@ import pytest
 from ground.launch.child_processes import Children, Ended
 from ground.launch.hang_detector import SILENT, SILENT_NS, HangDetector
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
-from ground.launch.supervisor import PATIENCE_NS, SETTLED_NS, Upkeep
+from ground.launch.supervisor import PATIENCE_NS, SETTLED_NS, Supervisor
 from runtime.clock import ManualClock
 
 ROBOT, PLANT = "robot r1", "plant"
@@ -50,7 +50,7 @@ class Stage:
         self.hearts = HangDetector(ROBOT, [ROBOT, PLANT], lambda: True, -SECOND)
         for role in (ROBOT, PLANT):
             self.hearts.heard(role, 0)
-        self.upkeep = Upkeep(
+        self.upkeep = Supervisor(
             self.children,
             RestartSchedule([ROBOT, PLANT], RestartPolicy(limit=limit)),
             self.hearts if hearts else None,
