@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from ground.launch.goal_run import Errand, NotRun
+from ground.launch.goal_run import GoalRun, NotRun
 from ground.text.status_parts import Part
 from protocol.outcome import Outcome
 from runtime.clock import Clock
@@ -17,7 +17,7 @@ class Outing:
 
     def __init__(
         self,
-        errands: Sequence[Errand],
+        errands: Sequence[GoalRun],
         clock: Clock,
         check: Callable[[], None],
         show: Callable[[list[Part]], None],

@@ -42,7 +42,7 @@ class NotRun(RemoteError):
     exit_code = 1
 
 
-class Errand:
+class GoalRun:
     """One robot's part in a run; `outcome` is there when it has ended.
 
     `check` raises when a process has died; `void` tells of one that was started again: then there

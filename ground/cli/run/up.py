@@ -18,7 +18,7 @@ from ground.client.link import Link, Unanswered
 from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.launch.child_command import command
 from ground.launch.fleet_run import Outing, as_json, in_words
-from ground.launch.goal_run import Errand
+from ground.launch.goal_run import GoalRun
 from ground.launch.launcher import Stack
 from ground.launch.recording_session import Recording, add_recording, folder_of, usual_folder
 from ground.launch.scenario import Scenario, question, scenario_of, world_facts
@@ -156,13 +156,13 @@ def look(stack: Stack, says: Says) -> None:
         says.note(news)
 
 
-def errands_of(stack: Stack, bus: Bus, says: Says, clock: Clock) -> list[Errand]:
+def errands_of(stack: Stack, bus: Bus, says: Says, clock: Clock) -> list[GoalRun]:
     """One for each robot."""
     scenario = stack.scenario
     goals = ", ".join(str(entrant.goal) for entrant in scenario.entrants)
     says.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
     return [
-        Errand(
+        GoalRun(
             Link(bus, replace(stack.common, robot=entrant.robot), clock),
             scenario,
             entrant,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from ground.launch.fleet_run import Outing, as_json, in_words
-from ground.launch.goal_run import Errand, NotRun
+from ground.launch.goal_run import GoalRun, NotRun
 from ground.text.status_parts import Part
 from protocol.outcome import Outcome
 from runtime.clock import ManualClock
@@ -34,7 +34,7 @@ REACHED = Outcome(
 )
 
 
-class Played(Errand):
+class Played(GoalRun):
     """An errand that only takes down what is done with it, and ends after some looks."""
 
     def __init__(self, name: str, looks: int, diary: list[str]) -> None:

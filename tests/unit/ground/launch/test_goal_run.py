@@ -9,7 +9,7 @@ from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.link import Link, Unanswered
 from ground.client.requests import ATTEMPTS
-from ground.launch.goal_run import PATIENCE_NS, READY_NS, Errand, NotRun
+from ground.launch.goal_run import PATIENCE_NS, READY_NS, GoalRun, NotRun
 from ground.launch.scenario import Entrant, Scenario
 from ground.launch.supervisor import Void
 from protocol.bus.network import Network
@@ -72,7 +72,7 @@ class Stage:
         goal = destination([3.0, 2.0])
         entrant = Entrant(robot="r1", start=(0.0, 0.0, 0.0), goal=goal)
         scenario = replace(SCENARIO, speed="max") if lockstep else SCENARIO
-        self.errand = Errand(link, scenario, entrant, lambda: None, lambda: self.void)
+        self.errand = GoalRun(link, scenario, entrant, lambda: None, lambda: self.void)
 
     @classmethod
     def begun(cls, *, lockstep: bool = False) -> Self:
