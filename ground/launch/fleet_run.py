@@ -12,7 +12,7 @@ LOOK_NS: Final = 100_000_000
 PAUSE_NS: Final = 2_000_000
 
 
-class Outing:
+class FleetRun:
     """`check` raises when a process has died; `show` gets a line now and then."""
 
     def __init__(

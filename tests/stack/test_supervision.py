@@ -11,7 +11,7 @@ import pytest
 from ground.cli.run.up import errands_of
 from ground.launch import child_command
 from ground.launch.child_processes import ChildDied
-from ground.launch.fleet_run import Outing
+from ground.launch.fleet_run import FleetRun
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import RestartPolicy
 from ground.text.output import Says
@@ -67,7 +67,7 @@ class Stage:
         assert hears is not None
         says, clock = Says(as_json=False), WallClock()
         errands = errands_of(self.stack, hears, says, clock)
-        outing = Outing(errands, clock, self.look, lambda _: None)
+        outing = FleetRun(errands, clock, self.look, lambda _: None)
         for _ in range(TRIES):
             outing.launch(lockstep=False)
             stopped = len(witness.statuses)

@@ -17,7 +17,7 @@ from ground.client.connection import Common, add_json, positive, seconds
 from ground.client.link import Link, Unanswered
 from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.launch.child_command import command
-from ground.launch.fleet_run import Outing, as_json, in_words
+from ground.launch.fleet_run import FleetRun, as_json, in_words
 from ground.launch.goal_run import GoalRun
 from ground.launch.launcher import Stack
 from ground.launch.recording_session import Recording, add_recording, folder_of, usual_folder
@@ -116,7 +116,7 @@ def rehearse(
         stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, says))
         with dialled(stack.common, clock, stack.check) as bus:
             errands = errands_of(stack, bus, says, clock)
-            outing = Outing(errands, clock, partial(look, stack, says), shown(says, clock))
+            outing = FleetRun(errands, clock, partial(look, stack, says), shown(says, clock))
             try:
                 return outing.run(
                     lockstep=scenario.lockstep, launched=partial(look_after, stack, bus)
@@ -132,7 +132,7 @@ def show(options: argparse.Namespace, scenario: Scenario, says: Says, clock: Clo
         stack.start(ready=partial(recorders_ready, stack, clock, says))
         with dialled(stack.common, clock, stack.check) as bus:
             errands = errands_of(stack, bus, says, clock)
-            Outing(errands, clock, stack.check, shown(says, clock)).launch(lockstep=False)
+            FleetRun(errands, clock, stack.check, shown(says, clock)).launch(lockstep=False)
             stack.look_after(bus)
             folder = Path(scenario.record or usual_folder())
             config = ground_file(scenario.locks)

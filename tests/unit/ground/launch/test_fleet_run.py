@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from ground.launch.fleet_run import Outing, as_json, in_words
+from ground.launch.fleet_run import FleetRun, as_json, in_words
 from ground.launch.goal_run import GoalRun, NotRun
 from ground.text.status_parts import Part
 from protocol.outcome import Outcome
@@ -73,11 +73,11 @@ class Played(GoalRun):
 
 def outing(
     *looks: int, check: Callable[[], None] = lambda: None
-) -> tuple[Outing, list[str], list[list[Part]]]:
+) -> tuple[FleetRun, list[str], list[list[Part]]]:
     diary: list[str] = []
     shown: list[list[Part]] = []
     errands = [Played(f"r{number + 1}", count, diary) for number, count in enumerate(looks)]
-    return Outing(errands, ManualClock(), check, shown.append), diary, shown
+    return FleetRun(errands, ManualClock(), check, shown.append), diary, shown
 
 
 def test_in_lockstep_every_goal_is_given_before_time_goes_on() -> None:
