@@ -10,7 +10,7 @@ from ground.client.requests import Answered, GoalWatch
 from ground.client.status_line import goal_line, short_line
 from ground.client.telemetry import Telemetry
 from ground.client.vocabulary import NAVIGATORS, SIDES, why
-from ground.launch.scenario import Entrant, Scenario
+from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import Void
 from ground.text.status_parts import Part
 from protocol.outcome import Ended, Outcome, judged
@@ -53,7 +53,7 @@ class GoalRun:
         self,
         link: Link,
         scenario: Scenario,
-        entrant: Entrant,
+        entrant: ScenarioRobot,
         check: Callable[[], None],
         void: Callable[[], Void | None] = lambda: None,
     ) -> None:

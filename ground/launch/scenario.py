@@ -20,7 +20,7 @@ SHOW_S: Final = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Entrant:
+class ScenarioRobot:
     """One of the robots: its name, where it stands (x_m, y_m, heading_rad) and where it goes.
 
     `shifted`: its goal lies from the goal as its start lies from the start.
@@ -39,7 +39,7 @@ class Scenario:
     world: str
     name: str
     facts: dict[str, Any]
-    entrants: tuple[Entrant, ...]
+    entrants: tuple[ScenarioRobot, ...]
     navigator: str
     side: str
     seed: int
@@ -107,10 +107,10 @@ def scenario_of(options: argparse.Namespace, facts: dict[str, Any]) -> Scenario:
     )
 
 
-def entrants_of(goal: Destination, facts: dict[str, Any]) -> Iterator[Entrant]:
+def entrants_of(goal: Destination, facts: dict[str, Any]) -> Iterator[ScenarioRobot]:
     """Starts and goals are where the plant says; the first robot's goal is the one asked for."""
     for number, (start, place) in enumerate(zip(facts["starts"], facts["goals"], strict=True)):
-        yield Entrant(
+        yield ScenarioRobot(
             robot=f"r{number + 1}",
             start=(start["x_m"], start["y_m"], radians(start["heading_deg"])),
             goal=replace(goal, x_m=place["x_m"], y_m=place["y_m"]) if number else goal,
@@ -179,7 +179,7 @@ def unlocked_cast(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str
     return [*everybody, ("plant", plant(scenario, endpoint))]
 
 
-def robot(scenario: Scenario, entrant: Entrant, endpoint: str) -> list[str]:
+def robot(scenario: Scenario, entrant: ScenarioRobot, endpoint: str) -> list[str]:
     """Without a router the robot is the hub that the others dial."""
     found = [
         "robot",

@@ -10,7 +10,7 @@ from ground.client.goal import destination
 from ground.client.link import Link, Unanswered
 from ground.client.requests import ATTEMPTS
 from ground.launch.goal_run import PATIENCE_NS, READY_NS, GoalRun, NotRun
-from ground.launch.scenario import Entrant, Scenario
+from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import Void
 from protocol.bus.network import Network
 from protocol.topic import Service
@@ -70,7 +70,7 @@ class Stage:
         network = Network(mode="client", connect=("tcp/127.0.0.1:1",))
         link = Dialled(self.bus, Common(network=network, robot="r1"), self.clock)
         goal = destination([3.0, 2.0])
-        entrant = Entrant(robot="r1", start=(0.0, 0.0, 0.0), goal=goal)
+        entrant = ScenarioRobot(robot="r1", start=(0.0, 0.0, 0.0), goal=goal)
         scenario = replace(SCENARIO, speed="max") if lockstep else SCENARIO
         self.errand = GoalRun(link, scenario, entrant, lambda: None, lambda: self.void)
 
