@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ground.explain.explanation import Explanation, explain
 from ground.explain.turning import turning_point
-from ground.recording.log_index import Reel
+from ground.recording.log_index import LogIndex
 from protocol.topics import CYCLE, DECISION, STATUS
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 
@@ -22,7 +22,7 @@ class Turn(NamedTuple):
 class Recorded:
     """The decisions of a recording; status and cost go with the decision of the same tick."""
 
-    def __init__(self, reel: Reel) -> None:
+    def __init__(self, reel: LogIndex) -> None:
         found = [
             (at_ns, one) for at_ns, one in reel.on(DECISION.path) if type(one) is AvoidanceDecision
         ]

@@ -10,7 +10,7 @@ from ground.client.parameter_rows import rows_in
 from ground.client.vocabulary import SIDES
 from ground.ghost.branch_point import Facts, Instant
 from ground.ghost.predicted_path import Point, PredictedPath
-from ground.recording.log_index import Reel
+from ground.recording.log_index import LogIndex
 from protocol.outcome import ENDS
 from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH
 from protocol.wire.enums import GoalState
@@ -54,7 +54,7 @@ class GhostRecording:
     In lockstep all stamps are of one clock: they say what belongs together, arrival does not quite.
     """
 
-    def __init__(self, reel: Reel) -> None:
+    def __init__(self, reel: LogIndex) -> None:
         begun_ns = lockstep_ns(reel)
 
         def when(at_ns: int, stamp_ns: int) -> int:
@@ -159,7 +159,7 @@ def begun_ns(at_ns: int, status: NavigatorStatus) -> int:
     return at_ns - (status.time_ns - status.goal_started_ns)
 
 
-def lockstep_ns(reel: Reel) -> int | None:
+def lockstep_ns(reel: LogIndex) -> int | None:
     """When the plant's clock began to be recorded; None when the run was not in lockstep."""
     clocks = (one for _, one in reel.on(CLOCK.path) if type(one) is SystemTime)
     first = next(clocks, None)

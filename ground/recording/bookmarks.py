@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from ground.recording.log_index import Reel
+from ground.recording.log_index import LogIndex
 from ground.text.statustext import Texts
 from protocol.topics import MARK, STATUS
 from protocol.wire.enums import GoalState, Vehicle
@@ -23,7 +23,7 @@ class Mark(NamedTuple):
     text: str
 
 
-def marks_of(reel: Reel) -> tuple[Mark, ...]:
+def marks_of(reel: LogIndex) -> tuple[Mark, ...]:
     """All of them, in the order of time."""
     texts = Texts()
     remarks = ((time_ns, texts.receive(message)) for time_ns, message in reel.on(MARK.path))

@@ -30,7 +30,7 @@ class Played(NamedTuple):
     frame: bytes
 
 
-class Reel:
+class LogIndex:
     """Frames in order, with an index by key."""
 
     def __init__(self, log: Log) -> None:

@@ -17,7 +17,7 @@ from ground.cli.look.replay import lines
 from ground.explain.from_recording import Recorded as Decided
 from ground.ghost.recorded_ghost import GhostRecording, parameters_in
 from ground.map import Canvas, View, draw
-from ground.recording.log_index import Reel
+from ground.recording.log_index import LogIndex
 from ground.recording.log_reader import opened
 from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
 from ground.recording.mcap.writer import McapForm
@@ -285,7 +285,7 @@ def gather(path: Path) -> None:
 
 
 def haunt(path: Path) -> None:
-    reel = Reel(opened(path))
+    reel = LogIndex(opened(path))
     parameters_in(reel.facts.get("parameters", ""))
     footage = GhostRecording(reel)
     at_ns = footage.beginning_ns()

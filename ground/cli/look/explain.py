@@ -9,7 +9,7 @@ from ground.client.link import LISTEN_NS, Link, linked
 from ground.client.telemetry import Telemetry
 from ground.explain.explanation import Explanation, explain
 from ground.explain.from_recording import Recorded, Turn
-from ground.recording.log_index import Reel
+from ground.recording.log_index import LogIndex
 from ground.recording.log_reader import opened
 from ground.text.output import Says
 from protocol.options import up_to
@@ -71,7 +71,7 @@ def refuse_without_a_recording(options: argparse.Namespace) -> None:
 
 def of_a_recording(options: argparse.Namespace, says: Says) -> int:
     """0 when something could be told, 1 when the recording has nothing or is damaged."""
-    reel = Reel(opened(Path(options.file), options.id))
+    reel = LogIndex(opened(Path(options.file), options.id))
     if reel.damage:
         says.note(f"{options.file}: DAMAGED: {reel.damage}")
     recorded = Recorded(reel)
@@ -89,7 +89,7 @@ def of_a_recording(options: argparse.Namespace, says: Says) -> int:
     return 1 if reel.damage else 0
 
 
-def chosen_ns(options: argparse.Namespace, reel: Reel, turns: list[Turn]) -> int:
+def chosen_ns(options: argparse.Namespace, reel: LogIndex, turns: list[Turn]) -> int:
     """The instant asked for, else the last turning point, else the end."""
     asked_s: float | None = options.at
     if asked_s is not None:
@@ -97,7 +97,7 @@ def chosen_ns(options: argparse.Namespace, reel: Reel, turns: list[Turn]) -> int
     return turns[-1].at_ns if turns else reel.duration_ns
 
 
-def instant_ns(file: str, reel: Reel, at_s: float) -> int:
+def instant_ns(file: str, reel: LogIndex, at_s: float) -> int:
     """On the timeline of the recording; UserError when that ends before."""
     at_ns = round(at_s * NS_PER_S)
     if at_ns > reel.duration_ns:

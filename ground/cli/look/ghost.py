@@ -15,7 +15,7 @@ from ground.ghost.ghost_set import Ghosts
 from ground.ghost.live_ghost import Present
 from ground.ghost.predicted_path import FAILED, PredictedPath
 from ground.ghost.recorded_ghost import GhostRecording, parameters_in, side_of
-from ground.recording.log_index import Reel
+from ground.recording.log_index import LogIndex
 from ground.recording.log_reader import opened
 from ground.text.output import Says
 from ground.text.status_parts import Part
@@ -83,7 +83,7 @@ def refuse_without_a_recording(options: argparse.Namespace) -> None:
 
 
 def of_a_recording(options: argparse.Namespace, says: Says) -> int:
-    reel = Reel(opened(Path(options.file), options.id))
+    reel = LogIndex(opened(Path(options.file), options.id))
     if reel.damage:
         says.note(f"{options.file}: DAMAGED: {reel.damage}")
     footage = GhostRecording(reel)

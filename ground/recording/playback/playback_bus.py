@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 from ground.client.parameter_rows import rows_in
 from ground.recording.bookmarks import Mark, marks_of
-from ground.recording.log_index import Reel
+from ground.recording.log_index import LogIndex
 from ground.recording.log_reader import opened
 from ground.recording.playback.playback_clock import Timeline
 from protocol.bus.mailbox import Mailbox, Sample
@@ -63,7 +63,7 @@ class ReplayBus:
 
     def __init__(self, path: Path, clock: Clock, robot: str | None = None) -> None:
         """UserError when there is nothing to play."""
-        self.reel = Reel(opened(path, robot))
+        self.reel = LogIndex(opened(path, robot))
         if not len(self.reel):
             why = f" ({self.damage})" if self.damage else ""
             raise UserError(f"{path}: holds no frame{why}")

@@ -8,7 +8,7 @@ import pytest
 from ground.cli.main import main
 from ground.explain import explain
 from ground.explain.from_recording import Recorded
-from ground.recording.log_index import Reel
+from ground.recording.log_index import LogIndex
 from protocol.topics import CYCLE, DECISION, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.messages import AvoidanceDecision
@@ -34,7 +34,7 @@ def decisions(run: Recording) -> list[AvoidanceDecision]:
 
 
 def test_every_tick_is_told_with_the_status_and_the_cost_of_that_tick(run: Recording) -> None:
-    told = Recorded(Reel(run))
+    told = Recorded(LogIndex(run))
     for at_ns in (0, 5 * S, 8 * S + 7):
         found = told.at(at_ns)
         assert found is not None
@@ -45,20 +45,20 @@ def test_every_tick_is_told_with_the_status_and_the_cost_of_that_tick(run: Recor
 
 
 def test_before_the_first_decision_there_is_nothing_to_tell(run: Recording) -> None:
-    assert Recorded(Reel(run)).at(-1) is None
-    assert Recorded(Reel(run.without(DECISION))).at(9 * S) is None
-    assert Recorded(Reel(Recording())).at(0) is None
+    assert Recorded(LogIndex(run)).at(-1) is None
+    assert Recorded(LogIndex(run.without(DECISION))).at(9 * S) is None
+    assert Recorded(LogIndex(Recording())).at(0) is None
 
 
 def test_without_status_and_cost_the_decision_is_still_told(run: Recording) -> None:
-    found = Recorded(Reel(run.without(STATUS, CYCLE))).at(6 * S)
+    found = Recorded(LogIndex(run.without(STATUS, CYCLE))).at(6 * S)
     assert found is not None
     before, now = (one for one in decisions(run) if one.time_ns in (6 * S - 50_000_000, 6 * S))
     assert found[1] == explain(now, None, None, before)
 
 
 def test_its_turning_points_are_those_of_the_run(run: Recording) -> None:
-    turns = list(Recorded(Reel(run)).turns())
+    turns = list(Recorded(LogIndex(run)).turns())
     points = turning_points(decisions(run))
     assert [(turn.at_ns, turn.words) for turn in turns] == [
         (point.time_ns, point.words) for point in points
@@ -68,7 +68,7 @@ def test_its_turning_points_are_those_of_the_run(run: Recording) -> None:
 
 def test_of_two_decisions_at_one_instant_the_one_that_turned_is_told(run: Recording) -> None:
     """Frames of two ticks may come at once."""
-    told = Recorded(Reel(run))
+    told = Recorded(LogIndex(run))
     turn = list(told.turns())[1]
     place = told._times_ns.index(turn.at_ns)
     for other in (place + 1, place - 1):

@@ -10,7 +10,7 @@ import pytest
 from ground.cli.main import main
 from ground.client.goal import destination
 from ground.ghost.recorded_ghost import GhostRecording, changed, parameters_in
-from ground.recording.log_index import Reel
+from ground.recording.log_index import LogIndex
 from plant.model.types import GoalPose
 from plant.world.file import load
 from protocol.outcome import Outcome
@@ -39,7 +39,7 @@ def log(run: Recording, tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def footage(run: Recording) -> GhostRecording:
-    return GhostRecording(Reel(run))
+    return GhostRecording(LogIndex(run))
 
 
 def test_an_instant_has_the_true_place_the_world_and_its_time(run: Recording) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from ground.recording.log_index import LATEST_NS, Reel
+from ground.recording.log_index import LATEST_NS, LogIndex
 from ground.recording.log_reader import Frame
 from protocol.topics import CLOCK, WHEELS
 from protocol.wire.messages import SystemTime
@@ -45,7 +45,7 @@ def beats_of(*times_us: int) -> list[Frame]:
 
 
 def times_of(frames: list[Frame]) -> list[int]:
-    reel = Reel(Log(frames))
+    reel = LogIndex(Log(frames))
     return [reel[place].time_ns for place in range(len(reel))]
 
 
@@ -61,6 +61,6 @@ def test_a_time_that_no_clock_has_is_held_back() -> None:
 def test_times_on_a_path_are_those_of_its_frames_readable_or_not() -> None:
     frames = ticks_at(S, 2 * S, 4 * S)
     frames[1] = frames[1]._replace(frame=b"nonsense")
-    reel = Reel(Log(frames))
+    reel = LogIndex(Log(frames))
     assert reel.times_ns(WHEELS.path) == [0, S, 3 * S]
     assert [at_ns for at_ns, _ in reel.on(WHEELS.path)] == [0, 3 * S]
