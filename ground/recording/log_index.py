@@ -22,7 +22,7 @@ LATEST_NS: Final = 1 << 62
 """What a damaged time is held back to."""
 
 
-class Played(NamedTuple):
+class IndexedFrame(NamedTuple):
     """One frame at its place on the timeline."""
 
     time_ns: int
@@ -68,10 +68,10 @@ class LogIndex:
     def __len__(self) -> int:
         return len(self._times_ns)
 
-    def __getitem__(self, place: int) -> Played:
+    def __getitem__(self, place: int) -> IndexedFrame:
         begin = self._ends[place - 1] if place else 0
         frame = bytes(self._blob[begin : self._ends[place]])
-        return Played(self._times_ns[place], self._keys[self._key_of[place]], frame)
+        return IndexedFrame(self._times_ns[place], self._keys[self._key_of[place]], frame)
 
     def key(self, place: int) -> str:
         return self._keys[self._key_of[place]]
@@ -88,13 +88,13 @@ class LogIndex:
         """The place of the first frame not earlier than this."""
         return bisect_left(self._times_ns, time_ns)
 
-    def _newest(self, key: str, before: int) -> Played | None:
+    def _newest(self, key: str, before: int) -> IndexedFrame | None:
         """The last frame of a key in front of a place."""
         places = self._places.get(key)
         found = 0 if places is None else bisect_left(places, before)
         return None if places is None or not found else self[places[found - 1]]
 
-    def newest_on(self, path: str, before: int) -> Played | None:
+    def newest_on(self, path: str, before: int) -> IndexedFrame | None:
         """Return the last frame on a topic's path, of any operator, in front of a place."""
         keys = (key for key in self._places if path_of(key) == path)
         found = [played for key in keys if (played := self._newest(key, before)) is not None]
