@@ -13,7 +13,7 @@ from typing import Final, Self
 from ground.client.connection import Common
 from ground.launch.child_processes import ChildDied, Children
 from ground.recording.log_reader import robot_in
-from ground.recording.retention import Shelf, size_in, size_of
+from ground.recording.retention import Retention, size_in, size_of
 from runtime.clock import Clock
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
@@ -157,7 +157,7 @@ class Recording:
 
     def _tidy(self) -> None:
         """Here and not by the recorder, whose words nobody would see."""
-        shelf = Shelf(self._folder, kept_in(self._folder, self._keep))
+        shelf = Retention(self._folder, kept_in(self._folder, self._keep))
         with suppress(OSError):  # a folder that is not there yet is made by the recorder
             self._news += filter(None, (shelf.tidy(), shelf.warning()))
 

@@ -44,7 +44,7 @@ def in_units(size: int) -> str:
     return f"{size / UNITS[unit]:.3g} {unit}"
 
 
-class Shelf:
+class Retention:
     """The recordings in one folder; `keep_bytes` None: all of them."""
 
     def __init__(self, folder: Path, keep_bytes: int | None) -> None:

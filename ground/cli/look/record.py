@@ -13,7 +13,7 @@ from ground.launch.recording_session import add_keep, kept_in
 from ground.recording.dual_log import Tape, Track
 from ground.recording.log_writer import Recorder
 from ground.recording.metadata import Facts
-from ground.recording.retention import Shelf
+from ground.recording.retention import Retention
 from ground.text.output import Says
 from protocol.topics import MARK
 from protocol.wire.enums import Severity
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
         tape = tape_in(folder, link)
         link.bus.everything(tape.take)
         says.note(f"recording {link.robot} to {tape.path} and .mcap")
-        shelf = Shelf(folder, kept_in(folder, options.keep))
+        shelf = Retention(folder, kept_in(folder, options.keep))
         note(says, shelf.warning())
         try:
             keep_writing(link, tape, Facts(link.bus, link.robot), shelf, says)
@@ -60,7 +60,7 @@ def tape_in(folder: Path, link: Link) -> Tape:
         raise UserError(f"cannot record in {folder}: {error.strerror or error}") from error
 
 
-def keep_writing(link: Link, tape: Tape, facts: Facts, shelf: Shelf, says: Says) -> None:
+def keep_writing(link: Link, tape: Tape, facts: Facts, shelf: Retention, says: Says) -> None:
     """Four rounds a second, one of them down to the disk; trouble is told at once and again."""
     alarms = Alarms(says)
     round_number = 0

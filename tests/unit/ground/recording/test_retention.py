@@ -12,7 +12,7 @@ import pytest
 
 from ground.launch.recording_session import USUAL_KEEP, kept_in, usual_folder
 from ground.recording.log_writer import new_log
-from ground.recording.retention import LOW_BYTES, Shelf, in_units, size_in
+from ground.recording.retention import LOW_BYTES, Retention, in_units, size_in
 from runtime.errors import UserError
 
 KB = 1000
@@ -59,16 +59,16 @@ def test_sizes_are_told_in_units() -> None:
 def test_the_oldest_go_until_the_rest_fits_and_it_is_told_in_one_line(tmp_path: Path) -> None:
     for hour in range(5):
         recorded(tmp_path, hour, 40 * KB)
-    said = Shelf(tmp_path, 100 * KB).tidy()
+    said = Retention(tmp_path, 100 * KB).tidy()
     what = f"deleted the 3 oldest recordings in {tmp_path}, 0.12 MB"
     assert said == f"{what}, to keep within 0.1 MB (--keep)"
     assert [name[9:11] for name in there(tmp_path)] == ["03", "03", "04", "04"]
-    assert Shelf(tmp_path, 100 * KB).tidy() == ""
+    assert Retention(tmp_path, 100 * KB).tidy() == ""
 
 
 def test_without_a_bound_nothing_is_ever_deleted(tmp_path: Path) -> None:
     recorded(tmp_path, 0, 40 * KB)
-    assert Shelf(tmp_path, None).tidy() == ""
+    assert Retention(tmp_path, None).tidy() == ""
     assert len(there(tmp_path)) == 2
 
 
@@ -77,7 +77,7 @@ def test_what_is_not_ours_stays_whatever_it_is_called(tmp_path: Path) -> None:
     for name in strangers:
         (tmp_path / name).write_bytes(b"x" * 50 * KB)
     recorded(tmp_path, 0, 40 * KB)
-    Shelf(tmp_path, 1).tidy()
+    Retention(tmp_path, 1).tidy()
     assert there(tmp_path) == sorted(strangers)
 
 
@@ -87,11 +87,11 @@ def test_what_is_being_written_is_never_deleted_by_whomever(tmp_path: Path) -> N
     newest = new_log(tmp_path, "r1", datetime(2026, 3, 4, 2, tzinfo=UTC))
     newest.append(b"x" * 40 * KB)
     with written(oldest):
-        assert "deleted the oldest recording in" in Shelf(tmp_path, 50 * KB).tidy()
+        assert "deleted the oldest recording in" in Retention(tmp_path, 50 * KB).tidy()
     assert there(tmp_path) == sorted(
         [oldest.name, oldest.with_suffix(".mcap").name, newest.path.name]
     )
-    Shelf(tmp_path, 50 * KB).tidy()
+    Retention(tmp_path, 50 * KB).tidy()
     assert there(tmp_path) == [newest.path.name]
     newest.close()
 
@@ -101,7 +101,7 @@ def test_one_recording_that_exceeds_the_bound_alone_is_kept_and_that_is_told_onc
 ) -> None:
     log = new_log(tmp_path, "r1", datetime(2026, 3, 4, tzinfo=UTC))
     log.append(b"x" * 40 * KB)
-    shelf = Shelf(tmp_path, 10 * KB)
+    shelf = Retention(tmp_path, 10 * KB)
     assert "alone exceeds 0.01 MB (--keep); it is kept" in shelf.tidy()
     assert shelf.tidy() == ""
     assert there(tmp_path) == [log.path.name]
@@ -117,7 +117,7 @@ def test_a_folder_in_which_nothing_can_be_deleted_keeps_all(
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "unlink", refused)
-    assert "deleted" not in Shelf(tmp_path, 10 * KB).tidy()
+    assert "deleted" not in Retention(tmp_path, 10 * KB).tidy()
     assert len(there(tmp_path)) == 2
 
 
@@ -128,7 +128,7 @@ def test_little_room_is_told_with_how_long_it_lasts(
     for free, says in ((LOW_BYTES, ""), (400 * 10**6, "only 400 MB free in"), (0, "only 0 MB")):
         usage = total._replace(free=free)
         monkeypatch.setattr(shutil, "disk_usage", lambda _, usage=usage: usage)
-        warning = Shelf(tmp_path, None).warning()
+        warning = Retention(tmp_path, None).warning()
         assert warning.startswith(says)
         assert bool(warning) == bool(says)
     assert "enough for about 0.0 h of one robot" in warning
