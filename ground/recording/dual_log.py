@@ -58,7 +58,7 @@ class Syncing:
                 recorder.sync()
 
 
-class Tape:
+class DualLog:
     """Takes frames from any thread, writes them from one. Each file has its own trouble."""
 
     def __init__(self, tracks: tuple[Track, ...]) -> None:

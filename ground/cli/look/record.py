@@ -10,7 +10,7 @@ from ground.client.connection import add_common, common_of
 from ground.client.link import Link, linked
 from ground.launch.child_processes import held_back
 from ground.launch.recording_session import add_keep, kept_in
-from ground.recording.dual_log import Tape, Track
+from ground.recording.dual_log import DualLog, Track
 from ground.recording.log_writer import Recorder
 from ground.recording.metadata import Facts
 from ground.recording.retention import Retention
@@ -52,15 +52,15 @@ def run(options: argparse.Namespace, says: Says) -> int:
         return tell(says, tape, complete=complete)
 
 
-def tape_in(folder: Path, link: Link) -> Tape:
+def tape_in(folder: Path, link: Link) -> DualLog:
     offset_ns = time_ns() - link.clock.now_ns()
     try:
-        return Tape.new(folder, link.robot, datetime.now(UTC), offset_ns)
+        return DualLog.new(folder, link.robot, datetime.now(UTC), offset_ns)
     except OSError as error:
         raise UserError(f"cannot record in {folder}: {error.strerror or error}") from error
 
 
-def keep_writing(link: Link, tape: Tape, facts: Facts, shelf: Retention, says: Says) -> None:
+def keep_writing(link: Link, tape: DualLog, facts: Facts, shelf: Retention, says: Says) -> None:
     """Four rounds a second, one of them down to the disk; trouble is told at once and again."""
     alarms = Alarms(says)
     round_number = 0
@@ -86,7 +86,7 @@ class Alarms:
         self._dropped_ns: int | None = None
         self._dropped = 0
 
-    def look(self, tape: Tape, now_ns: int) -> None:
+    def look(self, tape: DualLog, now_ns: int) -> None:
         if not tape.trouble and self._trouble_ns is not None:
             self._says.note("RECORDING goes on: the log can be written again")
             self._trouble_ns = None
@@ -108,7 +108,7 @@ def note(says: Says, words: str) -> None:
         says.note(words)
 
 
-def tell(says: Says, tape: Tape, *, complete: bool) -> int:
+def tell(says: Says, tape: DualLog, *, complete: bool) -> int:
     tlog, mcap = tape.tracks
     found: dict[str, object] = {"file": str(tlog.path), "mcap": str(mcap.path), "ok": complete}
     found |= account(tlog.recorder) | {"mcap_dropped": mcap.recorder.dropped}

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.recording.dual_log import Tape
+from ground.recording.dual_log import DualLog
 from ground.recording.log_reader import frames, opened
 from ground.recording.log_writer import LogFile
 from tests.support.ground.recording.made import START_US, WORLD_TEXT, Said, run
@@ -20,11 +20,11 @@ from tests.support.ground.recording.made import START_US, WORLD_TEXT, Said, run
 NOON = datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC)
 
 
-def tape_in(folder: Path) -> Tape:
-    return Tape.new(folder, "r1", NOON, 0)
+def tape_in(folder: Path) -> DualLog:
+    return DualLog.new(folder, "r1", NOON, 0)
 
 
-def fed(tape: Tape, said: list[Said]) -> None:
+def fed(tape: DualLog, said: list[Said]) -> None:
     for number, one in enumerate(said, 1):
         tape.take(one.key, one.frame, one.time_us * 1000)
         if number % 10 == 0:
