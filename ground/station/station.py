@@ -13,7 +13,7 @@ from ground.station.robot.background_requests import Job, Lane, Works
 from ground.station.robot.command_queue import Commanding
 from ground.station.robot.robot_model import Watched
 from ground.station.robot.robot_session import Operated
-from ground.station.view import Sight
+from ground.station.view import StationView
 from ground.station.world import WorldFacts, world_in
 from protocol.topics import PARAMETERS, WORLD, robot_name
 from protocol.wire.enums import LeaseAction, Severity
@@ -26,7 +26,7 @@ CLOSING_S: Final = 2.0
 REPLAYED: Final = "this is a replay: nothing can be commanded"
 
 
-class Station(Sight):
+class Station(StationView):
     """All that one operator sees of one or several robots, and the way to command them.
 
     Nothing here waits: questions go out in threads of their own, and what comes of them is in the

@@ -22,7 +22,7 @@ from runtime.units import NS_PER_S
 Point = tuple[float, float]
 
 
-class Sight:
+class StationView:
     """Of one robot at a time; which one is the station's to choose."""
 
     def __init__(self, robot: str, now_ns: int, world: WorldFacts | None) -> None:
