@@ -31,7 +31,7 @@ SENSES: Final = 3
 PLANT: Final[tuple[Topic[Any], ...]] = (SONAR, WHEELS, TRUTH, CLOCK)
 
 
-class Vigil:
+class LinkMonitor:
     """Judged at each poll; what begins and what ends is told."""
 
     def __init__(self, watched: Watched, reader: Reader, now_ns: int, tell: Tell) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from ground.client.emergency_stop import EmergencyStop, outcome_words
 from ground.station.bus_protocols import Puts, Speaks
-from ground.station.link.link_monitor import Vigil
+from ground.station.link.link_monitor import LinkMonitor
 from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader
 from ground.station.robot.background_requests import Outcome, Works
@@ -31,7 +31,7 @@ class Operated:
         self.tenure = Tenure(bus.operator or "")
         self._lanes = [lanes(f"{robot} reads"), lanes(f"{robot} e-stop")]
         reader = Reader(bus, clock, robot, self._lanes[0])
-        self.vigil = Vigil(watched, reader, now_ns, tell)
+        self.vigil = LinkMonitor(watched, reader, now_ns, tell)
         self._bus = bus
         self._watched = watched
         self._clock = clock
