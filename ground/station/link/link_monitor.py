@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from ground.station.link.contact import Change, Contact, Need
-from ground.station.link.loss import Loss, LossKind, Signs, judge
+from ground.station.link.loss import Loss, LossInputs, LossKind, judge
 from ground.station.link.loss_texts import Known, does, ended, what
 from ground.station.reader import Failed, Found, Parameters, Probe, Reader
 from ground.station.robot.lease_state import Lease
@@ -155,13 +155,13 @@ class LinkMonitor:
             lease=self._lease,
         )
 
-    def _signs(self, now_ns: int) -> Signs:
+    def _signs(self, now_ns: int) -> LossInputs:
         watched, telemetry = self._watched, self._watched.telemetry
         inputs = telemetry.fresh(INPUTS, now_ns)
         there = bool(watched.tokens.get(Role.ROBOT))
         others = [age for topic in PLANT if (age := self._age_ns(topic, now_ns)) is not None]
         senses = [self._age_ns(topic, now_ns) for topic in (SONAR, WHEELS)]
-        return Signs(
+        return LossInputs(
             watched_ns=now_ns - watched.began_ns,
             hub=self._hub,
             hub_ns=None if self._hub_seen_ns is None else now_ns - self._hub_seen_ns,
@@ -180,7 +180,7 @@ class LinkMonitor:
         newest = self._watched.telemetry.latest(topic)
         return None if newest is None else now_ns - newest[1]
 
-    def _silent(self, signs: Signs) -> bool:
+    def _silent(self, signs: LossInputs) -> bool:
         return signs.alive_ns > HEARTBEAT.stale_after_ns
 
     def _since_ns(self, kind: LossKind | None, now_ns: int) -> int:

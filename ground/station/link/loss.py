@@ -46,7 +46,7 @@ class Loss(NamedTuple):
         return f"{self.kind.value} {self.robot} {seconds:.1f} s: {self.words}"
 
 
-class Signs(NamedTuple):
+class LossInputs(NamedTuple):
     """All that a loss is judged by; ages in ns, None: never."""
 
     watched_ns: int
@@ -96,7 +96,7 @@ class Signs(NamedTuple):
         return self.hub_ns is not None and self.hub_ns < ago_ns
 
 
-def judge(signs: Signs) -> LossKind | None:
+def judge(signs: LossInputs) -> LossKind | None:
     """The first that applies; None: everything is there, or it cannot be told yet what is not."""
     if signs.hub is not None and not signs.hub.linked and not _heard_since(signs):
         return _unlinked(signs, signs.hub)
@@ -112,19 +112,19 @@ def judge(signs: Signs) -> LossKind | None:
     return LossKind.OTHER_OPERATOR if signs.other_operator else None
 
 
-def _heard_since(signs: Signs) -> bool:
+def _heard_since(signs: LossInputs) -> bool:
     """A frame has come since the hub was looked at: whatever it was then, it links us now."""
     return signs.hub_ns is not None and signs.heard_ns < signs.hub_ns
 
 
-def _others(signs: Signs) -> bool:
+def _others(signs: LossInputs) -> bool:
     """Somebody else is heard, also since the robot fell silent: it is not the link."""
     if signs.others_ns is None or signs.others_ns > HEARTBEAT.stale_after_ns:
         return False
     return signs.alive_ns - signs.others_ns > BEHIND_NS
 
 
-def _unlinked(signs: Signs, hub: Hub) -> LossKind:
+def _unlinked(signs: LossInputs, hub: Hub) -> LossKind:
     if hub is Hub.UNREACHABLE or signs.kept_out:
         return LossKind.TRANSPORT
     if signs.by_router:
