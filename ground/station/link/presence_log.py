@@ -26,7 +26,7 @@ class Coming(NamedTuple):
     severity: Severity
 
 
-class Comings:
+class PresenceLog:
     """Compares the tokens of one robot with those of the time before; our own is none of them.
 
     Tokens that come and go all the time may not wash everything else out of the log: beyond

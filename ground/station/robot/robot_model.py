@@ -10,7 +10,7 @@ from ground.station.bus_protocols import Hears, Token
 from ground.station.history.decision_history import Moments
 from ground.station.history.inbox import Arrival, Inbox
 from ground.station.history.telemetry_history import Figures
-from ground.station.link.presence_log import Comings
+from ground.station.link.presence_log import PresenceLog
 from ground.station.link.restarts import Again, Restarts
 from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import Charts
@@ -49,7 +49,7 @@ class Watched:
         }
         self.tokens: dict[Role, str] = {}
         self.charts = Charts()
-        self._comings = Comings(robot, own)
+        self._comings = PresenceLog(robot, own)
         self._texts = Texts()
         self._tell = tell
 

@@ -1,6 +1,6 @@
 """Who comes and goes is told once, and never of ourselves."""
 
-from ground.station.link.presence_log import BURST, Comings
+from ground.station.link.presence_log import BURST, PresenceLog
 from protocol.bus.presence import Presence
 from protocol.topics import Role
 from protocol.wire.enums import Severity
@@ -13,7 +13,7 @@ ELSEWHERE = Presence("r2", "robot", "c")
 
 
 def test_each_coming_and_going_is_one_line() -> None:
-    comings = Comings("r1", "ours")
+    comings = PresenceLog("r1", "ours")
     assert [one.text for one in comings.see([ROBOT, OTHER], 0)] == [
         "another ground station for r1 is there",
         "robot r1 is there",
@@ -26,14 +26,14 @@ def test_each_coming_and_going_is_one_line() -> None:
 
 
 def test_a_process_begun_anew_has_gone_and_come() -> None:
-    comings = Comings("r1", "ours")
+    comings = PresenceLog("r1", "ours")
     comings.see([ROBOT], 0)
     told = comings.see([Presence("r1", "robot", "z")], 0)
     assert [one.text for one in told] == ["robot r1 is out of sight", "robot r1 is there"]
 
 
 def test_tokens_that_come_and_go_all_the_time_do_not_fill_the_log() -> None:
-    comings = Comings("r1", "ours")
+    comings = PresenceLog("r1", "ours")
     crowd = [Presence("r1", "ground", f"{number:x}") for number in range(500)]
     told = []
     for poll in range(200):  # ten seconds
@@ -45,7 +45,7 @@ def test_tokens_that_come_and_go_all_the_time_do_not_fill_the_log() -> None:
 
 
 def test_we_and_other_robots_are_not_told_of() -> None:
-    assert Comings("r1", "ours").see([OURS, ELSEWHERE, Presence("r1", "nobody", "d")], 0) == []
+    assert PresenceLog("r1", "ours").see([OURS, ELSEWHERE, Presence("r1", "nobody", "d")], 0) == []
 
 
 def test_they_are_in_the_log_of_a_station() -> None:
