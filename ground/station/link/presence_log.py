@@ -19,7 +19,7 @@ BURST: Final = 20
 LINE_NS: Final = 1_000_000_000
 
 
-class Coming(NamedTuple):
+class PresenceChange(NamedTuple):
     """One line, and how much it matters."""
 
     text: str
@@ -40,7 +40,7 @@ class PresenceLog:
         self._spent_ns = -BURST * LINE_NS
         self._unsaid = 0
 
-    def see(self, present: Iterable[Token], now_ns: int) -> list[Coming]:
+    def see(self, present: Iterable[Token], now_ns: int) -> list[PresenceChange]:
         there = frozenset(
             (token.role, token.zid)
             for token in present
@@ -48,13 +48,16 @@ class PresenceLog:
         )
         came, went, self._there = there - self._there, self._there - there, there
         gone = [
-            Coming(f"{self._named(role)} is out of sight", _weight(role))
+            PresenceChange(f"{self._named(role)} is out of sight", _weight(role))
             for role, _ in sorted(went)
         ]
-        here = [Coming(f"{self._named(role)} is there", Severity.INFO) for role, _ in sorted(came)]
+        here = [
+            PresenceChange(f"{self._named(role)} is there", Severity.INFO)
+            for role, _ in sorted(came)
+        ]
         return self._within_budget([*gone, *here], now_ns)
 
-    def _within_budget(self, news: list[Coming], now_ns: int) -> list[Coming]:
+    def _within_budget(self, news: list[PresenceChange], now_ns: int) -> list[PresenceChange]:
         self._spent_ns = max(self._spent_ns, now_ns - BURST * LINE_NS)
         room = max(0, (now_ns - self._spent_ns) // LINE_NS)
         if len(news) > room:  # of robot and plant first
@@ -63,7 +66,7 @@ class PresenceLog:
         self._spent_ns += len(told) * LINE_NS
         if told and self._unsaid:
             words = f"{self._unsaid} more have come or gone for {self._robot}"
-            told, self._unsaid = [Coming(words, Severity.WARNING), *told], 0
+            told, self._unsaid = [PresenceChange(words, Severity.WARNING), *told], 0
         self._unsaid += unsaid
         return told
 
