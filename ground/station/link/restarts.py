@@ -46,7 +46,7 @@ class Restarts:
         return True
 
 
-class Again:
+class RestartNotice:
     """`cause` is what the robot last told of the one before it; empty when it has told nothing."""
 
     def __init__(self, robot: str) -> None:

@@ -11,7 +11,7 @@ from ground.station.history.decision_history import Moments
 from ground.station.history.inbox import Arrival, Inbox
 from ground.station.history.telemetry_history import Figures
 from ground.station.link.presence_log import PresenceLog
-from ground.station.link.restarts import Again, Restarts
+from ground.station.link.restarts import RestartNotice, Restarts
 from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import Charts
 from ground.text.statustext import Texts, aged
@@ -42,7 +42,7 @@ class Watched:
         self.streams = Streams(TOPICS)
         self.moments = Moments()
         self.figures = Figures(self.telemetry, now_ns)
-        self.again = Again(robot)
+        self.again = RestartNotice(robot)
         self.restarts = {
             Role.ROBOT: Restarts(MAX_LATE_TICKS),
             Role.PLANT: Restarts(MAX_LATE_NS),

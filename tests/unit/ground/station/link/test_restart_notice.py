@@ -2,7 +2,7 @@
 
 import pytest
 
-from ground.station.link.restarts import NEAR_NS, SHOWN_NS, TOLD, Again
+from ground.station.link.restarts import NEAR_NS, SHOWN_NS, TOLD, RestartNotice
 from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
 from robot.run import tell_life
@@ -32,7 +32,7 @@ def restarted(play: Play) -> Play:
 def test_the_words_of_a_robot_that_is_not_the_first_are_understood() -> None:
     talker = Talker()
     tell_life(talker, "r1", Life(None), "signal SIGKILL")  # type: ignore[arg-type]
-    again = Again("r1")
+    again = RestartNotice("r1")
     for text in talker.said:
         again.hear(text, 0)
     assert again.cause == CAUSE
@@ -58,7 +58,7 @@ def test_without_a_word_of_the_robot_it_is_told_alone() -> None:
 
 
 def test_what_was_told_of_an_earlier_restart_is_not_the_cause_of_this_one() -> None:
-    again = Again("r1")
+    again = RestartNotice("r1")
     again.hear(f"{TOLD}{CAUSE}", 5 * S)
     later_ns = 6 * S + NEAR_NS
     again.begun(Role.ROBOT, 2, later_ns)
@@ -66,7 +66,7 @@ def test_what_was_told_of_an_earlier_restart_is_not_the_cause_of_this_one() -> N
 
 
 def test_the_cause_of_the_robots_restart_is_not_that_of_its_plant() -> None:
-    again = Again("r1")
+    again = RestartNotice("r1")
     again.hear(f"{TOLD}{CAUSE}", 0)
     assert again.begun(Role.PLANT, 1, S) == "the plant of r1 has been restarted (1)"
     assert again.words(S) == "the plant of r1 has been restarted (1)"
