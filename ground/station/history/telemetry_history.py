@@ -44,7 +44,7 @@ class Figures:
         self.trail = Trail()
         self.echoes = Echoes()
         self.marks = Marks()
-        self.dearest = Dearest()
+        self.dearest = WorstCycle()
 
     def poll(self, now_ns: int) -> None:
         takes: tuple[tuple[Topic[Any], Callable[[Any, float], None]], ...] = (
@@ -102,7 +102,7 @@ def uncertainty_m(odometry: PlanarOdometry) -> float:
     return sqrt(max(0.0, most_m2)) if most_m2 == most_m2 else most_m2
 
 
-class Dearest:
+class WorstCycle:
     """`cycle` is replaced at once by a dearer one, and by a cheaper one when its second is over."""
 
     def __init__(self) -> None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from ground.station.history.telemetry_history import Dearest
+from ground.station.history.telemetry_history import WorstCycle
 from protocol.wire.messages import CycleReport
 from tests.support.ground.station.play import Play
 from tests.support.ground.station.said import Robot
@@ -19,7 +19,7 @@ def cycle(spent_us: int, tick: int = 0) -> CycleReport:
 
 def shown(*spent: tuple[float, int]) -> list[int]:
     """What is shown after each cycle of some time and cost."""
-    dearest, found = Dearest(), []
+    dearest, found = WorstCycle(), []
     for time_s, spent_us in spent:
         dearest.add(cycle(spent_us), time_s)
         assert dearest.cycle is not None
@@ -42,7 +42,7 @@ def test_after_a_silence_nothing_from_before_it_is_shown() -> None:
 
 
 def test_before_the_first_there_is_none() -> None:
-    assert Dearest().cycle is None
+    assert WorstCycle().cycle is None
 
 
 @dataclass
