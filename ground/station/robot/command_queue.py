@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from ground.client.requests import RequestIds
 from ground.station.bus_protocols import Hears
 from ground.station.robot.background_requests import Job, Outcome, Works, outcome_of
-from ground.station.robot.lease_holding import Tenure
+from ground.station.robot.lease_holding import LeaseHolding
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import AckResult, LeaseAction, Severity
 from protocol.wire.messages import CommandAck, LeaseRequest
@@ -40,7 +40,7 @@ class Pending(NamedTuple):
 
     words: str
     robot: str
-    tenure: Tenure
+    tenure: LeaseHolding
     job: Job | None
     stage: Stage
     action: LeaseAction | None = None
@@ -63,7 +63,9 @@ class Commanding:
     def busy(self) -> str:
         return "" if self._pending is None else self._pending.words
 
-    def submit(self, words: str, robot: str, tenure: Tenure, job: Job, *, moves: bool) -> bool:
+    def submit(
+        self, words: str, robot: str, tenure: LeaseHolding, job: Job, *, moves: bool
+    ) -> bool:
         """Begin; False, told, when another one is under way."""
         if self._engaged(words):
             return False
@@ -75,7 +77,7 @@ class Commanding:
             self._run(Pending(words, robot, tenure, job, Stage.RUNNING), job)
         return True
 
-    def lease(self, robot: str, tenure: Tenure, action: LeaseAction) -> bool:
+    def lease(self, robot: str, tenure: LeaseHolding, action: LeaseAction) -> bool:
         """Ask for the lease, or give it back: then the heart stops at once."""
         words = f"lease {action.name.lower()}"
         if self._engaged(words):
@@ -88,7 +90,7 @@ class Commanding:
     def request(self, action: LeaseAction) -> LeaseRequest:
         return LeaseRequest(request_id=self._ids.next(), action=action, name=self._name)
 
-    def last_release(self, robot: str, tenure: Tenure) -> Outcome:
+    def last_release(self, robot: str, tenure: LeaseHolding) -> Outcome:
         """Give the lease back at the end, once, here and now; call it in a thread."""
         tenure.given_up(self._clock.now_ns())
         request = self.request(LeaseAction.RELEASE)

@@ -15,7 +15,7 @@ CROSSING_NS: Final = 300 * NS_PER_MS
 """What the robot said of its lease just before it changed may arrive after that."""
 
 
-class Tenure:
+class LeaseHolding:
     """`ours` from the robot's yes to our release, its loss, or somebody else's name on it.
 
     A lease that was taken in our name by other hands (a typed `lease take`) is ours all the same.

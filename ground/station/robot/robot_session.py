@@ -8,7 +8,7 @@ from ground.station.link.link_monitor import LinkMonitor
 from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader
 from ground.station.robot.background_requests import Outcome, Works
-from ground.station.robot.lease_holding import Tenure
+from ground.station.robot.lease_holding import LeaseHolding
 from ground.station.robot.robot_model import Tell, Watched
 from protocol.topics import LEASE, OPERATOR, STATUS, STOP, Role
 from protocol.wire.enums import Severity
@@ -28,7 +28,7 @@ class Operated:
         tell: Tell,
     ) -> None:
         robot, now_ns = watched.robot, clock.now_ns()
-        self.tenure = Tenure(bus.operator or "")
+        self.tenure = LeaseHolding(bus.operator or "")
         self._lanes = [lanes(f"{robot} reads"), lanes(f"{robot} e-stop")]
         reader = Reader(bus, clock, robot, self._lanes[0])
         self.vigil = LinkMonitor(watched, reader, now_ns, tell)
