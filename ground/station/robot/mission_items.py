@@ -28,7 +28,7 @@ class Items(NamedTuple):
     items: tuple[MissionItemInt, ...]
 
 
-class Charts:
+class MissionItems:
     """As downloaded, or as uploaded by anybody in our hearing; a fence of None: there is none."""
 
     def __init__(self) -> None:

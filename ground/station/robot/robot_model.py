@@ -13,7 +13,7 @@ from ground.station.history.telemetry_history import Figures
 from ground.station.link.presence_log import PresenceLog
 from ground.station.link.restarts import RestartNotice, Restarts
 from ground.station.link.streams import Streams
-from ground.station.robot.mission_items import Charts
+from ground.station.robot.mission_items import MissionItems
 from ground.text.statustext import Texts, aged
 from protocol.topics import ANSWERED, COMMANDED, CYCLE, SONAR, TEXT, TOPICS, Role
 from protocol.wire.codec import decode
@@ -48,7 +48,7 @@ class Watched:
             Role.PLANT: Restarts(MAX_LATE_NS),
         }
         self.tokens: dict[Role, str] = {}
-        self.charts = Charts()
+        self.charts = MissionItems()
         self._comings = PresenceLog(robot, own)
         self._texts = Texts()
         self._tell = tell

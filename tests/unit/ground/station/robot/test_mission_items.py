@@ -8,7 +8,7 @@ import pytest
 from ground.map import Disc, Outline
 from ground.missions.mission import Circle, Fence, Polygon, Waypoint
 from ground.missions.wire import fence_items_of, items_of
-from ground.station.robot.mission_items import Charts, downloaded
+from ground.station.robot.mission_items import MissionItems, downloaded
 from protocol.topics import ANSWERED, COMMANDED, MISSION, MISSION_SERVICE
 from protocol.wire.enums import MissionType
 from protocol.wire.message import Message
@@ -92,7 +92,7 @@ def test_what_anybody_uploads_is_drawn_once_the_robot_accepts_it() -> None:
 
 
 def test_what_the_robot_refuses_changes_nothing() -> None:
-    charts = Charts()
+    charts = MissionItems()
     charts.hear(MissionCount(count=1, mission_type=MissionType.FENCE))
     for item in fence_items_of(ROUND):
         charts.hear(item)
@@ -101,7 +101,7 @@ def test_what_the_robot_refuses_changes_nothing() -> None:
 
 
 def test_a_fence_that_could_not_be_saved_is_up_and_shown() -> None:
-    charts = Charts()
+    charts = MissionItems()
     for item in fence_items_of(CORNERS):
         charts.hear(item)
     charts.hear(verdict(MissionType.FENCE, Reason.NOT_SAVED))
@@ -109,7 +109,7 @@ def test_a_fence_that_could_not_be_saved_is_up_and_shown() -> None:
 
 
 def test_a_fence_of_corners_is_an_outline_and_can_be_taken_away() -> None:
-    charts = Charts()
+    charts = MissionItems()
     for item in fence_items_of(CORNERS):
         charts.hear(item)
     charts.hear(verdict(MissionType.FENCE))
@@ -120,14 +120,14 @@ def test_a_fence_of_corners_is_an_outline_and_can_be_taken_away() -> None:
 
 
 def test_a_verdict_on_what_was_not_heard_says_nothing() -> None:
-    charts = Charts()
+    charts = MissionItems()
     charts.hear(verdict(MissionType.MISSION))
     charts.hear(None)
     assert charts.mission == ()
 
 
 def test_items_that_are_none_of_ours_are_not_drawn() -> None:
-    charts = Charts()
+    charts = MissionItems()
     charts.hear(MissionItemInt(
         seq=0, frame=0, command=16, param1=0.0, param2=0.0, param3=0.0, param4=0.0, x=0, y=0,
         z=0.0, mission_type=0,
