@@ -8,7 +8,7 @@ from ground.client.telemetry import Age, age_of
 from ground.map import Robot, Scene, Target
 from ground.map.ellipse import CHI2_2
 from ground.station.history.trail import ranges_m
-from ground.station.robot.robot_model import Watched
+from ground.station.robot.robot_model import RobotModel
 from ground.station.world import WorldFacts
 from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
 from protocol.wire.enums import Mode
@@ -22,12 +22,12 @@ FARTHEST_S: Final = 30.0
 
 
 def scene_of(
-    watched: Watched,
+    watched: RobotModel,
     world: WorldFacts | None,
     now_ns: int,
     *,
     lost: bool,
-    others: Iterable[Watched] = (),
+    others: Iterable[RobotModel] = (),
 ) -> Scene:
     """What is stale is left out, save the pose: the map marks that it is not live, and `covariance`
     grows with what it may have done since."""
@@ -91,7 +91,7 @@ def grown(
     return pose.cov_xx_m2 + gone_m**2, pose.cov_xy_m2, pose.cov_yy_m2 + gone_m**2
 
 
-def status_of(watched: Watched) -> NavigatorStatus | None:
+def status_of(watched: RobotModel) -> NavigatorStatus | None:
     """The last one heard, however old."""
     newest = watched.telemetry.latest(STATUS)
     return None if newest is None else newest[0]
@@ -101,7 +101,7 @@ def robot_of(pose: PlanarOdometry, radius_m: float, name: str = "") -> Robot:
     return Robot(pose.x_m, pose.y_m, pose.heading_rad, radius_m, name)
 
 
-def other_of(watched: Watched, now_ns: int) -> Robot | None:
+def other_of(watched: RobotModel, now_ns: int) -> Robot | None:
     pose = watched.telemetry.live(ODOMETRY, now_ns)
     return None if pose is None else robot_of(pose, watched.figures.radius_m, watched.robot)
 
@@ -119,7 +119,7 @@ def virtual_of(decision: AvoidanceDecision) -> tuple[float, float] | None:
     return point if all(map(isfinite, point)) else None
 
 
-def _time_s(watched: Watched) -> float:
+def _time_s(watched: RobotModel) -> float:
     """The simulation's time, as far as it was heard."""
     stamps_ns = [
         newest[0].time_ns

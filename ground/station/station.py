@@ -11,7 +11,7 @@ from ground.station.bus_protocols import Hears, Speaks
 from ground.station.history.event_log import Line, Log
 from ground.station.robot.background_requests import Job, Lane, Works
 from ground.station.robot.command_queue import Commanding
-from ground.station.robot.robot_model import Watched
+from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import Operated
 from ground.station.view import StationView
 from ground.station.world import WorldFacts, world_in
@@ -105,7 +105,7 @@ class Station(StationView):
         if robot in self._watched:
             return
         own = "" if self._speaks is None else self._speaks.zid
-        watched = Watched(self._bus, robot, self._clock.now_ns(), self._tell, own)
+        watched = RobotModel(self._bus, robot, self._clock.now_ns(), self._tell, own)
         self._watched[robot] = watched
         if self._speaks is None:
             self._read_recorded(watched)
@@ -114,7 +114,7 @@ class Station(StationView):
                 self._speaks, watched, self._clock, self._lanes, self._tell
             )
 
-    def _read_recorded(self, watched: Watched) -> None:
+    def _read_recorded(self, watched: RobotModel) -> None:
         """A recording is asked at once: it answers from memory, or has nothing to say."""
         for service in (PARAMETERS, WORLD):
             with suppress(RemoteError):

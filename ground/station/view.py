@@ -11,7 +11,7 @@ from ground.station.history.time_series import History
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
 from ground.station.robot.lease_state import UNKNOWN, Lease, lease_in
-from ground.station.robot.robot_model import Watched
+from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import Operated
 from ground.station.scene import scene_of
 from ground.station.world import WorldFacts
@@ -30,11 +30,11 @@ class StationView:
         self._given_world = world
         self._began_ns = self._now_ns = now_ns
         self._crew = Crew(frozenset())
-        self._watched: dict[str, Watched] = {}
+        self._watched: dict[str, RobotModel] = {}
         self._operated: dict[str, Operated] = {}
 
     @property
-    def _shown(self) -> Watched:
+    def _shown(self) -> RobotModel:
         return self._watched[self._robot]
 
     @property

@@ -8,7 +8,7 @@ from ground.station.link.loss_texts import Known, does, ended, what
 from ground.station.reader import Failed, Found, Parameters, Probe, Reader
 from ground.station.robot.lease_state import Lease
 from ground.station.robot.mission_items import Items
-from ground.station.robot.robot_model import Tell, Watched
+from ground.station.robot.robot_model import RobotModel, Tell
 from ground.station.world import WorldFacts
 from protocol.bus.network import Hub
 from protocol.topics import (
@@ -34,7 +34,7 @@ PLANT: Final[tuple[Topic[Any], ...]] = (SONAR, WHEELS, TRUTH, CLOCK)
 class LinkMonitor:
     """Judged at each poll; what begins and what ends is told."""
 
-    def __init__(self, watched: Watched, reader: Reader, now_ns: int, tell: Tell) -> None:
+    def __init__(self, watched: RobotModel, reader: Reader, now_ns: int, tell: Tell) -> None:
         self.contact = Contact(now_ns)
         self.world: WorldFacts | None = None
         self.round_trip_ns: int | None = None

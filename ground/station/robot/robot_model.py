@@ -29,7 +29,7 @@ Tell = Callable[[str, str, int], None]
 """Source, words, severity."""
 
 
-class Watched:
+class RobotModel:
     """Everything of one robot that can be looked at without saying a word to it."""
 
     def __init__(self, bus: Hears, robot: str, now_ns: int, tell: Tell, own: str = "") -> None:

@@ -9,7 +9,7 @@ from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader
 from ground.station.robot.background_requests import Outcome, Works
 from ground.station.robot.lease_holding import LeaseHolding
-from ground.station.robot.robot_model import Tell, Watched
+from ground.station.robot.robot_model import RobotModel, Tell
 from protocol.topics import LEASE, OPERATOR, STATUS, STOP, Role
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CommandRequest, Heartbeat
@@ -22,7 +22,7 @@ class Operated:
     def __init__(
         self,
         bus: Speaks,
-        watched: Watched,
+        watched: RobotModel,
         clock: Clock,
         lanes: Callable[[str], Works],
         tell: Tell,
