@@ -12,7 +12,7 @@ from ground.station.history.event_log import Line, Log
 from ground.station.robot.background_requests import Job, Lane, Works
 from ground.station.robot.command_queue import Commanding
 from ground.station.robot.robot_model import RobotModel
-from ground.station.robot.robot_session import Operated
+from ground.station.robot.robot_session import RobotSession
 from ground.station.view import StationView
 from ground.station.world import WorldFacts, world_in
 from protocol.topics import PARAMETERS, WORLD, robot_name
@@ -110,7 +110,7 @@ class Station(StationView):
         if self._speaks is None:
             self._read_recorded(watched)
         else:
-            self._operated[robot] = Operated(
+            self._operated[robot] = RobotSession(
                 self._speaks, watched, self._clock, self._lanes, self._tell
             )
 

@@ -12,7 +12,7 @@ from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
 from ground.station.robot.lease_state import UNKNOWN, Lease, lease_in
 from ground.station.robot.robot_model import RobotModel
-from ground.station.robot.robot_session import Operated
+from ground.station.robot.robot_session import RobotSession
 from ground.station.scene import scene_of
 from ground.station.world import WorldFacts
 from protocol.topics import LEASE, MISSION, Role, Topic
@@ -31,14 +31,14 @@ class StationView:
         self._began_ns = self._now_ns = now_ns
         self._crew = Crew(frozenset())
         self._watched: dict[str, RobotModel] = {}
-        self._operated: dict[str, Operated] = {}
+        self._operated: dict[str, RobotSession] = {}
 
     @property
     def _shown(self) -> RobotModel:
         return self._watched[self._robot]
 
     @property
-    def _own(self) -> Operated | None:
+    def _own(self) -> RobotSession | None:
         return self._operated.get(self._robot)
 
     # What is seen. Ages are taken at the last poll.

@@ -16,7 +16,7 @@ from protocol.wire.messages import CommandRequest, Heartbeat
 from runtime.clock import Clock
 
 
-class Operated:
+class RobotSession:
     """Beats at `poll` and nowhere else, so that an app that hangs is no operator any more."""
 
     def __init__(
