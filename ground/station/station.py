@@ -10,7 +10,7 @@ from ground.client.presence import crew_of
 from ground.station.bus_protocols import Hears, Speaks
 from ground.station.history.event_log import Line, Log
 from ground.station.robot.background_requests import Job, Lane, Works
-from ground.station.robot.command_queue import Commanding
+from ground.station.robot.command_queue import CommandQueue
 from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import RobotSession
 from ground.station.view import StationView
@@ -53,7 +53,7 @@ class Station(StationView):
         self._clock = clock
         self._lanes = lanes
         self._lane = lanes("requests")
-        self._commanding = Commanding(bus, clock, self._lane, self.note, name)
+        self._commanding = CommandQueue(bus, clock, self._lane, self.note, name)
         if self._speaks is not None:
             self._speaks.watch(lambda _who, _came: None)
         self.select(robot)

@@ -46,7 +46,7 @@ class Pending(NamedTuple):
     action: LeaseAction | None = None
 
 
-class Commanding:
+class CommandQueue:
     """`last` is what was last asked and what came of it."""
 
     def __init__(self, bus: Hears, clock: Clock, lane: Works, tell: Tell, name: str) -> None:
