@@ -32,7 +32,7 @@ class Works(Protocol):
     def close(self, deadline_s: float) -> None: ...
 
 
-class Lane:
+class RequestThread:
     """A thread that does one job after the other; it begins with the first."""
 
     def __init__(self, name: str) -> None:

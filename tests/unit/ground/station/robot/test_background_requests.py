@@ -3,13 +3,13 @@
 from threading import Event, current_thread
 from time import monotonic
 
-from ground.station.robot.background_requests import Lane, Outcome
+from ground.station.robot.background_requests import Outcome, RequestThread
 from runtime.errors import UserError
 from tests.support.until import PATIENCE_S, until
 
 
 def test_a_job_is_done_elsewhere_and_its_outcome_fetched_once() -> None:
-    lane = Lane("somewhere else")
+    lane = RequestThread("somewhere else")
     assert lane.start(lambda: Outcome(True, current_thread().name))
     found: list[Outcome] = []
     until(lambda: found.append(one) if (one := lane.done()) else found)
@@ -19,7 +19,7 @@ def test_a_job_is_done_elsewhere_and_its_outcome_fetched_once() -> None:
 
 
 def test_there_is_one_job_at_a_time_until_its_outcome_is_fetched() -> None:
-    lane, go = Lane("one"), Event()
+    lane, go = RequestThread("one"), Event()
     assert lane.start(lambda: Outcome(go.wait(PATIENCE_S), ""))
     assert not lane.start(lambda: Outcome(True, ""))
     go.set()
@@ -33,7 +33,7 @@ def fails() -> Outcome:
 
 
 def test_errors_come_back_in_words_and_the_lane_lives_on() -> None:
-    lane = Lane("one")
+    lane = RequestThread("one")
     lane.start(fails)
     found: list[Outcome] = []
     until(lambda: found.append(one) if (one := lane.done()) else found)
@@ -44,7 +44,7 @@ def test_errors_come_back_in_words_and_the_lane_lives_on() -> None:
 
 
 def test_closing_waits_no_longer_than_it_may() -> None:
-    lane, go = Lane("one"), Event()
+    lane, go = RequestThread("one"), Event()
     lane.start(lambda: Outcome(go.wait(2 * PATIENCE_S), ""))
     began_s = monotonic()
     lane.close(monotonic() + 0.1)
@@ -54,6 +54,6 @@ def test_closing_waits_no_longer_than_it_may() -> None:
 
 
 def test_a_lane_never_used_closes_at_once() -> None:
-    lane = Lane("one")
+    lane = RequestThread("one")
     lane.close(monotonic())
     assert not lane.start(lambda: Outcome(True, ""))
