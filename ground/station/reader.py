@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from ground.client.parameter_rows import Row, rows_in
 from ground.station.bus_protocols import Speaks
-from ground.station.robot.background_requests import Outcome, Works
+from ground.station.robot.background_requests import Outcome, RequestWorker
 from ground.station.robot.mission_items import Items, downloaded
 from ground.station.world import WorldFacts, world_in
 from protocol.bus.network import Hub
@@ -57,7 +57,7 @@ Found = Probe | Parameters | Items | WorldFacts | Failed
 class Reader:
     """One question at a time, each again after a while; what is found waits for `poll`."""
 
-    def __init__(self, bus: Speaks, clock: Clock, robot: str, lane: Works) -> None:
+    def __init__(self, bus: Speaks, clock: Clock, robot: str, lane: RequestWorker) -> None:
         self.asked = 0
         """How often the parameters were asked for since they were last wanted."""
         self._bus = bus

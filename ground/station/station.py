@@ -9,7 +9,7 @@ from ground.client.parameter_rows import rows_in
 from ground.client.presence import crew_of
 from ground.station.bus_protocols import Hears, Speaks
 from ground.station.history.event_log import Line, Log
-from ground.station.robot.background_requests import Job, RequestThread, Works
+from ground.station.robot.background_requests import Job, RequestThread, RequestWorker
 from ground.station.robot.command_queue import CommandQueue
 from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import RobotSession
@@ -43,7 +43,7 @@ class Station(StationView):
         world: WorldFacts | None = None,
         *,
         name: str = "operator",
-        lanes: Callable[[str], Works] = RequestThread,
+        lanes: Callable[[str], RequestWorker] = RequestThread,
     ) -> None:
         """`name` is what others are shown while this station holds a lease."""
         super().__init__(robot, clock.now_ns(), world)

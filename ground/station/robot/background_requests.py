@@ -22,7 +22,7 @@ class Outcome(NamedTuple):
 Job: TypeAlias = Callable[[], Outcome]
 
 
-class Works(Protocol):
+class RequestWorker(Protocol):
     """One worker, with one job at a time."""
 
     @property

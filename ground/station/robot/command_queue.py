@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 from ground.client.requests import RequestIds
 from ground.station.bus_protocols import Hears
-from ground.station.robot.background_requests import Job, Outcome, Works, outcome_of
+from ground.station.robot.background_requests import Job, Outcome, RequestWorker, outcome_of
 from ground.station.robot.lease_holding import LeaseHolding
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import AckResult, LeaseAction, Severity
@@ -49,7 +49,9 @@ class Pending(NamedTuple):
 class CommandQueue:
     """`last` is what was last asked and what came of it."""
 
-    def __init__(self, bus: Hears, clock: Clock, lane: Works, tell: Tell, name: str) -> None:
+    def __init__(
+        self, bus: Hears, clock: Clock, lane: RequestWorker, tell: Tell, name: str
+    ) -> None:
         self.last = ""
         self._bus = bus
         self._clock = clock

@@ -7,7 +7,7 @@ from ground.station.bus_protocols import Puts, Speaks
 from ground.station.link.link_monitor import LinkMonitor
 from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader
-from ground.station.robot.background_requests import Outcome, Works
+from ground.station.robot.background_requests import Outcome, RequestWorker
 from ground.station.robot.lease_holding import LeaseHolding
 from ground.station.robot.robot_model import RobotModel, Tell
 from protocol.topics import LEASE, OPERATOR, STATUS, STOP, Role
@@ -24,7 +24,7 @@ class RobotSession:
         bus: Speaks,
         watched: RobotModel,
         clock: Clock,
-        lanes: Callable[[str], Works],
+        lanes: Callable[[str], RequestWorker],
         tell: Tell,
     ) -> None:
         robot, now_ns = watched.robot, clock.now_ns()
