@@ -15,7 +15,7 @@ from ground.missions.items import NAV_WAYPOINT, Item, home_at, item_of
 from ground.missions.mission import Circle, Fence, Home, Mission, Polygon
 from ground.missions.outline import fault_of
 from ground.missions.problems import MissionError, Problem
-from ground.missions.sift import DROP, Foreign, Sieve
+from ground.missions.sift import DROP, Foreign, PlanFilter
 from protocol.wire.enums import TYPE_GROUND_ROVER
 from runtime.errors import UserError
 from runtime.json_reader import value_in
@@ -35,7 +35,7 @@ def read_text(text: str, file: str, *, home: Home | None = None, drop: bool = Fa
         problem = Problem("fileType", "this is no plan", "save it as a .plan in QGroundControl")
         raise MissionError(file, [problem])
     home = home or _home(body.get("plannedHomePosition"), file)
-    sieve = Sieve(file, drop=drop)
+    sieve = PlanFilter(file, drop=drop)
     listed = body.get("items")
     waypoints = sieve.waypoints(_items(listed if isinstance(listed, list) else [], drop), home)
     fence = _fence(plan.get("geoFence"), home, sieve)
@@ -100,7 +100,7 @@ def _number(value: object) -> float:
         return nan
 
 
-def _fence(part: object, home: Home | None, sieve: Sieve) -> Fence | None:
+def _fence(part: object, home: Home | None, sieve: PlanFilter) -> Fence | None:
     """The one circle or polygon to stay in; what else there is is refused."""
     shapes = list(_shapes(part))
     for where, shape in shapes:

@@ -17,7 +17,7 @@ class Foreign(NamedTuple):
     dropped: tuple[str, ...] = ()
 
 
-class Sieve:
+class PlanFilter:
     """Takes what can be done, collects what cannot; `drop`: the rest is left out."""
 
     def __init__(self, file: str, *, drop: bool) -> None:

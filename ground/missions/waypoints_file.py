@@ -17,7 +17,7 @@ from ground.missions.items import (
 )
 from ground.missions.mission import Home, Mission
 from ground.missions.problems import MissionError, Problem
-from ground.missions.sift import Foreign, Sieve
+from ground.missions.sift import Foreign, PlanFilter
 from runtime.errors import UserError
 
 HEADER: Final = "QGC WPL 110"
@@ -35,7 +35,7 @@ def read_text(text: str, file: str, *, home: Home | None = None, drop: bool = Fa
         problem = Problem("item 0", "is not home", "write home as item 0: NAV_WAYPOINT, frame 0")
         raise MissionError(file, [problem])
     home = home or _home(first, file)
-    sieve = Sieve(file, drop=drop)
+    sieve = PlanFilter(file, drop=drop)
     waypoints = sieve.waypoints(rest, home)
     return sieve.result(Mission(waypoints=tuple(waypoints), home=home))
 
