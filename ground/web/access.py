@@ -34,7 +34,7 @@ MAX_SESSIONS: Final = 64
 """Browsers that are let in without the token; the oldest session ends for a new one."""
 
 
-class Door:
+class WebAccess:
     """Lets in who has the token. `cookie` has the port in its name: cookies do not know ports."""
 
     def __init__(self, token: str, port: int) -> None:

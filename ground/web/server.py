@@ -8,7 +8,7 @@ from typing import Any, Final
 from aiohttp import web
 from textual_serve.server import Server
 
-from ground.web.access import Door
+from ground.web.access import WebAccess
 from ground.web.address import Address
 
 MOST_SESSIONS: Final = 8
@@ -25,7 +25,7 @@ class WebServer(Server):
         self, command: str, address: Address, token: str, ready: Callable[[], None]
     ) -> None:
         super().__init__(command, host=address.host, port=address.port, title="Sidestep")
-        self.door = Door(token, address.port)
+        self.door = WebAccess(token, address.port)
         self.sessions: set[asyncio.Task[object]] = set()
         self._ready = ready
 

@@ -9,7 +9,7 @@ import pytest
 from aiohttp import CookieJar, web
 from aiohttp.test_utils import TestClient, TestServer
 
-from ground.web.access import MAX_SESSIONS, REFUSAL, Door, from_here
+from ground.web.access import MAX_SESSIONS, REFUSAL, WebAccess, from_here
 from ground.web.address import Address
 from ground.web.server import MOST_SESSIONS, WebServer
 
@@ -159,7 +159,7 @@ def test_a_browser_that_leaves_is_counted_out(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_tokens_are_compared_as_a_whole() -> None:
-    door: Any = Door(TOKEN, 1)
+    door: Any = WebAccess(TOKEN, 1)
     assert door.knows(TOKEN)
     assert not door.knows(None)
     assert not door.knows("")

@@ -13,7 +13,7 @@ from ground.cli.command.fence import outlined
 from ground.cli.verbs import VERBS, parser_of
 from ground.console.completion import complete
 from ground.console.parser import parse
-from ground.web.access import Door
+from ground.web.access import WebAccess
 from ground.web.address import address_of, token_of
 from plant.cli.plant import parser as plant_parser
 from protocol.bus.network import Network
@@ -133,7 +133,7 @@ def door(data: bytes, _: Path) -> None:
         inside.append(asked)
         return web.Response(text="in")
 
-    doorway = Door(TOKEN, 8765)
+    doorway = WebAccess(TOKEN, 8765)
     doorway.sessions.append(SESSION)
     answer = finished(doorway.middleware()(request, handler))
     if inside and SESSION not in headers.get("Cookie", request.headers.get("Cookie", "")):
