@@ -77,7 +77,7 @@ class Drawn(NamedTuple):
     content: Json
 
 
-class Picture:
+class SceneDrawer:
     """Remembers what it needs to draw the next message: the trail, the goal, the robot's size."""
 
     def __init__(self) -> None:

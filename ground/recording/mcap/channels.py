@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from ground.recording.foxglove.scene import Drawn, Picture
+from ground.recording.foxglove.scene import Drawn, SceneDrawer
 from ground.recording.foxglove.schemas import SHAPES
 from ground.recording.frame_paths import path_in
 from ground.recording.mcap.json_schemas import KEY_SCHEMA, Schema, schema_of
@@ -38,7 +38,7 @@ class Spread:
 
     def __init__(self, robot: str) -> None:
         self._own = f"/{robot}/"
-        self._picture = Picture()
+        self._picture = SceneDrawer()
         self._topics: dict[tuple[str, str], tuple[str, Schema]] = {}
 
     def add(self, key: str, frame: bytes, time_ns: int) -> Iterator[Piece]:

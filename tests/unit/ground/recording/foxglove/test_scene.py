@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from ground.recording.foxglove.scene import MOST_POSES, Drawn, Picture
+from ground.recording.foxglove.scene import MOST_POSES, Drawn, SceneDrawer
 from protocol.topics import MARK, TEXT
 from protocol.wire.enums import GoalState, Severity
 from protocol.wire.message import Message
@@ -25,16 +25,16 @@ from tests.support.ground.recording.made import (
 S = 1_000_000_000
 
 
-def seen(picture: Picture, message: Message, time_ns: int = S) -> dict[str, Any]:
+def seen(picture: SceneDrawer, message: Message, time_ns: int = S) -> dict[str, Any]:
     return {drawn.topic: drawn.content for drawn in picture.see("k", message, time_ns)}
 
 
-def known(picture: Picture) -> dict[str, Any]:
+def known(picture: SceneDrawer) -> dict[str, Any]:
     return {drawn.topic: drawn.content for drawn in picture.know("world", WORLD_TEXT, S)}
 
 
 def test_the_pose_is_drawn_and_moves_the_robots_frame() -> None:
-    drawn = seen(Picture(), odometry(0, 1.25, 2.5, radians(90.0)), 3 * S + 7)
+    drawn = seen(SceneDrawer(), odometry(0, 1.25, 2.5, radians(90.0)), 3 * S + 7)
     pose = drawn["/robot/pose"]
     assert pose["timestamp"] == {"sec": 3, "nsec": 7}
     assert pose["pose"]["position"] == {"x": 1.25, "y": 2.5, "z": 0.0}
@@ -45,7 +45,7 @@ def test_the_pose_is_drawn_and_moves_the_robots_frame() -> None:
 
 
 def test_the_trail_grows_once_a_second_and_stays_bounded() -> None:
-    picture, told = Picture(), []
+    picture, told = SceneDrawer(), []
     for tick in range(20_000):
         drawn = seen(picture, odometry(0, tick * 0.0125), tick * S // 20)
         if "/robot/trail" in drawn:
@@ -57,12 +57,12 @@ def test_the_trail_grows_once_a_second_and_stays_bounded() -> None:
 
 
 def test_a_pose_that_is_no_number_is_not_drawn() -> None:
-    assert seen(Picture(), odometry(0, nan)) == {}
-    assert seen(Picture(), truth(0, inf)) == {}
+    assert seen(SceneDrawer(), odometry(0, nan)) == {}
+    assert seen(SceneDrawer(), truth(0, inf)) == {}
 
 
 def test_only_echoes_are_points_and_they_begin_at_the_rim() -> None:
-    picture = Picture()
+    picture = SceneDrawer()
     known(picture)
     cloud = seen(picture, scan(0, 0, echo=0b1000_0001))["/sonar/echoes"]
     points = list(iter_unpack("<fff", b64decode(cloud["data"])))
@@ -74,7 +74,7 @@ def test_only_echoes_are_points_and_they_begin_at_the_rim() -> None:
 
 
 def test_the_goal_is_drawn_when_it_is_another_one() -> None:
-    picture = Picture()
+    picture = SceneDrawer()
     assert seen(picture, status(0, GoalState.NONE)) == {}
     (goal,) = seen(picture, status(0))["/goal"]["entities"]
     assert goal["cylinders"][0]["pose"]["position"]["x"] == 5.4
@@ -83,7 +83,7 @@ def test_the_goal_is_drawn_when_it_is_another_one() -> None:
 
 
 def test_the_virtual_goal_comes_and_goes() -> None:
-    picture = Picture()
+    picture = SceneDrawer()
     virtual, zone = seen(picture, decision(0))["/goal/virtual"]["entities"]
     assert len(virtual["spheres"]) == len(zone["lines"]) == 1
     assert seen(picture, decision(1)) == {}, "it has not moved"
@@ -92,7 +92,7 @@ def test_the_virtual_goal_comes_and_goes() -> None:
 
 
 def test_the_world_is_walls_and_discs_in_their_places() -> None:
-    drawn = known(Picture())
+    drawn = known(SceneDrawer())
     walls, start = drawn["/world"]["entities"]
     assert len(walls["cubes"]) == 4 + 3 + 2, "outer walls, triangle, a bent wall"
     assert {cube["size"]["x"] for cube in walls["cubes"]} >= {6.0, 4.0, 2.0}
@@ -104,9 +104,9 @@ def test_the_world_is_walls_and_discs_in_their_places() -> None:
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"obstacles": [{"wall_m": 3}]}', '{"size_m": 1}'])
 def test_a_world_that_cannot_be_read_is_not_drawn(text: str) -> None:
-    drawn: list[Drawn] = Picture().know("world", text, 0)
+    drawn: list[Drawn] = SceneDrawer().know("world", text, 0)
     assert len(drawn) in (0, 2)
-    assert Picture().know("parameters", WORLD_TEXT, 0) == []
+    assert SceneDrawer().know("parameters", WORLD_TEXT, 0) == []
 
 
 @pytest.mark.parametrize(
@@ -114,13 +114,13 @@ def test_a_world_that_cannot_be_read_is_not_drawn(text: str) -> None:
     [(Severity.INFO, 2), (Severity.WARNING, 3), (Severity.ERROR, 4), (Severity.EMERGENCY, 5)],
 )
 def test_texts_have_the_viewers_level(severity: Severity, level: int) -> None:
-    drawn = seen(Picture(), Statustext(severity=severity, text="hello"))
+    drawn = seen(SceneDrawer(), Statustext(severity=severity, text="hello"))
     assert (drawn["/log"]["level"], drawn["/log"]["message"]) == (level, "hello")
-    assert seen(Picture(), Statustext(severity=99, text="odd"))["/log"]["level"] == 1
+    assert seen(SceneDrawer(), Statustext(severity=99, text="odd"))["/log"]["level"] == 1
 
 
 def test_pieces_of_what_the_robot_says_and_of_remarks_are_not_mixed() -> None:
-    picture, logged = Picture(), []
+    picture, logged = SceneDrawer(), []
     said, remark = "the robot says " * 5, "somebody remarks " * 5
     for pieces in zip(pieces_of(said, 7, 6), pieces_of(remark, 7, 5), strict=True):
         for topic, piece in zip((TEXT, MARK), pieces, strict=True):
