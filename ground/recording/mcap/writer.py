@@ -27,7 +27,7 @@ FRAME_CHANNELS: Final = (
 )
 
 
-class Outbox(BytesIO):
+class OutputBuffer(BytesIO):
     """What has been written and not yet been taken; tells its place in the file as a whole."""
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class McapForm:
     """Turns frames into chunks, one for each batch."""
 
     def __init__(self, robot: str, build: Mapping[str, str]) -> None:
-        self._outbox = Outbox()
+        self._outbox = OutputBuffer()
         self._writer: Any = Writer(self._outbox, compression=CompressionType.ZSTD)
         self._spread = Spread(robot)
         self._keys = f"{PREFIX}/{robot}"
