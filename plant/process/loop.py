@@ -6,7 +6,7 @@ from math import inf
 from time import monotonic
 from typing import Final
 
-from plant.process.requests import Desk
+from plant.process.requests import RequestQueue
 from plant.process.robot_link import Wires
 from plant.sim.simulation import Plant
 from runtime.arrivals import WakeUp
@@ -54,7 +54,7 @@ class Process:
 
     plant: Plant
     wires: list[Wires]
-    desk: Desk
+    desk: RequestQueue
     wake: Wake
     patience_s: float = PATIENCE_S
     look: Callable[[], None] = nothing

@@ -17,7 +17,7 @@ MAX_ANSWERED: Final = 6
 """In one turn of the loop; the score of a run takes up to a millisecond."""
 
 
-class Desk:
+class RequestQueue:
     """Requests are queued by the bus's threads and answered by the plant's own, between ticks.
 
     What the world is like never changes, so that question does not reach the loop.

@@ -7,7 +7,7 @@ from functools import partial
 
 from plant.placement.shortest_path import known_length_m
 from plant.process.loop import Process, Wake, nothing
-from plant.process.requests import Desk
+from plant.process.requests import RequestQueue
 from plant.process.robot_link import Wires
 from plant.sim.simulation import Plant
 from plant.world.to_json import as_json
@@ -55,7 +55,7 @@ def assemble(
 ) -> Process:
     """The wires to each robot, the services, and the announcement. Raises NameTaken."""
     world = as_json(plant.world, known_length_m(plant.world))
-    desk = Desk(running=not paused, world=world, nudge=wake)
+    desk = RequestQueue(running=not paused, world=world, nudge=wake)
     wires = [
         Wires(bus, robot, number, wake, lockstep=lockstep) for number, robot in enumerate(robots)
     ]

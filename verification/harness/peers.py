@@ -10,7 +10,7 @@ from plant.model.configuration import noise_of
 from plant.model.types import World
 from plant.process.loop import Process as PlantProcess
 from plant.process.loop import Wake
-from plant.process.requests import Desk
+from plant.process.requests import RequestQueue
 from plant.process.robot_link import Wires
 from plant.sim.simulation import Plant
 from plant.world.file import load
@@ -144,7 +144,7 @@ class Peers:
     def _start_plant(self) -> None:
         bus = self._open("plant", Role.PLANT)
         plant = Plant(self.world, self._seed, self._noise, at_ns=self.clock.now_ns())
-        desk = Desk(running=True, world={}, nudge=lambda: None)
+        desk = RequestQueue(running=True, world={}, nudge=lambda: None)
         wires = Wires(bus, "r1", 0, nothing, lockstep=True)
         bus.line.after = lambda key: self._arrivals.take(f"{key} at the plant")
         for service in (RUN, WORLD):

@@ -6,7 +6,7 @@ from typing import Any, Final
 from plant.model.noise import Noise
 from plant.model.types import GoalPose, Polygon, Start, World
 from plant.process.loop import Process, Wake
-from plant.process.requests import Desk
+from plant.process.requests import RequestQueue
 from plant.process.robot_link import Wires
 from plant.sim.simulation import Plant
 from protocol.bus.bus import Bus, open_bus
@@ -77,7 +77,7 @@ class PlantSide:
         plant = Plant(self._world, self.starts, Noise())
         bus = self.bus = open_bus(Network(), Role.PLANT, "r1", self.host.now_ns)
         wake = Wake()
-        desk = Desk(running=True, world={}, nudge=wake)
+        desk = RequestQueue(running=True, world={}, nudge=wake)
         wires = self.wires = Wires(bus, "r1", 0, wake, lockstep=False)
         for service in (RUN, WORLD):
             bus.serve(service, lambda asked: desk.ask(0, asked), "r1")

@@ -5,7 +5,7 @@ from typing import cast
 import pytest
 
 from plant.model.noise import LEVELS
-from plant.process.requests import MAX_ANSWERED, MAX_WAITING, Desk
+from plant.process.requests import MAX_ANSWERED, MAX_WAITING, RequestQueue
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.service import Asked
@@ -34,7 +34,7 @@ class Asking:
 
     def __init__(self) -> None:
         self.nudges = 0
-        self.desk = Desk(running=False, world={"name": "open"}, nudge=self._nudge)
+        self.desk = RequestQueue(running=False, world={"name": "open"}, nudge=self._nudge)
         self.plant = Plant(load("open"), 0, LEVELS["none"])
 
     def ask(self, *questions: Question) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from plant.model.noise import LEVELS
 from plant.process.loop import Process, Wake
-from plant.process.requests import Desk
+from plant.process.requests import RequestQueue
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from runtime.clock import WallClock
@@ -36,7 +36,7 @@ def ended(*, running: bool, drive: Callable[[Process], None]) -> int:
     """How often it turned until it ended; fails when it does not."""
     wake = Wake()
     turns = Turns(wake)
-    desk = Desk(running=running, world={}, nudge=wake)
+    desk = RequestQueue(running=running, world={}, nudge=wake)
     plant = Plant(load("open"), 0, LEVELS["none"])
     process = Process(plant, [], desk, wake, PATIENCE_S, turn=turns)
     loop = threading.Thread(target=drive, args=(process,))
