@@ -7,7 +7,7 @@ from time import monotonic
 from typing import Final
 
 from plant.process.requests import RequestQueue
-from plant.process.robot_link import Wires
+from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from runtime.arrivals import WakeUp
 from runtime.clock import Clock, ticks
@@ -53,7 +53,7 @@ class Process:
     """
 
     plant: Plant
-    wires: list[Wires]
+    wires: list[RobotLink]
     desk: RequestQueue
     wake: Wake
     patience_s: float = PATIENCE_S

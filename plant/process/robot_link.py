@@ -12,7 +12,7 @@ from protocol.wire.messages import SystemTime
 from runtime.timing import PERIOD_NS, UINT32
 
 
-class Wires:
+class RobotLink:
     """Publishes what one robot senses at this tick and hands its newest command to the plant.
 
     The clock goes out last, and only in lockstep: it tells the robot that all its senses of this

@@ -8,7 +8,7 @@ from functools import partial
 from plant.placement.shortest_path import known_length_m
 from plant.process.loop import Process, Wake, nothing
 from plant.process.requests import RequestQueue
-from plant.process.robot_link import Wires
+from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from plant.world.to_json import as_json
 from protocol.bus.bus import Bus, open_bus
@@ -57,7 +57,8 @@ def assemble(
     world = as_json(plant.world, known_length_m(plant.world))
     desk = RequestQueue(running=not paused, world=world, nudge=wake)
     wires = [
-        Wires(bus, robot, number, wake, lockstep=lockstep) for number, robot in enumerate(robots)
+        RobotLink(bus, robot, number, wake, lockstep=lockstep)
+        for number, robot in enumerate(robots)
     ]
     for number, robot in enumerate(robots):
         take = partial(desk.ask, number)

@@ -11,7 +11,7 @@ from plant.model.types import World
 from plant.process.loop import Process as PlantProcess
 from plant.process.loop import Wake
 from plant.process.requests import RequestQueue
-from plant.process.robot_link import Wires
+from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus
@@ -145,7 +145,7 @@ class Peers:
         bus = self._open("plant", Role.PLANT)
         plant = Plant(self.world, self._seed, self._noise, at_ns=self.clock.now_ns())
         desk = RequestQueue(running=True, world={}, nudge=lambda: None)
-        wires = Wires(bus, "r1", 0, nothing, lockstep=True)
+        wires = RobotLink(bus, "r1", 0, nothing, lockstep=True)
         bus.line.after = lambda key: self._arrivals.take(f"{key} at the plant")
         for service in (RUN, WORLD):
             bus.serve(service, lambda asked: desk.ask(0, asked))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from plant.model.configuration import noise_of
 from plant.model.types import World
-from plant.process.robot_link import Wires
+from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network, Tls
@@ -43,7 +43,7 @@ class Standin:
         self._operator = operator
         self._arrived = Event()
         self._arrived_ns = 0
-        self._wires = Wires(bus, ROBOT, 0, self._notice, lockstep=lockstep)
+        self._wires = RobotLink(bus, ROBOT, 0, self._notice, lockstep=lockstep)
         self._status = bus.mailbox(STATUS, ROBOT)
         self._goals = (wire_goal_of(world), back_to_start(world))
         self._requests = count(monotonic_ns())

@@ -7,7 +7,7 @@ from plant.model.noise import Noise
 from plant.model.types import GoalPose, Polygon, Start, World
 from plant.process.loop import Process, Wake
 from plant.process.requests import RequestQueue
-from plant.process.robot_link import Wires
+from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import claim
@@ -50,7 +50,7 @@ class PlantSide:
         self.host.alive = False
         self.plant: Plant | None = None
         self.bus: Bus | None = None
-        self.wires: Wires | None = None
+        self.wires: RobotLink | None = None
         self.starts = 0
         self._scheduler = scheduler
         self._world = world
@@ -78,7 +78,7 @@ class PlantSide:
         bus = self.bus = open_bus(Network(), Role.PLANT, "r1", self.host.now_ns)
         wake = Wake()
         desk = RequestQueue(running=True, world={}, nudge=wake)
-        wires = self.wires = Wires(bus, "r1", 0, wake, lockstep=False)
+        wires = self.wires = RobotLink(bus, "r1", 0, wake, lockstep=False)
         for service in (RUN, WORLD):
             bus.serve(service, lambda asked: desk.ask(0, asked), "r1")
         claim(bus, ["r1"])

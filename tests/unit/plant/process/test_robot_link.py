@@ -6,7 +6,7 @@ import pytest
 
 from plant.model.faults import Fault
 from plant.model.noise import LEVELS
-from plant.process.robot_link import Wires
+from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus
@@ -27,7 +27,7 @@ class Bench:
         self._bus = PlayedBus(ManualClock())
         self.plant = Plant(load("open"), 0, LEVELS["none"])
         bus = cast(Bus, self._bus)
-        self.wires = Wires(bus, "r1", 0, lambda _: None, lockstep=True)
+        self.wires = RobotLink(bus, "r1", 0, lambda _: None, lockstep=True)
         for _ in range(20):
             self.wires.publish(self.plant)
             self.plant.advance()
@@ -91,7 +91,7 @@ class Listener:
     def __init__(self, *, lockstep: bool, at_ns: int = 0) -> None:
         self._bus = PlayedBus(ManualClock())
         self.plant = Plant(load("open"), 0, LEVELS["none"], robots=2, at_ns=at_ns)
-        self.wires = Wires(cast(Bus, self._bus), "r2", 1, lambda _: None, lockstep=lockstep)
+        self.wires = RobotLink(cast(Bus, self._bus), "r2", 1, lambda _: None, lockstep=lockstep)
         self.said: list[Message] = []
         for publisher in self._bus.publishers.values():
             publisher.heard = self.said.append
