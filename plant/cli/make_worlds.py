@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
-from plant.imports.anyone import CELL_M, TAKES, Wishes, import_worlds
+from plant.imports.anyone import CELL_M, TAKES, ImportOptions, import_worlds
 from plant.imports.barn import PITCH_M
 from plant.model.errors import Problem, WorldError
 from plant.model.types import World, bad_name
@@ -88,7 +88,7 @@ def make(arguments: argparse.Namespace) -> int:
 
 
 def _imported(arguments: argparse.Namespace) -> Iterator[tuple[World, str]]:
-    wishes = Wishes(
+    wishes = ImportOptions(
         cell_m=arguments.cell,
         start=tuple(arguments.start) if arguments.start else None,
         goal=tuple(arguments.goal) if arguments.goal else None,

@@ -31,7 +31,7 @@ TAKES: Final = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wishes:
+class ImportOptions:
     """How to make worlds of a file. Start and goal are in the map's own frame, in metres.
 
     Without them they are chosen, by the seed; `window`: of a map a square of that many cells a
@@ -46,7 +46,7 @@ class Wishes:
     window: int | None = None
 
 
-def import_worlds(path: Path, wishes: Wishes) -> Iterator[World]:
+def import_worlds(path: Path, wishes: ImportOptions) -> Iterator[World]:
     """As many worlds as wished for; raises WorldError."""
     kind = path.suffix.lower()
     _check(path, kind, wishes)
@@ -62,7 +62,7 @@ def import_worlds(path: Path, wishes: Wishes) -> Iterator[World]:
         yield from _of_cells(path, "ros_map", load_ros_map(path), wishes)
 
 
-def _check(path: Path, kind: str, wishes: Wishes) -> None:
+def _check(path: Path, kind: str, wishes: ImportOptions) -> None:
     """Refuse a kind of file that is not known, and wishes that do not go together."""
     file = str(path)
     if kind not in TAKES:
@@ -85,7 +85,7 @@ def _check(path: Path, kind: str, wishes: Wishes) -> None:
         raise refuse(file, "--start", "with --count or --window it is chosen", fix)
 
 
-def _of_cells(path: Path, family: str, whole: Cells, wishes: Wishes) -> Iterator[World]:
+def _of_cells(path: Path, family: str, whole: Cells, wishes: ImportOptions) -> Iterator[World]:
     for index in range(wishes.count):
         random = _random(path, wishes, index)
         cells = whole if wishes.window is None else whole.window(random, wishes.window)
@@ -97,7 +97,7 @@ def _of_cells(path: Path, family: str, whole: Cells, wishes: Wishes) -> Iterator
         yield grid_world(cells, made, random)
 
 
-def _of_scenarios(path: Path, wishes: Wishes) -> Iterator[World]:
+def _of_scenarios(path: Path, wishes: ImportOptions) -> Iterator[World]:
     """Some of its scenarios, chosen by the seed, on the map beside it."""
     scenarios = load_scenarios(path)
     if wishes.count > len(scenarios):
@@ -127,7 +127,7 @@ def _map_of(path: Path, scenario: Scenario) -> Path:
     raise refuse(str(path), "map", f"{named} is not beside it", fix, scenario.line)
 
 
-def _of_field(path: Path, family: str, field: Field, wishes: Wishes) -> Iterator[World]:
+def _of_field(path: Path, family: str, field: Field, wishes: ImportOptions) -> Iterator[World]:
     ends = field.ends
     if wishes.start is not None and wishes.goal is not None:
         left, low = field.corner
@@ -139,7 +139,11 @@ def _of_field(path: Path, family: str, field: Field, wishes: Wishes) -> Iterator
 
 
 def _made(
-    path: Path, family: str, wishes: Wishes, ends: tuple[Point, Point] | None, index: int | None
+    path: Path,
+    family: str,
+    wishes: ImportOptions,
+    ends: tuple[Point, Point] | None,
+    index: int | None,
 ) -> Made:
     stem = _stem(path)
     name = stem if index is None else f"{stem}_{wishes.seed}_{index:03d}"
@@ -147,7 +151,7 @@ def _made(
     return Made(file=str(path), name=name, family=family, seed=wishes.seed, start=start, goal=goal)
 
 
-def _random(path: Path, wishes: Wishes, index: int) -> Random:
+def _random(path: Path, wishes: ImportOptions, index: int) -> Random:
     return Random(f"{_stem(path)}/{wishes.seed}/{index}")
 
 

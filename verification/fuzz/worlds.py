@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from plant.imports.anyone import Wishes, import_worlds
+from plant.imports.anyone import ImportOptions, import_worlds
 from plant.world.file import SHIPPED_DIR, load, loads
 from plant.world.to_json import as_json
 from plant.world.to_toml import dumps
@@ -53,7 +53,7 @@ def read_world(path: Path) -> None:
 def imported(path: Path) -> object:
     """Of a large file only a part becomes a world."""
     small = path.stat().st_size <= SMALL_BYTES
-    return list(import_worlds(path, Wishes() if small else Wishes(window=20)))
+    return list(import_worlds(path, ImportOptions() if small else ImportOptions(window=20)))
 
 
 def beside(name: str, data: bytes) -> Callable[[Path], object]:
