@@ -7,7 +7,7 @@ from queue import Empty, SimpleQueue
 from typing import Final
 
 from protocol.bus.bus import Bus
-from protocol.bus.claim import Twins
+from protocol.bus.claim import DuplicateWatch
 from protocol.bus.service import Asked, refusal
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
 from protocol.wire.enums import AckResult, Command
@@ -66,7 +66,7 @@ class Process:
         self._senses = senses
         self._meter = meter
         self.reports = Reports(bus, epoch)
-        self._twins = Twins(bus)
+        self._twins = DuplicateWatch(bus)
         self._requests: SimpleQueue[Asked] = SimpleQueue()
         self._strangers: SimpleQueue[Asked] = SimpleQueue()
         self._stop = StopLatch(vehicle.lease.is_holder)

@@ -1,7 +1,7 @@
 """One process per role and robot: a second one of a name does not start, and is noticed later.
 
 `claim` looks once, at the start. Two processes that a broken network kept apart then meet when it
-is whole again: `Twins` watches for that.
+is whole again: `DuplicateWatch` watches for that.
 """
 
 from protocol.bus.bus import Bus
@@ -24,7 +24,7 @@ def claim(bus: Bus, robots: list[str]) -> None:
     refuse(bus, [(robot, zid) for robot, zid in twins(bus, robots) if zid < bus.zid])
 
 
-class Twins:
+class DuplicateWatch:
     """Other processes in the role of this one for its robot, for as long as they are there."""
 
     def __init__(self, bus: Bus) -> None:

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 import pytest
 
 from protocol.bus.bus import Bus, open_bus
-from protocol.bus.claim import NameTaken, Twins, claim
+from protocol.bus.claim import DuplicateWatch, NameTaken, claim
 from protocol.bus.network import Network
 from protocol.topics import Role
 from tests.support.until import until
@@ -62,7 +62,7 @@ def test_a_second_of_one_name_that_appears_later_is_seen_until_it_goes() -> None
         network = router(scope)
         first = joined(scope, network, Role.ROBOT, "r1")
         claim(first, ["r1"])
-        twins = Twins(first)
+        twins = DuplicateWatch(first)
         for role, robot in ((Role.PLANT, "r1"), (Role.GROUND, "r1"), (Role.ROBOT, "r2")):
             joined(scope, network, role, robot).announce()
         second = joined(scope, network, Role.ROBOT, "r1")
@@ -79,5 +79,5 @@ def test_a_second_that_was_there_before_is_seen_too() -> None:
         network = router(scope)
         first, second = (joined(scope, network, Role.ROBOT, "r1") for _ in range(2))
         second.announce()
-        twins = Twins(first)
+        twins = DuplicateWatch(first)
         until(lambda: bool(twins), what="the second is there")
