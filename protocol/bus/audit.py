@@ -19,7 +19,7 @@ CALLERS: Final = 1000
 NAMELESS: Final = "somebody whose certificate has no name"
 
 
-class Doors:
+class ConnectionAudit:
     """Reads the log a few times a second; a flood of refusals costs a bounded time and memory."""
 
     def __init__(self, bus: Bus, log: ZenohLog, tell: Callable[[str], None]) -> None:
@@ -66,7 +66,7 @@ def watched_doors(bus: Bus, tell: Callable[[str], None]) -> Iterator[None]:
         return
     ends = threading.Event()
     with ZenohLog(DOORS, SIGNS) as log:
-        doors = Doors(bus, log, tell)
+        doors = ConnectionAudit(bus, log, tell)
 
         def watch() -> None:
             looks_s = time.monotonic() + LOOK_S
