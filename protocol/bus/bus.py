@@ -22,7 +22,7 @@ from protocol.bus.network import Hub, Network
 from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
 from protocol.bus.publisher import Publisher
 from protocol.bus.requester import Asker
-from protocol.bus.service import Asked, Desk, Handler, attached_time, taken
+from protocol.bus.service import Asked, Handler, ServiceQueue, attached_time, taken
 from protocol.bus.session import bound_endpoints, called, gone, open_session
 from protocol.bus.tls.access import may_fetch, operator_name
 from protocol.bus.tls.certificate import holder
@@ -70,7 +70,7 @@ class Bus:
         self._mailboxes: dict[Mailbox[Any], Any] = {}  # with its subscriber
         self._declared: list[object] = []
         self._watched: TokenSet | None = None
-        self._desk = Desk()
+        self._desk = ServiceQueue()
         self.line = Line(network.trouble, now_ns)
         self.holder = holder(network.tls, role, robot)
         self._session = open_session(network)

@@ -120,7 +120,7 @@ def attached_time(attachment: zenoh.ZBytes | None) -> int | None:
     return None if attachment is None else time_in(taken(attachment))
 
 
-class Desk:
+class ServiceQueue:
     """Takes the requests of all services of one bus, in order."""
 
     def __init__(self) -> None:

@@ -8,7 +8,7 @@ import pytest
 from zenoh import ZBytes
 
 from protocol.bus.bus import Bus
-from protocol.bus.service import MAX_WAITING, Asked, Desk, taken
+from protocol.bus.service import MAX_WAITING, Asked, ServiceQueue, taken
 from protocol.topics import COMMAND, PARAMETERS, RUN, Role, Service, operator_in
 from protocol.wire.codec import LARGEST_FRAME
 from protocol.wire.enums import AckResult, Command
@@ -202,7 +202,7 @@ class Unread(Asked):
 
 
 def test_questions_beyond_what_can_wait_are_dropped_and_counted() -> None:
-    desk = Desk()
+    desk = ServiceQueue()
     asked = [Unread() for _ in range(MAX_WAITING + 3)]
     for one in asked:
         desk.put(one, lambda _: None)
