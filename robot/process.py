@@ -8,7 +8,7 @@ from typing import Final
 
 from protocol.bus.bus import Bus
 from protocol.bus.claim import DuplicateWatch
-from protocol.bus.service import Asked, refusal
+from protocol.bus.service import ServiceRequest, refusal
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
 from protocol.wire.enums import AckResult, Command
 from protocol.wire.messages import Teleop
@@ -67,13 +67,13 @@ class Process:
         self._meter = meter
         self.reports = Reports(bus, epoch)
         self._twins = DuplicateWatch(bus)
-        self._requests: SimpleQueue[Asked] = SimpleQueue()
-        self._strangers: SimpleQueue[Asked] = SimpleQueue()
+        self._requests: SimpleQueue[ServiceRequest] = SimpleQueue()
+        self._strangers: SimpleQueue[ServiceRequest] = SimpleQueue()
         self._stop = StopLatch(vehicle.lease.is_holder)
         self._stopped_ns: int | None = None
         """When the loop last took a stop from the latch, on the clock of the bus."""
         self._saved = SavedReplies(vehicle)
-        self._stop_askers: deque[Asked] = deque()
+        self._stop_askers: deque[ServiceRequest] = deque()
 
     def serve(self, nudge: Callable[[], None] = lambda: None) -> None:
         """Restore what was saved, which is recorded as if asked for, and begin to take requests;
@@ -87,7 +87,7 @@ class Process:
             self._stop.press(operator, frame)
             nudge()
 
-        def wait_for_stop(asked: Asked) -> None:
+        def wait_for_stop(asked: ServiceRequest) -> None:
             """Have the loop answer, unless too many wait; the stop itself waits for none."""
             if len(self._stop_askers) >= MAX_WAITING:
                 asked.drop()
@@ -95,7 +95,7 @@ class Process:
                 self._stop_askers.append(asked)
             nudge()
 
-        def take(asked: Asked) -> None:
+        def take(asked: ServiceRequest) -> None:
             if is_stop(asked.message):
                 self._stop.press(asked.operator, asked.payload)
                 wait_for_stop(asked)  # after it: the loop drops askers without a stop
@@ -116,7 +116,7 @@ class Process:
         for service in SERVICES:
             self._bus.serve(service, take)
 
-    def _line(self, asked: Asked) -> SimpleQueue[Asked]:
+    def _line(self, asked: ServiceRequest) -> SimpleQueue[ServiceRequest]:
         return self._requests if self.vehicle.lease.allows(asked.operator) else self._strangers
 
     def stop(self) -> None:
@@ -245,7 +245,7 @@ class Process:
             else:
                 asked.drop()
 
-    def _give(self, asked: Asked) -> None:
+    def _give(self, asked: ServiceRequest) -> None:
         if asked.message is None:
             asked.reply(self.vehicle.tuning.described())
             return
@@ -258,7 +258,7 @@ class Process:
         self._saved.reply(asked, asked.message, answer, now_ns)
         self.reports.record(asked.message, answer)
 
-    def _void(self, asked: Asked) -> int:
+    def _void(self, asked: ServiceRequest) -> int:
         """Return why a request does not count: no operator, no deadline or one that is over.
 
         An emergency stop overtakes the requests that wait. One that came before and would release

@@ -2,7 +2,7 @@
 
 from typing import Final, NamedTuple
 
-from protocol.bus.service import Asked, refusal
+from protocol.bus.service import ServiceRequest, refusal
 from protocol.wire.enums import AckResult, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck
@@ -29,7 +29,7 @@ SAVING: Final = CommandAck(command=0, result=AckResult.IN_PROGRESS, result_param
 class Withheld(NamedTuple):
     """A request whose answer waits for the disk."""
 
-    asked: Asked
+    asked: ServiceRequest
     answer: Answer
     ticket: Ticket
     since_ns: int
@@ -48,7 +48,7 @@ class SavedReplies:
         """Files that are being written: what had ended when, at the last progress."""
         self._told_slow = False
 
-    def reply(self, asked: Asked, request: Message, answer: Answer, now_ns: int) -> None:
+    def reply(self, asked: ServiceRequest, request: Message, answer: Answer, now_ns: int) -> None:
         """Answer a request. Those beyond a bound are to ask again."""
         ticket = self._vehicle.saving(request, answer)
         if ticket is None or not ticket.is_open:

@@ -6,7 +6,7 @@ from queue import Empty, SimpleQueue
 from typing import Final
 
 from plant.sim.simulation import Plant
-from protocol.bus.service import Asked
+from protocol.bus.service import ServiceRequest
 from protocol.wire.enums import AckResult, RunAction
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, RunRequest
@@ -28,9 +28,9 @@ class RequestQueue:
         self.running = running
         self._nudge = nudge
         self._world = json.dumps(world).encode()
-        self._requests: SimpleQueue[tuple[int, Asked, RunRequest]] = SimpleQueue()
+        self._requests: SimpleQueue[tuple[int, ServiceRequest, RunRequest]] = SimpleQueue()
 
-    def ask(self, robot: int, asked: Asked) -> None:
+    def ask(self, robot: int, asked: ServiceRequest) -> None:
         """Called from the bus; returns at once. Of too many requests the rest is refused."""
         request = asked.message
         if not isinstance(request, RunRequest):

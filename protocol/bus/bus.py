@@ -22,7 +22,7 @@ from protocol.bus.network import Hub, Network
 from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
 from protocol.bus.publisher import Publisher
 from protocol.bus.requester import Asker
-from protocol.bus.service import Asked, Handler, ServiceQueue, attached_time, taken
+from protocol.bus.service import Handler, ServiceQueue, ServiceRequest, attached_time, taken
 from protocol.bus.session import bound_endpoints, called, gone, open_session
 from protocol.bus.tls.access import may_fetch, operator_name
 from protocol.bus.tls.certificate import holder
@@ -215,7 +215,7 @@ class Bus:
     def serve_clock(self) -> None:
         """Answer operators who ask for the time of this process."""
 
-        def take(asked: Asked) -> None:
+        def take(asked: ServiceRequest) -> None:
             arrived_ns = self._now_ns()
             self._desk.put(asked, lambda known: known.reply(time_answer(known.message, arrived_ns)))
 
@@ -233,7 +233,7 @@ class Bus:
             operator = operator_in(str(sample.key_expr).removeprefix(beginning))
             pressed(operator, taken(sample.payload))
 
-        def asked_for(asked: Asked) -> None:
+        def asked_for(asked: ServiceRequest) -> None:
             pressed(asked.operator, asked.payload)
             self._desk.put(asked, handler)
 
@@ -244,13 +244,15 @@ class Bus:
         """Start the threads that answer again, if one has ended. Costs next to nothing."""
         self._desk.start()
 
-    def _answer(self, service: Service, robot: str | None, take: Callable[[Asked], None]) -> None:
+    def _answer(
+        self, service: Service, robot: str | None, take: Callable[[ServiceRequest], None]
+    ) -> None:
         key, encoder, desk = self.key(service.path, robot), self._encoder(robot), self._desk
         now_ns = self._now_ns
         desk.start()
 
         def receive(query: zenoh.Query) -> None:
-            take(Asked(query, key, service, encoder, desk.send, now_ns()))
+            take(ServiceRequest(query, key, service, encoder, desk.send, now_ns()))
 
         served = f"{key}/**" if service.of_operators else key
         callback = Callback(receive, indirect=False)

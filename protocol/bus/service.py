@@ -29,7 +29,7 @@ MAX_REPLIES: Final = 256
 """Replies that wait to be sent. Further ones are dropped, as after a lost answer."""
 
 
-class Asked:
+class ServiceRequest:
     """A request: answer it once, from any thread, now or later; answering never blocks.
 
     `operator` is who asks, taken from the key; empty when the key names no operator.
@@ -107,7 +107,7 @@ class Reply(NamedTuple):
     encoder: Encoder
 
 
-Handler = Callable[[Asked], object]
+Handler = Callable[[ServiceRequest], object]
 
 
 def taken(payload: zenoh.ZBytes) -> bytes:
@@ -129,13 +129,13 @@ class ServiceQueue:
         self.unsent = 0
         """Replies that their askers did not wait for, or asked for on a key that is not served."""
 
-        self._waiting: SimpleQueue[tuple[Asked, Handler] | None] = SimpleQueue()
+        self._waiting: SimpleQueue[tuple[ServiceRequest, Handler] | None] = SimpleQueue()
         self._replies: SimpleQueue[Reply | None] = SimpleQueue()
-        self._open: list[Asked] = []
+        self._open: list[ServiceRequest] = []
         self._threads: dict[str, threading.Thread] = {}
         self._closed = False
 
-    def put(self, asked: Asked, handler: Handler) -> None:
+    def put(self, asked: ServiceRequest, handler: Handler) -> None:
         """Enqueue a request; called from the bus. What is too much is dropped unanswered."""
         if self._waiting.qsize() < MAX_WAITING:
             self._waiting.put((asked, handler))
@@ -184,7 +184,7 @@ class ServiceQueue:
             except Exception:  # a defect of one service must not end the others
                 LOG.exception("a reply on %s could not be sent", reply.key)
 
-    def _hand_on(self, asked: Asked, handler: Handler) -> None:
+    def _hand_on(self, asked: ServiceRequest, handler: Handler) -> None:
         try:
             asked.read()
         except RemoteError as error:

@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 import sidestep
-from protocol.bus.service import Asked
+from protocol.bus.service import ServiceRequest
 from protocol.topics import DECISION, LEASE, TEXT, WORLD
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
@@ -66,10 +66,10 @@ class Hostile:
             for topic in (DECISION, LEASE):
                 self._session.put(topic.key("r1"), b"x", encoding=HOSTILE)
 
-    def _list(self, asked: Asked) -> None:
+    def _list(self, asked: ServiceRequest) -> None:
         asked.reply(json.dumps(PARAMETERS).encode())
 
-    def _world(self, asked: Asked) -> None:
+    def _world(self, asked: ServiceRequest) -> None:
         asked.reply(json.dumps({"name": HOSTILE, "size_m": HOSTILE}).encode())
 
 

@@ -8,7 +8,7 @@ import pytest
 from zenoh import ZBytes
 
 from protocol.bus.bus import Bus
-from protocol.bus.service import MAX_WAITING, Asked, ServiceQueue, taken
+from protocol.bus.service import MAX_WAITING, ServiceQueue, ServiceRequest, taken
 from protocol.topics import COMMAND, PARAMETERS, RUN, Role, Service, operator_in
 from protocol.wire.codec import LARGEST_FRAME
 from protocol.wire.enums import AckResult, Command
@@ -41,7 +41,7 @@ def answer(bus: Bus, service: Service, message: Message | None = None) -> Messag
 @pytest.mark.parametrize("topology", TOPOLOGIES)
 def test_a_command_is_answered_from_the_loops_thread(topology: Topology) -> None:
     with net(topology) as bus:
-        inbox: SimpleQueue[Asked] = SimpleQueue()
+        inbox: SimpleQueue[ServiceRequest] = SimpleQueue()
         bus.robot.serve(COMMAND, inbox.put)
         bus.robot.serve(PARAMETERS, lambda asked: asked.reply(b"[]"))
         assert answer(bus.ground, PARAMETERS) == b"[]"
@@ -63,7 +63,7 @@ def test_who_asks_is_known_if_it_is_an_operator(topology: Topology) -> None:
     with net(topology) as bus:
         operators: list[str] = []
 
-        def handler(asked: Asked) -> None:
+        def handler(asked: ServiceRequest) -> None:
             operators.append(asked.operator)
             asked.reply(DONE)
 
@@ -116,7 +116,7 @@ def test_bytes_are_answered_as_they_are() -> None:
 @pytest.mark.parametrize("bad", [TICKS, None])
 def test_a_request_that_cannot_be_read_is_counted_and_denied(bad: Message | None) -> None:
     with net() as bus:
-        handled: list[Asked] = []
+        handled: list[ServiceRequest] = []
         bus.robot.serve(COMMAND, handled.append)
         denied = answer(bus.ground, COMMAND, bad)
         assert denied == CommandAck(
@@ -133,7 +133,7 @@ def test_when_nobody_serves_the_asker_is_told_at_once_and_who_is_missing() -> No
 
 def test_a_slow_answer_is_a_timeout_with_its_length() -> None:
     with net() as bus:
-        waiting: list[Asked] = []
+        waiting: list[ServiceRequest] = []
         bus.robot.serve(COMMAND, waiting.append)
         bus.robot.serve(PARAMETERS, lambda asked: asked.reply(b"[]"))
         answer(bus.ground, PARAMETERS)
@@ -144,7 +144,7 @@ def test_a_slow_answer_is_a_timeout_with_its_length() -> None:
 def test_a_handler_that_fails_does_not_stop_the_desk() -> None:
     with net() as bus:
 
-        def handler(asked: Asked) -> None:
+        def handler(asked: ServiceRequest) -> None:
             if asked.message == ARM:
                 raise UserError("cannot")
             asked.reply(DONE)
@@ -160,7 +160,7 @@ def test_a_handler_that_fails_does_not_stop_the_desk() -> None:
 
 def test_what_is_unanswered_is_dropped_when_the_bus_closes() -> None:
     with net() as bus:
-        waiting: list[Asked] = []
+        waiting: list[ServiceRequest] = []
         late = bus.join(None, robot="r9")
         late.serve(COMMAND, waiting.append)
         late.serve(PARAMETERS, lambda asked: asked.reply(b"[]"))
@@ -190,7 +190,7 @@ def bus_answers(bus: Bus) -> bool:
         return False
 
 
-class Unread(Asked):
+class Unread(ServiceRequest):
     """A question that nobody has looked at yet."""
 
     def __init__(self) -> None:

@@ -16,7 +16,7 @@ from zenoh.handlers import Callback
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.linger import sockets, taken
 from protocol.bus.network import Network
-from protocol.bus.service import Asked
+from protocol.bus.service import ServiceRequest
 from protocol.bus.session import configured
 from protocol.topics import PARAMETERS, TEXT, Role
 from protocol.wire.messages import Statustext
@@ -88,9 +88,9 @@ def test_long_answers_that_are_hardly_read_delay_nobody(
     locked: tuple[Bus, zenoh.Session, Bus],
 ) -> None:
     robot, viewer, ground = locked
-    asked: list[Asked] = []
+    asked: list[ServiceRequest] = []
 
-    def answer(question: Asked) -> None:
+    def answer(question: ServiceRequest) -> None:
         asked.append(question)
         question.reply(LIST if len(asked) <= QUESTIONS else b"{}")
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from protocol.bus.bus import Bus
-from protocol.bus.service import Asked
+from protocol.bus.service import ServiceRequest
 from protocol.topics import COMMAND, Service
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle
@@ -16,10 +16,10 @@ from robot.process import MAX_ANSWERED, MAX_WAITING
 from robot.stop_latch import StopLatch
 from tests.support.harness import Stack
 
-Take = Callable[[Asked], object]
+Take = Callable[[ServiceRequest], object]
 
 
-class Question(Asked):
+class Question(ServiceRequest):
     """As the bus would hand it on; what is answered is kept."""
 
     def __init__(self, message: Message, operator: str = "eve") -> None:

@@ -1,7 +1,7 @@
 """The lease and the missions of a robot that a test plays."""
 
 from protocol.bus.bus import Bus
-from protocol.bus.service import Asked
+from protocol.bus.service import ServiceRequest
 from protocol.topics import LEASE, LEASE_SERVICE, MISSION, MISSION_SERVICE
 from protocol.wire.enums import AckResult, LeaseAction, MissionState, MissionType
 from protocol.wire.message import Message
@@ -67,7 +67,7 @@ class PlayedDesk:
             )
         )
 
-    def _judge(self, asked: Asked) -> None:
+    def _judge(self, asked: ServiceRequest) -> None:
         request = asked.message
         assert isinstance(request, LeaseRequest)
         self.actions.append(request)
@@ -80,7 +80,7 @@ class PlayedDesk:
         reason = Reason.LEASE_HELD if refused else Reason.NONE
         asked.reply(CommandAck(command=0, result=result, result_param2=reason))
 
-    def _transfer(self, asked: Asked) -> None:
+    def _transfer(self, asked: ServiceRequest) -> None:
         assert asked.message is not None
         self.frames.append(asked.message)
         if self.lost:

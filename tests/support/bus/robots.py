@@ -8,7 +8,7 @@ from typing import Self
 
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
-from protocol.bus.service import Asked
+from protocol.bus.service import ServiceRequest
 from protocol.topics import (
     COMMAND,
     HEARTBEAT,
@@ -87,7 +87,7 @@ class PlayedRobot:
 
     def __enter__(self) -> Self:
         self.bus.serve_clock()
-        self.bus.serve_stop(self._pressed, Asked.drop)
+        self.bus.serve_stop(self._pressed, ServiceRequest.drop)
         self.bus.serve(COMMAND, self._command)
         self.bus.serve(PARAMETER, self._parameter)
         self.bus.serve(PARAMETERS, lambda asked: self._list(asked))
@@ -143,7 +143,7 @@ class PlayedRobot:
         assert isinstance(message, Teleop)
         self.driven.append(message)
 
-    def _command(self, asked: Asked) -> None:
+    def _command(self, asked: ServiceRequest) -> None:
         message = asked.message
         assert isinstance(message, CommandRequest | GoalRequest)
         self.asked.append(message)
@@ -174,7 +174,7 @@ class PlayedRobot:
         elif message.command == Command.SIDESTEP_ABORT_GOAL:
             self.goal, self.goal_reason = GoalState.ABORTED, Reason.BY_OPERATOR
 
-    def _parameter(self, asked: Asked) -> None:
+    def _parameter(self, asked: ServiceRequest) -> None:
         message = asked.message
         assert isinstance(message, ParamSet)
         if message.param_id != "d_obs_m":
@@ -192,7 +192,7 @@ class PlayedRobot:
             )
         )
 
-    def _list(self, asked: Asked) -> None:
+    def _list(self, asked: ServiceRequest) -> None:
         asked.reply(PARAMETER_LIST % SAYS_SAVED[self.saves])
 
     @property

@@ -1,6 +1,6 @@
 """A disk whose pace a test sets, and requests whose answers it sees."""
 
-from protocol.bus.service import Asked
+from protocol.bus.service import ServiceRequest
 from protocol.wire.message import Message
 from robot.storage.writer import Done, Job, do
 
@@ -31,7 +31,7 @@ class HeldWriter:
         self.waiting = []
 
 
-class Question(Asked):
+class Question(ServiceRequest):
     """A request as the bus would hand it on; what is answered is kept."""
 
     def __init__(self, message: Message | None, operator: str = "ada/1") -> None:

@@ -5,7 +5,7 @@ from typing import Any, TypeVar, cast
 
 from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Mailbox, Sample
-from protocol.bus.service import Asked
+from protocol.bus.service import ServiceRequest
 from protocol.topics import COMMAND, DRIVE, ENCODING, SONAR, WHEELS, Role, Service, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
@@ -62,7 +62,7 @@ class ServedBus(PlayedBus):
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__(clock)
-        self.services: dict[str, Callable[[Asked], None]] = {}
+        self.services: dict[str, Callable[[ServiceRequest], None]] = {}
         self.rejected: dict[str, int] = {}
         self.has_clock = False
         self.kept_serving = self.serving_ns = 0
@@ -88,11 +88,11 @@ class ServedBus(PlayedBus):
         publisher.heard = self.sent.append
         return publisher
 
-    def serve(self, service: Service, take: Callable[[Asked], None]) -> None:
+    def serve(self, service: Service, take: Callable[[ServiceRequest], None]) -> None:
         self.services[service.path] = take
 
     def serve_stop(
-        self, press: Callable[[str, bytes], None], take: Callable[[Asked], None]
+        self, press: Callable[[str, bytes], None], take: Callable[[ServiceRequest], None]
     ) -> None:
         self.press, self.take_stop = press, take
 

@@ -8,7 +8,7 @@ from plant.model.noise import LEVELS
 from plant.process.requests import MAX_ANSWERED, MAX_WAITING, RequestQueue
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from protocol.bus.service import Asked
+from protocol.bus.service import ServiceRequest
 from protocol.wire.enums import AckResult, RunAction
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, RunRequest, RunScore
@@ -39,7 +39,7 @@ class Asking:
 
     def ask(self, *questions: Question) -> None:
         for question in questions:
-            self.desk.ask(0, cast(Asked, question))
+            self.desk.ask(0, cast(ServiceRequest, question))
 
     def _nudge(self) -> None:
         self.nudges += 1
