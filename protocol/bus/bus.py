@@ -21,7 +21,7 @@ from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Hub, Network
 from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
 from protocol.bus.publisher import Publisher
-from protocol.bus.requester import Asker
+from protocol.bus.requester import Requester
 from protocol.bus.service import Handler, ServiceQueue, ServiceRequest, attached_time, taken
 from protocol.bus.session import bound_endpoints, called, gone, open_session
 from protocol.bus.tls.access import may_fetch, operator_name
@@ -77,7 +77,7 @@ class Bus:
         self._dialled = Dialled(self._session, network, self.holder, robot)
         self._lingering = Lingering()
         self._declared.append(callers(self._session, self._lingering.stop))
-        self._asker = Asker(self._session, network, role, self.operator, self.holder, now_ns)
+        self._asker = Requester(self._session, network, role, self.operator, self.holder, now_ns)
 
     def __enter__(self) -> Self:
         return self

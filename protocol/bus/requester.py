@@ -23,7 +23,7 @@ CLOCK_S: Final = 0.5
 SHORTEST_S: Final = 0.01
 
 
-class Asker:
+class Requester:
     """Asks services for one process; `operator` ends the keys of an operator's questions.
 
     `holder` is the name in this process's certificate, None on an open bus.
