@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Final
 
 from protocol.bus.bus import Bus
-from protocol.bus.tls.peer_address import Strangers, end_in
+from protocol.bus.tls.peer_address import ClosingConnections, end_in
 from protocol.bus.tls.refusal_log import SIGNS, UNKNOWN, Caller, Refusals
 from protocol.bus.tls.zenoh_log import DOORS, ZenohLog
 
@@ -26,7 +26,7 @@ class ConnectionAudit:
         self._log = log
         self._tell = tell
         self._refusals = Refusals()
-        self._strangers = Strangers([end_in(bus.locator()).port])
+        self._strangers = ClosingConnections([end_in(bus.locator()).port])
         self._callers: dict[str, Caller] = {}
         self._revoked = bus.network.revoked
         bus.on_caller(self._came)

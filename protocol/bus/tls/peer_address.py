@@ -19,7 +19,7 @@ class End(NamedTuple):
     port: int
 
 
-class Strangers:
+class ClosingConnections:
     """Looks through the system's connections for those to our ports that are being closed."""
 
     def __init__(self, ports: Iterable[int], tables: Iterable[Path] = TABLES) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.bus.tls.peer_address import End, Strangers, end_in, end_of
+from protocol.bus.tls.peer_address import ClosingConnections, End, end_in, end_of
 
 HEAD = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid\n"
 OURS = 0x4427  # 17447
@@ -36,16 +36,16 @@ def test_an_address_is_read_as_zenoh_writes_it() -> None:
 
 def test_a_connection_that_is_being_closed_is_a_strangers(table: Path) -> None:
     table.write_text(HEAD + row("0100007F:4427", "0700000A:C350"))
-    assert Strangers([OURS], [table]).new([]) == ["10.0.0.7"]
+    assert ClosingConnections([OURS], [table]).new([]) == ["10.0.0.7"]
 
 
 def test_on_one_machine_it_may_be_seen_from_the_other_end(table: Path) -> None:
     table.write_text(HEAD + row("0200007F:C350", "0100007F:4427"))
-    assert Strangers([OURS], [table]).new([]) == ["127.0.0.2"]
+    assert ClosingConnections([OURS], [table]).new([]) == ["127.0.0.2"]
 
 
 def test_it_is_new_only_once(table: Path) -> None:
-    strangers = Strangers([OURS], [table])
+    strangers = ClosingConnections([OURS], [table])
     table.write_text(HEAD + row("0100007F:4427", "0700000A:C350"))
     assert strangers.new([]) == ["10.0.0.7"]
     assert strangers.new([]) == []
@@ -55,19 +55,19 @@ def test_it_is_new_only_once(table: Path) -> None:
 
 def test_who_was_let_in_before_is_no_stranger(table: Path) -> None:
     table.write_text(HEAD + row("0100007F:4427", "0700000A:C350"))
-    assert Strangers([OURS], [table]).new([End("10.0.0.7", 0xC350)]) == []
+    assert ClosingConnections([OURS], [table]).new([End("10.0.0.7", 0xC350)]) == []
 
 
 @pytest.mark.parametrize("state", ["01", "03", "0A"])
 def test_what_is_open_or_opening_is_no_strangers(table: Path, state: str) -> None:
     table.write_text(HEAD + row("0100007F:4427", "0700000A:C350", state))
-    assert Strangers([OURS], [table]).new([]) == []
+    assert ClosingConnections([OURS], [table]).new([]) == []
 
 
 def test_other_ports_do_not_concern_us(table: Path) -> None:
     table.write_text(HEAD + row("0100007F:0016", "0700000A:C350"))
-    assert Strangers([OURS], [table]).new([]) == []
+    assert ClosingConnections([OURS], [table]).new([]) == []
 
 
 def test_without_such_a_table_nobody_is_found(tmp_path: Path) -> None:
-    assert Strangers([OURS], [tmp_path / "nowhere"]).new([]) == []
+    assert ClosingConnections([OURS], [tmp_path / "nowhere"]).new([]) == []
