@@ -55,7 +55,7 @@ def keeping(
 
 def following(session: zenoh.Session, key: str, newest: int, take: Take) -> Any:
     """A subscriber to what is kept, too, in the order in which each sender told it, once each."""
-    whole = Whole(lambda source: fetched(session, key, newest, source), take)
+    whole = LateJoin(lambda source: fetched(session, key, newest, source), take)
     return ext.declare_advanced_subscriber(
         session,
         key,
@@ -65,7 +65,7 @@ def following(session: zenoh.Session, key: str, newest: int, take: Take) -> Any:
     )
 
 
-class Whole:
+class LateJoin:
     """Hands on what is heard of each sender, from its beginning.
 
     Zenoh 1.10 drops what it has fetched of a sender when the first live sample comes after the

@@ -7,7 +7,7 @@ from typing import cast
 import pytest
 import zenoh
 
-from protocol.bus.late_join import FETCHED, FETCHES, SOURCES, TOLD, Source, Whole
+from protocol.bus.late_join import FETCHED, FETCHES, SOURCES, TOLD, LateJoin, Source
 from tests.support.until import PATIENCE_S, until
 
 
@@ -25,7 +25,7 @@ class Following:
         self.heard: list[tuple[str, int]] = []
         self.asked: list[Source] = []
         self.let = Event()
-        self.whole = Whole(self._fetch, self._take)
+        self.whole = LateJoin(self._fetch, self._take)
 
     def _fetch(self, source: Source) -> list[zenoh.Sample]:
         self.asked.append(source)
@@ -77,7 +77,7 @@ def test_what_waits_is_heard_also_when_asking_fails() -> None:
     def fetch(_: Source) -> list[zenoh.Sample]:
         raise RuntimeError("as the test wants it")
 
-    whole = Whole(fetch, heard.append)
+    whole = LateJoin(fetch, heard.append)
     whole.hear(sample(3))
     until(lambda: len(heard) == 1)
 
@@ -85,7 +85,7 @@ def test_what_waits_is_heard_also_when_asking_fails() -> None:
 def test_what_no_publisher_of_ours_has_told_is_handed_on_as_it_comes() -> None:
     heard: list[zenoh.Sample] = []
     foreign = cast(zenoh.Sample, SimpleNamespace(source_info=None, congestion_control=TOLD))
-    whole = Whole(lambda _: [], heard.append)
+    whole = LateJoin(lambda _: [], heard.append)
     whole.hear(foreign)
     whole.hear(foreign)
     assert len(heard) == 2
