@@ -16,7 +16,7 @@ from zenoh.handlers import Callback
 
 from protocol.bus.faults.fault_injector import Line
 from protocol.bus.late_join import following, told_ns, was_fetched
-from protocol.bus.linger import Lingering
+from protocol.bus.linger import DelayedClose
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Hub, Network
 from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
@@ -75,7 +75,7 @@ class Bus:
         self.holder = holder(network.tls, role, robot)
         self._session = open_session(network)
         self._dialled = Dialled(self._session, network, self.holder, robot)
-        self._lingering = Lingering()
+        self._lingering = DelayedClose()
         self._declared.append(callers(self._session, self._lingering.stop))
         self._asker = Requester(self._session, network, role, self.operator, self.holder, now_ns)
 

@@ -61,7 +61,7 @@ def taken(descriptor: int) -> socket.socket:
         raise
 
 
-class Lingering:
+class DelayedClose:
     """Does that in a thread of its own, as there may be hundreds; `stop` may be called anywhere."""
 
     def __init__(self) -> None:

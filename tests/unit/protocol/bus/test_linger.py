@@ -11,7 +11,7 @@ from resource import RLIMIT_NOFILE, getrlimit, setrlimit
 import pytest
 
 from protocol.bus import linger
-from protocol.bus.linger import Lingering, stop_lingering
+from protocol.bus.linger import DelayedClose, stop_lingering
 from tests.support.until import until
 
 LINGER = struct.pack("ii", 1, 10)
@@ -81,7 +81,7 @@ def test_after_a_shortage_of_descriptors_it_is_done_as_soon_as_there_are_some(
         real()
 
     monkeypatch.setattr(linger, "stop_lingering", stop)
-    one = Lingering()
+    one = DelayedClose()
     one.stop()
     until(lambda: not lingers(lingering), what="the second attempt")
     one.close()
