@@ -7,7 +7,7 @@ from typing import Final, TypeAlias
 
 import zenoh
 
-from protocol.bus.faults.link_faults import Rough, Trouble, earliest
+from protocol.bus.faults.link_faults import FaultyLink, Trouble, earliest
 from protocol.topics import CLOCK, TOPICS, key_parts
 from runtime.units import NS_PER_S
 
@@ -29,7 +29,7 @@ class Line:
         self.after: Callable[[str], None] | None = None
         self._now_ns = now_ns
         self._trouble = trouble
-        self._ways: dict[tuple[int, str, Trouble], tuple[Rough[zenoh.Sample], Take]] = {}
+        self._ways: dict[tuple[int, str, Trouble], tuple[FaultyLink[zenoh.Sample], Take]] = {}
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
         self._closed = False
@@ -76,7 +76,9 @@ class Line:
             return
         key = f"{parts.robot}/{parts.path}"
         with self._changed:
-            way, _ = self._ways.setdefault((id(take), key, trouble), (Rough(trouble, key), take))
+            way, _ = self._ways.setdefault(
+                (id(take), key, trouble), (FaultyLink(trouble, key), take)
+            )
             for one in way.take(sample, self._now_ns()):
                 take(one)
             if way.next_ns is not None and not self.by_hand:

@@ -49,7 +49,7 @@ class Trouble:
         return not self.paths or path.startswith(self.paths)
 
 
-class Rough(Generic[S]):
+class FaultyLink(Generic[S]):
     """The way of one key's samples through trouble. Time is passed in, in ns of any clock.
 
     What is drawn depends on seed, key and number of the sample alone: with a clock that is
@@ -93,6 +93,6 @@ class Rough(Generic[S]):
         return freed
 
 
-def earliest(ways: "Iterable[Rough[S]]") -> int | None:
+def earliest(ways: "Iterable[FaultyLink[S]]") -> int | None:
     """When the next sample of any of them is due."""
     return min((way.next_ns for way in ways if way.next_ns is not None), default=None)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.bus.faults.link_faults import Rough, Trouble, earliest
+from protocol.bus.faults.link_faults import FaultyLink, Trouble, earliest
 from protocol.bus.network import Network
 from runtime import config
 from runtime.errors import ConfigError, UserError
@@ -15,7 +15,7 @@ MANY = 4000
 
 def sent(trouble: Trouble, samples: int = MANY, key: str = "sidestep/r1/sense/sonar") -> list[int]:
     """One sample every 50 ms, numbered; what comes out until all are through."""
-    way: Rough[int] = Rough(trouble, key)
+    way: FaultyLink[int] = FaultyLink(trouble, key)
     found = [one for number in range(samples) for one in way.take(number, number * 50 * MS)]
     return found + way.due(samples * 100 * MS)
 
@@ -51,7 +51,7 @@ def test_one_that_is_overtaken_comes_after_the_next_and_none_is_lost() -> None:
 
 
 def test_each_is_late_by_the_delay_and_by_no_more_than_the_jitter() -> None:
-    way: Rough[str] = Rough(Trouble(delay_ms=100, jitter_ms=50), "k")
+    way: FaultyLink[str] = FaultyLink(Trouble(delay_ms=100, jitter_ms=50), "k")
     assert way.take("a", 0) == []
     assert way.due(100 * MS - 1) == []
     assert way.next_ns is not None
@@ -61,7 +61,7 @@ def test_each_is_late_by_the_delay_and_by_no_more_than_the_jitter() -> None:
 
 
 def test_who_is_due_first_is_known_over_all_ways() -> None:
-    ways: list[Rough[int]] = [Rough(Trouble(delay_ms=ms), "k") for ms in (80, 20, 50)]
+    ways: list[FaultyLink[int]] = [FaultyLink(Trouble(delay_ms=ms), "k") for ms in (80, 20, 50)]
     assert earliest(ways) is None
     for way in ways:
         way.take(1, 0)
