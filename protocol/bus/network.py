@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Literal
 
-from protocol.bus.faults.link_faults import Trouble
+from protocol.bus.faults.link_faults import LinkFaults
 from protocol.topic import operator_called, robot_name
 from runtime.errors import BadEndpoint, UserError
 
@@ -69,7 +69,7 @@ class Network:
     robots: tuple[str, ...] = USUAL_ROBOTS
     operators: tuple[str, ...] = ()
     revoked: tuple[str, ...] = ()
-    trouble: Trouble | None = None
+    trouble: LinkFaults | None = None
 
     def __post_init__(self) -> None:
         for endpoint in (*self.listen, *self.connect):

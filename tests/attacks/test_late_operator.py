@@ -2,7 +2,7 @@
 
 import pytest
 
-from protocol.bus.faults.link_faults import Trouble
+from protocol.bus.faults.link_faults import LinkFaults
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import GoalRequest
 from protocol.wire.reasons import Reason
@@ -18,7 +18,7 @@ STILL_M = 1e-4
 
 def delay(stack: Stack, seconds: float) -> None:
     """From now on whatever operators say reaches the robot so much later."""
-    trouble = Trouble(delay_ms=1000.0 * seconds, paths=("op/",))
+    trouble = LinkFaults(delay_ms=1000.0 * seconds, paths=("op/",))
     stack.buses["robot"].line.disturb(trouble)
 
 

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from time import monotonic_ns
 
 from protocol.bus.bus import Bus, open_bus
-from protocol.bus.faults.link_faults import Trouble
+from protocol.bus.faults.link_faults import LinkFaults
 from protocol.bus.network import Network
 from protocol.bus.publisher import Publisher
 from protocol.topics import CLOCK, WHEELS, Role
@@ -34,7 +34,7 @@ class Heard:
 
 
 @contextmanager
-def pair(trouble: Trouble | None) -> Iterator[tuple[Bus, Heard, Publisher[WheelTicks]]]:
+def pair(trouble: LinkFaults | None) -> Iterator[tuple[Bus, Heard, Publisher[WheelTicks]]]:
     hub = Network(mode="peer", listen=("tcp/127.0.0.1:0",), trouble=trouble)
     with open_bus(hub, Role.ROBOT, "r1") as robot:
         heard = Heard(robot)
@@ -60,7 +60,7 @@ def test_without_trouble_all_is_heard() -> None:
 
 
 def test_what_is_lost_is_lost_for_good_and_the_trouble_can_end() -> None:
-    with pair(Trouble(loss=1.0)) as (robot, heard, wheels):
+    with pair(LinkFaults(loss=1.0)) as (robot, heard, wheels):
         send(heard, wheels, 1, 2, 3)
         robot.line.disturb(None)
         send(heard, wheels, 4)
@@ -68,7 +68,7 @@ def test_what_is_lost_is_lost_for_good_and_the_trouble_can_end() -> None:
 
 
 def test_what_is_late_comes_by_itself_when_it_is_due() -> None:
-    with pair(Trouble(delay_ms=60)) as (_, heard, wheels):
+    with pair(LinkFaults(delay_ms=60)) as (_, heard, wheels):
         began_ns = monotonic_ns()
         send(heard, wheels, 1, 2)
         assert heard.seqs == []
@@ -77,24 +77,24 @@ def test_what_is_late_comes_by_itself_when_it_is_due() -> None:
 
 
 def test_late_samples_are_lost_with_the_bus() -> None:
-    with pair(Trouble(delay_ms=10_000)) as (_, heard, wheels):
+    with pair(LinkFaults(delay_ms=10_000)) as (_, heard, wheels):
         send(heard, wheels, 1)
     assert heard.seqs == []
 
 
 def test_copies_and_swaps() -> None:
-    with pair(Trouble(duplicate=1.0)) as (robot, heard, wheels):
+    with pair(LinkFaults(duplicate=1.0)) as (robot, heard, wheels):
         send(heard, wheels, 1)
-        robot.line.disturb(Trouble(reorder=1.0))
+        robot.line.disturb(LinkFaults(reorder=1.0))
         send(heard, wheels, 2, 3)
         assert heard.seqs == [1, 1, 3, 2]
 
 
 def test_only_the_named_topics_are_in_trouble_and_the_clock_of_lockstep_never_is() -> None:
-    with pair(Trouble(loss=1.0, paths=("sense/sonar",))) as (robot, heard, wheels):
+    with pair(LinkFaults(loss=1.0, paths=("sense/sonar",))) as (robot, heard, wheels):
         send(heard, wheels, 1)
         assert heard.seqs == [1]
-        robot.line.disturb(Trouble(loss=1.0))
+        robot.line.disturb(LinkFaults(loss=1.0))
         clock = robot.mailbox(CLOCK)
         robot.publisher(CLOCK).put_frame(b"\xfd")
         until(lambda: f"sidestep/r1/{CLOCK.path}" in heard.dealt_with)
@@ -102,7 +102,7 @@ def test_only_the_named_topics_are_in_trouble_and_the_clock_of_lockstep_never_is
 
 
 def test_in_simulated_time_nothing_comes_before_it_is_let_go() -> None:
-    with pair(Trouble(delay_ms=100)) as (robot, heard, wheels):
+    with pair(LinkFaults(delay_ms=100)) as (robot, heard, wheels):
         robot.line.by_hand = True
         now_ns = monotonic_ns()
         send(heard, wheels, 1)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from protocol.bus.faults.link_faults import Trouble
+from protocol.bus.faults.link_faults import LinkFaults
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.harness import Stack
@@ -20,15 +20,15 @@ def under_way(stack: Stack) -> None:
 @pytest.mark.parametrize(
     "trouble",
     [
-        Trouble(loss=0.01),
-        Trouble(loss=0.05),
-        Trouble(duplicate=0.3),
-        Trouble(reorder=0.3),
-        Trouble(delay_ms=50),
+        LinkFaults(loss=0.01),
+        LinkFaults(loss=0.05),
+        LinkFaults(duplicate=0.3),
+        LinkFaults(reorder=0.3),
+        LinkFaults(delay_ms=50),
     ],
     ids=["1 % lost", "5 % lost", "30 % doubled", "30 % swapped", "50 ms late"],
 )
-def test_a_slightly_bad_link_does_not_keep_it_from_its_goal(trouble: Trouble) -> None:
+def test_a_slightly_bad_link_does_not_keep_it_from_its_goal(trouble: LinkFaults) -> None:
     with Stack("box", noise="default") as stack:
         under_way(stack)
         for name in ("robot", "plant"):
@@ -42,7 +42,7 @@ def test_a_slightly_bad_link_does_not_keep_it_from_its_goal(trouble: Trouble) ->
 def test_senses_that_are_long_on_their_way_are_as_good_as_lost(delay_ms: int) -> None:
     with Stack("corridor", noise="default") as stack:
         under_way(stack)
-        stack.buses["robot"].line.disturb(Trouble(delay_ms=delay_ms, paths=("sense/",)))
+        stack.buses["robot"].line.disturb(LinkFaults(delay_ms=delay_ms, paths=("sense/",)))
         noticed_s = stack.until(lambda: stack.state == Vehicle.FAILSAFE, within_s=1.0)
         assert noticed_s <= 0.25 + 1e-9
         assert stack.why == Reason.TICKS_LOST
@@ -53,7 +53,7 @@ def test_senses_that_are_long_on_their_way_are_as_good_as_lost(delay_ms: int) ->
 def test_a_scan_that_was_overtaken_does_not_take_the_place_of_the_newer_one() -> None:
     with Stack("open") as stack:
         under_way(stack)
-        stack.buses["robot"].line.disturb(Trouble(jitter_ms=140, paths=("sense/",)))
+        stack.buses["robot"].line.disturb(LinkFaults(jitter_ms=140, paths=("sense/",)))
         stack.forward(0.05)
         heard = []
         for _ in range(60):
@@ -65,7 +65,7 @@ def test_a_scan_that_was_overtaken_does_not_take_the_place_of_the_newer_one() ->
 def test_neither_a_late_command_nor_its_copies_keep_the_wheels_of_a_dead_robot_turning() -> None:
     with Stack("open") as stack:
         under_way(stack)
-        late = Trouble(delay_ms=100, duplicate=1.0, jitter_ms=100)
+        late = LinkFaults(delay_ms=100, duplicate=1.0, jitter_ms=100)
         stack.buses["plant"].line.disturb(late)
         stack.forward(0.5)
         stack.kill("robot")

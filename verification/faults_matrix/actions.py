@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from protocol.bus.faults.link_faults import Trouble
+from protocol.bus.faults.link_faults import LinkFaults
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Impersonate:
 class Disturb:
     """A bad network on the way into robot and plant."""
 
-    trouble: Trouble
+    trouble: LinkFaults
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from ground.launch.child_command import tie_to
 from plant.model.faults import Fault
 from plant.process.loop import Process
 from protocol.bus.bus import Bus
-from protocol.bus.faults.link_faults import Trouble
+from protocol.bus.faults.link_faults import LinkFaults
 from runtime.clock import WallClock
 from runtime.units import NS_PER_S
 
@@ -65,7 +65,7 @@ def jump(told: Mapping[str, Any]) -> Callable[[], object]:
 
 
 def disturb(told: Mapping[str, Any]) -> Callable[[], object]:
-    trouble = Trouble(**{**told, "paths": tuple(told.get("paths", ()))})
+    trouble = LinkFaults(**{**told, "paths": tuple(told.get("paths", ()))})
     buses: list[Bus] = []
     for module in (plant.process.run, robot.run):
         keep(module, "open_bus", buses)

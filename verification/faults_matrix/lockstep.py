@@ -13,7 +13,7 @@ from typing import Final
 
 from plant.model.types import World
 from plant.world.file import load
-from protocol.bus.faults.link_faults import Trouble
+from protocol.bus.faults.link_faults import LinkFaults
 from protocol.topics import Role
 from protocol.wire.enums import Command
 from protocol.wire.enums import Vehicle as VehicleState
@@ -179,7 +179,7 @@ class Drill:
             case Disturb(trouble):
                 self._disturb(trouble)
             case Delay(delay_ms):
-                self._disturb(Trouble(delay_ms=delay_ms, paths=("op/",)))
+                self._disturb(LinkFaults(delay_ms=delay_ms, paths=("op/",)))
             case Double():
                 self._second = second_robot(stack)
             case Exaggerate():
@@ -218,7 +218,7 @@ class Drill:
             case _:
                 """It stays as it is."""
 
-    def _disturb(self, trouble: Trouble) -> None:
+    def _disturb(self, trouble: LinkFaults) -> None:
         seeded = replace(trouble, seed=self._number)
         for role in ("robot", "plant"):
             self.stack.buses[role].line.disturb(seeded)
@@ -227,7 +227,7 @@ class Drill:
         for role, bus in self.stack.buses.items():
             paths = sum((HEARS[link] for link in links if link[0] == role), ())
             if paths:
-                bus.line.disturb(Trouble(loss=1.0, paths=paths))
+                bus.line.disturb(LinkFaults(loss=1.0, paths=paths))
 
     def _found(self) -> Repetition:
         stack, seen = self.stack, self._seen

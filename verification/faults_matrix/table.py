@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from protocol.bus.faults.link_faults import Trouble
+from protocol.bus.faults.link_faults import LinkFaults
 from protocol.wire.reasons import Reason
 from verification.faults_matrix.actions import (
     Abandon,
@@ -187,17 +187,17 @@ LINKS: Final = (
     dies("robot | router", Cut("robot", "router"), *LOST),
     dies("plant | router", Cut("plant", "router"), *LOST),
     stops("ground | router", Cut("ground", "router"), OPERATOR_S, Reason.OPERATOR_LOST),
-    goes_on("1 % of all samples lost", Disturb(Trouble(loss=0.01))),
-    goes_on("5 % lost", Disturb(Trouble(loss=0.05))),
-    goes_on("20 % lost", Disturb(Trouble(loss=0.2)), Must.BE_SAFE),
-    goes_on("50 ms late", Disturb(Trouble(delay_ms=50))),
-    goes_on("100 ms late", Disturb(Trouble(delay_ms=100)), Must.BE_SAFE),
-    goes_on("up to 100 ms late, at random", Disturb(Trouble(jitter_ms=100)), Must.BE_SAFE),
-    stops("300 ms late", Disturb(Trouble(delay_ms=300)), 0.15, *LOST),
-    stops("500 ms late", Disturb(Trouble(delay_ms=500)), 0.15, *LOST),
-    stops("senses alone 300 ms late", Disturb(Trouble(delay_ms=300, paths=SENSES)), 0.15, *LOST),
-    goes_on("30 % doubled", Disturb(Trouble(duplicate=0.3))),
-    goes_on("30 % overtaken by the next", Disturb(Trouble(reorder=0.3))),
+    goes_on("1 % of all samples lost", Disturb(LinkFaults(loss=0.01))),
+    goes_on("5 % lost", Disturb(LinkFaults(loss=0.05))),
+    goes_on("20 % lost", Disturb(LinkFaults(loss=0.2)), Must.BE_SAFE),
+    goes_on("50 ms late", Disturb(LinkFaults(delay_ms=50))),
+    goes_on("100 ms late", Disturb(LinkFaults(delay_ms=100)), Must.BE_SAFE),
+    goes_on("up to 100 ms late, at random", Disturb(LinkFaults(jitter_ms=100)), Must.BE_SAFE),
+    stops("300 ms late", Disturb(LinkFaults(delay_ms=300)), 0.15, *LOST),
+    stops("500 ms late", Disturb(LinkFaults(delay_ms=500)), 0.15, *LOST),
+    stops("senses alone 300 ms late", Disturb(LinkFaults(delay_ms=300, paths=SENSES)), 0.15, *LOST),
+    goes_on("30 % doubled", Disturb(LinkFaults(duplicate=0.3))),
+    goes_on("30 % overtaken by the next", Disturb(LinkFaults(reorder=0.3))),
 )
 ONE_WAY: Final = (
     stops("operator to robot", Deafen("robot", "ground"), OPERATOR_S, Reason.OPERATOR_LOST),

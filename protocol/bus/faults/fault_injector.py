@@ -7,7 +7,7 @@ from typing import Final, TypeAlias
 
 import zenoh
 
-from protocol.bus.faults.link_faults import FaultyLink, Trouble, earliest
+from protocol.bus.faults.link_faults import FaultyLink, LinkFaults, earliest
 from protocol.topics import CLOCK, TOPICS, key_parts
 from runtime.units import NS_PER_S
 
@@ -24,17 +24,17 @@ class Line:
     is lost below is fetched again, so their listeners hear each one all the same.
     """
 
-    def __init__(self, trouble: Trouble | None, now_ns: Callable[[], int]) -> None:
+    def __init__(self, trouble: LinkFaults | None, now_ns: Callable[[], int]) -> None:
         self.by_hand = False
         self.after: Callable[[str], None] | None = None
         self._now_ns = now_ns
         self._trouble = trouble
-        self._ways: dict[tuple[int, str, Trouble], tuple[FaultyLink[zenoh.Sample], Take]] = {}
+        self._ways: dict[tuple[int, str, LinkFaults], tuple[FaultyLink[zenoh.Sample], Take]] = {}
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
         self._closed = False
 
-    def disturb(self, trouble: Trouble | None) -> None:
+    def disturb(self, trouble: LinkFaults | None) -> None:
         """From now on like this; None: no more. What is on its way goes on as it was."""
         self._trouble = trouble
 

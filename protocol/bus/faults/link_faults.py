@@ -16,7 +16,7 @@ LONGEST_MS: Final = 60_000.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trouble:
+class LinkFaults:
     """The `[network.trouble]` table: what happens to samples on their way in. Answers are spared,
     and so are events, which would be fetched again.
 
@@ -56,7 +56,7 @@ class FaultyLink(Generic[S]):
     simulated, the same samples always fare the same.
     """
 
-    def __init__(self, trouble: Trouble, key: str) -> None:
+    def __init__(self, trouble: LinkFaults, key: str) -> None:
         self._trouble = trouble
         self._random = Random(f"{trouble.seed} {key}")
         self._order = count()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.bus.faults.link_faults import FaultyLink, Trouble, earliest
+from protocol.bus.faults.link_faults import FaultyLink, LinkFaults, earliest
 from protocol.bus.network import Network
 from runtime import config
 from runtime.errors import ConfigError, UserError
@@ -13,7 +13,9 @@ MS = 1_000_000
 MANY = 4000
 
 
-def sent(trouble: Trouble, samples: int = MANY, key: str = "sidestep/r1/sense/sonar") -> list[int]:
+def sent(
+    trouble: LinkFaults, samples: int = MANY, key: str = "sidestep/r1/sense/sonar"
+) -> list[int]:
     """One sample every 50 ms, numbered; what comes out until all are through."""
     way: FaultyLink[int] = FaultyLink(trouble, key)
     found = [one for number in range(samples) for one in way.take(number, number * 50 * MS)]
@@ -21,37 +23,37 @@ def sent(trouble: Trouble, samples: int = MANY, key: str = "sidestep/r1/sense/so
 
 
 def test_without_a_share_or_a_delay_all_pass_in_order() -> None:
-    assert sent(Trouble()) == list(range(MANY))
+    assert sent(LinkFaults()) == list(range(MANY))
 
 
 def test_as_many_are_lost_as_was_asked_for() -> None:
-    assert len(sent(Trouble(loss=0.2))) == pytest.approx(0.8 * MANY, rel=0.03)
-    assert sent(Trouble(loss=1.0)) == []
+    assert len(sent(LinkFaults(loss=0.2))) == pytest.approx(0.8 * MANY, rel=0.03)
+    assert sent(LinkFaults(loss=1.0)) == []
 
 
 def test_the_same_seed_loses_the_same_and_another_seed_or_key_does_not() -> None:
-    first = sent(Trouble(loss=0.2, seed=1))
-    assert sent(Trouble(loss=0.2, seed=1)) == first
-    assert sent(Trouble(loss=0.2, seed=2)) != first
-    assert sent(Trouble(loss=0.2, seed=1), key="sidestep/r1/drive/wheels") != first
+    first = sent(LinkFaults(loss=0.2, seed=1))
+    assert sent(LinkFaults(loss=0.2, seed=1)) == first
+    assert sent(LinkFaults(loss=0.2, seed=2)) != first
+    assert sent(LinkFaults(loss=0.2, seed=1), key="sidestep/r1/drive/wheels") != first
 
 
 def test_a_copy_comes_right_after_its_original() -> None:
-    found = sent(Trouble(duplicate=0.3))
+    found = sent(LinkFaults(duplicate=0.3))
     assert found == sorted(found)
     assert len(found) == pytest.approx(1.3 * MANY, rel=0.03)
     assert set(found) == set(range(MANY))
 
 
 def test_one_that_is_overtaken_comes_after_the_next_and_none_is_lost() -> None:
-    found = sent(Trouble(reorder=0.3), 40)
+    found = sent(LinkFaults(reorder=0.3), 40)
     assert found != sorted(found)
     assert max(abs(at - number) for at, number in enumerate(found)) == 1
     assert set(found) >= set(range(39)), "the very last may still be held back"
 
 
 def test_each_is_late_by_the_delay_and_by_no_more_than_the_jitter() -> None:
-    way: FaultyLink[str] = FaultyLink(Trouble(delay_ms=100, jitter_ms=50), "k")
+    way: FaultyLink[str] = FaultyLink(LinkFaults(delay_ms=100, jitter_ms=50), "k")
     assert way.take("a", 0) == []
     assert way.due(100 * MS - 1) == []
     assert way.next_ns is not None
@@ -61,7 +63,7 @@ def test_each_is_late_by_the_delay_and_by_no_more_than_the_jitter() -> None:
 
 
 def test_who_is_due_first_is_known_over_all_ways() -> None:
-    ways: list[FaultyLink[int]] = [FaultyLink(Trouble(delay_ms=ms), "k") for ms in (80, 20, 50)]
+    ways: list[FaultyLink[int]] = [FaultyLink(LinkFaults(delay_ms=ms), "k") for ms in (80, 20, 50)]
     assert earliest(ways) is None
     for way in ways:
         way.take(1, 0)
@@ -69,22 +71,22 @@ def test_who_is_due_first_is_known_over_all_ways() -> None:
 
 
 def test_it_concerns_the_topics_it_names_and_without_names_all() -> None:
-    assert Trouble().concerns("tlm/text")
-    assert Trouble(paths=("sense/", "drive/wheels")).concerns("sense/sonar")
-    assert not Trouble(paths=("sense/", "drive/wheels")).concerns("tlm/text")
+    assert LinkFaults().concerns("tlm/text")
+    assert LinkFaults(paths=("sense/", "drive/wheels")).concerns("sense/sonar")
+    assert not LinkFaults(paths=("sense/", "drive/wheels")).concerns("tlm/text")
 
 
 @pytest.mark.parametrize("field", ["loss", "duplicate", "reorder", "delay_ms", "jitter_ms"])
 @pytest.mark.parametrize("value", [-0.1, 1e9])
 def test_what_cannot_be_is_refused_by_name(field: str, value: float) -> None:
     with pytest.raises(UserError, match=field):
-        Trouble(**{field: value})  # type: ignore[arg-type]
+        LinkFaults(**{field: value})  # type: ignore[arg-type]
 
 
 def test_it_is_a_table_of_the_configuration(tmp_path: Path) -> None:
     file = tmp_path / "bad.toml"
     file.write_text('connect = ["tcp/127.0.0.1:1"]\n[trouble]\nloss = 0.05\npaths = ["sense/"]\n')
-    assert config.load(file, Network).trouble == Trouble(loss=0.05, paths=("sense/",))
+    assert config.load(file, Network).trouble == LinkFaults(loss=0.05, paths=("sense/",))
     file.write_text("[trouble]\nlos = 0.05\n")
     with pytest.raises(ConfigError, match="did you mean 'loss'"):
         config.load(file, Network)
