@@ -14,7 +14,7 @@ from typing import Any, Self, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.faults.fault_injector import Line
+from protocol.bus.faults.fault_injector import FaultInjector
 from protocol.bus.late_join import following, told_ns, was_fetched
 from protocol.bus.linger import DelayedClose
 from protocol.bus.mailbox import Mailbox, Sample
@@ -71,7 +71,7 @@ class Bus:
         self._declared: list[object] = []
         self._watched: TokenSet | None = None
         self._desk = ServiceQueue()
-        self.line = Line(network.trouble, now_ns)
+        self.line = FaultInjector(network.trouble, now_ns)
         self.holder = holder(network.tls, role, robot)
         self._session = open_session(network)
         self._dialled = Dialled(self._session, network, self.holder, robot)

@@ -15,7 +15,7 @@ Take: TypeAlias = Callable[[zenoh.Sample], None]
 SPARED: Final = frozenset(topic.path for topic in TOPICS if topic.history) | {CLOCK.path}
 
 
-class Line:
+class FaultInjector:
     """All subscribers of one bus hear through it. A thread lets go what is late, if anything is.
 
     `by_hand`: simulated time does not go on by itself, so whoever owns it calls `release`.
