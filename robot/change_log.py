@@ -21,7 +21,7 @@ TOLD_GOALS: Final = frozenset(
 )
 
 
-class News:
+class ChangeLog:
     """Compares machine and mission with what they were at the last call; it acts on nothing."""
 
     def __init__(self, machine: Machine, mission: Mission) -> None:

@@ -28,7 +28,7 @@ from protocol.wire.messages import (
     Teleop,
 )
 from robot import telemetry
-from robot.change_log import News
+from robot.change_log import ChangeLog
 from robot.commands import Commands, ack, acknowledge
 from robot.core import brain, reasons, states
 from robot.core.brain import Mark
@@ -87,7 +87,7 @@ class Vehicle:
         self._kept = Kept(store.directory)
         fence = FenceItems(self.state)
         self._transfers = Transfers(self.mission, fence, self._kept)
-        self._news = News(self.state.machine, self.mission)
+        self._news = ChangeLog(self.state.machine, self.mission)
         self._texts = self._news.text(Severity.INFO, "started: disarmed, standing still")
         self._operator_ns: int | None = None
         self._beats = ReportTimer(HEARTBEAT_NS)

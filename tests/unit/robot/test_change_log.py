@@ -5,15 +5,15 @@ import pytest
 from ground.text.statustext import Texts
 from protocol.wire.enums import Severity
 from protocol.wire.statustext import PIECE_BYTES
-from robot.change_log import News
+from robot.change_log import ChangeLog
 from robot.core.machine import Machine
 from robot.core.parameters import DEFAULTS
 from robot.mission.mission import Mission
 
 
-def news() -> News:
+def news() -> ChangeLog:
     machine = Machine(DEFAULTS)
-    return News(machine, Mission(machine))
+    return ChangeLog(machine, Mission(machine))
 
 
 @pytest.mark.parametrize("length", [1, 49, 50, 51, 99, 100, 101, 150, 400])
