@@ -12,7 +12,7 @@ SPAN_NS: Final = 5_000_000_000
 MAX_SENDERS: Final = 16
 
 
-class Usual:
+class UsualDelay:
     """The least delay of one sender within the last two spans."""
 
     __slots__ = ("_before_ns", "_least_ns", "_since_ns")
@@ -34,14 +34,14 @@ class Delays:
     """Judges frames by sender. It remembers the senders heard last."""
 
     def __init__(self) -> None:
-        self._usual: OrderedDict[str, Usual] = OrderedDict()
+        self._usual: OrderedDict[str, UsualDelay] = OrderedDict()
 
     def is_late(self, sender: str, sent_ns: int, arrived_ns: int) -> bool:
         """Return whether a frame is more than MAX_EXTRA_NS later than usual for its sender."""
         delay_ns = arrived_ns - sent_ns
         usual = self._usual.get(sender)
         if usual is None:
-            usual = self._usual[sender] = Usual(delay_ns, arrived_ns)
+            usual = self._usual[sender] = UsualDelay(delay_ns, arrived_ns)
         self._usual.move_to_end(sender)
         if len(self._usual) > MAX_SENDERS:
             self._usual.popitem(last=False)
