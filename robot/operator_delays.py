@@ -30,7 +30,7 @@ class UsualDelay:
         return min(self._least_ns, self._before_ns)
 
 
-class Delays:
+class DelayFilter:
     """Judges frames by sender. It remembers the senders heard last."""
 
     def __init__(self) -> None:

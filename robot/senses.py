@@ -9,7 +9,7 @@ from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core.perception.from_messages import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Scan, Wheels
-from robot.operator_delays import Delays
+from robot.operator_delays import DelayFilter
 from robot.vehicle import Vehicle
 from runtime.clock import Tick
 from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS, Order, order_of
@@ -47,7 +47,7 @@ class Senses:
         self._teleop = bus.mailbox(TELEOP, accept=accept)
         self._last_wheels: tuple[WheelTicks, int] | None = None
         self._last_scan: tuple[SonarScan, int] | None = None
-        self._delays = Delays()
+        self._delays = DelayFilter()
         self._beaten: Origin | None = None
         self._steered: Origin | None = None
         self.stamp_ns = self.sequence = self.ping_age_us = 0

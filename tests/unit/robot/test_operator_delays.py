@@ -4,21 +4,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.operator_delays import MAX_SENDERS, Delays
+from robot.operator_delays import MAX_SENDERS, DelayFilter
 from tests.support.robot.vehicles import MS
 
 S = 1_000 * MS
 ADA, BOB = "ada/1", "bob/2"
 
 
-def late(delays: Delays, delay_ms: float, at_ns: int, sender: str = ADA) -> bool:
+def late(delays: DelayFilter, delay_ms: float, at_ns: int, sender: str = ADA) -> bool:
     """Whether a frame that was so long under way is late when it arrives then."""
     return delays.is_late(sender, at_ns - round(delay_ms * MS), at_ns)
 
 
-def used_to(delay_ms: float, sender: str = ADA) -> Delays:
+def used_to(delay_ms: float, sender: str = ADA) -> DelayFilter:
     """A sender whose frames took so long at second 0."""
-    delays = Delays()
+    delays = DelayFilter()
     assert not late(delays, delay_ms, 0, sender)
     return delays
 
@@ -93,7 +93,7 @@ def test_the_sixteen_senders_heard_last_are_remembered() -> None:
 def test_jitter_of_less_than_200_ms_makes_no_frame_late(
     jitters_ms: list[int], offset_ms: int
 ) -> None:
-    delays = Delays()
+    delays = DelayFilter()
     assert not any(
         late(delays, offset_ms + jitter_ms, at * 300 * MS)
         for at, jitter_ms in enumerate(jitters_ms)
