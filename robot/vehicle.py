@@ -42,7 +42,7 @@ from robot.mission.mission import Mission
 from robot.mission.persistence import Kept
 from robot.mission.restore import Exchange, restored
 from robot.mission.transfer import Reply, Transfers
-from robot.parameters.service import NO_COMMAND, Tuning
+from robot.parameters.service import NO_COMMAND, ParameterService
 from robot.storage.files import Store
 from robot.storage.writer import Ticket
 from robot.teleop import Handle
@@ -82,7 +82,7 @@ class Vehicle:
         self.handle = Handle()
         self.mission = Mission(self.state.machine)
         self.commands = Commands(self.state, self.mission)
-        self.tuning = Tuning(params, store, self.state.machine, configured or params)
+        self.tuning = ParameterService(params, store, self.state.machine, configured or params)
         self._store = store
         self._kept = Kept(store.directory)
         fence = FenceItems(self.state)

@@ -27,7 +27,7 @@ NO_COMMAND: Final = 0
 """What an acknowledgement is about that is no command's."""
 
 
-class Tuning:
+class ParameterService:
     """`params` are replaced as a whole.
 
     `configured` bounds the safety group; None: nothing is refused as less safe.

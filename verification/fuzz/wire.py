@@ -32,7 +32,7 @@ from protocol.wire.messages import (
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.from_messages import scan_of, wheels_of
 from robot.core.values import Inputs, Outputs, Scan, Wheels
-from robot.parameters.service import Tuning
+from robot.parameters.service import ParameterService
 from robot.storage.files import Store
 from robot.teleop import wanted
 from robot.vehicle import Vehicle
@@ -189,7 +189,9 @@ def download(data: bytes, _: Path) -> None:
 
 
 def parameters() -> Sequence[bytes]:
-    described = Tuning(DEFAULTS, Store(None), Vehicle(DEFAULTS, Store(None)).state.machine, None)
+    described = ParameterService(
+        DEFAULTS, Store(None), Vehicle(DEFAULTS, Store(None)).state.machine, None
+    )
     return [described.described(), b'[{"name": "side", "value": 1, "default": 1, "unit": ""}]']
 
 

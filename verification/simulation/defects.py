@@ -208,7 +208,9 @@ def _fence_forgotten() -> Patches:
 
 
 def _weakened() -> Patches:
-    return {"robot.parameters.service.Tuning._unsafe": lambda self, name, value: reasons.OK}
+    return {
+        "robot.parameters.service.ParameterService._unsafe": lambda self, name, value: reasons.OK
+    }
 
 
 def _acknowledged_before_saved() -> Patches:

@@ -15,7 +15,7 @@ from robot.core.safety.failsafe import ROWS
 from robot.core.values import Twist
 from robot.lease import Lease
 from robot.mission.mission import Mission
-from robot.parameters.service import Tuning
+from robot.parameters.service import ParameterService
 from robot.process import SERVICES
 from verification.mode_model import memento
 from verification.mode_model.diagram import DRAWINGS, HEADER, section
@@ -199,7 +199,7 @@ def mission_ignores_the_vehicle(patch: Patch) -> None:
 
 
 def safety_group_is_empty(patch: Patch) -> None:
-    patch.setattr(Tuning, "_unsafe", lambda *_: reasons.OK)
+    patch.setattr(ParameterService, "_unsafe", lambda *_: reasons.OK)
 
 
 DEFECTS: tuple[tuple[Callable[[Patch], None], str, str], ...] = (
