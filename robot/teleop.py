@@ -7,7 +7,7 @@ from robot.core.values import Twist
 from runtime.units import NS_PER_MS
 
 
-class Handle:
+class TeleopInput:
     """The newest frame and until when it counts. A frame that would count too long is ignored."""
 
     def __init__(self) -> None:

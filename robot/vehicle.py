@@ -45,7 +45,7 @@ from robot.mission.transfer import Reply, Transfers
 from robot.parameters.service import NO_COMMAND, ParameterService
 from robot.storage.files import Store
 from robot.storage.writer import Ticket
-from robot.teleop import Handle
+from robot.teleop import TeleopInput
 from runtime.units import NS_PER_MS
 
 Answer: TypeAlias = CommandAck | ParamValue | Reply
@@ -79,7 +79,7 @@ class Vehicle:
         self.state = State(params)
         self.state.odometry.pose = start
         self.lease = Lease()
-        self.handle = Handle()
+        self.handle = TeleopInput()
         self.mission = Mission(self.state.machine)
         self.commands = Commands(self.state, self.mission)
         self.tuning = ParameterService(params, store, self.state.machine, configured or params)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import Teleop
 from robot.core.values import Twist
-from robot.teleop import Handle, wanted
+from robot.teleop import TeleopInput, wanted
 from tests.support.robot.vehicles import MS, Desk
 
 
@@ -18,7 +18,7 @@ def frame(ttl_ms: int, speed_mm_s: int = 200, yaw_rate_mrad_s: int = -500) -> Te
 
 
 def test_nobody_steers_before_the_first_frame() -> None:
-    assert Handle().newest(0) is None
+    assert TeleopInput().newest(0) is None
     assert wanted(None) is None
 
 
@@ -28,14 +28,14 @@ def test_nobody_steers_before_the_first_frame() -> None:
     st.integers(0, 2 * MAX_TELEOP_TTL_MS * MS),
 )
 def test_a_frame_counts_until_its_time_is_over(ttl_ms: int, arrived_ns: int, age_ns: int) -> None:
-    handle = Handle()
+    handle = TeleopInput()
     assert handle.hear(frame(ttl_ms), arrived_ns) == ""
     steered = handle.newest(arrived_ns + age_ns) is not None
     assert steered == (age_ns < ttl_ms * MS)
 
 
 def test_a_newer_frame_takes_the_place_of_the_older_even_if_that_would_count_longer() -> None:
-    handle = Handle()
+    handle = TeleopInput()
     handle.hear(frame(500, speed_mm_s=200), 0)
     handle.hear(frame(100, speed_mm_s=50), 10 * MS)
     assert wanted(handle.newest(100 * MS)) == Twist(0.05, -0.5)
@@ -44,7 +44,7 @@ def test_a_newer_frame_takes_the_place_of_the_older_even_if_that_would_count_lon
 
 @pytest.mark.parametrize("ttl_ms", [501, 65_535])
 def test_a_frame_that_would_count_too_long_is_ignored_and_that_is_said_once(ttl_ms: int) -> None:
-    handle = Handle()
+    handle = TeleopInput()
     assert "at most 500" in handle.hear(frame(ttl_ms), 0)
     assert handle.hear(frame(ttl_ms), 1) == ""
     assert handle.newest(2) is None
