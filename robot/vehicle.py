@@ -39,7 +39,7 @@ from robot.core.values import Inputs, Outputs, Pose, Twist
 from robot.lease import Lease, open_to_all
 from robot.mission.fence_items import FenceItems
 from robot.mission.mission import Mission
-from robot.mission.persistence import Kept
+from robot.mission.persistence import MissionStore
 from robot.mission.restore import Exchange, restored
 from robot.mission.transfer import Reply, Transfers
 from robot.parameters.service import NO_COMMAND, ParameterService
@@ -84,7 +84,7 @@ class Vehicle:
         self.commands = Commands(self.state, self.mission)
         self.tuning = ParameterService(params, store, self.state.machine, configured or params)
         self._store = store
-        self._kept = Kept(store.directory)
+        self._kept = MissionStore(store.directory)
         fence = FenceItems(self.state)
         self._transfers = Transfers(self.mission, fence, self._kept)
         self._news = ChangeLog(self.state.machine, self.mission)

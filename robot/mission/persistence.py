@@ -25,7 +25,7 @@ class Unreadable(Exception):
     """What is kept cannot be used; the text names the file and says why."""
 
 
-class Kept:
+class MissionStore:
     """Files in `directory`; where that has no path nothing is kept."""
 
     def __init__(self, directory: Directory) -> None:

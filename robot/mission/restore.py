@@ -12,7 +12,7 @@ from protocol.wire.reasons import reason_text
 from robot.core import modes, reasons
 from robot.core.safety import fence as fences
 from robot.core.state import State
-from robot.mission.persistence import NAMES, Items, Kept, Unreadable
+from robot.mission.persistence import NAMES, Items, MissionStore, Unreadable
 from robot.mission.transfer import NO_ITEM, Reply, Request, Transfers
 
 Exchange: TypeAlias = tuple[Request, Reply]
@@ -25,7 +25,7 @@ class Restored(NamedTuple):
     words: list[tuple[Severity, str]]
 
 
-def restored(kept: Kept, transfers: Transfers, state: State) -> Restored:
+def restored(kept: MissionStore, transfers: Transfers, state: State) -> Restored:
     done = Restored([], [])
     for kind in NAMES:
         try:

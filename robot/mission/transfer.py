@@ -17,7 +17,7 @@ from protocol.wire.messages import (
 )
 from robot.core import reasons
 from robot.mission.mission import Mission
-from robot.mission.persistence import Kept
+from robot.mission.persistence import MissionStore
 
 NO_ITEM: Final = 65_535
 
@@ -51,7 +51,7 @@ class Upload:
 class Transfers:
     """Answers the frames of all transfers of one robot."""
 
-    def __init__(self, mission: Mission, fence: Held, kept: Kept) -> None:
+    def __init__(self, mission: Mission, fence: Held, kept: MissionStore) -> None:
         self._mission = mission
         self._kept = kept
         self._held: dict[int, Held] = {MissionType.MISSION: mission, MissionType.FENCE: fence}

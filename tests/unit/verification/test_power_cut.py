@@ -9,7 +9,7 @@ from protocol.wire.enums import MissionType
 from protocol.wire.messages import MissionClearAll, MissionItemInt, ParamSet, ParamValue
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.mission.persistence import Kept, text_of
+from robot.mission.persistence import MissionStore, text_of
 from robot.storage.files import Store
 from robot.storage.writer import Directory
 from runtime import atomic_file
@@ -67,7 +67,7 @@ def found(state: State, folder: Path) -> Held:
     """What a robot that starts after this cut has."""
     restore(state, folder)
     home = folder / str(HOME).removeprefix("/")
-    kept = Kept(Directory(home))
+    kept = MissionStore(Directory(home))
     params, warnings = Store(home).load(DEFAULTS)
     assert warnings == []
     fence, mission = kept.found(MissionType.FENCE), kept.found(MissionType.MISSION)

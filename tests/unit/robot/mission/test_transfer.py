@@ -19,7 +19,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.core import reasons
 from robot.mission.mission import MOST_ITEMS
-from robot.mission.persistence import Kept
+from robot.mission.persistence import MissionStore
 from robot.mission.transfer import NO_ITEM, Request, Transfers
 from robot.storage.writer import Directory
 from tests.support.robot.mission.items import circle, corners, item, line, ready, start, upload
@@ -249,7 +249,7 @@ def test_in_whatever_order_frames_come_what_is_held_came_as_a_whole(
 ) -> None:
     shelf = Shelf()
     desk = Desk()
-    transfers = Transfers(desk.vehicle.mission, shelf, Kept(Directory(None)))
+    transfers = Transfers(desk.vehicle.mission, shelf, MissionStore(Directory(None)))
     for request, operator in asked:
         answer = transfers.receive(request, operator)
         assert getattr(answer, "mission_type", 0) == request.mission_type
