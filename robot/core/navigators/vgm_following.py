@@ -22,7 +22,7 @@ from robot.core.perception.echoes import (
     SURE,
     Echoes,
 )
-from robot.core.perception.flank_walker import Escort
+from robot.core.perception.flank_walker import FlankWalker
 from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
@@ -93,7 +93,7 @@ class Memory:
         self.echoes = Echoes()
         self.sectors = Sectors()
         self.loops = Loops()
-        self.escort = Escort()
+        self.escort = FlankWalker()
         self.side: int = states.LEFT
         self.goal_x_m = self.goal_y_m = inf
         self.before: Pose | None = None

@@ -19,7 +19,7 @@ DRIVE_TICKS: Final = 30
 ASIDE: Final = 1080  # brads, 95 degrees
 
 
-class Escort:
+class FlankWalker:
     """Where and how the robot stood when it first saw something only at one flank, on `side` (1
     left, -1 right, 0 nothing); while `ticks` are left it gives way along `heading`."""
 
@@ -29,7 +29,7 @@ class Escort:
         self.x_mm = self.y_mm = self.began = self.heading = self.ticks = self.side = 0
 
 
-def watch(escort: Escort, ring: Ring, pose: Pose) -> bool:
+def watch(escort: FlankWalker, ring: Ring, pose: Pose) -> bool:
     """One tick; whether somebody has been walking alongside just now."""
     side = flank(ring)
     if side == 0:

@@ -10,7 +10,7 @@ from robot.core.perception.flank_walker import (
     BEFORE_M,
     GIVE_WAY_TICKS,
     NEAR_M,
-    Escort,
+    FlankWalker,
 )
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
@@ -21,7 +21,7 @@ STEP_M = 0.01
 ALONG_TICKS = int(0.001 * ALONG_MM / STEP_M) + 2
 
 
-def watch(escort: Escort, pose: Pose, seen: Ring) -> bool:
+def watch(escort: FlankWalker, pose: Pose, seen: Ring) -> bool:
     return escorts.watch(escort, seen, pose)
 
 
@@ -39,7 +39,7 @@ def straight(ticks: int, heading_rad: float = 0.0) -> list[Pose]:
 @FLANKS
 @pytest.mark.parametrize("heading_rad", [0.0, 2.0, pi - 0.01])
 def test_who_walks_alongside_is_noticed_and_turned_away_from(side: int, heading_rad: float) -> None:
-    escort = Escort()
+    escort = FlankWalker()
     told = [watch(escort, pose, beside(side)) for pose in straight(ALONG_TICKS, heading_rad)]
     assert sum(told) == 1
     assert escort.ticks == GIVE_WAY_TICKS
@@ -50,7 +50,7 @@ def test_who_walks_alongside_is_noticed_and_turned_away_from(side: int, heading_
 @FLANKS
 def test_the_end_of_a_wall_that_is_passed_is_nobody(side: int) -> None:
     wall: list[Wall] = [(-3.0, side * 0.25, 0.0, side * 0.25)]
-    escort = Escort()
+    escort = FlankWalker()
     for k in range(200):
         pose = Pose(-1.0 + STEP_M * k, 0.0, 0.0)
         assert not watch(escort, pose, seen_from(pose, wall))
@@ -58,7 +58,7 @@ def test_the_end_of_a_wall_that_is_passed_is_nobody(side: int) -> None:
 
 @FLANKS
 def test_a_post_that_is_passed_is_nobody(side: int) -> None:
-    escort = Escort()
+    escort = FlankWalker()
     for k in range(200):
         pose = Pose(-1.0 + STEP_M * k, 0.0, 0.0)
         assert not watch(escort, pose, seen_from(pose, [], [(0.0, side * 0.25, 0.05)]))
@@ -66,7 +66,7 @@ def test_a_post_that_is_passed_is_nobody(side: int) -> None:
 
 @FLANKS
 def test_a_disc_that_keeps_up_is_somebody(side: int) -> None:
-    escort = Escort()
+    escort = FlankWalker()
     told = []
     for pose in straight(ALONG_TICKS):
         person = (pose.x_m - 0.04, side * 0.30, 0.10)
@@ -75,7 +75,7 @@ def test_a_disc_that_keeps_up_is_somebody(side: int) -> None:
 
 
 def test_a_wall_that_goes_on_is_nobody() -> None:
-    escort = Escort()
+    escort = FlankWalker()
     wall: list[Wall] = [(-3.0, -0.25, 3.0, -0.25)]
     assert not any(watch(escort, pose, seen_from(pose, wall)) for pose in straight(100))
 
@@ -83,7 +83,7 @@ def test_a_wall_that_goes_on_is_nobody() -> None:
 @FLANKS
 def test_round_a_pillar_on_an_arc_it_is_nobody_who_walks(side: int) -> None:
     """What stands still stays beside a robot that turns about it."""
-    escort, radius_m = Escort(), 0.3
+    escort, radius_m = FlankWalker(), 0.3
     for k in range(400):
         angle_rad = side * k * STEP_M / radius_m
         pose = Pose(radius_m * sin(angle_rad), -side * radius_m * cos(angle_rad), angle_rad)
@@ -92,7 +92,7 @@ def test_round_a_pillar_on_an_arc_it_is_nobody_who_walks(side: int) -> None:
 
 @FLANKS
 def test_who_comes_to_the_other_flank_is_watched_anew(side: int) -> None:
-    escort = Escort()
+    escort = FlankWalker()
     half = ALONG_TICKS * 2 // 3
     told = [
         watch(escort, pose, beside(side if k < half else -side))
@@ -102,7 +102,7 @@ def test_who_comes_to_the_other_flank_is_watched_anew(side: int) -> None:
 
 
 def test_a_robot_that_stands_is_escorted_by_nobody() -> None:
-    escort = Escort()
+    escort = FlankWalker()
     assert not any(watch(escort, Pose(1.0, 1.0, 0.5), beside(1)) for _ in range(500))
 
 
