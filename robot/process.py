@@ -20,7 +20,7 @@ from robot.core.values import Inputs, Outputs
 from robot.lease import open_to_all
 from robot.reports import Reports
 from robot.saved_replies import SavedReplies
-from robot.scheduling.cycle_meter import Meter
+from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.stop_latch import StopLatch
 from robot.telemetry import BUDGET_VIOLATED, NAME_TAKEN, Given
@@ -56,7 +56,7 @@ class Process:
         bus: Bus,
         clock: Clock,
         senses: Senses,
-        meter: Meter,
+        meter: CycleMeter,
         epoch: int = 0,
     ) -> None:
         self.vehicle = vehicle

@@ -16,7 +16,7 @@ from protocol.topics import CLOCK, Role
 from protocol.wire.enums import Severity
 from protocol.wire.messages import SystemTime
 from robot.process import Process
-from robot.scheduling.cycle_meter import Meter
+from robot.scheduling.cycle_meter import CycleMeter
 from robot.scheduling.realtime import share_interpreter, use_fifo
 from robot.scheduling.rehearsal import Rehearsal, Rehearsed
 from robot.senses import Senses
@@ -101,7 +101,7 @@ def in_wall_time(
     """The grid is phase-locked to the scans as they arrive."""
     clock, pulse = WallClock(), Pulse()
     senses = Senses(bus, lockstep=False, beat=pulse.beat, accept=vehicle.lease.allows)
-    meter = Meter(clock, period_ns=PERIOD_NS, enforced=True)
+    meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=True)
     process = Process(vehicle, bus, clock, senses, meter, epoch)
     process.serve()
     on_signal(process.stop)
@@ -120,7 +120,7 @@ def in_lockstep(
 
     clock = LockstepClock(patience_s=IDLE_S, idle=between)
     senses = Senses(bus, lockstep=True, accept=vehicle.lease.allows)
-    meter = Meter(clock, period_ns=PERIOD_NS, enforced=False)
+    meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=False)
     process = Process(vehicle, bus, clock, senses, meter, epoch)
     process.serve(nudge=clock.nudge)
     feed(clock, bus)

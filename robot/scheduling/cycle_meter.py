@@ -11,7 +11,7 @@ OVERRUNS_IN_A_ROW: Final = 3
 LAST_STAGE: Final = len(STAGES) - 1
 
 
-class Meter:
+class CycleMeter:
     """CPU time per stage of the tick under way; `violated` tells that the wheels have to stop.
 
     In lockstep (`enforced` false) time stands still while the robot thinks, so nothing is late and

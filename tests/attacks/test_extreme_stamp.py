@@ -6,7 +6,7 @@ from protocol.topics import DRIVE, SONAR
 from protocol.wire.messages import SonarScan, WheelCommand
 from robot.core.parameters import DEFAULTS
 from robot.process import Process
-from robot.scheduling.cycle_meter import Meter
+from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
@@ -29,7 +29,7 @@ def robot(bus: Net) -> Process:
     """The robot's loop in wall time, to be turned by hand."""
     vehicle, clock = Vehicle(DEFAULTS, Store(None)), WallClock()
     senses = Senses(bus.robot, lockstep=False, accept=vehicle.lease.allows)
-    meter = Meter(clock, period_ns=PERIOD_NS, enforced=False)
+    meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=False)
     process = Process(vehicle, bus.robot, clock, senses, meter)
     process.serve()
     return process

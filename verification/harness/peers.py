@@ -37,7 +37,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
 from robot.parameters.table import with_value
 from robot.process import Process as RobotProcess
-from robot.scheduling.cycle_meter import Meter
+from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
@@ -132,7 +132,7 @@ class Peers:
             self._params, Store(None), Pose(start.x_m, start.y_m, start.heading_rad)
         )
         senses = self._senses = Senses(bus, lockstep=True, accept=self.vehicle.lease.allows)
-        meter = Meter(self.clock, period_ns=PERIOD_NS, enforced=self._enforced)
+        meter = CycleMeter(self.clock, period_ns=PERIOD_NS, enforced=self._enforced)
         self.robot = RobotProcess(self.vehicle, bus, self.clock, senses, meter)
         self.robot.serve()
         bus.announce()

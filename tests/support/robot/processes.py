@@ -12,7 +12,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, SonarScan, WheelCommand, WheelTicks
 from robot.core.parameters import DEFAULTS
 from robot.process import Process
-from robot.scheduling.cycle_meter import Meter
+from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
@@ -127,7 +127,7 @@ class Rig:
         self.vehicle = Vehicle(DEFAULTS, store or Store(None))
         bus = cast(Bus, self.bus)
         senses = Senses(bus, lockstep=False, accept=self.vehicle.lease.allows)
-        self.meter = Meter(self.clock, period_ns=PERIOD_NS, enforced=enforced)
+        self.meter = CycleMeter(self.clock, period_ns=PERIOD_NS, enforced=enforced)
         self.process = Process(self.vehicle, bus, self.clock, senses, self.meter)
         self.nudges = 0
         self.ticks = 0

@@ -2,7 +2,7 @@
 
 from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core.parameters import DEFAULTS
-from robot.scheduling.cycle_meter import Meter
+from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
@@ -33,7 +33,7 @@ def test_nor_is_that_of_the_operators_heartbeat() -> None:
 
 
 def test_nor_is_how_late_a_tick_is_when_the_clock_has_jumped_back() -> None:
-    meter = Meter(ManualClock(), period_ns=50 * MS, enforced=True)
+    meter = CycleMeter(ManualClock(), period_ns=50 * MS, enforced=True)
     meter.begin(Tick(1, 0, -5_000 * MS, 0))
     assert meter.report(0, sense_age_us=0, rejected=0).late_us == 0
 

@@ -3,7 +3,7 @@ import pytest
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.messages import CycleReport
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
-from robot.scheduling.cycle_meter import Meter
+from robot.scheduling.cycle_meter import CycleMeter
 from runtime.clock import ManualClock, Tick
 from runtime.timing import UINT32
 
@@ -15,12 +15,12 @@ def tick(index: int = 0, late_ns: int = 0, missed: int = 0) -> Tick:
     return Tick(index, 0, late_ns, missed)
 
 
-def metered(enforced: bool = True) -> tuple[Meter, ManualClock]:
+def metered(enforced: bool = True) -> tuple[CycleMeter, ManualClock]:
     clock = ManualClock()
-    return Meter(clock, period_ns=PERIOD_NS, enforced=enforced), clock
+    return CycleMeter(clock, period_ns=PERIOD_NS, enforced=enforced), clock
 
 
-def cycle(meter: Meter, clock: ManualClock, spent_us: int) -> None:
+def cycle(meter: CycleMeter, clock: ManualClock, spent_us: int) -> None:
     meter.begin(tick())
     clock.advance(spent_us * US)
     meter.end()
