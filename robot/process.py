@@ -23,7 +23,7 @@ from robot.saved_replies import SavedReplies
 from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.stop_latch import StopLatch
-from robot.telemetry import BUDGET_VIOLATED, NAME_TAKEN, Given
+from robot.telemetry import BUDGET_VIOLATED, NAME_TAKEN, CoreInputs
 from robot.teleop import wanted
 from robot.vehicle import Vehicle
 from runtime.clock import Clock, Tick
@@ -207,7 +207,7 @@ class Process:
     def _tell_inputs(self, inputs: Inputs, teleop: Teleop | None, tick: int, reported: int) -> None:
         """All that this tick's outcome came of, so that it can be had again."""
         senses = self._senses
-        given = Given(
+        given = CoreInputs(
             senses.wheels_seq, senses.scan_seq, senses.scan_age_ms, self.reports.recorded, reported
         )
         self.reports.inputs.put(telemetry.tick_inputs(inputs, given, teleop, tick, senses.stamp_ns))

@@ -126,7 +126,7 @@ def decision(outputs: Outputs, zone_m: float, time_ns: int) -> AvoidanceDecision
     )
 
 
-class Given(NamedTuple):
+class CoreInputs(NamedTuple):
     """Of what the core was given, that which it does not see: where it came from."""
 
     wheels_seq: int
@@ -138,7 +138,7 @@ class Given(NamedTuple):
 
 
 def tick_inputs(
-    inputs: Inputs, given: Given, teleop: Teleop | None, tick: int, time_ns: int
+    inputs: Inputs, given: CoreInputs, teleop: Teleop | None, tick: int, time_ns: int
 ) -> TickInputs:
     """With the senses on their own topics, all that the core's step depended on."""
     flags = given.reported

@@ -34,7 +34,7 @@ from robot.core.perception.from_messages import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs
 from robot.parameters.table import described
 from robot.storage.files import Store
-from robot.telemetry import Given
+from robot.telemetry import CoreInputs
 from robot.vehicle import Vehicle
 from study.trial.trial import start_of, wire_goal_of
 from tests.support.study.made import boxed
@@ -122,7 +122,7 @@ class Drive:
         goal_id = vehicle.commands.goal_id
         self.say(STATUS, telemetry.status(vehicle.state, goal_id, now_ns, inputs.now_ms))
         self.say(DECISION, telemetry.decision(outputs, vehicle.zone_m, now_ns))
-        given = Given(wheels.seq, scan.seq, 0, self._requests, 0)
+        given = CoreInputs(wheels.seq, scan.seq, 0, self._requests, 0)
         self.say(INPUTS, telemetry.tick_inputs(inputs, given, None, tick, now_ns))
 
     def written(self, path: Path, **facts: str) -> Path:
