@@ -18,7 +18,7 @@ KEPT: Final = 8
 whose stop it was."""
 
 
-class Pressed(NamedTuple):
+class StopRequest(NamedTuple):
     """A stop as it arrived: who sent it, empty when unknown, and its bytes."""
 
     operator: str
@@ -31,13 +31,13 @@ class StopLatch:
 
     def __init__(self, is_holder: Callable[[str], bool]) -> None:
         self._is_holder = is_holder
-        self._holders: deque[Pressed] = deque(maxlen=KEPT)
-        self._others: deque[Pressed] = deque(maxlen=KEPT)
+        self._holders: deque[StopRequest] = deque(maxlen=KEPT)
+        self._others: deque[StopRequest] = deque(maxlen=KEPT)
 
     def press(self, operator: str, frame: bytes) -> None:
         """Set the latch; may be called from any thread, as often as one likes."""
         pressed = self._holders if operator and self._is_holder(operator) else self._others
-        pressed.append(Pressed(operator, frame))
+        pressed.append(StopRequest(operator, frame))
 
     def take(self) -> CommandRequest | None:
         """Return the stop to act on and reset the latch; None when nobody has pressed.
@@ -49,7 +49,7 @@ class StopLatch:
         return None if newest is None else stop_in(newest.frame)
 
 
-def drained(pressed: "deque[Pressed]") -> Pressed | None:
+def drained(pressed: "deque[StopRequest]") -> StopRequest | None:
     """Remove what is there now and return the newest; what arrives meanwhile stays."""
     newest = None
     for _ in range(len(pressed)):
