@@ -89,7 +89,7 @@ def run(client: Any, bench: Bench, tasks: Iterable[Task]) -> Iterator[Row | None
         running[future] = task
         future.add_done_callback(over.put)
 
-    room = Room(client)
+    room = ClusterCapacity(client)
     while True:
         for task in islice(waiting, max(0, room.most() - len(running))):
             submit(task)
@@ -111,7 +111,7 @@ def run(client: Any, bench: Bench, tasks: Iterable[Task]) -> Iterator[Row | None
             yield row
 
 
-class Room:
+class ClusterCapacity:
     """How much the cluster should hold; asking costs a round trip, so it is not done every time."""
 
     def __init__(self, client: Any) -> None:
