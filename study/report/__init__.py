@@ -1,7 +1,7 @@
 """What a study comes to, for people: one HTML page, Markdown, and the README's table."""
 
-from study.report.build import Asked
+from study.report.build import ReportRequest
 from study.report.output.files import write
 from study.report.output.readme import summary_table
 
-__all__ = ["Asked", "summary_table", "write"]
+__all__ = ["ReportRequest", "summary_table", "write"]

@@ -33,7 +33,7 @@ def no_world(source: str) -> World:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class ReportRequest:
     """What a report needs besides its trials; `runs` of the paper's figures, may be none."""
 
     command: str = ""
@@ -43,7 +43,7 @@ class Asked:
     jobs: int = 1
 
 
-def page_of(table: pa.Table, asked: Asked) -> Page:
+def page_of(table: pa.Table, asked: ReportRequest) -> Page:
     every = trials_of(table)
     trials = distinct(every)
     lead = (*how_run(every, len(trials), asked.command),)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from protocol.options import whole
-from study.report.build import Asked
+from study.report.build import ReportRequest
 from study.report.charts.gallery import PER_NAVIGATOR
 from study.report.output.files import SUMMARY, write
 from study.report.output.readme import update
@@ -51,7 +51,7 @@ def report(
     table = read(study)
     if paper_seeds:
         print("sidestep study report: driving the paper's figures", file=sys.stderr)
-    asked = Asked(
+    asked = ReportRequest(
         command=commands_of(study),
         runs=run_paper(jobs, paper_seeds),
         world_of=partial(world_of, directory=study),

@@ -11,7 +11,7 @@ from typing import Any, Final
 import pyarrow as pa
 
 from runtime.errors import UserError
-from study.report.build import Asked, page_of
+from study.report.build import ReportRequest, page_of
 from study.report.output.html import html
 from study.report.output.markdown import markdown
 from study.report.page import figures_of
@@ -24,12 +24,12 @@ FIGURES: Final = "figures"
 SUMMARY: Final = "summary.json"
 
 
-def write(table: pa.Table, directory: Path, asked: Asked | None = None) -> list[Path]:
+def write(table: pa.Table, directory: Path, asked: ReportRequest | None = None) -> list[Path]:
     """All files of the report; equal tables give equal bytes.
 
     Raises UserError for a table that no study wrote and a directory that cannot be written.
     """
-    asked = asked or Asked()
+    asked = asked or ReportRequest()
     page = page_of(table, asked)
     summary = summary_of(table, asked)
     texts = {
@@ -52,7 +52,7 @@ def write(table: pa.Table, directory: Path, asked: Asked | None = None) -> list[
     return [directory / name for name in texts]
 
 
-def summary_of(table: pa.Table, asked: Asked) -> dict[str, Any]:
+def summary_of(table: pa.Table, asked: ReportRequest) -> dict[str, Any]:
     """What is kept of a study in the project: small, and all that the README needs."""
     every = trials_of(table)
     trials = distinct(every)

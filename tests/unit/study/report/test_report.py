@@ -11,7 +11,7 @@ import pytest
 
 from plant.model.types import World
 from runtime.errors import UserError
-from study.report import Asked, write
+from study.report import ReportRequest, write
 from study.report.charts.svg import Drawing
 from study.report.cli import main
 from study.report.output.html import html
@@ -39,7 +39,7 @@ def a_world(source: str) -> World:
     return floor()
 
 
-ASKED = Asked(command="sidestep study --seeds 3", runs=RUNS, world_of=a_world, failures=2)
+ASKED = ReportRequest(command="sidestep study --seeds 3", runs=RUNS, world_of=a_world, failures=2)
 
 
 class Checker(HTMLParser):
@@ -78,7 +78,7 @@ def checked(page: str) -> Checker:
     return checker
 
 
-def written(table: pa.Table, directory: Path, asked: Asked = ASKED) -> str:
+def written(table: pa.Table, directory: Path, asked: ReportRequest = ASKED) -> str:
     """The HTML page, after what must hold of every report."""
     files = write(table, directory, asked)
     assert all(file.exists() for file in files)
@@ -119,7 +119,7 @@ def test_equal_tables_give_equal_bytes(tmp_path: Path) -> None:
 
 
 def test_an_empty_study_says_that_there_is_nothing(tmp_path: Path) -> None:
-    page = written(SCHEMA.empty_table(), tmp_path, Asked())
+    page = written(SCHEMA.empty_table(), tmp_path, ReportRequest())
     assert "There is no trial in this study" in page
     assert headings(page) == ["The paper's figures and claims"]
     assert "They were not run again for this report." in page

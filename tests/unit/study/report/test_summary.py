@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from runtime.errors import UserError
 from study.report import summary_table
-from study.report.build import Asked
+from study.report.build import ReportRequest
 from study.report.output.files import summary_of
 from study.report.output.readme import BEGIN, END, block, update, with_block
 from study.report.summary import HEAD, as_json, numbers, summaries
@@ -77,7 +77,7 @@ def test_a_readme_without_the_markers_is_refused_by_name(page: str) -> None:
 def test_updating_reads_the_summary_and_writes_the_block(tmp_path: Path) -> None:
     readme, summary = tmp_path / "README.md", tmp_path / "summary.json"
     readme.write_text(f"{BEGIN}\n{END}\n")
-    summary.write_text(json.dumps(summary_of(study(), Asked())))
+    summary.write_text(json.dumps(summary_of(study(), ReportRequest())))
     update(readme, summary)
     assert "66 trials in 11 worlds of 6 families" in readme.read_text()
     summary.unlink()
