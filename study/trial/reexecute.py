@@ -71,7 +71,7 @@ def ignore(_stage: int) -> None:
     """Nobody takes the time."""
 
 
-class Again:
+class Replay:
     """The robot of this build, driven by a recording."""
 
     def __init__(self, recorded: Recorded, params: Params, start: Pose, *, other: bool) -> None:
@@ -146,7 +146,7 @@ def reexecuted(recorded: Recorded, params: Params, start: Pose, *, other: bool =
 
     With `other` only wheel commands are compared, and it goes on behind the first difference.
     """
-    again = Again(recorded, params, start, other=other)
+    again = Replay(recorded, params, start, other=other)
     verdict = Verdict(len(recorded.ticks))
     kinds = COMPARED[:1] if other else COMPARED
     for place, (inputs, sequence) in enumerate(recorded.ticks):
