@@ -9,8 +9,13 @@ from typing import Final, Generic, TypeVar
 from protocol.wire.message import Message
 from runtime.errors import UserError
 
-ROBOT_NAME: Final = re.compile(r"[a-z0-9_-]{1,16}\Z")
-OPERATOR: Final = re.compile(r"[a-z0-9_-]{1,16}/[0-9a-f]{1,32}\Z")
+MAX_NAME: Final = 16
+"""Characters of the name of a robot or an operator."""
+
+NAME: Final = f"[a-z0-9_-]{{1,{MAX_NAME}}}"
+NAME_RULE: Final = f"use 1 to {MAX_NAME} of the characters a-z, 0-9, '_' and '-'"
+ROBOT_NAME: Final = re.compile(rf"{NAME}\Z")
+OPERATOR: Final = re.compile(rf"{NAME}/[0-9a-f]{{1,32}}\Z")
 """Identity of an operator on the bus: the name in its certificate, and its session."""
 
 RESERVED: Final = MappingProxyType(
@@ -57,18 +62,14 @@ def operator_in(suffix: str) -> str:
 def robot_name(name: str) -> str:
     """The name itself; UserError unless it can be one element of a key."""
     if not ROBOT_NAME.match(name):
-        raise UserError(
-            f"robot name {name!r}: use 1 to 16 of the characters a-z, 0-9, '_' and '-', as in 'r1'"
-        )
+        raise UserError(f"robot name {name!r}: {NAME_RULE}, as in 'r1'")
     return name
 
 
 def operator_called(name: str) -> str:
     """Return the name of an operator itself; raise UserError unless a certificate may name it."""
     if not ROBOT_NAME.match(name):
-        raise UserError(
-            f"operator {name!r}: use 1 to 16 of the characters a-z, 0-9, '_' and '-', as in 'ada'"
-        )
+        raise UserError(f"operator {name!r}: {NAME_RULE}, as in 'ada'")
     if name in RESERVED:
         raise UserError(f"operator {name!r}: {RESERVED[name]}: choose another name")
     return name

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from ground.client.parameter import Parameter
-from ground.client.parameter_rows import NAME
+from ground.client.parameter_rows import NAME, NAME_RULE
 from ground.recording import export_file
 from runtime.config import read_toml, unknown_key
 from runtime.errors import ConfigError, UserError
@@ -28,7 +28,7 @@ def _key(parameter: Parameter) -> str:
     """The name as a key of TOML; UserError for a name that cannot be one."""
     if not NAME.match(parameter.name):
         name = parameter.name
-        raise UserError(f"{name!r} is no name of a parameter: 1 to 16 letters, digits and _")
+        raise UserError(f"{name!r} is no name of a parameter: {NAME_RULE}")
     return parameter.name
 
 

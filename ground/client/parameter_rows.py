@@ -4,12 +4,14 @@ import re
 from math import isfinite
 from typing import Final, TypeAlias
 
+from protocol.wire.limits import MAX_PARAMETER_NAME_BYTES
 from runtime.errors import RemoteError
 from runtime.json_reader import value_in
 from runtime.terminal import printable
 
 Row: TypeAlias = dict[str, object]
-NAME: Final = re.compile(r"[A-Za-z0-9_]{1,16}\Z")
+NAME: Final = re.compile(rf"[A-Za-z0-9_]{{1,{MAX_PARAMETER_NAME_BYTES}}}\Z")
+NAME_RULE: Final = f"1 to {MAX_PARAMETER_NAME_BYTES} letters, digits and _"
 KEY: Final = re.compile(r"[a-z_]{1,32}\Z")
 NUMBERS: Final = ("default", "minimum", "maximum", "configured")
 TEXTS: Final = ("unit", "doc", "group", "direction")
@@ -38,7 +40,7 @@ def _row(number: int, found: object) -> Row:
         raise _malformed(number, "is no table")
     name = found.get("name")
     if not isinstance(name, str) or not NAME.match(name):
-        raise _malformed(number, "has no name of 1 to 16 letters, digits and _")
+        raise _malformed(number, f"has no name of {NAME_RULE}")
     if not is_number(found.get("value")):
         raise _malformed(number, "has no value that is a finite number")
     for key in NUMBERS:

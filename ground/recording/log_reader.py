@@ -11,12 +11,13 @@ from typing import Final, NamedTuple, Protocol
 from ground.recording.frame_paths import path_in
 from ground.recording.mcap.reader import McapFile
 from ground.recording.tlog import Reader
+from protocol.topic import NAME
 from protocol.topics import PREFIX
 from runtime.errors import UserError
 from runtime.units import NS_PER_US
 
 MCAP_BEGINS: Final = b"\x89MCAP"
-NAMED: Final = re.compile(r"\d{8}T\d{6}Z-(?P<robot>[a-z0-9_-]{1,16})(\.\d{1,3})?\Z")
+NAMED: Final = re.compile(rf"\d{{8}}T\d{{6}}Z-(?P<robot>{NAME})(\.\d{{1,3}})?\Z")
 USUAL_ROBOT: Final = "r1"
 
 

@@ -78,8 +78,10 @@ MAX_NAMES: Final = {
     ("WHEEL_COMMAND", "ttl_ms"): "MAX_WHEEL_TTL_MS",
     ("TELEOP", "ttl_ms"): "MAX_TELEOP_TTL_MS",
     ("LEASE_STATUS", "lapses_ms"): "MAX_LEASE_MS",
+    ("LEASE_REQUEST", "name"): "MAX_OPERATOR_NAME_BYTES",
+    ("PARAM_SET", "param_id"): "MAX_PARAMETER_NAME_BYTES",
 }
-"""Names of the largest values of fields."""
+"""Names of the largest values of fields, and of the sizes of texts."""
 TIME: Final = re.compile(r" for ([0-9.]+) (ms|s)$")
 """The time at the end of a reason's text."""
 MS_PER: Final = {"ms": 1, "s": 1000}
@@ -214,10 +216,10 @@ def limits(dialect: Dialect) -> str:
     docstring = "Limits that robot, plant and operators have to agree on."
     imports = ["", "from typing import Final"]
     largest = [
-        Entry(MAX_NAMES[message.name, field.name], int(field.most), "")
+        Entry(MAX_NAMES[message.name, field.name], int(field.most or field.length), "")
         for message in dialect.messages
         for field in message.fields
-        if field.most
+        if field.most or (message.name, field.name) in MAX_NAMES
     ]
     lines = [["", *constant_lines(entries)] for entries in (largest, lost_after(dialect))]
     return module(docstring, imports, *lines)

@@ -5,7 +5,9 @@ Made by `make generate` from sidestep.xml: change that file instead.
 
 from typing import Final
 
+MAX_PARAMETER_NAME_BYTES: Final = 16
 MAX_WHEEL_TTL_MS: Final = 150
+MAX_OPERATOR_NAME_BYTES: Final = 16
 MAX_LEASE_MS: Final = 3000
 MAX_TELEOP_TTL_MS: Final = 500
 

@@ -25,6 +25,8 @@ from study.calibration.umbmark import umbmark
 
 RUNS = 20
 MOST_RUNS = 1000
+SHORTEST_M, LONGEST_M = 0.5, 50.0
+"""Of the side of a square."""
 SIDE_M = 4.0
 PLOTS = (".svg", ".png")
 DETAILS = (
@@ -147,6 +149,7 @@ def length(text: str) -> float:
         value = float(text)
     except ValueError:
         value = float("nan")
-    if not 0.5 <= value <= 50.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a length from 0.5 to 50 m")
+    if not SHORTEST_M <= value <= LONGEST_M:
+        limits = f"{SHORTEST_M:g} to {LONGEST_M:g} m"
+        raise argparse.ArgumentTypeError(f"{text!r} is not a length from {limits}")
     return value

@@ -110,7 +110,8 @@ def goal_of(options: argparse.Namespace) -> GoalPose | None:
 
 def turn(option: str, heading_deg: float) -> float:
     if abs(heading_deg) > FULL_TURN_DEG:
-        raise UserError(f"{option}: heading {heading_deg:g} deg is out of range: -360 to 360 deg")
+        limits = f"{-FULL_TURN_DEG:g} to {FULL_TURN_DEG:g} deg"
+        raise UserError(f"{option}: heading {heading_deg:g} deg is out of range: {limits}")
     return radians(heading_deg)
 
 

@@ -6,10 +6,14 @@ from pathlib import Path
 import pytest
 
 from ground.client.emergency_stop import REPEAT_NS
+from ground.client.parameter_rows import NAME, NAME_RULE
 from ground.map import ellipse
 from protocol.topics import DRIVE, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Topic
+from protocol.wire.layout import LAYOUT
 from protocol.wire.limits import (
     MAX_LEASE_MS,
+    MAX_OPERATOR_NAME_BYTES,
+    MAX_PARAMETER_NAME_BYTES,
     MAX_TELEOP_TTL_MS,
     MAX_WHEEL_TTL_MS,
     OPERATOR_LOST_MS,
@@ -56,6 +60,16 @@ def test_the_text_of_a_failsafe_shows_its_limit(reason: Reason, words: str) -> N
 )
 def test_a_topic_is_stale_when_its_limit_is_over(topic: Topic[Message], limit_ms: int) -> None:
     assert topic.stale_after_ns == limit_ms * NS_PER_MS
+
+
+def test_the_sizes_of_names_are_those_of_the_wire() -> None:
+    sizes = {field.name: field.length for field in LAYOUT["LeaseRequest"].fields}
+    assert sizes["name"] == MAX_OPERATOR_NAME_BYTES
+    sizes = {field.name: field.length for field in LAYOUT["ParamSet"].fields}
+    assert sizes["param_id"] == MAX_PARAMETER_NAME_BYTES
+    assert NAME.match("p" * MAX_PARAMETER_NAME_BYTES)
+    assert not NAME.match("p" * (MAX_PARAMETER_NAME_BYTES + 1))
+    assert str(MAX_PARAMETER_NAME_BYTES) in NAME_RULE
 
 
 def test_the_core_and_the_lease_use_the_limits_of_the_wire() -> None:

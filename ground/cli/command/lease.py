@@ -19,12 +19,12 @@ from ground.client.vocabulary import why
 from ground.text.output import Says
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction
+from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseRequest
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_MS, NS_PER_S
 
 RELEASE_NS: Final = 200 * NS_PER_MS
-NAME_BYTES: Final = 16
 ACTIONS: Final = ("take", "release", "seize", "show")
 
 
@@ -102,9 +102,11 @@ def named(name: str | None) -> str:
             name = pwd.getpwuid(os.getuid()).pw_name
         except KeyError:
             name = "operator"
-        return name.encode()[:NAME_BYTES].decode(errors="ignore")
-    if not name.isprintable() or not 0 < len(name.encode()) <= NAME_BYTES:
-        raise UserError(f"{name!r} is no name for an operator: 1 to {NAME_BYTES} letters")
+        return name.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
+    if not name.isprintable() or not 0 < len(name.encode()) <= MAX_OPERATOR_NAME_BYTES:
+        raise UserError(
+            f"{name!r} is no name for an operator: 1 to {MAX_OPERATOR_NAME_BYTES} letters"
+        )
     return name
 
 

@@ -12,12 +12,13 @@ from typing import Final
 from ground.cli.command import param_files
 from ground.client.connection import add_common
 from ground.client.link import Link, Unanswered
-from ground.client.parameter_rows import Row, rows_in
+from ground.client.parameter_rows import NAME_RULE, Row, rows_in
 from ground.client.requests import is_saving
 from ground.text.output import Says
 from protocol.options import finite
 from protocol.topics import PARAMETER, PARAMETERS
 from protocol.wire.enums import PARAM_TYPE_REAL32
+from protocol.wire.limits import MAX_PARAMETER_NAME_BYTES
 from protocol.wire.messages import CommandAck, ParamSet, ParamValue
 from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import RemoteError, UserError
@@ -213,8 +214,8 @@ def number(value: object) -> str:
 
 def change(link: Link, says: Says, name: str, value: float) -> int:
     """Set one; 0 when the robot now has it."""
-    if not name or len(name) > 16 or not name.isascii():
-        raise UserError(f"{name!r} cannot be a parameter: 1 to 16 letters, digits and _")
+    if not name or len(name) > MAX_PARAMETER_NAME_BYTES or not name.isascii():
+        raise UserError(f"{name!r} cannot be a parameter: {NAME_RULE}")
     answer = ask(link, ParamSet(param_id=name, param_value=value, param_type=PARAM_TYPE_REAL32))
     found: dict[str, object] = {"verb": "param set", "robot": link.robot, "name": name}
     if isinstance(answer, ParamValue):

@@ -5,7 +5,7 @@ from math import isclose
 from pathlib import Path
 from typing import Any, Final
 
-from ground.client.parameter_rows import NAME
+from ground.client.parameter_rows import NAME, NAME_RULE
 from ground.recording import export_file
 from runtime.config import read_toml, unknown_key
 from runtime.errors import ConfigError, UserError
@@ -38,7 +38,7 @@ def name_in(row: Mapping[str, Any]) -> str:
     """The name as a key of TOML; UserError for what is none."""
     name = str(row["name"])
     if not NAME.match(name):
-        raise UserError(f"{name!r} is no name of a parameter: 1 to 16 letters, digits and _")
+        raise UserError(f"{name!r} is no name of a parameter: {NAME_RULE}")
     return name
 
 

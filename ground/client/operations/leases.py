@@ -17,12 +17,12 @@ from ground.client.requests import BEAT_NS, Answered, Asking
 from ground.client.results import Answer, RefusedError
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction
+from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseRequest, LeaseStatus
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 
 RELEASE_NS: Final = 200_000_000
-NAME_BYTES: Final = 16
 
 
 def operator_name(name: str | None) -> str:
@@ -35,9 +35,11 @@ def operator_name(name: str | None) -> str:
             name = pwd.getpwuid(os.getuid()).pw_name
         except KeyError:
             name = "operator"
-        return name.encode()[:NAME_BYTES].decode(errors="ignore")
-    if not name.isprintable() or not 0 < len(name.encode()) <= NAME_BYTES:
-        raise UserError(f"{name!r} is no name for an operator: 1 to {NAME_BYTES} letters")
+        return name.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
+    if not name.isprintable() or not 0 < len(name.encode()) <= MAX_OPERATOR_NAME_BYTES:
+        raise UserError(
+            f"{name!r} is no name for an operator: 1 to {MAX_OPERATOR_NAME_BYTES} letters"
+        )
     return name
 
 

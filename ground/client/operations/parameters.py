@@ -13,10 +13,12 @@ from ground.client import parameter_file
 from ground.client.link import Link, Unanswered
 from ground.client.operations.session import Session
 from ground.client.parameter import Parameter, parameters_in, same
+from ground.client.parameter_rows import NAME_RULE
 from ground.client.requests import ATTEMPTS, PATIENCE_NS, GaveUp, Send, is_saving
 from ground.client.results import Refused
 from protocol.topics import PARAMETER, PARAMETERS, Service
 from protocol.wire.enums import PARAM_TYPE_REAL32
+from protocol.wire.limits import MAX_PARAMETER_NAME_BYTES
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, ParamSet, ParamValue
 from protocol.wire.reasons import Reason, reason_text
@@ -24,7 +26,6 @@ from runtime.errors import RemoteError, UserError
 
 SAVING_NS: Final = 15_000_000_000
 """Longer than a robot waits for its disk before it answers NOT_SAVED."""
-LONGEST_NAME: Final = 16
 NOTHING_OTHER: Final = "nothing was other than the file says"
 
 SAVED: Final[Mapping[bool | None, str]] = MappingProxyType(
@@ -198,8 +199,8 @@ class SetParameter:
     value: float
 
     def __post_init__(self) -> None:
-        if not self.name or len(self.name) > LONGEST_NAME or not self.name.isascii():
-            raise UserError(f"{self.name!r} cannot be a parameter: 1 to 16 letters, digits and _")
+        if not self.name or len(self.name) > MAX_PARAMETER_NAME_BYTES or not self.name.isascii():
+            raise UserError(f"{self.name!r} cannot be a parameter: {NAME_RULE}")
 
     def perform(self, session: Session) -> ParameterChanged:
         link = session.link

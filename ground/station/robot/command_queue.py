@@ -10,13 +10,12 @@ from ground.station.robot.background_requests import Job, Outcome, RequestWorker
 from ground.station.robot.lease_holding import LeaseHolding
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import AckResult, LeaseAction, Severity
+from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import CommandAck, LeaseRequest
 from protocol.wire.reasons import reason_text
 from runtime.clock import Clock
 from runtime.errors import NoAnswer, RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
-
-NAME_BYTES: Final = 16
 
 Tell = Callable[[str, Severity], None]
 ATTEMPTS: Final = 3
@@ -57,7 +56,7 @@ class CommandQueue:
         self._clock = clock
         self._lane = lane
         self._tell = tell
-        self._name = name.encode()[:NAME_BYTES].decode(errors="ignore")
+        self._name = name.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
         self._ids = RequestIds()
         self._pending: Pending | None = None
 

@@ -5,11 +5,12 @@ from math import nan
 import pytest
 
 from ground.client.operations import ChangeLease, DriveByHand, DriveEnded, ShowLease
-from ground.client.operations.leases import NAME_BYTES, leased, operator_name
+from ground.client.operations.leases import leased, operator_name
 from ground.client.operations.teleop import SETTLE_NS, taken_away
 from ground.client.results import Refused, RefusedError
 from protocol.topics import LEASE, OPERATOR, STATUS
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
+from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseRequest, Teleop
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
@@ -65,7 +66,7 @@ def test_lease_is_shown_as_the_robot_tells_it() -> None:
 
 
 def test_operator_is_named_after_the_user() -> None:
-    assert 0 < len(operator_name(None).encode()) <= NAME_BYTES
+    assert 0 < len(operator_name(None).encode()) <= MAX_OPERATOR_NAME_BYTES
     assert operator_name("Änne") == "Änne"
 
 

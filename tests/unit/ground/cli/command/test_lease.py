@@ -2,12 +2,13 @@
 
 import pytest
 
-from ground.cli.command.lease import NAME_BYTES, named
+from ground.cli.command.lease import named
+from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from runtime.errors import UserError
 
 
 def test_without_a_name_it_is_that_of_the_user() -> None:
-    assert 0 < len(named(None).encode()) <= NAME_BYTES
+    assert 0 < len(named(None).encode()) <= MAX_OPERATOR_NAME_BYTES
 
 
 def test_a_name_is_taken_as_it_is() -> None:
