@@ -44,7 +44,8 @@ def main(argv: Sequence[str]) -> int:
     network = network_of(arguments, settings.network, listens=True)
     name = robot_name(arguments.id or settings.robot)
     warning = own(arguments.state, name)
-    vehicle = vehicle_of(arguments, settings)
+    store = Store(arguments.state, InlineWriter() if arguments.lockstep else WriterThread())
+    vehicle = vehicle_of(arguments, settings, store)
     if warning:
         vehicle.say(Severity.WARNING, warning)
     options = Options(
@@ -53,7 +54,7 @@ def main(argv: Sequence[str]) -> int:
         fifo=arguments.realtime,
         after=arguments.after,
     )
-    return run(vehicle, network, name, options, Life(arguments.state))
+    return run(vehicle, network, name, options, Life(store.directory))
 
 
 def parser() -> argparse.ArgumentParser:
@@ -95,12 +96,11 @@ def parser() -> argparse.ArgumentParser:
     return parser
 
 
-def vehicle_of(arguments: argparse.Namespace, settings: Settings) -> Vehicle:
+def vehicle_of(arguments: argparse.Namespace, settings: Settings, store: Store) -> Vehicle:
     """Defaults, then the file, then what an operator saved, then the command line.
 
     File and command line are the configuration, which bounds the safety group.
     """
-    store = Store(arguments.state, InlineWriter() if arguments.lockstep else WriterThread())
     configured = adjusted(DEFAULTS, settings.parameters, f"{arguments.config}: [parameters]")
     configured = adjusted(configured, dict(arguments.param), "--param")
     params, warnings = store.load(configured, configured)

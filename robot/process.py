@@ -37,8 +37,8 @@ MAX_ANSWERED: Final = 6
 MAX_GOOD_NS: Final = 60_000_000_000
 """A deadline farther away is of another clock: the sender is to ask for the time again."""
 
-SAVING_S: Final = 1.0
-"""A robot that ends waits at most this long for its disk."""
+SAVING_S: Final = 3.0
+"""A robot that ends waits at most this long for its disk: less than a container is given to end."""
 
 STOPPED: Final = ack(Command.DO_FLIGHTTERMINATION, reasons.OK)
 
@@ -124,7 +124,10 @@ class Process:
         self._stopping = True
 
     def run(self, grid: Iterable[Tick]) -> None:
-        """Until told to stop. Whatever ends it, the wheels are told to stand and the goal ends."""
+        """Until told to stop. Whatever ends it, the wheels are told to stand and the goal ends.
+
+        `finish` is still to be called.
+        """
         reason = reasons.SHUT_DOWN
         try:
             for tick in grid:
@@ -145,8 +148,11 @@ class Process:
         with suppress(LocalError):
             reports.state(self.vehicle, senses.stamp_ns, now_ns)
             reports.events(self.vehicle, senses.stamp_ns, now_ns)
+
+    def finish(self) -> None:
+        """After the loop has ended: wait for the disk, and send the answers that waited for it."""
         self.vehicle.finish_saving(SAVING_S)
-        self._saved.settle(now_ns)
+        self._saved.settle(self._clock.now_ns())
 
     def cycle(self, tick: Tick) -> None:
         """One control period: read, think, write, account."""

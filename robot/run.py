@@ -20,7 +20,7 @@ from robot.scheduling.cycle_meter import CycleMeter
 from robot.scheduling.realtime import share_interpreter, use_fifo
 from robot.scheduling.rehearsal import Rehearsal, Rehearsed
 from robot.senses import Senses
-from robot.storage.previous_run import Life
+from robot.storage.previous_run import STOPPED, Life
 from robot.vehicle import Vehicle
 from runtime.arrivals import Pulse
 from runtime.clock import SLACK, Tick, WallClock, ticks
@@ -63,13 +63,16 @@ def run(vehicle: Vehicle, network: Network, robot: str, options: Options, life: 
         for words in vehicle.restored:
             tell(f"robot {robot}: {words}")
         tell(f"robot {robot}: ready, disarmed")
+        end = STOPPED
         try:
             with watchdog, watched_doors(bus, lambda line: tell(f"robot {robot}: {line}")):
                 process.run(watchdog.wound_by(grid))
         except Exception as error:
-            life.end(f"ended by a core exception ({in_brief(error)})")
+            end = f"ended by a core exception ({in_brief(error)})"
             raise
-        life.end()
+        finally:
+            life.end(end)
+            process.finish()
     tell(f"robot {robot}: ends")
     return 0
 
@@ -82,8 +85,6 @@ def tell_life(vehicle: Vehicle, robot: str, life: Life, after: str) -> None:
         for line in (words, PLACE_UNKNOWN):
             vehicle.say(Severity.WARNING, line)
             tell(f"robot {robot}: {line}")
-    if life.trouble:
-        vehicle.say(Severity.WARNING, life.trouble)
 
 
 def in_brief(error: Exception) -> str:

@@ -9,6 +9,7 @@ spared by the kernel: such a container needs an init.
 import faulthandler
 import signal
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Final, Self, TypeVar
 
@@ -22,7 +23,8 @@ T = TypeVar("T")
 class Watchdog:
     """Strikes within the block, `patience_s` after it was last wound up; only in the main thread.
 
-    `story` is a file that then gets the place where each thread hung, for developers.
+    `story` is a file that then gets the place where each thread hung, for developers, if it can be
+    written.
     """
 
     def __init__(self, patience_s: float = HUNG_S, story: Path | None = None) -> None:
@@ -32,7 +34,9 @@ class Watchdog:
 
     def __enter__(self) -> Self:
         if self._story is not None:
-            self._file = self._story.open("w", encoding="utf-8")
+            with suppress(OSError):
+                self._file = self._story.open("w", encoding="utf-8")
+        if self._file is not None:
             faulthandler.register(signal.SIGALRM, self._file, all_threads=True, chain=True)
         self.wind()
         return self

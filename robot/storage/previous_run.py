@@ -4,10 +4,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from runtime import atomic_file
+from robot.storage.writer import Directory
 from runtime.watchdog import HANGS
 
-FILE_NAME: Final = "life.txt"
+NAME: Final = "life"
+ENDING: Final = ".txt"
+FILE_NAME: Final = f"{NAME}{ENDING}"
 HUNG_NAME: Final = "hung.txt"
 HUNG_BEFORE: Final = "hung-before.txt"
 RUNNING: Final = "running"
@@ -17,21 +19,24 @@ SIGNAL: Final = "signal "
 
 
 class Life:
-    """Marks a directory while this robot lives; without a directory it knows nothing."""
+    """Marks a directory while this robot lives; where that has no path it knows nothing.
 
-    def __init__(self, directory: Path | None) -> None:
-        self._directory = directory
-        self.trouble = ""
+    The marks are written like all that the robot saves, and so is reported that one was not.
+    """
+
+    def __init__(self, directory: Directory) -> None:
+        self._directory = directory.path
+        self._file = directory.file(NAME, ENDING)
 
     @property
     def story(self) -> Path | None:
-        """Where a loop that hangs leaves its place; None where that cannot be written."""
-        return None if self._directory is None or self.trouble else self._directory / HUNG_NAME
+        """Where a loop that hangs leaves its place; None where nothing is kept."""
+        return None if self._directory is None else self._directory / HUNG_NAME
 
     def begin(self, after: str = "") -> str:
         """How the one before ended, ready to follow "the one before"; empty when all was well.
 
-        `after` is what whoever starts this one saw of it. `trouble` says when nothing can be kept.
+        `after` is what whoever starts this one saw of it.
         """
         word = self._last_word()
         self._keep(RUNNING)
@@ -56,13 +61,8 @@ class Life:
         return ""
 
     def _keep(self, word: str) -> None:
-        if self._directory is None:
-            return
-        try:
-            atomic_file.make_folder(self._directory)
-            atomic_file.replace(self._directory / FILE_NAME, word)
-        except OSError as error:
-            self.trouble = f"{self._directory}: how it ends cannot be kept ({error.strerror})"
+        if self._file is not None:
+            self._file.put(word)
 
 
 def seen(after: str) -> str:

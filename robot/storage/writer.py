@@ -203,11 +203,11 @@ class Directory:
         self._files: dict[Path, File] = {}
         self._collected: dict[Path, int] = {}
 
-    def file(self, name: str) -> File | None:
+    def file(self, name: str, ending: str = ".json") -> File | None:
         """Return a file by its name without the ending; None: nothing is kept."""
         if self.path is None:
             return None
-        path = self.path / f"{name}.json"
+        path = self.path / f"{name}{ending}"
         if path not in self._files:
             self._files[path] = File(name, path, self._writer)
         return self._files[path]

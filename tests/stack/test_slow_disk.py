@@ -1,4 +1,7 @@
-"""A real robot on a slow disk: it drives on, and what it has acknowledged survives a kill."""
+"""A real robot on a slow disk: it drives on, and what it has acknowledged survives a kill.
+
+Its control thread uses no file system while the loop runs: an audit hook would end the process.
+"""
 
 import os
 import signal
@@ -20,19 +23,42 @@ pytestmark = pytest.mark.stack
 
 ROOT = Path(__file__).parents[2]
 FSYNC_S = 0.5
+TOUCHED = "the control thread used the file system"
 SLOW_DISK = f"""
-import os, sys, time
+import os, sys, threading, time
 sys.path.insert(0, sys.argv.pop(1))
 import sidestep
 from ground.launch.child_command import tie_to
+from robot.process import Process
 tie_to(int(sys.argv.pop(1)))
-whole = os.fsync
+fsync, run, looping = os.fsync, Process.run, []
 
-def fsync(number):
+def in_loop():
+    return threading.get_ident() in looping
+
+def slow(number):
+    if in_loop():
+        end("fsync")
     time.sleep({FSYNC_S})
-    whole(number)
+    fsync(number)
 
-os.fsync = fsync
+def watched(self, grid):
+    looping.append(threading.get_ident())
+    try:
+        run(self, grid)
+    finally:
+        looping.clear()
+
+def audit(event, given):
+    if looping and in_loop() and (event == "open" or event.startswith("os.")):
+        end(f"{{event}} {{given}}")
+
+def end(what):
+    os.write(2, f"{TOUCHED}: {{what}}".encode())
+    os._exit(9)
+
+os.fsync, Process.run = slow, watched
+sys.addaudithook(audit)
 sys.exit(sidestep.main())
 """
 WHOLE_WORLD = """
@@ -77,6 +103,7 @@ def test_slow_disk_holds_up_answers_and_no_tick(tmp_path: Path) -> None:
             assert code == 0, said
             assert missed(witness) - before < FSYNC_S / 0.05 - 3, "one fsync would miss more"
             assert witness.status.vehicle == Vehicle.ACTIVE, witness.texts
+            assert TOUCHED not in robot.said
         robot.ends()
         robot = crew.robot("--state", str(state))
         robot.says("fence of before is up")

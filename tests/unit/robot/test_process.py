@@ -384,6 +384,7 @@ def test_what_is_to_be_saved_is_acknowledged_once_it_is(end: str, tmp_path: Path
         rig.cycle()
     else:
         rig.process.run(iter(()))
+        rig.process.finish()
     (answer,) = request.answers
     assert isinstance(answer, ParamValue)
 
@@ -549,12 +550,18 @@ def test_an_exception_of_the_core_brakes_and_goes_on_upwards(
     assert ended(rig) == (states.FAILSAFE, Reason.CORE_EXCEPTION, *aborted)
 
 
-def test_what_cannot_be_told_at_the_end_keeps_nothing_from_being_saved(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_end_waits_three_seconds_for_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = driving()
     patience_s: list[float] = []
     monkeypatch.setattr(rig.vehicle, "finish_saving", patience_s.append)
+    rig.process.finish()
+    assert patience_s == [3.0]
+
+
+def test_what_cannot_be_told_at_the_end_keeps_no_wheel_turning(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig = driving()
 
     def unfit(*_: object) -> None:
         raise LocalError("no time")
@@ -562,7 +569,6 @@ def test_what_cannot_be_told_at_the_end_keeps_nothing_from_being_saved(
     monkeypatch.setattr(rig.process.reports, "state", unfit)
     rig.process.run(iter(()))
     assert speeds(rig.command) == BRAKE
-    assert patience_s == [1.0]
 
 
 def test_the_brake_is_the_first_and_only_command_of_the_end() -> None:

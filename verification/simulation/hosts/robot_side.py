@@ -113,6 +113,7 @@ class RobotSide:
         self.clock = clock
         self.vehicle, self.process = vehicle, process
         process.run(self._observed(grid))
+        process.finish()
 
     def _observed(self, grid: Iterable[Tick]) -> Iterator[Tick]:
         """The same ticks; after each the observer looks, and faults take their time."""

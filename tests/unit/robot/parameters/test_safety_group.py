@@ -16,7 +16,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.safety import guard
 from robot.core.safety.failsafe import ROWS
 from robot.parameters.table import NEAR_SHARE, SPECS, TABLE, Safer, Spec, is_less_safe
-from robot.storage.files import FILE_NAME
+from robot.storage.files import FILE_NAME, Store
 from robot.vehicle import Vehicle
 from tests.support.robot.vehicles import Desk
 
@@ -122,7 +122,7 @@ def test_what_is_as_configured_is_never_less_safe(spec: Spec, limit: float, valu
 def started(state: Path, *words: str, settings: dict[str, float] | None = None) -> Vehicle:
     """The vehicle of a robot process that starts so."""
     arguments = parser().parse_args(["--state", str(state), "--lockstep", *words])
-    return vehicle_of(arguments, Settings(parameters=settings or {}))
+    return vehicle_of(arguments, Settings(parameters=settings or {}), Store(arguments.state))
 
 
 def warnings(vehicle: Vehicle) -> str:

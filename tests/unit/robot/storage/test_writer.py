@@ -1,15 +1,19 @@
 """What is acknowledged is on the disk, and the control loop never waits for the disk."""
 
 import builtins
+import io
 import json
 import os
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from protocol.topics import MISSION_SERVICE, PARAMETER
+from protocol.wire.codec import Encoder
 from protocol.wire.enums import AckResult, MissionType, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -22,12 +26,15 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
 from robot.saved_replies import MAX_WITHHELD, SAVING, SavedReplies
+from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
+from robot.storage.previous_run import Life
 from robot.storage.writer import Directory, Done, Job, WriterThread
 from runtime import atomic_file
 from tests.support.robot.held_writer import HeldWriter, Question
 from tests.support.robot.mission.items import circle, count_of, line, upload
-from tests.support.robot.vehicles import Desk
+from tests.support.robot.processes import ADA, Rig
+from tests.support.robot.vehicles import Desk, goal
 from tests.support.until import until
 
 FULL = OSError(28, "No space left on device")
@@ -298,11 +305,7 @@ def test_the_control_loop_touches_no_disk(
     desk = Desk(Store(tmp_path / "state", thread))
     desk.vehicle.restore()
     desk.arm()
-    with monkeypatch.context() as patch:
-        loop = threading.current_thread()
-        for name in ("open", "fsync", "write", "replace", "unlink", "mkdir", "stat", "close"):
-            patch.setattr(os, name, fails_in(loop, getattr(os, name)))
-        patch.setattr(builtins, "open", fails_in(loop, builtins.open))
+    with untouchable(monkeypatch):
         upload(desk, line(2))
         upload(desk, circle(0.0, 0.0, 3.0))
         desk.vehicle.receive(setting(0.45), desk.now_ns)
@@ -310,6 +313,49 @@ def test_the_control_loop_touches_no_disk(
             desk.vehicle.receive(MissionClearAll(mission_type=kind), desk.now_ns)
         until(lambda: not unsaved(desk), what="all that was asked is saved")
     assert sorted(path.name for path in (tmp_path / "state").iterdir()) == ["parameters.json"]
+
+
+def test_no_control_period_touches_the_disk(
+    tmp_path: Path, thread: WriterThread, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The whole loop: requests and answers, telemetry, a stop, and the marks of a life."""
+    store = Store(tmp_path / "state", thread)
+    rig, life = Rig(store).ready(), Life(store.directory)
+    life.begin()
+    fence = circle(0.0, 0.0, 9.0)
+    with untouchable(monkeypatch):
+        asked = [rig.ask(one, service=PARAMETER) for one in (setting(0.45), setting(0.5))]
+        items = [count_of(line(2)), *line(2), count_of(fence), *fence]
+        for one in (*items, MissionClearAll(mission_type=MissionType.FENCE)):
+            asked.append(rig.ask(one, service=MISSION_SERVICE))
+            rig.cycle()
+        asked.append(rig.ask(goal(1, 3.0, 0.0)))
+        rig.bus.press(ADA, Encoder(1, 1).encode(emergency_stop(7)))
+
+        def answered() -> bool:
+            rig.cycle()
+            rig.process.idle()
+            return all(one.answers for one in asked)
+
+        until(answered, what="an answer to each request")
+        rig.process.run(iter(()))
+        life.end()
+    assert rig.vehicle.stopped
+    rig.process.finish()
+    names = sorted(path.name for path in (tmp_path / "state").iterdir())
+    assert names == ["life.txt", "mission.json", "parameters.json"]
+
+
+@contextmanager
+def untouchable(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Fail when this thread uses the file system within the block."""
+    with monkeypatch.context() as patch:
+        loop = threading.current_thread()
+        for name in ("open", "fsync", "write", "replace", "unlink", "mkdir", "stat", "close"):
+            patch.setattr(os, name, fails_in(loop, getattr(os, name)))
+        for module in (builtins, io):
+            patch.setattr(module, "open", fails_in(loop, builtins.open))
+        yield
 
 
 def unsaved(desk: Desk) -> list[str]:
