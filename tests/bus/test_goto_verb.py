@@ -1,9 +1,6 @@
 """`goto` over a real bus: it arms, waits, tells how it ended, and leaves no goal behind."""
 
 import json
-import os
-import signal
-import threading
 from math import pi
 from typing import Any
 
@@ -16,6 +13,7 @@ from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import GoalRequest
 from protocol.wire.reasons import Reason
 from tests.support.bus.robots import PlayedRobot, Say
+from tests.support.interrupt import interrupt_when
 
 
 def test_goto_arms_a_robot_that_stands_by_and_waits_for_the_end(
@@ -88,7 +86,7 @@ def test_goto_aborts_when_its_time_is_up(robot: PlayedRobot, say: Say) -> None:
 
 
 def test_ctrl_c_aborts_the_goal_first(robot: PlayedRobot, say: Say) -> None:
-    robot.after_goal = lambda: threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+    interrupt_when(lambda: robot.goal_id != 0 and robot.beats >= 2)
     code, _, err = say("goto", "1", "2")
     assert code == 130
     assert "goal aborted" in err

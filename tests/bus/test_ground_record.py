@@ -1,10 +1,8 @@
 """`record`, `router`, `watch` and `ground` until a signal ends them; `export` of what was kept."""
 
 import json
-import os
 import signal
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,6 +18,7 @@ from protocol.topics import MARK, SONAR, Role
 from protocol.wire.codec import decode
 from protocol.wire.messages import Heartbeat, NavigatorStatus, Statustext
 from tests.support.bus.robots import PlayedRobot, played
+from tests.support.interrupt import interrupt_when
 from tests.support.until import PATIENCE_S, until
 
 
@@ -27,18 +26,6 @@ from tests.support.until import PATIENCE_S, until
 def stage() -> Iterator[tuple[PlayedRobot, str]]:
     with played() as found:
         yield found
-
-
-def ends_when(condition: Callable[[], bool], number: signal.Signals = signal.SIGINT) -> None:
-    """Send this process a signal as soon as the condition holds, or when it does not in time."""
-
-    def wait() -> None:
-        try:
-            until(condition)
-        finally:
-            os.kill(os.getpid(), number)
-
-    threading.Thread(target=wait, daemon=True).start()
 
 
 def size_of(folder: Path) -> int:
@@ -55,7 +42,7 @@ def test_every_frame_is_kept_and_what_is_no_frame_is_not(
         noise.put_frame(b"garbage")
         return size_of(tmp_path) > 3000
 
-    ends_when(enough)
+    interrupt_when(enough)
     assert main(["record", str(tmp_path), "--connect", endpoint, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     kept = [record.frame for record in read(Path(told["file"]))]
@@ -82,7 +69,7 @@ def test_a_full_disk_is_shouted_and_ends_with_1(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(LogFile, "append", full)
-    ends_when(lambda: len(tries) > 2)
+    interrupt_when(lambda: len(tries) > 2)
     assert main(["record", str(tmp_path), "--connect", stage[1]]) == 1
     said = capsys.readouterr()
     assert "RECORDING IN TROUBLE: No space left on device; the robot drives on" in said.err
@@ -97,7 +84,7 @@ def test_a_folder_that_cannot_be_made_is_refused(stage: tuple[PlayedRobot, str])
 def test_a_table_is_made_and_damage_is_told(
     tmp_path: Path, stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    ends_when(lambda: size_of(tmp_path) > 1000)
+    interrupt_when(lambda: size_of(tmp_path) > 1000)
     main(["record", str(tmp_path), "--connect", stage[1]])
     (log,) = tmp_path.glob("*.tlog")
     capsys.readouterr()
@@ -132,7 +119,7 @@ def test_ground_is_an_operator_until_it_is_ended(
     stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     robot, endpoint = stage
-    ends_when(lambda: robot.beats >= 3)
+    interrupt_when(lambda: robot.beats >= 3)
     assert main(["ground", "--connect", endpoint]) == 130
     said = capsys.readouterr().err
     assert robot.beats >= 3
@@ -143,10 +130,16 @@ def test_watch_only_looks(
     stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     robot, endpoint = stage
-    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGTERM)).start()
+    said: list[str] = []
+
+    def shown() -> bool:
+        said.extend(capsys.readouterr())
+        return "STANDBY" in "".join(said)
+
+    interrupt_when(shown, signal.SIGTERM)
     assert main(["watch", "--connect", endpoint]) == 143
     assert robot.beats == 0
-    assert "Traceback" not in capsys.readouterr().err
+    assert "Traceback" not in "".join((*said, *capsys.readouterr()))
 
 
 def test_a_router_carries_what_others_say(capsys: pytest.CaptureFixture[str]) -> None:
@@ -168,6 +161,6 @@ def test_a_router_carries_what_others_say(capsys: pytest.CaptureFixture[str]) ->
             until(lambda: heard)
         return True
 
-    ends_when(meet, signal.SIGTERM)
+    interrupt_when(meet, signal.SIGTERM)
     assert main(["router", "--listen", "tcp/127.0.0.1:0"]) == 0
     assert heard == [b"hello"]

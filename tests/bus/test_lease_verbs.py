@@ -1,7 +1,5 @@
 """The lease and driving by hand over a bus, with a robot that is played."""
 
-import os
-import signal
 import threading
 from math import radians
 
@@ -10,6 +8,10 @@ import pytest
 from ground.cli.main import main
 from protocol.wire.enums import LeaseAction, Mode, Vehicle
 from tests.support.bus.robots import PlayedRobot, Say
+from tests.support.interrupt import interrupt_when
+from tests.support.until import until
+
+pytestmark = pytest.mark.stack
 
 
 def test_the_lease_is_taken_kept_and_given_back(robot: PlayedRobot, say: Say) -> None:
@@ -32,7 +34,7 @@ def test_a_lease_that_another_holds_can_be_seen_and_seized(robot: PlayedRobot, s
 
 
 def test_ctrl_c_gives_the_lease_back(robot: PlayedRobot, say: Say) -> None:
-    threading.Timer(0.4, os.kill, (os.getpid(), signal.SIGINT)).start()
+    interrupt_when(lambda: robot.desk.held is not None and robot.beats > 0)
     assert say("lease", "take")[0] == 130
     assert robot.desk.actions[-1].action == LeaseAction.RELEASE
 
@@ -55,7 +57,7 @@ def test_driving_by_hand_sends_speeds_at_20_hz_and_ends_standing(
 
 
 def test_ctrl_c_stops_a_robot_that_is_driven_by_hand(robot: PlayedRobot, say: Say) -> None:
-    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    interrupt_when(lambda: len(robot.driven) >= 3)
     assert say("teleop", "0.2", "0")[0] == 130
     assert robot.driven[-1].speed_mm_s == 0
     assert robot.mode is Mode.HOLD
@@ -63,10 +65,11 @@ def test_ctrl_c_stops_a_robot_that_is_driven_by_hand(robot: PlayedRobot, say: Sa
 
 def test_driving_by_hand_ends_when_the_robot_is_stopped(robot: PlayedRobot, say: Say) -> None:
     def stop() -> None:
+        until(lambda: len(robot.driven) >= 3)
         robot.vehicle = Vehicle.EMERGENCY_STOP
 
-    threading.Timer(0.8, stop).start()
-    code, out, _ = say("teleop", "0.2", "0", "--for", "9")
+    threading.Thread(target=stop, daemon=True).start()
+    code, out, _ = say("teleop", "0.2", "0", "--for", "60")
     assert code == 1
     assert out.startswith("stopped: ")
 

@@ -1,6 +1,7 @@
 """Every id does what it says, wherever it counts; the e-stop counts everywhere."""
 
 import pytest
+from textual.command import CommandList
 
 from ground.app.input.key_table import KEYS, Layer
 from ground.app.input.keymap import Keymap, keymap_of
@@ -204,14 +205,20 @@ def test_every_id_can_be_done_somewhere() -> None:
     play(story)
 
 
+def first_of(results: CommandList) -> str:
+    """The words of the result that Enter chooses; empty while there is none."""
+    return str(results.get_option_at_index(0).prompt) if results.highlighted == 0 else ""
+
+
 def test_the_palette_lists_what_counts_now_and_does_it() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("ctrl+p")
             await stage.type("stand still")
-            await stage.pilot.pause(0.5)
+            results = stage.app.screen.query_one(CommandList)
+            await stage.until(lambda: first_of(results).startswith("stand still"))
             await stage.press("enter")
-            await stage.pilot.pause(0.3)
+            await stage.until(lambda: stage.orders.given)
             assert stage.orders.given == ["hold"]
 
     play(story)

@@ -5,6 +5,7 @@ from threading import Thread
 
 from ground.app.frame_rate import MOST_SLOWER, TRUSTED_NS, FrameRate
 from ground.app.output_capture import TerminalText
+from tests.support.until import until
 
 MS = 1_000_000
 ROUND_NS = 50 * MS
@@ -84,9 +85,8 @@ def test_text_is_busy_until_somebody_has_read_it() -> None:
         assert not text.busy
         thread = Thread(target=lambda: (text.write("x" * 1_000_000), text.flush()))
         thread.start()
-        thread.join(0.05)
+        until(lambda: text.busy)
         assert thread.is_alive()
-        assert text.busy
         while thread.is_alive():
             end.read1(65_536)
             thread.join(0.001)

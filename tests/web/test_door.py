@@ -12,6 +12,7 @@ from aiohttp.test_utils import TestClient, TestServer
 from ground.web.access import MAX_SESSIONS, REFUSAL, WebAccess, from_here
 from ground.web.address import Address
 from ground.web.server import MOST_SESSIONS, WebServer
+from tests.support.until import PATIENCE_S
 
 TOKEN = "0123456789abcdefgh"
 
@@ -146,11 +147,9 @@ def test_a_browser_that_leaves_is_counted_out(monkeypatch: pytest.MonkeyPatch) -
         async with client.ws_connect("/ws?width=80&height=24") as socket:
             assert len(server.sessions) == 1
             await socket.close()
-        for _ in range(200):
-            if not server.sessions:
-                break
-            await asyncio.sleep(0.01)
-        assert not server.sessions
+        async with asyncio.timeout(PATIENCE_S):
+            while server.sessions:
+                await asyncio.sleep(0.01)
         for app in apps:  # it heeds no word, and is not to outlive the loop
             app.kill()
             await app.communicate()

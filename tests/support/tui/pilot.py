@@ -14,6 +14,7 @@ from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import words_of
 from tests.support.tui.fakes import FakeOrders, FakeStation
 from tests.support.tui.underway import driving
+from tests.support.until import PATIENCE_S
 
 T = TypeVar("T")
 
@@ -33,6 +34,12 @@ class Stage:
         await self.pilot.pause()
         self.app.look()
         await self.pilot.pause()
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        """Let Textual work until the condition holds."""
+        async with asyncio.timeout(PATIENCE_S):
+            while not condition():
+                await self.pilot.pause(0.01)
 
     async def type(self, text: str) -> None:
         await self.pilot.press(*(NAMES.get(letter, letter) for letter in text))
