@@ -5,10 +5,11 @@ from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
 from protocol.wire.enums import MissionState, Mode, Vehicle
-from verification.mode_model.events import STOPS, Part
+from verification.mode_model.events import Part
 from verification.mode_model.explorer import Edge, Exploration
 from verification.mode_model.facts import Abstract
 from verification.mode_model.invariants import INVARIANTS, rule_of
+from verification.mode_model.requests import STOPS
 from verification.mode_model.world import ADA, BOB, STRANGER
 
 HOLDERS: Final = {STRANGER: "FREE", ADA: "HELD_BY_ADA", BOB: "HELD_BY_BOB"}

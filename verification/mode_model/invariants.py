@@ -6,8 +6,9 @@ from typing import Final, NamedTuple
 from protocol.wire.enums import GoalState
 from robot.core import reasons
 from robot.core.safety.failsafe import ROWS
-from verification.mode_model.events import ARM, CLEAR, LOOKS, SEIZE, STOPS, Event, Outcome
+from verification.mode_model.events import Event, Outcome
 from verification.mode_model.facts import LIVING, Facts
+from verification.mode_model.requests import ARM, CLEAR, LOOKS, SEIZE, STOPS
 from verification.mode_model.world import PARAMS, STRANGER
 
 DRIVING_MODES: Final = ("AUTO", "GUIDED", "SMART_RTL")

@@ -25,7 +25,11 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             "tests/unit/robot/test_commands.py",
             "tests/unit/robot/test_vehicle.py",
         ),
-        "robot/process.py": ("tests/unit/robot/test_process.py",),
+        "robot/process.py": (
+            "tests/unit/robot/test_process.py",
+            "tests/unit/robot/test_process_stop.py",
+            "tests/unit/robot/test_process_requests.py",
+        ),
         "robot/senses.py": (
             "tests/unit/robot/test_read_senses.py",
             "tests/unit/robot/test_stamps.py",

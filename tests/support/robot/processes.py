@@ -6,21 +6,39 @@ from typing import Any, TypeVar, cast
 from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.service import ServiceRequest
-from protocol.topics import COMMAND, DRIVE, ENCODING, SONAR, WHEELS, Role, Service, Topic
+from protocol.topics import (
+    COMMAND,
+    DRIVE,
+    ENCODING,
+    SONAR,
+    WHEELS,
+    Role,
+    Service,
+    Topic,
+)
 from protocol.wire.codec import Encoder
+from protocol.wire.enums import Command
 from protocol.wire.message import Message
-from protocol.wire.messages import CommandAck, SonarScan, WheelCommand, WheelTicks
+from protocol.wire.messages import (
+    CommandAck,
+    CommandRequest,
+    LeaseRequest,
+    SonarScan,
+    WheelCommand,
+    WheelTicks,
+)
 from robot.core.parameters import DEFAULTS
 from robot.process import Process
 from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
+from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
 from runtime.timing import PERIOD_NS
 from tests.support.played_bus import Handler, PlayedBus, PlayedPublisher
 from tests.support.robot.held_writer import Question
-from tests.support.robot.vehicles import MS
+from tests.support.robot.vehicles import MS, goal
 
 M = TypeVar("M", bound=Message)
 ADA, BOB = "ada/1", "bob/2"
@@ -187,3 +205,58 @@ class Rig:
 
     def _nudge(self) -> None:
         self.nudges += 1
+
+
+S = 1_000 * MS
+BRAKE = (0, 0, 0)
+
+
+def hold(request_id: int) -> CommandRequest:
+    return CommandRequest(
+        request_id=request_id, command=Command.DO_PAUSE_CONTINUE, param1=0.0, param2=0.0
+    )
+
+
+def speeds(command: WheelCommand) -> tuple[int, int, int]:
+    return command.left_mrad_s, command.right_mrad_s, command.ttl_ms
+
+
+def press(rig: Rig, request_id: int = 7, operator: str = ADA) -> None:
+    """Let a stop arrive on its own topic."""
+    rig.bus.press(operator, Encoder(1, 1).encode(emergency_stop(request_id)))
+
+
+def ask_to_stop(rig: Rig, request_id: int = 7, operator: str = ADA) -> Request:
+    """Let a stop arrive on its own service, which presses as well."""
+    request = Request(emergency_stop(request_id), operator)
+    press(rig, request_id, operator)
+    rig.bus.take_stop(request)
+    return request
+
+
+def driving() -> Rig:
+    rig = Rig().ready()
+    rig.ask(goal(1, 3.0, 0.0))
+    for _ in range(5):
+        rig.cycle()
+    assert speeds(rig.command)[0] > 0
+    return rig
+
+
+def clear(request_id: int) -> CommandRequest:
+    return CommandRequest(
+        request_id=request_id,
+        command=Command.SIDESTEP_CLEAR_EMERGENCY_STOP,
+        param1=0.0,
+        param2=0.0,
+    )
+
+
+def arm(request_id: int) -> CommandRequest:
+    return CommandRequest(
+        request_id=request_id, command=Command.COMPONENT_ARM_DISARM, param1=1.0, param2=0.0
+    )
+
+
+def lease(action: int) -> LeaseRequest:
+    return LeaseRequest(request_id=1, action=action, name="")

@@ -19,13 +19,14 @@ from robot.parameters.service import ParameterService
 from robot.process import SERVICES
 from verification.mode_model import memento
 from verification.mode_model.diagram import DRAWINGS, HEADER, section
-from verification.mode_model.events import REQUESTS, VARIANTS, Part, causes, name_of, parts
+from verification.mode_model.events import Part, causes, name_of, parts
 from verification.mode_model.explorer import endless, explore
 from verification.mode_model.invariants import (
     INVARIANTS,
     a_stop_stops,
     rule_of,
 )
+from verification.mode_model.requests import REQUESTS, VARIANTS
 from verification.mode_model.world import ADA, World
 
 DOCUMENT = Path(__file__).parents[4] / "docs" / "state-diagram.md"

@@ -1,0 +1,130 @@
+"""Requests at the process: bounded lines, operators and deadlines."""
+
+import pytest
+
+from protocol.topics import (
+    ANSWERED,
+    COMMANDED,
+    LEASE_SERVICE,
+    PARAMETER,
+    PARAMETERS,
+)
+from protocol.wire.enums import AckResult, LeaseAction
+from protocol.wire.messages import (
+    CommandAck,
+    MissionRequestList,
+    ParamRequestRead,
+)
+from protocol.wire.reasons import Reason
+from tests.support.robot.processes import (
+    ADA,
+    BOB,
+    Rig,
+    S,
+    hold,
+    lease,
+    press,
+)
+from tests.support.robot.vehicles import MS, goal
+
+
+def test_a_request_is_answered_recorded_and_nudges_the_loop() -> None:
+    rig = Rig().ready()
+    request = rig.ask(hold(5))
+    assert (request.answers, rig.nudges) == ([], 1)
+    rig.cycle()
+    assert request.reasons == [Reason.NONE]
+    assert rig.sent(COMMANDED)[-1] == request.message
+    assert rig.sent(ANSWERED)[-1] == request.answers[0]
+    press(rig)
+    assert rig.nudges == 2
+
+
+def test_six_requests_of_each_line_are_answered_in_a_period_the_oldest_first() -> None:
+    rig = Rig().ready()
+    rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
+    mine = [rig.ask(hold(number), ADA) for number in range(10)]
+    others = [rig.ask(hold(number), BOB) for number in range(10)]
+    rig.cycle()
+    for asked in (mine, others):
+        assert [len(one.answers) for one in asked] == [1] * 6 + [0] * 4
+    rig.cycle()
+    assert all(one.reasons == [Reason.NONE] for one in mine)
+    assert all(one.reasons == [Reason.LEASE_HELD] for one in others)
+
+
+def test_of_too_many_requests_the_rest_is_refused_at_once() -> None:
+    rig = Rig().ready()
+    asked = [rig.ask(hold(number)) for number in range(70)]
+    assert [len(one.answers) for one in asked] == [0] * 64 + [1] * 6
+    (answer,) = asked[-1].answers
+    assert isinstance(answer, CommandAck)
+    assert answer.result == AckResult.TEMPORARILY_REJECTED
+    assert answer.result_param2 == Reason.TOO_MANY_REQUESTS
+    assert rig.nudges == 64
+
+
+def test_strangers_do_not_fill_the_line_of_the_lease_holder() -> None:
+    rig = Rig().ready()
+    rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
+    for number in range(70):
+        rig.ask(hold(number), BOB)
+    mine = rig.ask(hold(1), ADA)
+    rig.cycle()
+    assert mine.reasons == [Reason.NONE]
+
+
+def test_a_request_without_an_operator_is_refused() -> None:
+    rig = Rig().ready()
+    request = rig.ask(goal(1, 1.0, 0.0), operator="")
+    rig.cycle()
+    assert request.reasons == [Reason.NO_IDENTITY]
+    assert rig.vehicle.state.machine.goal is None
+
+
+@pytest.mark.parametrize(
+    ("good_for_ns", "reason"),
+    [
+        (None, Reason.TOO_LATE),
+        (50 * MS - 1, Reason.TOO_LATE),
+        (50 * MS, Reason.NONE),
+        (50 * MS + 60 * S, Reason.NONE),
+        (50 * MS + 60 * S + 1, Reason.TOO_LATE),
+    ],
+)
+def test_a_request_counts_until_its_deadline_that_is_at_most_a_minute_away(
+    good_for_ns: int | None, reason: Reason
+) -> None:
+    """It is looked at a period of 50 ms after it has come."""
+    rig = Rig().ready()
+    request = rig.ask(goal(1, 1.0, 0.0), good_for_ns=good_for_ns)
+    rig.cycle()
+    assert request.reasons == [reason]
+    assert (rig.vehicle.state.machine.goal is None) == (reason != Reason.NONE)
+
+
+def test_to_look_needs_neither_operator_nor_deadline() -> None:
+    rig = Rig().ready()
+    read = ParamRequestRead(param_id="d_obs_m", param_index=-1)
+    looks = [rig.ask(one, "", good_for_ns=None) for one in (read, MissionRequestList())]
+    described = rig.ask(None, "", good_for_ns=None, service=PARAMETERS)
+    rig.cycle()
+    assert all(len(one.answers) == 1 and not one.reasons for one in looks)
+    assert described.answers == [rig.vehicle.tuning.described()]
+
+
+def test_parameters_and_lease_are_asked_in_the_same_lines() -> None:
+    rig = Rig().ready()
+    taken = rig.ask(lease(LeaseAction.TAKE), service=LEASE_SERVICE)
+    read = rig.ask(ParamRequestRead(param_id="nonsense", param_index=-1), service=PARAMETER)
+    rig.cycle()
+    assert taken.reasons == [Reason.NONE]
+    assert read.reasons == [Reason.UNKNOWN_PARAMETER]
+    assert rig.vehicle.lease.is_holder(ADA)
+
+
+def test_requests_are_answered_between_two_ticks() -> None:
+    rig = Rig().ready()
+    request = rig.ask(hold(5))
+    rig.process.idle()
+    assert request.reasons == [Reason.NONE]

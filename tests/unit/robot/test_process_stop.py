@@ -1,0 +1,163 @@
+"""An emergency stop at the process: it comes before everything, and is acknowledged."""
+
+import pytest
+
+from protocol.topics import (
+    COMMANDED,
+    STATUS,
+)
+from protocol.wire.enums import AckResult, Command
+from protocol.wire.messages import (
+    CommandAck,
+    CommandRequest,
+)
+from protocol.wire.reasons import Reason
+from robot.core import states
+from robot.stop_latch import emergency_stop
+from tests.support.robot.processes import (
+    BRAKE,
+    Request,
+    Rig,
+    arm,
+    ask_to_stop,
+    clear,
+    driving,
+    hold,
+    press,
+    speeds,
+)
+from tests.support.robot.vehicles import MS, goal
+
+
+def test_a_stop_brakes_in_the_next_period() -> None:
+    rig = driving()
+    press(rig)
+    rig.cycle()
+    assert rig.vehicle.stopped
+    assert speeds(rig.command) == BRAKE
+    assert rig.sent(STATUS)[-1].stop_id == 7
+
+
+def test_a_stop_among_the_commands_is_a_stop() -> None:
+    rig = driving()
+    stop = rig.ask(emergency_stop(7), operator="", good_for_ns=None)
+    rig.cycle()
+    assert rig.vehicle.stopped
+    assert stop.reasons == [Reason.NONE]
+
+
+def test_a_stop_is_acted_upon_before_the_requests_that_came_earlier() -> None:
+    rig = Rig().ready()
+    drive = rig.ask(goal(1, 3.0, 0.0))
+    press(rig)
+    rig.cycle()
+    assert drive.reasons == [Reason.EMERGENCY_STOPPED]
+
+
+def test_a_stop_passes_full_lines() -> None:
+    rig = driving()
+    for request_id in range(100):
+        rig.ask(hold(request_id))
+    stop = rig.ask(emergency_stop(7))
+    press(rig, 8, operator="")
+    rig.cycle()
+    assert rig.vehicle.stopped
+    assert stop.reasons == [Reason.NONE]
+
+
+@pytest.mark.parametrize("idle", [False, True])
+def test_a_stop_is_acknowledged_when_it_holds_and_not_before(idle: bool) -> None:
+    rig = driving()
+    stop = ask_to_stop(rig)
+    assert stop.answers == []
+    if idle:
+        rig.process.idle()
+    else:
+        rig.cycle()
+    (answer,) = stop.answers
+    assert isinstance(answer, CommandAck)
+    assert (answer.command, answer.result) == (Command.DO_FLIGHTTERMINATION, AckResult.ACCEPTED)
+    assert rig.vehicle.stopped
+
+
+def test_who_asks_for_a_stop_is_answered_although_the_loop_was_faster() -> None:
+    """In lockstep the loop sleeps until it is nudged: the asker came when it slept again."""
+    rig = Rig()
+    rig.process.serve(nudge=rig.process.idle)
+    rig.cycle()
+    press(rig)
+    assert rig.vehicle.stopped
+    stop = Request(emergency_stop(7))
+    rig.bus.take_stop(stop)
+    assert stop.reasons == [Reason.NONE]
+
+
+def test_who_asks_for_a_stop_that_was_cleared_hears_nothing_and_asks_again() -> None:
+    rig = driving()
+    late = Request(emergency_stop(7))
+    rig.bus.take_stop(late)
+    rig.cycle()
+    assert (late.answers, late.dropped) == ([], True)
+
+
+def test_of_those_who_ask_for_a_stop_the_first_64_are_answered() -> None:
+    rig = driving()
+    asked = [ask_to_stop(rig, request_id) for request_id in range(70)]
+    rig.cycle()
+    assert [len(one.answers) for one in asked] == [1] * 64 + [0] * 6
+    assert [one.dropped for one in asked] == [False] * 64 + [True] * 6
+    rig.cycle()
+    assert sum(len(one.answers) for one in asked) == 64, "each once"
+
+
+def test_a_release_that_came_before_a_stop_does_not_undo_it() -> None:
+    """The stop overtook the release, was acknowledged, and the robot drove on."""
+    rig = driving()
+    earlier = [rig.ask(one) for one in (clear(21), arm(22), goal(23, 3.0, 0.0))]
+    rig.clock.advance(MS)
+    stop = ask_to_stop(rig)
+    rig.cycle()
+    assert stop.reasons == [Reason.NONE]
+    assert [one.reasons for one in earlier] == [[Reason.EMERGENCY_STOPPED]] * 3
+    assert rig.vehicle.stopped
+    assert speeds(rig.command) == BRAKE
+
+
+def test_a_release_without_a_stop_is_granted() -> None:
+    rig = driving()
+    release = rig.ask(clear(21))
+    rig.cycle()
+    assert release.reasons == [Reason.NONE]
+
+
+@pytest.mark.parametrize("same_id", [False, True])
+def test_a_release_that_came_after_a_stop_undoes_it(same_id: bool) -> None:
+    rig = driving()
+    early = rig.ask(clear(21))
+    rig.clock.advance(MS)
+    press(rig)
+    rig.cycle()
+    late = rig.ask(clear(21 if same_id else 22))
+    rig.cycle()
+    assert (early.reasons, late.reasons) == ([Reason.EMERGENCY_STOPPED], [Reason.NONE])
+    assert not rig.vehicle.stopped
+
+
+def test_a_stop_is_recorded_once_for_each_id() -> None:
+    rig = driving()
+    before = len(rig.sent(COMMANDED))
+    for request_id in (7, 7, 8, 8):
+        press(rig, request_id)
+        rig.cycle()
+    recorded = rig.sent(COMMANDED)[before:]
+    assert [one.request_id for one in recorded if isinstance(one, CommandRequest)] == [7, 8]
+
+
+def test_a_stop_under_the_same_id_after_it_was_cleared_is_recorded_again() -> None:
+    rig = driving()
+    before = len(rig.sent(COMMANDED))
+    for _ in range(2):
+        press(rig)
+        rig.cycle()
+        rig.vehicle.state.machine.vehicle = states.ACTIVE
+    assert len(rig.sent(COMMANDED)) == before + 2
