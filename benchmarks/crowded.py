@@ -100,6 +100,9 @@ class Nobody:
     def give(self, line: str) -> None:
         """Nothing comes of it."""
 
+    def perform(self, command: object) -> None:
+        """Nothing comes of it."""
+
     def is_local(self, line: str) -> bool:
         return False
 

@@ -28,7 +28,10 @@ from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.sheet import Action, AppScreen
 from ground.app.themes import THEMES
 from ground.app.widgets.printable import Printable
+from ground.client.operations import Operation
+from ground.client.results import Outcome
 from ground.client.telemetry import Age
+from ground.console import AppCommand
 from ground.map import Target
 from ground.station.station import Station
 from protocol.topics import HEARTBEAT
@@ -135,6 +138,9 @@ class GroundApp(App[int]):
 
     def give(self, line: str) -> None:
         self._orders.give(line)
+
+    def perform(self, command: Operation[Outcome] | AppCommand) -> None:
+        self._orders.perform(command)
 
     @property
     def last(self) -> str:

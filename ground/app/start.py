@@ -49,7 +49,7 @@ def run(
     keymap, looks = keymap_of(options), looks_of(options)
     # Textual is for whoever has a screen.
     from ground.app.app import GroundApp
-    from ground.app.commands.app_commands import words_of_the_app
+    from ground.app.commands.app_commands import Words
     from ground.app.commands.runner import Orders
     from ground.app.output_capture import quiet
     from ground.console import History
@@ -61,7 +61,7 @@ def run(
     history = History(folder() / "history")
     orders = Orders(lambda: station, link.bus, common, clock, history)
     app = GroundApp(station, orders, keymap, looks, stack, recording=recording)
-    orders.local = words_of_the_app(app)
+    orders.local = Words(app).do_command
     try:
         with quiet(folder() / "ground.log") as terminal:
             app.paced_by(terminal)
@@ -74,7 +74,7 @@ def run_replay(options: argparse.Namespace, path: Path, robot: str | None, at_s:
     """The same over a recording: nothing can be commanded. UserError when it cannot be played."""
     keymap, looks = keymap_of(options), looks_of(options)
     from ground.app.app import GroundApp
-    from ground.app.commands.app_commands import words_of_the_app
+    from ground.app.commands.app_commands import Words
     from ground.app.commands.runner import Orders
     from ground.app.output_capture import quiet
     from ground.app.playback.player import Player
@@ -87,7 +87,7 @@ def run_replay(options: argparse.Namespace, path: Path, robot: str | None, at_s:
     history = History(folder() / "history")
     orders = Orders(lambda: player.station, None, common, clock, history)
     app = GroundApp(None, orders, keymap, looks, player=player)
-    orders.local = words_of_the_app(app)
+    orders.local = Words(app).do_command
     with quiet(folder() / "ground.log") as terminal:
         app.paced_by(terminal)
         return show(app)

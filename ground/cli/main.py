@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
 from ground.cli.verbs import VERBS, parser_of
 from ground.text.output import Says
@@ -46,15 +46,15 @@ def main(argv: Sequence[str]) -> int:
         return failed(says, options.verb, str(error), code)
 
 
-def parse(argv: Sequence[str]) -> argparse.Namespace:
+def parse(argv: Sequence[str]) -> Any:
     """Raises SystemExit, after saying why, as argparse does."""
     word = argv[0] if argv else ""
     if word not in VERBS:
         print(f"sidestep: no such verb: {word!r}; known: {', '.join(VERBS)}", file=sys.stderr)
         raise SystemExit(EXIT_USAGE)
-    return parser_of(VERBS[word], word).parse_args(
-        numbers_kept(argv[1:]), argparse.Namespace(verb=word)
-    )
+    verb = VERBS[word]
+    found = argparse.Namespace(verb=word) if verb.words is None else verb.words(word)
+    return parser_of(verb, word).parse_args(numbers_kept(argv[1:]), found)
 
 
 def failed(says: Says, verb: str, why: str, code: int) -> int:

@@ -1,46 +1,48 @@
-"""The operator's verbs, loaded: one grammar, for the command line and for the console.
+"""The operator's verbs, loaded: how their arguments are read, and how they are done.
 
-A verb's module is imported when the verb is looked up, not before: who opens the ground station
-waits for none of the others.
+A verb's module is imported when the verb is looked up, not before: the ground station waits for
+none of the others.
 """
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
-from typing import Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
-from ground.client.connection import common_of
+from ground.cli import operate
+from ground.cli.options import common_of
 from ground.client.link import Link, linked
+from ground.grammar.words import Words, words_of
 from ground.text.output import Says
 from runtime.cli import verb_table
 from runtime.cli.verb_table import Verb
 
 Arguments: TypeAlias = Callable[[argparse.ArgumentParser], None]
-Run: TypeAlias = Callable[[argparse.Namespace, Says], int]
+Run: TypeAlias = Callable[[Any, Says], int]
+"""Does a verb with the arguments that were read: its `Words`, or argparse's own object."""
 Act: TypeAlias = Callable[[argparse.Namespace, Link, Says], int]
 
 
 class LoadedVerb(NamedTuple):
     """How to read its arguments and how to do it; `run` returns the exit code.
 
-    A verb that talks to a robot does so in `act`, over a link that is there already.
+    `words` makes the typed object that its arguments fill; argparse's own without it.
     """
 
     arguments: Arguments
     run: Run
     summary: str
-    act: Act | None = None
+    words: Callable[[str], Words] | None = None
 
 
 def loaded(verb: Verb) -> LoadedVerb:
     """Import the module of a verb; without `run` it opens a link and acts."""
+    if verb.words:
+        words = words_of(verb)
+        return LoadedVerb(words.declare, operate.run, verb.summary, words)
     module = import_module(verb.module)
-    arguments: Arguments = getattr(module, verb.arguments)
-    act: Act | None = getattr(module, verb.act) if verb.act else None
-    if verb.run:
-        return LoadedVerb(arguments, getattr(module, verb.run), verb.summary, act)
-    assert act is not None, "a verb runs or acts"
-    return LoadedVerb(arguments, talking(act), verb.summary, act)
+    run: Run = getattr(module, verb.run) if verb.run else talking(getattr(module, verb.act))
+    return LoadedVerb(getattr(module, verb.arguments), run, verb.summary)
 
 
 def talking(act: Act) -> Run:
@@ -70,10 +72,6 @@ class Verbs(Mapping[str, LoadedVerb]):
 
     def __contains__(self, word: object) -> bool:
         return word in self._rows
-
-    def summary(self, word: str) -> str:
-        """Return its line of help, without loading it."""
-        return self._rows[word].summary
 
 
 VERBS: Final = Verbs(verb_table.VERBS)

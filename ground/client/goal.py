@@ -1,12 +1,10 @@
 """A goal as a person types it, checked and turned into the integers of the wire."""
 
-import argparse
 from dataclasses import dataclass, replace
 from math import cos, degrees, pi, radians, remainder, sin
 from typing import Final
 
-from ground.client.connection import positive, within
-from protocol.options import finite
+from ground.client.connection import within
 from protocol.wire.enums import Mode
 from protocol.wire.goal import WireGoal, wire_goal
 from protocol.wire.messages import GoalRequest
@@ -40,46 +38,6 @@ class Destination:
     def __str__(self) -> str:
         heading = "" if self.heading_rad is None else f" at {degrees(self.heading_rad):.1f} deg"
         return f"({self.x_m:.3f}, {self.y_m:.3f}){heading}"
-
-
-def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("x", type=finite, metavar="X", help="metres")
-    parser.add_argument("y", type=finite, metavar="Y", help="metres")
-    parser.add_argument(
-        "heading", type=finite, nargs="?", metavar="DEG", help="final heading; any without it"
-    )
-    parser.add_argument(
-        "--tolerance",
-        "--tol",
-        "--position-tolerance",
-        type=positive,
-        default=POSITION_TOLERANCE_M,
-        metavar="M",
-        help="arrived within this distance (0.05)",
-    )
-    parser.add_argument(
-        "--heading-tolerance",
-        type=positive,
-        default=HEADING_TOLERANCE_DEG,
-        metavar="DEG",
-        help="aligned within this angle (3)",
-    )
-
-    parser.add_argument(
-        "--frame",
-        choices=FRAMES,
-        default="world",
-        help="body: X ahead of the robot, Y to its left, DEG from where it looks (world)",
-    )
-
-
-def destination_of(options: argparse.Namespace) -> Destination:
-    """What was typed; UserError when it cannot be a goal for any robot."""
-    return destination(
-        [options.x, options.y] + ([] if options.heading is None else [options.heading]),
-        position_tolerance_m=options.tolerance,
-        heading_tolerance_deg=options.heading_tolerance,
-    )
 
 
 def destination(

@@ -20,7 +20,6 @@ from math import radians
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from ground.cli.command.teleop import Stick
 from ground.client import threads
 from ground.client.connection import Common, common
 from ground.client.emergency_stop import EmergencyStop
@@ -49,7 +48,7 @@ from ground.client.operations import (
 from ground.client.operations.commands import STOP_S
 from ground.client.operations.goals import abort, send_goal
 from ground.client.operations.leases import ask_lease, give_back, operator_name
-from ground.client.operations.teleop import hold, take_manual, taken_away
+from ground.client.operations.teleop import Stick, hold, take_manual, taken_away
 from ground.client.requests import GoalEnd, GoalWatch, Pace
 from ground.client.results import Answer, Outcome, Refused
 from ground.client.services import Fences, Leases, Missions, Parameters

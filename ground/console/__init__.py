@@ -1,21 +1,20 @@
-"""The command line inside of the app: one grammar and one code path with the shell's."""
+"""The command line inside of the app: one grammar with the shell's, read into typed operations."""
 
-from ground.console.app_commands import LOCAL, Local
+from ground.console.app_commands import LOCAL, AppCommand, Local
 from ground.console.completion import complete
 from ground.console.help import help_text
 from ground.console.history import History
-from ground.console.parser import parse, verbs
-from ground.console.run_command import Word, act, act_locally
+from ground.console.parser import read, verbs
+from ground.console.spelling import line_of
 
 __all__ = [
     "LOCAL",
+    "AppCommand",
     "History",
     "Local",
-    "Word",
-    "act",
-    "act_locally",
     "complete",
     "help_text",
-    "parse",
+    "line_of",
+    "read",
     "verbs",
 ]

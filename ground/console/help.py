@@ -1,9 +1,8 @@
 """`help`: all commands in a line each, or one of them with its arguments."""
 
-from ground.cli.verbs import VERBS
 from ground.console.aliases import ALIASES, unfolded
 from ground.console.app_commands import LOCAL
-from ground.console.parser import ELSEWHERE, parser_for, usage_of
+from ground.console.parser import COMMANDS, parser_for, usage_of
 
 
 def help_text(word: str = "") -> str:
@@ -18,7 +17,7 @@ def help_text(word: str = "") -> str:
 
 def says_of() -> dict[str, str]:
     """Every word a command can begin with, and what it does."""
-    rows = {name: VERBS.summary(name) for name in VERBS if name not in ELSEWHERE}
+    rows = {name: command.summary for name, command in COMMANDS.items()}
     return rows | {name: local.says for name, local in LOCAL.items()}
 
 

@@ -1,19 +1,24 @@
-"""A typed command to the namespace that the command line would have made of the same verb.
+"""A typed command to the operation that the shell would have made of the same verb.
 
 Nothing here prints or exits: what cannot be done is a UserError with the reason and the fix.
 """
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import chain
 from types import MappingProxyType
 from typing import Final, NoReturn
 
-from ground.cli.verbs import VERBS, Arguments
+from ground.client.operations import Operation
+from ground.client.results import Outcome
 from ground.console.aliases import ALIASES, unfolded
-from ground.console.app_commands import LOCAL
+from ground.console.app_commands import LOCAL, AppCommand
 from ground.console.tokenizer import words_of
+from ground.grammar.missions import MissionWords
+from ground.grammar.words import common_verbs
+from ground.grammar.words import words_of as words_class
+from ground.reports.export import Export
 from protocol.options import numbers_kept
 from runtime.errors import UserError
 
@@ -30,6 +35,7 @@ ELSEWHERE: Final[Mapping[str, str]] = MappingProxyType(
 """Verbs of the command line that make no sense inside of the app, and why."""
 ANSWERED: Final = ("connect", "id", "config", "json")
 """Options that were answered when the app was started."""
+COMMANDS: Final = common_verbs()
 LONGEST_GUESSED: Final = 24
 COLUMNS: Final = 60
 
@@ -57,29 +63,28 @@ def usage_of(parser: argparse.ArgumentParser) -> str:
 
 def verbs() -> list[str]:
     """Every word a command can begin with."""
-    there = (word for word in VERBS if word not in ELSEWHERE)
-    return sorted({*there, *LOCAL, *(word for word in ALIASES if word.isalpha() and word != "q")})
+    return sorted(
+        {*COMMANDS, *LOCAL, *(word for word in ALIASES if word.isalpha() and word != "q")}
+    )
 
 
 def is_local(words: Sequence[str]) -> bool:
     """Whether the app does it itself. `teleop` alone is its mode, with speeds it is the verb."""
     first = words[0]
-    return first in LOCAL and not (first == "teleop" and len(words) > 1 and first in VERBS)
+    return first in LOCAL and not (first == "teleop" and len(words) > 1)
 
 
 def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     """What reads the rest of these words; UserError when there is no such verb."""
     word = words[0]
-    arguments: Arguments
     if is_local(words):
-        arguments, says = LOCAL[word].arguments, LOCAL[word].says
-    elif word in VERBS and word not in ELSEWHERE:
-        verb = VERBS[word]
-        arguments, says = verb.arguments, verb.summary
+        parser = ConsoleParser(word, description=LOCAL[word].says)
+        LOCAL[word].words.declare(parser)
+    elif word in COMMANDS:
+        parser = ConsoleParser(word, description=COMMANDS[word].summary)
+        words_class(COMMANDS[word]).declare(parser)
     else:
         raise UserError(_unknown(word))
-    parser = ConsoleParser(word, description=says)
-    arguments(parser)
     for inner in everything_in(parser):
         hide_answered(inner)
     return parser
@@ -113,22 +118,25 @@ def hide_answered(parser: argparse.ArgumentParser) -> None:
             action.help = argparse.SUPPRESS
 
 
-def parse(text: str) -> argparse.Namespace:
-    """The namespace of what was typed; `local` when the app does it itself.
+def read(text: str, draft: Callable[[], str] | None = None) -> Operation[Outcome] | AppCommand:
+    """Return what was typed as the value that does it; UserError says why it cannot be one.
 
-    `attended`: the app beats the operator's heart and watches the goal, so nothing waits for it.
+    `draft` returns what `mission upload -` sends, where a shell would have standard input.
     """
     words = words_of(text)
     if not words:
         raise UserError("nothing to do: type a command, or help")
     words = unfolded(words)
-    local = is_local(words)
-    options = argparse.Namespace(verb=words[0])
-    parser_for(words).parse_args(numbers_kept(words[1:]), options)
+    rest = numbers_kept(words[1:])
+    if is_local(words):
+        return parser_for(words).parse_args(rest, LOCAL[words[0]].words(words[0])).command()
+    found = parser_for(words).parse_args(rest, words_class(COMMANDS[words[0]])(words[0]))
     for name in ANSWERED:
-        if getattr(options, name, None):
+        if getattr(found, name, None):
             raise UserError(f"--{name} cannot be used here: it was settled when the app started")
-    if getattr(options, "out", "") is None:
+    if isinstance(found, MissionWords):
+        found.typed = draft
+    operation = found.operation()
+    if isinstance(operation, Export) and operation.out is None:
         raise UserError("there is no standard output here: add --out FILE")
-    options.local, options.attended = local, True
-    return options
+    return operation

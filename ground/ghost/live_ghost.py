@@ -2,9 +2,9 @@
 
 from typing import Any, Final
 
-from ground.cli.command.param import fetch
 from ground.client.goal import Destination
 from ground.client.link import LISTEN_NS, Link, Unanswered
+from ground.client.operations.parameters import fetch
 from ground.ghost.branch_point import Facts, Instant, driving
 from ground.ghost.predicted_path import PredictedPath
 from ground.ghost.recorded_ghost import DRIVING, changed, goal_of

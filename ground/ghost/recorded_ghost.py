@@ -6,7 +6,7 @@ from math import dist, isfinite
 from typing import Any, Final, NamedTuple
 
 from ground.client.goal import Destination
-from ground.client.parameter_rows import rows_in
+from ground.client.parameter import Parameter, parameters_in
 from ground.client.vocabulary import SIDES
 from ground.ghost.branch_point import Facts, Instant
 from ground.ghost.predicted_path import Point, PredictedPath
@@ -194,22 +194,13 @@ def wanted_of(asked: GoalRequest) -> Destination:
     )
 
 
-def parameters_in(text: str) -> dict[str, float]:
+def changed_in(text: str) -> dict[str, float]:
     """What differs from the robot's defaults, of its list of parameters as JSON."""
     try:
-        return changed(rows_in(text))
+        return changed(parameters_in(text))
     except RemoteError:
         return {}
 
 
-def changed(rows: Iterable[object]) -> dict[str, float]:
-    return {
-        str(row["name"]): float(row["value"])
-        for row in rows
-        if isinstance(row, dict) and is_changed(row)
-    }
-
-
-def is_changed(row: dict[str, object]) -> bool:
-    value = row.get("value")
-    return "name" in row and isinstance(value, int | float) and value != row.get("default")
+def changed(parameters: Iterable[Parameter]) -> dict[str, float]:
+    return {one.name: float(one.value) for one in parameters if one.value != one.default}

@@ -1,15 +1,12 @@
 """A mission that is being made waypoint by waypoint, until it is saved or sent."""
 
-import argparse
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from ground.missions import files
 from ground.missions.mission import Mission, Waypoint
 from ground.missions.toml_file import text_of
-from ground.text.output import Says
 from runtime.config import parse
 from runtime.errors import ConfigError, UserError
 
@@ -17,19 +14,52 @@ EMPTY: Final = Mission(waypoints=())
 NOTHING: Final = "the draft is empty: wp add X Y [DEG]"
 
 
+@dataclass(frozen=True, slots=True)
+class AddWaypoint:
+    """One more waypoint at the end of the draft."""
+
+    waypoint: Waypoint
+
+
+@dataclass(frozen=True, slots=True)
+class RemoveWaypoint:
+    """Take one out of the draft, by its number from 1."""
+
+    item: int
+
+
+@dataclass(frozen=True, slots=True)
+class ListDraft:
+    """List the draft."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClearDraft:
+    """Begin anew."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoadDraft:
+    """Make the mission of a file the draft."""
+
+    file: Path
+
+
+@dataclass(frozen=True, slots=True)
+class SaveDraft:
+    """Write the draft to a file."""
+
+    file: Path
+
+
+Edit: TypeAlias = AddWaypoint | RemoveWaypoint | ListDraft | ClearDraft | LoadDraft | SaveDraft
+
+
 class Draft:
     """Replaced as a whole at each step, so that it may be looked at from any thread."""
 
     def __init__(self) -> None:
         self.mission = EMPTY
-        self._actions: Mapping[str, Callable[[argparse.Namespace], str]] = {
-            "add": lambda options: self.add(waypoint_in(options)),
-            "remove": lambda options: self.remove(options.item),
-            "list": lambda _: self.listed(),
-            "clear": lambda _: self.clear(),
-            "load": lambda options: self.load(options.file),
-            "save": lambda options: self.save(options.file),
-        }
 
     @property
     def text(self) -> str:
@@ -38,12 +68,21 @@ class Draft:
             raise UserError(NOTHING)
         return text_of(self.mission)
 
-    def act(self, options: argparse.Namespace, says: Says) -> int:
-        """What `wp` was told to do."""
-        said = self._actions[options.action](options)
-        rows = [str(waypoint) for waypoint in self.mission.waypoints]
-        says.result({"verb": f"wp {options.action}", "ok": True, "waypoints": rows}, said)
-        return 0
+    def apply(self, edit: Edit) -> str:
+        """Return what was done, in words; UserError when it cannot be."""
+        match edit:
+            case AddWaypoint(waypoint):
+                return self.add(waypoint)
+            case RemoveWaypoint(item):
+                return self.remove(item)
+            case LoadDraft(file):
+                return self.load(file)
+            case SaveDraft(file):
+                return self.save(file)
+            case ListDraft():
+                return self.listed()
+            case ClearDraft():
+                return self.clear()
 
     def add(self, waypoint: Waypoint) -> str:
         self.mission = replace(self.mission, waypoints=(*self.mission.waypoints, waypoint))
@@ -78,11 +117,11 @@ class Draft:
         return files.written(path, self.mission, files.write(path, self.mission))
 
 
-def waypoint_in(options: argparse.Namespace) -> Waypoint:
-    """X Y [DEG] [--hold S]; UserError names what is out of range."""
-    table = {"x_m": options.x, "y_m": options.y, "hold_s": options.hold}
-    if options.heading is not None:
-        table["heading_deg"] = options.heading
+def waypoint_at(x_m: float, y_m: float, heading_deg: float | None, hold_s: float) -> Waypoint:
+    """UserError names what is out of range."""
+    table = {"x_m": x_m, "y_m": y_m, "hold_s": hold_s}
+    if heading_deg is not None:
+        table["heading_deg"] = heading_deg
     try:
         return parse(table, Waypoint, file="")
     except ConfigError as error:

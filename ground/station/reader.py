@@ -5,7 +5,7 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Final, NamedTuple
 
-from ground.client.parameter_rows import Row, rows_in
+from ground.client.parameter import Parameter, parameters_in
 from ground.station.bus_protocols import Speaks
 from ground.station.robot.background_requests import Outcome, RequestWorker
 from ground.station.robot.mission_items import Items, downloaded
@@ -40,7 +40,7 @@ class Probe(NamedTuple):
 class Parameters(NamedTuple):
     """The robot's whole list, asked at this instant."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[Parameter, ...]
     asked_ns: int
 
 
@@ -144,7 +144,7 @@ class Reader:
         answer = self._bus.ask(PARAMETERS, None, PATIENCE_S, robot=self._robot)
         if not isinstance(answer, bytes):
             raise RemoteError("the robot answers, but not with a list of parameters")
-        return Parameters(tuple(rows_in(answer)), asked_ns)
+        return Parameters(tuple(parameters_in(answer)), asked_ns)
 
     def _world(self) -> WorldFacts:
         answer = self._bus.ask(WORLD, None, PATIENCE_S, robot=self._robot)

@@ -5,7 +5,7 @@ from contextlib import suppress
 from time import monotonic
 from typing import Final
 
-from ground.client.parameter_rows import rows_in
+from ground.client.parameter import parameters_in
 from ground.client.presence import crew_of
 from ground.station.bus_protocols import Hears, Speaks
 from ground.station.history.event_log import Line, Log
@@ -122,7 +122,7 @@ class Station(StationView):
                 if not isinstance(answer, bytes):
                     continue
                 if service is PARAMETERS:
-                    watched.parameters.read(tuple(rows_in(answer)))
+                    watched.parameters.read(tuple(parameters_in(answer)))
                 elif self._given_world is None:
                     self._given_world = world_in(answer)
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ground.client.parameter_rows import Row
+from ground.client.parameter import Parameter
 from ground.client.presence import Crew
 from ground.client.telemetry import Age, Seen, Telemetry
 from ground.map import Scene, Shape, Target
@@ -136,7 +136,7 @@ class StationView:
         return self._shown.charts.fence
 
     @property
-    def parameters(self) -> tuple[Row, ...] | None:
+    def parameters(self) -> tuple[Parameter, ...] | None:
         """All of them, or None: never a part. Keys as in the robot's own list."""
         return self._shown.parameters.rows
 

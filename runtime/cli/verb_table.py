@@ -12,15 +12,17 @@ RUN: Final = "run"
 COMMAND: Final = "command"
 LOOK: Final = "look"
 STUDY: Final = "study"
-SIMPLE: Final = "ground.cli.command.simple_commands"
+COMMANDS: Final = "ground.grammar.commands"
+DRIVING: Final = "ground.grammar.driving"
+LOOKING: Final = "ground.grammar.looking"
 
 
 class Verb(NamedTuple):
     """A verb as the name of its module and the names of the functions in it.
 
-    A verb of an operator reads `arguments`, and then either runs by itself (`run`), or acts over a
-    link to a robot that is there already (`act`); one with both checks its arguments before it
-    opens a link. A verb with neither is a program of its own: `main` takes its words.
+    `words` is the class that reads a typed operation, for the shell and for the app's command line.
+    Other verbs of an operator read `arguments`, and then either run by themselves (`run`), or act
+    over a link to a robot (`act`). A verb with none of these is a program: `main` takes its words.
     """
 
     group: str
@@ -29,10 +31,11 @@ class Verb(NamedTuple):
     act: str = ""
     run: str = ""
     arguments: str = "arguments"
+    words: str = ""
 
     @property
     def is_program(self) -> bool:
-        return not (self.act or self.run)
+        return not (self.act or self.run or self.words)
 
 
 VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
@@ -72,66 +75,49 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             run="run",
         ),
         "goto": Verb(
-            COMMAND,
-            "drive to X Y [DEG] and wait for the outcome",
-            "ground.cli.command.goto",
-            "act",
-            "run",
+            COMMAND, "drive to X Y [DEG] and wait for the outcome", DRIVING, words="GotoWords"
         ),
-        "hold": Verb(COMMAND, "stand still, keep the goal", SIMPLE, "act"),
-        "resume": Verb(COMMAND, "go on to the goal", SIMPLE, "act"),
-        "abort": Verb(COMMAND, "drop the goal and stand still", SIMPLE, "act"),
-        "rtl": Verb(COMMAND, "drive back along the robot's own trail", SIMPLE, "act"),
-        "arm": Verb(COMMAND, "let the wheels turn", SIMPLE, "act"),
-        "disarm": Verb(COMMAND, "do not let the wheels turn", SIMPLE, "act"),
-        "estop": Verb(
-            COMMAND, "emergency stop, latched", SIMPLE, "act_estop", arguments="estop_arguments"
+        "hold": Verb(COMMAND, "stand still, keep the goal", COMMANDS, words="CommandWords"),
+        "resume": Verb(COMMAND, "go on to the goal", COMMANDS, words="CommandWords"),
+        "abort": Verb(COMMAND, "drop the goal and stand still", COMMANDS, words="CommandWords"),
+        "rtl": Verb(
+            COMMAND, "drive back along the robot's own trail", COMMANDS, words="CommandWords"
         ),
-        "clear-estop": Verb(COMMAND, "release the emergency stop", SIMPLE, "act"),
-        "mode": Verb(COMMAND, "choose the mode", SIMPLE, "act_mode", arguments="mode_arguments"),
-        "navigator": Verb(
-            COMMAND,
-            "choose the navigator",
-            SIMPLE,
-            "act_navigator",
-            arguments="navigator_arguments",
-        ),
+        "arm": Verb(COMMAND, "let the wheels turn", COMMANDS, words="CommandWords"),
+        "disarm": Verb(COMMAND, "do not let the wheels turn", COMMANDS, words="CommandWords"),
+        "estop": Verb(COMMAND, "emergency stop, latched", COMMANDS, words="StopWords"),
+        "clear-estop": Verb(COMMAND, "release the emergency stop", COMMANDS, words="CommandWords"),
+        "mode": Verb(COMMAND, "choose the mode", COMMANDS, words="ModeWords"),
+        "navigator": Verb(COMMAND, "choose the navigator", COMMANDS, words="NavigatorWords"),
         "param": Verb(
-            COMMAND, "read and set the robot's parameters", "ground.cli.command.param", "act"
+            COMMAND,
+            "read and set the robot's parameters",
+            "ground.grammar.parameters",
+            words="ParameterWords",
         ),
         "mission": Verb(
             COMMAND,
             "waypoints: check, send, start, pause, jump, fetch, convert",
-            "ground.cli.command.mission",
-            "act",
-            "run",
+            "ground.grammar.missions",
+            words="MissionWords",
         ),
         "fence": Verb(
             COMMAND,
             "keep the robot inside of a circle or polygon",
-            "ground.cli.command.fence",
-            "act",
-            "run",
+            "ground.grammar.fences",
+            words="FenceWords",
         ),
         "lease": Verb(
             COMMAND,
             "who commands the robot: take it, give it back, show it",
-            "ground.cli.command.lease",
-            "act",
+            COMMANDS,
+            words="LeaseWords",
         ),
         "teleop": Verb(
-            COMMAND,
-            "drive by hand at a speed and a turn",
-            "ground.cli.command.teleop",
-            "act",
-            "run",
+            COMMAND, "drive by hand at a speed and a turn", DRIVING, words="TeleopWords"
         ),
-        "watch": Verb(
-            LOOK, "show what the robot says, line by line", "ground.cli.look.watch", "act"
-        ),
-        "doctor": Verb(
-            LOOK, "say what is missing and what to do", "ground.cli.look.doctor", "act", "run"
-        ),
+        "watch": Verb(LOOK, "show what the robot says, line by line", LOOKING, words="WatchWords"),
+        "doctor": Verb(LOOK, "say what is missing and what to do", LOOKING, words="DoctorWords"),
         "health": Verb(
             LOOK,
             "are the data of a role flowing? For health checks",
@@ -140,11 +126,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "run",
         ),
         "explain": Verb(
-            LOOK,
-            "why did it turn? now, or in a recording",
-            "ground.cli.look.explain",
-            "act",
-            "run",
+            LOOK, "why did it turn? now, or in a recording", LOOKING, words="ExplainWords"
         ),
         "ghost": Verb(
             LOOK,
@@ -162,20 +144,14 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         "bridge": Verb(
             LOOK, "live, for Foxglove or Lichtblick to connect to", "ground.cli.look.bridge", "act"
         ),
-        "mark": Verb(
-            LOOK,
-            "a remark in what is being recorded",
-            "ground.cli.look.record",
-            "act_mark",
-            arguments="mark_arguments",
-        ),
+        "mark": Verb(LOOK, "a remark in what is being recorded", COMMANDS, words="MarkWords"),
         "replay": Verb(
             LOOK, "a recorded run, shown or executed again", "ground.cli.look.replay", run="run"
         ),
         "export": Verb(
-            LOOK, "a recording as a table: CSV or Parquet", "ground.cli.look.export", run="run"
+            LOOK, "a recording as a table: CSV or Parquet", LOOKING, words="ExportWords"
         ),
-        "plot": Verb(LOOK, "a recorded run as a picture", "ground.cli.look.plot", run="run"),
+        "plot": Verb(LOOK, "a recorded run as a picture", LOOKING, words="PlotWords"),
         "reexecute": Verb(STUDY, "what `replay --re-execute` does", "study.cli.reexecute"),
         "trial": Verb(STUDY, "one run in this process, as fast as possible", "study.cli.trial"),
         "study": Verb(

@@ -10,11 +10,12 @@ import msgspec
 import pytest
 
 from ground.cli import main as cli
-from ground.client.connection import common_of
+from ground.cli.options import common_of
 from ground.client.link import Link
-from ground.console import act, parse
+from ground.client.operations import Session
+from ground.console import AppCommand, read
 from ground.missions.draft import Draft
-from ground.text.output import Says
+from ground.missions.mission import Waypoint
 from protocol.bus.bus import open_bus
 from protocol.bus.mailbox import Mailbox
 from protocol.topics import Role
@@ -23,7 +24,9 @@ from protocol.wire.message import Message
 from protocol.wire.messages import GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
+from runtime.errors import RemoteError, UserError
 from tests.support.bus.robots import PlayedRobot, played
+from tests.support.ground.client import Notes
 from tests.support.ground.console.spoken import SPOKEN
 
 OF_RECORDINGS = ("explain", "ghost", "mark", "plot")
@@ -52,11 +55,22 @@ def typed_in(endpoint: str, text: str, draft: Draft | None = None) -> tuple[int,
     """Type it into a console of its own: exit code, result, notes."""
     shell = cli.parse(["hold", "--connect", endpoint])
     common = common_of(shell)
-    out, err = StringIO(), StringIO()
-    says = Says(as_json=False, out=out, err=err)
     with open_bus(common.network, Role.GROUND, common.robot) as bus:
-        code = act(parse(text), Link(bus, common, WallClock()), says, draft=draft)
-    return code, out.getvalue(), err.getvalue()
+        return done(text, Link(bus, common, WallClock()), draft or Draft())
+
+
+def done(text: str, link: Link, draft: Draft) -> tuple[int, str, str]:
+    """What the app does with a typed line, over its link."""
+    notes = Notes()
+    try:
+        operation = read(text, lambda: draft.text)
+        assert not isinstance(operation, AppCommand)
+        outcome = operation.perform(Session(link, notes, attended=True))
+    except UserError as error:
+        return 2, "", str(error)
+    except RemoteError as error:
+        return 1, "", str(error)
+    return int(not outcome.ok), outcome.text, "\n".join(notes.notes)
 
 
 def wanted(robot: PlayedRobot, *, lease: bool) -> list[Message]:
@@ -83,7 +97,7 @@ def test_both_ask_for_the_same(
     typed: str, argv: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     draft = Draft()
-    draft.act(parse("wp add 1.5 2"), Says(as_json=False, out=StringIO()))
+    draft.add(Waypoint(x_m=1.5, y_m=2.0))
     lease = argv[0] == "lease"
     asked = []
     for here in (False, True):
@@ -108,7 +122,7 @@ def test_a_goal_typed_in_the_app_is_attended_by_it_and_nothing_waits(
     robot, endpoint = stage
     robot.answers = [Reason.NOT_ARMED]
     code, out, err = typed_in(endpoint, "goal 1 2 90")
-    assert (code, out[:3], err) == (0, "ok ", "armed\n")
+    assert (code, out[:3], err) == (0, "ok ", "armed")
     assert robot.vehicle is Vehicle.ACTIVE
     goals = [message for message in robot.asked if isinstance(message, GoalRequest)]
     assert [goal.mode for goal in goals] == [Mode.GUIDED] * 2
@@ -126,11 +140,11 @@ def test_a_goal_that_needs_nobody_is_auto_here_too(stage: tuple[PlayedRobot, str
 @pytest.mark.parametrize(
     ("typed", "code", "said"),
     [
-        ("goal 9e9 0", 2, "goto: x 9e+09 m is out of range"),
+        ("goal 9e9 0", 2, "x 9e+09 m is out of range"),
         ("goal 1 2 --timeout 3", 2, "--timeout is for whoever waits"),
-        ("get zzz", 2, "param: no parameter matches 'zzz'"),
-        ("mission upload nowhere.toml", 2, "mission: nowhere.toml: no such file"),
-        ("wp upload", 2, "mission: the draft is empty"),
+        ("get zzz", 2, "no parameter matches 'zzz'"),
+        ("mission upload nowhere.toml", 2, "nowhere.toml: no such file"),
+        ("wp upload", 2, "the draft is empty"),
         ("teleop 0.1 0", 2, "say for how long"),
     ],
 )
@@ -180,9 +194,8 @@ def test_a_long_session_does_not_listen_more_with_each_command(
 
         monkeypatch.setattr(bus, "mailbox", listen)
         monkeypatch.setattr(bus, "forget", leave)
-        says = Says(as_json=False, out=StringIO(), err=StringIO())
         for typed, argv in TALKING:
             if argv[0] != "lease":
-                act(parse(typed), Link(bus, common, WallClock()), says, draft=Draft())
+                done(typed, Link(bus, common, WallClock()), Draft())
     assert len(heard) > 10
     assert len(forgotten) == len(heard)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from ground.cli.command import goto
+from ground.client.operations import goals
 from ground.client.status_line import goal_line
 from ground.text.status_parts import Part, in_words
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
@@ -48,8 +48,8 @@ def test_goto_does_not_show_the_end_of_the_goal_before(
             robot.goal = GoalState.REACHED
         return parts
 
-    monkeypatch.setattr(goto, "goal_line", line)
-    monkeypatch.setattr(goto, "SHOW_PLAIN_NS", 1_000_000)
+    monkeypatch.setattr(goals, "goal_line", line)
+    monkeypatch.setattr(goals, "SHOW_PLAIN_NS", 1_000_000)
     robot.vehicle, robot.goal_id, robot.goal = Vehicle.ACTIVE, 7, GoalState.REACHED
     robot.stale = robot.status()
     assert say("goto", "1", "2", "--timeout", "20")[0] == 0

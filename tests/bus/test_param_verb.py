@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.cli.command.param import ATTEMPTS
+from ground.client.requests import ATTEMPTS
 from tests.support.bus.robots import PlayedRobot, Say
 
 

@@ -1,8 +1,6 @@
 """The station commands a real robot: lease, heart, requests, e-stop, and the end of it."""
 
-from argparse import Namespace
 from collections.abc import Callable
-from io import StringIO
 from statistics import median
 from time import monotonic, thread_time
 
@@ -10,10 +8,10 @@ import pytest
 
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.console import act, parse
+from ground.client.operations import Session
+from ground.console import AppCommand, read
 from ground.station import Outcome
 from ground.station.robot.background_requests import Job
-from ground.text.output import Says
 from protocol.bus.bus import Bus
 from protocol.topics import COMMAND
 from protocol.wire.enums import Command, Mode, Vehicle
@@ -29,14 +27,13 @@ def typed(seen: Watching, words: str) -> Job:
     """What the app's command line does with these words, over the station's own bus."""
     bus = seen.station._bus
     assert isinstance(bus, Bus)
-    options: Namespace = parse(words)
+    operation = read(words)
+    assert not isinstance(operation, AppCommand)
 
     def job() -> Outcome:
-        out, err = StringIO(), StringIO()
-        says = Says(as_json=False, out=out, err=err)
         link = Link(bus, Common(network=bus.network, robot="r1"), WallClock())
-        code = act(options, link, says)
-        return Outcome(code == 0, (out.getvalue() or err.getvalue()).strip())
+        outcome = operation.perform(Session(link, attended=True))
+        return Outcome(outcome.ok, outcome.text)
 
     return job
 

@@ -5,12 +5,12 @@ from threading import Event
 
 import pytest
 
-from ground.app.commands.app_commands import words_of_the_app
+from ground.app.commands.app_commands import Words
 from ground.app.screens.drive import DriveScreen
-from ground.console import act_locally, parse
-from ground.text.output import Says
+from ground.console import AppCommand, read
 from plant.model.types import GoalPose, Start, World
 from plant.world.to_json import as_json
+from runtime.errors import UserError
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.underway import driving
@@ -75,18 +75,21 @@ def test_a_ghost_that_cannot_be_says_why_in_the_log() -> None:
 def test_the_typed_word_does_the_same_and_refuses_what_is_no_navigator() -> None:
     async def story() -> None:
         async with staged(station=simulated()) as stage:
-            words = words_of_the_app(stage.app)
+            words = Words(stage.app)
 
-            def typed(line: str) -> int:
-                return act_locally(parse(line), Says(as_json=False), words)
+            def typed(line: str) -> str:
+                command = read(line)
+                assert isinstance(command, AppCommand)
+                return words.do_command(command)
 
-            assert typed("ghost vgm") == 0
+            assert typed("ghost vgm") == ""
             await ended(stage)
             assert [ghost.label for ghost in drive_of(stage).map.scene.ghosts] == ["vgm"]
-            assert typed("ghost none") == 0
+            assert typed("ghost none") == ""
             await stage.look()
             assert drive_of(stage).map.scene.ghosts == []
-            assert typed("ghost vfh") == 2
+            with pytest.raises(UserError):
+                typed("ghost vfh")
 
     play(story)
 

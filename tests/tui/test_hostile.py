@@ -1,5 +1,7 @@
 """What robots, files and names hold never commands the terminal, on any screen of the app."""
 
+from dataclasses import replace
+
 import pytest
 from rich.segment import Segment
 from textual.color import Color
@@ -25,9 +27,7 @@ SHOWS = ("drive", "params", "log", "links", "worlds", "faults", "completion")
 
 def hostile() -> FakeStation:
     station = driving(FakeStation())
-    station.parameters_now = (
-        {**parameter(f"p{TEXT}", 0.3, 0.4, f"doc {TEXT}"), "unit": TEXT, "value": TEXT},
-    )
+    station.parameters_now = (replace(parameter(f"p{TEXT}", 0.3, 0.4, f"doc {TEXT}"), unit=TEXT),)
     station.streams_now = [StreamRow(HEARTBEAT, 1.0, MS, Age.LIVE, 1, 0, 0.0, 3, f"no {TEXT}")]
     station.lease_now = Lease(held=True, holder=TEXT, name=TEXT)
     station.robots_now = ["r1", f"r{TEXT}"]

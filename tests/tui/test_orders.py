@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from ground.app.commands.runner import Orders, moves
+from ground.app.commands.runner import Orders, refuse
 from ground.client.connection import Common
-from ground.console import History, parse
+from ground.client.goal import destination
+from ground.client.operations import Goto, StopNow
+from ground.console import AppCommand, History, read
+from ground.console.app_commands import SetTheme
 from ground.map import Target
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
@@ -45,7 +48,9 @@ def log(station: FakeStation) -> str:
     ],
 )
 def test_what_can_move_the_robot_needs_it_to_be_ours(line: str, moving: bool) -> None:
-    assert moves(parse(line)) is moving
+    operation = read(line)
+    assert not isinstance(operation, AppCommand)
+    assert operation.moves is moving
 
 
 def test_the_stop_goes_its_own_way() -> None:
@@ -79,17 +84,20 @@ def test_the_last_line_is_a_command_for_a_shell() -> None:
 
 def test_words_of_the_app_are_done_at_once_and_help_is_there() -> None:
     taker, station = orders()
-    done: list[str] = []
+    done: list[AppCommand] = []
 
-    def theme(options: object, says: object) -> int:
-        done.append("theme")
-        return 0
+    def local(command: AppCommand) -> str:
+        if not isinstance(command, SetTheme):
+            return refuse(command)
+        done.append(command)
+        return "light it is"
 
-    taker.local = {"theme": theme}
+    taker.local = local
     taker.give("theme light")
     taker.give("help hold")
     taker.give("zoom in")
-    assert done == ["theme"]
+    assert done == [SetTheme("light")]
+    assert "light it is" in log(station)
     assert "hold" in log(station)
     assert "is not there on this screen" in log(station)
 
@@ -120,3 +128,14 @@ def test_over_a_recording_nothing_can_be_taken_by_hand() -> None:
     taker.steer(1.0, 1.0)
     assert not taker.take_hand()
     assert "this is a replay" in log(station)
+
+
+def test_what_a_key_means_is_remembered_as_a_line() -> None:
+    taker, station = orders(ELSEWHERE)
+    taker.perform(StopNow())
+    assert station.stops == 1
+    station.ready_now = False
+    taker.perform(Goto(goal=destination([9.0, 7.0, 90.0])))
+    assert station.asked == ["goal 9 7 90"]
+    assert taker.last == f"sidestep goto 9 7 90 --connect {ELSEWHERE}"
+    assert taker.recall("", -1) == "goal 9 7 90"

@@ -10,6 +10,7 @@ from ground.app.screens.faults import FaultsScreen, InjectableFault, fault_of
 from ground.app.screens.worlds import WorldsScreen, looked_up
 from ground.app.widgets.map import MapWidget
 from ground.app.worlds import ask_worlds, reached_in, reached_of
+from ground.client.parameter import Parameter
 from protocol.topics import Role
 from runtime.errors import UserError
 from tests.support.tui.fakes import FakeOrders, FakeStation
@@ -18,7 +19,7 @@ from tests.support.tui.plant_side import FakeStack, on
 from tests.support.tui.underway import driving, parameter
 
 
-def parameters() -> tuple[dict[str, object], ...]:
+def parameters() -> tuple[Parameter, ...]:
     return (
         parameter("d_obs_m", 0.3, 0.4, "avoidance zone"),
         parameter("radius_m", 0.12, 0.12, "radius of the robot"),

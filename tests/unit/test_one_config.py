@@ -8,7 +8,7 @@ import pytest
 import plant.cli.plant
 import robot.cli
 from ground.cli.main import parse
-from ground.client.connection import common_of
+from ground.cli.options import common_of
 from protocol.bus.network import Network, Tls
 from robot.vehicle import Vehicle
 from runtime.errors import ConfigError

@@ -63,6 +63,8 @@ def test_a_package_with_several_verbs_is_told_which(install: Install) -> None:
 def test_functions_of_the_verb_table_exist(verb: Verb) -> None:
     module = importlib.import_module(verb.module)
     named = ("main",) if verb.is_program else (verb.act, verb.run, verb.arguments)
+    if verb.words:
+        named = (verb.words,)
     assert all(callable(getattr(module, name)) for name in named if name)
 
 

@@ -1,21 +1,20 @@
 """Recordings, and all that is made of them: replay, tables, marks, explanations, the run again."""
 
 import json
-from argparse import ArgumentParser, Namespace
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import cache
-from io import BytesIO, StringIO
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final
 
 from mcap.writer import CompressionType, Writer
 
-from ground.cli.look import export
 from ground.cli.look.replay import lines
+from ground.client.operations import NoProgress
 from ground.explain.from_recording import Recorded as Decided
-from ground.ghost.recorded_ghost import GhostRecording, parameters_in
+from ground.ghost.recorded_ghost import GhostRecording, changed_in
 from ground.map import Canvas, View, draw
 from ground.recording.log_index import LogIndex
 from ground.recording.log_reader import opened
@@ -26,8 +25,8 @@ from ground.recording.tables.series import gathered
 from ground.recording.tables.time_axis import Axis
 from ground.recording.tlog import record_bytes
 from ground.recording.world_metadata import discs, facts_of, outlines, radius_of, start_of
+from ground.reports.export import Export
 from ground.station import Station
-from ground.text.output import Says
 from plant.world.file import load
 from plant.world.to_json import as_json
 from protocol.topics import ENCODING, PREFIX, TOPICS
@@ -262,12 +261,9 @@ def tell(path: Path) -> None:
 
 
 def tabulate(path: Path) -> None:
-    for words in ((), ("--shape", "wide")):
-        parser = ArgumentParser()
-        export.arguments(parser)
+    for shape in ("long", "wide"):
         out = path.with_suffix(".csv")
-        options = parser.parse_args([str(path), *words, "--out", str(out)], Namespace())
-        export.run(options, Says(as_json=True, out=StringIO(), err=StringIO()))
+        Export(file=str(path), shape=shape, out=str(out)).run(NoProgress())
 
 
 def gather(path: Path) -> None:
@@ -286,7 +282,7 @@ def gather(path: Path) -> None:
 
 def haunt(path: Path) -> None:
     reel = LogIndex(opened(path))
-    parameters_in(reel.facts.get("parameters", ""))
+    changed_in(reel.facts.get("parameters", ""))
     footage = GhostRecording(reel)
     at_ns = footage.beginning_ns()
     footage.rest(at_ns)

@@ -1,5 +1,6 @@
 """Settings and what else is read from files: configuration, parameters, calibrations, keys."""
 
+import json
 from argparse import Namespace
 from collections.abc import Sequence
 from math import pi
@@ -8,8 +9,9 @@ from typing import Final
 
 from ground.app.input.keymap import Keymap, as_toml
 from ground.app.input.keymap import load as keymap_in
-from ground.cli.command.param_files import read as parameters_in
 from ground.client.connection import Config
+from ground.client.parameter import parameters_in
+from ground.client.parameter_file import read as values_in
 from ground.console.history import History
 from ground.ghost.predicted_path import PathReader
 from robot.cli import Settings
@@ -103,6 +105,7 @@ def course(data: bytes, _: Path) -> None:
     reading.course("never said")
 
 
+OWN_LIST: Final = json.dumps(described(DEFAULTS))
 SETTING: Final = (
     Target(
         name="settings",
@@ -114,7 +117,7 @@ SETTING: Final = (
     Target(
         name="parameter_file",
         samples=lambda: [b"[parameters]\nd_obs_m = 0.4\nside = -1\n"],
-        run=kept("own.toml", lambda path: parameters_in(path, described(DEFAULTS))),
+        run=kept("own.toml", lambda path: values_in(path, parameters_in(OWN_LIST))),
         words=TOML_WORDS,
         bombs=toml_bombs,
     ),

@@ -9,10 +9,10 @@ from typing import Final
 from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
-from ground.cli.command.fence import outlined
 from ground.cli.verbs import VERBS, parser_of
 from ground.console.completion import complete
-from ground.console.parser import parse
+from ground.console.parser import read
+from ground.grammar.fences import outlined
 from ground.web.access import WebAccess
 from ground.web.address import address_of, token_of
 from plant.cli.plant import parser as plant_parser
@@ -88,7 +88,7 @@ def console(data: bytes, folder: Path) -> None:
     text = text_of(data)
     for line in complete(text, ("d_obs_m", "side"), folder)[:3]:
         shlex.split(line)
-    parse(text)
+    read(text)
 
 
 def command_line(data: bytes, _: Path) -> None:

@@ -6,8 +6,8 @@ from math import nan
 from pathlib import Path
 from typing import Any, Final
 
-from ground.cli.command.param import table
-from ground.client.parameter_rows import rows_in
+from ground.client.operations.parameters import table
+from ground.client.parameter import parameters_in
 from ground.missions.wire import fence_of, waypoints_of
 from ground.station.world import world_in
 from plant.world.file import load
@@ -196,8 +196,7 @@ def parameters() -> Sequence[bytes]:
 
 
 def parameter_list(data: bytes, _: Path) -> None:
-    rows = rows_in(data)
-    table(rows)
+    table(parameters_in(data))
 
 
 def world_texts() -> Sequence[bytes]:

@@ -1,14 +1,27 @@
 """Words of the command line that concern the screen: done by the app, at once."""
 
-import argparse
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ground.app.screens import SCREENS
-from ground.console import Word
+from ground.console.app_commands import (
+    AppCommand,
+    ExplainTurn,
+    FindText,
+    FollowRobot,
+    GoToScreen,
+    OpenReplay,
+    Quit,
+    RecordHere,
+    SaveScreen,
+    SelectRobot,
+    SetTheme,
+    ShowGhost,
+    ShowKeys,
+    SwitchLayers,
+    TakeHand,
+    Zoom,
+)
 from ground.map import LAYERS
-from ground.text.output import Says
 from ground.text.theme_names import THEMES
 from runtime.errors import UserError
 
@@ -19,87 +32,92 @@ if TYPE_CHECKING:
 NO_MAP: Final = "that is for the map: go to the Drive screen with 1"
 
 
-def words_of_the_app(app: "GroundApp") -> Mapping[str, Word]:
-    """For the console: every word it lists as the app's own."""
-    words = Words(app)
-    return {
-        "quit": words.quit,
-        "keys": words.keys,
-        "theme": words.theme,
-        "snap": words.snap,
-        "screen": words.screen,
-        "layers": words.layers,
-        "zoom": words.zoom,
-        "follow": words.follow,
-        "find": words.find,
-        "select": words.select,
-        "teleop": words.teleop,
-        "why": words.why,
-        "replay": words.replay,
-        "ghost": words.ghost,
-        "record": words.record,
-    }
-
-
 class Words:
-    """Each says what it did."""
+    """Does each at once and returns what there is to say."""
 
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
 
-    def quit(self, options: argparse.Namespace, says: Says) -> int:
-        self._app.exit(0)
-        return 0
+    def do_command(self, command: AppCommand) -> str:
+        """UserError when it cannot be done here."""
+        match command:
+            case Quit():
+                self._app.exit(0)
+            case ShowKeys():
+                self.do("help")
+            case SetTheme(name):
+                return self.theme(name)
+            case SaveScreen(file):
+                return self.snap(file)
+            case GoToScreen(name):
+                self._app.switch_mode(name)
+            case SwitchLayers(names):
+                self.layers(names)
+            case Zoom(how):
+                self.do({"in": "zoom-in", "out": "zoom-out", "fit": "fit"}[how])
+            case FollowRobot():
+                self.do("follow")
+            case FindText(text):
+                # On the screen of the log, once that is there.
+                self._app.switch_mode("log")
+                self._app.call_later(self.find_there, text)
+            case SelectRobot(robot):
+                self._app.station.select(robot)
+            case TakeHand():
+                self.do("teleop")
+            case OpenReplay(file):
+                self._app.open_replay(file)
+            case RecordHere(begin):
+                return self.record(begin=begin)
+            case ExplainTurn():
+                self.do("explain")
+            case ShowGhost(navigator):
+                self.ghost(navigator)
+            case _:
+                raise UserError("that is not there on this screen")
+        return ""
 
-    def keys(self, options: argparse.Namespace, says: Says) -> int:
-        return self.do("help")
+    def theme(self, name: str | None) -> str:
+        if name is None:
+            return f"themes: {', '.join(THEMES)}; now {self._app.theme}"
+        if name not in THEMES:
+            raise UserError(f"no such theme: {name!r}; known: {', '.join(THEMES)}")
+        self._app.theme = name
+        return ""
 
-    def theme(self, options: argparse.Namespace, says: Says) -> int:
-        if options.name is None:
-            says.result({}, f"themes: {', '.join(THEMES)}; now {self._app.theme}")
-            return 0
-        if options.name not in THEMES:
-            raise UserError(f"no such theme: {options.name!r}; known: {', '.join(THEMES)}")
-        self._app.theme = options.name
-        return 0
-
-    def snap(self, options: argparse.Namespace, says: Says) -> int:
-        path: Path | None = options.file
+    def snap(self, path: Path | None) -> str:
         if path is None:
-            return self.do("shot")
+            self.do("shot")
+            return ""
         try:
             path.write_text(self._app.export_screenshot(), encoding="utf-8")
         except OSError as error:
             raise UserError(f"{path}: {error.strerror}") from error
-        says.result({}, f"saved {path}")
-        return 0
+        return f"saved {path}"
 
-    def screen(self, options: argparse.Namespace, says: Says) -> int:
-        if options.name not in SCREENS:
-            raise UserError(f"no such screen: {options.name!r}; known: {', '.join(SCREENS)}")
-        self._app.switch_mode(options.name)
-        return 0
-
-    def layers(self, options: argparse.Namespace, says: Says) -> int:
-        if not options.names:
-            return self.do("layers")
-        for name in options.names:
+    def layers(self, names: tuple[str, ...]) -> None:
+        if not names:
+            self.do("layers")
+        for name in names:
             if name not in LAYERS:
                 raise UserError(f"no such layer: {name!r}; known: {', '.join(LAYERS)}")
             self.map_screen().switch_layer(name)
-        return 0
 
-    def zoom(self, options: argparse.Namespace, says: Says) -> int:
-        return self.do({"in": "zoom-in", "out": "zoom-out", "fit": "fit"}[options.how])
+    def record(self, *, begin: bool) -> str:
+        recording = self._app.recording
+        if recording is None:
+            raise UserError("there is no robot here to record")
+        if begin:
+            recording.begin()
+            return "recording"
+        return f"recorded: {recording.end()}"
 
-    def follow(self, options: argparse.Namespace, says: Says) -> int:
-        return self.do("follow")
-
-    def find(self, options: argparse.Namespace, says: Says) -> int:
-        """On the screen of the log, once that is there."""
-        self._app.switch_mode("log")
-        self._app.call_later(self.find_there, " ".join(options.text))
-        return 0
+    def ghost(self, navigator: str | None) -> None:
+        """Of that navigator, or of one that is chosen."""
+        if navigator is None:
+            self.do("ghost")
+        else:
+            self.map_screen().haunt(navigator.lower())
 
     def find_there(self, words: str) -> None:
         from ground.app.screens.log import LogScreen  # imported when it is first shown
@@ -107,45 +125,12 @@ class Words:
         if isinstance(self._app.sheet, LogScreen):
             self._app.sheet.find(words)
 
-    def select(self, options: argparse.Namespace, says: Says) -> int:
-        self._app.station.select(options.robot)
-        return 0
-
-    def teleop(self, options: argparse.Namespace, says: Says) -> int:
-        return self.do("teleop")
-
-    def replay(self, options: argparse.Namespace, says: Says) -> int:
-        self._app.open_replay(options.file)
-        return 0
-
-    def record(self, options: argparse.Namespace, says: Says) -> int:
-        recording = self._app.recording
-        if recording is None:
-            raise UserError("there is no robot here to record")
-        if options.action == "start":
-            recording.begin()
-            says.result({}, "recording")
-        else:
-            says.result({}, f"recorded: {recording.end()}")
-        return 0
-
-    def why(self, options: argparse.Namespace, says: Says) -> int:
-        return self.do("explain")
-
-    def ghost(self, options: argparse.Namespace, says: Says) -> int:
-        """Of that navigator, or of one that is chosen."""
-        if options.navigator is None:
-            return self.do("ghost")
-        self.map_screen().haunt(options.navigator.lower())
-        return 0
-
-    def do(self, id: str) -> int:
+    def do(self, id: str) -> None:
         """What a key does, when it does anything here."""
         action = self._app.doable().get(id)
         if action is None:
             raise UserError(NO_MAP)
         action()
-        return 0
 
     def map_screen(self) -> "DriveScreen":
         """The screen that is shown, when it has a map; UserError when it has none."""

@@ -1,12 +1,15 @@
-"""What the app needs of whoever understands its command lines."""
+"""What the app needs of the object that does its commands."""
 
 from typing import Protocol
 
+from ground.client.operations import Operation
+from ground.client.results import Outcome
+from ground.console import AppCommand
 from ground.map import Target
 
 
 class Gives(Protocol):
-    """Takes command lines, and knows those that were taken before."""
+    """Does typed operations and typed lines, and remembers them."""
 
     @property
     def last(self) -> str:
@@ -18,6 +21,9 @@ class Gives(Protocol):
 
     def give(self, line: str) -> None:
         """Do it off this thread; refusals and outcomes are lines in the log."""
+
+    def perform(self, command: Operation[Outcome] | AppCommand) -> None:
+        """Do what a key or a choice means, in the same way."""
 
     def is_local(self, line: str) -> bool:
         """Whether it concerns the screen, and no robot."""

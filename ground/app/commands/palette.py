@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
 from ground.app.input.keymap import shown
+from ground.console.app_commands import SetTheme
 from ground.console.help import says_of
 from ground.text.theme_names import THEMES
 
@@ -40,7 +41,7 @@ class Commands(Provider):
             if key.id != "palette":
                 yield Entry(key.says, partial(app.action_do, key.id), shown(key.keys))
         for name in THEMES:
-            yield Entry(f"theme {name}", partial(app.give, f"theme {name}"), "colours")
+            yield Entry(f"theme {name}", partial(app.perform, SetTheme(name)), "colours")
         for word, says in says_of().items():
             yield Entry(f": {word}", partial(app.begin_line, f"{word} "), says)
 

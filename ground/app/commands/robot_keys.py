@@ -10,6 +10,20 @@ from typing import TYPE_CHECKING, Final
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
 from ground.app.screens import SCREENS
 from ground.app.screens.sheet import Action
+from ground.client.operations import (
+    Abort,
+    Arm,
+    ClearEmergencyStop,
+    Disarm,
+    FetchMission,
+    Hold,
+    Operation,
+    Resume,
+    ReturnHome,
+    SetMode,
+    SetNavigator,
+)
+from ground.client.results import Outcome
 from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.text.theme_names import THEMES
 from protocol.topics import STATUS
@@ -19,12 +33,19 @@ if TYPE_CHECKING:
     from ground.app.app import GroundApp
 
 AGAIN_S: Final = 2.0
-LINES: Final = ("hold", "resume", "abort", "arm", "disarm", "rtl")
-"""Ids that are their own command lines."""
+PLAIN: Final[tuple[Operation[Outcome], ...]] = (
+    Hold(),
+    Resume(),
+    Abort(),
+    Arm(),
+    Disarm(),
+    ReturnHome(),
+)
+"""Operations whose key is named after their verb."""
 
 
 class Helm:
-    """Acts on the app; what it asks of the robot are command lines, as if they had been typed."""
+    """Acts on the app; what it asks of the robot are typed operations."""
 
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
@@ -34,14 +55,14 @@ class Helm:
         app = self._app
         screens = {f"screen-{number}": partial(self.go, name) for name, number in SCREENS.items()}
         return {
-            **{line: partial(app.give, line) for line in LINES},
+            **{one.verb: partial(app.perform, one) for one in PLAIN},
             **dict.fromkeys(("estop", "estop-here"), app.station.estop),
             **screens,
             "clear-estop": self.clear_estop,
             "mode": self.choose_mode,
             "navigator": self.choose_navigator,
             "side": self.choose_side,
-            "missions": partial(app.give, "mission list"),
+            "missions": partial(app.perform, FetchMission()),
             "lease": self.take_or_release,
             "robot-before": partial(self.turn_to, -1),
             "robot-next": partial(self.turn_to, 1),
@@ -59,26 +80,32 @@ class Helm:
         now_s = self._app.station.time_s
         if now_s - self._clear_asked_s <= AGAIN_S:
             self._clear_asked_s = -inf
-            self._app.give("clear-estop")
+            self._app.perform(ClearEmergencyStop())
             return
         self._clear_asked_s = now_s
         self._app.say("press again to release the emergency stop")
 
     def choose_mode(self) -> None:
-        names = [mode.name.lower() for mode in Mode]
-        self._app.choose("mode", names, lambda name: self._app.give(f"mode {name}"))
+        modes = {mode.name.lower(): mode for mode in Mode}
+
+        def take(name: str) -> None:
+            self._app.perform(SetMode(mode=modes[name]))
+
+        self._app.choose("mode", list(modes), take)
 
     def choose_navigator(self) -> None:
-        names = list(NAVIGATORS)
-        self._app.choose("navigator", names, lambda name: self._app.give(f"navigator {name}"))
+        def take(name: str) -> None:
+            self._app.perform(SetNavigator(navigator=NAVIGATORS[name]))
+
+        self._app.choose("navigator", list(NAVIGATORS), take)
 
     def choose_side(self) -> None:
         newest = self._app.station.telemetry.latest(STATUS)
         number = -1 if newest is None else newest[0].navigator
-        navigator = NAVIGATOR_NAMES.get(number, USUAL_NAVIGATOR)
+        navigator = NAVIGATORS[NAVIGATOR_NAMES.get(number, USUAL_NAVIGATOR)]
 
         def pass_on(side: str) -> None:
-            self._app.give(f"navigator {navigator} {side}")
+            self._app.perform(SetNavigator(navigator=navigator, side=SIDES[side]))
 
         self._app.choose("pass obstacles on the", list(SIDES), pass_on)
 

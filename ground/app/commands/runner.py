@@ -1,53 +1,35 @@
-"""Command lines of the app: the same words and the same code as the shell's, off the UI thread."""
+"""Commands of the app: typed operations from keys and from typed lines, off the UI thread."""
 
-import argparse
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from io import StringIO
-from types import MappingProxyType
 from typing import Final
 
-from ground.cli.command.teleop import Stick
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.console import History, Word, act, act_locally, complete, parse
+from ground.client.operations import ChangeLease, Operation, Session, SetMode, StopNow
+from ground.client.operations.teleop import Stick
+from ground.client.results import Outcome as Result
+from ground.console import AppCommand, History, complete, help_text, line_of, read
 from ground.console.aliases import unfolded
+from ground.console.app_commands import ShowHelp
 from ground.console.tokenizer import words_of
 from ground.map import Target
-from ground.missions.draft import Draft
+from ground.missions.draft import Draft, Edit
 from ground.station import Outcome, Station
 from ground.station.robot.mission_items import target_of
-from ground.text.output import Says
 from protocol.bus.bus import Bus
 from protocol.options import DEFAULT_ENDPOINT
-from protocol.wire.enums import Severity
+from protocol.wire.enums import LeaseAction, Mode, Severity
 from runtime.clock import Clock
-from runtime.errors import UserError
-
-STILL: Final = frozenset(
-    ("hold", "abort", "disarm", "doctor", "watch", "export", "explain", "plot", "trial")
-)
-"""Verbs that move nothing, and need neither the lease nor a robot that is ready."""
-LOOKS: Final = frozenset(
-    ("list", "get", "diff", "show", "save", "status", "download", "check", "convert")
-)
-"""Actions of other verbs of which the same is true."""
-
-LEASES: Final[Mapping[str, Callable[[Station], None]]] = MappingProxyType(
-    {
-        "take": Station.take_lease,
-        "seize": lambda station: station.take_lease(seize=True),
-        "release": Station.release_lease,
-    }
-)
-"""Who holds the lease must beat for it: that is the station's."""
+from runtime.errors import RemoteError, UserError
 
 REPLAYED: Final = "this is a replay: nothing can be commanded"
+MAX_SHOWN: Final = 40
 
 
 class Orders:
-    """`local`: the words that the app does itself; they are done at once."""
+    """`local` does what concerns the screen, at once, and returns what there is to say."""
 
     def __init__(
         self,
@@ -62,7 +44,7 @@ class Orders:
         self._bus, self._common, self._clock = bus, common, clock
         self._history = history
         self._stick: Stick | None = None
-        self.local: Mapping[str, Word] = {}
+        self.local: Callable[[AppCommand], str] = refuse
         self.draft = Draft()
         self.last = ""
 
@@ -71,27 +53,41 @@ class Orders:
         return self._station_now()
 
     def give(self, line: str) -> None:
+        """Do what a line that was typed means."""
         if not line:
             return
         self._history.add(line)
         try:
-            options = parse(line)
+            command = read(line, lambda: self.draft.text)
         except UserError as error:
-            self._station.note(f"{line[:40]}: {error}", Severity.WARNING)
+            self._station.note(f"{line[:MAX_SHOWN]}: {error}", Severity.WARNING)
             return
         self.last = self._for_a_shell(line)
-        if options.verb == "estop":
-            self._station.estop()
-        elif options.verb == "lease" and options.action in LEASES:
-            LEASES[options.action](self._station)
-        elif options.local:
-            self._locally(options)
-        else:
-            self._station.submit(line, lambda: self._done(options), moves=moves(options))
+        self._do(command, line)
+
+    def perform(self, command: Operation[Result] | AppCommand) -> None:
+        """Do what a key or a choice means."""
+        line = line_of(command)
+        self._history.add(line)
+        self.last = self._for_a_shell(line)
+        self._do(command, line)
+
+    def _do(self, command: Operation[Result] | AppCommand, line: str) -> None:
+        match command:
+            case StopNow():
+                self._station.estop()
+            case ChangeLease(action=LeaseAction.RELEASE):
+                self._station.release_lease()
+            case ChangeLease(action=action):
+                self._station.take_lease(seize=action is LeaseAction.SEIZE)
+            case _ if isinstance(command, AppCommand):
+                self._locally(command)
+            case _:
+                self._station.submit(line, lambda: self._done(command), moves=command.moves)
 
     def is_local(self, line: str) -> bool:
         try:
-            return bool(parse(line).local)
+            return isinstance(read(line), AppCommand)
         except UserError:
             return True  # it is only said to be wrong
 
@@ -100,7 +96,7 @@ class Orders:
         return tuple(map(target_of, self.draft.mission.waypoints))
 
     def complete(self, text: str) -> list[str]:
-        names = [str(line["name"]) for line in self._station.parameters or ()]
+        names = [parameter.name for parameter in self._station.parameters or ()]
         return complete(text, names)
 
     def recall(self, text: str, step: int) -> str:
@@ -113,16 +109,15 @@ class Orders:
         if self._bus is None:
             self._station.note(REPLAYED, Severity.WARNING)
             return False
-        options = parse("mode manual")
-        stick = Stick(self._link())
+        manual, stick = SetMode(mode=Mode.MANUAL), Stick(self._link())
 
         def begin() -> Outcome:
-            outcome = self._done(options)
+            outcome = self._done(manual)
             if outcome.ok:
                 stick.stop()
             return outcome
 
-        begun = self._station.submit("mode manual", begin)
+        begun = self._station.submit(line_of(manual), begin)
         self._stick = stick if begun else None
         return begun
 
@@ -133,19 +128,26 @@ class Orders:
     def drop_hand(self) -> None:
         self.steer(0.0, 0.0)
         self._stick = None
-        self.give("mode hold")
+        self.perform(SetMode(mode=Mode.HOLD))
 
-    def _done(self, options: argparse.Namespace) -> Outcome:
+    def _done(self, operation: Operation[Result]) -> Outcome:
         """In a thread of its own, over a link of its own: request ids are never shared."""
-        says, out, err = heard()
-        code = act(options, self._link(), says, draft=self.draft)
-        return Outcome(code == 0, told(out, err))
+        outcome = operation.perform(Session(self._link(), attended=True))
+        return Outcome(outcome.ok, outcome.text)
 
-    def _locally(self, options: argparse.Namespace) -> None:
-        says, out, err = heard()
-        code = act_locally(options, says, {"wp": self.draft.act, **self.local})
-        for text in told(out, err).splitlines():
-            self._station.note(text, Severity.WARNING if code else Severity.INFO)
+    def _locally(self, command: AppCommand) -> None:
+        severity = Severity.INFO
+        try:
+            said = self._said(command)
+        except (UserError, RemoteError) as error:
+            said, severity = str(error), Severity.WARNING
+        for text in said.splitlines():
+            self._station.note(text, severity)
+
+    def _said(self, command: AppCommand) -> str:
+        if isinstance(command, ShowHelp):
+            return help_text(command.word)
+        return self.draft.apply(command) if isinstance(command, Edit) else self.local(command)
 
     def _link(self) -> Link:
         """To the robot that is shown now."""
@@ -163,17 +165,5 @@ class Orders:
         return shlex.join(words)
 
 
-def moves(options: argparse.Namespace) -> bool:
-    """Whether a command can move the robot, or change how it moves."""
-    return options.verb not in STILL and getattr(options, "action", "") not in LOOKS
-
-
-def heard() -> tuple[Says, StringIO, StringIO]:
-    """Something to speak into that is no terminal."""
-    out, err = StringIO(), StringIO()
-    return Says(as_json=False, out=out, err=err), out, err
-
-
-def told(out: StringIO, err: StringIO) -> str:
-    """The result, or what was said instead of one."""
-    return (out.getvalue() or err.getvalue()).strip()
+def refuse(command: AppCommand) -> str:
+    raise UserError("that is not there on this screen")

@@ -6,8 +6,11 @@ from functools import partial
 from math import floor, log10
 from typing import Final
 
+from ground.client.goal import Destination, destination
+from ground.client.operations import Goto
 from ground.map import View
 from ground.map.canvas import DOTS_WIDE
+from ground.missions.draft import AddWaypoint, waypoint_at
 
 WAYS: Final = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
 
@@ -36,6 +39,11 @@ class Cursor:
         start_deg = 0.0 if self.heading_deg is None else self.heading_deg + times * TURN_DEG
         return replace(self, heading_deg=(start_deg + 180.0) % 360.0 - 180.0)
 
+    def goal(self) -> Destination:
+        """UserError when no robot could be sent there."""
+        heading = [] if self.heading_deg is None else [self.heading_deg]
+        return destination([self.x_m, self.y_m, *heading])
+
     def words(self) -> str:
         """As the command line takes it."""
         place = f"{self.x_m:g} {self.y_m:g}"
@@ -49,16 +57,16 @@ def step_of(m_per_cell: float) -> float:
 
 
 class MapCursor:
-    """`tell` is given the words of the goal that Enter would send, or nothing; `give` gets them."""
+    """`tell` gets the words of the goal that Enter would send, or none; `perform` sends it."""
 
     def __init__(
         self,
         view: Callable[[], View],
         robot: Callable[[], tuple[float, float] | None],
-        give: Callable[[str], None],
+        perform: Callable[[Goto | AddWaypoint], None],
         tell: Callable[[str], None],
     ) -> None:
-        self._view, self._robot, self._give, self._tell = view, robot, give, tell
+        self._view, self._robot, self._perform, self._tell = view, robot, perform, tell
         self.cursor: Cursor | None = None
 
     @property
@@ -113,12 +121,13 @@ class MapCursor:
 
     def send(self) -> None:
         if self.cursor is not None:
-            self._give(f"goal {self.cursor.words()}")
+            self._perform(Goto(goal=self.cursor.goal()))
             self.hide()
 
     def waypoint(self) -> None:
         if self.cursor is not None:
-            self._give(f"wp add {self.cursor.words()}")
+            at = self.cursor
+            self._perform(AddWaypoint(waypoint_at(at.x_m, at.y_m, at.heading_deg, 0.0)))
 
     def _set(self, cursor: Cursor | None) -> None:
         self.cursor = cursor

@@ -165,10 +165,9 @@ def echo_spans(
 
 
 def parameter(station: Station, name: str, otherwise: float) -> float:
-    for line in station.parameters or ():
-        if line.get("name") == name:
-            value = line.get("value")
-            return float(value) if isinstance(value, int | float) else otherwise
+    for one in station.parameters or ():
+        if one.name == name:
+            return float(one.value)
     return otherwise
 
 

@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING, Final, TypeVar
 from ground.app.input.key_table import Key
 from ground.app.panels.status import Setting
 from ground.app.playback.player import Player
+from ground.client.operations import Abort, Disarm, Hold, Operation, StopNow
+from ground.client.results import Outcome
+from ground.console import AppCommand
 from ground.launch.launcher import Stack
 from ground.map import Target
 from ground.station import Station
@@ -56,6 +59,13 @@ class ReadOnlyApp:
             self.say(REFUSED)
             return
         self._app.give(line)
+
+    def perform(self, command: Operation[Outcome] | AppCommand) -> None:
+        """The same for what a key means."""
+        if isinstance(command, AppCommand | Hold | Abort | Disarm | StopNow):
+            self._app.perform(command)
+        else:
+            self.say(REFUSED)
 
     @property
     def last(self) -> str:

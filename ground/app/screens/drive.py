@@ -44,7 +44,7 @@ class DriveScreen(AppScreen):
         super().__init__(deck)
         self.why = Why()
         self.hand = TeleopKeys(deck)
-        self.pointing = MapCursor(lambda: self.map.view, self.robot_place, deck.give, self.tell)
+        self.pointing = MapCursor(lambda: self.map.view, self.robot_place, deck.perform, self.tell)
         self._haunting: GhostRunner | None = None
         self._station = deck.station
 

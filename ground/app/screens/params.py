@@ -11,7 +11,8 @@ from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.listed import ListScreen
 from ground.app.screens.sheet import Action
 from ground.app.widgets.rows import Row, Span, faint, head, row
-from ground.client.parameter_rows import Row as Parameter
+from ground.client.operations import SetParameter
+from ground.client.parameter import Parameter
 from ground.station.station import Station
 
 ABOUT_ROWS: Final = 3
@@ -31,7 +32,7 @@ class ParamsScreen(ListScreen):
         return [
             one
             for one in self.deck.station.parameters or ()
-            if wanted in f"{one['name']} {one.get('doc', '')}".casefold()
+            if wanted in f"{one.name} {one.doc}".casefold()
             and (differs(one) or not self._only_different)
         ]
 
@@ -71,8 +72,7 @@ class ParamsScreen(ListScreen):
     def change(self) -> None:
         one = self.chosen
         if one is not None:
-            name = str(one["name"])
-            self.ask(f"set {name}", "", partial(self.set, name))
+            self.ask(f"set {one.name}", "", partial(self.set, one.name))
 
     def set(self, name: str, value: str) -> None:
         if value:
@@ -80,8 +80,8 @@ class ParamsScreen(ListScreen):
 
     def reset(self) -> None:
         one = self.chosen
-        if one is not None:
-            self.deck.give(f"set {one['name']} {one['default']}")
+        if one is not None and one.default is not None:
+            self.deck.perform(SetParameter(name=one.name, value=one.default))
 
 
 def heading_row(station: Station, shown: int, words: str, only_different: bool) -> Row:
@@ -101,44 +101,42 @@ def heading_row(station: Station, shown: int, words: str, only_different: bool) 
 
 
 def differs(one: Parameter) -> bool:
-    value, default = one["value"], one.get("default")
-    if isinstance(value, int | float) and isinstance(default, int | float):
-        return not isclose(value, default, rel_tol=1e-6, abs_tol=1e-12)
-    return default is not None and value != default
+    return one.default is not None and not isclose(
+        one.value, one.default, rel_tol=1e-6, abs_tol=1e-12
+    )
 
 
 def parameter_row(one: Parameter, chosen: bool) -> Row:
     """A changed one has a mark, not only a colour."""
     changed = differs(one)
-    name = Span(f" {one['name']!s:<16}", "reverse" if chosen else "text")
+    name = Span(f" {one.name:<16}", "reverse" if chosen else "text")
     return row(
         name,
         Span(" *" if changed else "  ", "caution"),
-        Span(f"{value_of(one, 'value'):>11}", "caution" if changed else "text"),
-        head(f" {one.get('unit', '')!s:<8}"),
-        faint(f"{value_of(one, 'default'):>10}  "),
-        Span(str(one.get("doc", ""))),
+        Span(f"{shown(one.value):>11}", "caution" if changed else "text"),
+        head(f" {one.unit:<8}"),
+        faint(f"{shown(one.default):>10}  "),
+        Span(one.doc),
     )
 
 
-def value_of(one: Parameter, name: str) -> str:
-    value = one.get(name)
-    return number(value, ".6g") if isinstance(value, int | float) else str(value)
+def shown(value: float | None) -> str:
+    return str(value) if value is None else number(value, ".6g")
 
 
 def about_rows(one: Parameter | None) -> list[Row]:
     if one is None:
         return [row(faint(" nothing is chosen"))]
-    limits = f"{value_of(one, 'minimum')} to {value_of(one, 'maximum')} {one.get('unit', '')}"
-    whole = ", whole numbers" if one.get("integer") else ""
-    kept = "survives a restart" if one.get("saved") else "until the robot restarts"
+    limits = f"{shown(one.minimum)} to {shown(one.maximum)} {one.unit}"
+    whole = ", whole numbers" if one.integer else ""
+    kept = "survives a restart" if one.saved else "until the robot restarts"
     return [
-        row(Span(f" {one['name']}", "accent"), Span(f"  {one.get('doc', '')}")),
+        row(Span(f" {one.name}", "accent"), Span(f"  {one.doc}")),
         row(
             head(" range   "),
             Span(f"{limits}{whole}"),
             head("   default "),
-            value_of(one, "default"),
+            shown(one.default),
         ),
         row(head(" kept    "), Span(kept)),
     ]

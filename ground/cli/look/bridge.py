@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from time import time_ns
 from typing import Any, Final, NamedTuple
 
-from ground.client.connection import add_common, common_of
+from ground.cli.options import common_of
 from ground.client.link import Link
+from ground.grammar.words import add_common
 from ground.recording.log_writer import MAX_KEY
 from ground.recording.mcap.channels import Piece, Spread
 from ground.recording.metadata import Facts

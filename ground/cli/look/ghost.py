@@ -4,8 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-from ground.cli.look.explain import instant_ns, moment
-from ground.client.connection import add_common, common_of, seconds
+from ground.cli.options import common_of
 from ground.client.goal import Destination, destination
 from ground.client.link import Link, linked
 from ground.client.vocabulary import NAVIGATORS, SIDES
@@ -14,9 +13,12 @@ from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts
 from ground.ghost.live_ghost import Present
 from ground.ghost.predicted_path import FAILED, PredictedPath
-from ground.ghost.recorded_ghost import GhostRecording, parameters_in, side_of
+from ground.ghost.recorded_ghost import GhostRecording, changed_in, side_of
+from ground.grammar.looking import moment
+from ground.grammar.words import add_common, seconds
 from ground.recording.log_index import LogIndex
 from ground.recording.log_reader import opened
+from ground.reports.explain import instant_ns
 from ground.text.output import Says
 from ground.text.status_parts import Part
 from protocol.options import finite, whole
@@ -90,7 +92,7 @@ def of_a_recording(options: argparse.Namespace, says: Says) -> int:
     at_s: float | None = options.at
     at_ns = footage.beginning_ns() if at_s is None else instant_ns(options.file, reel, at_s)
     instant = footage.instant(at_ns, options.world, goal_in(options))
-    parameters = driving(parameters_in(footage.facts.get("parameters", "")))
+    parameters = driving(changed_in(footage.facts.get("parameters", "")))
     status = footage.status_at(at_ns)
     courses = haunted(options, instant, status, parameters, says, WallClock())
     return tell(says, instant, name_of(status.navigator), footage.rest(at_ns), courses)

@@ -10,9 +10,9 @@ from http.client import HTTPConnection, HTTPException
 from types import MappingProxyType
 from typing import Any, Final
 
-from ground.client.connection import add_common
 from ground.client.link import Link, Unanswered
 from ground.client.presence import crew_of
+from ground.grammar.words import add_common
 from ground.text.output import Says
 from ground.web.address import Address, address_of
 from protocol.bus.network import Hub

@@ -1,4 +1,4 @@
-"""`record` and `mark`: the black box while it is written."""
+"""`record`: the black box while it is written."""
 
 import argparse
 from datetime import UTC, datetime
@@ -6,8 +6,9 @@ from pathlib import Path
 from time import time_ns
 from typing import Final
 
-from ground.client.connection import add_common, common_of
+from ground.cli.options import common_of
 from ground.client.link import Link, linked
+from ground.grammar.words import add_common
 from ground.launch.child_processes import held_back
 from ground.launch.recording_session import add_keep, kept_in
 from ground.recording.dual_log import DualLog, Track
@@ -15,16 +16,12 @@ from ground.recording.log_writer import Recorder
 from ground.recording.metadata import Facts
 from ground.recording.retention import Retention
 from ground.text.output import Says
-from protocol.topics import MARK
-from protocol.wire.enums import Severity
-from protocol.wire.statustext import pieces_of
 from runtime.errors import UserError
 
 FLUSH_NS: Final = 250_000_000
 SYNC_EVERY: Final = 4
 TIDY_EVERY: Final = 240
 COMPLAIN_NS: Final = 5_000_000_000
-MARK_PATIENCE_S: Final = 0.5
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -130,21 +127,3 @@ def in_words(track: Track) -> str:
     lost = f", {recorder.dropped} LOST ({recorder.why_dropped})" if recorder.dropped else ""
     odd = f", {recorder.rejected} no frames and left out" if recorder.rejected else ""
     return f"{track.path}: {recorder.written} frames{odd}{lost}"
-
-
-def mark_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("text", nargs="+", metavar="TEXT", help="what is to be remembered")
-    add_common(parser)
-
-
-def act_mark(options: argparse.Namespace, link: Link, says: Says) -> int:
-    """Say it on the bus: whoever records has it, and a replay stops there. 1: nobody records."""
-    text = " ".join(options.text)
-    publisher = link.bus.publisher(MARK, link.robot)
-    heard = not link.bus.await_matched([publisher], timeout_s=MARK_PATIENCE_S)
-    if heard:
-        for piece in pieces_of(text, link.ids.next() & 0xFFFF or 1, Severity.NOTICE):
-            publisher.put(piece)
-    reason = "" if heard else "nobody records: sidestep record DIR"
-    says.result({"ok": heard, "mark": text, "reason": reason}, reason or f"marked: {text}")
-    return 0 if heard else 1

@@ -11,10 +11,10 @@ from typing import Final
 
 from ground.app.appearance import add_looks
 from ground.app.start import has_screen, run_replay
-from ground.client.connection import add_json, positive
 from ground.client.status_line import watch_line
 from ground.client.telemetry import Telemetry
 from ground.client.vocabulary import NAVIGATORS
+from ground.grammar.words import add_json, positive
 from ground.launch.child_command import command
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.text.output import Says

@@ -8,7 +8,7 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Final
 
-from ground.client.connection import add_json
+from ground.grammar.words import add_json
 from ground.text.output import Says
 from protocol.bus.network import check_operators
 from protocol.bus.tls.access import ROBOT, ROUTER

@@ -3,7 +3,8 @@
 import argparse
 from typing import Final
 
-from ground.client.connection import add_common, listening_of
+from ground.cli.options import listening_of
+from ground.grammar.words import add_common
 from ground.text.output import Says
 from protocol.bus.audit import watched_doors
 from protocol.bus.bus import open_bus

@@ -13,9 +13,10 @@ from typing import Final
 from ground.app.appearance import add_looks
 from ground.app.start import has_screen
 from ground.app.start import run as run_app
-from ground.client.connection import Common, add_json, positive, seconds
+from ground.client.connection import Common
 from ground.client.link import Link, Unanswered
 from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
+from ground.grammar.words import add_json, positive, seconds
 from ground.launch.child_command import command
 from ground.launch.fleet_run import FleetRun, as_json, in_words
 from ground.launch.goal_run import GoalRun

@@ -27,7 +27,7 @@ class Parts(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Command:
+class PlainCommand:
     """One command; gives up after `timeout_s` in three attempts (1.5 s)."""
 
     verb: ClassVar[str]
@@ -44,7 +44,7 @@ class _Command:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hold(_Command):
+class Hold(PlainCommand):
     """Stand still and keep the goal."""
 
     verb = "hold"
@@ -53,7 +53,7 @@ class Hold(_Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Resume(_Command):
+class Resume(PlainCommand):
     """Go on to the goal."""
 
     verb = "resume"
@@ -61,7 +61,7 @@ class Resume(_Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Abort(_Command):
+class Abort(PlainCommand):
     """Drop the goal and stand still."""
 
     verb = "abort"
@@ -70,7 +70,7 @@ class Abort(_Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReturnHome(_Command):
+class ReturnHome(PlainCommand):
     """Drive back along the robot's own trail."""
 
     verb = "rtl"
@@ -78,7 +78,7 @@ class ReturnHome(_Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Arm(_Command):
+class Arm(PlainCommand):
     """Let the wheels turn."""
 
     verb = "arm"
@@ -86,7 +86,7 @@ class Arm(_Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Disarm(_Command):
+class Disarm(PlainCommand):
     """Do not let the wheels turn."""
 
     verb = "disarm"
@@ -95,7 +95,7 @@ class Disarm(_Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClearEmergencyStop(_Command):
+class ClearEmergencyStop(PlainCommand):
     """Release the emergency stop."""
 
     verb = "clear-estop"
@@ -103,7 +103,7 @@ class ClearEmergencyStop(_Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SetMode(_Command):
+class SetMode(PlainCommand):
     """Choose the mode."""
 
     verb = "mode"
@@ -114,7 +114,7 @@ class SetMode(_Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SetNavigator(_Command):
+class SetNavigator(PlainCommand):
     """Choose the navigator, and how obstacles are passed: `side` 1 left, -1 right, 0 as before."""
 
     verb = "navigator"
@@ -125,7 +125,7 @@ class SetNavigator(_Command):
         return Parts(Command.SIDESTEP_SET_NAVIGATOR, float(self.navigator), float(self.side))
 
 
-COMMANDS: Final[tuple[type[_Command], ...]] = (
+COMMANDS: Final[tuple[type[PlainCommand], ...]] = (
     Hold,
     Resume,
     Abort,

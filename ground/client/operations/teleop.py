@@ -5,23 +5,55 @@ from dataclasses import dataclass
 from math import radians
 from typing import ClassVar, Final
 
-from ground.cli.command.teleop import FASTEST_DEG_S, FASTEST_M_S, RATE_HZ, Stick
 from ground.client.connection import within
 from ground.client.link import Link
 from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
 from ground.client.requests import Pace
 from ground.client.results import Answer
-from protocol.topics import STATUS
+from protocol.bus.publisher import Publisher
+from protocol.topics import STATUS, TELEOP
 from protocol.wire.enums import Command, Mode, Vehicle
-from protocol.wire.messages import CommandRequest, NavigatorStatus
+from protocol.wire.messages import CommandRequest, NavigatorStatus, Teleop
 from protocol.wire.reasons import reason_text
 from runtime.clock import ticks
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 
+RATE_HZ: Final = 20.0
+TTL_MS: Final = 250
+FASTEST_M_S: Final = 5.0
+FASTEST_DEG_S: Final = 720.0
 HOLD_NS: Final = 300_000_000
 SETTLE_NS: Final = 500_000_000
+
+
+class Stick:
+    """Sends the speeds an operator wants; send them again before they run out."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._seq = 0
+        self._publisher: Publisher[Teleop] | None = None
+
+    def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Once; it holds for TTL_MS."""
+        if self._publisher is None:
+            self._publisher = self._link.bus.publisher(TELEOP, self._link.robot)
+            self._link.bus.await_matched([self._publisher], timeout_s=0.5)
+        self._seq += 1
+        self._publisher.put(
+            Teleop(
+                time_ns=self._link.clock.now_ns(),
+                seq=self._seq,
+                speed_mm_s=round(speed_m_s * 1000),
+                yaw_rate_mrad_s=round(yaw_rate_rad_s * 1000),
+                ttl_ms=TTL_MS,
+            )
+        )
+
+    def stop(self) -> None:
+        self.drive(0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from typing import Final
 
-from ground.client.parameter_rows import Row
+from ground.client.parameter import Parameter
 from ground.client.telemetry import Telemetry
 from ground.station.bus_protocols import Hears, Token
 from ground.station.history.decision_history import Moments
@@ -119,7 +119,7 @@ class ParameterList:
     """After a loss there are none until all were read again."""
 
     def __init__(self) -> None:
-        self.rows: tuple[Row, ...] | None = None
+        self.rows: tuple[Parameter, ...] | None = None
         self._known = 0
         self._why = ""
 
@@ -127,7 +127,7 @@ class ParameterList:
         self.rows = None
         self._why = ""
 
-    def read(self, rows: tuple[Row, ...]) -> None:
+    def read(self, rows: tuple[Parameter, ...]) -> None:
         self.rows = rows
         self._known = len(rows)
         self._why = ""
@@ -140,7 +140,7 @@ class ParameterList:
         if self.rows is None:
             return
         self.rows = tuple(
-            {**row, "value": value.param_value} if row["name"] == value.param_id else row
+            row.with_value(value.param_value) if row.name == value.param_id else row
             for row in self.rows
         )
 

@@ -3,8 +3,12 @@
 from collections.abc import Callable
 from typing import Any
 
+from ground.client.operations import Operation
+from ground.client.parameter import Parameter
 from ground.client.presence import Crew
+from ground.client.results import Outcome as Result
 from ground.client.telemetry import Seen, Telemetry
+from ground.console import AppCommand, line_of
 from ground.map import Scene, Target
 from ground.station import (
     History,
@@ -54,7 +58,7 @@ class FakeStation(Station):
         self.loss_now: Loss | None = None
         self.ready_now, self.waiting_now = True, ""
         self.lease_now = Lease()
-        self.parameters_now: tuple[dict[str, object], ...] | None = ()
+        self.parameters_now: tuple[Parameter, ...] | None = ()
         self.streams_now: list[StreamRow] = []
         self.items_now: tuple[Target, ...] = ()
         self.robots_now = ["r1"]
@@ -151,7 +155,7 @@ class FakeStation(Station):
         return self.items_now
 
     @property
-    def parameters(self) -> tuple[dict[str, object], ...] | None:
+    def parameters(self) -> tuple[Parameter, ...] | None:
         return self.parameters_now
 
     @property
@@ -237,6 +241,9 @@ class FakeOrders:
             return
         self.given.append(line)
         self.last = f"sidestep {line}"
+
+    def perform(self, command: Operation[Result] | AppCommand) -> None:
+        self.give(line_of(command))
 
     def is_local(self, line: str) -> bool:
         return line.split()[0] in ("theme", "help", "screen")

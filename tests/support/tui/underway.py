@@ -3,6 +3,7 @@
 from math import radians
 from typing import Any
 
+from ground.client.parameter import Parameter
 from ground.client.telemetry import Age
 from ground.map import Outline, Robot, Scene, Target
 from ground.station import StreamRow, WorldFacts
@@ -41,11 +42,11 @@ def driving(station: FakeStation, at_s: float = 0.0) -> FakeStation:
     return station
 
 
-def parameter(name: str, default: float, value: float, doc: str) -> dict[str, object]:
-    return {
-        "name": name, "value": value, "default": default, "unit": "m", "minimum": 0.0,
-        "maximum": 5.0, "integer": False, "doc": doc, "saved": True,
-    }  # fmt: skip
+def parameter(name: str, default: float, value: float, doc: str) -> Parameter:
+    return Parameter(
+        name=name, value=value, default=default, unit="m", minimum=0.0, maximum=5.0, doc=doc,
+        saved=True,
+    )  # fmt: skip
 
 
 def drive_messages(now_ns: int) -> dict[Topic[Any], Message]:

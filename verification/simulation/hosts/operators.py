@@ -9,13 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from ground.cli.command import lease
-from ground.cli.command.simple_commands import ORDERS
-from ground.cli.command.teleop import Stick
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.goal import destination, goal_request
 from ground.client.link import Link
+from ground.client.operations import COMMANDS
+from ground.client.operations.leases import ask_lease
+from ground.client.operations.teleop import Stick
 from ground.client.requests import BEAT_NS, Answered, is_saving
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict
@@ -34,6 +34,7 @@ from verification.simulation.hosts.threads import SimulatedClock, SimulatedQueue
 
 DIALS: Final = Network(mode="client", connect=("tcp/127.0.0.1:7447",))
 STEER_NS: Final = 50 * NS_PER_MS
+ORDERS: Final = {command.verb: command for command in COMMANDS}
 
 
 @dataclass(slots=True)
@@ -189,7 +190,7 @@ class Operator:
         action = LeaseAction[how]
 
         def ask() -> Answered:
-            return lease.ask(link, action, self.name)
+            return ask_lease(link, action, self.name)
 
         ok = self._ask(f"lease {how}", None, ask)
         if ok:
@@ -197,8 +198,7 @@ class Operator:
         return ok
 
     def order(self, link: Link, verb: str) -> bool:
-        order = ORDERS[verb]
-        return self.command(link, verb, link.command(order.command, order.param1, order.param2))
+        return self.command(link, verb, link.command(*ORDERS[verb].parts))
 
     def mode(self, link: Link, name: str) -> bool:
         mode = float(Mode[name])

@@ -12,7 +12,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from ground.certificates import folder as folder_module
 from ground.certificates.authority import Pair
 from ground.cli.main import main, parse
-from ground.client.connection import common_of
+from ground.cli.options import common_of
 from protocol.bus.network import Tls
 from protocol.bus.tls.certificate import own
 

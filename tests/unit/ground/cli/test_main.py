@@ -38,11 +38,6 @@ def raises(error: BaseException) -> Run:
     return run
 
 
-def test_whatever_talks_to_a_robot_can_act_over_a_link_that_is_there() -> None:
-    alone = {"up", "berth", "router", "keys", "record", "export", "plot", "replay"}
-    assert {word for word, verb in VERBS.items() if verb.act is None} == alone
-
-
 @pytest.mark.parametrize("verb", sorted(VERBS))
 def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([verb, "--help"]) == 0

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import parse
-from ground.client.connection import common_of, listening_of
+from ground.cli.options import common_of, listening_of
 from runtime.errors import ConfigError
 
 FILE = """

@@ -7,22 +7,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.client.connection import positive, seconds
-from ground.client.goal import arguments, destination, destination_of, from_robot, goal_request
+from ground.client.goal import destination, from_robot, goal_request
+from ground.client.operations import Goto
+from ground.grammar.driving import GotoWords
+from ground.grammar.words import positive, seconds
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import Mode
 from runtime.errors import UserError
 
 
-def typed(*words: str) -> argparse.Namespace:
+def typed(*words: str) -> Goto:
     parser = argparse.ArgumentParser(exit_on_error=False)
-    arguments(parser)
-    return parser.parse_args(list(words))
+    GotoWords.declare(parser)
+    return parser.parse_args(list(words), GotoWords("goto")).operation()
 
 
 def test_metres_and_degrees_become_millimetres_and_microradians() -> None:
-    assert typed("2", "1", "--position-tolerance", "0.1").tolerance == 0.1
-    where = destination_of(typed("2", "-1.5", "90", "--tolerance", "0.1"))
+    assert typed("2", "1", "--position-tolerance", "0.1").goal.position_tolerance_m == 0.1
+    where = typed("2", "-1.5", "90", "--tolerance", "0.1").goal
     request = goal_request(where.on_the_wire(), 7, Mode.GUIDED)
     assert (request.x_mm, request.y_mm) == (2000, -1500)
     assert request.heading_urad == round(pi / 2 * 1e6)
@@ -46,7 +48,7 @@ def test_without_a_heading_any_will_do() -> None:
 )
 def test_what_no_robot_can_take_is_named(words: tuple[str, ...], named: str) -> None:
     with pytest.raises(UserError, match=rf"^{named} .* out of range"):
-        destination_of(typed(*words))
+        typed(*words)
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "nan", "1e9"])

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from ground.client.link import Unanswered
@@ -13,6 +14,7 @@ from ground.client.operations import (
     Judged,
     JumpTo,
     MissionFetched,
+    MissionProgress,
     MissionWritten,
     SetFence,
     ShowFence,
@@ -20,6 +22,7 @@ from ground.client.operations import (
     StartMission,
     UploadMission,
 )
+from ground.client.operations.missions import state_name
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
 from ground.missions.wire import fence_items_of, items_of
 from protocol.topics import MISSION
@@ -182,3 +185,12 @@ def test_fence_is_set_shown_and_taken_away(fence: Circle | Polygon) -> None:
     assert cleared.text == "ok, there is no fence"
     empty = ShowFence().perform(Stage(MissionCount(count=0, mission_type=kind)).session)
     assert (empty.text, empty.as_json("fence show", "r1")["fence"]) == ("no fence", None)
+
+
+def test_failed_mission_and_unknown_state_are_told() -> None:
+    failed = msgspec.structs.replace(progress(MissionState.FAILED), hold_left_ms=0)
+    failed = msgspec.structs.replace(failed, reason=Reason.NO_PROGRESS)
+    words = "failed, item 3 of 5: has come no closer for too long"
+    assert MissionProgress(failed).text == words
+    assert MissionProgress(progress(MissionState.NONE)).text == "no mission"
+    assert state_name(77) == "state 77"

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ground.cli.command import param_files
-from ground.cli.command.param import table
+from ground.client import parameter_file
+from ground.client.operations.parameters import table
+from ground.client.parameter import Parameter, parameters_in
 from ground.client.parameter_rows import MAX_ROWS, MAX_TEXT, rows_in
 from runtime.errors import RemoteError
 from tests.support.hostile import TEXT, raw_in
@@ -64,7 +65,8 @@ def test_texts_are_one_printable_line_of_bounded_length() -> None:
     assert "\n" not in str(row["doc"])
     assert len(str(row["note"])) == MAX_TEXT
     assert "nested" not in row
-    assert "\n" not in table([row]).partition("\n")[2]
+    found = parameters_in(answer(doc=TEXT + "\n", unit=TEXT))
+    assert "\n" not in table(found).partition("\n")[2]
 
 
 @given(LISTS)
@@ -75,11 +77,11 @@ def test_a_saved_list_holds_parameters_and_nothing_else(
     """A hostile robot could add tables such as [network] to the file."""
     path = tmp_path / "p.toml"
     try:
-        rows = rows_in(json.dumps(listed))
+        found = parameters_in(json.dumps(listed))
     except RemoteError:
         return
-    unlike = {str(row["name"]): row["value"] for row in rows if not param_files.is_usual(row)}
-    names = param_files.write(path, rows)
+    unlike = {one.name: one.value for one in found if not one.is_usual}
+    names = parameter_file.write(path, found)
     assert tomllib.loads(path.read_text(encoding="utf-8")) == {"parameters": unlike}
     assert sorted(unlike) == sorted(names)
 
@@ -88,5 +90,5 @@ def test_a_saved_list_holds_parameters_and_nothing_else(
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_no_meaning_of_a_parameter_ends_its_comment(tmp_path: Path, doc: str) -> None:
     path = tmp_path / "p.toml"
-    param_files.write(path, [{"name": "a", "value": 2.0, "default": 1.0, "doc": doc}])
+    parameter_file.write(path, [Parameter(name="a", value=2.0, default=1.0, doc=doc)])
     assert tomllib.loads(path.read_text(encoding="utf-8")) == {"parameters": {"a": 2.0}}

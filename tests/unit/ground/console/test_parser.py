@@ -1,18 +1,38 @@
 """What is typed becomes what the command line would have read, or is refused with a reason."""
 
-import argparse
 import time
+from pathlib import Path
 
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from ground.app.app import GroundApp
-from ground.app.commands.app_commands import words_of_the_app
 from ground.cli import main as cli
-from ground.cli.verbs import VERBS
-from ground.console import LOCAL, parse, verbs
-from ground.console.parser import ELSEWHERE
+from ground.client.goal import destination
+from ground.client.operations import (
+    ChangeLease,
+    FetchMission,
+    Goto,
+    Hold,
+    Operation,
+    SetMode,
+    SetNavigator,
+    SetParameter,
+)
+from ground.client.results import Outcome
+from ground.console import LOCAL, AppCommand, line_of, read, verbs
+from ground.console.app_commands import (
+    Quit,
+    RecordHere,
+    SaveScreen,
+    SetTheme,
+    TakeHand,
+)
+from ground.console.parser import COMMANDS
+from ground.grammar.words import Words
+from ground.missions.draft import AddWaypoint
+from ground.missions.mission import Waypoint
+from protocol.wire.enums import LeaseAction, Mode, Navigator
 from runtime.errors import UserError
 from tests.support.ground.console.spoken import SPOKEN
 
@@ -21,17 +41,41 @@ GRACE_S = 0.05
 
 @pytest.mark.parametrize(("typed", "argv"), SPOKEN)
 def test_the_console_reads_what_the_command_line_reads(typed: str, argv: list[str]) -> None:
-    here, there = vars(parse(typed)), vars(cli.parse(argv))
-    assert here.pop("local") is False
-    assert here.pop("attended") is True
-    assert there.pop("attended", False) is False
-    assert here == there
+    shell = cli.parse(argv)
+    assert isinstance(shell, Words)
+    assert read(typed) == shell.operation()
+
+
+@pytest.mark.parametrize(
+    "operation",
+    [
+        Hold(),
+        SetMode(mode=Mode.MANUAL),
+        SetNavigator(navigator=Navigator.BUG1),
+        SetNavigator(navigator=Navigator.VGM, side=-1),
+        SetParameter(name="d_obs_m", value=0.1 + 0.2),
+        FetchMission(),
+        ChangeLease(action=LeaseAction.SEIZE),
+        Goto(goal=destination([0.1, -2.25, -165.0])),
+        Goto(goal=destination([9.0, 7.0])),
+        AddWaypoint(Waypoint(x_m=1.5, y_m=-2.0, heading_deg=90.0)),
+        SetTheme("dark"),
+    ],
+)
+def test_what_a_key_means_is_spelt_as_it_is_typed(
+    operation: Operation[Outcome] | AppCommand,
+) -> None:
+    found = read(line_of(operation))
+    if isinstance(operation, Goto):
+        assert isinstance(found, Goto)
+        assert found.goal.on_the_wire() == operation.goal.on_the_wire()
+    else:
+        assert found == operation
 
 
 def test_the_table_of_commands_leaves_none_out() -> None:
     spoken = {argv[0] for _, argv in SPOKEN}
-    talking = {word for word, verb in VERBS.items() if verb.act is not None}
-    assert talking - spoken <= {*ELSEWHERE, *LOCAL}
+    assert set(COMMANDS) - spoken == {"export", "plot"}
 
 
 def test_every_word_that_can_begin_a_command_is_read_or_asks_for_more() -> None:
@@ -67,34 +111,28 @@ def test_every_word_that_can_begin_a_command_is_read_or_asks_for_more() -> None:
 )
 def test_what_cannot_be_done_is_refused_with_the_reason_and_the_fix(typed: str, why: str) -> None:
     with pytest.raises(UserError) as caught:
-        parse(typed)
+        read(typed)
     assert why in str(caught.value)
 
 
 def test_quotes_keep_blanks_together() -> None:
-    assert str(parse("snap 'my robot.svg'").file) == "my robot.svg"
+    assert read("snap 'my robot.svg'") == SaveScreen(Path("my robot.svg"))
 
 
 def test_a_negative_number_is_no_option() -> None:
-    options = parse("goal -1e-1 -2.5 -90")
-    assert (options.x, options.y, options.heading) == (-0.1, -2.5, -90.0)
+    assert read("goal -1e-1 -2.5 -90") == Goto(goal=destination([-0.1, -2.5, -90.0]))
 
 
-def test_the_app_s_own_words_are_read_and_marked() -> None:
-    assert parse(":q") == argparse.Namespace(verb="quit", local=True, attended=True)
-    assert parse("wp add 1 2 --hold 3").hold == 3.0
-    assert parse("record start").action == "start"
-    assert parse("teleop").local is True
+def test_the_app_s_own_words_are_read() -> None:
+    assert read(":q") == Quit()
+    added = AddWaypoint(Waypoint(x_m=1.0, y_m=2.0, hold_s=3.0))
+    assert read("wp add 1 2 --hold 3") == added
+    assert read("record start") == RecordHere(begin=True)
+    assert read("teleop") == TakeHand()
 
 
-def test_every_word_of_the_app_has_somebody_to_do_it() -> None:
-    nobody: GroundApp = None  # type: ignore[assignment]
-    assert set(LOCAL) == {"help", "wp", *words_of_the_app(nobody)}
-
-
-def test_no_word_of_the_app_hides_a_verb_that_talks_to_the_robot() -> None:
-    hidden = {word for word in LOCAL if word in VERBS and VERBS[word].act is not None}
-    assert hidden <= {"teleop", "ghost"}
+def test_no_word_of_the_app_hides_an_operation() -> None:
+    assert {word for word in LOCAL if word in COMMANDS} == {"teleop"}
 
 
 commands = st.sampled_from([*verbs(), *(typed for typed, _ in SPOKEN)])
@@ -109,7 +147,7 @@ anything = st.text() | st.lists(pieces, max_size=6).map(" ".join) | st.binary().
 @example("\ud800")
 @example("help %s %(prog)s")
 @settings(deadline=None)
-def test_any_text_is_a_namespace_or_a_reason_and_never_any_output(text: str) -> None:
+def test_any_text_is_an_operation_or_a_reason_and_never_any_output(text: str) -> None:
     began_s = time.thread_time()
     said = outcome(text)
     assert time.thread_time() - began_s < GRACE_S
@@ -118,7 +156,7 @@ def test_any_text_is_a_namespace_or_a_reason_and_never_any_output(text: str) -> 
 
 def outcome(text: str) -> str | None:
     try:
-        parse(text)
+        read(text)
     except UserError as error:
         return str(error)
     return None

@@ -9,7 +9,7 @@ import pytest
 
 from ground.cli.main import main
 from ground.client.goal import destination
-from ground.ghost.recorded_ghost import GhostRecording, changed, parameters_in
+from ground.ghost.recorded_ghost import GhostRecording, changed_in
 from ground.recording.log_index import LogIndex
 from plant.model.types import GoalPose
 from plant.world.file import load
@@ -143,9 +143,8 @@ def test_only_what_the_robot_drives_otherwise_by_is_handed_on() -> None:
         {"name": "worse", "value": "x"},
         7,
     ]
-    assert changed(rows) == {"d_obs_m": 0.4}
-    assert parameters_in(json.dumps(rows[:2])) == {"d_obs_m": 0.4}
-    assert parameters_in(json.dumps(rows)) == parameters_in("nonsense") == parameters_in("3") == {}
+    assert changed_in(json.dumps(rows[:2])) == {"d_obs_m": 0.4}
+    assert changed_in(json.dumps(rows)) == changed_in("nonsense") == changed_in("3") == {}
 
 
 def test_the_verb_lays_the_ghosts_beside_the_real_run(

@@ -113,7 +113,8 @@ def test_it_is_on_unless_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 
 
 def options(*words: str) -> Namespace:
-    return parse(words)
+    found: Namespace = parse(words)
+    return found
 
 
 def test_beginning_one_deletes_the_oldest_and_says_so(

@@ -1,34 +1,32 @@
 """A mission made by hand: a waypoint more, one less, saved and sent."""
 
-from io import StringIO
 from pathlib import Path
 
 import pytest
 
-from ground.console import parse
-from ground.missions.draft import Draft
+from ground.console import read
+from ground.missions.draft import Draft, Edit
 from ground.missions.files import read_text
 from ground.missions.mission import Waypoint
-from ground.text.output import Says
 from runtime.errors import UserError
 
 
 def say(draft: Draft, text: str) -> str:
     """What typing this to the console answers."""
-    out = StringIO()
-    assert draft.act(parse(text), Says(as_json=False, out=out)) == 0
-    return out.getvalue()
+    edit = read(text)
+    assert isinstance(edit, Edit)
+    return draft.apply(edit)
 
 
 def test_waypoints_are_added_listed_and_taken_out() -> None:
     draft = Draft()
-    assert say(draft, "wp list") == "the draft is empty: wp add X Y [DEG]\n"
-    assert say(draft, "wp add 1 -2 90 --hold 3") == "waypoint 1: (1, -2) at 90 deg, hold 3 s\n"
+    assert say(draft, "wp list") == "the draft is empty: wp add X Y [DEG]"
+    assert say(draft, "wp add 1 -2 90 --hold 3") == "waypoint 1: (1, -2) at 90 deg, hold 3 s"
     say(draft, "wp add 3 4")
-    assert say(draft, "wp list") == "1  (1, -2) at 90 deg, hold 3 s\n2  (3, 4)\n"
-    assert say(draft, "wp remove 1") == "taken out: (1, -2) at 90 deg, hold 3 s\n"
+    assert say(draft, "wp list") == "1  (1, -2) at 90 deg, hold 3 s\n2  (3, 4)"
+    assert say(draft, "wp remove 1") == "taken out: (1, -2) at 90 deg, hold 3 s"
     assert draft.mission.waypoints == (Waypoint(x_m=3.0, y_m=4.0),)
-    assert say(draft, "wp clear") == "the draft is empty\n"
+    assert say(draft, "wp clear") == "the draft is empty"
 
 
 def test_what_is_sent_is_the_draft_as_a_mission_file() -> None:
@@ -59,7 +57,7 @@ def test_a_draft_is_saved_and_loaded(tmp_path: Path) -> None:
 def test_what_cannot_be_done_is_refused_and_leaves_the_draft(text: str, why: str) -> None:
     draft = Draft()
     with pytest.raises(UserError, match=why):
-        draft.act(parse(text), Says(as_json=False, out=StringIO()))
+        say(draft, text)
     assert draft.mission.waypoints == ()
 
 

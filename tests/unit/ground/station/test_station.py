@@ -94,7 +94,7 @@ def test_a_parameter_that_anybody_sets_is_shown_at_once() -> None:
     )
     play.bus.say(ANSWERED, value)
     play.forward(0.05)
-    rows = {row["name"]: row["value"] for row in play.station.parameters or ()}
+    rows = {row.name: row.value for row in play.station.parameters or ()}
     assert rows == {"d_obs_m": 0.5, "side": 1}
     assert play.station.parameters_words == "2"
 

@@ -1,6 +1,5 @@
 """`plot` draws a run with its world, and says why when it cannot."""
 
-import io
 import json
 import xml.etree.ElementTree as ElementTree
 from math import isnan
@@ -10,12 +9,12 @@ import matplotlib.image
 import pytest
 
 from ground.cli.main import main
-from ground.cli.verbs import VERBS
-from ground.console import parse
+from ground.client.operations import NoProgress
+from ground.console import read
 from ground.recording.log_reader import opened
 from ground.recording.tables.series import gathered
 from ground.recording.tables.time_axis import Axis
-from ground.text.output import Says
+from ground.reports.plot import Plot
 from protocol.topics import SONAR, STATUS
 from tests.support.ground.recording.made import (
     START_US,
@@ -90,8 +89,9 @@ def test_a_damaged_file_is_drawn_as_far_as_it_goes(
 
 
 def test_it_can_be_asked_for_in_the_app(tmp_path: Path, said: list[Said]) -> None:
-    options = parse(f"plot {mcap(tmp_path / 'a.mcap', said)}")
-    assert VERBS["plot"].run(options, Says(as_json=False, out=io.StringIO())) == 0
+    operation = read(f"plot {mcap(tmp_path / 'a.mcap', said)}")
+    assert isinstance(operation, Plot)
+    assert operation.run(NoProgress()).ok
     assert (tmp_path / "a.png").exists()
 
 

@@ -30,7 +30,8 @@ def lookup(name: str) -> frozenset[str]:
 
 
 def options(*words: str) -> argparse.Namespace:
-    return parse(["berth", *words])
+    found: argparse.Namespace = parse(["berth", *words])
+    return found
 
 
 def became(*words: str) -> list[str]:

@@ -5,14 +5,14 @@ from typing import Any
 
 import pytest
 
-from ground.cli.command import param
-from ground.client.parameter_rows import rows_in
+from ground.client.operations import parameters
+from ground.client.parameter import parameters_in
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import described, with_value
 
 STRICTER = with_value(DEFAULTS, "op_lost_ms", 900)
-ROWS = rows_in(json.dumps(described(STRICTER, DEFAULTS)))
+ROWS = parameters_in(json.dumps(described(STRICTER, DEFAULTS)))
 LINK: Any = None
 
 
@@ -28,12 +28,12 @@ LINK: Any = None
 def test_refusal_as_less_safe_tells_what_is_allowed(
     name: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(param, "fetch", lambda _: ROWS)
-    assert param.hint(LINK, name, Reason.LESS_SAFE_THAN_CONFIGURED) == words
+    monkeypatch.setattr(parameters, "fetch", lambda _: ROWS)
+    assert parameters.hint(LINK, name, Reason.LESS_SAFE_THAN_CONFIGURED) == words
 
 
 def test_list_tells_which_way_is_safer() -> None:
-    lines = {line.split()[0]: line.split() for line in param.table(ROWS).splitlines()}
+    lines = {line.split()[0]: line.split() for line in parameters.table(ROWS).splitlines()}
     assert lines["name"][6] == "safer"
     assert lines["op_lost_ms"][:8] == [
         "op_lost_ms",

@@ -7,26 +7,33 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.cli.command.fence import arguments, fence_in, in_words, outlined
-from ground.missions.mission import Circle, Polygon
+from ground.client.operations import SetFence
+from ground.client.operations.fences import in_words
+from ground.grammar.fences import FenceWords, SetFenceOfFile, outlined
+from ground.missions.mission import Circle, Fence, Polygon
 from runtime.errors import UserError
 from tests.support.ground.missions.made_up import polygons, refusal_of
 
 
-def typed(*words: str) -> argparse.Namespace:
+def typed(*words: str) -> Fence:
+    """The fence that is set, from a file if one was named."""
     parser = argparse.ArgumentParser()
-    arguments(parser)
-    return parser.parse_args(list(words))
+    FenceWords.declare(parser)
+    operation = parser.parse_args(list(words), FenceWords("fence")).operation()
+    if isinstance(operation, SetFenceOfFile):
+        operation = operation.read()
+    assert isinstance(operation, SetFence)
+    return operation.fence
 
 
 def test_a_circle_has_a_place_and_a_radius() -> None:
-    fence = fence_in(typed("circle", "1", "-2", "3.5"))
+    fence = typed("circle", "1", "-2", "3.5")
     assert fence == Circle(x_m=1.0, y_m=-2.0, radius_m=3.5)
     assert in_words(fence) == "circle of 3.5 m around (1, -2)"
 
 
 def test_corners_follow_each_other() -> None:
-    fence = fence_in(typed("polygon", "0", "0", "4", "0", "4", "-3"))
+    fence = typed("polygon", "0", "0", "4", "0", "4", "-3")
     assert fence == Polygon(corners=((0.0, 0.0), (4.0, 0.0), (4.0, -3.0)))
     assert in_words(fence) == "polygon of 3 corners: (0, 0) (4, 0) (4, -3)"
 
@@ -63,16 +70,16 @@ def test_any_words_are_a_fence_or_a_reason(words: list[str]) -> None:
 
 def test_a_circle_too_far_away_is_refused() -> None:
     with pytest.raises(UserError, match="x 300000 m is out of range"):
-        fence_in(typed("circle", "300000", "0", "1"))
+        (typed("circle", "300000", "0", "1"))
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     path = tmp_path / "f.toml"
     with pytest.raises(UserError, match="no such file"):
-        fence_in(typed("polygon", str(path)))
+        (typed("polygon", str(path)))
     path.write_text("[fence]\ncorners = [[0, 0], [1, 0]]\n")
     with pytest.raises(UserError, match=r"f\.toml:2: fence\.corners: has 2 corners"):
-        fence_in(typed("polygon", str(path)))
+        (typed("polygon", str(path)))
     path.write_text("")
     with pytest.raises(UserError, match=r"has no fence; add \[fence\]"):
-        fence_in(typed("polygon", str(path)))
+        (typed("polygon", str(path)))

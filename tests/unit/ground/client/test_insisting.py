@@ -2,13 +2,15 @@
 
 import pytest
 
-from ground.client.arming import HEARD_NS, insist
+from ground.client.operations import Session
+from ground.client.operations.session import INSIST_NS
+from ground.client.results import Refused
 from protocol.topics import STATUS
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.messages import CommandRequest
 from protocol.wire.reasons import Reason
-from tests.support.ground.answering import AnsweringLink, speaking
-from tests.support.ground.client import status
+from tests.support.ground.answering import AnsweringLink
+from tests.support.ground.client import Notes, status
 
 ARM = Command.COMPONENT_ARM_DISARM
 START = Command.MISSION_START
@@ -20,9 +22,10 @@ def insisted(link: AnsweringLink, *, beats: bool = False) -> tuple[int, str]:
     def request() -> CommandRequest:
         return link.command(START)
 
-    says, said = speaking()
-    answered, _ = insist(link.as_link(), says, request, beats=beats)
-    return answered.reason, said()[1]
+    notes = Notes()
+    answer, _ = Session(link.as_link(), notes).insist(request, beats=beats)
+    reason = answer.reason if isinstance(answer, Refused) else Reason.NONE
+    return reason, "".join(f"{note}\n" for note in notes.notes)
 
 
 def test_what_the_robot_does_at_once_is_asked_once() -> None:
@@ -78,7 +81,7 @@ def test_nobody_beats_who_is_no_operator() -> None:
 def test_it_is_not_asked_for_ever() -> None:
     link = AnsweringLink(*[Reason.NO_OPERATOR] * 10_000)
     assert insisted(link, beats=True)[0] == Reason.NO_OPERATOR
-    assert HEARD_NS <= link.clock.now_ns() < 2 * HEARD_NS
+    assert INSIST_NS <= link.clock.now_ns() < 2 * INSIST_NS
 
 
 @pytest.mark.parametrize("reason", [Reason.OUTSIDE_FENCE, Reason.LEASE_HELD, Reason.NO_MISSION])

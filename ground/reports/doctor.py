@@ -1,15 +1,16 @@
 """`doctor`: listens for a moment, asks every service, and says what is missing and what to do."""
 
-import argparse
+from dataclasses import dataclass
 from time import time
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
-from ground.client.connection import add_common, common_of, seconds
-from ground.client.diagnosis import Observed, Report, Stream, examine, lines
-from ground.client.link import Link, Unanswered, linked
+from ground.client.diagnosis import Observed, Stream, examine, lines
+from ground.client.diagnosis import Report as Findings
+from ground.client.link import Link, Unanswered
+from ground.client.operations import Session
 from ground.client.presence import crew_of
 from ground.client.telemetry import Telemetry
-from ground.text.output import Says
+from ground.reports.report import Report
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.tls.access import barred
 from protocol.bus.tls.certificate import own
@@ -24,23 +25,24 @@ NO_COMMAND: Final = 0
 QUESTIONS: Final = ((COMMAND, Role.ROBOT), (PARAMETERS, Role.ROBOT), (WORLD, Role.PLANT))
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    add_common(parser)
-    parser.add_argument(
-        "--timeout", type=seconds, default=LISTEN_S, metavar="S", help="listen for this long (1)"
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnose:
+    """Listen for a moment, ask every service, and say what is missing and what to do."""
 
+    verb: ClassVar[str] = "doctor"
+    moves: ClassVar[bool] = False
+    listen_s: float = LISTEN_S
 
-def run(options: argparse.Namespace, says: Says) -> int:
-    common = common_of(options)
-    try:
-        with linked(common) as link:
-            return act(options, link, says)
-    except Unanswered as error:
-        what, do = told(error, common.endpoint)
-        found: dict[str, object] = {"what": what, "do": do, "bad": True}
-        says.result({"ok": False, "findings": [found], "streams": {}}, f"E {what}\n  -> {do}")
-        return 1
+    def perform(self, session: Session) -> Report:
+        seen = observe(session.link, round(self.listen_s * 1e9))
+        return told_of(seen, examine(seen))
+
+    def undialled(self, error: Unanswered, endpoint: str) -> Report:
+        """The report when nothing could be dialled."""
+        what, do = told(error, endpoint)
+        finding: dict[str, object] = {"what": what, "do": do, "bad": True}
+        row = {"ok": False, "findings": [finding], "streams": {}}
+        return Report(False, f"E {what}\n  -> {do}", row)
 
 
 def told(error: Unanswered, endpoint: str) -> tuple[str, str]:
@@ -51,11 +53,6 @@ def told(error: Unanswered, endpoint: str) -> tuple[str, str]:
     if isinstance(cause, PeerHangs):
         return str(error), f"restart the process at {endpoint}, or use --connect"
     return str(error), f"start `sidestep robot` (or `sidestep router`) at {endpoint}, or --connect"
-
-
-def act(options: argparse.Namespace, link: Link, says: Says) -> int:
-    seen = observe(link, round(options.timeout * NS_PER_S))
-    return tell(says, seen, examine(seen))
 
 
 def observe(link: Link, listen_ns: int) -> Observed:
@@ -109,7 +106,7 @@ def unanswered(link: Link, service: Service) -> str:
     return ""
 
 
-def tell(says: Says, seen: Observed, report: Report) -> int:
+def told_of(seen: Observed, report: Findings) -> Report:
     found: dict[str, object] = {
         "ok": report.healthy,
         "robot": seen.robot,
@@ -125,5 +122,5 @@ def tell(says: Says, seen: Observed, report: Report) -> int:
     }
     there = ", ".join(sorted(f"{role} of {robot}" for robot, role in seen.crew.there))
     head = f"{'healthy' if report.healthy else 'not healthy'}: {there or 'nobody is there'}"
-    says.result(found, "\n".join(part for part in (head, lines(report.findings)) if part))
-    return 0 if report.healthy else 1
+    text = "\n".join(part for part in (head, lines(report.findings)) if part)
+    return Report(report.healthy, text, found)

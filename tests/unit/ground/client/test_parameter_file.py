@@ -2,24 +2,24 @@
 
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from ground.cli.command import param_files
+from ground.client import parameter_file
+from ground.client.parameter import Parameter
 from runtime.errors import ConfigError, UserError
 
-ROWS: list[dict[str, Any]] = [
-    {"name": "d_obs_m", "value": 0.4, "default": 0.3, "minimum": 0.05, "maximum": 3.0, "unit": "m"},
-    {"name": "side", "value": 1, "default": 1, "minimum": -1, "maximum": 1, "unit": ""},
+ROWS = [
+    Parameter(name="d_obs_m", value=0.4, default=0.3, minimum=0.05, maximum=3.0, unit="m"),
+    Parameter(name="side", value=1, default=1, minimum=-1, maximum=1),
 ]
 
 
 def test_what_is_not_as_by_default_is_written_and_reads_back(tmp_path: Path) -> None:
     path = tmp_path / "p.toml"
-    assert param_files.write(path, ROWS) == ["d_obs_m"]
+    assert parameter_file.write(path, ROWS) == ["d_obs_m"]
     assert tomllib.loads(path.read_text()) == {"parameters": {"d_obs_m": 0.4}}
-    assert param_files.read(path, ROWS) == {"d_obs_m": 0.4}
+    assert parameter_file.read(path, ROWS) == {"d_obs_m": 0.4}
 
 
 @pytest.mark.parametrize(
@@ -38,14 +38,14 @@ def test_what_the_robot_cannot_have_is_refused_by_name(tmp_path: Path, text: str
     path = tmp_path / "p.toml"
     path.write_text(text)
     with pytest.raises(ConfigError, match=why.replace("[", r"\[")):
-        param_files.read(path, ROWS)
+        parameter_file.read(path, ROWS)
 
 
 def test_a_place_that_cannot_be_written_says_so(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no such file"):
-        param_files.write(tmp_path / "no" / "p.toml", ROWS)
+        parameter_file.write(tmp_path / "no" / "p.toml", ROWS)
 
 
 def test_single_precision_makes_no_difference() -> None:
-    assert param_files.is_usual({"name": "a", "value": 0.30000001192, "default": 0.3})
-    assert param_files.is_usual({"name": "a", "value": 5})
+    assert Parameter(name="a", value=0.30000001192, default=0.3).is_usual
+    assert Parameter(name="a", value=5).is_usual

@@ -1,1 +1,0 @@
-"""Verbs that command a robot."""

@@ -1,0 +1,26 @@
+"""Where to dial or listen, from what was read of a command line."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+from ground.client.connection import Common, Config, common
+from ground.grammar.words import Words
+from protocol.bus.network import Network
+from protocol.options import usual_endpoint
+from runtime.config import load_shared
+
+
+def common_of(options: argparse.Namespace | Words) -> Common:
+    """Defaults, then the file, then the command line; UserError names what is wrong."""
+    return common(options.connect, options.id, options.config)
+
+
+def listening_of(options: argparse.Namespace) -> Network:
+    """The network of a process that routes for others."""
+    config = Config() if options.config is None else load_shared(Path(options.config), Config)
+    network = config.network or Network()
+    listen = network.listen or (usual_endpoint(network),)
+    if options.listen is not None:
+        listen = (options.listen,)
+    return replace(network, mode="router", listen=listen)

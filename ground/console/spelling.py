@@ -1,0 +1,43 @@
+"""An operation as the line that would be typed for it: for the log, the history and a shell."""
+
+from math import degrees
+
+from ground.client.operations import (
+    Goto,
+    Operation,
+    SetMode,
+    SetNavigator,
+    SetParameter,
+)
+from ground.client.results import Outcome
+from ground.client.vocabulary import SIDES
+from ground.console.app_commands import AppCommand, SetTheme
+from ground.missions.draft import AddWaypoint
+
+DIGITS = 9
+"""Enough to read back what a person sees; the arithmetic of degrees adds no more."""
+
+
+def line_of(operation: Operation[Outcome] | AppCommand) -> str:
+    """Return the line of what keys ask for; for anything else its verb."""
+    match operation:
+        case Goto(goal=goal):
+            heading = () if goal.heading_rad is None else (degrees(goal.heading_rad),)
+            return f"goal {numbers(goal.x_m, goal.y_m, *heading)}"
+        case SetMode(mode=mode):
+            return f"mode {mode.name.lower()}"
+        case SetNavigator(navigator=navigator, side=side):
+            sides = [name for name, number in SIDES.items() if number == side]
+            return " ".join(["navigator", navigator.name.lower(), *sides])
+        case SetParameter(name=name, value=value):
+            return f"set {name} {value!r}"
+        case AddWaypoint(waypoint):
+            turned = () if waypoint.heading_deg is None else (waypoint.heading_deg,)
+            return f"wp add {numbers(waypoint.x_m, waypoint.y_m, *turned)}"
+        case SetTheme(name=str(name)):
+            return f"theme {name}"
+    return getattr(operation, "verb", "")
+
+
+def numbers(*values: float) -> str:
+    return " ".join(f"{round(value, DIGITS):g}" for value in values)

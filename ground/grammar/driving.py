@@ -1,0 +1,86 @@
+"""Words of `goto` and `teleop`."""
+
+import argparse
+
+from ground.client.goal import (
+    FRAMES,
+    HEADING_TOLERANCE_DEG,
+    POSITION_TOLERANCE_M,
+    destination,
+)
+from ground.client.operations import DriveByHand, Goto
+from ground.grammar.words import Words, add_common, positive, seconds
+from protocol.options import finite
+
+
+class GotoWords(Words):
+    x: float
+    y: float
+    heading: float | None
+    tolerance: float
+    heading_tolerance: float
+    frame: str
+    no_wait: bool
+    timeout: float | None
+
+    @classmethod
+    def declare(cls, parser: argparse.ArgumentParser) -> None:
+        parser.add_argument("x", type=finite, metavar="X", help="metres")
+        parser.add_argument("y", type=finite, metavar="Y", help="metres")
+        parser.add_argument(
+            "heading", type=finite, nargs="?", metavar="DEG", help="final heading; any without it"
+        )
+        parser.add_argument(
+            "--tolerance",
+            "--tol",
+            "--position-tolerance",
+            type=positive,
+            default=POSITION_TOLERANCE_M,
+            metavar="M",
+            help=f"arrived within this distance ({POSITION_TOLERANCE_M:g})",
+        )
+        parser.add_argument(
+            "--heading-tolerance",
+            type=positive,
+            default=HEADING_TOLERANCE_DEG,
+            metavar="DEG",
+            help=f"aligned within this angle ({HEADING_TOLERANCE_DEG:g})",
+        )
+        parser.add_argument(
+            "--frame",
+            choices=FRAMES,
+            default="world",
+            help="body: X ahead of the robot, Y to its left, DEG from where it looks (world)",
+        )
+        add_common(parser)
+        parser.add_argument(
+            "--no-wait", action="store_true", help="in AUTO, which needs no operator; do not wait"
+        )
+        parser.add_argument("--timeout", type=seconds, metavar="S", help="abort after this long")
+
+    def operation(self) -> Goto:
+        goal = destination(
+            [self.x, self.y] + ([] if self.heading is None else [self.heading]),
+            position_tolerance_m=self.tolerance,
+            heading_tolerance_deg=self.heading_tolerance,
+        )
+        seen_by_robot, wait = self.frame == "body", not self.no_wait
+        return Goto(goal=goal, seen_by_robot=seen_by_robot, wait=wait, timeout_s=self.timeout)
+
+
+class TeleopWords(Words):
+    speed: float
+    turn: float
+    last: float | None
+
+    @classmethod
+    def declare(cls, parser: argparse.ArgumentParser) -> None:
+        parser.add_argument("speed", type=finite, metavar="SPEED", help="m/s, negative: backwards")
+        parser.add_argument("turn", type=finite, metavar="YAW_DEG_S", help="deg/s, positive: left")
+        parser.add_argument(
+            "--for", dest="last", type=seconds, metavar="S", help="stop after this long"
+        )
+        add_common(parser)
+
+    def operation(self) -> DriveByHand:
+        return DriveByHand(speed_m_s=self.speed, turn_deg_s=self.turn, for_s=self.last)

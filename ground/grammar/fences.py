@@ -1,0 +1,88 @@
+"""Words of `fence`."""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from ground.client.connection import within
+from ground.client.operations import ClearFence, Judged, Operation, SetFence, ShowFence
+from ground.client.operations.session import Session
+from ground.client.results import Outcome
+from ground.grammar.words import Words, add_common, positive
+from ground.missions.files import ENDINGS, read_fence
+from ground.missions.mission import FARTHEST_M, Circle, Polygon
+from ground.missions.outline import fault_of
+from protocol.options import finite
+from runtime.errors import UserError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetFenceOfFile:
+    """The same as SetFence with the fence of a mission file."""
+
+    verb: ClassVar[str] = "fence polygon"
+    moves: ClassVar[bool] = True
+    file: Path
+
+    def read(self) -> SetFence:
+        return SetFence(fence=read_fence(self.file))
+
+    def perform(self, session: Session) -> Judged:
+        return self.read().perform(session)
+
+
+class FenceWords(Words):
+    x: float
+    y: float
+    radius: float
+    corners: list[str]
+
+    @classmethod
+    def declare(cls, parser: argparse.ArgumentParser) -> None:
+        names = "circle|polygon|off|show"
+        actions = parser.add_subparsers(dest="action", required=True, metavar=names)
+        circling = actions.add_parser("circle", help="stay within R metres of X Y")
+        circling.add_argument("x", type=finite, metavar="X", help="metres")
+        circling.add_argument("y", type=finite, metavar="Y", help="metres")
+        circling.add_argument("radius", type=positive, metavar="R", help="metres")
+        outlining = actions.add_parser("polygon", help="stay inside of these corners")
+        help = "a mission file with a fence, or X Y X Y X Y ..."
+        outlining.add_argument("corners", nargs="+", metavar="FILE", help=help)
+        clearing = actions.add_parser("off", help="take the fence away")
+        showing = actions.add_parser("show", help="which fence the robot has")
+        for action in (circling, outlining, clearing, showing):
+            add_common(action)
+
+    def operation(self) -> Operation[Outcome]:
+        if self.action == "show":
+            return ShowFence()
+        if self.action == "off":
+            return ClearFence()
+        if self.action == "circle":
+            return SetFence(fence=self._circle())
+        first = self.corners[0]
+        if len(self.corners) == 1 and first.lower().endswith(ENDINGS):
+            return SetFenceOfFile(file=Path(first))
+        return SetFence(fence=outlined(self.corners))
+
+    def _circle(self) -> Circle:
+        for name, value in (("x", self.x), ("y", self.y), ("radius", self.radius)):
+            within(value, -FARTHEST_M, FARTHEST_M, name, "m")
+        return Circle(x_m=self.x, y_m=self.y, radius_m=self.radius)
+
+
+def outlined(words: list[str]) -> Polygon:
+    """X Y X Y ... as corners; UserError when they are no fence."""
+    try:
+        numbers = [finite(word) for word in words]
+    except argparse.ArgumentTypeError as error:
+        raise UserError(f"{error}; a fence is X Y X Y X Y ..., or a mission file") from error
+    if len(numbers) % 2:
+        raise UserError(f"{len(numbers)} numbers are no corners: X Y for each")
+    for value in numbers:
+        within(value, -FARTHEST_M, FARTHEST_M, "corner", "m")
+    polygon = Polygon(corners=tuple(zip(numbers[::2], numbers[1::2], strict=True)))
+    if fault := fault_of(polygon.corners):
+        raise UserError(f"this is no fence: {fault}; put the corners in order, round the place")
+    return polygon

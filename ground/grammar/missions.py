@@ -1,0 +1,211 @@
+"""Words of `mission`, and its operations on files."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Final
+
+from ground.client.operations import (
+    Abort,
+    ClearMission,
+    DownloadMission,
+    FetchMission,
+    Hold,
+    Judged,
+    JumpTo,
+    Operation,
+    Progress,
+    Resume,
+    ShowMissionStatus,
+    StartMission,
+    UploadMission,
+)
+from ground.client.operations.session import Session
+from ground.client.results import Outcome
+from ground.grammar.words import Words, add_common, add_json
+from ground.missions import files
+from ground.missions.items import home_at
+from ground.missions.mission import Home
+from ground.missions.sift import Foreign
+from protocol.options import finite, whole
+from runtime.errors import UserError
+
+MOST_ITEMS: Final = 65_535
+"""People count items from 1; the wire begins with 0."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionFile:
+    """A mission file to be read; `-` is standard input, or a text that was `typed`.
+
+    `drop`: leave out what the robot cannot do.
+    """
+
+    file: Path
+    home: Home | None = None
+    drop: bool = False
+    typed: Callable[[], str] | None = None
+
+    def read(self) -> Foreign:
+        """MissionError names all that is wrong with it."""
+        if self.file != files.DASH:
+            return files.read(self.file, home=self.home, drop=self.drop)
+        text = sys.stdin.read(files.LARGEST_BYTES) if self.typed is None else self.typed()
+        return files.read_text(text, self.file, home=self.home, drop=self.drop)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UploadMissionFile:
+    """The same as UploadMission with the mission of a file."""
+
+    verb: ClassVar[str] = "mission upload"
+    moves: ClassVar[bool] = True
+    source: MissionFile
+
+    def read(self) -> UploadMission:
+        found = self.source.read()
+        return UploadMission(mission=found.mission, dropped=found.dropped)
+
+    def perform(self, session: Session) -> Judged:
+        return self.read().perform(session)
+
+
+@dataclass(frozen=True, slots=True)
+class MissionChecked:
+    """A mission file that can be used; written as `out`, without what that has no room for."""
+
+    found: Foreign
+    out: Path | None = None
+    lost: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        return True
+
+    @property
+    def text(self) -> str:
+        mission = self.found.mission
+        return f"ok, {mission}" if self.out is None else files.written(self.out, mission, self.lost)
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        row: dict[str, object] = {
+            "verb": verb,
+            "ok": True,
+            "items": len(self.found.mission.waypoints),
+            "dropped": list(self.found.dropped),
+        }
+        if self.out is None:
+            return row
+        return row | {"file": str(self.out), "lost": list(self.lost)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckMission:
+    """Read a mission file; with `out`, write it in the format of that ending."""
+
+    moves: ClassVar[bool] = False
+    source: MissionFile
+    out: Path | None = None
+
+    @property
+    def verb(self) -> str:
+        return "mission check" if self.out is None else "mission convert"
+
+    def run(self, progress: Progress) -> MissionChecked:
+        found, lost = self.source.read(), tuple[str, ...]()
+        if self.out is not None:
+            if self.out.resolve() == self.source.file.resolve():
+                raise UserError(f"{self.out} would be overwritten: give another name")
+            lost = files.write(self.out, found.mission)
+        for what in found.dropped:
+            progress.note(f"left out: {what}")
+        return MissionChecked(found, self.out, lost)
+
+    def perform(self, session: Session) -> MissionChecked:
+        return self.run(session.progress)
+
+
+class MissionWords(Words):
+    file: Path
+    out: Path
+    item: int | None
+    home: tuple[float, float] | None
+    drop: bool
+    typed: Callable[[], str] | None = None
+    """What `-` stands for; standard input without it."""
+
+    @classmethod
+    def declare(cls, parser: argparse.ArgumentParser) -> None:
+        names = "check|upload|download|list|start|pause|resume|abort|jump|status|clear|convert"
+        actions = parser.add_subparsers(dest="action", required=True, metavar=names)
+        checking = actions.add_parser("check", help="say what is wrong with a file")
+        help = "from one format to another, by the endings"
+        converting = actions.add_parser("convert", help=help)
+        endings = ".toml, .plan or .waypoints"
+        checking.add_argument("file", type=Path, metavar="FILE", help=endings)
+        converting.add_argument("file", type=Path, metavar="IN")
+        converting.add_argument("out", type=Path, metavar="OUT")
+        help = "give it to the robot, with its fence if any"
+        uploading = actions.add_parser("upload", help=help)
+        downloading = actions.add_parser("download", help="write what the robot has to a file")
+        for action in (uploading, downloading):
+            action.add_argument("file", type=Path, metavar="FILE", help=endings)
+        starting = actions.add_parser("start", help="drive it, from an item on")
+        item, help = whole(1, MOST_ITEMS), "from 1; without it the current one, or the first"
+        help += " of a mission that is done"
+        starting.add_argument("item", nargs="?", type=item, metavar="ITEM", help=help)
+        jumping = actions.add_parser("jump", help="go on with another item")
+        jumping.add_argument("item", type=item, metavar="ITEM", help="from 1")
+        others = {
+            "pause": "stand still",
+            "resume": "go on",
+            "abort": "drop it and stand still",
+            "list": "the items the robot has",
+            "status": "how far it is",
+            "clear": "delete it from the robot",
+        }
+        plain = [actions.add_parser(name, help=says) for name, says in others.items()]
+        for action in (checking, converting, uploading, downloading):
+            add_reading(action)
+        for action in (checking, converting):
+            add_json(action)
+        for action in (uploading, downloading, starting, jumping, *plain):
+            add_common(action)
+
+    def operation(self) -> Operation[Outcome]:
+        meanings: dict[str, Callable[[], Operation[Outcome]]] = {
+            "check": lambda: CheckMission(source=self._source()),
+            "convert": lambda: CheckMission(source=self._source(), out=self.out),
+            "upload": lambda: UploadMissionFile(source=self._source()),
+            "download": lambda: DownloadMission(file=self.file, home=self._home()),
+            "list": FetchMission,
+            "start": lambda: StartMission(item=self.item),
+            "pause": Hold,
+            "resume": Resume,
+            "abort": Abort,
+            "jump": lambda: JumpTo(item=self.item or 1),
+            "status": ShowMissionStatus,
+            "clear": ClearMission,
+        }
+        return meanings[self.action]()
+
+    def _source(self) -> MissionFile:
+        return MissionFile(file=self.file, home=self._home(), drop=self.drop, typed=self.typed)
+
+    def _home(self) -> Home | None:
+        return None if self.home is None else home_at(*self.home)
+
+
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--home",
+        nargs=2,
+        type=finite,
+        metavar=("LATITUDE", "LONGITUDE"),
+        help="where x and y are 0 on Earth, x east and y north, for .plan and .waypoints",
+    )
+    parser.add_argument(
+        "--drop", action="store_true", help="leave out what the robot cannot do, and say what"
+    )

@@ -1,0 +1,113 @@
+"""`explain`: why did it turn? Of a robot that is there, or at an instant of a recording."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Final
+
+from ground.client.link import LISTEN_NS, Link
+from ground.client.operations import Progress, Session
+from ground.client.telemetry import Telemetry
+from ground.explain.explanation import Explanation, explain
+from ground.explain.from_recording import Recorded, Turn
+from ground.recording.log_index import LogIndex
+from ground.recording.log_reader import opened
+from ground.reports.report import Report
+from protocol.topics import CYCLE, DECISION, STATUS
+from runtime.errors import UserError
+
+NS_PER_S: Final = 1_000_000_000
+NEXT_NS: Final = 200_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplainNow:
+    """Say why the robot decided as it did, by the next decision that is heard."""
+
+    verb: ClassVar[str] = "explain"
+    moves: ClassVar[bool] = False
+
+    def perform(self, session: Session) -> Report:
+        with session.link.hearing(STATUS, DECISION, CYCLE) as telemetry:
+            return of_a_robot(session.link, telemetry)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplainRecording:
+    """The same at a second of a recording, or at its last turning point.
+
+    `turns`: list its turning points instead. `robot`: whose, when the file has several.
+    """
+
+    verb: ClassVar[str] = "explain"
+    moves: ClassVar[bool] = False
+    file: str
+    at_s: float | None = None
+    turns: bool = False
+    robot: str | None = None
+
+    def run(self, progress: Progress) -> Report:
+        return of_a_recording(self, progress)
+
+    def perform(self, session: Session) -> Report:
+        return self.run(session.progress)
+
+
+def of_a_robot(link: Link, telemetry: Telemetry) -> Report:
+    """The next decision that is heard."""
+    link.wait(lambda: telemetry.latest(DECISION) is not None, LISTEN_NS)
+    before = telemetry.latest(DECISION)
+    if before is None:
+        why = link.diagnosis()
+        return Report(False, why, {"robot": link.robot, "ok": False, "reason": why})
+    link.wait(lambda: telemetry.latest(DECISION) != before, NEXT_NS)
+    link.wait(lambda: telemetry.latest(STATUS) is not None, NEXT_NS)
+    now_ns = link.clock.now_ns()
+    decision, status = telemetry.live(DECISION, now_ns), telemetry.live(STATUS, now_ns)
+    found = explain(decision, status, telemetry.live(CYCLE, now_ns), before[0])
+    return Report(True, found.text(), {"robot": link.robot, "ok": True, **as_json(found)})
+
+
+def of_a_recording(asked: ExplainRecording, progress: Progress) -> Report:
+    """UserError when nothing was decided so far; `ok` unless the recording is damaged."""
+    reel = LogIndex(opened(Path(asked.file), asked.robot))
+    if reel.damage:
+        progress.note(f"{asked.file}: DAMAGED: {reel.damage}")
+    recorded = Recorded(reel)
+    turns = list(recorded.turns())
+    if asked.turns:
+        return turns_of(asked, turns)
+    at_ns = chosen_ns(asked, reel, turns)
+    told = recorded.at(at_ns)
+    if told is None:
+        raise UserError(f"{asked.file}: no decision is recorded up to {at_ns / NS_PER_S:g} s")
+    decided_ns, found = told
+    at_s = decided_ns / NS_PER_S
+    row = {"file": asked.file, "ok": True, "at_s": at_s, **as_json(found)}
+    return Report(not reel.damage, f"at {at_s:.2f} s it {found.text()}", row)
+
+
+def chosen_ns(asked: ExplainRecording, reel: LogIndex, turns: list[Turn]) -> int:
+    """The instant asked for, else the last turning point, else the end."""
+    if asked.at_s is not None:
+        return instant_ns(asked.file, reel, asked.at_s)
+    return turns[-1].at_ns if turns else reel.duration_ns
+
+
+def instant_ns(file: str, reel: LogIndex, at_s: float) -> int:
+    """On the timeline of the recording; UserError when that ends before."""
+    at_ns = round(at_s * NS_PER_S)
+    if at_ns > reel.duration_ns:
+        raise UserError(f"{file} ends at {reel.duration_ns / NS_PER_S:.2f} s, before {at_s:g} s")
+    return at_ns
+
+
+def turns_of(asked: ExplainRecording, turns: list[Turn]) -> Report:
+    rows = [{"at_s": turn.at_ns / NS_PER_S, "changed": turn.words} for turn in turns]
+    lines = [f"{turn.at_ns / NS_PER_S:8.2f} s  {turn.words}" for turn in turns]
+    text = "\n".join(lines) if lines else "it decided the same all the time"
+    return Report(True, text, {"file": asked.file, "ok": True, "turns": rows})
+
+
+def as_json(found: Explanation) -> dict[str, object]:
+    pairs = [line.split(maxsplit=1) for line in found.lines]
+    return {"headline": found.headline, "lines": dict(pairs)}

@@ -1,0 +1,140 @@
+"""`export`: a recording as a table for other programs."""
+
+import sys
+from collections.abc import Iterable
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Final, NamedTuple, TextIO
+
+from ground.client.connection import within
+from ground.client.operations import Progress, Session
+from ground.recording.log_reader import opened
+from ground.recording.tables.files import parquet, write_csv, write_parquet
+from ground.recording.tables.rows import LONG, Column, Row, long_rows, wide_columns, wide_rows
+from ground.recording.tables.time_axis import Axis
+from runtime.errors import UserError
+
+USUAL_RATE_HZ: Final = 20.0
+LOWEST_HZ: Final = 0.01
+HIGHEST_HZ: Final = 1000.0
+
+
+class Tally(NamedTuple):
+    """What became of a log; `unreadable` frames are whole, but not of this dialect."""
+
+    frames: int
+    rows: int
+    unreadable: int
+    lost_bytes: int
+    damage: str
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """A table that was written; `ok` unless part of the recording is damaged."""
+
+    file: str
+    out: str | None
+    tally: Tally
+
+    @property
+    def ok(self) -> bool:
+        return not self.tally.damage
+
+    @property
+    def text(self) -> str:
+        tally = self.tally
+        text = f"{self.file}: {tally.frames} frames, {tally.rows} rows"
+        if tally.unreadable:
+            text += f"; {tally.unreadable} frames are not of this dialect"
+        return f"{text}; DAMAGED: {tally.damage}" if tally.damage else text
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        return {"file": self.file, "out": self.out, **self.tally._asdict()}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """Write a recording as a table, to a file or to standard output.
+
+    `shape` long: a row per value that came; wide: one per instant of a grid of `rate_hz` (20).
+    `begin_s` and `end_s` are seconds of the robot's stamps.
+    """
+
+    verb: ClassVar[str] = "export"
+    moves: ClassVar[bool] = False
+    file: str
+    format: str = "csv"
+    shape: str = "long"
+    rate_hz: float | None = None
+    begin_s: float | None = None
+    end_s: float | None = None
+    out: str | None = None
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def run(self, progress: Progress) -> Exported:
+        axis = axis_of(self)
+        try:
+            columns, rows = table_of(self, axis)
+            count = write(self, columns, rows)
+        except BrokenPipeError:
+            raise  # nobody reads the table any more, which is nobody's mistake
+        except OSError as error:
+            raise UserError(f"{error.filename or self.out}: {error.strerror}") from error
+        log = axis.log
+        tally = Tally(log.records, count, axis.unreadable, log.lost_bytes, log.damage())
+        return Exported(self.file, self.out, tally)
+
+    def perform(self, session: Session) -> Exported:
+        return self.run(session.progress)
+
+
+def check(asked: Export) -> None:
+    """Refuse what does not go together, before anything is read."""
+    if asked.format == "parquet":
+        if asked.out is None:
+            raise UserError("Parquet is no text: add --out FILE.parquet")
+        parquet()
+    if asked.out is not None and same_file(asked.out, asked.file):
+        raise UserError(f"--out {asked.out} is the recording itself: give another name")
+    if asked.rate_hz is not None:
+        if asked.shape == "long":
+            raise UserError("--rate is for --shape wide: long has every value as it came")
+        within(asked.rate_hz, LOWEST_HZ, HIGHEST_HZ, "--rate", "Hz")
+    if asked.begin_s is not None and asked.end_s is not None and asked.begin_s > asked.end_s:
+        raise UserError(f"--from {asked.begin_s:g} is after --to {asked.end_s:g}")
+
+
+def same_file(one: str, other: str) -> bool:
+    """By whatever names and links; what is not there is no file."""
+    with suppress(OSError):
+        return Path(one).samefile(other)
+    return False
+
+
+def axis_of(asked: Export) -> Axis:
+    return Axis(opened(Path(asked.file)), asked.begin_s, asked.end_s)
+
+
+def table_of(asked: Export, axis: Axis) -> tuple[list[Column], Iterable[Row]]:
+    """Wide is read twice: first for its columns."""
+    if asked.shape == "long":
+        return list(LONG), long_rows(axis)
+    columns = wide_columns(axis_of(asked))
+    return columns, wide_rows(axis, columns, asked.rate_hz or USUAL_RATE_HZ)
+
+
+def write(asked: Export, columns: list[Column], rows: Iterable[Row]) -> int:
+    if asked.format == "parquet":
+        return write_parquet(Path(asked.out or ""), columns, rows)
+    with target_of(asked.out) as target:
+        return write_csv(target, columns, rows)
+
+
+def target_of(out: str | None) -> "nullcontext[TextIO] | TextIO":
+    if out is None:
+        return nullcontext(sys.stdout)
+    return open(out, "w", encoding="utf-8", newline="")

@@ -1,0 +1,74 @@
+"""`plot`: a recorded run as a picture."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+from ground.client.operations import Progress, Session
+from ground.launch.child_command import command
+from ground.launch.scenario import world_facts
+from ground.recording.log_reader import Log, opened
+from ground.recording.tables import figure
+from ground.recording.tables.series import gathered
+from ground.recording.tables.time_axis import Axis
+from ground.recording.world_metadata import facts_of, radius_of
+from ground.reports.report import Report
+from runtime.errors import UserError
+
+KINDS: Final = (".png", ".svg")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plot:
+    """Draw a recorded run as a .png or .svg; `world` is the one it was in, if the file has none.
+
+    `begin_s` and `end_s` are seconds of the robot's stamps.
+    """
+
+    verb: ClassVar[str] = "plot"
+    moves: ClassVar[bool] = False
+    file: str
+    out: str = ""
+    world: str | None = None
+    begin_s: float | None = None
+    end_s: float | None = None
+
+    def run(self, progress: Progress) -> Report:
+        source = Path(self.file)
+        target = Path(self.out) if self.out else source.with_suffix(".png")
+        if target.suffix not in KINDS:
+            raise UserError(f"--out {target}: end it in .png or .svg")
+        log = opened(source)
+        if not sum(1 for _ in log):  # all of it: the facts may stand anywhere
+            raise UserError(f"{source}: holds no frame{damaged(log)}")
+        facts = facts_in(self.world, log)
+        draw(self, target, log.robot, facts)
+        row = {"file": str(source), "out": str(target), "damage": log.damage()}
+        unknown = "" if facts else "; the world is not in it: --world W draws it"
+        return Report(not log.damage(), f"{target}{damaged(log)}{unknown}", row)
+
+    def perform(self, session: Session) -> Report:
+        return self.run(session.progress)
+
+
+def draw(asked: Plot, target: Path, robot: str, facts: dict[str, Any]) -> None:
+    source = Path(asked.file)
+    found = gathered(Axis(opened(source), asked.begin_s, asked.end_s), radius_of(facts))
+    if not (found.believed or found.true):
+        raise UserError(f"{source}: there is no pose in that time, so there is nothing to draw")
+    where = f" in {facts['name']}" if "name" in facts else ""
+    try:
+        figure.write(target, found, facts, f"{source.name}: {robot}{where}")
+    except OSError as error:
+        raise UserError(f"{target}: {error.strerror}") from error
+
+
+def facts_in(world: str | None, log: Log) -> dict[str, Any]:
+    if world is None:
+        return facts_of(log.facts.get("world", ""))
+    return world_facts(command(["worlds", "show", world, "--json"], os.getpid()))
+
+
+def damaged(log: Log) -> str:
+    return f" (DAMAGED: {log.damage()})" if log.damage() else ""

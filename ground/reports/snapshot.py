@@ -1,0 +1,52 @@
+"""The present state of a robot: every stream once, with its age."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ground.client.link import LISTEN_NS, Link
+from ground.client.operations import Session
+from ground.client.status_line import watch_line
+from ground.client.telemetry import LOOKED_AT, Telemetry
+from ground.reports.report import Report
+from ground.text.status_parts import in_words
+from protocol.topics import STATUS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookOnce:
+    """Look at every stream once; `ok` when the robot's status is there."""
+
+    verb: ClassVar[str] = "watch"
+    moves: ClassVar[bool] = False
+
+    def perform(self, session: Session) -> Report:
+        with session.link.hearing(*LOOKED_AT) as telemetry:
+            return look(session.link, telemetry)
+
+
+def look(link: Link, telemetry: Telemetry) -> Report:
+    link.wait(lambda: all(telemetry.latest(topic) for topic in LOOKED_AT), LISTEN_NS)
+    now_ns = link.clock.now_ns()
+    heard = telemetry.live(STATUS, now_ns) is not None
+    found = snapshot(telemetry, now_ns)
+    text = in_words(watch_line(telemetry, now_ns))
+    if not heard:
+        why = link.diagnosis()
+        found |= {"reason": why}
+        text = f"{text}\n{why}"
+    return Report(heard, text, {"robot": link.robot, "ok": heard, **found})
+
+
+def snapshot(telemetry: Telemetry, now_ns: int) -> dict[str, object]:
+    """Every stream with its age; a value that is too old is null."""
+    streams: dict[str, object] = {}
+    for topic in LOOKED_AT:
+        seen = telemetry.seen(topic, now_ns)
+        message = telemetry.live(topic, now_ns)
+        names = () if message is None else message.__struct_fields__
+        streams[topic.path] = {
+            "age_s": None if seen.age_ns is None else seen.age_ns / 1e9,
+            "state": seen.age.value,
+            "message": {name: getattr(message, name) for name in names} or None,
+        }
+    return {"streams": streams}
