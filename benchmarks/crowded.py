@@ -189,6 +189,14 @@ def said(tick: int, now_ns: int) -> Iterator[tuple[Topic[Any], Message]]:
             vehicle_reason=0, goal_reason=0, navigator=Navigator.VGM, side=1,
         ),
     )  # fmt: skip
+    yield from said_of_driving(tick, now_ns, (x_m, y_m), angle_rad)
+
+
+def said_of_driving(
+    tick: int, now_ns: int, place_m: tuple[float, float], angle_rad: float
+) -> Iterator[tuple[Topic[Any], Message]]:
+    """Decision, cycle and sonar of the same tick."""
+    x_m, y_m = place_m
     yield (
         DECISION,
         AvoidanceDecision(

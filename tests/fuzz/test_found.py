@@ -7,7 +7,7 @@ import pytest
 
 from protocol.wire.messages import PlanarOdometry
 from verification.fuzz.hunt import limited, watch
-from verification.fuzz.logs import bomb, said
+from verification.fuzz.logs import SAID, bomb
 from verification.fuzz.messages import packed
 from verification.fuzz.targets import TARGETS
 
@@ -19,7 +19,7 @@ PLAN = b"""{"fileType": "Plan", "mission": {"plannedHomePosition": [48.1, 11.5, 
 ROUND = b"[fence]\ncorners = [" + b", ".join(b"[%d, %d]" % (n, n * n) for n in range(400)) + b"]"
 
 HEADLESS = msgspec.structs.replace(
-    next(one for one in said() if isinstance(one, PlanarOdometry)), heading_rad=float("nan")
+    next(one for one in SAID if isinstance(one, PlanarOdometry)), heading_rad=float("nan")
 )
 
 FOUND = {

@@ -188,6 +188,18 @@ class Drill:
             case Slow():
                 crew.send("robot", signal.SIGUSR1)
                 self._witness.set(*TUNED)
+            case Wrap():
+                """They wrap by themselves."""
+            case Double() | Exaggerate() | Spoil() | Fill() | Squeeze() | Burn():
+                self._impair(act)
+            case _:
+                for role in afflictions_of(act, 0):
+                    crew.send(role, signal.SIGUSR1)
+
+    def _impair(self, act: Act) -> None:
+        """Spoil what a process needs, or let another one get in its way."""
+        crew = self._crew
+        match act:
             case Spoil():
                 crew.kill("robot")
                 (crew.folder / "state" / "fence.json").write_text("[{", encoding="utf-8")
@@ -202,11 +214,6 @@ class Drill:
                 crew.limit("robot", resource.RLIMIT_AS, crew.memory("robot"))
             case Burn():
                 crew.burn()
-            case Wrap():
-                """They wrap by themselves."""
-            case _:
-                for role in afflictions_of(act, 0):
-                    crew.send(role, signal.SIGUSR1)
 
     def _heal(self, act: Act) -> None:
         """The end of the fault, where it has one; who hangs for good is ended and started anew."""

@@ -58,77 +58,75 @@ MOST_ROWS: Final = 20_000
 NAME: Final = "20261121T190000Z-r1"
 NAN: Final = float("nan")
 
-
-def said() -> tuple[Message, ...]:
-    """What a robot says in one tick."""
-    status = NavigatorStatus(
-        time_ns=50_000_000,
-        goal_started_ns=1,
-        goal_ended_ns=0,
-        goal_id=2,
-        goal_x_m=4.0,
-        goal_y_m=1.0,
-        goal_heading_rad=NAN,
-        goal_distance_m=3.0,
-        vehicle=2,
-        mode=10,
-        goal=2,
-        vehicle_reason=0,
-        goal_reason=0,
-        navigator=2,
-        side=1,
-    )
-    odometry = PlanarOdometry(
-        time_ns=50_000_000,
-        x_m=0.6,
-        y_m=2.0,
-        heading_rad=0.0,
-        speed_m_s=0.2,
-        yaw_rate_rad_s=0.0,
-        cov_xx_m2=0.01,
-        cov_xy_m2=0.0,
-        cov_xh_m_rad=0.0,
-        cov_yy_m2=0.01,
-        cov_yh_m_rad=0.0,
-        cov_hh_rad2=0.01,
-    )
-    decision = AvoidanceDecision(
-        time_ns=50_000_000,
-        nearest_bearing_rad=0.2,
-        nearest_range_m=0.5,
-        zone_m=0.3,
-        goal_bearing_rad=0.1,
-        rotation_rad=0.0,
-        virtual_x_m=4.0,
-        virtual_y_m=1.0,
-        speed_m_s=0.2,
-        yaw_rate_rad_s=0.1,
-        branch=2,
-        guard=0,
-    )
-    inputs = TickInputs(
-        time_ns=50_000_000,
-        now_ms=50,
-        tick=1,
-        wheels_seq=1,
-        scan_seq=1,
-        requests=0,
-        scan_age_ms=20,
-        operator_age_ms=0,
-        speed_mm_s=0,
-        yaw_rate_mrad_s=0,
-        flags=SCAN_THERE | WHEELS_THERE,
-    )
-    command = WheelCommand(
-        time_ns=50_000_000, seq=1, sense_seq=1, left_mrad_s=5, right_mrad_s=5, ttl_ms=150
-    )
-    return SCAN, TICKS, inputs, command, odometry, status, decision, TEXT
+STATUS = NavigatorStatus(
+    time_ns=50_000_000,
+    goal_started_ns=1,
+    goal_ended_ns=0,
+    goal_id=2,
+    goal_x_m=4.0,
+    goal_y_m=1.0,
+    goal_heading_rad=NAN,
+    goal_distance_m=3.0,
+    vehicle=2,
+    mode=10,
+    goal=2,
+    vehicle_reason=0,
+    goal_reason=0,
+    navigator=2,
+    side=1,
+)
+ODOMETRY = PlanarOdometry(
+    time_ns=50_000_000,
+    x_m=0.6,
+    y_m=2.0,
+    heading_rad=0.0,
+    speed_m_s=0.2,
+    yaw_rate_rad_s=0.0,
+    cov_xx_m2=0.01,
+    cov_xy_m2=0.0,
+    cov_xh_m_rad=0.0,
+    cov_yy_m2=0.01,
+    cov_yh_m_rad=0.0,
+    cov_hh_rad2=0.01,
+)
+DECISION = AvoidanceDecision(
+    time_ns=50_000_000,
+    nearest_bearing_rad=0.2,
+    nearest_range_m=0.5,
+    zone_m=0.3,
+    goal_bearing_rad=0.1,
+    rotation_rad=0.0,
+    virtual_x_m=4.0,
+    virtual_y_m=1.0,
+    speed_m_s=0.2,
+    yaw_rate_rad_s=0.1,
+    branch=2,
+    guard=0,
+)
+INPUTS = TickInputs(
+    time_ns=50_000_000,
+    now_ms=50,
+    tick=1,
+    wheels_seq=1,
+    scan_seq=1,
+    requests=0,
+    scan_age_ms=20,
+    operator_age_ms=0,
+    speed_mm_s=0,
+    yaw_rate_mrad_s=0,
+    flags=SCAN_THERE | WHEELS_THERE,
+)
+COMMAND = WheelCommand(
+    time_ns=50_000_000, seq=1, sense_seq=1, left_mrad_s=5, right_mrad_s=5, ttl_ms=150
+)
+SAID: Final[tuple[Message, ...]] = (SCAN, TICKS, INPUTS, COMMAND, ODOMETRY, STATUS, DECISION, TEXT)
+"""What a robot says in one tick."""
 
 
 def spoken() -> Sequence[bytes]:
     """In wall time, in lockstep, and with requests in between."""
     clock = SystemTime(time_unix_usec=50_000, time_boot_ms=50)
-    return [packed(*said() * 2), packed(clock, *said(), clock), packed(*said(), ARM, GOAL, *said())]
+    return [packed(*SAID * 2), packed(clock, *SAID, clock), packed(*SAID, ARM, GOAL, *SAID)]
 
 
 def facts() -> dict[str, str]:

@@ -99,6 +99,10 @@ LEASE: Final = (*REQUESTS[LeaseRequest], ARM, "mode MANUAL", "mode HOLD", "stop"
 
 def parts() -> tuple[Part, ...]:
     """Return the parts of the model; what they have in common is explored in each."""
+    return (*parts_of_driving(), *parts_of_the_lease())
+
+
+def parts_of_driving() -> tuple[Part, ...]:
     missions = (*BASE, "mode AUTO", "mode GUIDED", "mode MANUAL", "pause", "continue")
     about_missions = [name for name in REQUESTS[CommandRequest] if "mission" in name]
     of_mission = (*about_missions, "jump to item 2", "jump to no item", "clear mission")
@@ -133,6 +137,11 @@ def parts() -> tuple[Part, ...]:
             ticks(),
             ends_of_goals(),
         ),
+    )
+
+
+def parts_of_the_lease() -> tuple[Part, ...]:
+    return (
         part(
             "lease",
             *(requests(one, LEASE) for one in (ADA, BOB, STRANGER)),

@@ -154,9 +154,21 @@ def drive(
     """A drive along these poses, believed as they are."""
     place = world or floor(far_m=2.0)
     trial = Trial(world=place, **{"navigator": "vgm", "noise": "none", **asked})
+    return Drive(
+        trial=trial,
+        outcome=ended(trial, path, outcome, contacts),
+        true=tuple(path),
+        believed=tuple(path),
+        branches=tuple(branches or [1] * len(path)),
+        covariance=(0.01, 0.0, 0.04),
+    )
+
+
+def ended(trial: Trial, path: Sequence[Pose], outcome: str, contacts: int) -> Outcome:
+    """The outcome of a trial that drove along this path."""
     way_m = sum(abs(complex(b[0] - a[0], b[1] - a[1])) for a, b in pairwise(path))
-    ended = Outcome(
-        world=place.name,
+    return Outcome(
+        world=trial.world.name,
         navigator=trial.navigator,
         seed=trial.seed,
         noise=str(trial.noise),
@@ -165,7 +177,7 @@ def drive(
         reason="none",
         time_s=10.0,
         path_m=way_m,
-        shortest_path_m=place.shortest_path_m,
+        shortest_path_m=trial.world.shortest_path_m,
         position_error_m=0.0,
         heading_error_rad=None,
         estimated_position_error_m=0.0,
@@ -175,12 +187,4 @@ def drive(
         ticks=len(path),
         missed_ticks=0,
         digest="d1",
-    )
-    return Drive(
-        trial=trial,
-        outcome=ended,
-        true=tuple(path),
-        believed=tuple(path),
-        branches=tuple(branches or [1] * len(path)),
-        covariance=(0.01, 0.0, 0.04),
     )
