@@ -30,7 +30,7 @@ def first_drive_s(compose: Compose, began_s: float) -> float:
                 said.append(line.decode())
                 if said[-1].startswith("driving"):
                     return monotonic() - began_s
-        compose.verb("arm")
+        compose.arms()
     raise AssertionError("".join(said))
 
 
@@ -60,7 +60,7 @@ def test_down_ends_all_in_time_and_nobody_is_cut_short(image: str) -> None:
 
 
 def test_a_robot_that_was_killed_comes_back_stands_disarmed_and_says_why(stack: Compose) -> None:
-    assert stack.verb("arm").code == 0
+    stack.arms()
     stack.inside("robot", *KILL_ALL)
     until(lambda: stack.logs("robot").count("ready, disarmed") == 2, 30.0, "a second robot")
     assert "started again: the one before" in stack.logs("robot")

@@ -54,7 +54,7 @@ def test_each_robot_of_a_fleet_drives_to_its_goal(fleet: Compose) -> None:
             if docker("wait", driver).strip() == "0":
                 arrived.add(robot)
             elif robot not in arrived:
-                fleet.verb("arm", "--id", robot)
+                fleet.arms("--id", robot)
         if len(arrived) == 2:
             break
     assert arrived == {"r1", "r2"}, fleet.logs("drive")[-LAST_WORDS:]

@@ -128,6 +128,7 @@ def test_the_ground_station_opens_in_a_terminal_and_leaves_it(
 ) -> None:
     words = ["-C", str(ROOT), *stack.command("run", "--rm", "ground")]
     settings = {"SIDESTEP_IMAGE": stack.image, "PORT": stack.port}
+    stack.arms()  # after a stop of a busy machine the app would not call it ready
     with Tmux(tmp_path, ["env", *words], (100, 30), settings) as terminal:
         terminal.shows("r1", "parameters read: ready", within_s=60.0)
         terminal.press("C-q")

@@ -131,13 +131,17 @@ class Compose:
         """`sidestep` with these words in a container of its own, next to the others."""
         return self.tries("run", "--rm", "-T", "ground", *words, within_s=within_s)
 
+    def arms(self, *words: str) -> None:
+        """Arm the robot, again while it refuses because the machine is busy."""
+        until(lambda: self.verb("arm", *words).code == 0, HEALTHY_S, "armed")
+
     def goes(self, x_m: str, y_m: str) -> Done:
         """Sends the robot there, and again when it stops because the machine is busy."""
         for _ in range(TRIES):
             done = self.verb("goto", x_m, y_m, "--json")
             if done.code == 0 or not any(words in done.said for words in BUSY):
                 break
-            self.verb("arm")  # a failsafe stays until then
+            self.arms()  # a failsafe stays until then
         return done
 
     @contextmanager
