@@ -11,11 +11,11 @@ from ground.client.requests import (
     PATIENCE_NS,
     Answered,
     Asking,
+    Exchange,
     GaveUp,
     Request,
     RequestIds,
     Send,
-    Talk,
 )
 from ground.client.telemetry import Telemetry
 from protocol.bus.bus import Bus, open_bus
@@ -80,7 +80,7 @@ class Link:
             return asking.outcome
         raise self.unanswered(asking.outcome)
 
-    def talk(self, talk: Talk, service: Service) -> None:
+    def talk(self, talk: Exchange[Any], service: Service) -> None:
         """Put its questions to a service until it is over."""
         while not talk.over:
             for send in talk.due(self.clock.now_ns()):
@@ -95,7 +95,7 @@ class Link:
         why = "no answer" if outcome is None else outcome.why
         return Unanswered(f"{self.diagnosis()} ({why})")
 
-    def _put(self, talk: Talk, service: Service, send: Send) -> None:
+    def _put(self, talk: Exchange[Any], service: Service, send: Send) -> None:
         try:
             answer = self.bus.ask(
                 service, send.request, send.patience_ns / NS_PER_S, robot=self.robot

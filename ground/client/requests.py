@@ -5,7 +5,7 @@ A request keeps its id however often it is repeated, so a retry never acts twice
 
 import secrets
 from dataclasses import dataclass
-from typing import Final, Protocol, TypeAlias
+from typing import Final, Generic, TypeAlias, TypeVar
 
 from protocol.wire.enums import AckResult, Command, GoalState
 from protocol.wire.message import Message
@@ -31,6 +31,7 @@ NO_COMMAND: Final = 0
 ASK_AGAIN: Final = (Reason.TOO_MANY_REQUESTS, Reason.TOO_LATE)
 """Reasons that are no answer: the robot has not looked at the request."""
 
+Out = TypeVar("Out")
 Request: TypeAlias = CommandRequest | GoalRequest | LeaseRequest
 
 
@@ -47,18 +48,6 @@ class Send:
 
     request: Message | None
     patience_ns: int
-
-
-class Talk(Protocol):
-    """Questions and answers until there is an outcome; `next_ns`: when something is due."""
-
-    next_ns: int
-
-    @property
-    def over(self) -> bool: ...
-    def due(self, now_ns: int) -> list[Send]: ...
-    def receive(self, answer: object, now_ns: int) -> None: ...
-    def unanswered(self, why: str) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +70,67 @@ class GaveUp:
     why: str
 
 
-class Asking:
-    """One request until it is answered: the same id again and again, a fixed time apart."""
+class Exchange(Generic[Out]):
+    """Questions, each repeated until it is answered: the one engine of all requests.
+
+    Does no I/O: `due` says what to ask now, `receive` and `unanswered` take what came of it. It is
+    over when there is an `outcome`. A retry is the same question, so it never acts twice.
+    """
+
+    def __init__(
+        self,
+        question: Message | None,
+        now_ns: int,
+        *,
+        attempts: int = ATTEMPTS,
+        patience_ns: int = PATIENCE_NS,
+    ) -> None:
+        self.next_ns = now_ns
+        self.outcome: Out | GaveUp | None = None
+        self._question = question
+        self._attempts = self._left = attempts
+        self._patience_ns = patience_ns
+        self._why = "no answer"
+
+    @property
+    def over(self) -> bool:
+        return self.outcome is not None
+
+    def due(self, now_ns: int) -> list[Send]:
+        """Return what to ask now; `next_ns` says when to call it again."""
+        if self.over or now_ns < self.next_ns:
+            return []
+        if not self._left or self._is_out_of_time(now_ns):
+            self.outcome = GaveUp(self._why)
+            return []
+        self._left -= 1
+        self.next_ns = now_ns + self._patience_ns
+        return [Send(self._question, self._patience_ns)]
+
+    def receive(self, answer: object, now_ns: int) -> None:
+        """Take an answer; one that does not fit counts as none."""
+        if not self.over:
+            self._take(answer, now_ns)
+
+    def unanswered(self, why: str) -> None:
+        """Note that an attempt came to nothing, for this reason."""
+        self._why = why
+
+    def _take(self, answer: object, now_ns: int) -> None:
+        """Set the outcome, ask the next question or ask again."""
+        raise NotImplementedError
+
+    def _is_out_of_time(self, now_ns: int) -> bool:
+        """Return whether to give up though there are attempts left."""
+        return False
+
+    def _ask_next(self, question: Message | None, now_ns: int) -> None:
+        """Ask another question, or the same again, at once and with all attempts."""
+        self._question, self._left, self.next_ns = question, self._attempts, now_ns
+
+
+class Asking(Exchange[Answered]):
+    """One command, goal or request for the lease until the robot acknowledges it."""
 
     def __init__(
         self,
@@ -92,44 +140,20 @@ class Asking:
         attempts: int = ATTEMPTS,
         patience_ns: int = PATIENCE_NS,
     ) -> None:
+        super().__init__(request, now_ns, attempts=attempts, patience_ns=patience_ns)
         self._request = request
-        self._started_ns = self.next_ns = now_ns
-        self._left = attempts
-        self._patience_ns = patience_ns
-        self._why = "no answer"
-        self.outcome: Answered | GaveUp | None = None
+        self._started_ns = now_ns
 
-    def due(self, now_ns: int) -> list[Send]:
-        """What to send now; `next_ns` says when to ask again. Ends in `outcome`."""
-        if self.outcome is not None or now_ns < self.next_ns:
-            return []
-        if not self._left:
-            self.outcome = GaveUp(self._why)
-            return []
-        self._left -= 1
-        self.next_ns = now_ns + self._patience_ns
-        return [Send(self._request, self._patience_ns)]
-
-    @property
-    def over(self) -> bool:
-        return self.outcome is not None
-
-    def receive(self, answer: object, now_ns: int) -> None:
-        """Take an answer. Only one to this request's command ends the asking."""
+    def _take(self, answer: object, now_ns: int) -> None:
         if not isinstance(answer, CommandAck):
             self.unanswered("the answer is no acknowledgement")
         elif answer.result == AckResult.TEMPORARILY_REJECTED or answer.result_param2 in ASK_AGAIN:
             self.unanswered(reason_text(answer.result_param2))
         elif not acknowledges(answer, self._request):
             self.unanswered(f"the answer is to command {answer.command}")
-        elif self.outcome is None:
+        else:
             accepted = answer.result == AckResult.ACCEPTED
-            reason = answer.result_param2
-            self.outcome = Answered(reason, accepted, now_ns - self._started_ns)
-
-    def unanswered(self, why: str) -> None:
-        """An attempt came to nothing, for this reason."""
-        self._why = why
+            self.outcome = Answered(answer.result_param2, accepted, now_ns - self._started_ns)
 
 
 def is_saving(answer: object) -> bool:

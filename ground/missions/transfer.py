@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from ground.client.requests import GaveUp, Send, is_saving
+from ground.client.requests import Exchange, GaveUp, Send, is_saving
 from protocol.wire.enums import MissionType
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -61,57 +61,36 @@ class Downloaded:
     items: tuple[MissionItemInt, ...]
 
 
-class Transfer:
-    """One question after the other; `outcome` when it is over."""
+class Transfer(Exchange[Verdict | Downloaded]):
+    """One question after the other, `most` in all."""
 
     def __init__(self, first: Message, kind: MissionType, now_ns: int, most: int) -> None:
-        self.next_ns = now_ns
-        self.outcome: Verdict | Downloaded | GaveUp | None = None
+        super().__init__(first, now_ns, attempts=ATTEMPTS, patience_ns=PATIENCE_NS)
         self._kind = kind
-        self._question = first
-        self._left = ATTEMPTS
         self._steps_left = most
         self._saving_left = MAX_SAVING
-        self._why = "no answer"
-
-    @property
-    def over(self) -> bool:
-        return self.outcome is not None
 
     def due(self, now_ns: int) -> list[Send]:
-        """The question of this step, when it is time to ask it (again)."""
-        if self.over or now_ns < self.next_ns:
-            return []
-        if not self._left or not self._steps_left:
-            self.outcome = GaveUp(self._why)
-            return []
-        self._left -= 1
-        self._steps_left -= 1
-        self.next_ns = now_ns + PATIENCE_NS
-        return [Send(self._question, PATIENCE_NS)]
+        sends = super().due(now_ns)
+        self._steps_left -= len(sends)
+        return sends
 
-    def receive(self, answer: object, now_ns: int) -> None:
-        """Sets the next question, or the outcome."""
-        if self.over:
-            return
+    def _is_out_of_time(self, now_ns: int) -> bool:
+        return not self._steps_left
+
+    def _take(self, answer: object, now_ns: int) -> None:
         if is_saving(answer) and self._saving_left:
             self._saving_left -= 1
             self._steps_left += 1
-            self._left, self.next_ns, self._why = ATTEMPTS, now_ns, "in force, still being saved"
-            return
-        if isinstance(answer, MissionVerdict) and answer.mission_type == self._kind:
+            self.unanswered("in force, still being saved")
+            self._ask_next(self._question, now_ns)
+        elif isinstance(answer, MissionVerdict) and answer.mission_type == self._kind:
             item = None if answer.item == NO_ITEM else answer.item + 1
             self.outcome = Verdict(answer.reason, item, answer.mission_id)
-            return
-        question = self._after(answer)
-        if question is None:
+        elif (question := self._after(answer)) is None:
             self.unanswered(f"the answer was {type(answer).__name__}, out of turn")
-        else:
-            self._question, self._left, self.next_ns = question, ATTEMPTS, now_ns
-
-    def unanswered(self, why: str) -> None:
-        """An attempt came to nothing, for this reason."""
-        self._why = why
+        elif not self.over:
+            self._ask_next(question, now_ns)
 
     def _after(self, answer: object) -> Message | None:
         """The question that follows; None when the answer does not fit."""

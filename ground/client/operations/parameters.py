@@ -14,9 +14,9 @@ from ground.client.link import Link, Unanswered
 from ground.client.operations.session import Session
 from ground.client.parameter import Parameter, parameters_in, same
 from ground.client.parameter_rows import NAME_RULE
-from ground.client.requests import ATTEMPTS, PATIENCE_NS, GaveUp, Send, is_saving
+from ground.client.requests import Exchange, GaveUp, is_saving
 from ground.client.results import Refused
-from protocol.topics import PARAMETER, PARAMETERS, Service
+from protocol.topics import PARAMETER, PARAMETERS
 from protocol.wire.enums import PARAM_TYPE_REAL32
 from protocol.wire.limits import MAX_PARAMETER_NAME_BYTES
 from protocol.wire.message import Message
@@ -42,62 +42,37 @@ ALLOWED: Final[Mapping[str, str]] = MappingProxyType(
 """Values of a safety parameter, by its direction."""
 
 
-class ParameterExchange:
-    """One question to the robot's parameters, repeated until it is answered.
+class ParameterExchange(Exchange[Message | bytes]):
+    """One question to the robot's parameters, or a new value for one.
 
     Setting the same value twice does no harm. A robot that is still saving the value is asked
     again, for as long as a slow disk may take.
     """
 
     def __init__(self, request: ParamSet | None, now_ns: int) -> None:
-        self.answer: Message | bytes | None = None
-        self.why = ""
-        self.next_ns = now_ns
-        self._request = request
-        self._left = ATTEMPTS
+        super().__init__(request, now_ns)
         self._until_ns = now_ns + SAVING_NS
-        self._given_up = False
 
-    @property
-    def service(self) -> Service:
-        return PARAMETERS if self._request is None else PARAMETER
+    def _is_out_of_time(self, now_ns: int) -> bool:
+        return now_ns >= self._until_ns
 
-    @property
-    def over(self) -> bool:
-        return self.answer is not None or self._given_up
-
-    @property
-    def outcome(self) -> GaveUp | None:
-        return GaveUp(self.why) if self._given_up else None
-
-    def due(self, now_ns: int) -> list[Send]:
-        if self.over or now_ns < self.next_ns:
-            return []
-        if not self._left or now_ns >= self._until_ns:
-            self._given_up = True
-            return []
-        self._left -= 1
-        self.next_ns = now_ns + PATIENCE_NS
-        return [Send(self._request, PATIENCE_NS)]
-
-    def receive(self, answer: object, now_ns: int) -> None:
+    def _take(self, answer: object, now_ns: int) -> None:
         if is_saving(answer):
-            self._left, self.next_ns = ATTEMPTS, now_ns
-            self.why = "it is in force, and still being saved"
+            self.unanswered("it is in force, and still being saved")
+            self._ask_next(self._question, now_ns)
         elif isinstance(answer, Message | bytes):
-            self.answer = answer
-
-    def unanswered(self, why: str) -> None:
-        self.why = why
+            self.outcome = answer
 
 
 def ask(link: Link, request: ParamSet | None) -> Message | bytes:
     """Return the robot's answer; Unanswered says what is missing when there is none."""
     exchange = ParameterExchange(request, link.clock.now_ns())
-    link.talk(exchange, exchange.service)
-    if exchange.answer is None:
-        raise Unanswered(f"{link.diagnosis()} ({exchange.why})")
-    return exchange.answer
+    link.talk(exchange, PARAMETERS if request is None else PARAMETER)
+    outcome = exchange.outcome
+    if outcome is None or isinstance(outcome, GaveUp):
+        why = "no answer" if outcome is None else outcome.why
+        raise Unanswered(f"{link.diagnosis()} ({why})")
+    return outcome
 
 
 def fetch(link: Link) -> list[Parameter]:
