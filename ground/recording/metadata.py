@@ -1,27 +1,15 @@
 """What a recording should say beside its frames: the world and the parameters, once each."""
 
-from typing import Final, Protocol
+from typing import Final
 
+from ground.client.emergency_stop import Asks
 from protocol.topics import PARAMETERS, WORLD, Service
-from protocol.wire.message import Message
 from runtime.errors import RemoteError
 
 WANTED: Final[dict[str, Service]] = {"parameters": PARAMETERS, "world": WORLD}
 PATIENCE_S: Final = 0.2
 FIRST_PAUSE_NS: Final = 200_000_000
 LONGEST_PAUSE_NS: Final = 5_000_000_000
-
-
-class Asks(Protocol):
-    """What is needed of the bus."""
-
-    def ask(
-        self,
-        service: Service,
-        message: Message | None = None,
-        timeout_s: float = 0.5,
-        robot: str | None = None,
-    ) -> Message | bytes: ...
 
 
 class Facts:

@@ -3,11 +3,12 @@
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
+from ground.client.emergency_stop import Asks
 from ground.client.emergency_stop import Puts as Puts
 from ground.client.telemetry import Take
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.network import Hub
-from protocol.topics import Service, Topic
+from protocol.topics import Topic
 from protocol.wire.message import Message
 
 M = TypeVar("M", bound=Message)
@@ -24,7 +25,7 @@ class Token(Protocol):
     def zid(self) -> str: ...
 
 
-class Hears(Protocol):
+class Hears(Asks, Protocol):
     """A bus that can be listened to: a live one, or one that plays a log."""
 
     def mailbox(
@@ -36,13 +37,6 @@ class Hears(Protocol):
         take: Take | None = None,
     ) -> Mailbox[M]: ...
     def present(self) -> Iterable[Token]: ...
-    def ask(
-        self,
-        service: Service,
-        message: Message | None = None,
-        timeout_s: float = 0.5,
-        robot: str | None = None,
-    ) -> Message | bytes: ...
 
 
 @runtime_checkable

@@ -4,7 +4,6 @@ Callbacks run in Zenoh's receive thread, where a call into Zenoh or a wait would
 that arrives: they store or enqueue, no more.
 """
 
-import threading
 import time
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -20,7 +19,7 @@ from protocol.bus.linger import DelayedClose
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Hub, Network
 from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
-from protocol.bus.publisher import Publisher
+from protocol.bus.publisher import Publisher, await_ready
 from protocol.bus.requester import Requester
 from protocol.bus.service import Handler, ServiceQueue, ServiceRequest, attached_time, taken
 from protocol.bus.session import bound_endpoints, called, gone, open_session
@@ -50,7 +49,6 @@ Take = Callable[[str, bytes, int], None]
 """Key, frame, and when it came in ns; for an event fetched afterwards, when it was told."""
 
 M = TypeVar("M", bound=Message)
-POLL_S = 0.001
 
 
 class Bus:
@@ -343,17 +341,8 @@ class Bus:
         self._dialled.on_wrong(handler)
 
     def await_matched(self, publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:
-        """Wait until each has a subscriber, and an operator's knows its robot's time.
-
-        Return the keys of those that were not ready in time.
-        """
-        waiting = [publisher for publisher in publishers if not publisher.ready]
-        deadline_s = time.monotonic() + timeout_s
-        pause = threading.Event()
-        while waiting and time.monotonic() < deadline_s:
-            pause.wait(POLL_S)
-            waiting = [publisher for publisher in waiting if not publisher.ready]
-        return [publisher.key for publisher in waiting]
+        """Wait until all are ready, and return the keys of those that were not in time."""
+        return await_ready(publishers, timeout_s)
 
     @property
     def rejected(self) -> dict[str, int]:

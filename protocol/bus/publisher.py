@@ -1,6 +1,8 @@
 """One key, one sender, one sequence counter."""
 
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Iterable
 from typing import Any, Final, Generic, TypeVar
 
 import zenoh
@@ -20,6 +22,7 @@ PRIORITIES: Final = {
     Priority.DATA: zenoh.Priority.DATA,
     Priority.DATA_LOW: zenoh.Priority.DATA_LOW,
 }
+POLL_S: Final = 0.001
 
 
 class Publisher(Generic[M]):
@@ -87,3 +90,17 @@ class Publisher(Generic[M]):
         # Zenoh's stub says bool, but it is an object, and one that is always true.
         status: Any = self._matching.matching_status
         return bool(status.matching)
+
+
+def await_ready(publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:
+    """Wait until each has a subscriber, and an operator's knows its robot's time.
+
+    Return the keys of those that were not ready in time.
+    """
+    waiting = [publisher for publisher in publishers if not publisher.ready]
+    deadline_s = time.monotonic() + timeout_s
+    pause = threading.Event()
+    while waiting and time.monotonic() < deadline_s:
+        pause.wait(POLL_S)
+        waiting = [publisher for publisher in waiting if not publisher.ready]
+    return [publisher.key for publisher in waiting]
