@@ -114,7 +114,10 @@ class Fill:
 
 @dataclass(frozen=True, slots=True)
 class Slow:
-    """Each fsync of the robot takes so long from now on, and a parameter is set."""
+    """Each fsync of the robot takes so long from now on.
+
+    A parameter is set, and a mission and a fence are sent, in turn until the robot has arrived.
+    """
 
     fsync_s: float
 

@@ -1,14 +1,31 @@
 """Sees the truth at the plant itself, and the rest at the router: what is cut off is still seen."""
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from math import isclose, nan
+from pathlib import Path
 from time import monotonic_ns
 from typing import Any, Final, NamedTuple, Self
 
 from ground.client.emergency_stop import EmergencyStop
+from ground.client.requests import is_saving
+from ground.missions.mission import Circle, Waypoint
+from ground.missions.wire import fence_items_of, items_of
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network, Tls
-from protocol.topics import COMMAND, PARAMETER, STATUS, STOP, TRUTH, Role, Service, Topic
+from protocol.topics import (
+    COMMAND,
+    CYCLE,
+    MISSION_SERVICE,
+    PARAMETER,
+    STATUS,
+    STOP,
+    TRUTH,
+    Role,
+    Service,
+    Topic,
+)
 from protocol.wire.codec import decode
 from protocol.wire.enums import PARAM_TYPE_REAL32, AckResult, Command, Vehicle
 from protocol.wire.message import Message
@@ -16,9 +33,14 @@ from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     GroundTruth,
+    MissionCount,
+    MissionItemInt,
+    MissionVerdict,
     NavigatorStatus,
     ParamSet,
+    ParamValue,
 )
+from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
 from runtime.errors import NoAnswer, RemoteError
 from runtime.units import NS_PER_S
@@ -27,6 +49,11 @@ from verification.harness.motion import Seen
 DIAL_S: Final = 20.0
 GIVE_UP_NS: Final = 10_000_000_000
 ROBOT: Final = "r1"
+CHANGED_S: Final = 4.5
+"""From one change of an operator to the next: a file on the slowest disk takes 4 s."""
+
+TUNED: Final = "d_obs_m"
+"""A parameter that an operator may set while the robot drives."""
 
 
 class Heard(NamedTuple):
@@ -45,10 +72,12 @@ class Witness:
         self._scope = ExitStack()
         self.truths: list[Heard] = []
         self.statuses: list[Heard] = []
+        self.cycles: list[Heard] = []
 
     def __enter__(self) -> Self:
         router, truth = self._endpoints
         self._bus = self._listen(router, STATUS, self.statuses)
+        self._stream(self._bus, CYCLE, self.cycles)
         self._stop = self._bus.publisher(STOP)
         self._listen(truth, TRUTH, self.truths)
         return self
@@ -68,7 +97,10 @@ class Witness:
 
     def _listen(self, endpoint: str, topic: Topic[Any], into: list[Heard]) -> Bus:
         bus = self._open(endpoint, Role.GROUND)
+        self._stream(bus, topic, into)
+        return bus
 
+    def _stream(self, bus: Bus, topic: Topic[Any], into: list[Heard]) -> None:
         def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
             try:
                 into.append(Heard(decode(frame).message, arrived_ns))
@@ -76,7 +108,6 @@ class Witness:
                 return
 
         bus.stream(topic, keep)
-        return bus
 
     @property
     def status(self) -> NavigatorStatus | None:
@@ -103,6 +134,13 @@ class Witness:
         early = [one for one in heard if one.at_ns < since_ns]
         offset_ns = min((one.at_ns - one.message.time_ns for one in early), default=0)
         return list(after(heard, offset_ns, since_ns))
+
+    def missed_ticks(self, since_ns: int) -> int:
+        """Control periods that the robot has missed since a moment. RuntimeError if unknown."""
+        early = [one.message.missed for one in tuple(self.cycles) if one.at_ns < since_ns]
+        if not early or self.cycles[-1].at_ns < since_ns:
+            raise RuntimeError("the robot did not report its cycles")
+        return int(self.cycles[-1].message.missed) - int(early[-1])
 
     def estop(self) -> None:
         self._ask(
@@ -141,16 +179,75 @@ class Witness:
             raise RuntimeError("it was armed")
         return True
 
-    def set(self, name: str, value: float) -> None:
-        self._ask(
-            PARAMETER, ParamSet(param_value=value, param_id=name, param_type=PARAM_TYPE_REAL32)
-        )
+    def set(self, name: str, value: float) -> bool:
+        """Return whether the value is in force, saved or not yet."""
+        request = ParamSet(param_value=value, param_id=name, param_type=PARAM_TYPE_REAL32)
+        answer = self._ask(PARAMETER, request)
+        return isinstance(answer, ParamValue) or is_saving(answer)
 
-    def _ask(self, service: Service, request: Message) -> None:
+    def upload(self, items: Sequence[MissionItemInt]) -> bool:
+        """Return whether a mission or a fence is in force, saved or not yet."""
+        kind = items[0].mission_type
+        answer = self._ask(MISSION_SERVICE, MissionCount(count=len(items), mission_type=kind))
+        for item in items:
+            answer = self._ask(MISSION_SERVICE, item)
+        accepted = isinstance(answer, MissionVerdict) and answer.reason == Reason.NONE
+        return accepted or is_saving(answer)
+
+    def _ask(self, service: Service, request: Message) -> Message | bytes:
         try:
-            self._bus.ask(service, request, 2.0)
+            return self._bus.ask(service, request, 2.0)
         except NoAnswer as error:
             raise RuntimeError(str(error)) from error
+
+
+class Changes:
+    """What an operator changes while the robot drives: a parameter, the mission, the fence, again.
+
+    Each change has another value, so that a file is written anew.
+    """
+
+    def __init__(self, witness: Witness, state: Path) -> None:
+        self._witness = witness
+        self._state = state
+        self._count = 0
+        self._wanted: dict[str, float] = {}
+
+    def make(self, since_s: float) -> None:
+        """Make the next one if it is due. RuntimeError when the robot refuses it."""
+        if since_s < self._count * CHANGED_S:
+            return
+        further_m = self._count / 100
+        name = ("parameters", "mission", "fence")[self._count % 3]
+        self._count += 1
+        if name == "parameters":
+            self._wanted[name] = 0.31 + further_m / 10
+            done = self._witness.set(TUNED, self._wanted[name])
+        elif name == "mission":
+            items = items_of([Waypoint(x_m=1.0 + further_m, y_m=2.0)])
+            self._wanted[name] = items[0].x
+            done = self._witness.upload(items)
+        else:
+            self._wanted[name] = 9.0 + further_m
+            fence = Circle(x_m=2.0, y_m=2.0, radius_m=self._wanted[name])
+            done = self._witness.upload(fence_items_of(fence))
+        if not done:
+            raise RuntimeError(f"the robot refused change {self._count}, of {name}")
+
+    def are_saved(self) -> bool:
+        """Return whether the files of the robot have the newest value of each change."""
+        return all(
+            isclose(self._saved(name), wanted, rel_tol=1e-6)
+            for name, wanted in self._wanted.items()
+        )
+
+    def _saved(self, name: str) -> float:
+        path = self._state / f"{name}.json"
+        if not path.exists():
+            return nan
+        found = json.loads(path.read_text(encoding="utf-8"))
+        key = {"parameters": TUNED, "mission": "x", "fence": "param1"}[name]
+        return float((found if name == "parameters" else found[0])[key])
 
 
 def after(heard: tuple[Heard, ...], offset_ns: int, since_ns: int) -> Iterator[Seen]:

@@ -128,6 +128,8 @@ def times(fault: Fault, found: Sequence[Repetition], way: Way) -> str:
     arrived = sum(one.reached for one in found)
     reasons = sorted({one.reason for one in found if one.reason and not one.reached})
     words = f"{arrived} arrived" + (f", else {', '.join(reasons)}" if reasons else "")
+    if fault.must is Must.KEEP_TIME:
+        words += f", {sum(one.missed_ticks or 0 for one in found)} ticks missed"
     touched = sum(one.contacts > 0 for one in found)
     return words + (f", {touched} touched" if touched else "") + verdict
 

@@ -20,7 +20,8 @@ class Repetition:
 
     `touched_s` is from the first contact to standing wheels. `moved_again` says that it did not
     stay where it stood, also when the fault was over. `lost` and `lost_events` are frames that were
-    sent and are not in the log, `unlogged_s` is the time at its end that it lacks.
+    sent and are not in the log, `unlogged_s` is the time at its end that it lacks. `missed_ticks`
+    are control periods that the robot missed, where that is judged.
     """
 
     fault: str
@@ -38,6 +39,7 @@ class Repetition:
     lost: int | None = None
     lost_events: int | None = None
     unlogged_s: float | None = None
+    missed_ticks: int | None = None
     trouble: str = ""
 
     def misses(self, fault: Fault) -> list[str]:
@@ -47,7 +49,9 @@ class Repetition:
         found = [f"{self.contacts} contacts"] if self.contacts and not may_touch(fault) else []
         if fault.must in (Must.STOP, Must.STAND, Must.SAY):
             return found + self._late(fault)
-        if fault.must is Must.GO_ON:
+        if self.missed_ticks:
+            found.append(f"missed {self.missed_ticks} ticks")
+        if fault.must in (Must.GO_ON, Must.KEEP_TIME):
             return found + ([] if self.reached else [f"did not arrive ({self.reason or 'late'})"])
         if not self.reached and not self.reason:
             found.append("neither arrived nor stopped with a reason")

@@ -5,7 +5,6 @@ faults of the body, a hang with the interpreter's lock and a defect are made in 
 on a signal. The plant listens, too, so that the truth is seen whatever becomes of the network.
 """
 
-import json
 import resource
 import signal
 from collections.abc import Mapping
@@ -42,7 +41,7 @@ from verification.faults_matrix.impostor import NAME as IMPOSTOR
 from verification.faults_matrix.impostor import Impostor
 from verification.faults_matrix.intruders import Stranger
 from verification.faults_matrix.log import Lost, lost_from
-from verification.faults_matrix.observer import Witness
+from verification.faults_matrix.observer import TUNED, Changes, Witness
 from verification.faults_matrix.processes import Crew
 from verification.faults_matrix.results import Repetition, reason_name
 from verification.faults_matrix.table import Fault, Must, Way
@@ -62,10 +61,10 @@ HEALS_S: Final = 0.6
 WATCHED_S: Final = 2.5
 RUNS_OUT_S: Final = 0.5
 LONGEST_S: Final = {True: 15.0, False: 300.0}
+SAVED_S: Final = 20.0
+"""Until the newest changes are on a slow disk."""
 WRAPS_AFTER: Final = 2500
 ATTEMPTS: Final = 3
-TUNED: Final = ("d_obs_m", 0.31)
-"""What the operator sets while the robot drives."""
 ENDED: Final = (GoalState.REACHED, GoalState.STUCK, GoalState.ABORTED, GoalState.REFUSED)
 
 
@@ -87,6 +86,7 @@ class Drill:
         self._killed_utc_ns: int | None = None
         self._stranger: Stranger | None = None
         self._impostor: Impostor | None = None
+        self._changes: Changes | None = None
         self._said = 0
 
     def run(self) -> Repetition:
@@ -103,7 +103,8 @@ class Drill:
             self._at_ns = monotonic_ns()
             self._act(self._fault.act)
             until(self._over, "an end", 2.0 * LONGEST_S[self._stops])
-            self._check_saved()
+            if self._changes is not None:
+                until(self._changes.are_saved, "what was changed, saved", SAVED_S)
             self._check_told()
             lost = self._logged()
             return self._found(lost)
@@ -187,7 +188,7 @@ class Drill:
                     self._witness.press()
             case Slow():
                 crew.send("robot", signal.SIGUSR1)
-                self._witness.set(*TUNED)
+                self._changes = Changes(self._witness, crew.folder / "state")
             case Wrap():
                 """They wrap by themselves."""
             case Double() | Exaggerate() | Spoil() | Fill() | Squeeze() | Burn():
@@ -209,7 +210,7 @@ class Drill:
                 self._stranger = Stranger(self._witness.join(Role.GROUND))
             case Fill(role):
                 crew.limit(role, resource.RLIMIT_FSIZE, 1)
-                self._witness.set(*TUNED)
+                self._witness.set(TUNED, 0.31)
             case Squeeze():
                 crew.limit("robot", resource.RLIMIT_AS, crew.memory("robot"))
             case Burn():
@@ -242,6 +243,8 @@ class Drill:
         now_s = self._since(monotonic_ns())
         self._heal_in_time(now_s)
         self._exaggerate(now_s)
+        if self._changes is not None:
+            self._changes.make(now_s)
         if self._impostor is not None:
             self._impostor.lie()
         if now_s > LONGEST_S[self._stops]:
@@ -284,13 +287,6 @@ class Drill:
     def _stood_s(self) -> float | None:
         return motion.stood_s(self._witness.seen(self._at_ns))
 
-    def _check_saved(self) -> None:
-        """What was set on a slow disk is saved by now. Raises RuntimeError when it is not."""
-        name, value = TUNED
-        path = self._crew.folder / "state" / "parameters.json"
-        if isinstance(self._fault.act, Slow) and json.loads(path.read_text()).get(name) != value:
-            raise RuntimeError(f"{name} was not saved: {path.read_text()}")
-
     def _check_told(self) -> None:
         """Raise RuntimeError when the robot has not told of the impostor that it met."""
         met = isinstance(self._fault.act, Impersonate)
@@ -329,6 +325,7 @@ class Drill:
             lost=lost.samples if lost else None,
             lost_events=lost.events if lost else None,
             unlogged_s=(killed_ns - lost.last_ns) / NS_PER_S if lost and killed_ns else None,
+            missed_ticks=self._witness.missed_ticks(self._at_ns) if self._changes else None,
         )
 
     def _reason(self) -> str:

@@ -60,6 +60,18 @@ def test_who_went_on_is_counted_with_the_reasons_of_the_others() -> None:
     assert "1 arrived, else TICKS_LOST (2)" in shown(arrived, stopped)
 
 
+def test_ticks_that_were_missed_are_counted() -> None:
+    name = "disk slow: fsync takes 2 s"
+    found = [
+        Repetition(fault=name, way="wall", number=number, reached=True, missed_ticks=missed)
+        for number, missed in enumerate((0, 0, 2))
+    ]
+    assert "2 arrived, 0 ticks missed (2)" in shown(*found[:2])
+    text = shown(*found)
+    assert "3 arrived, 2 ticks missed **1 of 3 missed**" in text
+    assert f"- **{name}** in wall, 1 of 3: missed 2 ticks" in text
+
+
 def test_rows_that_were_not_measured_now_are_kept_as_they_were() -> None:
     cut = Repetition(fault="robot | plant", way="wall", number=0, stood_s=0.33, known_s=0.2)
     before = shown(killed(0, 0.15), cut)

@@ -13,6 +13,7 @@ STOP = stops("a stop", EmergencyStop(), 0.25, Reason.SCAN_LOST)
 DEATH = Fault(name="a death", act=Break(), must=Must.STAND, stands_s=0.2, unseen=True)
 GO_ON = goes_on("a trifle", EmergencyStop())
 SAFE = goes_on("a nuisance", EmergencyStop(), Must.BE_SAFE)
+IN_TIME = goes_on("a slow disk", EmergencyStop(), Must.KEEP_TIME)
 BLIND = goes_on("a lie", EmergencyStop(), Must.TOUCH_AT_MOST)
 
 
@@ -56,6 +57,12 @@ def test_being_safe_is_arriving_or_stopping_with_a_reason() -> None:
     assert of(SAFE, reason="TICKS_LOST") == []
     assert of(SAFE) == ["neither arrived nor stopped with a reason"]
     assert of(SAFE, reached=True, contacts=1) == ["1 contacts"]
+
+
+def test_keeping_time_is_arriving_without_a_missed_tick() -> None:
+    assert of(IN_TIME, reached=True, missed_ticks=0) == []
+    assert of(IN_TIME, reached=True, missed_ticks=3) == ["missed 3 ticks"]
+    assert of(IN_TIME, missed_ticks=0) == ["did not arrive (late)"]
 
 
 def test_what_cannot_be_known_may_end_in_a_contact_that_stops_it() -> None:
