@@ -21,7 +21,7 @@ ROOT: Final = Path(__file__).resolve().parents[1]
 PYTHON: Final = (sys.executable, "-m")
 PYTEST: Final = (*PYTHON, "pytest", "-q")
 REAL_TIME: Final = "stack and not compose"
-WAITING_WORKERS: Final = 3
+WAITING_WORKERS: Final = 2
 """More would start so many processes at once that robots miss their deadlines."""
 
 YIELDING: Final = """
@@ -47,10 +47,10 @@ class Step(NamedTuple):
 
 def real_time(extra: Sequence[str]) -> list[Step]:
     """Return the steps whose tests measure wall time."""
-    processes = ("-n", str(WAITING_WORKERS), "--dist", "loadgroup", "-m", REAL_TIME)
+    workers = ("-n", str(WAITING_WORKERS), "--dist")
     return [
-        Step("tests with processes", (*PYTEST, *processes, *extra)),
-        Step("tests with containers", (*PYTEST, "-m", "compose", *extra)),
+        Step("tests with processes", (*PYTEST, *workers, "loadgroup", "-m", REAL_TIME, *extra)),
+        Step("tests with containers", (*PYTEST, *workers, "loadfile", "-m", "compose", *extra)),
     ]
 
 

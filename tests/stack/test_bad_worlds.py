@@ -12,8 +12,6 @@ from ground.launch.child_processes import Children
 from tests.support.plant.world_texts import GOOD, goal, more, polygon, start, with_line
 from tests.support.stack.processes import Crew
 
-pytestmark = pytest.mark.stack
-
 
 class Spoilt(NamedTuple):
     """A text, and the words that must be told: line and key, reason, fix."""
