@@ -125,9 +125,9 @@ import sys
 import threading
 from datetime import UTC, datetime
 from pathlib import Path
-from ground.recording.dual_log import Tape
+from ground.recording.dual_log import DualLog
 from tests.support.ground.recording.made import run
-tape = Tape.new(Path(sys.argv[1]), "r1", datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC), 0)
+tape = DualLog.new(Path(sys.argv[1]), "r1", datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC), 0)
 round_number, said = 0, list(run())
 while True:
     for one in said[:50]:
