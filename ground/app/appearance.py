@@ -5,7 +5,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 from ground.text.theme_names import THEMES
 
@@ -25,6 +25,15 @@ class Appearance:
     hz: float = 10.0
 
 
+class AppOptions(Protocol):
+    """What a verb that opens the app has read; `theme` None: the one that fits the terminal."""
+
+    theme: str | None
+    ascii: bool
+    hz: float
+    keys: Path | None
+
+
 def add_looks(parser: argparse.ArgumentParser) -> None:
     """Options of whatever opens the app."""
     group = parser.add_argument_group("on a terminal")
@@ -36,9 +45,7 @@ def add_looks(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--keys", type=Path, metavar="FILE", help="a TOML file with other keys")
 
 
-def looks_of(
-    options: argparse.Namespace, environment: Mapping[str, str] = os.environ
-) -> Appearance:
+def looks_of(options: AppOptions, environment: Mapping[str, str] = os.environ) -> Appearance:
     return Appearance(
         theme=options.theme or usual_theme(environment),
         ascii_only=options.ascii or speaks_ascii_only(environment),

@@ -1,6 +1,5 @@
 """Opens the app over a link that is there, and leaves without a trace."""
 
-import argparse
 import asyncio
 import getpass
 import os
@@ -13,7 +12,7 @@ from pathlib import Path
 from threading import Thread, Timer
 from typing import TYPE_CHECKING, Final
 
-from ground.app.appearance import in_browser, looks_of
+from ground.app.appearance import AppOptions, in_browser, looks_of
 from ground.app.input.keymap import Keymap, load
 from ground.client.connection import Common
 from ground.client.link import Link
@@ -36,7 +35,7 @@ FOLDER: Final = "sidestep"
 
 
 def run(
-    options: argparse.Namespace,
+    options: AppOptions,
     link: Link,
     common: Common,
     stack: "Stack | None" = None,
@@ -70,7 +69,7 @@ def run(
         in_time(station.close)
 
 
-def run_replay(options: argparse.Namespace, path: Path, robot: str | None, at_s: float) -> int:
+def run_replay(options: AppOptions, path: Path, robot: str | None, at_s: float) -> int:
     """The same over a recording: nothing can be commanded. UserError when it cannot be played."""
     keymap, looks = keymap_of(options), looks_of(options)
     from ground.app.app import GroundApp
@@ -132,11 +131,10 @@ def leave(app: "GroundApp", number: int) -> None:
     late.start()
 
 
-def keymap_of(options: argparse.Namespace) -> Keymap:
+def keymap_of(options: AppOptions) -> Keymap:
     """The file that was named, or that of the user, if there is one."""
     usual_place = folder() / "keys.toml"
-    named: Path | None = options.keys
-    return load(named or (usual_place if usual_place.exists() else None))
+    return load(options.keys or (usual_place if usual_place.exists() else None))
 
 
 def folder() -> Path:

@@ -1,6 +1,5 @@
 """The processes of `up`: started together, looked after, and started anew in another world."""
 
-import argparse
 import json
 import os
 import signal
@@ -17,7 +16,7 @@ from ground.launch.child_command import command
 from ground.launch.child_processes import ChildDied, Children
 from ground.launch.hang_detector import ROUTER, HangDetector
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
-from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
+from ground.launch.scenario import RunOptions, Scenario, cast, question, scenario_of, world_facts
 from ground.launch.supervisor import Supervisor, Void
 from ground.launch.tls_configs import check, dialling
 from protocol.bus.bus import Bus
@@ -51,7 +50,7 @@ class Stack:
 
     def __init__(
         self,
-        options: argparse.Namespace,
+        options: RunOptions,
         scenario: Scenario,
         endpoint: str,
         clock: Clock,
@@ -173,7 +172,7 @@ class Stack:
             options.world = self._with(faults, self._facts(options))
         return scenario_of(options, self._facts(options))
 
-    def _facts(self, options: argparse.Namespace) -> dict[str, Any]:
+    def _facts(self, options: RunOptions) -> dict[str, Any]:
         return world_facts(command(question(options), os.getpid()))
 
     def _with(self, faults: Sequence[Mapping[str, object]], facts: Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ import argparse
 import os
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, Self
+from typing import Final, Protocol, Self
 
 from ground.client.connection import Common
 from ground.launch.child_processes import ChildDied, Children
@@ -58,7 +58,14 @@ def kept_in(folder: Path, keep: str | None) -> int | None:
     return None if wanted is None else size_in(wanted)
 
 
-def folder_of(options: argparse.Namespace) -> Path | None:
+class RecordOptions(Protocol):
+    """Where a session is to be recorded, if at all."""
+
+    record: str | None
+    no_record: bool
+
+
+def folder_of(options: RecordOptions) -> Path | None:
     """Where the session is recorded; None when that is refused."""
     if options.no_record:
         return None

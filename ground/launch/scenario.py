@@ -1,13 +1,12 @@
 """What `up` is to run: a world and its goal, who takes part, and how each is started."""
 
-import argparse
 import json
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import radians
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from ground.client.goal import Destination, destination
 from ground.launch.tls_configs import locked, with_locks
@@ -83,7 +82,26 @@ class Scenario:
         )
 
 
-def scenario_of(options: argparse.Namespace, facts: dict[str, Any]) -> Scenario:
+class RunOptions(Protocol):
+    """The run that `up` was asked for; `timeout` in simulated seconds, `goal` None: the world's."""
+
+    world: str
+    navigator: str
+    side: str
+    goal: list[float] | None
+    robots: int
+    speed: str
+    seed: int
+    noise: str | None
+    uncalibrated: bool
+    timeout: float
+    router: bool
+    record: str | None
+    keep: str | None
+    locks: str | None
+
+
+def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
     goal = goal_in(facts)
     if options.goal is not None:
         goal = destination(options.goal)
@@ -137,7 +155,7 @@ def goal_in(facts: dict[str, Any]) -> Destination:
     )
 
 
-def question(options: argparse.Namespace) -> list[str]:
+def question(options: RunOptions) -> list[str]:
     """What to ask of the plant's side before anything is started."""
     words = ["worlds", "show", options.world, "--json", "--robots", str(options.robots)]
     if options.goal is not None:

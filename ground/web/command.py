@@ -5,7 +5,8 @@ import os
 import shlex
 import socket
 from contextlib import closing
-from typing import Final
+from pathlib import Path
+from typing import Final, Protocol
 
 from ground.launch.child_command import command
 from ground.text.output import Says
@@ -35,7 +36,24 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def serve(options: argparse.Namespace, says: Says) -> int:
+class WebOptions(Protocol):
+    """The options of a ground station that is shown in a browser."""
+
+    web: str
+    shown: str | None
+    token_file: str | None
+    connect: str | None
+    id: str | None
+    config: str | None
+    record: str | None
+    no_record: bool
+    theme: str | None
+    ascii: bool
+    hz: float
+    keys: Path | None
+
+
+def serve(options: WebOptions, says: Says) -> int:
     """Until SIGINT or SIGTERM: each browser gets an app with the same options.
 
     Raises UserError when the address is taken or the library is not there.
@@ -63,7 +81,7 @@ def serve(options: argparse.Namespace, says: Says) -> int:
     return 0
 
 
-def words_of(options: argparse.Namespace) -> list[str]:
+def words_of(options: WebOptions) -> list[str]:
     """The verb and its options, as the app of a browser is to be started."""
     words = ["ground"]
     for name in PASSED_ON:
