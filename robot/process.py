@@ -10,7 +10,7 @@ from protocol.bus.bus import Bus
 from protocol.bus.claim import DuplicateWatch
 from protocol.bus.service import ServiceRequest, refusal
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
-from protocol.wire.enums import AckResult, Command
+from protocol.wire.enums import INPUT_BUDGET, INPUT_NAME_TAKEN, AckResult, Command
 from protocol.wire.messages import Teleop
 from robot import telemetry
 from robot.commands import ack, is_clear, is_stop
@@ -23,7 +23,7 @@ from robot.saved_replies import SavedReplies
 from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.stop_latch import StopLatch
-from robot.telemetry import BUDGET_VIOLATED, NAME_TAKEN, CoreInputs
+from robot.telemetry import CoreInputs
 from robot.teleop import wanted
 from robot.vehicle import Vehicle
 from runtime.clock import Clock, Tick
@@ -204,10 +204,10 @@ class Process:
         reported = 0
         if self._meter.violated:
             self.vehicle.report(reasons.BUDGET)
-            reported |= BUDGET_VIOLATED
+            reported |= INPUT_BUDGET
         if self._twins:
             self.vehicle.report(reasons.NAME_TAKEN)
-            reported |= NAME_TAKEN
+            reported |= INPUT_NAME_TAKEN
         return reported
 
     def _tell_inputs(self, inputs: Inputs, teleop: Teleop | None, tick: int, reported: int) -> None:

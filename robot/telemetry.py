@@ -4,6 +4,10 @@ from math import nan
 from typing import Final, NamedTuple
 
 from protocol.wire.enums import (
+    AUTOPILOT_ARDUPILOTMEGA,
+    INPUT_SCAN,
+    INPUT_TELEOP,
+    INPUT_WHEELS,
     MODE_FLAG_CUSTOM_MODE_ENABLED,
     MODE_FLAG_SAFETY_ARMED,
     TYPE_GROUND_ROVER,
@@ -23,13 +27,6 @@ from robot.core.values import Inputs, Outputs
 from runtime.timing import UINT32
 from runtime.units import NS_PER_MS
 
-ARDUPILOT: Final = 3
-
-WHEELS_THERE: Final = 1
-SCAN_THERE: Final = 2
-BUDGET_VIOLATED: Final = 4
-STEERED: Final = 8
-NAME_TAKEN: Final = 16
 NEVER: Final = 0xFFFFFFFF
 
 SYSTEM_STATUS: Final = {
@@ -47,7 +44,7 @@ def heartbeat(state: State) -> Heartbeat:
     armed = MODE_FLAG_SAFETY_ARMED if machine.vehicle == states.ACTIVE else 0
     return Heartbeat(
         type=TYPE_GROUND_ROVER,
-        autopilot=ARDUPILOT,
+        autopilot=AUTOPILOT_ARDUPILOTMEGA,
         base_mode=MODE_FLAG_CUSTOM_MODE_ENABLED | armed,
         custom_mode=machine.mode,
         system_status=SYSTEM_STATUS[machine.vehicle],
@@ -142,9 +139,9 @@ def tick_inputs(
 ) -> TickInputs:
     """With the senses on their own topics, all that the core's step depended on."""
     flags = given.reported
-    flags |= WHEELS_THERE if inputs.wheels is not None else 0
-    flags |= SCAN_THERE if inputs.scan is not None else 0
-    flags |= STEERED if teleop is not None else 0
+    flags |= INPUT_WHEELS if inputs.wheels is not None else 0
+    flags |= INPUT_SCAN if inputs.scan is not None else 0
+    flags |= INPUT_TELEOP if teleop is not None else 0
     age_ms = inputs.operator_age_ms
     return TickInputs(
         time_ns=time_ns,

@@ -13,16 +13,28 @@ import msgspec
 
 from ground.missions.geography import heading_of, on_the_wire, to_global, to_local, yaw_of
 from ground.missions.mission import Home, Waypoint
+from protocol.wire.enums import (
+    FRAME_GLOBAL,
+    FRAME_GLOBAL_INT,
+    FRAME_GLOBAL_RELATIVE_ALT,
+    FRAME_GLOBAL_RELATIVE_ALT_INT,
+    FRAME_GLOBAL_TERRAIN_ALT,
+    FRAME_GLOBAL_TERRAIN_ALT_INT,
+    FRAME_LOCAL_ENU,
+    FRAME_LOCAL_FLU,
+    Command,
+)
 from runtime.config import parse
 from runtime.errors import ConfigError, UserError
 
-NAV_WAYPOINT: Final = 16
-NAV_POSE: Final = 54103
-FRAME_GLOBAL: Final = 0
-FRAME_GLOBAL_RELATIVE: Final = 3
-FRAME_LOCAL_ENU: Final = 4
-FRAME_LOCAL_FLU: Final = 21
-GLOBAL_FRAMES: Final = (0, 3, 5, 6, 10, 11)
+GLOBAL_FRAMES: Final = (
+    FRAME_GLOBAL,
+    FRAME_GLOBAL_RELATIVE_ALT,
+    FRAME_GLOBAL_INT,
+    FRAME_GLOBAL_RELATIVE_ALT_INT,
+    FRAME_GLOBAL_TERRAIN_ALT,
+    FRAME_GLOBAL_TERRAIN_ALT_INT,
+)
 LOCAL_FRAMES: Final = (FRAME_LOCAL_ENU, FRAME_LOCAL_FLU)
 DIGITS: Final = 6
 NAMES: Final[Mapping[int, str]] = MappingProxyType(
@@ -71,14 +83,14 @@ class Refused(UserError):
 
 def waypoint_of(item: Item, home: Home | None) -> Waypoint:
     """The waypoint; Refused says why there is none."""
-    if item.command not in (NAV_WAYPOINT, NAV_POSE):
+    if item.command not in (Command.NAV_WAYPOINT, Command.SIDESTEP_NAV_POSE):
         name = NAMES.get(item.command, "unknown to us")
         raise Refused(f"command {item.command} ({name}): the robot only drives to waypoints")
     if len(item.params) != 7:
         raise Refused(f"has {len(item.params)} parameters, an item has 7")
     x_m, y_m = _place(item, home)
     hold_s, second, third, angle_deg = item.params[:4]
-    posed = item.command == NAV_POSE
+    posed = item.command == Command.SIDESTEP_NAV_POSE
     if not posed and third and isfinite(third):
         raise Refused(f"param3 {third:g} (pass beside the waypoint): the robot drives to it")
     table: dict[str, float] = {"x_m": x_m, "y_m": y_m, "hold_s": _number(hold_s)}
@@ -129,7 +141,7 @@ def item_of(number: int, waypoint: Waypoint, home: Home) -> Item:
     yaw_deg = nan if waypoint.heading_deg is None else round(yaw_of(waypoint.heading_deg), DIGITS)
     place = to_global(home, waypoint.x_m, waypoint.y_m)
     first = (waypoint.hold_s, waypoint.position_tolerance_m, 0.0, yaw_deg)
-    return Item(number, NAV_WAYPOINT, FRAME_GLOBAL_RELATIVE, (*first, *place, 0.0))
+    return Item(number, Command.NAV_WAYPOINT, FRAME_GLOBAL_RELATIVE_ALT, (*first, *place, 0.0))
 
 
 def home_at(latitude_deg: float, longitude_deg: float) -> Home:

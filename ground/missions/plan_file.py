@@ -11,12 +11,12 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from ground.missions.geography import to_global, to_local
-from ground.missions.items import NAV_WAYPOINT, Item, home_at, item_of
+from ground.missions.items import Item, home_at, item_of
 from ground.missions.mission import Circle, Fence, Home, Mission, Polygon
 from ground.missions.outline import fault_of
 from ground.missions.problems import MissionError, Problem
 from ground.missions.sift import DROP, Foreign, PlanFilter
-from protocol.wire.enums import TYPE_GROUND_ROVER
+from protocol.wire.enums import TYPE_GROUND_ROVER, Command
 from runtime.errors import UserError
 from runtime.json_reader import value_in
 
@@ -185,7 +185,7 @@ def _item(item: Item) -> dict[str, object]:
         "Altitude": 0,
         "AltitudeMode": ALTITUDE_RELATIVE,
         "autoContinue": True,
-        "command": NAV_WAYPOINT,
+        "command": Command.NAV_WAYPOINT,
         "doJumpId": item.number,
         "frame": item.frame,
         "params": [value if isfinite(value) else None for value in item.params],

@@ -8,9 +8,7 @@ from math import isfinite, nan
 from typing import Final
 
 from ground.missions.items import (
-    FRAME_GLOBAL,
     GLOBAL_FRAMES,
-    NAV_WAYPOINT,
     Item,
     home_at,
     item_of,
@@ -18,6 +16,7 @@ from ground.missions.items import (
 from ground.missions.mission import Home, Mission
 from ground.missions.problems import MissionError, Problem
 from ground.missions.sift import Foreign, PlanFilter
+from protocol.wire.enums import FRAME_GLOBAL, Command
 from runtime.errors import UserError
 
 HEADER: Final = "QGC WPL 110"
@@ -30,8 +29,8 @@ def read_text(text: str, file: str, *, home: Home | None = None, drop: bool = Fa
     if not lines or lines[0].split() != HEADER.split():
         problem = Problem("", f"the first line is not {HEADER!r}", "save it as QGC WPL 110", 1)
         raise MissionError(file, [problem])
-    first, *rest = _items(lines, file) or [Item(0, NAV_WAYPOINT, FRAME_GLOBAL, (0.0,) * 7)]
-    if first.command != NAV_WAYPOINT or first.frame not in GLOBAL_FRAMES:
+    first, *rest = _items(lines, file) or [Item(0, Command.NAV_WAYPOINT, FRAME_GLOBAL, (0.0,) * 7)]
+    if first.command != Command.NAV_WAYPOINT or first.frame not in GLOBAL_FRAMES:
         problem = Problem("item 0", "is not home", "write home as item 0: NAV_WAYPOINT, frame 0")
         raise MissionError(file, [problem])
     home = home or _home(first, file)
@@ -79,7 +78,7 @@ def _home(item: Item, file: str) -> Home | None:
 def text_of(mission: Mission, home: Home) -> str:
     """The file's text; it has no place for a fence."""
     place = (0.0, 0.0, 0.0, 0.0, home.latitude_deg, home.longitude_deg, 0.0)
-    items = [Item(0, NAV_WAYPOINT, FRAME_GLOBAL, place)]
+    items = [Item(0, Command.NAV_WAYPOINT, FRAME_GLOBAL, place)]
     items += [item_of(at, one, home) for at, one in enumerate(mission.waypoints, start=1)]
     return "\n".join([HEADER, *map(_line, items)]) + "\n"
 

@@ -16,13 +16,11 @@ from plant.sim.physics import Arena
 from plant.sim.score import Score
 from plant.sim.sensing.raycast import Caster
 from plant.sim.sensing.sonar import PING_AGE_US, Ring
+from protocol.wire.enums import BUMPER_LEFT, BUMPER_REAR, BUMPER_RIGHT
 from protocol.wire.messages import GroundTruth, SonarScan, WheelTicks
 from runtime.timing import PERIOD_NS, UINT32
 from runtime.units import NS_PER_S
 
-LEFT: Final = 1
-RIGHT: Final = 2
-REAR: Final = 4
 OVERLAP_RAD: Final = 0.175
 """The two front sectors of the bumper reach over the middle by this much."""
 REAR_RAD: Final = 2.0 * pi / 3.0
@@ -189,6 +187,6 @@ def _sectors(direction: Point, heading_rad: float) -> int:
     """The bumper sectors that a contact in that direction presses."""
     bearing_rad = (atan2(direction[1], direction[0]) - heading_rad + pi) % (2.0 * pi) - pi
     if abs(bearing_rad) > REAR_RAD:
-        return REAR
-    left = LEFT if bearing_rad > -OVERLAP_RAD else 0
-    return left | (RIGHT if bearing_rad < OVERLAP_RAD else 0)
+        return BUMPER_REAR
+    left = BUMPER_LEFT if bearing_rad > -OVERLAP_RAD else 0
+    return left | (BUMPER_RIGHT if bearing_rad < OVERLAP_RAD else 0)

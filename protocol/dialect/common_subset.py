@@ -83,9 +83,18 @@ ENUMS: Final[dict[str, tuple[str, ...]]] = {
         "FLIGHT_TERMINATION",
     ),
     "MAV_TYPE": ("GCS", "GROUND_ROVER"),
-    "MAV_AUTOPILOT": ("GENERIC", "INVALID"),
+    "MAV_AUTOPILOT": ("GENERIC", "ARDUPILOTMEGA", "INVALID"),
     "MAV_MODE_FLAG": ("CUSTOM_MODE_ENABLED", "SAFETY_ARMED"),
-    "MAV_FRAME": ("LOCAL_FLU",),
+    "MAV_FRAME": (
+        "GLOBAL",
+        "GLOBAL_RELATIVE_ALT",
+        "LOCAL_ENU",
+        "GLOBAL_INT",
+        "GLOBAL_RELATIVE_ALT_INT",
+        "GLOBAL_TERRAIN_ALT",
+        "GLOBAL_TERRAIN_ALT_INT",
+        "LOCAL_FLU",
+    ),
     "MAV_PARAM_TYPE": ("INT32", "REAL32"),
 }
 """Members in use of upstream's enumerations."""

@@ -63,16 +63,31 @@ COMMON_TEXTS: Final = {
     "MAV_SEVERITY": "MAV_SEVERITY of a STATUSTEXT.",
     "MAV_STATE": "MAV_STATE of a HEARTBEAT.",
 }
-CONSTANTS: Final = ("MAV_TYPE", "MAV_AUTOPILOT", "MAV_MODE_FLAG", "MAV_FRAME", "MAV_PARAM_TYPE")
-"""Enumerations of which single numbers are in use."""
+CONSTANTS: Final = {
+    "SIDESTEP_BUMPER": "BUMPER",
+    "SIDESTEP_INPUT": "INPUT",
+    "MAV_TYPE": "TYPE",
+    "MAV_AUTOPILOT": "AUTOPILOT",
+    "MAV_MODE_FLAG": "MODE_FLAG",
+    "MAV_FRAME": "FRAME",
+    "MAV_PARAM_TYPE": "PARAM_TYPE",
+}
+"""Bit masks, and enumerations of which single numbers are in use: plain integers."""
 CORE_STATES: Final = (
     "SIDESTEP_VEHICLE",
     "SIDESTEP_MODE",
     "SIDESTEP_GOAL",
     "SIDESTEP_NAVIGATOR",
     "SIDESTEP_BRANCH",
+    "SIDESTEP_BUMPER",
 )
-CORE_NAMES: Final = {("SIDESTEP_REASON", "NONE"): "OK", ("SIDESTEP_BRANCH", "NONE"): "NO_BRANCH"}
+CORE_NAMES: Final = {
+    ("SIDESTEP_REASON", "NONE"): "OK",
+    ("SIDESTEP_BRANCH", "NONE"): "NO_BRANCH",
+    ("SIDESTEP_BUMPER", "LEFT"): "BUMPER_LEFT",
+    ("SIDESTEP_BUMPER", "RIGHT"): "BUMPER_RIGHT",
+    ("SIDESTEP_BUMPER", "REAR"): "BUMPER_REAR",
+}
 """Members that go by another name in the core, where they stand without their enumeration's."""
 MAX_NAMES: Final = {
     ("WHEEL_COMMAND", "ttl_ms"): "MAX_WHEEL_TTL_MS",
@@ -106,7 +121,7 @@ def messages_robot(dialect: Dialect) -> str:
 
 
 def message_module(docstring: str, messages: list[MessageType]) -> str:
-    text = [line for message in messages for line in message_lines(message, CLASS_OF_ENUM)]
+    text = [line for message in messages for line in message_lines(message, NAMES_OF_ENUM)]
     checks = [name for name in ("too_long", "unfit") if any(f"{name}(" in line for line in text)]
     source = f"{package()}.message"
     return module(docstring, ["", *import_lines(source, ["Message", *checks])], text)
@@ -145,8 +160,8 @@ def enums(dialect: Dialect) -> str:
     """The module of enumerations, and of the single numbers that are in use of others."""
     classes = [line for name in ENUM_CLASSES for line in class_lines(dialect.enums[name])]
     singles = [
-        Entry(f"{name.removeprefix('MAV_')}_{entry.name}", entry.value, "")
-        for name in CONSTANTS
+        entry._replace(name=f"{prefix}_{entry.name}")
+        for name, prefix in CONSTANTS.items()
         for entry in dialect.enums[name].entries
     ]
     return module(
@@ -193,7 +208,7 @@ def core_reasons(dialect: Dialect) -> str:
 
 
 def core_states(dialect: Dialect) -> str:
-    docstring = "Numbers of vehicle, mode, goal, navigator and branch states, and of sides."
+    docstring = "Numbers of vehicle, mode, goal, navigator and branch states, of bumpers and sides."
     states = [core_entries(dialect.enums[name]) for name in CORE_STATES]
     return core_module(docstring, [*states, SIDES])
 
@@ -254,6 +269,7 @@ def package() -> str:
 
 
 CLASS_OF_ENUM: Final = {**ENUM_CLASSES, REASON: "Reason"}
+NAMES_OF_ENUM: Final = CLASS_OF_ENUM | {name: f"{one}_*" for name, one in CONSTANTS.items()}
 OUTPUTS: Final[dict[str, Callable[[Dialect], str]]] = {
     f"{WIRE}/messages.py": messages,
     f"{WIRE}/messages_common.py": messages_common,

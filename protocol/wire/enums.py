@@ -158,12 +158,28 @@ class SystemState(IntEnum):
     FLIGHT_TERMINATION = 8
 
 
+BUMPER_LEFT: Final = 1  # Front left.
+BUMPER_RIGHT: Final = 2  # Front right.
+BUMPER_REAR: Final = 4  # Rear.
+INPUT_WHEELS: Final = 1  # Fresh wheel ticks.
+INPUT_SCAN: Final = 2  # A fresh scan.
+INPUT_BUDGET: Final = 4  # A violated budget.
+INPUT_TELEOP: Final = 8  # A fresh TELEOP.
+INPUT_NAME_TAKEN: Final = 16  # Another robot of this name on the bus.
 TYPE_GCS: Final = 6
 TYPE_GROUND_ROVER: Final = 10
 AUTOPILOT_GENERIC: Final = 0
+AUTOPILOT_ARDUPILOTMEGA: Final = 3
 AUTOPILOT_INVALID: Final = 8
 MODE_FLAG_SAFETY_ARMED: Final = 128
 MODE_FLAG_CUSTOM_MODE_ENABLED: Final = 1
+FRAME_GLOBAL: Final = 0
+FRAME_GLOBAL_RELATIVE_ALT: Final = 3
+FRAME_LOCAL_ENU: Final = 4
+FRAME_GLOBAL_INT: Final = 5
+FRAME_GLOBAL_RELATIVE_ALT_INT: Final = 6
+FRAME_GLOBAL_TERRAIN_ALT: Final = 10
+FRAME_GLOBAL_TERRAIN_ALT_INT: Final = 11
 FRAME_LOCAL_FLU: Final = 21
 PARAM_TYPE_INT32: Final = 6
 PARAM_TYPE_REAL32: Final = 9

@@ -40,7 +40,7 @@ class WheelTicks(Message, frozen=True, kw_only=True):
         seq: Counts control periods.
         left: Left encoder, wraps at 32 bits.
         right: Right encoder, wraps at 32 bits.
-        bumper: Pressed sectors: 1 left, 2 right, 4 rear.
+        bumper: Pressed sectors. [BUMPER_*]
         expired: 1 while the motor driver stands because the last command's time-to-live ran out.
     """
 
@@ -298,8 +298,7 @@ class TickInputs(Message, frozen=True, kw_only=True):
         requests: Requests acted on before this tick, since the start; they are on tlm/commanded.
         scan_age_ms: Age of the scan. [ms]
         operator_age_ms: Since an operator was heard; all ones: never. [ms]
-        flags: 1 wheel ticks were there, 2 a scan, 4 the budget was violated, 8 a fresh TELEOP, 16
-            another robot of this name was there.
+        flags: What there was. [INPUT_*]
         speed_mm_s: Of that TELEOP. [mm/s]
         yaw_rate_mrad_s: Of that TELEOP. [mrad/s]
     """

@@ -1,4 +1,4 @@
-"""Numbers of vehicle, mode, goal, navigator and branch states, and of sides.
+"""Numbers of vehicle, mode, goal, navigator and branch states, of bumpers and sides.
 
 Made by `make generate` from sidestep.xml: change that file instead.
 """
@@ -40,6 +40,10 @@ PASS_LEFT: Final = 2  # Obstacle on the right: pass it on the left.
 PASS_RIGHT: Final = 3  # Obstacle on the left: pass it on the right.
 ALIGN: Final = 4  # Turning to the final heading.
 GIVE_UP: Final = 5  # Went all the way round: the goal cannot be reached.
+
+BUMPER_LEFT: Final = 1  # Front left.
+BUMPER_RIGHT: Final = 2  # Front right.
+BUMPER_REAR: Final = 4  # Rear.
 
 LEFT: Final = 1  # Sides on which an obstacle is passed.
 RIGHT: Final = -1

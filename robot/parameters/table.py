@@ -12,6 +12,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Final
 
+from protocol.wire.enums import Navigator
 from robot.core import states
 from robot.core.navigators.registry import NAVIGATORS
 from robot.core.parameters import DEFAULTS, Params
@@ -119,17 +120,17 @@ TABLE: Final = (
     Spec(
         "navigator",
         "",
-        1,
-        6,
-        "navigator: 1 bug, 2 vgm, 3 bug1, 4 bug2, 5 distbug, 6 vgm_memory",
+        min(Navigator),
+        max(Navigator),
+        "navigator: " + ", ".join(f"{one.value} {one.name.lower()}" for one in Navigator),
         tuple(NAVIGATORS),
     ),
     Spec(
         "side",
         "",
-        -1,
-        1,
-        "obstacles are passed on: 1 left, -1 right",
+        states.RIGHT,
+        states.LEFT,
+        f"obstacles are passed on: {states.LEFT} left, {states.RIGHT} right",
         (states.LEFT, states.RIGHT),
     ),
     Spec(

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 from ground.recording.log_reader import Log
 from protocol.topics import ANSWERED, COMMANDED, INPUTS
 from protocol.wire.codec import Frame, decode
+from protocol.wire.enums import INPUT_SCAN, INPUT_TELEOP, INPUT_WHEELS
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -27,7 +28,6 @@ from protocol.wire.messages import (
     WheelTicks,
 )
 from protocol.wire.reasons import Reason
-from robot.telemetry import SCAN_THERE, STEERED, WHEELS_THERE
 from runtime.errors import RemoteError
 from runtime.sequence import MAX_LATE_TICKS, Order, order_of
 
@@ -134,7 +134,7 @@ class Recorded:
     def _at_rest(self, tick: tuple[TickInputs, int]) -> bool:
         """Nobody had asked the robot to do anything, or steered it."""
         inputs, _ = tick
-        return inputs.requests <= self.prepared and not inputs.flags & STEERED
+        return inputs.requests <= self.prepared and not inputs.flags & INPUT_TELEOP
 
     def output(self, kind: type[Message], inputs: TickInputs, sequence: int) -> Message | None:
         """What came of a tick; None when it is not in the recording."""
@@ -142,9 +142,9 @@ class Recorded:
 
     def senses(self, inputs: TickInputs) -> tuple[WheelTicks | None, SonarScan | None]:
         """What was sensed in a tick; None also for what was stale or had not come."""
-        there = inputs.flags & WHEELS_THERE
+        there = inputs.flags & INPUT_WHEELS
         wheels = self._wheels.get(inputs.wheels_seq) if there else None
-        scan = self._scans.get(inputs.scan_seq) if inputs.flags & SCAN_THERE else None
+        scan = self._scans.get(inputs.scan_seq) if inputs.flags & INPUT_SCAN else None
         return wheels, scan
 
     def lack(self, place: int) -> str:
@@ -154,9 +154,9 @@ class Recorded:
         if before is not None and (sequence - before[1]) & BYTE != 1:
             return "the inputs of the tick before it"
         wheels, scan = self.senses(inputs)
-        if wheels is None and inputs.flags & WHEELS_THERE:
+        if wheels is None and inputs.flags & INPUT_WHEELS:
             return f"wheel ticks {inputs.wheels_seq}, which it was given"
-        if scan is None and inputs.flags & SCAN_THERE:
+        if scan is None and inputs.flags & INPUT_SCAN:
             return f"sonar scan {inputs.scan_seq}, which it was given"
         asked_before = before[0].requests if before is not None else 0
         missing = [

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from protocol.wire.enums import Command
+from protocol.wire.enums import INPUT_BUDGET, INPUT_NAME_TAKEN, INPUT_TELEOP, Command
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -28,7 +28,7 @@ from robot.core.parameters import Params
 from robot.core.perception.from_messages import scan_of, twist_of, wheels_of
 from robot.core.values import Inputs, Outputs, Pose
 from robot.storage.files import Store
-from robot.telemetry import BUDGET_VIOLATED, NAME_TAKEN, NEVER, STEERED
+from robot.telemetry import NEVER
 from robot.vehicle import Vehicle
 from runtime.errors import UserError
 from runtime.units import NS_PER_MS, NS_PER_S
@@ -90,11 +90,11 @@ class Replay:
         for number in range(self._asked + 1, inputs.requests + 1):
             self._ask(number, now_ns)
         self._asked = inputs.requests
-        if inputs.flags & BUDGET_VIOLATED:
+        if inputs.flags & INPUT_BUDGET:
             self._vehicle.report(reasons.BUDGET)
-        if inputs.flags & NAME_TAKEN:
+        if inputs.flags & INPUT_NAME_TAKEN:
             self._vehicle.report(reasons.NAME_TAKEN)
-        steered = inputs.flags & STEERED
+        steered = inputs.flags & INPUT_TELEOP
         manual = twist_of(inputs.speed_mm_s, inputs.yaw_rate_mrad_s) if steered else None
         return self._vehicle.step(self._inputs(inputs), ignore, manual)
 

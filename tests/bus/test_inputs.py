@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from protocol.topics import ANSWERED, COMMANDED, Topic
 from protocol.wire.codec import Encoder, decode
+from protocol.wire.enums import INPUT_SCAN, INPUT_TELEOP, INPUT_WHEELS
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -83,11 +84,11 @@ def again(tape: Tape, params: Params, start: Pose) -> Iterator[tuple[TickInputs,
         for request in filter(None, requests[done : given.requests]):
             vehicle.receive(request, given.now_ms * 1_000_000)
         done, flags = given.requests, given.flags
-        ticks = wheels_of(wheels[given.wheels_seq]) if flags & telemetry.WHEELS_THERE else None
-        seen = scans[given.scan_seq] if flags & telemetry.SCAN_THERE else None
+        ticks = wheels_of(wheels[given.wheels_seq]) if flags & INPUT_WHEELS else None
+        seen = scans[given.scan_seq] if flags & INPUT_SCAN else None
         scan = None if seen is None else scan_of(seen, given.scan_age_ms)
         age_ms = None if given.operator_age_ms == telemetry.NEVER else given.operator_age_ms
-        steered = flags & telemetry.STEERED
+        steered = flags & INPUT_TELEOP
         manual = twist_of(given.speed_mm_s, given.yaw_rate_mrad_s) if steered else None
         inputs = Inputs(given.now_ms, ticks, scan, age_ms)
         yield given, vehicle, vehicle.step(inputs, lambda _: None, manual)
@@ -118,7 +119,7 @@ def compare(tape: Tape, params: Params, start: Pose) -> None:
         for ours, theirs in zip(said, heard, strict=True):
             assert wire(ours) == wire(theirs[given.time_ns])
         ticks += 1
-        steered += bool(given.flags & telemetry.STEERED)
+        steered += bool(given.flags & INPUT_TELEOP)
     assert ticks > 200
     assert steered > 10
 

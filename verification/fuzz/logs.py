@@ -30,6 +30,7 @@ from ground.station import Station
 from plant.world.file import load
 from plant.world.to_json import as_json
 from protocol.topics import ENCODING, PREFIX, TOPICS
+from protocol.wire.enums import INPUT_SCAN, INPUT_WHEELS
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -41,7 +42,6 @@ from protocol.wire.messages import (
 )
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import described
-from robot.telemetry import SCAN_THERE, WHEELS_THERE
 from runtime.clock import ManualClock
 from runtime.units import NS_PER_S
 from study.cli.reexecute import params_of
@@ -114,7 +114,7 @@ INPUTS = TickInputs(
     operator_age_ms=0,
     speed_mm_s=0,
     yaw_rate_mrad_s=0,
-    flags=SCAN_THERE | WHEELS_THERE,
+    flags=INPUT_SCAN | INPUT_WHEELS,
 )
 COMMAND = WheelCommand(
     time_ns=50_000_000, seq=1, sense_seq=1, left_mrad_s=5, right_mrad_s=5, ttl_ms=150

@@ -1,6 +1,6 @@
 """The last word before the wheels. It may only take speed away, never add or steer."""
 
-from robot.core import reasons
+from robot.core import reasons, states
 from robot.core.geometry import COSINES
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import AHEAD, FRONT, Ring
@@ -8,8 +8,8 @@ from robot.core.typing_shim import Final
 from robot.core.values import Wheels
 
 ROUNDING: Final = 1.0 + 1e-9  # a command right at the limit is not over it
-FRONT_BUMPER: Final = 1 | 2
-REAR_BUMPER: Final = 4
+FRONT_BUMPER: Final = states.BUMPER_LEFT | states.BUMPER_RIGHT
+REAR_BUMPER: Final = states.BUMPER_REAR
 
 
 def limit(

@@ -19,7 +19,15 @@ from protocol.topics import (
     TEXT,
     Role,
 )
-from protocol.wire.enums import Command, GoalState, Mode
+from protocol.wire.enums import (
+    INPUT_BUDGET,
+    INPUT_NAME_TAKEN,
+    INPUT_SCAN,
+    INPUT_WHEELS,
+    Command,
+    GoalState,
+    Mode,
+)
 from protocol.wire.messages import (
     CommandRequest,
     Heartbeat,
@@ -29,7 +37,6 @@ from protocol.wire.messages import (
     WheelCommand,
 )
 from protocol.wire.reasons import Reason
-from robot import telemetry
 from robot.commands import acknowledge
 from robot.core import states
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
@@ -142,7 +149,7 @@ def test_inputs_tell_which_senses_were_there() -> None:
     rig.process.cycle(Tick(0, rig.clock.now_ns(), 0, 0))
     assert rig.sent(INPUTS)[-1].flags == 0
     rig.cycle()
-    assert rig.sent(INPUTS)[-1].flags == telemetry.WHEELS_THERE | telemetry.SCAN_THERE
+    assert rig.sent(INPUTS)[-1].flags == INPUT_WHEELS | INPUT_SCAN
 
 
 def test_what_comes_before_the_core_is_the_cost_of_reading() -> None:
@@ -179,11 +186,11 @@ def test_three_periods_over_the_budget_stop_the_robot(monkeypatch: pytest.Monkey
     for _ in range(3):
         rig.cycle()
         assert rig.vehicle.state.machine.vehicle == states.ACTIVE
-        assert not rig.sent(INPUTS)[-1].flags & telemetry.BUDGET_VIOLATED
+        assert not rig.sent(INPUTS)[-1].flags & INPUT_BUDGET
     assert rig.meter.overruns == 3
     rig.cycle()
     assert rig.vehicle.state.machine.vehicle_reason == Reason.BUDGET
-    assert rig.sent(INPUTS)[-1].flags & telemetry.BUDGET_VIOLATED
+    assert rig.sent(INPUTS)[-1].flags & INPUT_BUDGET
 
 
 def test_a_second_robot_of_the_name_stops_this_one_while_it_is_there() -> None:
@@ -191,10 +198,10 @@ def test_a_second_robot_of_the_name_stops_this_one_while_it_is_there() -> None:
     rig.bus.come(Role.ROBOT, "r1", "theirs")
     rig.cycle()
     assert rig.vehicle.state.machine.vehicle_reason == Reason.NAME_TAKEN
-    assert rig.sent(INPUTS)[-1].flags & telemetry.NAME_TAKEN
+    assert rig.sent(INPUTS)[-1].flags & INPUT_NAME_TAKEN
     rig.bus.go(Role.ROBOT)
     rig.cycle()
-    assert not rig.sent(INPUTS)[-1].flags & telemetry.NAME_TAKEN
+    assert not rig.sent(INPUTS)[-1].flags & INPUT_NAME_TAKEN
     assert Presence("r1", Role.ROBOT.value, "theirs") not in rig.bus.there
 
 

@@ -20,7 +20,7 @@ CORE_STATES = (Vehicle, Mode, GoalState, Navigator)
 def test_every_enum_of_the_dialect_has_its_members(name: str) -> None:
     members = {entry.name: entry.value for entry in DIALECT.enums[name].entries}
     if name in CONSTANTS:
-        prefix = name.removeprefix("MAV_")
+        prefix = CONSTANTS[name]
         assert members == {key: getattr(enums, f"{prefix}_{key}") for key in members}
     else:
         cls = Reason if name == "SIDESTEP_REASON" else getattr(enums, CLASS_OF_ENUM[name])
