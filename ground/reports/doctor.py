@@ -34,7 +34,7 @@ class Diagnose:
     listen_s: float = LISTEN_S
 
     def perform(self, session: Session) -> Report:
-        seen = observe(session.link, round(self.listen_s * 1e9))
+        seen = observe(session.link, round(self.listen_s * NS_PER_S))
         return told_of(seen, examine(seen))
 
     def undialled(self, error: Unanswered, endpoint: str) -> Report:

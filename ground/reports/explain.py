@@ -14,8 +14,8 @@ from ground.recording.log_reader import opened
 from ground.reports.report import Report
 from protocol.topics import CYCLE, DECISION, STATUS
 from runtime.errors import UserError
+from runtime.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 NEXT_NS: Final = 200_000_000
 
 

@@ -10,6 +10,7 @@ from ground.client.telemetry import LOOKED_AT, Telemetry
 from ground.reports.report import Report
 from ground.text.status_parts import in_words
 from protocol.topics import STATUS
+from runtime.units import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +46,7 @@ def snapshot(telemetry: Telemetry, now_ns: int) -> dict[str, object]:
         message = telemetry.live(topic, now_ns)
         names = () if message is None else message.__struct_fields__
         streams[topic.path] = {
-            "age_s": None if seen.age_ns is None else seen.age_ns / 1e9,
+            "age_s": None if seen.age_ns is None else seen.age_ns / NS_PER_S,
             "state": seen.age.value,
             "message": {name: getattr(message, name) for name in names} or None,
         }
