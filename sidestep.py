@@ -9,9 +9,11 @@ at its first use:
 """
 
 import importlib
+import importlib.util
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -29,7 +31,14 @@ USAGE = "usage: sidestep [--traceback] VERB ...\n       sidestep --help | --vers
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; 0 reached or done, 1 not reached or refused, 2 wrong usage or configuration."""
-    from runtime.terminal import guarded_output  # the API alone imports nothing of ours
+    if conflict := displaced("runtime", "protocol"):
+        return refuse("", conflict)
+    try:
+        from runtime.terminal import guarded_output  # the API alone imports nothing of ours
+    except Exception:  # of another package nothing is known
+        if conflict := winner():
+            return refuse("", conflict)
+        raise
 
     try:
         with guarded_output():
@@ -77,15 +86,47 @@ def verb_table() -> "Mapping[str, Verb]":
 def call(verb: "Verb", word: str, rest: Sequence[str]) -> int:
     package = verb.module.partition(".")[0]
     if not (ROOT / package).is_dir():
-        print(
-            f"sidestep {word}: needs a checkout of the source, as {package}/ is not installed: "
-            f"run `make setup` there, then .venv/bin/sidestep {word}",
-            file=sys.stderr,
+        return refuse(
+            word,
+            f"needs a checkout of the source, as {package}/ is not installed: run `make setup` "
+            f"there, then .venv/bin/sidestep {word}",
         )
-        return EXIT_USAGE
-    module, arguments = (verb.module, list(rest)) if verb.is_program else (OPERATOR, [word, *rest])
+    if conflict := displaced(package):
+        return refuse(word, conflict)
+    if verb.is_program:
+        module, arguments = verb.module, list(rest)
+    else:
+        module, arguments = OPERATOR, [word, *rest]
     code: int = importlib.import_module(module).main(arguments)
     return code
+
+
+def own(name: str) -> ModuleType:
+    """Load a module of `runtime.cli` by its file: `import runtime` may give another package."""
+    full = f"runtime.cli.{name}"
+    if full not in sys.modules:
+        place = ROOT.joinpath(*full.split(".")).with_suffix(".py")
+        spec = importlib.util.spec_from_file_location(full, place)
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules[full] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[full])
+    return sys.modules[full]
+
+
+def displaced(*packages: str) -> str:
+    """Name the first of these packages of which Python finds another one; empty when none is."""
+    return str(next(own("packages").displaced(packages), ""))
+
+
+def winner() -> str:
+    """Name the package of others that keeps ours from working; empty when there is none."""
+    return next((str(found) for found in own("conflicts").conflicts() if found.wins), "")
+
+
+def refuse(word: str, why: str) -> int:
+    print(f"{' '.join(['sidestep', *word.split()])}: {why}", file=sys.stderr)
+    return EXIT_USAGE
 
 
 def explain(word: str, error: Exception) -> int:
@@ -94,6 +135,8 @@ def explain(word: str, error: Exception) -> int:
     if isinstance(code, int):
         print(f"sidestep {word}: {error}", file=sys.stderr)
         return code
+    if conflict := winner():
+        return refuse(word, conflict)
     print(
         f"sidestep {word}: internal error: {type(error).__name__}: {error}{place_of(error)}\n"
         f"for the whole story: sidestep --traceback {word} ...",
@@ -157,15 +200,23 @@ def version() -> str:
 def __getattr__(name: str) -> object:
     """Find a name of the API."""
     if not name.startswith("_"):
-        public = importlib.import_module("ground.client.public")
+        public = public_names()
         if name in public.__all__:
             return getattr(public, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    public = importlib.import_module("ground.client.public")
-    return sorted({*globals(), *public.__all__})
+    return sorted({*globals(), *public_names().__all__})
+
+
+def public_names() -> ModuleType:
+    try:
+        return importlib.import_module("ground.client.public")
+    except Exception as error:  # of another package nothing is known
+        if conflict := winner():
+            raise ImportError(conflict) from error
+        raise
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, T
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
+from runtime.cli.packages import Conflict
 from runtime.units import NS_PER_MS, NS_PER_S
 
 LATE_FACTOR: Final = 3
@@ -51,6 +52,7 @@ class Observed:
     listened_ns: int = 1000 * NS_PER_MS
     certified: Own | None = None  # where doors are locked
     clock_s: float = 0.0  # of this machine, since 1970
+    conflicts: tuple[Conflict, ...] = ()  # of our packages with those of others
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +77,7 @@ def examine(seen: Observed) -> Report:
     """All findings, the most basic first."""
     return Report(
         [
+            *installation(seen.conflicts),
             *certificate(seen),
             *processes(seen),
             *streams(seen),
@@ -83,6 +86,12 @@ def examine(seen: Observed) -> Report:
             *pace(seen.cycle),
         ]
     )
+
+
+def installation(conflicts: Iterable[Conflict]) -> Iterator[Finding]:
+    """Packages of others in place of ours, or among them."""
+    for conflict in conflicts:
+        yield Finding(conflict.what, conflict.do, bad=conflict.wins)
 
 
 def certificate(seen: Observed) -> Iterator[Finding]:

@@ -1,10 +1,11 @@
 """`doctor`: listens for a moment, asks every service, and says what is missing and what to do."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from time import time
 from typing import Any, ClassVar, Final
 
-from ground.client.diagnosis import Observed, Stream, examine, lines
+from ground.client.diagnosis import Finding, Observed, Stream, examine, installation, lines
 from ground.client.diagnosis import Report as Findings
 from ground.client.link import Link, Unanswered
 from ground.client.operations import Session
@@ -16,6 +17,7 @@ from protocol.bus.tls.access import barred
 from protocol.bus.tls.certificate import own
 from protocol.topics import COMMAND, CYCLE, PARAMETERS, STATUS, TOPICS, WORLD, Role, Service
 from protocol.wire.messages import CommandRequest
+from runtime.cli.conflicts import conflicts
 from runtime.errors import NotLetIn, PeerHangs, RemoteError
 from runtime.units import NS_PER_S
 
@@ -40,9 +42,9 @@ class Diagnose:
     def undialled(self, error: Unanswered, endpoint: str) -> Report:
         """The report when nothing could be dialled."""
         what, do = told(error, endpoint)
-        finding: dict[str, object] = {"what": what, "do": do, "bad": True}
-        row = {"ok": False, "findings": [finding], "streams": {}}
-        return Report(False, f"E {what}\n  -> {do}", row)
+        findings = [Finding(what, do), *installation(conflicts())]
+        row = {"ok": False, "findings": as_json(findings), "streams": {}}
+        return Report(False, lines(findings), row)
 
 
 def told(error: Unanswered, endpoint: str) -> tuple[str, str]:
@@ -83,6 +85,7 @@ def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
         ),
         certified=own(link.bus.network.tls) if link.bus.network.tls else None,
         clock_s=time(),
+        conflicts=tuple(conflicts()),
     )
 
 
@@ -106,15 +109,16 @@ def unanswered(link: Link, service: Service) -> str:
     return ""
 
 
+def as_json(findings: Iterable[Finding]) -> list[dict[str, object]]:
+    return [{"what": one.what, "do": one.do, "bad": one.bad} for one in findings]
+
+
 def told_of(seen: Observed, report: Findings) -> Report:
     found: dict[str, object] = {
         "ok": report.healthy,
         "robot": seen.robot,
         "processes": sorted(f"{role} {robot}" for robot, role in seen.crew.there),
-        "findings": [
-            {"what": finding.what, "do": finding.do, "bad": finding.bad}
-            for finding in report.findings
-        ],
+        "findings": as_json(report.findings),
         "streams": {
             stream.topic.path: None if stream.age_ns is None else stream.age_ns / NS_PER_S
             for stream in seen.streams

@@ -1,1 +1,1 @@
-"""What every verb of the executable shares: the table of verbs."""
+"""What every verb shares: the table of verbs, and the check that our packages are our own."""

@@ -1,5 +1,6 @@
 """The wheel: it carries what runs and nothing else, and runs away from the tree."""
 
+import json
 import os
 import subprocess
 import sys
@@ -18,6 +19,7 @@ ROOT: Final = Path(__file__).parents[2]
 WHEEL: Final = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"][
     "targets"
 ]["wheel"]
+METADATA: Final = "Metadata-Version: 2.1\nName: robotframework\nVersion: 7.5\n"
 PACKAGES: Final = [name for name in WHEEL["only-include"] if not name.endswith(".py")]
 
 
@@ -44,12 +46,32 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The executable of an environment with this wheel, and with the dependencies of the tests."""
-    place = tmp_path_factory.mktemp("env")
+    """The executable of an environment with this wheel."""
+    return environment(tmp_path_factory.mktemp("env"), wheel)
+
+
+@pytest.fixture(scope="session")
+def beside_robot_framework(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same where another distribution has a package `robot`, installed later."""
+    place = tmp_path_factory.mktemp("shared")
+    other = place / "robotframework-7.5-py3-none-any.whl"
+    info = "robotframework-7.5.dist-info"
+    with zipfile.ZipFile(other, "w") as archive:
+        for file in ("robot/__init__.py", "robot/run.py", "robot/running/model.py"):
+            archive.writestr(file, "")
+        archive.writestr(f"{info}/METADATA", METADATA)
+        archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\n")
+        archive.writestr(f"{info}/RECORD", "")
+    return environment(place / "env", wheel, other)
+
+
+def environment(place: Path, *wheels: Path) -> Path:
+    """Make one with these wheels, and with the dependencies of the tests; return `sidestep`."""
     venv.create(place)
     python = place / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "--python", str(python), "--disable-pip-version-check"]
-    run(*pip, "install", "--quiet", "--no-deps", "--no-index", wheel, cwd=place)
+    for wheel in wheels:
+        run(*pip, "install", "--quiet", "--no-deps", "--no-index", wheel, cwd=place)
     borrow_dependencies(python)
     return place / "bin" / "sidestep"
 
@@ -90,3 +112,31 @@ def test_bench_of_the_wheel_asks_for_a_checkout(installed: Path, words: list[str
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("sidestep bench: needs a checkout of the source")
     assert done.stderr.count("\n") == 1
+
+
+def test_a_verb_names_who_has_replaced_its_package(
+    beside_robot_framework: Path, tmp_path: Path
+) -> None:
+    done = tried(beside_robot_framework, "robot", "--help", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert done.stderr.startswith(
+        "sidestep robot: package `robot`: robotframework 7.5 has replaced "
+    )
+    assert "`python3 -m venv`, `pipx install` or `uvx --from`" in done.stderr
+
+
+def test_doctor_warns_of_who_shares_a_package(beside_robot_framework: Path, tmp_path: Path) -> None:
+    nowhere = ("--connect", "tcp/127.0.0.1:1", "--json")
+    done = tried(beside_robot_framework, "doctor", *nowhere, cwd=tmp_path)
+    findings = json.loads(done.stdout)["findings"]
+    (found,) = (found for found in findings if "robotframework 7.5" in found["what"])
+    assert found["bad"]
+    assert "pipx" in found["do"]
+
+
+def test_doctor_of_a_wheel_alone_finds_no_package_of_others(
+    installed: Path, tmp_path: Path
+) -> None:
+    done = tried(installed, "doctor", "--connect", "tcp/127.0.0.1:1", "--json", cwd=tmp_path)
+    findings = json.loads(done.stdout)["findings"]
+    assert [found["what"] for found in findings if "package" in found["what"]] == []

@@ -10,6 +10,8 @@ from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 from packaging.version import Version
 
+from runtime.cli.packages import PACKAGES
+
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 FLOORS = [
@@ -46,6 +48,7 @@ def test_every_package_of_the_tree_has_its_place() -> None:
     packages = {path.parent.name for path in ROOT.glob("*/__init__.py")}
     wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert set(wheel["only-include"]) == packages - CHECKOUT_ONLY | {"sidestep.py"}
+    assert set(PACKAGES) == packages - CHECKOUT_ONLY
     assert set(PROJECT["tool"]["importlinter"]["root_packages"]) == packages - {"tests", "examples"}
 
 

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import pytest
 
 import sidestep
+from runtime.cli.packages import Conflict
 from runtime.cli.verb_table import VERBS, Verb
 
 ROOT = Path(__file__).parents[2]
@@ -136,6 +137,34 @@ def test_with_traceback_the_error_comes_through(install: Install) -> None:
     install(fail_with(ZeroDivisionError()))
     with pytest.raises(ZeroDivisionError):
         sidestep.main(["--traceback", "up"])
+
+
+@pytest.mark.parametrize(
+    ("package", "verb"),
+    [("runtime", "--help"), ("protocol", "goto"), ("ground", "doctor"), ("robot", "robot")],
+)
+def test_a_displaced_package_is_one_line_with_the_remedy(
+    package: str, verb: str, tmp_path: Path
+) -> None:
+    (tmp_path / package).mkdir()
+    (tmp_path / package / "__init__.py").write_text("raise RuntimeError('imported')\n")
+    env = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    command = [sys.executable, "-P", "-m", "sidestep", verb, *([] if verb == "--help" else ["-h"])]
+    run = subprocess.run(command, env=env, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout, run.stderr.count("\n")) == (2, "", 1)
+    assert f"package `{package}` at {tmp_path / package}, not at {ROOT / package}" in run.stderr
+    assert run.stderr.endswith(f": take {tmp_path} out of PYTHONPATH\n")
+
+
+def test_a_defect_under_a_displaced_package_is_blamed_on_it(
+    install: Install, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    conflict = Conflict("package `robot` is not ours", "install apart", wins=True)
+    monkeypatch.setattr("runtime.cli.conflicts.conflicts", lambda: [conflict])
+    install(fail_with(ImportError("cannot import name 'Options' from 'robot.run'")))
+    assert sidestep.main(["up"]) == 2
+    said = capsys.readouterr().err
+    assert said == "sidestep up: package `robot` is not ours: install apart\n"
 
 
 def test_ctrl_c_ends_without_a_word(install: Install, capsys: pytest.CaptureFixture[str]) -> None:

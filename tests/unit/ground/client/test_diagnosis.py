@@ -12,6 +12,7 @@ from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TO
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason
+from runtime.cli.packages import Conflict
 from tests.support.ground.client import CYCLE
 
 MS = 1_000_000
@@ -43,6 +44,15 @@ def seen(silent: Iterable[Topic[Any]] = (), crew: Crew = EVERYBODY) -> Observed:
     return Observed(
         robot="r1", endpoint=endpoint, crew=crew, streams=streams, status=STATUS, cycle=CYCLE
     )
+
+
+def test_a_package_of_others_in_place_of_ours_is_found() -> None:
+    replaced = Conflict("package `robot`: robotframework 7.5 has replaced it", "apart", wins=True)
+    shared = replaced._replace(wins=False)
+    for conflict, healthy in ((replaced, False), (shared, True)):
+        report = examine(replace(seen(), conflicts=(conflict,)))
+        assert report.healthy is healthy
+        assert [(found.what, found.do) for found in report.findings] == [conflict[:2]]
 
 
 def of(role: Role) -> list[Topic[Any]]:

@@ -1,0 +1,79 @@
+"""Find what other distributions have done to our packages: Robot Framework has a `robot`, too.
+
+Two distributions with a package of one name are installed into the same folder, where files of the
+one replace those of the other. Each lists its files in its RECORD.
+"""
+
+import base64
+import hashlib
+import re
+from importlib import metadata
+from pathlib import Path
+from typing import Final
+
+from runtime.cli.packages import APART, NAME, PACKAGES, ROOT, Conflict, displaced, shown
+
+LISTED: Final = re.compile(rf"^({'|'.join(PACKAGES)})/", re.MULTILINE)
+"""The line of a RECORD for a file in a package that has one of our names."""
+
+
+def conflicts() -> list[Conflict]:
+    """Return all conflicts, those that keep us from working first."""
+    found = list(displaced())
+    owners = owners_of_folders()
+    for name, file in broken_files().items():
+        owner = owners.pop(ROOT / name, "")
+        if not file.exists():
+            what = f"file {shown(file)} of package `{name}` is missing"
+            found.append(Conflict(what, f"install {NAME} again", wins=True))
+        elif owner:
+            what = f"package `{name}`: {owner} has replaced {shown(file)}"
+            found.append(Conflict(what, APART, wins=True))
+    for folder, owner in owners.items():
+        if folder.parent == ROOT:
+            what = f"package `{folder.name}`: {owner} has files in {shown(folder)}, too"
+            found.append(Conflict(what, APART, wins=False))
+    return found
+
+
+def owners_of_folders() -> dict[Path, str]:
+    """Return the folders of our names that other distributions have files in, and which those are.
+
+    A distribution that does not list its files is not found.
+    """
+    found: dict[Path, str] = {}
+    for distribution in metadata.distributions():
+        name = distribution.metadata["Name"]
+        if name and name != NAME:
+            for package in set(LISTED.findall(distribution.read_text("RECORD") or "")):
+                folder = Path(str(distribution.locate_file(package))).resolve()
+                found[folder] = f"{name} {distribution.version}"
+    return found
+
+
+def broken_files() -> dict[str, Path]:
+    """Return for each of our packages the first file that is missing or not as it was installed.
+
+    A checkout has none: its installation lists only the place where it is.
+    """
+    try:
+        files = metadata.distribution(NAME).files or []
+    except metadata.PackageNotFoundError:
+        return {}
+    found: dict[str, Path] = {}
+    for file in files:
+        package, recorded, place = file.parts[0], file.hash, ROOT / file
+        if package not in PACKAGES or package in found or recorded is None:
+            continue
+        if digest_of(place, recorded.mode) != recorded.value:
+            found[package] = place
+    return found
+
+
+def digest_of(file: Path, algorithm: str) -> str:
+    """Return the digest as RECORD writes it; empty for a file that cannot be read."""
+    try:
+        digest = hashlib.new(algorithm, file.read_bytes()).digest()
+    except OSError:
+        return ""
+    return base64.urlsafe_b64encode(digest).rstrip(b"=").decode()
