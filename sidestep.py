@@ -1,7 +1,7 @@
 """Sidestep: the command line, and the Python API.
 
 As the executable it looks a verb up in `runtime.cli.verb_table` and imports the package that does
-the work only when asked. `import sidestep` gives the names of `ground.client.public`, each imported
+the work only when asked. `import sidestep` gives the names of `ground.client.api`, each imported
 at its first use:
 
     async with sidestep.connect() as robot:
@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ground.client.public import *  # noqa: F403
+    from ground.client.api import *  # noqa: F403
     from runtime.cli.verb_table import Verb
 
 ROOT = Path(__file__).resolve().parent
@@ -212,7 +212,7 @@ def __dir__() -> list[str]:
 
 def public_names() -> ModuleType:
     try:
-        return importlib.import_module("ground.client.public")
+        return importlib.import_module("ground.client.api")
     except Exception as error:  # of another package nothing is known
         if conflict := winner():
             raise ImportError(conflict) from error

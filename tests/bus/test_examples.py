@@ -9,7 +9,7 @@ import pytest
 
 import sidestep
 from examples import custom_navigator, drive_to_goal, log_to_parquet, patrol, sonar_terminal
-from ground.client import robot
+from ground.client.api import robot
 from ground.client.connection import Common
 from protocol.bus.network import Network
 from protocol.wire.enums import GoalState, MissionState

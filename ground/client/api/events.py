@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, Self, TypeAlias, TypeVar
 
-from ground.client.streams import QUEUE, Hub, Stream
+from ground.client.api.streams import QUEUE, Hub, Stream
 from ground.text.statustext import Texts
 from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
 from protocol.wire.enums import (

@@ -20,10 +20,12 @@ from math import radians
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from ground.client import threads
+from ground.client.api import threads
+from ground.client.api.events import Telemetry
+from ground.client.api.services import Fences, Leases, Missions, Parameters
+from ground.client.api.streams import Hub
 from ground.client.connection import Common, common
 from ground.client.emergency_stop import EmergencyStop
-from ground.client.events import Telemetry
 from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
 from ground.client.link import ALIVE, Link, linked
 from ground.client.operations import (
@@ -51,8 +53,6 @@ from ground.client.operations.leases import ask_lease, give_back, operator_name
 from ground.client.operations.teleop import Stick, hold, take_manual, taken_away
 from ground.client.requests import GoalEnd, GoalWatch, Pace
 from ground.client.results import Answer, Outcome, Refused
-from ground.client.services import Fences, Leases, Missions, Parameters
-from ground.client.streams import Hub
 from protocol.bus.publisher import Publisher
 from protocol.topics import LEASE, MISSION, OPERATOR, STATUS, STOP
 from protocol.wire.enums import LeaseAction, Mode, Navigator

@@ -1,7 +1,7 @@
 """The names of `import sidestep`: the asyncio client, its values, outcomes, events and errors."""
 
 from ground.client import operations
-from ground.client.events import (
+from ground.client.api.events import (
     Event,
     EventStream,
     GoalChanged,
@@ -11,6 +11,8 @@ from ground.client.events import (
     TextReceived,
     VehicleChanged,
 )
+from ground.client.api.robot import Robot, connect
+from ground.client.api.streams import Stream
 from ground.client.link import Unanswered
 from ground.client.operations import (
     DriveEnded,
@@ -22,8 +24,6 @@ from ground.client.operations import (
 )
 from ground.client.parameter import Parameter
 from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
-from ground.client.robot import Robot, connect
-from ground.client.streams import Stream
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
 from protocol.wire.enums import (
     GoalState,

@@ -4,7 +4,8 @@ import asyncio
 from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
-from ground.client import threads
+from ground.client.api import threads
+from ground.client.api.streams import Hub
 from ground.client.operations import (
     ClearFence,
     ClearMission,
@@ -37,7 +38,6 @@ from ground.client.operations import (
 from ground.client.parameter import Parameter
 from ground.client.requests import SILENCE_NS
 from ground.client.results import Answer, Outcome, Refused
-from ground.client.streams import Hub
 from ground.missions import files
 from ground.missions.mission import Fence, Mission
 from protocol.topics import MISSION
