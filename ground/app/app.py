@@ -139,8 +139,10 @@ class GroundApp(App[int]):
     def give(self, line: str) -> None:
         self._orders.give(line)
 
-    def perform(self, command: Operation[Outcome] | AppCommand) -> None:
-        self._orders.perform(command)
+    @property
+    def perform(self) -> Callable[[Operation[Outcome] | AppCommand], None]:
+        """What does a typed operation; the key calls it directly."""
+        return self._orders.perform
 
     @property
     def last(self) -> str:

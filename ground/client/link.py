@@ -15,7 +15,6 @@ from ground.client.requests import (
     GaveUp,
     Request,
     RequestIds,
-    Send,
 )
 from ground.client.telemetry import Telemetry
 from protocol.bus.bus import Bus, open_bus
@@ -84,7 +83,13 @@ class Link:
         """Put its questions to a service until it is over."""
         while not talk.over:
             for send in talk.due(self.clock.now_ns()):
-                self._put(talk, service, send)
+                patience_s = send.patience_ns / NS_PER_S
+                try:
+                    answer = self.bus.ask(service, send.request, patience_s, robot=self.robot)
+                except RemoteError as error:
+                    talk.unanswered(str(error))
+                else:
+                    talk.receive(answer, self.clock.now_ns())
             if not talk.over:
                 self.clock.sleep_until(talk.next_ns)
 
@@ -94,16 +99,6 @@ class Link:
             return Unanswered(f"{why_not}: use --config DIR/ground.toml")
         why = "no answer" if outcome is None else outcome.why
         return Unanswered(f"{self.diagnosis()} ({why})")
-
-    def _put(self, talk: Exchange[Any], service: Service, send: Send) -> None:
-        try:
-            answer = self.bus.ask(
-                service, send.request, send.patience_ns / NS_PER_S, robot=self.robot
-            )
-        except RemoteError as error:
-            talk.unanswered(str(error))
-            return
-        talk.receive(answer, self.clock.now_ns())
 
     def beat(self) -> None:
         """Let the robot hear that an operator is there."""

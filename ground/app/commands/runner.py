@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 from ground.client.connection import Common
@@ -56,23 +57,19 @@ class Orders:
         """Do what a line that was typed means."""
         if not line:
             return
-        self._history.add(line)
         try:
             command = read(line, lambda: self.draft.text)
         except UserError as error:
+            self._history.add(line)
             self._station.note(f"{line[:MAX_SHOWN]}: {error}", Severity.WARNING)
             return
-        self.last = self._for_a_shell(line)
-        self._do(command, line)
+        self.perform(command, line)
 
-    def perform(self, command: Operation[Result] | AppCommand) -> None:
-        """Do what a key or a choice means."""
-        line = line_of(command)
+    def perform(self, command: Operation[Result] | AppCommand, line: str = "") -> None:
+        """Do what a key, a choice or a typed line means; `line` as it was typed."""
+        line = line or line_of(command)
         self._history.add(line)
         self.last = self._for_a_shell(line)
-        self._do(command, line)
-
-    def _do(self, command: Operation[Result] | AppCommand, line: str) -> None:
         match command:
             case StopNow():
                 self._station.estop()
@@ -83,7 +80,7 @@ class Orders:
             case _ if isinstance(command, AppCommand):
                 self._locally(command)
             case _:
-                self._station.submit(line, lambda: self._done(command), moves=command.moves)
+                self._station.submit(line, partial(self._done, command), moves=command.moves)
 
     def is_local(self, line: str) -> bool:
         try:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
 from ground.client.emergency_stop import EmergencyStop, StopOutcome, outcome_words
-from ground.client.operations.session import Session
+from ground.client.operations.session import Session, patience_ns
 from ground.client.requests import GaveUp
 from ground.client.results import Answer, answer_row
 from protocol.topics import MARK, STATUS, STOP
@@ -36,8 +36,9 @@ class PlainCommand:
     timeout_s: float | None = None
 
     def perform(self, session: Session) -> Answer:
-        request = session.link.command(*self.wire())
-        return session.ask(request, timeout_s=self.timeout_s)
+        link = session.link
+        patience = patience_ns(self.timeout_s)
+        return session.answer(link.ask(link.command(*self.wire()), patience_ns=patience))
 
     def wire(self) -> Parts:
         return self.parts

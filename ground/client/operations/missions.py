@@ -258,9 +258,9 @@ class JumpTo:
     item: int
 
     def perform(self, session: Session) -> Answer:
-        return session.ask(
-            session.link.command(Command.DO_SET_MISSION_CURRENT, float(self.item - 1))
-        )
+        link = session.link
+        request = link.command(Command.DO_SET_MISSION_CURRENT, float(self.item - 1))
+        return session.answer(link.ask(request))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

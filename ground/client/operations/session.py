@@ -8,7 +8,7 @@ from ground.client.link import Link
 from ground.client.requests import ATTEMPTS, BEAT_NS, PATIENCE_NS, Answered, Request
 from ground.client.results import Accepted, Answer, Refused
 from ground.text.status_parts import Part
-from protocol.topics import COMMAND, STATUS, Service
+from protocol.topics import STATUS
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S
@@ -56,19 +56,6 @@ class Session:
         self.progress: Progress = progress or NoProgress()
         self.attended = attended
 
-    def ask(
-        self,
-        request: Request,
-        *,
-        timeout_s: float | None = None,
-        service: Service = COMMAND,
-    ) -> Answer:
-        """Ask up to three times, within `timeout_s` (1.5 s); Unanswered says what is missing."""
-        patience_ns = PATIENCE_NS
-        if timeout_s is not None:
-            patience_ns = max(1, round(timeout_s * NS_PER_S / ATTEMPTS))
-        return self.answer(self.link.ask(request, patience_ns=patience_ns, service=service))
-
     def answer(self, answered: Answered) -> Answer:
         """Return the robot's answer, with the lease holder's name when it refused for the lease."""
         if answered.ok:
@@ -108,3 +95,10 @@ class Session:
             self.link.clock.sleep_until(self.link.clock.now_ns() + BEAT_NS // 4)
             return True
         return False
+
+
+def patience_ns(timeout_s: float | None) -> int:
+    """Return how long each attempt waits, so that all end within `timeout_s` (1.5 s)."""
+    if timeout_s is None:
+        return PATIENCE_NS
+    return max(1, round(timeout_s * NS_PER_S / ATTEMPTS))
