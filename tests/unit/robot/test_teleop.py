@@ -36,20 +36,20 @@ def test_a_frame_counts_until_its_time_is_over(ttl_ms: int, arrived_ns: int, age
 
 def test_a_newer_frame_takes_the_place_of_the_older_even_if_that_would_count_longer() -> None:
     handle = TeleopInput()
-    handle.hear(frame(500, speed_mm_s=200), 0)
+    assert handle.hear(frame(MAX_TELEOP_TTL_MS, speed_mm_s=200), 0) == ""
     handle.hear(frame(100, speed_mm_s=50), 10 * MS)
     assert wanted(handle.newest(100 * MS)) == Twist(0.05, -0.5)
     assert handle.newest(110 * MS) is None
 
 
-@pytest.mark.parametrize("ttl_ms", [501, 65_535])
+@pytest.mark.parametrize("ttl_ms", [MAX_TELEOP_TTL_MS + 1, 65_535])
 def test_a_frame_that_would_count_too_long_is_ignored_and_that_is_said_once(ttl_ms: int) -> None:
     handle = TeleopInput()
-    assert "at most 500" in handle.hear(frame(ttl_ms), 0)
+    assert f"at most {MAX_TELEOP_TTL_MS}" in handle.hear(frame(ttl_ms), 0)
     assert handle.hear(frame(ttl_ms), 1) == ""
     assert handle.newest(2) is None
     assert handle.hear(frame(100), 3) == ""
-    assert "at most 500" in handle.hear(frame(ttl_ms), 4)
+    assert f"at most {MAX_TELEOP_TTL_MS}" in handle.hear(frame(ttl_ms), 4)
 
 
 def test_the_vehicle_says_what_it_ignores() -> None:
@@ -58,4 +58,4 @@ def test_the_vehicle_says_what_it_ignores() -> None:
     for _ in range(3):
         desk.vehicle.hear_teleop(frame(900), 0)
     told = "".join(text.text for text in desk.vehicle.texts())
-    assert told == "teleop ignored: valid for 900 ms, at most 500 are allowed"
+    assert told == f"teleop ignored: valid for 900 ms, at most {MAX_TELEOP_TTL_MS} are allowed"
