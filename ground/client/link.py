@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from typing import Any, Final, TypeVar
 
 from ground.client.connection import Common
+from ground.client.emergency_stop import Asks
 from ground.client.presence import crew_of, why_silent
 from ground.client.requests import (
     ATTEMPTS,
@@ -46,6 +47,23 @@ class Unanswered(RemoteError):
     exit_code = 1
 
 
+def converse(
+    bus: Asks, clock: Clock, robot: str, exchange: Exchange[Any], service: Service
+) -> None:
+    """Put the questions of an exchange to a robot's service until it is over."""
+    while not exchange.over:
+        for send in exchange.due(clock.now_ns()):
+            try:
+                patience_s = send.patience_ns / NS_PER_S
+                answer = bus.ask(service, send.request, patience_s, robot=robot)
+            except RemoteError as error:
+                exchange.unanswered(str(error))
+            else:
+                exchange.receive(answer, clock.now_ns())
+        if not exchange.over:
+            clock.sleep_until(exchange.next_ns)
+
+
 class Link:
     """Asks one robot, and beats for it."""
 
@@ -74,24 +92,14 @@ class Link:
     ) -> Answered:
         """The robot's answer; Unanswered says who is missing when there is none."""
         asking = Asking(request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns)
-        self.talk(asking, service)
+        converse(self.bus, self.clock, self.robot, asking, service)
         if isinstance(asking.outcome, Answered):
             return asking.outcome
         raise self.unanswered(asking.outcome)
 
-    def talk(self, talk: Exchange[Any], service: Service) -> None:
-        """Put its questions to a service until it is over."""
-        while not talk.over:
-            for send in talk.due(self.clock.now_ns()):
-                patience_s = send.patience_ns / NS_PER_S
-                try:
-                    answer = self.bus.ask(service, send.request, patience_s, robot=self.robot)
-                except RemoteError as error:
-                    talk.unanswered(str(error))
-                else:
-                    talk.receive(answer, self.clock.now_ns())
-            if not talk.over:
-                self.clock.sleep_until(talk.next_ns)
+    def talk(self, exchange: Exchange[Any], service: Service) -> None:
+        """Put the questions of an exchange to a service until it is over."""
+        converse(self.bus, self.clock, self.robot, exchange, service)
 
     def unanswered(self, outcome: GaveUp | None) -> Unanswered:
         """The error for a talk that has come to nothing."""

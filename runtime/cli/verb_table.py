@@ -51,7 +51,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         "ground": Verb(
             RUN,
             "the ground station, in this terminal or in a browser",
-            "ground.cli.look.watch",
+            "ground.cli.run.ground",
             "act_ground",
             "run_ground",
             "ground_arguments",

@@ -4,22 +4,21 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final, NamedTuple
 
-from ground.client.requests import RequestIds
+from ground.client.link import converse
+from ground.client.requests import Answered, Asking, RequestIds
 from ground.station.bus_protocols import Hears
 from ground.station.robot.background_requests import Job, Outcome, RequestWorker, outcome_of
 from ground.station.robot.lease_holding import LeaseHolding
 from protocol.topics import LEASE_SERVICE
-from protocol.wire.enums import AckResult, LeaseAction, Severity
+from protocol.wire.enums import LeaseAction, Severity
 from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
-from protocol.wire.messages import CommandAck, LeaseRequest
-from protocol.wire.reasons import reason_text
+from protocol.wire.messages import LeaseRequest
 from runtime.clock import Clock
-from runtime.errors import NoAnswer, RemoteError
-from runtime.units import NS_PER_MS, NS_PER_S
+from runtime.units import NS_PER_MS
 
 Tell = Callable[[str, Severity], None]
 ATTEMPTS: Final = 3
-PATIENCE_S: Final = 0.4
+PATIENCE_NS: Final = 400 * NS_PER_MS
 DONE: Final = {
     LeaseAction.TAKE: "taken",
     LeaseAction.RELEASE: "released",
@@ -158,20 +157,13 @@ def ask_lease(
     bus: Hears, clock: Clock, robot: str, request: LeaseRequest, attempts: int = ATTEMPTS
 ) -> Outcome:
     """Take, release or seize; the same request again when there is no answer."""
-    asked_ns = clock.now_ns()
-    why = "no answer"
-    for attempt in range(1, attempts + 1):
-        try:
-            answer = bus.ask(LEASE_SERVICE, request, PATIENCE_S, robot=robot)
-        except NoAnswer as error:
-            why = str(error)
-            if attempt < attempts:
-                clock.sleep_until(asked_ns + round(attempt * PATIENCE_S * NS_PER_S))
-            continue
-        if not isinstance(answer, CommandAck):
-            raise RemoteError(f"{robot} answers, but not to a question about its lease")
-        took = f"{(clock.now_ns() - asked_ns) / NS_PER_MS:.0f} ms"
-        if answer.result == AckResult.ACCEPTED:
-            return Outcome(True, f"lease of {robot} {DONE[LeaseAction(request.action)]} ({took})")
-        return Outcome(False, f"lease of {robot} refused: {reason_text(answer.result_param2)}")
-    return Outcome(False, f"lease of {robot}: {why}")
+    asking = Asking(request, clock.now_ns(), attempts=attempts, patience_ns=PATIENCE_NS)
+    converse(bus, clock, robot, asking, LEASE_SERVICE)
+    answered = asking.outcome
+    if not isinstance(answered, Answered):
+        why = "no answer" if answered is None else answered.why
+        return Outcome(False, f"lease of {robot}: {why}")
+    if not answered.ok:
+        return Outcome(False, f"lease of {robot} refused: {answered.text}")
+    took = f"{answered.took_ns / NS_PER_MS:.0f} ms"
+    return Outcome(True, f"lease of {robot} {DONE[LeaseAction(request.action)]} ({took})")
