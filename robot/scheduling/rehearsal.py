@@ -3,6 +3,12 @@
 Between two ticks the processor does other things for 50 ms and forgets the loop: the first run of
 the same code costs many times the second. The rehearsal acts on a state of its own and sends
 nothing.
+
+What it brings, by the robot's own reports of `sidestep bench jitter`, 5 times 18 s with it and 5
+times without it, alternately, on 2 shared and loaded cores: the median cycle costs 0.51 ms of CPU
+time instead of 0.63 ms, and the median tick starts 0.09 ms after its scan instead of 0.12 ms. In
+each of the 5 pairs both are better with it. The slowest 1 % (0.81 and 0.83 ms) and the worst do
+not differ by more than they vary. It costs 0.3 % of a core.
 """
 
 from typing import Final

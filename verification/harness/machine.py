@@ -22,9 +22,13 @@ def load() -> float:
 
 
 def described(load_before: float) -> dict[str, object]:
-    return {
+    """Return what a figure depends on; real-time scheduling, if it was measured with that."""
+    found: dict[str, object] = {
         "cpu": model(),
         "cores": len(os.sched_getaffinity(0)),
         "python": ".".join(map(str, sys.version_info[:3])),
         "load": f"{load_before:.1f} -> {load():.1f}",
     }
+    if os.sched_getscheduler(0) in (os.SCHED_RR, os.SCHED_FIFO):
+        found["scheduling"] = "real-time, ahead of other work"
+    return found
