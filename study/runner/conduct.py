@@ -6,6 +6,7 @@ from typing import Final
 
 import pyarrow as pa
 
+from runtime.errors import UserError
 from study.runner.plan import Task
 from study.runner.progress import Progress
 from study.runner.rows import Row
@@ -46,10 +47,16 @@ class Collector:
 
     def close(self) -> None:
         """Raises UserError when it cannot be written; the rows are then given up."""
-        rows, self._rows = self._rows, []
         self._written_s = self._monotonic_s()
-        if rows:
-            write_shard(self._directory, rows)
+        if not self._rows:
+            return
+        # After an interrupt the rows are written again; a trial counts once in the results.
+        try:
+            write_shard(self._directory, self._rows)
+        except UserError:
+            self._rows = []
+            raise
+        self._rows = []
 
 
 def collect(rows: Iterable[Row | None], collector: Collector, progress: Progress) -> None:

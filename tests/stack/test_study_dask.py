@@ -21,6 +21,8 @@ from study.runner.run_task import Bench
 from tests.support.study.made import bench_of, boxed, floor, tasks
 from tests.support.study.trouble import deadly
 
+pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("dask")]
+
 ANYWHERE = "127.0.0.1:0"
 
 
@@ -105,7 +107,7 @@ def test_a_study_on_dask_is_like_any_other(address: str, tmp_path: Path) -> None
     from study.cli.study import main
     from study.runner.store import read
 
-    words = ["study", "--worlds", "open", "box", "--noise", "none", "--no-report"]
+    words = ["--worlds", "open", "box", "--noise", "none", "--no-report"]
     assert main([*words, "--dask", address, "--output", str(tmp_path / "dask")]) == 0
     assert main([*words, "--jobs", "2", "--output", str(tmp_path / "ours")]) == 0
     one, other = read(tmp_path / "dask"), read(tmp_path / "ours")

@@ -13,7 +13,7 @@ from hypothesis import settings as tuned
 from hypothesis import strategies as st
 
 from runtime.errors import UserError
-from study.runner import store
+from study.runner import conduct, store
 from study.runner.conduct import (
     FLUSH_S,
     LONGEST_FLUSH_S,
@@ -63,6 +63,29 @@ def test_while_nothing_comes_what_came_is_written_too(tmp_path: Path) -> None:
         assert shards(tmp_path) == 1
 
     gather(tmp_path, coming(), watch)
+
+
+@pytest.mark.parametrize("after", [False, True])
+def test_interrupted_write_loses_no_row_and_counts_none_twice(
+    after: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(directory: Path, rows: list[Row]) -> Path:
+        monkeypatch.undo()
+        if after:
+            store.write_shard(directory, rows)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(conduct, "write_shard", interrupted)
+    watch = Watch()
+
+    def coming() -> Iterator[Row | None]:
+        for row in rows(2):
+            watch.now_s += LONGEST_FLUSH_S
+            yield row
+
+    with pytest.raises(KeyboardInterrupt):
+        gather(tmp_path, coming(), watch)
+    assert len(ids(store.read(tmp_path))) == 1
 
 
 def test_a_long_study_writes_more_seldom_but_never_waits_long(tmp_path: Path) -> None:
