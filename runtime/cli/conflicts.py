@@ -5,6 +5,7 @@ one replace those of the other. Each lists its files in its RECORD.
 """
 
 import base64
+import csv
 import hashlib
 import re
 from importlib import metadata
@@ -57,16 +58,17 @@ def broken_files() -> dict[str, Path]:
     A checkout has none: its installation lists only the place where it is.
     """
     try:
-        files = metadata.distribution(NAME).files or []
+        record = metadata.distribution(NAME).read_text("RECORD") or ""
     except metadata.PackageNotFoundError:
         return {}
     found: dict[str, Path] = {}
-    for file in files:
-        package, recorded, place = file.parts[0], file.hash, ROOT / file
-        if package not in PACKAGES or package in found or recorded is None:
+    for file, recorded, *_ in csv.reader(record.splitlines()):
+        package = file.partition("/")[0]
+        if package not in PACKAGES or package in found or not recorded:
             continue
-        if digest_of(place, recorded.mode) != recorded.value:
-            found[package] = place
+        algorithm, _, digest = recorded.partition("=")
+        if digest_of(ROOT / file, algorithm) != digest:
+            found[package] = ROOT / file
     return found
 
 

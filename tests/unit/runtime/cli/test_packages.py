@@ -36,6 +36,7 @@ def record(site: Path, name: str, *files: str) -> None:
         place.write_text(f"{OURS}# {name}\n")
         digest = base64.urlsafe_b64encode(hashlib.sha256(place.read_bytes()).digest())
         lines.append(f"{file},sha256={digest.rstrip(b'=').decode()},1")
+    lines.append(f"{Path(file).parent}/__pycache__/{Path(file).stem}.pyc,,")
     info = site / f"{name}-7.5.dist-info"
     info.mkdir()
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 7.5\n")
