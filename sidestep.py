@@ -34,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if conflict := displaced("runtime", "protocol"):
         return refuse("", conflict)
     try:
-        from runtime.terminal import guarded_output  # the API alone imports nothing of ours
+        from runtime.cli.terminal import guarded_output  # the API alone imports nothing of ours
     except Exception:  # of another package nothing is known
         if conflict := winner():
             return refuse("", conflict)

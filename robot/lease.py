@@ -17,7 +17,7 @@ from protocol.wire.messages import (
     ParamRequestRead,
 )
 from robot.core import reasons
-from runtime.terminal import printable
+from runtime.cli.terminal import printable
 from runtime.units import NS_PER_MS
 
 LAPSE_NS: Final = MAX_LEASE_MS * NS_PER_MS

@@ -6,7 +6,7 @@ from ground.client.link import Link
 from protocol.topics import LEASE
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
-from runtime.terminal import printable
+from runtime.cli.terminal import printable
 
 SHOW_NS: Final = 1_500_000_000
 

@@ -7,9 +7,9 @@ from typing import Final
 from ground.client.parameter import Parameter
 from ground.client.parameter_rows import NAME, NAME_RULE
 from ground.recording import export_file
+from runtime.cli.terminal import printable
 from runtime.config import read_toml, unknown_key
 from runtime.errors import ConfigError, UserError
-from runtime.terminal import printable
 
 TABLE: Final = "parameters"
 HUGE: Final = 1e300

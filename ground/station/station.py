@@ -17,9 +17,9 @@ from ground.station.view import StationView
 from ground.station.world import WorldFacts, world_in
 from protocol.topics import PARAMETERS, WORLD, robot_name
 from protocol.wire.enums import LeaseAction, Severity
+from runtime.cli.terminal import printable
 from runtime.clock import Clock
 from runtime.errors import RemoteError
-from runtime.terminal import printable
 from runtime.units import NS_PER_S
 
 CLOSING_S: Final = 2.0

@@ -6,9 +6,9 @@ from math import dist, radians
 from typing import Any, Final, NamedTuple
 
 from ground.map import Disc, Outline, Shape, Target
+from runtime.cli.terminal import printable
 from runtime.errors import RemoteError
 from runtime.json_reader import value_in
-from runtime.terminal import printable
 
 Point = tuple[float, float]
 RADIUS_M = 0.12

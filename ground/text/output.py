@@ -8,7 +8,7 @@ from math import isfinite
 from typing import Final, TextIO
 
 from ground.text.status_parts import Part, fitted, in_words
-from runtime.terminal import DIM, LINE_START, PLAIN, guarded, steer
+from runtime.cli.terminal import DIM, LINE_START, PLAIN, guarded, steer
 
 USUAL_WIDTH: Final = 80
 

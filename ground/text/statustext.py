@@ -3,7 +3,7 @@
 from protocol.wire.message import Message
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import MOST_PIECES, PIECE_BYTES
-from runtime.terminal import printable
+from runtime.cli.terminal import printable
 from runtime.units import NS_PER_S
 
 NEWS_NS = 2 * NS_PER_S

@@ -9,7 +9,7 @@ from math import degrees, inf, nextafter, radians
 from typing import Final
 
 from plant.model.types import Circle, Obstacle, Point, Polygon, Setting, Settings, World
-from runtime.terminal import printable
+from runtime.cli.terminal import printable
 
 MOST_DECIMALS: Final = 15
 

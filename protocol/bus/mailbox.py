@@ -7,8 +7,8 @@ from typing import Final, Generic, NamedTuple, TypeVar, cast
 from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, Topic
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
+from runtime.cli.terminal import printable
 from runtime.errors import RemoteError
-from runtime.terminal import printable
 
 M = TypeVar("M", bound=Message)
 MAX_STAMP_NS: Final = 1 << 62

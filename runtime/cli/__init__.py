@@ -1,1 +1,1 @@
-"""What every verb shares: the table of verbs, and the check that our packages are our own."""
+"""What every verb shares: the table of verbs, output that is safe for terminals, own packages."""

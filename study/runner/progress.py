@@ -5,7 +5,7 @@ from collections.abc import Callable
 from math import isfinite
 from typing import Final, TextIO
 
-from runtime.terminal import CLEAR_LINE, steer
+from runtime.cli.terminal import CLEAR_LINE, steer
 from study.runner.rows import Row
 
 TERMINAL_EVERY_S: Final = 0.5

@@ -17,8 +17,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from runtime.cli.terminal import CLEAR_LINE, steer
 from runtime.clock import Clock, WallClock
-from runtime.terminal import CLEAR_LINE, steer
 from runtime.units import NS_PER_S
 from verification.harness.figures import Report
 from verification.soak.drive import Driver

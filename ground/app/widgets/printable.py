@@ -5,7 +5,7 @@ from rich.segment import Segment
 from textual.color import Color
 from textual.filter import LineFilter
 
-from runtime.terminal import REPLACEMENT
+from runtime.cli.terminal import REPLACEMENT
 
 
 class Printable(LineFilter):

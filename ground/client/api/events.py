@@ -26,8 +26,8 @@ from protocol.wire.messages import (
     Statustext,
 )
 from protocol.wire.reasons import reason_text
+from runtime.cli.terminal import printable
 from runtime.sequence import MAX_LATE_NS, Order, SequenceTracker
-from runtime.terminal import printable
 
 E = TypeVar("E", bound=IntEnum)
 M = TypeVar("M", bound=Message)

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from protocol.wire.messages import LeaseStatus
-from runtime.terminal import printable
+from runtime.cli.terminal import printable
 from runtime.units import NS_PER_S
 
 

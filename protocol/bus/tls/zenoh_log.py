@@ -17,7 +17,7 @@ from typing import Final, Self
 
 import zenoh
 
-from runtime.terminal import guarded
+from runtime.cli.terminal import guarded
 
 DOORS: Final = "zenoh::net::routing::interceptor::access_control=trace,zenoh_link_tls=debug"
 ENVIRONMENT: Final[Mapping[str, str | None]] = MappingProxyType({"RUST_LOG": None, "NO_COLOR": "1"})

@@ -12,7 +12,7 @@ import pytest
 
 from ground.text.output import Says
 from ground.text.status_parts import Part
-from runtime.terminal import DIM
+from runtime.cli.terminal import DIM
 
 LINE = (Part("driving"), Part("3.25 m to go", "3.25 m", age_s=0.2))
 MARK = "\0"
