@@ -11,7 +11,7 @@ from ground.client.status_line import goal_line, short_line
 from ground.client.telemetry import Telemetry
 from ground.client.vocabulary import NAVIGATORS, SIDES, why
 from ground.launch.scenario import Scenario, ScenarioRobot
-from ground.launch.supervisor import Void
+from ground.launch.supervisor import InvalidRun
 from ground.text.status_parts import Part
 from protocol.outcome import Ended, Outcome, judged
 from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS
@@ -55,7 +55,7 @@ class GoalRun:
         scenario: Scenario,
         entrant: ScenarioRobot,
         check: Callable[[], None],
-        void: Callable[[], Void | None] = lambda: None,
+        void: Callable[[], InvalidRun | None] = lambda: None,
     ) -> None:
         self.link = link
         self._poses: deque[bytes] = deque(maxlen=REMEMBERED)

@@ -17,7 +17,7 @@ from ground.launch.child_processes import ChildDied, Children
 from ground.launch.hang_detector import ROUTER, HangDetector
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.scenario import RunOptions, Scenario, cast, question, scenario_of, world_facts
-from ground.launch.supervisor import Supervisor, Void
+from ground.launch.supervisor import InvalidRun, Supervisor
 from ground.launch.tls_configs import check, dialling
 from protocol.bus.bus import Bus
 from protocol.bus.network import Network
@@ -127,7 +127,7 @@ class Stack:
         self._upkeep.round(self._clock.now_ns())
         return self._upkeep.news()
 
-    def void(self, robot: str) -> Void | None:
+    def void(self, robot: str) -> InvalidRun | None:
         """Why a trial of this robot is none any more; None: it still counts."""
         if self._upkeep is None:
             return None

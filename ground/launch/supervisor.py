@@ -17,7 +17,7 @@ DEFECT: Final = "internal error: "
 MOST: Final = 200
 
 
-class Void(NamedTuple):
+class InvalidRun(NamedTuple):
     """Why a trial is none any more; `over` when there is nothing left to wait for."""
 
     why: str
@@ -64,21 +64,21 @@ class Supervisor:
         """What has happened, one thing at a time; empty when there is nothing new."""
         return self._news.popleft() if self._news else ""
 
-    def void(self, roles: Sequence[str], now_ns: int) -> Void | None:
+    def void(self, roles: Sequence[str], now_ns: int) -> InvalidRun | None:
         """Whether a trial that needs all of these is void, because one was started anew."""
         for role in roles:
             if role in self._ended:
                 return self._void(role, *self._ended[role], now_ns)
         return None
 
-    def _void(self, role: str, cause: str, at_ns: int, now_ns: int) -> Void:
+    def _void(self, role: str, cause: str, at_ns: int, now_ns: int) -> InvalidRun:
         why = f"the {role} process {cause}"
         if role in self.supervisor.given_up:
-            return Void(f"{why} and is given up", over=True)
+            return InvalidRun(f"{why} and is given up", over=True)
         back = self._hearts is not None and self._hearts.back_ns(role) is not None
         if back:
-            return Void(f"{why}; it is back, but has begun anew", now_ns - at_ns > SETTLED_NS)
-        return Void(f"{why} and has not come back", now_ns - at_ns > PATIENCE_NS)
+            return InvalidRun(f"{why}; it is back, but has begun anew", now_ns - at_ns > SETTLED_NS)
+        return InvalidRun(f"{why} and has not come back", now_ns - at_ns > PATIENCE_NS)
 
 
 def cause_of(role: str, code: int, words: str) -> str:

@@ -11,7 +11,7 @@ from ground.client.link import Link, Unanswered
 from ground.client.requests import ATTEMPTS
 from ground.launch.goal_run import PATIENCE_NS, READY_NS, GoalRun, NotRun
 from ground.launch.scenario import Scenario, ScenarioRobot
-from ground.launch.supervisor import Void
+from ground.launch.supervisor import InvalidRun
 from protocol.bus.network import Network
 from protocol.topic import Service
 from protocol.topics import STATUS
@@ -66,7 +66,7 @@ class Stage:
 
     def __init__(self, *, lockstep: bool = False) -> None:
         self.bus, self.clock = Wired(), ManualClock(SECOND)
-        self.void: Void | None = None
+        self.void: InvalidRun | None = None
         network = Network(mode="client", connect=("tcp/127.0.0.1:1",))
         link = Dialled(self.bus, Common(network=network, robot="r1"), self.clock)
         goal = destination([3.0, 2.0])
@@ -113,11 +113,11 @@ def test_a_plant_that_does_not_score_may_come_back_and_then_the_run_is_void() ->
     stage = Stage.begun()
     stage.hear(GoalState.ABORTED, ended_ns=2 * SECOND)
     stage.wait(3.0)
-    stage.void = Void(WHY, over=False)
+    stage.void = InvalidRun(WHY, over=False)
     stage.wait(1.0)
     assert not stage.errand.over
     assert [part.text for part in stage.errand.line()] == [WHY]
-    stage.void = Void(f"{WHY}; it is back", over=True)
+    stage.void = InvalidRun(f"{WHY}; it is back", over=True)
     stage.wait(0.1)
     assert stage.errand.over
     assert stage.errand.spoilt == f"{WHY}; it is back"
