@@ -1,8 +1,8 @@
 """What would another navigator have done? It is run from there, and its path laid beside."""
 
-from ground.ghost.branch_point import Instant, driving
+from ground.ghost.branch_point import BranchPoint, driving
 from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts
 from ground.ghost.predicted_path import PredictedPath
 
-__all__ = ["Ghost", "Ghosts", "Instant", "PredictedPath", "driving"]
+__all__ = ["BranchPoint", "Ghost", "Ghosts", "PredictedPath", "driving"]

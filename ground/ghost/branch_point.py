@@ -22,7 +22,7 @@ OF_THE_BODY: Final = frozenset(
 OF_THE_RUN: Final = frozenset({"navigator", "side"})
 
 
-class Instant(NamedTuple):
+class BranchPoint(NamedTuple):
     """`world` is the name of a file, or what the plant tells of it (its JSON, read or as text);
     `start` is x_m, y_m and heading_rad; `at_s` the world's own time."""
 
@@ -32,7 +32,7 @@ class Instant(NamedTuple):
     goal: Destination
 
 
-def trial_words(instant: Instant, navigator: str, more: Mapping[str, object]) -> list[str]:
+def trial_words(instant: BranchPoint, navigator: str, more: Mapping[str, object]) -> list[str]:
     """What to run; `more` are options by name, None for those to leave out."""
     goal = instant.goal
     place = [repr(goal.x_m), repr(goal.y_m)]
@@ -48,7 +48,7 @@ def trial_words(instant: Instant, navigator: str, more: Mapping[str, object]) ->
     return words
 
 
-def world_bytes(instant: Instant) -> bytes:
+def world_bytes(instant: BranchPoint) -> bytes:
     """What the process has to be given to read; nothing when it finds the world by its name."""
     world = instant.world
     if not isinstance(world, str):

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import IO, Final, Self
 
 from ground.client.goal import Destination
-from ground.ghost.branch_point import Facts, Instant, trial_words, world_bytes
+from ground.ghost.branch_point import BranchPoint, Facts, trial_words, world_bytes
 from ground.ghost.predicted_path import FAILED, PathReader, Point, PredictedPath
 from ground.launch.child_command import command
 from ground.launch.child_processes import held_back, how
@@ -56,7 +56,7 @@ class Ghost:
     ) -> None:
         """`world`: the name of a file, or what the plant tells of it, read or as its text. `goal`
         and `start` are places of the world; headings in radians."""
-        instant = Instant(world, start, at_s, goal)
+        instant = BranchPoint(world, start, at_s, goal)
         more = {"noise": noise, "seed": seed, "side": side, "timeout": repr(timeout_s)}
         self._words = trial_words(instant, navigator, more)
         for name, value in parameters.items():

@@ -5,7 +5,7 @@ from typing import Final
 
 from ground.client.goal import Destination
 from ground.client.vocabulary import NAVIGATORS
-from ground.ghost.branch_point import Instant, driving
+from ground.ghost.branch_point import BranchPoint, driving
 from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts
 from ground.ghost.predicted_path import FAILED, PredictedPath
@@ -76,7 +76,7 @@ class GhostRunner:
         self._world = ""
 
 
-def instant_of(station: Station) -> Instant:
+def instant_of(station: Station) -> BranchPoint:
     """Where the shown robot is now: its true place, or where it believes it is. Raises UserError
     when something is not known."""
     world, telemetry, now_ns = station.world, station.telemetry, station.now_ns
@@ -91,7 +91,7 @@ def instant_of(station: Station) -> Instant:
     if status.goal == GoalState.NONE:
         raise UserError("the robot has no goal at this instant")
     goal: Destination = goal_of(status)
-    return Instant(world.text, (place.x_m, place.y_m, place.heading_rad), at_s, goal)
+    return BranchPoint(world.text, (place.x_m, place.y_m, place.heading_rad), at_s, goal)
 
 
 def world_of(station: Station) -> str:

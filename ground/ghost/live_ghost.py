@@ -5,7 +5,7 @@ from typing import Any, Final
 from ground.client.goal import Destination
 from ground.client.link import LISTEN_NS, Link, Unanswered
 from ground.client.operations.parameters import fetch
-from ground.ghost.branch_point import Facts, Instant, driving
+from ground.ghost.branch_point import BranchPoint, Facts, driving
 from ground.ghost.predicted_path import PredictedPath
 from ground.ghost.recorded_ghost import DRIVING, changed, goal_of
 from protocol.topics import STATUS, TRUTH, WORLD
@@ -31,13 +31,13 @@ class Present:
             raise Unanswered(link.diagnosis())
         self.status: NavigatorStatus = status
 
-    def instant(self, world: str | None, goal: Destination | None) -> Instant:
+    def instant(self, world: str | None, goal: Destination | None) -> BranchPoint:
         """`world` and `goal` instead of those in force; only a simulation knows the truth."""
         truth = self._truth
         if truth is None:
             raise UserError("no simulation tells where the robot truly is: a ghost needs one")
         pose, whereto = (truth.x_m, truth.y_m, truth.heading_rad), goal or goal_of(self.status)
-        return Instant(world or self.world(), pose, truth.time_ns / NS_PER_S, whereto)
+        return BranchPoint(world or self.world(), pose, truth.time_ns / NS_PER_S, whereto)
 
     def world(self) -> Facts:
         answer = self._link.bus.ask(WORLD, timeout_s=ASK_S, robot=self._link.robot)

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 from ground.client.goal import Destination
 from ground.client.parameter import Parameter, parameters_in
 from ground.client.vocabulary import SIDES
-from ground.ghost.branch_point import Facts, Instant
+from ground.ghost.branch_point import BranchPoint, Facts
 from ground.ghost.predicted_path import Point, PredictedPath
 from ground.recording.log_index import LogIndex
 from protocol.outcome import ENDS
@@ -115,11 +115,11 @@ class GhostRecording:
                 return wanted
         return goal
 
-    def instant(self, at_ns: int, world: str | None, goal: Destination | None) -> Instant:
+    def instant(self, at_ns: int, world: str | None, goal: Destination | None) -> BranchPoint:
         """Where a ghost may go on; `world` and `goal` instead of those of the recording."""
         place = self.place_at(at_ns)
         whereto = goal or self.goal_at(at_ns)
-        return Instant(world or self.world(), place.pose, place.world_s_at(at_ns), whereto)
+        return BranchPoint(world or self.world(), place.pose, place.world_s_at(at_ns), whereto)
 
     def rest(self, at_ns: int) -> PredictedPath:
         """What the robot itself did from there to the end of that goal, or of the recording."""

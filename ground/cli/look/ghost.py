@@ -8,7 +8,7 @@ from ground.cli.options import common_of
 from ground.client.goal import Destination, destination
 from ground.client.link import Link, linked
 from ground.client.vocabulary import NAVIGATORS, SIDES
-from ground.ghost.branch_point import Instant, driving
+from ground.ghost.branch_point import BranchPoint, driving
 from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts
 from ground.ghost.live_ghost import Present
@@ -109,7 +109,7 @@ def name_of(number: int) -> str:
 
 def haunted(
     options: argparse.Namespace,
-    instant: Instant,
+    instant: BranchPoint,
     status: NavigatorStatus,
     parameters: dict[str, float],
     says: Says,
@@ -149,7 +149,7 @@ def show(says: Says, ghosts: Ghosts) -> None:
 
 def tell(
     says: Says,
-    instant: Instant,
+    instant: BranchPoint,
     navigator: str,
     real: PredictedPath,
     courses: dict[str, PredictedPath],

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.client.goal import Destination, destination
-from ground.ghost.branch_point import Instant, driving, trial_words, world_bytes
+from ground.ghost.branch_point import BranchPoint, driving, trial_words, world_bytes
 from protocol.options import numbers_kept
 from protocol.wire.goal import told_heading_rad
 from robot.core.parameters import DEFAULTS
@@ -30,7 +30,7 @@ GOAL = destination([5.4, 2.0, 0.0])
 def test_start_time_and_goal_arrive_as_they_were(
     start: tuple[float, float, float], at_s: float, goal: Destination
 ) -> None:
-    words = trial_words(Instant("box", start, at_s, goal), "bug", {"seed": 3, "side": None})
+    words = trial_words(BranchPoint("box", start, at_s, goal), "bug", {"seed": 3, "side": None})
     options = parser().parse_args(numbers_kept(words[1:]))
     found, place = start_of(options.start), goal_of(options)
     assert found is not None
@@ -51,7 +51,7 @@ def test_start_time_and_goal_arrive_as_they_were(
 
 
 def test_a_world_by_name_needs_nothing_more_and_one_by_its_facts_is_handed_over() -> None:
-    named = Instant("u_trap", (0.6, 2.0, 0.0), 0.0, GOAL)
+    named = BranchPoint("u_trap", (0.6, 2.0, 0.0), 0.0, GOAL)
     told = named._replace(world={"name": "told"})
     assert "u_trap" in trial_words(named, "bug", {})
     assert world_bytes(named) == b""
