@@ -17,7 +17,7 @@ from runtime.units import NS_PER_S
 ASK_S: Final = 1.0
 
 
-class Present:
+class LiveState:
     """Heard once, then asked for what a ghost needs."""
 
     def __init__(self, link: Link) -> None:

@@ -11,7 +11,7 @@ from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.ghost.branch_point import BranchPoint, driving
 from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts
-from ground.ghost.live_ghost import Present
+from ground.ghost.live_ghost import LiveState
 from ground.ghost.predicted_path import FAILED, PredictedPath
 from ground.ghost.recorded_ghost import GhostRecording, changed_in, side_of
 from ground.grammar.looking import moment
@@ -72,7 +72,7 @@ def act(options: argparse.Namespace, link: Link, says: Says) -> int:
     if options.file is not None:
         return of_a_recording(options, says)
     refuse_without_a_recording(options)
-    present = Present(link)
+    present = LiveState(link)
     status = present.status
     instant = present.instant(options.world, goal_in(options))
     courses = haunted(options, instant, status, present.parameters(), says, link.clock)
