@@ -12,7 +12,7 @@ FIRST_PAUSE_NS: Final = 200_000_000
 LONGEST_PAUSE_NS: Final = 5_000_000_000
 
 
-class Facts:
+class MetadataReader:
     """Asks for what is still missing, ever more seldom: who knows it may come later."""
 
     def __init__(self, bus: Asks, robot: str) -> None:

@@ -11,7 +11,7 @@ from ground.client.link import Link
 from ground.grammar.words import add_common
 from ground.recording.log_writer import MAX_KEY
 from ground.recording.mcap.channels import Piece, Spread
-from ground.recording.metadata import Facts
+from ground.recording.metadata import MetadataReader
 from ground.recording.tlog import whole
 from ground.text.output import Says
 from runtime.clock import Clock
@@ -95,7 +95,7 @@ class Bridge:
         self._link = link
         self._offset_ns = time_ns() - link.clock.now_ns()
         self._spread = Spread(link.robot)
-        self._facts = Facts(link.bus, link.robot)
+        self._facts = MetadataReader(link.bus, link.robot)
         self._arrived: deque[tuple[str, bytes, int]] = deque(maxlen=MOST_WAITING)
         self._channels: dict[str, Any] = {}
         self._once: dict[str, Piece] = {}

@@ -13,7 +13,7 @@ from ground.launch.child_processes import held_back
 from ground.launch.recording_session import add_keep, kept_in
 from ground.recording.dual_log import DualLog, Track
 from ground.recording.log_writer import Recorder
-from ground.recording.metadata import Facts
+from ground.recording.metadata import MetadataReader
 from ground.recording.retention import Retention
 from ground.text.output import Says
 from runtime.errors import UserError
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
         shelf = Retention(folder, kept_in(folder, options.keep))
         note(says, shelf.warning())
         try:
-            keep_writing(link, tape, Facts(link.bus, link.robot), shelf, says)
+            keep_writing(link, tape, MetadataReader(link.bus, link.robot), shelf, says)
         except KeyboardInterrupt:
             with held_back():
                 complete = tape.close()
@@ -57,7 +57,9 @@ def tape_in(folder: Path, link: Link) -> DualLog:
         raise UserError(f"cannot record in {folder}: {error.strerror or error}") from error
 
 
-def keep_writing(link: Link, tape: DualLog, facts: Facts, shelf: Retention, says: Says) -> None:
+def keep_writing(
+    link: Link, tape: DualLog, facts: MetadataReader, shelf: Retention, says: Says
+) -> None:
     """Four rounds a second, one of them down to the disk; trouble is told at once and again."""
     alarms = Alarms(says)
     round_number = 0

@@ -1,6 +1,6 @@
 """The world and the parameters are asked for until somebody tells them, and then no more."""
 
-from ground.recording.metadata import Facts
+from ground.recording.metadata import MetadataReader
 from protocol.topics import PARAMETERS, WORLD, Service
 from protocol.wire.message import Message
 from protocol.wire.messages import Statustext
@@ -32,7 +32,7 @@ class Stage:
 
 def test_each_fact_is_learned_once_however_late_it_can_be_told() -> None:
     stage = Stage()
-    facts = Facts(stage, "r1")
+    facts = MetadataReader(stage, "r1")
     assert facts.learned(0) == {}
     stage.answers[PARAMETERS.path] = b"[]"
     assert facts.learned(1 * S) == {"parameters": "[]"}
@@ -45,7 +45,7 @@ def test_each_fact_is_learned_once_however_late_it_can_be_told() -> None:
 
 def test_it_does_not_ask_at_every_turn() -> None:
     stage = Stage()
-    facts = Facts(stage, "r1")
+    facts = MetadataReader(stage, "r1")
     for tick in range(240):
         facts.learned(tick * S // 4)
     assert len(stage.asked) < 40
@@ -54,4 +54,4 @@ def test_it_does_not_ask_at_every_turn() -> None:
 def test_an_answer_that_is_no_text_is_no_fact() -> None:
     stage = Stage()
     stage.answers = {WORLD.path: b"\xff\xfe", PARAMETERS.path: Statustext(severity=1, text="no")}
-    assert Facts(stage, "r1").learned(0) == {}
+    assert MetadataReader(stage, "r1").learned(0) == {}
