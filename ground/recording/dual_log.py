@@ -25,7 +25,7 @@ class Track:
     every: int
 
 
-class Syncing:
+class SyncThread:
     """Has the disk keep what was written, in a thread of its own: a slow disk holds up no batch,
     and what was written survives the end of this process."""
 
@@ -65,7 +65,7 @@ class DualLog:
         self.tracks = tracks
         self._taking = threading.Lock()
         self._closing = False
-        self._syncing = Syncing([track.recorder for track in tracks])
+        self._syncing = SyncThread([track.recorder for track in tracks])
 
     @classmethod
     def new(cls, folder: Path, robot: str, started: datetime, utc_offset_ns: int) -> Self:
