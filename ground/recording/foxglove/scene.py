@@ -69,7 +69,7 @@ FATAL: Final = 5
 MAX_SENDERS: Final = 64
 
 
-class Drawn(NamedTuple):
+class ViewerMessage(NamedTuple):
     """A message for a viewer: its topic, the name of its kind, its content."""
 
     topic: str
@@ -88,7 +88,7 @@ class SceneDrawer:
         self._goal: tuple[float, float, float] | None = None
         self._virtual: Point | None = None
         self._texts: dict[str, Texts] = {}
-        self._draws: dict[type[Message], Callable[[Any, int], list[Drawn]]] = {
+        self._draws: dict[type[Message], Callable[[Any, int], list[ViewerMessage]]] = {
             PlanarOdometry: self._belief,
             GroundTruth: self._truth,
             SonarScan: self._sonar,
@@ -96,13 +96,13 @@ class SceneDrawer:
             AvoidanceDecision: self._decision,
         }
 
-    def see(self, key: str, message: Message, time_ns: int) -> list[Drawn]:
+    def see(self, key: str, message: Message, time_ns: int) -> list[ViewerMessage]:
         if isinstance(message, Statustext):
             return self._text(key, message, time_ns)
         draw = self._draws.get(type(message))
         return [] if draw is None else draw(message, time_ns)
 
-    def know(self, name: str, text: str, time_ns: int) -> list[Drawn]:
+    def know(self, name: str, text: str, time_ns: int) -> list[ViewerMessage]:
         """Draw a fact: the world with the robot in it. One that cannot be read draws nothing."""
         if name != WORLD:
             return []
@@ -111,7 +111,7 @@ class SceneDrawer:
         except (KeyError, TypeError, ValueError, AttributeError):
             return []
 
-    def _world(self, facts: dict[str, Any], time_ns: int) -> list[Drawn]:
+    def _world(self, facts: dict[str, Any], time_ns: int) -> list[ViewerMessage]:
         self._radius_m = radius_of(facts)
         cubes, cylinders = solids(facts, GREY)
         walls = entity("walls", WORLD, time_ns, cubes=cubes, cylinders=cylinders)
@@ -121,11 +121,11 @@ class SceneDrawer:
         ahead = [arrow((0.0, 0.0), 0.0, 2.0 * self._radius_m, BLUE)]
         robot = entity("robot", ROBOT, time_ns, cylinders=body, arrows=ahead)
         return [
-            Drawn("/world", schemas.SCENE_UPDATE, scene(walls, begin)),
-            Drawn("/robot/body", schemas.SCENE_UPDATE, scene(robot)),
+            ViewerMessage("/world", schemas.SCENE_UPDATE, scene(walls, begin)),
+            ViewerMessage("/robot/body", schemas.SCENE_UPDATE, scene(robot)),
         ]
 
-    def _belief(self, odometry: PlanarOdometry, time_ns: int) -> list[Drawn]:
+    def _belief(self, odometry: PlanarOdometry, time_ns: int) -> list[ViewerMessage]:
         place = (odometry.x_m, odometry.y_m, odometry.heading_rad)
         if not all(map(isfinite, place)):
             return []
@@ -135,7 +135,7 @@ class SceneDrawer:
             self._trail_due_ns = time_ns + TRAIL_EVERY_NS
             poses = [pose(*known) for known in self._trail]
             content: Json = {"timestamp": stamp(time_ns), "frame_id": WORLD, "poses": poses}
-            found.append(Drawn("/robot/trail", schemas.POSES_IN_FRAME, content))
+            found.append(ViewerMessage("/robot/trail", schemas.POSES_IN_FRAME, content))
         return found
 
     def _walk(self, x_m: float, y_m: float, heading_rad: float) -> None:
@@ -149,11 +149,11 @@ class SceneDrawer:
             self._trail = self._trail[::2]
             self._step_m *= 2.0
 
-    def _truth(self, truth: GroundTruth, time_ns: int) -> list[Drawn]:
+    def _truth(self, truth: GroundTruth, time_ns: int) -> list[ViewerMessage]:
         place = (truth.x_m, truth.y_m, truth.heading_rad)
         return [_pose("/truth/pose", place, time_ns)] if all(map(isfinite, place)) else []
 
-    def _sonar(self, scan: SonarScan, time_ns: int) -> list[Drawn]:
+    def _sonar(self, scan: SonarScan, time_ns: int) -> list[ViewerMessage]:
         """The echoes as points, and a ray to each; where no echo came there is nothing."""
         points: list[Point] = []
         rays: list[Point] = []
@@ -166,11 +166,11 @@ class SceneDrawer:
             rays += [(self._radius_m * ahead, self._radius_m * aside), points[-1]]
         seen = entity("rays", ROBOT, time_ns, lines=[line(LINE_LIST, rays, 0.01, YELLOW)])
         return [
-            Drawn("/sonar/echoes", schemas.POINT_CLOUD, cloud(ROBOT, time_ns, points)),
-            Drawn("/sonar/rays", schemas.SCENE_UPDATE, scene(seen)),
+            ViewerMessage("/sonar/echoes", schemas.POINT_CLOUD, cloud(ROBOT, time_ns, points)),
+            ViewerMessage("/sonar/rays", schemas.SCENE_UPDATE, scene(seen)),
         ]
 
-    def _status(self, status: NavigatorStatus, time_ns: int) -> list[Drawn]:
+    def _status(self, status: NavigatorStatus, time_ns: int) -> list[ViewerMessage]:
         """The goal, whenever it is another one."""
         goal = (status.goal_x_m, status.goal_y_m, status.goal_heading_rad)
         if not (isfinite(goal[0]) and isfinite(goal[1])) or str(goal) == str(self._goal):
@@ -180,9 +180,9 @@ class SceneDrawer:
         spot = [disc(centre, 0.1, 0.02, GREEN)]
         ways = [arrow(centre, heading_rad, 0.4, GREEN)] if isfinite(heading_rad) else []
         mark = entity("goal", WORLD, time_ns, cylinders=spot, arrows=ways)
-        return [Drawn("/goal", schemas.SCENE_UPDATE, scene(mark))]
+        return [ViewerMessage("/goal", schemas.SCENE_UPDATE, scene(mark))]
 
-    def _decision(self, decision: AvoidanceDecision, time_ns: int) -> list[Drawn]:
+    def _decision(self, decision: AvoidanceDecision, time_ns: int) -> list[ViewerMessage]:
         """The virtual goal and the avoidance zone; an empty entity where there is none."""
         spot = (decision.virtual_x_m, decision.virtual_y_m)
         virtual = spot if isfinite(spot[0]) and isfinite(spot[1]) else None
@@ -197,7 +197,7 @@ class SceneDrawer:
             rings.append(line(LINE_LOOP, points, 0.01, BLUE))
         spheres = entity("virtual", WORLD, time_ns, spheres=balls)
         zone = entity("zone", ROBOT, time_ns, lines=rings)
-        return [Drawn("/goal/virtual", schemas.SCENE_UPDATE, scene(spheres, zone))]
+        return [ViewerMessage("/goal/virtual", schemas.SCENE_UPDATE, scene(spheres, zone))]
 
     def _texts_of(self, key: str) -> Texts:
         """Those of one sender; beyond so many senders the oldest are forgotten."""
@@ -206,7 +206,7 @@ class SceneDrawer:
             del self._texts[next(iter(self._texts))]
         return texts
 
-    def _text(self, key: str, text: Statustext, time_ns: int) -> list[Drawn]:
+    def _text(self, key: str, text: Statustext, time_ns: int) -> list[ViewerMessage]:
         """What the robot says, and remarks: their pieces may come between each other."""
         words = self._texts_of(key).receive(text)
         if not words:
@@ -219,15 +219,15 @@ class SceneDrawer:
             "file": "",
             "line": 0,
         }
-        return [Drawn("/log", schemas.LOG, content)]
+        return [ViewerMessage("/log", schemas.LOG, content)]
 
 
-def _pose(topic: str, place: tuple[float, float, float], time_ns: int) -> Drawn:
+def _pose(topic: str, place: tuple[float, float, float], time_ns: int) -> ViewerMessage:
     content: Json = {"timestamp": stamp(time_ns), "frame_id": WORLD, "pose": pose(*place)}
-    return Drawn(topic, schemas.POSE_IN_FRAME, content)
+    return ViewerMessage(topic, schemas.POSE_IN_FRAME, content)
 
 
-def _transform(place: tuple[float, float, float], time_ns: int) -> Drawn:
+def _transform(place: tuple[float, float, float], time_ns: int) -> ViewerMessage:
     content: Json = {
         "timestamp": stamp(time_ns),
         "parent_frame_id": WORLD,
@@ -235,4 +235,4 @@ def _transform(place: tuple[float, float, float], time_ns: int) -> Drawn:
         "translation": vector(place[0], place[1]),
         "rotation": turn(place[2]),
     }
-    return Drawn("/tf", schemas.FRAME_TRANSFORM, content)
+    return ViewerMessage("/tf", schemas.FRAME_TRANSFORM, content)

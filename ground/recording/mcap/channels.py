@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from ground.recording.foxglove.scene import Drawn, SceneDrawer
+from ground.recording.foxglove.scene import SceneDrawer, ViewerMessage
 from ground.recording.foxglove.schemas import SHAPES
 from ground.recording.frame_paths import path_in
 from ground.recording.mcap.json_schemas import KEY_SCHEMA, Schema, schema_of
@@ -73,5 +73,5 @@ class Spread:
         return found
 
 
-def drawn_piece(drawn: Drawn) -> Piece:
+def drawn_piece(drawn: ViewerMessage) -> Piece:
     return Piece(drawn.topic, SHAPES[drawn.shape], TO_JSON.encode(drawn.content))

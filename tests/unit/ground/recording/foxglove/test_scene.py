@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from ground.recording.foxglove.scene import MOST_POSES, Drawn, SceneDrawer
+from ground.recording.foxglove.scene import MOST_POSES, SceneDrawer, ViewerMessage
 from protocol.topics import MARK, TEXT
 from protocol.wire.enums import GoalState, Severity
 from protocol.wire.message import Message
@@ -104,7 +104,7 @@ def test_the_world_is_walls_and_discs_in_their_places() -> None:
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"obstacles": [{"wall_m": 3}]}', '{"size_m": 1}'])
 def test_a_world_that_cannot_be_read_is_not_drawn(text: str) -> None:
-    drawn: list[Drawn] = SceneDrawer().know("world", text, 0)
+    drawn: list[ViewerMessage] = SceneDrawer().know("world", text, 0)
     assert len(drawn) in (0, 2)
     assert SceneDrawer().know("parameters", WORLD_TEXT, 0) == []
 
