@@ -10,7 +10,7 @@ from ground.cli.options import common_of
 from ground.client.link import Link
 from ground.grammar.words import add_common
 from ground.recording.log_writer import MAX_KEY
-from ground.recording.mcap.channels import Piece, Spread
+from ground.recording.mcap.channels import ChannelMessage, Spread
 from ground.recording.metadata import MetadataReader
 from ground.recording.tlog import whole
 from ground.text.output import Says
@@ -98,7 +98,7 @@ class Bridge:
         self._facts = MetadataReader(link.bus, link.robot)
         self._arrived: deque[tuple[str, bytes, int]] = deque(maxlen=MOST_WAITING)
         self._channels: dict[str, Any] = {}
-        self._once: dict[str, Piece] = {}
+        self._once: dict[str, ChannelMessage] = {}
         self._again_ns = 0
         link.bus.stream(f"{prefix}/{link.robot}/**", self._take)
 
@@ -124,7 +124,7 @@ class Bridge:
         """What a viewer that connects now can choose from."""
         return frozenset(self._channels)
 
-    def _tell(self, pieces: Iterable[Piece], at_ns: int) -> None:
+    def _tell(self, pieces: Iterable[ChannelMessage], at_ns: int) -> None:
         for piece in pieces:
             if piece.topic in ONCE:
                 self._once[piece.topic] = piece
@@ -134,7 +134,7 @@ class Bridge:
             channel.log(piece.data, log_time=at_ns + self._offset_ns)
 
 
-def channel_of(piece: Piece) -> Any:
+def channel_of(piece: ChannelMessage) -> Any:
     foxglove = sdk()
     if piece.schema is None:
         schema = foxglove.Schema(name="", encoding="", data=b"")

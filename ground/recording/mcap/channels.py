@@ -22,7 +22,7 @@ TO_JSON: Final = msgspec.json.Encoder()
 """What is not finite becomes null: JSON has no infinity. The raw frame beside it is exact."""
 
 
-class Piece(NamedTuple):
+class ChannelMessage(NamedTuple):
     """A message for a channel of this topic: a JSON text, or without a schema what the encoding
     says.
     """
@@ -41,11 +41,11 @@ class Spread:
         self._picture = SceneDrawer()
         self._topics: dict[tuple[str, str], tuple[str, Schema]] = {}
 
-    def add(self, key: str, frame: bytes, time_ns: int) -> Iterator[Piece]:
+    def add(self, key: str, frame: bytes, time_ns: int) -> Iterator[ChannelMessage]:
         """A whole frame. What is of a newer dialect or on a foreign key is there raw only."""
         if key.partition(self._own)[2] != path_in(frame):
-            yield Piece(KEY_TOPIC, KEY_SCHEMA, TO_JSON.encode(Key(key)))
-        yield Piece(RAW_TOPIC, None, frame, ENCODING)
+            yield ChannelMessage(KEY_TOPIC, KEY_SCHEMA, TO_JSON.encode(Key(key)))
+        yield ChannelMessage(RAW_TOPIC, None, frame, ENCODING)
         path = path_of(key)
         if not path:
             return
@@ -53,10 +53,10 @@ class Spread:
             message = decode(frame).message
         except RemoteError:
             return
-        yield Piece(*self._topic_of(path, message), TO_JSON.encode(message))
+        yield ChannelMessage(*self._topic_of(path, message), TO_JSON.encode(message))
         yield from map(drawn_piece, self._picture.see(key, message, time_ns))
 
-    def know(self, name: str, text: str, time_ns: int) -> Iterator[Piece]:
+    def know(self, name: str, text: str, time_ns: int) -> Iterator[ChannelMessage]:
         """What is drawn of a fact."""
         yield from map(drawn_piece, self._picture.know(name, text, time_ns))
 
@@ -73,5 +73,5 @@ class Spread:
         return found
 
 
-def drawn_piece(drawn: ViewerMessage) -> Piece:
-    return Piece(drawn.topic, SHAPES[drawn.shape], TO_JSON.encode(drawn.content))
+def drawn_piece(drawn: ViewerMessage) -> ChannelMessage:
+    return ChannelMessage(drawn.topic, SHAPES[drawn.shape], TO_JSON.encode(drawn.content))

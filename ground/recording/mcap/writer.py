@@ -11,7 +11,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
-from ground.recording.mcap.channels import Piece, Spread
+from ground.recording.mcap.channels import ChannelMessage, Spread
 from ground.recording.mcap.json_schemas import KEY_SCHEMA, Schema
 from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
 from protocol.topics import ENCODING, PREFIX
@@ -22,8 +22,8 @@ NO_SCHEMA: Final = 0
 ENTRIES: Final = "_Writer__chunk_indices"
 """Where the writer collects the index that it writes at the end."""
 FRAME_CHANNELS: Final = (
-    Piece(KEY_TOPIC, KEY_SCHEMA, b""),
-    Piece(RAW_TOPIC, None, b"", ENCODING),
+    ChannelMessage(KEY_TOPIC, KEY_SCHEMA, b""),
+    ChannelMessage(RAW_TOPIC, None, b"", ENCODING),
 )
 
 
@@ -109,7 +109,7 @@ class McapForm:
             entries[place] = Entry(entries[place])
             place -= 1
 
-    def _write(self, pieces: Iterable[Piece], told_ns: int) -> None:
+    def _write(self, pieces: Iterable[ChannelMessage], told_ns: int) -> None:
         for piece in pieces:
             channel = self._channels.get(piece.topic)
             if channel is None:
@@ -118,7 +118,7 @@ class McapForm:
             self._counts[channel] = (count + 1) & 0xFFFFFFFF
             self._writer.add_message(channel, self._newest_ns, piece.data, told_ns, count)
 
-    def _channel(self, piece: Piece) -> int:
+    def _channel(self, piece: ChannelMessage) -> int:
         schema = NO_SCHEMA if piece.schema is None else self._schema(piece.schema)
         metadata = {KEYS: self._keys} if piece.schema is None else {}
         number: int = self._writer.register_channel(piece.topic, piece.encoding, schema, metadata)
