@@ -10,7 +10,7 @@ from ground.cli.options import common_of
 from ground.client.link import Link
 from ground.grammar.words import add_common
 from ground.recording.log_writer import MAX_KEY
-from ground.recording.mcap.channels import ChannelMessage, Spread
+from ground.recording.mcap.channels import ChannelMessage, ChannelSplitter
 from ground.recording.metadata import MetadataReader
 from ground.recording.tlog import whole
 from ground.text.output import Says
@@ -94,7 +94,7 @@ class Bridge:
     def __init__(self, link: Link, prefix: str) -> None:
         self._link = link
         self._offset_ns = time_ns() - link.clock.now_ns()
-        self._spread = Spread(link.robot)
+        self._spread = ChannelSplitter(link.robot)
         self._facts = MetadataReader(link.bus, link.robot)
         self._arrived: deque[tuple[str, bytes, int]] = deque(maxlen=MOST_WAITING)
         self._channels: dict[str, Any] = {}

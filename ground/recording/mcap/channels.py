@@ -33,7 +33,7 @@ class ChannelMessage(NamedTuple):
     encoding: str = "json"
 
 
-class Spread:
+class ChannelSplitter:
     """Of one robot."""
 
     def __init__(self, robot: str) -> None:

@@ -11,7 +11,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
-from ground.recording.mcap.channels import ChannelMessage, Spread
+from ground.recording.mcap.channels import ChannelMessage, ChannelSplitter
 from ground.recording.mcap.json_schemas import KEY_SCHEMA, Schema
 from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
 from protocol.topics import ENCODING, PREFIX
@@ -65,7 +65,7 @@ class McapForm:
     def __init__(self, robot: str, build: Mapping[str, str]) -> None:
         self._outbox = OutputBuffer()
         self._writer: Any = Writer(self._outbox, compression=CompressionType.ZSTD)
-        self._spread = Spread(robot)
+        self._spread = ChannelSplitter(robot)
         self._keys = f"{PREFIX}/{robot}"
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
