@@ -28,7 +28,7 @@ MAX_KEY: Final = 250
 TOO_SLOW: Final = "the disk took too long"
 
 
-class Form(Protocol):
+class LogFormat(Protocol):
     """How frames are laid out in a file; what `batch` and `end` give is appended as it is.
 
     `time_us` is when a frame arrived, which never goes back; `told_us` when it was told.
@@ -106,7 +106,7 @@ class Recorder:
         sink: Sink,
         utc_offset_ns: int,
         held_bytes: int = HELD_BYTES,
-        form: Form | None = None,
+        form: LogFormat | None = None,
         began_us: int = 0,
     ) -> None:
         """`utc_offset_ns` is what must be added to a frame's time of arrival to get UTC.
@@ -116,7 +116,7 @@ class Recorder:
         self._sink = sink
         self._utc_offset_ns = utc_offset_ns
         self._held_bytes = held_bytes
-        self._form: Form = TlogForm() if form is None else form
+        self._form: LogFormat = TlogForm() if form is None else form
         self._arrived: deque[tuple[str, bytes, int]] = deque()
         self._arrived_bytes = 0
         self._arriving = threading.Lock()
