@@ -40,7 +40,7 @@ class LogFormat(Protocol):
     def end(self) -> bytes: ...
 
 
-class TlogForm:
+class TlogFormat:
     """A `.tlog`: one record after the other, no place for facts, nor for a second stamp."""
 
     def __init__(self) -> None:
@@ -116,7 +116,7 @@ class Recorder:
         self._sink = sink
         self._utc_offset_ns = utc_offset_ns
         self._held_bytes = held_bytes
-        self._form: LogFormat = TlogForm() if form is None else form
+        self._form: LogFormat = TlogFormat() if form is None else form
         self._arrived: deque[tuple[str, bytes, int]] = deque()
         self._arrived_bytes = 0
         self._arriving = threading.Lock()
