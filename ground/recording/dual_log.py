@@ -9,7 +9,7 @@ from typing import Self
 
 from ground.recording.build_info import build
 from ground.recording.log_writer import Recorder, beside, new_log
-from ground.recording.mcap.writer import McapForm
+from ground.recording.mcap.writer import McapFormat
 
 TLOG_EVERY = 1
 MCAP_EVERY = 2
@@ -71,7 +71,7 @@ class DualLog:
     def new(cls, folder: Path, robot: str, started: datetime, utc_offset_ns: int) -> Self:
         """Two fresh files of one name; OSError when one of them cannot be made."""
         log = new_log(folder, robot, started)
-        form = McapForm(robot, build())
+        form = McapFormat(robot, build())
         mcap = beside(log, ".mcap")
         began_us = round(started.timestamp() * 1e6)
         as_tlog = Recorder(log, utc_offset_ns, began_us=began_us)

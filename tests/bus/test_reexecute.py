@@ -4,7 +4,7 @@ from pathlib import Path
 from threading import Lock
 
 from ground.recording.log_reader import opened
-from ground.recording.mcap.writer import McapForm
+from ground.recording.mcap.writer import McapFormat
 from protocol.topics import INPUTS, SONAR, WHEELS
 from study.cli.reexecute import params_of, start_of
 from study.trial.recorded_drive import Recorded
@@ -14,7 +14,7 @@ from tests.support.operators import drive_about
 
 
 def test_goals_missions_fences_teleop_leases_and_lost_senses_are_had_again(tmp_path: Path) -> None:
-    form, lock, path = McapForm("r1", {}), Lock(), tmp_path / "a.mcap"
+    form, lock, path = McapFormat("r1", {}), Lock(), tmp_path / "a.mcap"
     heard: set[str] = set()
 
     def take(key: str, frame: bytes, arrived_ns: int) -> None:

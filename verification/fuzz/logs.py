@@ -19,7 +19,7 @@ from ground.map import Canvas, View, draw
 from ground.recording.log_index import LogIndex
 from ground.recording.log_reader import opened
 from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
-from ground.recording.mcap.writer import McapForm
+from ground.recording.mcap.writer import McapFormat
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.recording.tables.series import gathered
 from ground.recording.tables.time_axis import Axis
@@ -156,7 +156,7 @@ def tlogs() -> tuple[bytes, ...]:
 @cache
 def mcaps() -> tuple[bytes, ...]:
     """As our recorder writes it; and plain, so that changed bytes get through."""
-    form = McapForm("r1", {})
+    form = McapFormat("r1", {})
     for name, text in facts().items():
         form.know(name, text)
     for time_us, key, frame in timed(spoken()[0]):
@@ -271,7 +271,7 @@ def gather(path: Path) -> None:
     known = facts_of(text)
     gathered(Axis(opened(path)), radius_of(known))
     list(start_of(known)), list(outlines(known)), list(discs(known))
-    form = McapForm("r1", {})
+    form = McapFormat("r1", {})
     form.know("world", text)
     for frame in frames:
         form.add(frame.key, frame.frame, frame.time_ns // 1000)

@@ -59,7 +59,7 @@ class Entry:
         out.write(self._record)
 
 
-class McapForm:
+class McapFormat:
     """Turns frames into chunks, one for each batch."""
 
     def __init__(self, robot: str, build: Mapping[str, str]) -> None:

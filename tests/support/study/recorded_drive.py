@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from math import pi
 from pathlib import Path
 
-from ground.recording.mcap.writer import McapForm
+from ground.recording.mcap.writer import McapFormat
 from plant.model.noise import LEVELS
 from plant.model.types import World
 from plant.sim.simulation import Plant
@@ -127,7 +127,7 @@ class Drive:
 
     def written(self, path: Path, **facts: str) -> Path:
         """As an .mcap, with the parameters and the start that the robot had."""
-        form = McapForm("r1", {})
+        form = McapFormat("r1", {})
         start = self.world.start
         place = {"x_m": start.x_m, "y_m": start.y_m, "heading_deg": start.heading_rad * 180.0 / pi}
         usual = {

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from mcap.writer import Writer
 
-from ground.recording.mcap.writer import McapForm
+from ground.recording.mcap.writer import McapFormat
 from ground.recording.tlog import record_bytes
 from protocol.sender import sender_of
 from protocol.topics import (
@@ -225,7 +225,7 @@ def tlog(path: Path, said: list[Said]) -> Path:
 
 def mcap(path: Path, said: list[Said], every: int = 30, *, closed: bool = True) -> Path:
     """Chunks of `every` frames; the world is known after the first."""
-    form = McapForm("r1", {"version": "0", "commit": "c0ffee", "dialect": "sidestep@2"})
+    form = McapFormat("r1", {"version": "0", "commit": "c0ffee", "dialect": "sidestep@2"})
     data = b""
     for number, one in enumerate(said, 1):
         form.add(one.key, one.frame, one.time_us)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ground.recording.log_reader import Frame, frames, key_of, opened, robot_in
-from ground.recording.mcap.writer import McapForm
+from ground.recording.mcap.writer import McapFormat
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import Heartbeat, MissionCurrent, ParamRequestList
 from runtime.errors import UserError
@@ -46,7 +46,7 @@ def test_keys_that_a_frame_does_not_tell_are_kept(tmp_path: Path, said: list[Sai
 
 def test_a_key_is_not_taken_over_a_damaged_chunk(tmp_path: Path, said: list[Said]) -> None:
     """The key of a lost frame must not go to the next one."""
-    form = McapForm("r1", {})
+    form = McapFormat("r1", {})
     form.add(said[0].key, said[0].frame, said[0].time_us)
     begin = form.batch()
     form.add("sidestep/r1/op/beat/ada/1", said[1].frame, said[1].time_us)
@@ -155,7 +155,7 @@ def test_what_is_on_no_topic_has_a_key_that_says_so() -> None:
 def test_a_renamed_file_still_knows_its_robot_and_another_prefix_is_no_matter(
     tmp_path: Path,
 ) -> None:
-    form = McapForm("r7", {})
+    form = McapFormat("r7", {})
     for one in run(2, "r7"):
         form.add(one.key.replace("sidestep/", "yard/north/"), one.frame, one.time_us)
     path = tmp_path / "the one with the cart.mcap"

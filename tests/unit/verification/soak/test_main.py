@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import pytest
 
-from ground.recording.mcap.writer import McapForm
+from ground.recording.mcap.writer import McapFormat
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CycleReport, SonarScan, Statustext, WheelCommand
@@ -161,7 +161,7 @@ def cycle(tick: int, missed: int) -> CycleReport:
 
 
 def test_events_missing_in_the_log_are_counted_by_their_numbers(tmp_path: Path) -> None:
-    form, encoder = McapForm("r1", {}), Encoder(1, 1)
+    form, encoder = McapFormat("r1", {}), Encoder(1, 1)
     frames = [
         encoder.encode(Statustext(severity=Severity.INFO, text=f"{number}")) for number in range(9)
     ]

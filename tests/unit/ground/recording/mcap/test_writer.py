@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from ground.recording.mcap.writer import McapForm
+from ground.recording.mcap.writer import McapFormat
 from protocol.topics import ENCODING
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import AvoidanceDecision, Statustext
@@ -108,7 +108,7 @@ def test_each_batch_is_a_chunk_of_its_own(found: Found, said: list[Said]) -> Non
 
 
 def test_what_is_not_finite_is_null_in_the_json() -> None:
-    form = McapForm("r1", {})
+    form = McapFormat("r1", {})
     nowhere = decision(0, (float("nan"), float("inf")))
     form.add("sidestep/r1/tlm/decision", Encoder(1, 1).encode(nowhere), 1)
     reader = make_reader(io.BytesIO(form.end()))
@@ -124,7 +124,7 @@ def test_what_is_not_finite_is_null_in_the_json() -> None:
 
 def test_a_frame_of_a_newer_dialect_is_kept_though_it_cannot_be_shown() -> None:
     foreign = bytes([0xFD, 1, 0, 0, 0, 1, 1, 0x11, 0x22, 0x33, 7, 0, 0])
-    form = McapForm("r1", {})
+    form = McapFormat("r1", {})
     form.add("sidestep/r1/tlm/new", foreign, 1)
     reader = make_reader(io.BytesIO(form.end()))
     assert [channel.topic for _, channel, _ in reader.iter_messages()] == [
@@ -134,7 +134,7 @@ def test_a_frame_of_a_newer_dialect_is_kept_though_it_cannot_be_shown() -> None:
 
 
 def test_what_was_fetched_later_says_when_it_was_told() -> None:
-    form = McapForm("r1", {})
+    form = McapFormat("r1", {})
     frame = Encoder(1, 1).encode(Statustext(severity=6, text="earlier"))
     form.add("sidestep/r1/tlm/text", frame, 5_000_000, 2_000_000)
     reader = make_reader(io.BytesIO(form.end()))
@@ -146,7 +146,7 @@ def test_a_recorder_that_runs_for_days_holds_little_of_what_it_has_written(
     said: list[Said],
 ) -> None:
     """Half a kilobyte for each batch, which is 3.5 MB an hour."""
-    form = McapForm("r1", {})
+    form = McapFormat("r1", {})
 
     def batches(count: int) -> None:
         for _ in range(count):
@@ -177,7 +177,7 @@ def test_messages_of_a_topic_are_numbered_one_after_the_other(tmp_path: Path) ->
 
 def test_keys_of_strangers_and_of_many_operators_cost_no_channels() -> None:
     """Each session of an operator has a key of its own, and anybody may invent others."""
-    form = McapForm("r1", {})
+    form = McapFormat("r1", {})
     text = Encoder(1, 1).encode(Statustext(severity=6, text="x"))
     for number in range(500):
         form.add(f"sidestep/r1/op/mark/open/{number:x}", text, number)
