@@ -28,7 +28,7 @@ CARRIED: Final = {
 """Which figures each topic carries."""
 
 
-class Figures:
+class TelemetryHistory:
     """Sampled at each poll; a message is taken once, and a stream that stops leaves a gap."""
 
     def __init__(self, telemetry: Telemetry, began_ns: int) -> None:

@@ -9,7 +9,7 @@ from ground.client.telemetry import Telemetry
 from ground.station.bus_protocols import Hears, Token
 from ground.station.history.decision_history import Moments
 from ground.station.history.inbox import Arrival, Inbox
-from ground.station.history.telemetry_history import Figures
+from ground.station.history.telemetry_history import TelemetryHistory
 from ground.station.link.presence_log import PresenceLog
 from ground.station.link.restarts import RestartNotice, Restarts
 from ground.station.link.streams import Streams
@@ -41,7 +41,7 @@ class RobotModel:
         self.parameters = ParameterList()
         self.streams = Streams(TOPICS)
         self.moments = Moments()
-        self.figures = Figures(self.telemetry, now_ns)
+        self.figures = TelemetryHistory(self.telemetry, now_ns)
         self.again = RestartNotice(robot)
         self.restarts = {
             Role.ROBOT: Restarts(MAX_LATE_TICKS),
