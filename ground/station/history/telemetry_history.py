@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from ground.client.telemetry import Age, Telemetry, age_of
 from ground.station.history.time_series import History
-from ground.station.history.trail import RADIUS_M, Echoes, Marks, Trail
+from ground.station.history.trail import RADIUS_M, EchoGrid, Marks, Trail
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -42,7 +42,7 @@ class TelemetryHistory:
     def restart(self) -> None:
         """The robot begins anew, and so does where it believes to be."""
         self.trail = Trail()
-        self.echoes = Echoes()
+        self.echoes = EchoGrid()
         self.marks = Marks()
         self.dearest = WorstCycle()
 

@@ -48,7 +48,7 @@ class Trail:
         return self._shown
 
 
-class Echoes:
+class EchoGrid:
     """Where there were echoes: one point for each square of a grid, the longest unseen given up."""
 
     def __init__(self, size: int = ECHOES, grid_m: float = GRID_M) -> None:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.station.history.telemetry_history import uncertainty_m
-from ground.station.history.trail import Echoes, Marks, Trail, ranges_m
+from ground.station.history.trail import EchoGrid, Marks, Trail, ranges_m
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import PlanarOdometry
 from tests.support.ground.station.said import Robot
@@ -58,7 +58,7 @@ def test_whatever_is_believed_only_places_get_on_the_trail(
 
 
 def test_echoes_are_where_the_sonars_look() -> None:
-    echoes = Echoes()
+    echoes = EchoGrid()
     echoes.scan(Robot().scan(), pose(1.0, 1.0, pi / 2), radius_m=0.12)
     points = echoes.points()
     assert len(points) == 4
@@ -67,7 +67,7 @@ def test_echoes_are_where_the_sonars_look() -> None:
 
 
 def test_a_wall_that_is_seen_again_adds_no_points() -> None:
-    echoes = Echoes()
+    echoes = EchoGrid()
     for _ in range(50):
         echoes.scan(Robot().scan(), pose(), radius_m=0.12)
     shown = echoes.points()
@@ -77,7 +77,7 @@ def test_a_wall_that_is_seen_again_adds_no_points() -> None:
 
 
 def test_the_echoes_longest_unseen_are_given_up() -> None:
-    echoes = Echoes(size=10)
+    echoes = EchoGrid(size=10)
     for step in range(100):
         echoes.add(step * 1.0, 0.0)
         echoes.add(0.0, 0.0)
@@ -88,7 +88,7 @@ def test_the_echoes_longest_unseen_are_given_up() -> None:
 
 
 def test_an_echo_from_nowhere_is_none() -> None:
-    echoes = Echoes()
+    echoes = EchoGrid()
     echoes.scan(Robot().scan(), pose(nan), radius_m=0.12)
     assert echoes.points() == ()
 
