@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from ground.client.telemetry import Age, Telemetry, age_of
 from ground.station.history.time_series import History
-from ground.station.history.trail import RADIUS_M, EchoGrid, Marks, Trail
+from ground.station.history.trail import RADIUS_M, BoundaryMarks, EchoGrid, Trail
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -43,7 +43,7 @@ class TelemetryHistory:
         """The robot begins anew, and so does where it believes to be."""
         self.trail = Trail()
         self.echoes = EchoGrid()
-        self.marks = Marks()
+        self.marks = BoundaryMarks()
         self.dearest = WorstCycle()
 
     def poll(self, now_ns: int) -> None:

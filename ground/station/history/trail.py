@@ -92,7 +92,7 @@ def ranges_m(scan: SonarScan) -> Iterator[float | None]:
             yield range_mm / 1000.0 if scan.echo >> sonar & 1 else float("inf")
 
 
-class Marks:
+class BoundaryMarks:
     """Where this goal's way was left for an obstacle, and where it was taken up again."""
 
     def __init__(self) -> None:

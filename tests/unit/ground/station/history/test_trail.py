@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.station.history.telemetry_history import uncertainty_m
-from ground.station.history.trail import EchoGrid, Marks, Trail, ranges_m
+from ground.station.history.trail import BoundaryMarks, EchoGrid, Trail, ranges_m
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import PlanarOdometry
 from tests.support.ground.station.said import Robot
@@ -98,7 +98,7 @@ def test_no_echo_is_infinite_and_a_silent_sonar_is_missing() -> None:
 
 
 def test_hit_and_leave_points_are_those_of_this_goal() -> None:
-    marks, robot = Marks(), Robot(goal_id=1)
+    marks, robot = BoundaryMarks(), Robot(goal_id=1)
     way = (
         (0.0, GoalState.DRIVING), (1.0, GoalState.AVOIDING), (2.0, GoalState.AVOIDING),
         (3.0, GoalState.DRIVING), (4.0, GoalState.AVOIDING), (5.0, GoalState.STUCK),
