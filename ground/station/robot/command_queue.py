@@ -26,7 +26,7 @@ DONE: Final = {
 }
 
 
-class Stage(Enum):
+class CommandStage(Enum):
     TAKING = "taking the lease"
     SETTLING = "letting the robot hear its operator"
     RUNNING = "running"
@@ -40,7 +40,7 @@ class Pending(NamedTuple):
     robot: str
     tenure: LeaseHolding
     job: Job | None
-    stage: Stage
+    stage: CommandStage
     action: LeaseAction | None = None
 
 
@@ -70,11 +70,13 @@ class CommandQueue:
         if self._engaged(words):
             return False
         if moves and not tenure.ours:
-            self._ask_lease(Pending(words, robot, tenure, job, Stage.TAKING), LeaseAction.TAKE)
+            self._ask_lease(
+                Pending(words, robot, tenure, job, CommandStage.TAKING), LeaseAction.TAKE
+            )
         elif moves and not tenure.settled(self._clock.now_ns()):
-            self._pending = Pending(words, robot, tenure, job, Stage.SETTLING)
+            self._pending = Pending(words, robot, tenure, job, CommandStage.SETTLING)
         else:
-            self._run(Pending(words, robot, tenure, job, Stage.RUNNING), job)
+            self._run(Pending(words, robot, tenure, job, CommandStage.RUNNING), job)
         return True
 
     def lease(self, robot: str, tenure: LeaseHolding, action: LeaseAction) -> bool:
@@ -84,7 +86,7 @@ class CommandQueue:
             return False
         if action is LeaseAction.RELEASE:
             tenure.given_up(self._clock.now_ns())
-        self._ask_lease(Pending(words, robot, tenure, None, Stage.LEASE, action), action)
+        self._ask_lease(Pending(words, robot, tenure, None, CommandStage.LEASE, action), action)
         return True
 
     def request(self, action: LeaseAction) -> LeaseRequest:
@@ -101,7 +103,7 @@ class CommandQueue:
         pending = self._pending
         if pending is None:
             return
-        if pending.stage is Stage.SETTLING:
+        if pending.stage is CommandStage.SETTLING:
             self._settle(pending, now_ns)
             return
         outcome = self._lane.done()
@@ -129,21 +131,21 @@ class CommandQueue:
             self._pending = None
             self._tell(f"not sent: {pending.words}: the lease is ours no more", Severity.WARNING)
         elif pending.tenure.settled(now_ns) and pending.job is not None:
-            self._run(pending._replace(stage=Stage.RUNNING), pending.job)
+            self._run(pending._replace(stage=CommandStage.RUNNING), pending.job)
 
     def _ended(self, pending: Pending, outcome: Outcome, now_ns: int) -> None:
-        if pending.stage is Stage.RUNNING:
+        if pending.stage is CommandStage.RUNNING:
             self.last = f"{pending.words}: {outcome.text}"
             several = "\n" in outcome.text.strip()
             self._told(outcome if several else outcome._replace(text=self.last))
             return
         if outcome.ok and pending.action is not LeaseAction.RELEASE:
             pending.tenure.granted(now_ns)
-        if pending.stage is Stage.LEASE:
+        if pending.stage is CommandStage.LEASE:
             self._told(outcome, loud=pending.action is LeaseAction.SEIZE)
         elif outcome.ok:
             self._told(outcome)
-            self._pending = pending._replace(stage=Stage.SETTLING)
+            self._pending = pending._replace(stage=CommandStage.SETTLING)
         else:
             self._told(Outcome(False, f"not sent: {pending.words}: {outcome.text}"))
 
