@@ -25,7 +25,7 @@ class SonarTrouble(NamedTuple):
     dropout: Values
 
 
-class Trouble(NamedTuple):
+class ActiveFaults(NamedTuple):
     """Left and right where there are two; `jumped_ticks` counts every jump since the start."""
 
     sonar: SonarTrouble | None = None
@@ -38,7 +38,7 @@ class Trouble(NamedTuple):
     bumper: int = 0
 
 
-NO_TROUBLE: Final = Trouble()
+NO_TROUBLE: Final = ActiveFaults()
 
 
 class Schedule:
@@ -64,7 +64,7 @@ class Schedule:
         ]
         self._changes_ns = 0
 
-    def at(self, now_ns: int) -> Trouble:
+    def at(self, now_ns: int) -> ActiveFaults:
         if now_ns >= self._changes_ns:
             moments = [
                 moment for fault in self._faults for moment in (start_ns(fault), end_ns(fault))
@@ -82,13 +82,13 @@ def end_ns(fault: Fault) -> int:
     return round(fault.end_s * NS_PER_S) if isfinite(fault.end_s) else NEVER_NS
 
 
-def _added_up(faults: list[Fault], now_ns: int) -> Trouble:
+def _added_up(faults: list[Fault], now_ns: int) -> ActiveFaults:
     started = [fault for fault in faults if start_ns(fault) <= now_ns]
     active = [fault for fault in started if now_ns < end_ns(fault)]
     if not started:
         return NO_TROUBLE
     kinds = {fault.kind for fault in active}
-    return Trouble(
+    return ActiveFaults(
         sonar=_sonars(active) if any(kind.startswith("sonar_") for kind in kinds) else None,
         encoder_stuck=_flags(active, "encoder_stuck"),
         jumped_ticks=_jumps(started),

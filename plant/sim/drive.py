@@ -8,7 +8,7 @@ from math import copysign, exp, floor, sqrt
 
 from plant.model.body import INT32, Body
 from plant.model.noise import Noise
-from plant.sim.active_faults import NO_TROUBLE, Trouble
+from plant.sim.active_faults import NO_TROUBLE, ActiveFaults
 from plant.sim.seeds import gaussian_rows
 from runtime.units import NS_PER_MS
 
@@ -87,7 +87,7 @@ class Drive:
         self._expires_ns = now_ns + ttl_ms * NS_PER_MS
         self.expired = False
 
-    def roll(self, now_ns: int, span_s: float, trouble: Trouble) -> tuple[float, float]:
+    def roll(self, now_ns: int, span_s: float, trouble: ActiveFaults) -> tuple[float, float]:
         """Run the motors for a while; the way of the left and the right wheel on the ground."""
         if now_ns < self._expires_ns:
             self.expired = False
@@ -118,7 +118,7 @@ class Drive:
         right = floor(self._counted_m[1] * per_m) + body.right_start_ticks + jumped_ticks[1]
         return _wrapped(left), _wrapped(right)
 
-    def _jammed(self, left_m: float, right_m: float, trouble: Trouble) -> tuple[float, float]:
+    def _jammed(self, left_m: float, right_m: float, trouble: ActiveFaults) -> tuple[float, float]:
         ways_m = [left_m, right_m]
         for side in (0, 1):
             if trouble.wheel_stuck[side]:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from plant.model.body import Body
 from plant.model.faults import Fault
 from plant.model.noise import LEVELS, Noise
-from plant.sim.active_faults import NO_TROUBLE, Schedule, Trouble
+from plant.sim.active_faults import NO_TROUBLE, ActiveFaults, Schedule
 from plant.sim.drive import Drive, Motor
 
 MS = 1_000_000
@@ -22,7 +22,7 @@ def mrad_s(rim_m_s: float) -> int:
 
 
 def run(
-    drive: Drive, left_m_s: float, right_m_s: float, steps: int, trouble: Trouble = NO_TROUBLE
+    drive: Drive, left_m_s: float, right_m_s: float, steps: int, trouble: ActiveFaults = NO_TROUBLE
 ) -> tuple[float, float]:
     """The way on the ground of a drive that is commanded anew all the time."""
     left_m = right_m = 0.0
