@@ -15,7 +15,7 @@ Flags: TypeAlias = tuple[bool, bool]
 Values: TypeAlias = tuple[float | None, ...]
 
 
-class SonarTrouble(NamedTuple):
+class SonarFaults(NamedTuple):
     """Per sonar; None or False where it is well."""
 
     dead: tuple[bool, ...]
@@ -28,7 +28,7 @@ class SonarTrouble(NamedTuple):
 class ActiveFaults(NamedTuple):
     """Left and right where there are two; `jumped_ticks` counts every jump since the start."""
 
-    sonar: SonarTrouble | None = None
+    sonar: SonarFaults | None = None
     encoder_stuck: Flags = (False, False)
     jumped_ticks: tuple[int, int] = (0, 0)
     slip: tuple[float, float] = (0.0, 0.0)
@@ -126,7 +126,7 @@ def _pressed(active: list[Fault]) -> int:
     return sectors
 
 
-def _sonars(active: list[Fault]) -> SonarTrouble:
+def _sonars(active: list[Fault]) -> SonarFaults:
     def last(kind: str) -> Values:
         """Per sonar, the value of the latest fault of that kind."""
         values: list[float | None] = [None] * SONARS
@@ -137,7 +137,7 @@ def _sonars(active: list[Fault]) -> SonarTrouble:
         return tuple(values)
 
     dead, frozen = last("sonar_dead"), last("sonar_frozen")
-    return SonarTrouble(
+    return SonarFaults(
         dead=tuple(value is not None for value in dead),
         frozen=tuple(value is not None for value in frozen),
         fixed_m=last("sonar_fixed"),

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from plant.model.body import Body
 from plant.model.noise import Noise
-from plant.sim.active_faults import SonarTrouble
+from plant.sim.active_faults import SonarFaults
 from plant.sim.seeds import gaussian_rows, uniform_rows
 from plant.sim.sensing.raycast import ORDER, SONARS
 
@@ -45,7 +45,7 @@ class Ring:
         self._fault_chances = uniform_rows(seed, robot, "sonar fault", SONARS)
         self._last = SILENT
 
-    def read(self, nearness: Sequence[float], trouble: SonarTrouble | None) -> Reading:
+    def read(self, nearness: Sequence[float], trouble: SonarFaults | None) -> Reading:
         """One scan; `nearness` per sonar in the order of `raycast.ORDER`."""
         reading = self._measured(nearness)
         if trouble is not None:
@@ -79,7 +79,7 @@ class Ring:
             echo |= 1 << sonar
         return Reading(tuple(range_mm), ALL, echo)
 
-    def _disturbed(self, reading: Reading, trouble: SonarTrouble) -> Reading:
+    def _disturbed(self, reading: Reading, trouble: SonarFaults) -> Reading:
         range_mm, valid, echo = list(reading.range_mm), reading.valid, reading.echo
         chances = self._fault_chances.next()
         for sonar in range(SONARS):
