@@ -41,7 +41,7 @@ class ActiveFaults(NamedTuple):
 NO_TROUBLE: Final = ActiveFaults()
 
 
-class Schedule:
+class FaultSchedule:
     """The faults of one robot; looks them up again only when one begins or ends."""
 
     __slots__ = ("_changes_ns", "_faults", "_trouble")

@@ -10,7 +10,7 @@ from plant.model.faults import Fault
 from plant.model.noise import Noise
 from plant.model.scene import Disc, Pose, Scene
 from plant.model.types import Point
-from plant.sim.active_faults import Schedule
+from plant.sim.active_faults import FaultSchedule
 from plant.sim.drive import Drive
 from plant.sim.physics import Arena
 from plant.sim.score import Score
@@ -49,7 +49,7 @@ class Vehicle:
 
     def __init__(self, common: Common, number: int, start: Pose, faults: Iterable[Fault]) -> None:
         body, noise, seed, scene, self._arena = common
-        self.faults = Schedule(faults)
+        self.faults = FaultSchedule(faults)
         self.drive = Drive(body, noise, seed, number)
         self._ring = Ring(body, noise, seed, number)
         self._caster = Caster(scene, body.sonar_max_m + body.radius_m, noise.incidence_limit_rad)

@@ -2,17 +2,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plant.model.faults import Fault
-from plant.sim.active_faults import NO_TROUBLE, Schedule
+from plant.sim.active_faults import NO_TROUBLE, FaultSchedule
 
 S = 10**9
 
 
 def test_without_faults_there_is_no_trouble() -> None:
-    assert Schedule([]).at(0) is NO_TROUBLE
+    assert FaultSchedule([]).at(0) is NO_TROUBLE
 
 
 def test_trouble_comes_and_goes_on_time() -> None:
-    schedule = Schedule([Fault("scan_stopped", "", 1.0, 2.0), Fault("ticks_stopped", "", 1.5, 3.0)])
+    schedule = FaultSchedule(
+        [Fault("scan_stopped", "", 1.0, 2.0), Fault("ticks_stopped", "", 1.5, 3.0)]
+    )
     stopped = [
         (schedule.at(now).scan_stopped, schedule.at(now).ticks_stopped)
         for now in (0, 1 * S - 1, 1 * S, 3 * S // 2, 2 * S, 3 * S)
@@ -34,7 +36,7 @@ def test_trouble_comes_and_goes_on_time() -> None:
 def test_a_fault_lasts_from_its_start_to_before_its_end(
     spans: list[tuple[int, int]], moments: list[int]
 ) -> None:
-    schedule = Schedule(
+    schedule = FaultSchedule(
         [Fault("scan_stopped", "", start, start + lasting) for start, lasting in spans]
     )
     for now in moments:
@@ -43,7 +45,7 @@ def test_a_fault_lasts_from_its_start_to_before_its_end(
 
 
 def test_a_fault_added_while_running_is_in_force_at_once() -> None:
-    schedule = Schedule([])
+    schedule = FaultSchedule([])
     schedule.at(5 * S)
     schedule.add(Fault("wheel_stuck", "both"))
     assert schedule.at(5 * S).wheel_stuck == (True, True)
@@ -51,7 +53,7 @@ def test_a_fault_added_while_running_is_in_force_at_once() -> None:
 
 def test_cleared_faults_are_gone_but_a_jump_stays_counted() -> None:
     jump, later = (Fault("encoder_jump", "left", start_s, value=7) for start_s in (1.0, 9.0))
-    schedule = Schedule([jump, later, Fault("encoder_stuck", "right")])
+    schedule = FaultSchedule([jump, later, Fault("encoder_stuck", "right")])
     assert schedule.at(2 * S).encoder_stuck == (False, True)
     schedule.clear(2 * S)
     assert schedule.at(2 * S) == NO_TROUBLE._replace(jumped_ticks=(7, 0))
@@ -60,17 +62,17 @@ def test_cleared_faults_are_gone_but_a_jump_stays_counted() -> None:
 
 def test_two_slips_of_one_wheel_add_up_to_less_than_their_sum() -> None:
     slips = [Fault("wheel_slip", "both", value=0.5), Fault("wheel_slip", "right", value=0.5)]
-    assert Schedule(slips).at(0).slip == (0.5, 0.75)
+    assert FaultSchedule(slips).at(0).slip == (0.5, 0.75)
 
 
 def test_pressed_sectors_are_united() -> None:
     pressed = [Fault("bumper_stuck", value=1), Fault("bumper_stuck", value=5)]
-    assert Schedule(pressed).at(0).bumper == 5
+    assert FaultSchedule(pressed).at(0).bumper == 5
 
 
 def test_all_sonars_are_meant_by_all_and_one_by_its_number() -> None:
     faults = [Fault("sonar_fixed", "all", value=1.0), Fault("sonar_fixed", "3", value=2.0)]
-    sonar = Schedule([*faults, Fault("sonar_dead", "7")]).at(0).sonar
+    sonar = FaultSchedule([*faults, Fault("sonar_dead", "7")]).at(0).sonar
     assert sonar is not None
     assert sonar.fixed_m == (1.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 1.0)
     assert sonar.dead == (False,) * 7 + (True,)

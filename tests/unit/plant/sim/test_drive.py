@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from plant.model.body import Body
 from plant.model.faults import Fault
 from plant.model.noise import LEVELS, Noise
-from plant.sim.active_faults import NO_TROUBLE, ActiveFaults, Schedule
+from plant.sim.active_faults import NO_TROUBLE, ActiveFaults, FaultSchedule
 from plant.sim.drive import Drive, Motor
 
 MS = 1_000_000
@@ -166,7 +166,7 @@ def test_a_wheel_at_rest_does_not_slip() -> None:
 
 def test_a_slipping_wheel_counts_more_than_it_rolls() -> None:
     drive = Drive(QUICK, LEVELS["none"], 1, 0)
-    trouble = Schedule([Fault("wheel_slip", "right", value=0.3)]).at(0)
+    trouble = FaultSchedule([Fault("wheel_slip", "right", value=0.3)]).at(0)
     left_m, right_m = run(drive, 0.2, 0.2, 40, trouble)
     assert right_m == pytest.approx(0.7 * left_m)
     assert drive.ticks()[0] == drive.ticks()[1]
@@ -174,7 +174,7 @@ def test_a_slipping_wheel_counts_more_than_it_rolls() -> None:
 
 def test_a_stuck_wheel_neither_rolls_nor_counts() -> None:
     drive = Drive(QUICK, LEVELS["none"], 1, 0)
-    left_m, right_m = run(drive, 0.2, 0.2, 4, Schedule([Fault("wheel_stuck", "left")]).at(0))
+    left_m, right_m = run(drive, 0.2, 0.2, 4, FaultSchedule([Fault("wheel_stuck", "left")]).at(0))
     assert (left_m, drive.ticks()[0]) == (0.0, 0)
     assert (right_m > 0.0, drive.ticks()[1] > 0) == (True, True)
 
@@ -183,7 +183,7 @@ def test_a_stuck_encoder_misses_what_the_wheel_rolls_and_goes_on_from_there() ->
     drive = Drive(QUICK, LEVELS["none"], 1, 0)
     run(drive, 0.2, 0.2, 4)
     before = drive.ticks()
-    left_m, _ = run(drive, 0.2, 0.2, 4, Schedule([Fault("encoder_stuck", "left")]).at(0))
+    left_m, _ = run(drive, 0.2, 0.2, 4, FaultSchedule([Fault("encoder_stuck", "left")]).at(0))
     assert left_m == pytest.approx(0.02, rel=2e-4)
     assert drive.ticks() == (before[0], 2 * before[1])
     run(drive, 0.2, 0.2, 4)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from plant.model.body import Body
 from plant.model.faults import Fault
 from plant.model.noise import LEVELS, Noise
-from plant.sim.active_faults import Schedule, SonarFaults
+from plant.sim.active_faults import FaultSchedule, SonarFaults
 from plant.sim.sensing.raycast import ORDER
 from plant.sim.sensing.sonar import PING_AGE_US, Reading, Ring
 
@@ -29,7 +29,7 @@ def ring(noise: Noise = NONE, seed: int = 1) -> Ring:
 
 
 def trouble(*faults: Fault) -> SonarFaults:
-    found = Schedule(faults).at(0).sonar
+    found = FaultSchedule(faults).at(0).sonar
     assert found is not None
     return found
 
