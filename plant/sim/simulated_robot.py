@@ -34,7 +34,7 @@ PERIOD_S: Final = PERIOD_NS / NS_PER_S
 Moved: TypeAlias = tuple[Sequence[Disc], Sequence[Disc]]
 
 
-class Common(NamedTuple):
+class SharedSetup(NamedTuple):
     """What the robots of one plant share."""
 
     body: Body
@@ -47,7 +47,9 @@ class Common(NamedTuple):
 class Vehicle:
     """Rolls in two substeps, then senses, once per tick."""
 
-    def __init__(self, common: Common, number: int, start: Pose, faults: Iterable[Fault]) -> None:
+    def __init__(
+        self, common: SharedSetup, number: int, start: Pose, faults: Iterable[Fault]
+    ) -> None:
         body, noise, seed, scene, self._arena = common
         self.faults = FaultSchedule(faults)
         self.drive = Drive(body, noise, seed, number)

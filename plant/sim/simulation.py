@@ -13,7 +13,7 @@ from plant.model.scene import Disc, movers, still
 from plant.model.types import World
 from plant.placement.start_positions import starts
 from plant.sim.physics import Arena
-from plant.sim.simulated_robot import PERIOD_S, Common, Moved, Vehicle
+from plant.sim.simulated_robot import PERIOD_S, Moved, SharedSetup, Vehicle
 from protocol.wire.messages import GroundTruth, RunScore, SonarScan, WheelTicks
 from runtime.timing import PERIOD_NS
 from runtime.units import NS_PER_S
@@ -47,7 +47,7 @@ class Plant:
         self._mover_speed_m_s = max((mover.speed_m_s for mover in self._movers), default=0.0)
         self._early_discs = self._discs = self._discs_at(at_ns)
         self._arena = Arena(world, self.body.radius_m, [disc[:2] for disc in self._discs])
-        common = Common(self.body, noise, seed, still(world), self._arena)
+        common = SharedSetup(self.body, noise, seed, still(world), self._arena)
         every = (*faults_of(world), *faults)
         for fault in every:
             _check_robot(fault, robots)
