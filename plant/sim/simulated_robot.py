@@ -44,7 +44,7 @@ class SharedSetup(NamedTuple):
     arena: Arena
 
 
-class Vehicle:
+class SimulatedRobot:
     """Rolls in two substeps, then senses, once per tick."""
 
     def __init__(

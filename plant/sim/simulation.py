@@ -13,7 +13,7 @@ from plant.model.scene import Disc, movers, still
 from plant.model.types import World
 from plant.placement.start_positions import starts
 from plant.sim.physics import Arena
-from plant.sim.simulated_robot import PERIOD_S, Moved, SharedSetup, Vehicle
+from plant.sim.simulated_robot import PERIOD_S, Moved, SharedSetup, SimulatedRobot
 from protocol.wire.messages import GroundTruth, RunScore, SonarScan, WheelTicks
 from runtime.timing import PERIOD_NS
 from runtime.units import NS_PER_S
@@ -52,7 +52,9 @@ class Plant:
         for fault in every:
             _check_robot(fault, robots)
         self._vehicles = [
-            Vehicle(common, number, start, [fault for fault in every if fault.robot == number])
+            SimulatedRobot(
+                common, number, start, [fault for fault in every if fault.robot == number]
+            )
             for number, start in enumerate(starts(world, self.body, robots))
         ]
         self._alone = robots == 1 and not self._movers
@@ -142,7 +144,7 @@ class Plant:
         for vehicle in self._vehicles:
             vehicle.sense(self.now_ns, self._moved(vehicle))
 
-    def _moved(self, seer: Vehicle) -> Moved:
+    def _moved(self, seer: SimulatedRobot) -> Moved:
         """What moves in the sight of a robot, at its early and at its late pings."""
         if len(self._vehicles) == 1:
             return self._early_discs, self._discs
