@@ -104,7 +104,7 @@ class Caster:
         self._moving = moving
         self._chosen_at = at
         self._chosen = self._surfaces.in_sight(at, self._reach_m, DRIFT, moving)
-        self._sheet = Sheet(self._chosen, self._least_cosine > 0.0)
+        self._sheet = RayArrays(self._chosen, self._least_cosine > 0.0)
 
     def _aim(self, early: Pose, late: Pose) -> None:
         """Turn the fan of rays to the heading and put it where the robot is, per group."""
@@ -134,7 +134,7 @@ class Caster:
         self._nearest[cosines < self._least_cosine] = 0.0
 
 
-class Sheet:
+class RayArrays:
     """The arrays in which the chosen surfaces meet the rays, laid out once for all of their casts.
 
     `near` is the nearness, above zero only where they meet; `across` the length of a chosen
