@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from plant.model.scene import Disc, Pose, Scene
-from plant.sim.sensing.surfaces import Chosen, Drift, Floats, Surfaces
+from plant.sim.sensing.surfaces import ChosenSurfaces, Drift, Floats, Surfaces
 
 SONARS: Final = 8
 RAYS_PER_SONAR: Final = 5
@@ -146,7 +146,7 @@ class RayArrays:
         *("_meets", "_met", "_n", "_near_discs", "_near_edges", "_q", "_roots", "_towards"),
     )
 
-    def __init__(self, chosen: Chosen, keep_across: bool) -> None:
+    def __init__(self, chosen: ChosenSurfaces, keep_across: bool) -> None:
         discs, edges, rows = chosen.discs, chosen.edges, chosen.discs + chosen.edges
         self._chosen = chosen
         self._met = np.empty((discs + 2 * edges, RAYS))

@@ -39,7 +39,7 @@ class Surfaces:
         self._disc_rays, self._disc_origins = _disc_rows(discs)
         self._start_rays, self._end_rays, self._edge_origins = _edge_rows(edges)
 
-    def in_sight(self, at: Pose, reach_m: float, drift: Drift, moving: int) -> "Chosen":
+    def in_sight(self, at: Pose, reach_m: float, drift: Drift, moving: int) -> "ChosenSurfaces":
         """Those within reach of a ring, and not all behind it, that may drift from there.
 
         `moving` rows before them are left free for discs.
@@ -50,7 +50,7 @@ class Surfaces:
         edges = np.flatnonzero(self._edges_in_sight(at, axes, farthest_m, drift.way_m))
         free = np.zeros((moving, 4))
         free[:, 2] = 1.0
-        return Chosen(
+        return ChosenSurfaces(
             np.concatenate(
                 [free, self._disc_rays[discs], self._start_rays[edges], self._end_rays[edges]]
             ),
@@ -76,7 +76,7 @@ class Surfaces:
         return seen
 
 
-class Chosen:
+class ChosenSurfaces:
     """Rows for the rays (discs, starts of edges, ends of edges) and for their origins."""
 
     __slots__ = ("discs", "edges", "origin_rows", "ray_rows", "sizes")
