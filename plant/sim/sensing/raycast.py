@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from plant.model.scene import Disc, Pose, Scene
-from plant.sim.sensing.surfaces import ChosenSurfaces, Drift, Floats, Surfaces
+from plant.sim.sensing.surfaces import ChosenSurfaces, Floats, PoseTolerance, Surfaces
 
 SONARS: Final = 8
 RAYS_PER_SONAR: Final = 5
@@ -28,7 +28,7 @@ CONE_RAD: Final = radians(22.5)
 ORDER: Final = (0, 2, 4, 6, 1, 3, 5, 7)
 """Sonars in the order of the columns: first the group pinged early, then the late one."""
 
-DRIFT: Final = Drift(way_m=0.35, turn_rad=radians(30.0))
+DRIFT: Final = PoseTolerance(way_m=0.35, turn_rad=radians(30.0))
 """The surfaces in sight are chosen anew when the robot has moved or turned farther than that."""
 
 LEAST_TURN_COSINE: Final = cos(DRIFT.turn_rad)

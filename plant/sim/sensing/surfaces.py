@@ -18,7 +18,7 @@ Floats: TypeAlias = npt.NDArray[np.float64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
 
-class Drift(NamedTuple):
+class PoseTolerance(NamedTuple):
     """How far a ring may come from a pose, and how far it may turn either way (below pi / 2)."""
 
     way_m: float
@@ -39,7 +39,9 @@ class Surfaces:
         self._disc_rays, self._disc_origins = _disc_rows(discs)
         self._start_rays, self._end_rays, self._edge_origins = _edge_rows(edges)
 
-    def in_sight(self, at: Pose, reach_m: float, drift: Drift, moving: int) -> "ChosenSurfaces":
+    def in_sight(
+        self, at: Pose, reach_m: float, drift: PoseTolerance, moving: int
+    ) -> "ChosenSurfaces":
         """Those within reach of a ring, and not all behind it, that may drift from there.
 
         `moving` rows before them are left free for discs.
