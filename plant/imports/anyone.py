@@ -7,7 +7,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from plant.imports.barn import PITCH_M, Field, load_grid, load_list
+from plant.imports.barn import PITCH_M, CylinderField, load_grid, load_list
 from plant.imports.cells import Cells
 from plant.imports.cylinder_world import cylinder_world
 from plant.imports.grid_world import grid_world
@@ -127,7 +127,9 @@ def _map_of(path: Path, scenario: Scenario) -> Path:
     raise refuse(str(path), "map", f"{named} is not beside it", fix, scenario.line)
 
 
-def _of_field(path: Path, family: str, field: Field, wishes: ImportOptions) -> Iterator[World]:
+def _of_field(
+    path: Path, family: str, field: CylinderField, wishes: ImportOptions
+) -> Iterator[World]:
     ends = field.ends
     if wishes.start is not None and wishes.goal is not None:
         left, low = field.corner

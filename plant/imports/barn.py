@@ -31,7 +31,7 @@ FARTHEST_M: Final = 1e6
 HEADER: Final = ("x", "x_m")
 
 
-class Field(NamedTuple):
+class CylinderField(NamedTuple):
     """Cylinders on a floor; `corner` is its lower left one in the file's own frame."""
 
     size_m: Point
@@ -40,7 +40,7 @@ class Field(NamedTuple):
     ends: tuple[Point, Point] | None
 
 
-def load_grid(path: Path, pitch_m: float = PITCH_M) -> Field:
+def load_grid(path: Path, pitch_m: float = PITCH_M) -> CylinderField:
     """The field of a grid file; raises WorldError and nothing else."""
     grid = _grid(read_bytes(path, MOST_BYTES), str(path))
     rows, columns = grid.shape
@@ -58,7 +58,7 @@ def load_grid(path: Path, pitch_m: float = PITCH_M) -> Field:
     size_m = (round(2.0 * BEFORE_M + columns * pitch_m, 6), round(rows * pitch_m, 6))
     middle_m = round(size_m[1] / 2.0, 6)
     ends = ((BEFORE_M / 2.0, middle_m), (round(size_m[0] - BEFORE_M / 2.0, 6), middle_m))
-    return Field(size_m, tuple(cylinders), (0.0, 0.0), ends)
+    return CylinderField(size_m, tuple(cylinders), (0.0, 0.0), ends)
 
 
 def _grid(data: bytes, file: str) -> NDArray[np.bool_]:
@@ -70,12 +70,12 @@ def _grid(data: bytes, file: str) -> NDArray[np.bool_]:
     return blocked
 
 
-def load_list(path: Path) -> Field:
+def load_list(path: Path) -> CylinderField:
     """The field of a .csv or .txt list; the floor ends a little around the cylinders."""
     return parse_list(read_text(path, MOST_BYTES), str(path))
 
 
-def parse_list(text: str, file: str) -> Field:
+def parse_list(text: str, file: str) -> CylinderField:
     rows: list[tuple[float, float, float]] = []
     first = True
     for number, line in enumerate(text.split("\n"), 1):
@@ -92,7 +92,7 @@ def parse_list(text: str, file: str) -> Field:
         for x, y, radius in dict.fromkeys(rows)
     )
     size_m = (round(high[0] - low[0], 6), round(high[1] - low[1], 6))
-    return Field(size_m, cylinders, (low[0], low[1]), None)
+    return CylinderField(size_m, cylinders, (low[0], low[1]), None)
 
 
 def _cylinder(words: list[str], line: int, file: str) -> tuple[float, float, float]:

@@ -4,7 +4,7 @@ from math import dist
 from random import Random
 from typing import Final
 
-from plant.imports.barn import Field
+from plant.imports.barn import CylinderField
 from plant.imports.made import Made, bare_world, check_size, with_way
 from plant.imports.places import LEAST_APART_M, STANDING_M
 from plant.imports.refusal import refuse
@@ -17,7 +17,7 @@ MOST_PAIRS: Final = 30
 """Looking for a way costs more than drawing places."""
 
 
-def cylinder_world(field: Field, made: Made, random: Random) -> World:
+def cylinder_world(field: CylinderField, made: Made, random: Random) -> World:
     """Raises WorldError when it is too large, or a robot cannot stand at start or goal."""
     check_size(field.size_m, made.file)
     if made.start is not None and made.goal is not None:
@@ -34,7 +34,7 @@ def cylinder_world(field: Field, made: Made, random: Random) -> World:
     raise refuse(made.file, "start", reason, "give --start and --goal")
 
 
-def _ends(field: Field, random: Random) -> tuple[Point, Point] | None:
+def _ends(field: CylinderField, random: Random) -> tuple[Point, Point] | None:
     """Of a few free places the two farthest apart."""
     free: list[Point] = []
     for _ in range(MOST_DRAWS):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.imports.barn import BEFORE_M, Field, load_grid, load_list, parse_list
+from plant.imports.barn import BEFORE_M, CylinderField, load_grid, load_list, parse_list
 from plant.model.errors import WorldError
 from tests.support.plant.imports.files import refused
 
@@ -18,7 +18,7 @@ def saved(folder: Path, grid: object) -> Path:
     return path
 
 
-def places(field: Field) -> set[tuple[float, float]]:
+def places(field: CylinderField) -> set[tuple[float, float]]:
     return {(one.x_m, one.y_m) for one in field.cylinders}
 
 
