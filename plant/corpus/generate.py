@@ -14,7 +14,7 @@ from plant.corpus import buildings, crowds, forests, shapes, shut, traps
 from plant.corpus.draft import Draft, Family, standing_room
 from plant.corpus.grids import CELL_M, MAPS
 from plant.imports.grid_world import grid_world
-from plant.imports.made import Made, with_way
+from plant.imports.made import ImportedWorld, with_way
 from plant.imports.moving_ai import parse_map
 from plant.model.body import Body
 from plant.model.errors import WorldError
@@ -81,12 +81,12 @@ def _drawn_world(random: Random, family: str, name: str, seed: int) -> World | N
     length_m = shortest_path_m(world)
     if (length_m is not None) != draft.reachable or not _roomy(world, draft.reachable):
         return None
-    return with_way(world, Made(file=name, name=name, family=family, seed=seed), length_m)
+    return with_way(world, ImportedWorld(file=name, name=name, family=family, seed=seed), length_m)
 
 
 def _map_world(random: Random, family: str, name: str, seed: int) -> World | None:
     """None when no two places on the map have a way between them."""
-    made = Made(file=f"{name}.map", name=name, family=family, seed=seed)
+    made = ImportedWorld(file=f"{name}.map", name=name, family=family, seed=seed)
     try:
         world = grid_world(parse_map(MAPS[family](random), made.file, CELL_M), made, random)
     except WorldError:

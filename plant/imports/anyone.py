@@ -11,7 +11,7 @@ from plant.imports.barn import PITCH_M, CylinderField, load_grid, load_list
 from plant.imports.cells import Cells
 from plant.imports.cylinder_world import cylinder_world
 from plant.imports.grid_world import grid_world
-from plant.imports.made import Made
+from plant.imports.made import ImportedWorld
 from plant.imports.moving_ai import Scenario, fits, load_map, load_scenarios
 from plant.imports.refusal import refuse
 from plant.imports.ros_map import load_ros_map
@@ -146,11 +146,13 @@ def _made(
     wishes: ImportOptions,
     ends: tuple[Point, Point] | None,
     index: int | None,
-) -> Made:
+) -> ImportedWorld:
     stem = _stem(path)
     name = stem if index is None else f"{stem}_{wishes.seed}_{index:03d}"
     start, goal = ends or (None, None)
-    return Made(file=str(path), name=name, family=family, seed=wishes.seed, start=start, goal=goal)
+    return ImportedWorld(
+        file=str(path), name=name, family=family, seed=wishes.seed, start=start, goal=goal
+    )
 
 
 def _random(path: Path, wishes: ImportOptions, index: int) -> Random:

@@ -5,7 +5,7 @@ from random import Random
 from typing import Final
 
 from plant.imports.barn import CylinderField
-from plant.imports.made import Made, bare_world, check_size, with_way
+from plant.imports.made import ImportedWorld, bare_world, check_size, with_way
 from plant.imports.places import LEAST_APART_M, STANDING_M
 from plant.imports.refusal import refuse
 from plant.model.geometry import clearance_m
@@ -17,7 +17,7 @@ MOST_PAIRS: Final = 30
 """Looking for a way costs more than drawing places."""
 
 
-def cylinder_world(field: CylinderField, made: Made, random: Random) -> World:
+def cylinder_world(field: CylinderField, made: ImportedWorld, random: Random) -> World:
     """Raises WorldError when it is too large, or a robot cannot stand at start or goal."""
     check_size(field.size_m, made.file)
     if made.start is not None and made.goal is not None:

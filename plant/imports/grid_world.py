@@ -3,7 +3,7 @@
 from random import Random
 
 from plant.imports.cells import Cells
-from plant.imports.made import Made, bare_world, check_size, with_way
+from plant.imports.made import ImportedWorld, bare_world, check_size, with_way
 from plant.imports.outlines import outlines
 from plant.imports.places import STANDING_M, far_apart
 from plant.imports.refusal import refuse
@@ -12,7 +12,7 @@ from plant.model.body import Body
 from plant.model.types import Point, World
 
 
-def grid_world(cells: Cells, made: Made, random: Random) -> World:
+def grid_world(cells: Cells, made: ImportedWorld, random: Random) -> World:
     """Raises WorldError when it is too large, or a robot cannot stand at start or goal."""
     check_size(cells.size_m, made.file)
     ends = _ends(cells, made, random)
@@ -21,7 +21,7 @@ def grid_world(cells: Cells, made: Made, random: Random) -> World:
     return with_way(world, made, route_m(world, Places(cells, radius_m), radius_m))
 
 
-def _ends(cells: Cells, made: Made, random: Random) -> tuple[Point, Point]:
+def _ends(cells: Cells, made: ImportedWorld, random: Random) -> tuple[Point, Point]:
     if made.start is not None and made.goal is not None:
         return made.start, made.goal
     found = far_apart(cells, random, Body().radius_m)

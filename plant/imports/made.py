@@ -17,7 +17,7 @@ HEADING_TOLERANCE_RAD: Final = radians(3.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Made:
+class ImportedWorld:
     """What a world is called and where it comes from; `file` is what its errors name.
 
     `start` and `goal` are on our floor, with its lower left corner at (0, 0); None: to be chosen.
@@ -42,7 +42,7 @@ def bare_world(
     size_m: Point,
     ends: tuple[Point, Point],
     obstacles: Sequence[Obstacle],
-    made: Made,
+    made: ImportedWorld,
     random: Random,
 ) -> World:
     """Still without its shortest way. Raises WorldError where a robot cannot stand."""
@@ -61,7 +61,7 @@ def bare_world(
     return World(name=made.name, size_m=size_m, start=start, goal=goal, obstacles=tuple(obstacles))
 
 
-def with_way(world: World, made: Made, length_m: float | None) -> World:
+def with_way(world: World, made: ImportedWorld, length_m: float | None) -> World:
     """The world with what is known of it: its shortest way, or that there is none."""
     return replace(
         world,

@@ -15,7 +15,7 @@ import pytest
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
 from plant.imports.cells import Cells, Mask
 from plant.imports.grid_world import grid_world
-from plant.imports.made import Made
+from plant.imports.made import ImportedWorld
 from plant.imports.routes import Places
 from plant.model.body import Body
 from plant.model.geometry import clearance_m
@@ -94,7 +94,7 @@ def cells_of(*rows: str) -> Cells:
 
 
 def world_of(cells: Cells, start: Point, goal: Point) -> World:
-    made = Made(file="x.map", name="x", family="test", seed=1, start=start, goal=goal)
+    made = ImportedWorld(file="x.map", name="x", family="test", seed=1, start=start, goal=goal)
     return grid_world(cells, made, Random(1))
 
 
@@ -131,7 +131,7 @@ def test_a_straight_way_is_straight() -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_a_way_over_cells_touches_nothing(seed: int) -> None:
     mask = np.random.default_rng(seed).random((24, 24)) < 0.25
-    made = Made(file="x.map", name="x", family="test", seed=seed)
+    made = ImportedWorld(file="x.map", name="x", family="test", seed=seed)
     world = grid_world(Cells(mask, 0.4), made, Random(seed))
     ends = (world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m)
     way = Places(Cells(mask, 0.4), RADIUS_M).way(*ends)
