@@ -9,7 +9,7 @@ from math import dist, inf
 from random import Random
 from typing import Final
 
-from plant.corpus.draft import Draft, Stage, any_angle, on_floor, spot, stage, tilt
+from plant.corpus.draft import Draft, DraftFloor, any_angle, on_floor, spot, stage, tilt
 from plant.corpus.shapes import stray_box
 from plant.model.geometry import clearance_m, from_segment_m, meet
 from plant.model.types import Circle, Obstacle, Point
@@ -39,14 +39,14 @@ def moving(random: Random) -> Draft | None:
     return None
 
 
-def _still(random: Random, place: Stage) -> Obstacle:
+def _still(random: Random, place: DraftFloor) -> Obstacle:
     if random.random() < 0.5:
         return stray_box(random, place.size_m)
     x_m, y_m = spot(random, place.size_m)
     return Circle(x_m=x_m, y_m=y_m, radius_m=round(random.uniform(0.1, 0.4), 3))
 
 
-def _walker(random: Random, place: Stage) -> Circle:
+def _walker(random: Random, place: DraftFloor) -> Circle:
     """Along a straight line across the way, or anywhere with a bend."""
     across = place.frame(random.uniform(0.2, 0.8), random.uniform(-0.5, 0.5), tilt(random, 40.0))
     path = [(0.0, random.uniform(0.6, 2.0)), (0.0, -random.uniform(0.6, 2.0))]
@@ -65,7 +65,7 @@ def _walker(random: Random, place: Stage) -> Circle:
 
 
 def _leaves_a_way(
-    walker: Circle, walkers: list[Circle], still: list[Obstacle], place: Stage
+    walker: Circle, walkers: list[Circle], still: list[Obstacle], place: DraftFloor
 ) -> bool:
     along = _every(walker.path_m)
     return (

@@ -60,7 +60,7 @@ class Frame(NamedTuple):
         return Circle(x_m=x_m, y_m=y_m, radius_m=round(radius_m, 3))
 
 
-class Stage(NamedTuple):
+class DraftFloor(NamedTuple):
     """A floor with start and goal."""
 
     size_m: Point
@@ -82,13 +82,13 @@ class Stage(NamedTuple):
         return Draft(self.size_m, self.start, self.goal, obstacles)
 
 
-def stage(random: Random, apart_m: float = 3.0) -> Stage:
+def stage(random: Random, apart_m: float = 3.0) -> DraftFloor:
     """A floor of 5 to 10 m a side, start and goal anywhere on it but `apart_m` apart."""
     size_m = floor(random)
     while True:
         start, goal = spot(random, size_m), spot(random, size_m)
         if dist(start, goal) >= apart_m:
-            return Stage(size_m, start, goal)
+            return DraftFloor(size_m, start, goal)
 
 
 def floor(random: Random) -> Point:

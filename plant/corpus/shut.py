@@ -4,7 +4,7 @@ from math import pi
 from random import Random
 
 from plant.corpus.buildings import Plan, apart, maze_draft, maze_plan, office_draft, office_plan
-from plant.corpus.draft import Draft, Frame, Stage, any_angle, stage, thickness
+from plant.corpus.draft import Draft, DraftFloor, Frame, any_angle, stage, thickness
 from plant.model.types import Obstacle, Point
 
 
@@ -23,7 +23,7 @@ def _start_boxed_in(random: Random) -> Draft:
     return place.draft(_ring(random, place.start))
 
 
-def _stage(random: Random) -> Stage:
+def _stage(random: Random) -> DraftFloor:
     return stage(random, apart_m=2.5)
 
 

@@ -6,8 +6,8 @@ from typing import Final
 
 from plant.corpus.draft import (
     Draft,
+    DraftFloor,
     Frame,
-    Stage,
     any_angle,
     floor,
     hand,
@@ -35,7 +35,7 @@ def dead_end(random: Random) -> Draft:
     return _u(random, place, random.uniform(0.5, 1.0), random.uniform(1.6, 3.2))
 
 
-def _u(random: Random, place: Stage, wide_m: float, deep_m: float) -> Draft:
+def _u(random: Random, place: DraftFloor, wide_m: float, deep_m: float) -> Draft:
     """One time in four the robot starts inside."""
     bottom = place.frame(random.uniform(0.55, 0.8), random.uniform(-0.3, 0.3), tilt(random, 25.0))
     half_m, thick_m = wide_m / 2.0, thickness(random)
