@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from ground.client.presence import Crew, why_silent
 from protocol.bus.tls.access import ALL, barred, grant_of
-from protocol.bus.tls.certificate import Own
+from protocol.bus.tls.certificate import CertificateStatus
 from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
@@ -50,7 +50,7 @@ class Observed:
     cycle: CycleReport | None = None
     answers: tuple[tuple[str, str], ...] = ()  # service path, why it did not answer
     listened_ns: int = 1000 * NS_PER_MS
-    certified: Own | None = None  # where doors are locked
+    certified: CertificateStatus | None = None  # where doors are locked
     clock_s: float = 0.0  # of this machine, since 1970
     conflicts: tuple[Conflict, ...] = ()  # of our packages with those of others
 

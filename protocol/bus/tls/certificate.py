@@ -24,7 +24,7 @@ NO_PASSWORD: Final = ""
 """Said at once where a key has one: OpenSSL would ask at the terminal."""
 
 
-class Own(NamedTuple):
+class CertificateStatus(NamedTuple):
     """Whose certificate it is, until when, and why others refuse it: empty when they do not."""
 
     name: str
@@ -34,7 +34,7 @@ class Own(NamedTuple):
     trouble: str = ""
 
 
-def own(tls: Tls) -> Own:
+def own(tls: Tls) -> CertificateStatus:
     """Show our certificate to ourselves. BadKeys names a file that is of no use."""
     check_files(tls)
     try:
@@ -44,7 +44,7 @@ def own(tls: Tls) -> Own:
     except ssl.SSLError as error:
         raise of_no_use(tls, error) from error
     if code not in (NOT_YET_VALID, EXPIRED):
-        return Own("", trouble=f"{tls.certificate} is not signed by {tls.ca} ({why})")
+        return CertificateStatus("", trouble=f"{tls.certificate} is not signed by {tls.ca} ({why})")
     seen = shown(tls, WHENEVER)
     when = f"is not valid before {seen['notBefore']}"
     if code == EXPIRED:
@@ -116,8 +116,10 @@ def shown(tls: Tls, flags: int = 0) -> dict[str, Any]:
     return door.getpeercert() or {}
 
 
-def own_in(seen: dict[str, Any]) -> Own:
+def own_in(seen: dict[str, Any]) -> CertificateStatus:
     """Name and end of a certificate as `ssl` tells it."""
     names = (value for part in seen.get("subject", ()) for key, value in part if key == CN)
     until = seen.get("notAfter")
-    return Own(next(names, ""), None if until is None else ssl.cert_time_to_seconds(until))
+    return CertificateStatus(
+        next(names, ""), None if until is None else ssl.cert_time_to_seconds(until)
+    )

@@ -10,7 +10,7 @@ from typing import Final
 import zenoh
 
 from protocol.bus.network import LOCKED, Network, Tls
-from protocol.bus.tls.certificate import Own, context, own
+from protocol.bus.tls.certificate import CertificateStatus, context, own
 from protocol.bus.tls.rules import access_control, dialled_access_control
 from runtime.errors import BadKeys, NotLetIn
 
@@ -163,7 +163,7 @@ def refused(endpoint: str, tls: Tls, error: ssl.SSLError) -> NotLetIn | None:
     return NotLetIn(why, MAKE_NEW)
 
 
-def complaint(seen: Own, tls: Tls, reason: str) -> str:
+def complaint(seen: CertificateStatus, tls: Tls, reason: str) -> str:
     """What is wrong with our certificate, as far as we can see ourselves."""
     if seen.trouble:
         return seen.trouble
