@@ -12,7 +12,7 @@ CONNECTING: Final = ("02", "03")
 LISTENING: Final = "0A"
 
 
-class End(NamedTuple):
+class ConnectionEnd(NamedTuple):
     """One end of a connection."""
 
     host: str
@@ -25,16 +25,16 @@ class ClosingConnections:
     def __init__(self, ports: Iterable[int], tables: Iterable[Path] = TABLES) -> None:
         self._ports = frozenset(ports)
         self._tables = tuple(tables)
-        self._seen: frozenset[End] = frozenset()
+        self._seen: frozenset[ConnectionEnd] = frozenset()
 
-    def new(self, known: Iterable[End]) -> list[str]:
+    def new(self, known: Iterable[ConnectionEnd]) -> list[str]:
         """Hosts that are there since the last look and are none of the known ones."""
         closing = frozenset(self._closing())
         found = closing - self._seen - frozenset(known)
         self._seen = closing
         return sorted({end.host for end in found})
 
-    def _closing(self) -> Iterator[End]:
+    def _closing(self) -> Iterator[ConnectionEnd]:
         for table in self._tables:
             try:
                 lines = table.read_text().splitlines()[1:]
@@ -42,7 +42,7 @@ class ClosingConnections:
                 continue
             yield from self._of(lines)
 
-    def _of(self, lines: Iterable[str]) -> Iterator[End]:
+    def _of(self, lines: Iterable[str]) -> Iterator[ConnectionEnd]:
         for line in lines:
             _, local, remote, state, *_ = line.split()
             if state in (ESTABLISHED, LISTENING, *CONNECTING):
@@ -54,19 +54,19 @@ class ClosingConnections:
                 yield here
 
 
-def end_of(text: str) -> End:
+def end_of(text: str) -> ConnectionEnd:
     """`0100007F:4427`, words in the byte order of the machine, as 127.0.0.1 and 17447."""
     address, _, port = text.partition(":")
     raw = bytes.fromhex(address)
     if sys.byteorder == "little":
         raw = b"".join(raw[at : at + 4][::-1] for at in range(0, len(raw), 4))
     if len(raw) == 4:
-        return End(str(IPv4Address(raw)), int(port, 16))
+        return ConnectionEnd(str(IPv4Address(raw)), int(port, 16))
     long = IPv6Address(raw)
-    return End(str(long.ipv4_mapped or long), int(port, 16))
+    return ConnectionEnd(str(long.ipv4_mapped or long), int(port, 16))
 
 
-def end_in(address: str) -> End:
+def end_in(address: str) -> ConnectionEnd:
     """The same out of `10.0.0.7:50000` or `[::1]:50000`."""
     host, _, port = address.rpartition(":")
-    return End(host.strip("[]"), int(port) if port.isdecimal() else 0)
+    return ConnectionEnd(host.strip("[]"), int(port) if port.isdecimal() else 0)

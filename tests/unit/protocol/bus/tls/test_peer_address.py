@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.bus.tls.peer_address import ClosingConnections, End, end_in, end_of
+from protocol.bus.tls.peer_address import ClosingConnections, ConnectionEnd, end_in, end_of
 
 HEAD = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid\n"
 OURS = 0x4427  # 17447
@@ -23,15 +23,15 @@ def table(tmp_path: Path) -> Path:
 
 
 def test_an_address_is_read_as_linux_writes_it() -> None:
-    assert end_of("0100007F:4427") == End("127.0.0.1", 17447)
-    assert end_of("00000000000000000000000001000000:0050") == End("::1", 80)
-    assert end_of("0000000000000000FFFF00000700000A:0050") == End("10.0.0.7", 80)
+    assert end_of("0100007F:4427") == ConnectionEnd("127.0.0.1", 17447)
+    assert end_of("00000000000000000000000001000000:0050") == ConnectionEnd("::1", 80)
+    assert end_of("0000000000000000FFFF00000700000A:0050") == ConnectionEnd("10.0.0.7", 80)
 
 
 def test_an_address_is_read_as_zenoh_writes_it() -> None:
-    assert end_in("10.0.0.7:50000") == End("10.0.0.7", 50000)
-    assert end_in("[::1]:50000") == End("::1", 50000)
-    assert end_in("") == End("", 0)
+    assert end_in("10.0.0.7:50000") == ConnectionEnd("10.0.0.7", 50000)
+    assert end_in("[::1]:50000") == ConnectionEnd("::1", 50000)
+    assert end_in("") == ConnectionEnd("", 0)
 
 
 def test_a_connection_that_is_being_closed_is_a_strangers(table: Path) -> None:
@@ -55,7 +55,7 @@ def test_it_is_new_only_once(table: Path) -> None:
 
 def test_who_was_let_in_before_is_no_stranger(table: Path) -> None:
     table.write_text(HEAD + row("0100007F:4427", "0700000A:C350"))
-    assert ClosingConnections([OURS], [table]).new([End("10.0.0.7", 0xC350)]) == []
+    assert ClosingConnections([OURS], [table]).new([ConnectionEnd("10.0.0.7", 0xC350)]) == []
 
 
 @pytest.mark.parametrize("state", ["01", "03", "0A"])
