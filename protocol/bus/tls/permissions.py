@@ -64,7 +64,7 @@ YES: Final = "yes"
 NO: Final = "no"
 
 
-class Ability(NamedTuple):
+class Permission(NamedTuple):
     """Something that a holder can do, by a message of a kind on a key, or on another one.
 
     In a path `{own}` is the holder's operator name, and `{other}` that of another operator.
@@ -80,26 +80,26 @@ OWN: Final = "{own}/1"
 FOREIGN: Final = "{other}/1"
 KEPT: Final = "@adv/pub/1/1/**"
 ABILITIES: Final = (
-    Ability("hear telemetry", LISTEN, STATUS.path),
-    Ability("hear what operators send", LISTEN, f"{TELEOP.path}/{FOREIGN}"),
-    Ability("hear the truth of the simulation", LISTEN, TRUTH.path),
-    Ability("fetch texts that it has missed", ASK, f"{TEXT.path}/{KEPT}"),
-    Ability("fetch commands and answers that it has missed", ASK, f"{COMMANDED.path}/{KEPT}"),
-    Ability("read the parameters", ASK, PARAMETERS.path, f"{PARAMETERS.path}/{OWN}"),
-    Ability("stop the robot", PUT, f"{STOP.path}/{OWN}"),
-    Ability("stop the robot and hear its answer", ASK, f"{STOP_SERVICE.path}/{OWN}"),
-    Ability("take or seize the lease", ASK, f"{LEASE_SERVICE.path}/{OWN}"),
-    Ability("arm, send off, hold (unless another has the lease)", ASK, f"{COMMAND.path}/{OWN}"),
-    Ability("drive by hand (likewise)", PUT, f"{TELEOP.path}/{OWN}"),
-    Ability("set a parameter (likewise)", ASK, f"{PARAMETER.path}/{OWN}"),
-    Ability("load a mission or fence (likewise)", ASK, f"{MISSION_SERVICE.path}/{OWN}"),
-    Ability("command as another operator, under its lease", ASK, f"{COMMAND.path}/{FOREIGN}"),
-    Ability("pause or score a simulated run", ASK, RUN.path),
-    Ability("publish what the robot senses", PUT, SONAR.path),
-    Ability("command the wheels past the robot", PUT, DRIVE.path),
-    Ability("publish telemetry as the robot", PUT, STATUS.path),
-    Ability("answer as the robot", ANSWER, f"{COMMAND.path}/{OWN}"),
-    Ability("show itself as the robot", SHOW, "alive/robot/1"),
+    Permission("hear telemetry", LISTEN, STATUS.path),
+    Permission("hear what operators send", LISTEN, f"{TELEOP.path}/{FOREIGN}"),
+    Permission("hear the truth of the simulation", LISTEN, TRUTH.path),
+    Permission("fetch texts that it has missed", ASK, f"{TEXT.path}/{KEPT}"),
+    Permission("fetch commands and answers that it has missed", ASK, f"{COMMANDED.path}/{KEPT}"),
+    Permission("read the parameters", ASK, PARAMETERS.path, f"{PARAMETERS.path}/{OWN}"),
+    Permission("stop the robot", PUT, f"{STOP.path}/{OWN}"),
+    Permission("stop the robot and hear its answer", ASK, f"{STOP_SERVICE.path}/{OWN}"),
+    Permission("take or seize the lease", ASK, f"{LEASE_SERVICE.path}/{OWN}"),
+    Permission("arm, send off, hold (unless another has the lease)", ASK, f"{COMMAND.path}/{OWN}"),
+    Permission("drive by hand (likewise)", PUT, f"{TELEOP.path}/{OWN}"),
+    Permission("set a parameter (likewise)", ASK, f"{PARAMETER.path}/{OWN}"),
+    Permission("load a mission or fence (likewise)", ASK, f"{MISSION_SERVICE.path}/{OWN}"),
+    Permission("command as another operator, under its lease", ASK, f"{COMMAND.path}/{FOREIGN}"),
+    Permission("pause or score a simulated run", ASK, RUN.path),
+    Permission("publish what the robot senses", PUT, SONAR.path),
+    Permission("command the wheels past the robot", PUT, DRIVE.path),
+    Permission("publish telemetry as the robot", PUT, STATUS.path),
+    Permission("answer as the robot", ANSWER, f"{COMMAND.path}/{OWN}"),
+    Permission("show itself as the robot", SHOW, "alive/robot/1"),
 )
 DIALLED: Final = (
     ("be believed by a robot that dials it", ROBOT + OURS),
@@ -123,7 +123,7 @@ def answer(may: bool) -> str:
     return YES if may else NO
 
 
-def may(name: str, ability: Ability) -> bool:
+def may(name: str, ability: Permission) -> bool:
     """Return whether the rules let the holder of a certificate do that to robot OURS."""
     own = name.removeprefix(OPERATOR)
     other = OTHER_NAME if own == NAME else NAME
