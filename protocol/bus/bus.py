@@ -26,7 +26,7 @@ from protocol.bus.session import bound_endpoints, called, gone, open_session
 from protocol.bus.tls.access import may_fetch, operator_name
 from protocol.bus.tls.certificate import holder
 from protocol.bus.tls.config import shut
-from protocol.bus.tls.peers import Dialled, callers
+from protocol.bus.tls.peers import DialledPeers, callers
 from protocol.sender import sender_of
 from protocol.topics import (
     CLOCK_SERVICE,
@@ -72,7 +72,7 @@ class Bus:
         self.line = FaultInjector(network.trouble, now_ns)
         self.holder = holder(network.tls, role, robot)
         self._session = open_session(network)
-        self._dialled = Dialled(self._session, network, self.holder, robot)
+        self._dialled = DialledPeers(self._session, network, self.holder, robot)
         self._lingering = DelayedClose()
         self._declared.append(callers(self._session, self._lingering.stop))
         self._asker = Requester(self._session, network, role, self.operator, self.holder, now_ns)

@@ -29,7 +29,7 @@ def callers(
     return session.info.declare_link_events_listener(callback, history=True)
 
 
-class Dialled:
+class DialledPeers:
     """Judges each process that a session has dialled by its certificate, after each reconnection.
 
     `own` is the common name of the certificate of this process, None where no door is locked;
