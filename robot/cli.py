@@ -21,7 +21,7 @@ from robot.core.values import Pose
 from robot.parameters.table import adjusted
 from robot.run import Options, run
 from robot.storage.files import Store, own
-from robot.storage.previous_run import Life
+from robot.storage.previous_run import PreviousRun
 from robot.storage.writer import InlineWriter, WriterThread
 from robot.vehicle import Vehicle
 from runtime import config
@@ -54,7 +54,7 @@ def main(argv: Sequence[str]) -> int:
         fifo=arguments.realtime,
         after=arguments.after,
     )
-    return run(vehicle, network, name, options, Life(store.directory))
+    return run(vehicle, network, name, options, PreviousRun(store.directory))
 
 
 def parser() -> argparse.ArgumentParser:

@@ -20,7 +20,7 @@ from robot.scheduling.cycle_meter import CycleMeter
 from robot.scheduling.realtime import share_interpreter, use_fifo
 from robot.scheduling.rehearsal import Rehearsal, Rehearsed
 from robot.senses import Senses
-from robot.storage.previous_run import STOPPED, Life
+from robot.storage.previous_run import STOPPED, PreviousRun
 from robot.vehicle import Vehicle
 from runtime.arrivals import Pulse
 from runtime.clock import SLACK, Tick, WallClock, ticks
@@ -51,7 +51,7 @@ def epoch() -> int:
     return int(time()) & UINT32
 
 
-def run(vehicle: Vehicle, network: Network, robot: str, options: Options, life: Life) -> int:
+def run(vehicle: Vehicle, network: Network, robot: str, options: Options, life: PreviousRun) -> int:
     """0 when told to stop. Raises NameTaken, and whatever brought the core down."""
     with open_bus(network, Role.ROBOT, robot) as bus:
         claim(bus, [robot])
@@ -77,7 +77,7 @@ def run(vehicle: Vehicle, network: Network, robot: str, options: Options, life: 
     return 0
 
 
-def tell_life(vehicle: Vehicle, robot: str, life: Life, after: str) -> None:
+def tell_life(vehicle: Vehicle, robot: str, life: PreviousRun, after: str) -> None:
     """Tell why there was one before, if it did not end as it should, and what is lost with it."""
     before = life.begin(after)
     if before:

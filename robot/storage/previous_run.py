@@ -18,7 +18,7 @@ NO_WORD: Final = "ended without a word"
 SIGNAL: Final = "signal "
 
 
-class Life:
+class PreviousRun:
     """Marks a directory while this robot lives; where that has no path it knows nothing.
 
     The marks are written like all that the robot saves, and so is reported that one was not.

@@ -14,7 +14,7 @@ from robot.storage.previous_run import (
     HUNG_NAME,
     NO_WORD,
     RUNNING,
-    Life,
+    PreviousRun,
 )
 from robot.storage.writer import Directory
 from robot.vehicle import Vehicle
@@ -26,62 +26,65 @@ KILLED = "was killed (signal SIGKILL)"
 
 def test_the_first_one_has_nobody_before_it(tmp_path: Path) -> None:
     directory = Directory(tmp_path / "new" / "state")
-    assert Life(directory).begin() == ""
+    assert PreviousRun(directory).begin() == ""
     assert [file.error for file in directory.collect()] == [None]
 
 
 def test_one_that_was_told_to_stop_is_no_news(tmp_path: Path) -> None:
-    first = Life(Directory(tmp_path))
+    first = PreviousRun(Directory(tmp_path))
     first.begin()
     first.end()
-    assert Life(Directory(tmp_path)).begin() == ""
+    assert PreviousRun(Directory(tmp_path)).begin() == ""
 
 
 def test_one_that_was_killed_leaves_no_word(tmp_path: Path) -> None:
-    Life(Directory(tmp_path)).begin()
-    assert Life(Directory(tmp_path)).begin() == NO_WORD == "ended without a word"
+    PreviousRun(Directory(tmp_path)).begin()
+    assert PreviousRun(Directory(tmp_path)).begin() == NO_WORD == "ended without a word"
 
 
 def test_what_the_supervisor_saw_is_better_than_no_word(tmp_path: Path) -> None:
-    Life(Directory(tmp_path)).begin()
-    assert Life(Directory(tmp_path)).begin("signal SIGKILL") == KILLED
+    PreviousRun(Directory(tmp_path)).begin()
+    assert PreviousRun(Directory(tmp_path)).begin("signal SIGKILL") == KILLED
 
 
 def test_its_own_last_word_is_better_than_what_others_saw(tmp_path: Path) -> None:
-    first, last = Life(Directory(tmp_path)), "ended by a core exception (ZeroDivisionError: x)"
+    first, last = (
+        PreviousRun(Directory(tmp_path)),
+        "ended by a core exception (ZeroDivisionError: x)",
+    )
     first.begin()
     first.end(last)
-    assert Life(Directory(tmp_path)).begin("ended by itself (exit code 1)") == last
+    assert PreviousRun(Directory(tmp_path)).begin("ended by itself (exit code 1)") == last
 
 
 def test_a_word_is_told_to_the_next_one_only(tmp_path: Path) -> None:
-    Life(Directory(tmp_path)).begin()
-    second = Life(Directory(tmp_path))
+    PreviousRun(Directory(tmp_path)).begin()
+    second = PreviousRun(Directory(tmp_path))
     second.begin()
     second.end()
-    assert Life(Directory(tmp_path)).begin() == ""
+    assert PreviousRun(Directory(tmp_path)).begin() == ""
 
 
 @pytest.mark.parametrize("after", ["signal SIGKILL", KILLED])
 def test_without_a_directory_it_believes_who_starts_it(after: str) -> None:
-    life = Life(Directory(None))
+    life = PreviousRun(Directory(None))
     assert life.begin(after) == KILLED
     life.end()
-    assert (life.story, Life(Directory(None)).begin()) == (None, "")
+    assert (life.story, PreviousRun(Directory(None)).begin()) == (None, "")
 
 
 def test_one_that_hung_has_left_its_place_which_is_kept(tmp_path: Path) -> None:
-    Life(Directory(tmp_path)).begin()
+    PreviousRun(Directory(tmp_path)).begin()
     (tmp_path / HUNG_NAME).write_text("Current thread ...")
-    assert Life(Directory(tmp_path)).begin() == "hung (its loop did not run for 5 s)"
+    assert PreviousRun(Directory(tmp_path)).begin() == "hung (its loop did not run for 5 s)"
     assert (tmp_path / HUNG_BEFORE).read_text() == "Current thread ..."
-    assert Life(Directory(tmp_path)).begin() == NO_WORD
+    assert PreviousRun(Directory(tmp_path)).begin() == NO_WORD
 
 
 def test_a_directory_that_cannot_be_written_is_told_and_stops_nobody(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     store = Store(tmp_path / "file")
-    vehicle, life = Vehicle(DEFAULTS, store), Life(store.directory)
+    vehicle, life = Vehicle(DEFAULTS, store), PreviousRun(store.directory)
     assert life.begin("signal SIGKILL") == KILLED
     assert "life not saved: Not a directory" in [text.text for text in vehicle.texts()]
     with Watchdog(story=life.story):
@@ -90,7 +93,7 @@ def test_a_directory_that_cannot_be_written_is_told_and_stops_nobody(tmp_path: P
 
 def test_marks_are_left_to_the_writer(tmp_path: Path) -> None:
     writer = HeldWriter()
-    life = Life(Directory(tmp_path, writer))
+    life = PreviousRun(Directory(tmp_path, writer))
     life.begin()
     life.end("ended by itself")
     assert [(job.path.name, job.text) for job in writer.waiting] == [(FILE_NAME, RUNNING)]
@@ -99,7 +102,7 @@ def test_marks_are_left_to_the_writer(tmp_path: Path) -> None:
 
 def test_the_last_mark_is_written_when_the_robot_ends(tmp_path: Path) -> None:
     store = Store(tmp_path, HeldWriter())
-    vehicle, life = Vehicle(DEFAULTS, store), Life(store.directory)
+    vehicle, life = Vehicle(DEFAULTS, store), PreviousRun(store.directory)
     life.begin()
     life.end("ended by itself")
     vehicle.finish_saving(1.0)
@@ -108,12 +111,12 @@ def test_the_last_mark_is_written_when_the_robot_ends(tmp_path: Path) -> None:
 
 def test_noise_in_the_file_is_taken_for_no_word(tmp_path: Path) -> None:
     (tmp_path / FILE_NAME).write_bytes(b"\xff\xfe\x00")
-    assert Life(Directory(tmp_path)).begin() == ""
+    assert PreviousRun(Directory(tmp_path)).begin() == ""
 
 
 def test_it_is_told_to_everybody_and_on_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
     vehicle = Vehicle(DEFAULTS, Store(None))
-    tell_life(vehicle, "r1", Life(Directory(None)), "signal SIGKILL")
+    tell_life(vehicle, "r1", PreviousRun(Directory(None)), "signal SIGKILL")
     texts = vehicle.texts()
     words = f"started again: the one before {KILLED}"
     told = "".join(text.text for text in texts)
@@ -126,7 +129,7 @@ def test_it_is_told_to_everybody_and_on_standard_error(capsys: pytest.CaptureFix
 
 def test_the_first_one_has_nothing_to_tell(capsys: pytest.CaptureFixture[str]) -> None:
     vehicle = Vehicle(DEFAULTS, Store(None))
-    tell_life(vehicle, "r1", Life(Directory(None)), "")
+    tell_life(vehicle, "r1", PreviousRun(Directory(None)), "")
     assert [text.text for text in vehicle.texts()] == ["started: disarmed, standing still"]
     assert capsys.readouterr().err == ""
 

@@ -28,7 +28,7 @@ from robot.core.parameters import DEFAULTS
 from robot.saved_replies import MAX_WITHHELD, SAVING, SavedReplies
 from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
-from robot.storage.previous_run import Life
+from robot.storage.previous_run import PreviousRun
 from robot.storage.writer import Directory, Done, Job, WriterThread
 from runtime import atomic_file
 from tests.support.robot.held_writer import HeldWriter, Question
@@ -320,7 +320,7 @@ def test_no_control_period_touches_the_disk(
 ) -> None:
     """The whole loop: requests and answers, telemetry, a stop, and the marks of a life."""
     store = Store(tmp_path / "state", thread)
-    rig, life = Rig(store).ready(), Life(store.directory)
+    rig, life = Rig(store).ready(), PreviousRun(store.directory)
     life.begin()
     fence = circle(0.0, 0.0, 9.0)
     with untouchable(monkeypatch):

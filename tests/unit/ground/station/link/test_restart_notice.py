@@ -6,7 +6,7 @@ from ground.station.link.restarts import NEAR_NS, SHOWN_NS, TOLD, RestartNotice
 from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
 from robot.run import tell_life
-from robot.storage.previous_run import Life
+from robot.storage.previous_run import PreviousRun
 from robot.storage.writer import Directory
 from tests.support.ground.station.play import Play, S
 
@@ -32,7 +32,7 @@ def restarted(play: Play) -> Play:
 
 def test_the_words_of_a_robot_that_is_not_the_first_are_understood() -> None:
     talker = Talker()
-    tell_life(talker, "r1", Life(Directory(None)), "signal SIGKILL")  # type: ignore[arg-type]
+    tell_life(talker, "r1", PreviousRun(Directory(None)), "signal SIGKILL")  # type: ignore[arg-type]
     again = RestartNotice("r1")
     for text in talker.said:
         again.hear(text, 0)
