@@ -26,7 +26,7 @@ MAX_WAIT_NS: Final = 10_000_000_000
 SAVING: Final = CommandAck(command=0, result=AckResult.IN_PROGRESS, result_param2=reasons.OK)
 
 
-class Withheld(NamedTuple):
+class WithheldReply(NamedTuple):
     """A request whose answer waits for the disk."""
 
     asked: ServiceRequest
@@ -43,7 +43,7 @@ class SavedReplies:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._withheld: list[Withheld] = []
+        self._withheld: list[WithheldReply] = []
         self._stalled: dict[File, tuple[int, int]] = {}
         """Files that are being written: what had ended when, at the last progress."""
         self._told_slow = False
@@ -55,7 +55,7 @@ class SavedReplies:
             asked.reply(answer)
         elif len(self._withheld) < MAX_WITHHELD:
             self._stalled.setdefault(ticket.file, (ticket.file.ended, now_ns))
-            self._withheld.append(Withheld(asked, answer, ticket, now_ns))
+            self._withheld.append(WithheldReply(asked, answer, ticket, now_ns))
         else:
             asked.reply(refusal(reasons.TOO_MANY_REQUESTS, result=AckResult.TEMPORARILY_REJECTED))
 
