@@ -19,7 +19,7 @@ from robot.core.parameters import DEFAULTS, Params
 from runtime.errors import UserError
 
 
-class Safer(StrEnum):
+class SafetyBound(StrEnum):
     """Which values of a safety parameter are as safe as the configured one."""
 
     NONE = ""
@@ -45,7 +45,7 @@ class Spec:
     maximum: float
     doc: str
     choices: tuple[int, ...] = ()
-    safer: Safer = Safer.NONE
+    safer: SafetyBound = SafetyBound.NONE
 
     @property
     def group(self) -> str:
@@ -61,37 +61,49 @@ class Spec:
 
 
 TABLE: Final = (
-    Spec("radius_m", "m", 0.02, 1.0, "radius of the robot", safer=Safer.UP),
+    Spec("radius_m", "m", 0.02, 1.0, "radius of the robot", safer=SafetyBound.UP),
     Spec(
-        "track_m", "m", 0.02, 2.0, "distance between the wheels (the paper's l)", safer=Safer.NEAR
+        "track_m",
+        "m",
+        0.02,
+        2.0,
+        "distance between the wheels (the paper's l)",
+        safer=SafetyBound.NEAR,
     ),
-    Spec("wheel_radius_m", "m", 0.005, 0.5, "wheel radius", safer=Safer.NEAR),
+    Spec("wheel_radius_m", "m", 0.005, 0.5, "wheel radius", safer=SafetyBound.NEAR),
     Spec(
         "wheel_ratio",
         "",
         0.8,
         1.25,
         "diameter of the right wheel over that of the left",
-        safer=Safer.NEAR,
+        safer=SafetyBound.NEAR,
     ),
     Spec(
-        "m_per_tick", "m", 1e-6, 0.05, "distance a wheel rolls per encoder tick", safer=Safer.NEAR
+        "m_per_tick",
+        "m",
+        1e-6,
+        0.05,
+        "distance a wheel rolls per encoder tick",
+        safer=SafetyBound.NEAR,
     ),
-    Spec("wheel_max_m_s", "m/s", 0.01, 3.0, "fastest rim speed of a wheel", safer=Safer.DOWN),
+    Spec("wheel_max_m_s", "m/s", 0.01, 3.0, "fastest rim speed of a wheel", safer=SafetyBound.DOWN),
     Spec("v_max_m_s", "m/s", 0.01, 3.0, "fastest forward speed"),
     Spec("yaw_max_rad_s", "rad/s", 0.1, 10.0, "fastest turn"),
-    Spec("accel_m_s2", "m/s^2", 0.05, 10.0, "strongest acceleration of a wheel", safer=Safer.UP),
+    Spec(
+        "accel_m_s2", "m/s^2", 0.05, 10.0, "strongest acceleration of a wheel", safer=SafetyBound.UP
+    ),
     Spec("period_s", "s", 0.05, 0.05, "control period; fixed"),
     Spec("k_r_m", "m", 0.0, 0.01, "odometry error of the right wheel, variance per metre"),
     Spec("k_l_m", "m", 0.0, 0.01, "odometry error of the left wheel, variance per metre"),
-    Spec("sonar_max_m", "m", 0.2, 60.0, "farthest range of a sonar", safer=Safer.DOWN),
+    Spec("sonar_max_m", "m", 0.2, 60.0, "farthest range of a sonar", safer=SafetyBound.DOWN),
     Spec(
         "sonar_stale_ms",
         "ms",
         25,
         1000,
         "a ping older than this counts as missing",
-        safer=Safer.DOWN,
+        safer=SafetyBound.DOWN,
     ),
     Spec(
         "freeze_m",
@@ -99,7 +111,7 @@ TABLE: Final = (
         0.01,
         5.0,
         "driven so far with unchanged echoes: sonar frozen",
-        safer=Safer.DOWN,
+        safer=SafetyBound.DOWN,
     ),
     Spec(
         "freeze_rad",
@@ -107,7 +119,7 @@ TABLE: Final = (
         0.01,
         6.3,
         "turned so far with unchanged echoes: sonar frozen",
-        safer=Safer.DOWN,
+        safer=SafetyBound.DOWN,
     ),
     Spec(
         "freeze_front_m",
@@ -115,7 +127,7 @@ TABLE: Final = (
         0.1,
         60.0,
         "an unchanged echo counts as frozen up to this range",
-        safer=Safer.UP,
+        safer=SafetyBound.UP,
     ),
     Spec(
         "navigator",
@@ -158,7 +170,7 @@ TABLE: Final = (
         0.0,
         1.0,
         "guard: no forward motion below this range; 0 is off",
-        safer=Safer.UP,
+        safer=SafetyBound.UP,
     ),
     Spec(
         "guard_time_s",
@@ -166,16 +178,35 @@ TABLE: Final = (
         0.05,
         5.0,
         "guard: time to cover the range that is left",
-        safer=Safer.UP,
-    ),
-    Spec("op_lost_ms", "ms", 200, 60_000, "operator lost after this silence", safer=Safer.DOWN),
-    Spec(
-        "wheel_min_m_s", "m/s", 0.01, 1.0, "wheel stuck: judged above this speed", safer=Safer.DOWN
+        safer=SafetyBound.UP,
     ),
     Spec(
-        "wheel_time_ms", "ms", 100, 10_000, "wheel stuck: judged over this time", safer=Safer.DOWN
+        "op_lost_ms", "ms", 200, 60_000, "operator lost after this silence", safer=SafetyBound.DOWN
     ),
-    Spec("wheel_share", "", 0.01, 0.9, "wheel stuck: turned less than this share", safer=Safer.UP),
+    Spec(
+        "wheel_min_m_s",
+        "m/s",
+        0.01,
+        1.0,
+        "wheel stuck: judged above this speed",
+        safer=SafetyBound.DOWN,
+    ),
+    Spec(
+        "wheel_time_ms",
+        "ms",
+        100,
+        10_000,
+        "wheel stuck: judged over this time",
+        safer=SafetyBound.DOWN,
+    ),
+    Spec(
+        "wheel_share",
+        "",
+        0.01,
+        0.9,
+        "wheel stuck: turned less than this share",
+        safer=SafetyBound.UP,
+    ),
     Spec("stuck_ms", "ms", 1000, 600_000, "blocked: hardly moved for this long"),
     Spec("stuck_m", "m", 0.005, 1.0, "blocked: moved less than this"),
     Spec("stuck_rad", "rad", 0.01, 6.3, "blocked: turned less than this"),
@@ -231,11 +262,11 @@ def is_less_safe(name: str, value: float, configured: Params) -> bool:
     limit = float(getattr(configured, name))
     slack = ROUNDING * abs(limit)
     match SPECS[name].safer:
-        case Safer.UP:
+        case SafetyBound.UP:
             return value < limit - slack
-        case Safer.DOWN:
+        case SafetyBound.DOWN:
             return value > limit + slack
-        case Safer.NEAR:
+        case SafetyBound.NEAR:
             return abs(value - limit) > NEAR_SHARE * abs(limit) + slack
         case _:
             return False

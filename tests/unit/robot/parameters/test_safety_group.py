@@ -15,7 +15,7 @@ from robot.cli import Settings, parser, vehicle_of
 from robot.core.parameters import DEFAULTS
 from robot.core.safety import guard
 from robot.core.safety.failsafe import ROWS
-from robot.parameters.table import NEAR_SHARE, SPECS, TABLE, Safer, Spec, is_less_safe
+from robot.parameters.table import NEAR_SHARE, SPECS, TABLE, SafetyBound, Spec, is_less_safe
 from robot.storage.files import FILE_NAME, Store
 from robot.vehicle import Vehicle
 from tests.support.robot.vehicles import Desk
@@ -29,8 +29,12 @@ WEAKER = (
 )
 """How a review has weakened a driving robot for ever."""
 
-SAFER = {Safer.UP: 1.01, Safer.DOWN: 0.99, Safer.NEAR: 1.01}
-LESS_SAFE = {Safer.UP: 0.99, Safer.DOWN: 1.01, Safer.NEAR: 1.0 + NEAR_SHARE + 0.01}
+SAFER = {SafetyBound.UP: 1.01, SafetyBound.DOWN: 0.99, SafetyBound.NEAR: 1.01}
+LESS_SAFE = {
+    SafetyBound.UP: 0.99,
+    SafetyBound.DOWN: 1.01,
+    SafetyBound.NEAR: 1.0 + NEAR_SHARE + 0.01,
+}
 GROUP = [spec for spec in TABLE if spec.safer]
 
 
@@ -112,8 +116,8 @@ def test_what_is_as_configured_is_never_less_safe(spec: Spec, limit: float, valu
     assert not is_less_safe(spec.name, limit, configured)
     assert not is_less_safe(spec.name, float(f"{limit:.7g}"), configured)
     if not is_less_safe(spec.name, value, configured):
-        assert spec.safer is Safer.DOWN or value >= 0.89 * limit
-        assert spec.safer is Safer.UP or value <= 1.11 * limit
+        assert spec.safer is SafetyBound.DOWN or value >= 0.89 * limit
+        assert spec.safer is SafetyBound.UP or value <= 1.11 * limit
 
 
 # The configuration.
