@@ -8,7 +8,7 @@ from robot.core.motion.progress import Progress
 from robot.core.motion.trail import Trail
 from robot.core.navigators import registry
 from robot.core.parameters import Params
-from robot.core.perception.frozen_sonar import Frozen
+from robot.core.perception.frozen_sonar import FrozenSonar
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.slip import Slip
 from robot.core.perception.sonar_ring import Ring
@@ -52,7 +52,7 @@ class State:
         self.machine = Machine(params)
         self.odometry = Odometry()
         self.ring = Ring()
-        self.frozen = Frozen()
+        self.frozen = FrozenSonar()
         self.memory = registry.fresh(params.navigator, params.side)
         self.trail = Trail()
         self.progress = Progress()

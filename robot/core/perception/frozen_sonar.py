@@ -24,7 +24,7 @@ LEAP_MM: Final = 100  # an echo that changes by more is another one
 SWINGS: Final = 4  # to and fro in a row, until a sonar is called noisy
 
 
-class Frozen:
+class FrozenSonar:
     """The last new echoes, and what the robot did since; `verdict` says whether they are frozen."""
 
     __slots__ = (
@@ -52,7 +52,7 @@ class Frozen:
 
 
 def watch(
-    frozen: Frozen, scan: Scan | None, moved_m: float, turned_rad: float, params: Params
+    frozen: FrozenSonar, scan: Scan | None, moved_m: float, turned_rad: float, params: Params
 ) -> None:
     """Judge one scan and the motion before it; a single changed echo clears the verdict."""
     if scan is None:
@@ -75,7 +75,7 @@ def watch(
         frozen.verdict = had_to_change(frozen, scan, params)
 
 
-def had_to_change(frozen: Frozen, scan: Scan, params: Params) -> bool:
+def had_to_change(frozen: FrozenSonar, scan: Scan, params: Params) -> bool:
     """Whether anything proves that these echoes cannot have stayed as they are."""
     if frozen.noise >= NOISY or frozen.turned_rad >= params.freeze_rad:
         return True
@@ -86,7 +86,7 @@ def had_to_change(frozen: Frozen, scan: Scan, params: Params) -> bool:
     return straight and frozen.closing >= CLOSING
 
 
-def compare(frozen: Frozen, scan: Scan, both: int, moved_m: float, turned_rad: float) -> None:
+def compare(frozen: FrozenSonar, scan: Scan, both: int, moved_m: float, turned_rad: float) -> None:
     """How the new echoes differ from the last: closing ahead with the motion, to and fro by noise.
 
     `both` masks the sonars with an echo in both scans.
