@@ -17,7 +17,7 @@ from robot.core.perception.echoes import (
     SURE,
     Echoes,
 )
-from robot.core.perception.pedestrians import EACH, PERSON_M, Walkers
+from robot.core.perception.pedestrians import EACH, PERSON_M, Pedestrians
 from robot.core.perception.sonar_ring import Ring
 from robot.core.typing_shim import Final
 from robot.core.values import Pose
@@ -195,7 +195,7 @@ def shape(sectors: Sectors) -> None:
             bearing[n] = int(BRADS * atan2(tight[n], wide[n]))
 
 
-def give_way(sectors: Sectors, walkers: Walkers, radius_mm: int) -> None:
+def give_way(sectors: Sectors, walkers: Pedestrians, radius_mm: int) -> None:
     """Who walks closes the headings along which the robot would meet him."""
     for k in EACH:
         if walkers.sure[k] and walkers.range_m[k] < MEET_M:

@@ -15,7 +15,7 @@ from robot.core.perception.pedestrians import (
     EACH,
     PERSON_M,
     TRACKS,
-    Walkers,
+    Pedestrians,
     clear,
     expect,
     goes_on,
@@ -63,7 +63,7 @@ DOUBT: Final = tuple(
 """How far that slope may be off per metre of noise, in 1/s."""
 
 
-def watch(walkers: Walkers, ring: Ring, odometry: Odometry, params: Params) -> None:
+def watch(walkers: Pedestrians, ring: Ring, odometry: Odometry, params: Params) -> None:
     """Follow the echoes by one scan more, and tell the ring how fast each one walks."""
     if walkers.told:
         walkers.told = False
@@ -90,7 +90,7 @@ def watch(walkers: Walkers, ring: Ring, odometry: Odometry, params: Params) -> N
             walkers.any = True
 
 
-def follow(w: Walkers, ring: Ring, odometry: Odometry, params: Params) -> None:
+def follow(w: Pedestrians, ring: Ring, odometry: Odometry, params: Params) -> None:
     """Find the cones nearer than both their neighbours, and how far in each of them leans; no more
     of them than there are tracks, from the right and from the left by turns."""
     range_m, last = ring.range_m, SONARS - 1
@@ -126,7 +126,13 @@ def follow(w: Walkers, ring: Ring, odometry: Odometry, params: Params) -> None:
 
 
 def see(
-    w: Walkers, ring: Ring, i: int, right: float, left: float, odometry: Odometry, params: Params
+    w: Pedestrians,
+    ring: Ring,
+    i: int,
+    right: float,
+    left: float,
+    odometry: Odometry,
+    params: Params,
 ) -> None:
     """Take the echo of one cone: how much farther both neighbours see says where in it that is,
     whatever it is. The even sonars were pinged half a period ago."""
@@ -158,7 +164,7 @@ def see(
             w.told = True
 
 
-def find(w: Walkers, here_m: float, off_rad: float) -> int:
+def find(w: Pedestrians, here_m: float, off_rad: float) -> int:
     """The track that is nearest to where it should be, or -1."""
     best, least_m = -1, GATE_M + GATE_SHARE * here_m
     range_m, seen, taken = w.range_m, w.seen, w.taken
@@ -173,7 +179,7 @@ def find(w: Walkers, here_m: float, off_rad: float) -> int:
 
 
 def learn(
-    w: Walkers, k: int, here_m: float, off_rad: float, measured: bool, params: Params
+    w: Pedestrians, k: int, here_m: float, off_rad: float, measured: bool, params: Params
 ) -> None:
     """Lay the line of best fit anew, with one scan more."""
     w.taken |= 1 << k
@@ -199,7 +205,7 @@ def learn(
 
 
 def walks(
-    w: Walkers, k: int, i: int, here_m: float, width: float, odometry: Odometry, params: Params
+    w: Pedestrians, k: int, i: int, here_m: float, width: float, odometry: Odometry, params: Params
 ) -> bool:
     """Whether a track comes nearer, or goes away, faster than noise can make what stands seem to,
     or crosses. At the edge of the view a wall that stands may seem to go away."""
@@ -220,7 +226,7 @@ def walks(
     return bent and crossing(w, k)
 
 
-def crossing(w: Walkers, k: int) -> bool:
+def crossing(w: Pedestrians, k: int) -> bool:
     """Whether it seems to go where the robot goes, and long enough to be sure."""
     across_m_s = w.across_m_s[k]
     if w.seen[k] < MOST or not (across_m_s > ACROSS_M_S or across_m_s < -ACROSS_M_S):
@@ -228,7 +234,7 @@ def crossing(w: Walkers, k: int) -> bool:
     return (across_m_s > 0.0) != (w.off_rad[k] > 0.0)
 
 
-def believe(w: Walkers, k: int, walking: bool) -> None:
+def believe(w: Pedestrians, k: int, walking: bool) -> None:
     """Some scans in a row must say so; what then seems to stand is believed for a while yet."""
     if w.sure[k]:
         w.sure[k] = BELIEF if walking else w.sure[k] - 1
@@ -242,7 +248,7 @@ def believe(w: Walkers, k: int, walking: bool) -> None:
         w.sure[k] = BELIEF
 
 
-def start(w: Walkers, here_m: float, off_rad: float, heading_rad: float) -> None:
+def start(w: Pedestrians, here_m: float, off_rad: float, heading_rad: float) -> None:
     """A new track, in the place of none or of the one that matters least."""
     best, least = -1, here_m
     for k in EACH:

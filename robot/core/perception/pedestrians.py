@@ -23,7 +23,7 @@ VIEW_RAD: Final = 1.45
 GONE_M: Final = 1.5
 
 
-class Walkers:
+class Pedestrians:
     """`seen` counts the scans that showed a track (0: there is none), `missed` those since.
 
     `agreed` scans in a row said that it walks, and while `sure` is above 0 that is believed.
@@ -62,14 +62,14 @@ class Walkers:
         self.any = self.leftwards = self.told = False
 
 
-def clear(walkers: Walkers) -> None:
+def clear(walkers: Pedestrians) -> None:
     """Forget everybody."""
     for k in EACH:
         walkers.seen[k] = walkers.sure[k] = 0
     walkers.any = False
 
 
-def expect(w: Walkers, odometry: Odometry, params: Params) -> None:
+def expect(w: Pedestrians, odometry: Odometry, params: Params) -> None:
     """Where each track should be by now, by the robot's motion and its own."""
     speed_m_s, heading_rad = odometry.speed_m_s, odometry.pose.heading_rad
     period_s, radius_m = params.period_s, params.radius_m
@@ -90,7 +90,7 @@ def expect(w: Walkers, odometry: Odometry, params: Params) -> None:
         w.off_rad[k] = wrap(off_rad + turn_rad)
 
 
-def goes_on(w: Walkers, k: int) -> bool:
+def goes_on(w: Pedestrians, k: int) -> bool:
     """A track that this scan does not show goes on as it was, and ends in time."""
     w.missed[k] += 1
     most = MISSED

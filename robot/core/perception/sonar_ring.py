@@ -4,7 +4,7 @@ from math import inf
 
 from robot.core.geometry import BEARINGS
 from robot.core.parameters import Params
-from robot.core.perception.pedestrians import Walkers
+from robot.core.perception.pedestrians import Pedestrians
 from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Scan
 
@@ -40,7 +40,7 @@ class Ring:
         self.range_m: list[float | None] = [None] * SONARS
         self.pinged_ms = [NEVER_MS] * SONARS
         self.walks_m_s = [0.0] * SONARS
-        self.walkers = Walkers()
+        self.walkers = Pedestrians()
         self.nearest = -1
         self.nearest_m = self.front_m = inf
         self.fresh = 0

@@ -8,7 +8,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception import closing_speed as closings
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.odometry import Odometry
-from robot.core.perception.pedestrians import BEHIND, PERSON_M, TRACKS, Walkers
+from robot.core.perception.pedestrians import BEHIND, PERSON_M, TRACKS, Pedestrians
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose, Scan
 from tests.support.robot.core.rings import Wall, seen_from
@@ -29,7 +29,7 @@ class Onlooker:
     """A robot that is carried about, and what it makes of what it sees."""
 
     def __init__(self, speed_m_s: float = 0.0, yaw_rate_rad_s: float = 0.0) -> None:
-        self.odometry, self.walkers = Odometry(), Walkers()
+        self.odometry, self.walkers = Odometry(), Pedestrians()
         self.odometry.speed_m_s, self.odometry.yaw_rate_rad_s = speed_m_s, yaw_rate_rad_s
 
     def among(
