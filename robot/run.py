@@ -18,7 +18,7 @@ from protocol.wire.messages import SystemTime
 from robot.process import Process
 from robot.scheduling.cycle_meter import CycleMeter
 from robot.scheduling.realtime import share_interpreter, use_fifo
-from robot.scheduling.rehearsal import Rehearsal, Rehearsed
+from robot.scheduling.rehearsal import Rehearsal, RehearsingPulse
 from robot.senses import Senses
 from robot.storage.previous_run import STOPPED, PreviousRun
 from robot.vehicle import Vehicle
@@ -107,7 +107,7 @@ def in_wall_time(
     process.serve()
     on_signal(process.stop)
     rehearsal = Rehearsal(vehicle.params)
-    return process, ticks(clock, CONTROL_HZ, Rehearsed(pulse, rehearsal, PERIOD_NS // SLACK))
+    return process, ticks(clock, CONTROL_HZ, RehearsingPulse(pulse, rehearsal, PERIOD_NS // SLACK))
 
 
 def in_lockstep(

@@ -29,7 +29,7 @@ SCAN: Final = SonarScan(
 TICKS: Final = WheelTicks(time_ns=0, seq=0, left=0, right=0, bumper=0, expired=0)
 
 
-class Rehearsed:
+class RehearsingPulse:
     """A pulse that rehearses `LEAD_NS` before a frame is due, if it has not come by then.
 
     `patience_ns` is how long after the due time of a frame the grid's deadline is.

@@ -1,5 +1,5 @@
 from robot.core.parameters import DEFAULTS
-from robot.scheduling.rehearsal import LEAD_NS, Rehearsal, Rehearsed
+from robot.scheduling.rehearsal import LEAD_NS, Rehearsal, RehearsingPulse
 
 MS = 1_000_000
 PATIENCE_NS = 12 * MS
@@ -27,9 +27,9 @@ class Counted(Rehearsal):
         return super().run()
 
 
-def rehearsed(*answers: int | None) -> tuple[Rehearsed, Script, Counted]:
+def rehearsed(*answers: int | None) -> tuple[RehearsingPulse, Script, Counted]:
     script, rehearsal = Script(*answers), Counted()
-    return Rehearsed(script, rehearsal, PATIENCE_NS), script, rehearsal
+    return RehearsingPulse(script, rehearsal, PATIENCE_NS), script, rehearsal
 
 
 def test_it_rehearses_shortly_before_the_frame_is_due_and_then_waits_on() -> None:
