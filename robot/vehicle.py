@@ -31,7 +31,7 @@ from robot import telemetry
 from robot.change_log import ChangeLog
 from robot.commands import Commands, ack, acknowledge
 from robot.core import brain, reasons, states
-from robot.core.brain import Mark
+from robot.core.brain import StageHook
 from robot.core.parameters import Params
 from robot.core.safety import failsafe
 from robot.core.state import State
@@ -186,7 +186,7 @@ class Vehicle:
         self.restored = tuple(words for _, words in done.words)
         return done.exchange
 
-    def step(self, inputs: Inputs, mark: Mark, manual: Twist | None = None) -> Outputs:
+    def step(self, inputs: Inputs, mark: StageHook, manual: Twist | None = None) -> Outputs:
         """One tick of mission and core; `manual`: how an operator steers.
 
         An exception leaves the vehicle in FAILSAFE and goes on upwards.

@@ -20,7 +20,7 @@ from robot.core.values import Inputs, Outputs, Twist
 __all__ = ["State", "step"]
 
 
-class Mark(Protocol):
+class StageHook(Protocol):
     """Called with the number of each stage as it ends, so that a host may take the time."""
 
     def __call__(self, __stage: int) -> None: ...
@@ -31,7 +31,7 @@ def ignore(_stage: int) -> None:
 
 
 def step(
-    state: State, inputs: Inputs, params: Params, mark: Mark = ignore
+    state: State, inputs: Inputs, params: Params, mark: StageHook = ignore
 ) -> tuple[State, Outputs]:
     """One tick: from what is sensed now to what the wheels shall do until the next."""
     sense(state, inputs, params)
