@@ -67,14 +67,14 @@ def compared(trials: Trials, noise: str) -> list[Comparison]:
 
 
 @dataclass(frozen=True, slots=True)
-class Ran:
+class ComparedRun:
     world: str
     success: bool
     path_m: float
     """NaN unless it arrived."""
 
 
-def by_pair(trials: Trials) -> Mapping[str, Ran]:
+def by_pair(trials: Trials) -> Mapping[str, ComparedRun]:
     """What decides a comparison, by what the two have in common."""
     path_m = np.where(trials.arrived & trials.possible, trials.numbers("path_m"), np.nan).tolist()
     rows = zip(
@@ -84,11 +84,13 @@ def by_pair(trials: Trials) -> Mapping[str, Ran]:
         path_m,
         strict=True,
     )
-    return {pair: Ran(world, success, way_m) for pair, world, success, way_m in rows}
+    return {pair: ComparedRun(world, success, way_m) for pair, world, success, way_m in rows}
 
 
 def comparison(
-    noise: str, one: tuple[str, Mapping[str, Ran]], other: tuple[str, Mapping[str, Ran]]
+    noise: str,
+    one: tuple[str, Mapping[str, ComparedRun]],
+    other: tuple[str, Mapping[str, ComparedRun]],
 ) -> Comparison:
     """With p-values as they are, not adjusted."""
     pairs = [(ran, other[1][key]) for key, ran in sorted(one[1].items()) if key in other[1]]
@@ -116,7 +118,7 @@ def comparison(
     )
 
 
-def _worlds(pairs: list[tuple[Ran, Ran]]) -> tuple[int, int]:
+def _worlds(pairs: list[tuple[ComparedRun, ComparedRun]]) -> tuple[int, int]:
     """In how many worlds the first succeeded oftener, and the second."""
     lead: dict[str, int] = {}
     for a, b in pairs:
