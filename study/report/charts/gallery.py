@@ -27,24 +27,24 @@ WIDTH: Final = 330.0
 FIXED_PLACE: Final = "plant/corpus/fixed"
 
 
-class Chosen(NamedTuple):
+class ChosenDrives(NamedTuple):
     label: str
     kind: str
     row: Row
 
 
-def chosen(table: pa.Table, trials: Trials, most: int) -> list[Chosen]:
+def chosen(table: pa.Table, trials: Trials, most: int) -> list[ChosenDrives]:
     """Up to `most` failures of each navigator, the commonest kinds first, then what is new.
 
     `trials` holds in its column `place` the row of the table.
     """
-    found: list[Chosen] = []
+    found: list[ChosenDrives] = []
     for label in trials.labels():
         some = trials.of(label=label)
         failures = some.where(~(some.success | some.has(outcome=FAILED)))
         places = failures.numbers("place").astype(int).tolist()
         rows = rows_of(table.take(places)) if places else []
-        found += [Chosen(label, kind_of(row), row) for row in varied(rows, most)]
+        found += [ChosenDrives(label, kind_of(row), row) for row in varied(rows, most)]
     return found
 
 
@@ -81,7 +81,7 @@ def _order(row: Row) -> tuple[int, float, str, int]:
     return noise, row.time_s, row.trial_id, row.seed
 
 
-def gallery(found: list[Chosen], world_of: WorldOf, jobs: int) -> Section:
+def gallery(found: list[ChosenDrives], world_of: WorldOf, jobs: int) -> Section:
     """Runs the chosen once more and draws them."""
     figures: dict[str, list[Figure]] = {}
     lost: list[str] = []
@@ -98,7 +98,7 @@ def gallery(found: list[Chosen], world_of: WorldOf, jobs: int) -> Section:
     return Section("Failures", blocks, parts)
 
 
-def again(found: list[Chosen], world_of: WorldOf, jobs: int) -> list[Drive | str]:
+def again(found: list[ChosenDrives], world_of: WorldOf, jobs: int) -> list[Drive | str]:
     """Each once more, or in words why not."""
     trials: dict[int, Trial] = {}
     results: dict[int, Drive | str] = {}
@@ -122,7 +122,7 @@ LEGEND: Final = (
 )
 
 
-def _figure(one: Chosen, drive: Drive, name: str) -> Figure:
+def _figure(one: ChosenDrives, drive: Drive, name: str) -> Figure:
     row, outcome = one.row, drive.outcome
     says = f"{one.label} in {row.world}, noise {row.noise}, seed {row.seed}: {one.kind}"
     plan = Map(drive.trial.world, WIDTH, says)
