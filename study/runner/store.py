@@ -25,7 +25,7 @@ PROVENANCE: Final = b"sidestep"
 """The key under which the results' own metadata hold command and settings, as JSON."""
 
 
-class Found(NamedTuple):
+class StoredRows(NamedTuple):
     """What could be read, each trial once, and the files that could not, each with a reason."""
 
     table: pa.Table
@@ -46,7 +46,7 @@ def read(directory: str | Path) -> pa.Table:
     return found.table
 
 
-def find(directory: Path) -> Found:
+def find(directory: Path) -> StoredRows:
     """As `read`, but files that cannot be read are named and left out."""
     if not directory.is_dir():
         raise UserError(f"{directory}: no such directory; `sidestep study --output` makes one")
@@ -59,7 +59,7 @@ def find(directory: Path) -> Found:
             tables.append(_table(file))
         except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
             unreadable.append((file, _first_line(error)))
-    return Found(_merged(tables), tuple(unreadable))
+    return StoredRows(_merged(tables), tuple(unreadable))
 
 
 def files_of(directory: Path) -> list[Path]:
