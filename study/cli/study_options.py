@@ -19,7 +19,7 @@ from study.runner.plan import (
     navigator_of,
     noise_of,
 )
-from study.runner.sources import CORPUS, FIXED, Wanted
+from study.runner.sources import CORPUS, FIXED, WorldSelection
 
 OUTPUT: Final = "study-results"
 QUICK_OUTPUT: Final = "study-quick"
@@ -120,9 +120,9 @@ def _add_how(made: argparse.ArgumentParser) -> None:
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
 
 
-def wanted_of(options: argparse.Namespace) -> Wanted:
+def wanted_of(options: argparse.Namespace) -> WorldSelection:
     places = options.worlds or ([FIXED] if options.quick else [CORPUS])
-    return Wanted(places, options.families, options.per_family, options.corpus_seed)
+    return WorldSelection(places, options.families, options.per_family, options.corpus_seed)
 
 
 def settings_of(options: argparse.Namespace) -> Settings:

@@ -35,7 +35,7 @@ class Listed(NamedTuple):
     text: str | None = None
 
 
-class Wanted(NamedTuple):
+class WorldSelection(NamedTuple):
     """What the command line says about worlds."""
 
     places: Sequence[str]
@@ -44,7 +44,7 @@ class Wanted(NamedTuple):
     corpus_seed: int
 
 
-def listed(wanted: Wanted) -> list[Listed]:
+def listed(wanted: WorldSelection) -> list[Listed]:
     """Every world that was asked for, once.
 
     Raises UserError for a name that is not there, WorldError with all problems of all bad files.
@@ -98,7 +98,7 @@ def keep(worlds: Iterable[Listed], directory: Path) -> None:
                 opened.write(one.text.encode())
 
 
-def _sources(place: str, wanted: Wanted) -> Iterator[tuple[str, Path | None]]:
+def _sources(place: str, wanted: WorldSelection) -> Iterator[tuple[str, Path | None]]:
     """What a word of --worlds stands for: sources, of given files with their path."""
     path = Path(place)
     if place == CORPUS:

@@ -11,12 +11,12 @@ from plant.world.file import load, shipped
 from plant.world.to_toml import dumps
 from runtime.errors import UserError
 from study.runner import sources
-from study.runner.sources import Listed, Wanted, digest_of, keep, listed, world_of
+from study.runner.sources import Listed, WorldSelection, digest_of, keep, listed, world_of
 from tests.support.study.made import boxed, floor
 
 
-def wanted(*places: str, families: list[str] | None = None, per_family: int = 1) -> Wanted:
-    return Wanted(places, families, per_family, corpus_seed=5)
+def wanted(*places: str, families: list[str] | None = None, per_family: int = 1) -> WorldSelection:
+    return WorldSelection(places, families, per_family, corpus_seed=5)
 
 
 def names(found: list[Listed]) -> list[str]:
