@@ -26,7 +26,7 @@ from study.runner.progress import Progress
 from study.runner.provenance import code, machine
 from study.runner.rows import FAILED
 from study.runner.run_task import Bench, trial_of
-from study.runner.sources import Listed, keep, listed
+from study.runner.sources import ListedWorld, keep, listed
 from study.runner.store import commands_of
 from study.runner.study_settings import alone, settings_of, settle
 from study.trial.trial import params_of
@@ -38,7 +38,7 @@ class Study(NamedTuple):
     """Everything that is settled before anything runs."""
 
     directory: Path
-    worlds: list[Listed]
+    worlds: list[ListedWorld]
     settings: Settings
     tasks: list[Task]
     bench: Bench

@@ -11,7 +11,7 @@ from plant.model.configuration import body_of
 from plant.model.noise import LEVELS
 from plant.model.types import World
 from runtime.errors import UserError
-from study.runner.sources import Listed, unknown
+from study.runner.sources import ListedWorld, unknown
 from study.trial.trial import NAVIGATORS, SIDES
 
 SEEDS_APART: Final = 1000
@@ -56,7 +56,7 @@ class Task:
     calibrated: bool
 
 
-def tasks_of(worlds: Sequence[Listed], settings: Settings, version: str) -> list[Task]:
+def tasks_of(worlds: Sequence[ListedWorld], settings: Settings, version: str) -> list[Task]:
     """Seed by seed, and for one seed in an order that has nothing to do with world, navigator or
     noise: wherever a study is interrupted, every part of it has come as far as the others."""
     tasks = [
@@ -65,7 +65,7 @@ def tasks_of(worlds: Sequence[Listed], settings: Settings, version: str) -> list
     return sorted(tasks, key=lambda task: (task.seed % SEEDS_APART, task.trial_id))
 
 
-def _of(place: int, one: Listed, settings: Settings, version: str) -> Iterator[Task]:
+def _of(place: int, one: ListedWorld, settings: Settings, version: str) -> Iterator[Task]:
     """All trials in one world. Without noise a seed changes nothing, so there is only one."""
     timeout_s = settings.timeout_s or time_for(one.world)
     for navigator in settings.navigators:

@@ -26,7 +26,7 @@ KEPT: Final = "worlds"
 FIXED_DIR: Final = Path(plant.corpus.__file__).parent / FIXED
 
 
-class Listed(NamedTuple):
+class ListedWorld(NamedTuple):
     """A world with its family and shortest path known; `text` is its file's, if it had one."""
 
     source: str
@@ -44,12 +44,12 @@ class WorldSelection(NamedTuple):
     corpus_seed: int
 
 
-def listed(wanted: WorldSelection) -> list[Listed]:
+def listed(wanted: WorldSelection) -> list[ListedWorld]:
     """Every world that was asked for, once.
 
     Raises UserError for a name that is not there, WorldError with all problems of all bad files.
     """
-    found: list[Listed] = []
+    found: list[ListedWorld] = []
     problems: list[Problem] = []
     for place in wanted.places:
         for source, file in _sources(place, wanted):
@@ -86,7 +86,7 @@ def digest_of(world: World) -> str:
     return sha256(dumps(bare).encode()).hexdigest()
 
 
-def keep(worlds: Iterable[Listed], directory: Path) -> None:
+def keep(worlds: Iterable[ListedWorld], directory: Path) -> None:
     """Copy given files into the study's directory: they may be gone when somebody looks again."""
     for one in worlds:
         if one.text is None:
@@ -124,7 +124,7 @@ def _sources(place: str, wanted: WorldSelection) -> Iterator[tuple[str, Path | N
         raise UserError(f"--worlds: {unknown('world or directory', place, names)}")
 
 
-def _known(source: str, file: Path | None) -> Listed:
+def _known(source: str, file: Path | None) -> ListedWorld:
     """Read or made, with what only the place tells of it."""
     world = load(file) if file else world_of(source, Path())
     family = world.family or (file.parent.resolve().name if file else SHIPPED)
@@ -132,8 +132,10 @@ def _known(source: str, file: Path | None) -> Listed:
     length_m = known_length_m(world)
     world = replace(world, family=family, shortest_path_m=length_m, reachable=length_m is not None)
     if file is None:
-        return Listed(source, digest, world)
-    return Listed(f"kept:{digest[:8]}-{file.name}", digest, world, file.read_text(encoding="utf-8"))
+        return ListedWorld(source, digest, world)
+    return ListedWorld(
+        f"kept:{digest[:8]}-{file.name}", digest, world, file.read_text(encoding="utf-8")
+    )
 
 
 def _every(problems: list[Problem]) -> WorldError:
@@ -143,7 +145,7 @@ def _every(problems: list[Problem]) -> WorldError:
     return error
 
 
-def _of_families(found: list[Listed], families: Sequence[str] | None) -> list[Listed]:
+def _of_families(found: list[ListedWorld], families: Sequence[str] | None) -> list[ListedWorld]:
     if not families:
         return found
     present = list(dict.fromkeys(str(one.world.family) for one in found))
@@ -157,9 +159,9 @@ def _check(family: str, families: Sequence[str]) -> None:
         raise UserError(f"--families: {unknown('family', family, families)}")
 
 
-def _distinct(found: list[Listed]) -> list[Listed]:
+def _distinct(found: list[ListedWorld]) -> list[ListedWorld]:
     """Each world once. Raises UserError when two of one name differ."""
-    by_name: dict[str, Listed] = {}
+    by_name: dict[str, ListedWorld] = {}
     for one in found:
         other = by_name.setdefault(one.world.name, one)
         if other.digest != one.digest:

@@ -11,7 +11,7 @@ from runtime.errors import UserError
 from runtime.json_reader import value_in
 from study.runner.plan import Settings
 from study.runner.provenance import Code, Machine
-from study.runner.sources import Listed
+from study.runner.sources import ListedWorld
 from study.runner.store import replacing
 
 FILE: Final = "settings.json"
@@ -20,7 +20,7 @@ NAMED_AT_MOST: Final = 3
 
 
 def settings_of(
-    worlds: Sequence[Listed], settings: Settings, code: Code, machine: Machine
+    worlds: Sequence[ListedWorld], settings: Settings, code: Code, machine: Machine
 ) -> dict[str, Any]:
     """As it is stored; of the machine only the libraries that may round differently."""
     return {

@@ -9,7 +9,7 @@ from study.runner.plan import Settings, Task, tasks_of
 from study.runner.provenance import Code
 from study.runner.rows import Row
 from study.runner.run_task import Bench, failed
-from study.runner.sources import Listed, digest_of
+from study.runner.sources import ListedWorld, digest_of
 
 CODE = Code(commit="c0ffee", dirty=False, version="0.1.0", digest="d1")
 
@@ -33,8 +33,8 @@ def boxed(name: str = "disc") -> World:
     return replace(world, obstacles=(Circle(x_m=2.2, y_m=1.0, radius_m=0.2),))
 
 
-def list_of(*worlds: World) -> list[Listed]:
-    return [Listed(f"shipped:{one.name}", digest_of(one), one) for one in worlds]
+def list_of(*worlds: World) -> list[ListedWorld]:
+    return [ListedWorld(f"shipped:{one.name}", digest_of(one), one) for one in worlds]
 
 
 def bench_of(*worlds: World, study: str = "test") -> Bench:

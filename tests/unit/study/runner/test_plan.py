@@ -22,7 +22,7 @@ from study.runner.plan import (
     tasks_of,
     time_for,
 )
-from study.runner.sources import Listed
+from study.runner.sources import ListedWorld
 from tests.support.study.made import boxed, floor, list_of, settings, tasks
 
 
@@ -49,7 +49,7 @@ def test_the_order_of_the_worlds_changes_no_identity() -> None:
 
 def test_where_the_world_comes_from_changes_no_identity() -> None:
     (one,) = list_of(floor())
-    moved = Listed("kept:elsewhere.toml", one.digest, replace(one.world, family="other"))
+    moved = ListedWorld("kept:elsewhere.toml", one.digest, replace(one.world, family="other"))
     asked = settings()
     assert [task.trial_id for task in tasks_of([one], asked, "1")] == [
         task.trial_id for task in tasks_of([moved], asked, "1")

@@ -11,7 +11,7 @@ from plant.world.file import load, shipped
 from plant.world.to_toml import dumps
 from runtime.errors import UserError
 from study.runner import sources
-from study.runner.sources import Listed, WorldSelection, digest_of, keep, listed, world_of
+from study.runner.sources import ListedWorld, WorldSelection, digest_of, keep, listed, world_of
 from tests.support.study.made import boxed, floor
 
 
@@ -19,7 +19,7 @@ def wanted(*places: str, families: list[str] | None = None, per_family: int = 1)
     return WorldSelection(places, families, per_family, corpus_seed=5)
 
 
-def names(found: list[Listed]) -> list[str]:
+def names(found: list[ListedWorld]) -> list[str]:
     return [one.world.name for one in found]
 
 
