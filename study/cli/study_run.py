@@ -25,7 +25,7 @@ from study.runner.pool import Pool
 from study.runner.progress import Progress
 from study.runner.provenance import code, machine
 from study.runner.rows import FAILED
-from study.runner.run_task import Bench, trial_of
+from study.runner.run_task import StudyContext, trial_of
 from study.runner.sources import ListedWorld, keep, listed
 from study.runner.store import commands_of
 from study.runner.study_settings import alone, settings_of, settle
@@ -41,7 +41,7 @@ class Study(NamedTuple):
     worlds: list[ListedWorld]
     settings: Settings
     tasks: list[Task]
-    bench: Bench
+    bench: StudyContext
     command: str
 
 
@@ -70,7 +70,7 @@ def prepare(options: argparse.Namespace, argv: Sequence[str]) -> Study:
     settings = settings_asked(options)
     worlds = listed(wanted_of(options))
     made_by, directory = code(), output_of(options)
-    bench = Bench(
+    bench = StudyContext(
         study=directory.resolve().name, code=made_by, worlds=[one.world for one in worlds]
     )
     tasks = tasks_of(worlds, settings, made_by.version)
@@ -78,7 +78,7 @@ def prepare(options: argparse.Namespace, argv: Sequence[str]) -> Study:
     return Study(directory, worlds, settings, tasks, bench, join(["sidestep", "study", *argv]))
 
 
-def _check_parameters(tasks: list[Task], bench: Bench) -> None:
+def _check_parameters(tasks: list[Task], bench: StudyContext) -> None:
     """Raises UserError: what the robot refuses in one trial of a world it refuses in all."""
     for task in {task.place: task for task in tasks}.values():
         try:

@@ -13,7 +13,7 @@ from runtime.errors import UserError
 from study.runner.plan import Task
 from study.runner.provenance import code
 from study.runner.rows import Row
-from study.runner.run_task import Bench, failed, row_of
+from study.runner.run_task import StudyContext, failed, row_of
 
 CONNECT_S: Final = 10.0
 REFRESH_S: Final = 1.0
@@ -76,7 +76,7 @@ def code_digest() -> str:
     return code().digest
 
 
-def run(client: Any, bench: Bench, tasks: Iterable[Task]) -> Iterator[Row | None]:
+def run(client: Any, bench: StudyContext, tasks: Iterable[Task]) -> Iterator[Row | None]:
     """Rows as they come, None now and then. What a worker that dies was at is run by another.
 
     Raises UserError when the scheduler is gone or has had no workers for a while.
@@ -140,13 +140,13 @@ class ClusterCapacity:
             raise UserError(f"--dask: the cluster has no workers left; {KEPT}")
 
 
-def _submit(client: Any, bench: Bench, task: Task) -> Any:
+def _submit(client: Any, bench: StudyContext, task: Task) -> Any:
     """With its own world: data scattered before would be lost with the worker that has it."""
     alone = replace(bench, worlds=(bench.worlds[task.place],))
     return client.submit(row_of, replace(task, place=0), alone, pure=False)
 
 
-def _result(future: Any, task: Task, bench: Bench, killings: Counter[str]) -> Row | None:
+def _result(future: Any, task: Task, bench: StudyContext, killings: Counter[str]) -> Row | None:
     """None: it is to be run again."""
     from distributed import KilledWorker
 

@@ -18,7 +18,7 @@ from typing import Final, Self
 from runtime.errors import UserError
 from study.runner.plan import Task
 from study.runner.rows import Row
-from study.runner.run_task import Bench, failed, row_of
+from study.runner.run_task import StudyContext, failed, row_of
 
 READY: Final = "ready"
 AHEAD: Final = 2
@@ -44,7 +44,7 @@ class Worker:
 class Pool:
     """`with Pool(...) as pool: for row in pool.run(tasks)`; leaving it ends the workers at once."""
 
-    def __init__(self, jobs: int, bench: Bench) -> None:
+    def __init__(self, jobs: int, bench: StudyContext) -> None:
         self._jobs = jobs
         self._bench = bench
         self._workers: list[Worker] = []
@@ -125,7 +125,7 @@ class Pool:
         self._workers[self._workers.index(worker)] = _hire(self._bench)
 
 
-def _hire(bench: Bench) -> Worker:
+def _hire(bench: StudyContext) -> Worker:
     """Spawned, not forked: it shares nothing with us but the pipe. Ctrl-C is for us alone."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -141,7 +141,7 @@ def _hire(bench: Bench) -> Worker:
     return Worker(process, ours)
 
 
-def work(pipe: Connection, bench: Bench) -> None:
+def work(pipe: Connection, bench: StudyContext) -> None:
     """Run what comes until nobody is there any more."""
     gc.collect()
     gc.freeze()

@@ -36,7 +36,7 @@ NOTHING: Final[Mapping[str, Any]] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bench:
+class StudyContext:
     """What all trials of a study share; handed to every worker once."""
 
     study: str
@@ -58,7 +58,7 @@ def trial_of(asked: Task | Row, world: World) -> Trial:
     )
 
 
-def row_of(task: Task, bench: Bench) -> Row:
+def row_of(task: Task, bench: StudyContext) -> Row:
     """Run it. An exception is how that trial ended, not the end of the study."""
     watch, started_utc = Behaviour(), _now_utc()
     wall_s, cpu_s = perf_counter(), thread_time()
@@ -78,7 +78,7 @@ def row_of(task: Task, bench: Bench) -> Row:
     )
 
 
-def failed(task: Task, bench: Bench, reason: str, started_utc: str | None = None) -> Row:
+def failed(task: Task, bench: StudyContext, reason: str, started_utc: str | None = None) -> Row:
     """The row of a trial that could not be run to its end."""
     empty = Behaviour()
     return Row(
@@ -94,7 +94,7 @@ def failed(task: Task, bench: Bench, reason: str, started_utc: str | None = None
     )
 
 
-def _asked(task: Task, bench: Bench) -> dict[str, Any]:
+def _asked(task: Task, bench: StudyContext) -> dict[str, Any]:
     """Identity, world and provenance."""
     world, code = bench.worlds[task.place], bench.code
     return {

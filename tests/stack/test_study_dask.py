@@ -17,7 +17,7 @@ from study.runner.plan import Task
 from study.runner.pool import Pool
 from study.runner.provenance import code
 from study.runner.rows import FAILED, Row
-from study.runner.run_task import Bench
+from study.runner.run_task import StudyContext
 from tests.support.study.made import bench_of, boxed, floor, tasks
 from tests.support.study.trouble import deadly
 
@@ -166,10 +166,10 @@ def exhaust(coming: Iterator[Any]) -> None:
 
 
 def test_every_task_travels_with_its_own_world_only() -> None:
-    sent: list[tuple[Task, Bench]] = []
+    sent: list[tuple[Task, StudyContext]] = []
 
     class Client:
-        def submit(self, _: object, task: Task, bench: Bench, **__: object) -> None:
+        def submit(self, _: object, task: Task, bench: StudyContext, **__: object) -> None:
             sent.append((task, bench))
 
     worlds = (floor(), boxed())

@@ -8,7 +8,7 @@ from plant.model.types import Circle, GoalPose, Start, World
 from study.runner.plan import Settings, Task, tasks_of
 from study.runner.provenance import Code
 from study.runner.rows import Row
-from study.runner.run_task import Bench, failed
+from study.runner.run_task import StudyContext, failed
 from study.runner.sources import ListedWorld, digest_of
 
 CODE = Code(commit="c0ffee", dirty=False, version="0.1.0", digest="d1")
@@ -37,8 +37,8 @@ def list_of(*worlds: World) -> list[ListedWorld]:
     return [ListedWorld(f"shipped:{one.name}", digest_of(one), one) for one in worlds]
 
 
-def bench_of(*worlds: World, study: str = "test") -> Bench:
-    return Bench(study=study, code=CODE, worlds=worlds)
+def bench_of(*worlds: World, study: str = "test") -> StudyContext:
+    return StudyContext(study=study, code=CODE, worlds=worlds)
 
 
 def settings(**changed: Any) -> Settings:
