@@ -124,7 +124,7 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("robot.run", "WallClock", SimulatedClock),
     ("robot.run", "Pulse", simulated_pulse),
     ("robot.run", "time", TIME.time),
-    ("robot.run", "Rehearsed", no_rehearsal),
+    ("robot.run", "RehearsingPulse", no_rehearsal),
     ("robot.run", "Rehearsal", lambda _params: None),
     ("robot.run", "on_signal", no_signal),
     ("ground.client.link", "Pulse", simulated_pulse),
