@@ -16,7 +16,7 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
-from verification.harness.ports import free_port
+from verification.harness.processes import free_port
 
 PING, PONG = "floor/ping", "floor/pong"
 ANSWER_WITHIN_S = 2.0

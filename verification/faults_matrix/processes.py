@@ -14,7 +14,7 @@ from typing import IO, Any, Final, Self
 
 from ground.launch.child_command import command
 from verification.harness.certificates import made_keys
-from verification.harness.ports import free_port
+from verification.harness.processes import free_port
 from verification.harness.tcp_proxy import Cable
 from verification.harness.until import PATIENCE_S, until
 

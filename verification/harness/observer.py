@@ -29,8 +29,7 @@ from protocol.wire.messages import (
     WheelCommand,
 )
 from runtime.errors import NoAnswer
-from verification.harness.ports import free_port
-from verification.harness.processes import sidestep
+from verification.harness.processes import free_port, sidestep
 from verification.harness.until import until
 
 PATIENCE_S: Final = 10.0

@@ -1,5 +1,6 @@
-"""Our own processes, started for a measurement and ended after it."""
+"""Our own processes, started for a measurement and ended after it, and free ports for them."""
 
+import socket
 import subprocess
 import sys
 import threading
@@ -45,3 +46,11 @@ def sidestep(*arguments: str, ready: str) -> Iterator[Started]:
             child.terminate()
             if started is not None:
                 started.join()
+
+
+def free_port() -> int:
+    """Return a port of loopback that no process uses at the moment."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+    return port

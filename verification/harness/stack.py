@@ -26,8 +26,7 @@ from protocol.wire.messages import (
 from robot.core.parameters import DEFAULTS
 from runtime.errors import NoAnswer
 from study.trial.trial import Trial, params_of, wire_goal_of
-from verification.harness.ports import free_port
-from verification.harness.processes import sidestep
+from verification.harness.processes import free_port, sidestep
 
 ROBOT = "r1"
 ATTEMPTS = 200

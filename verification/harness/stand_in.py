@@ -24,8 +24,7 @@ from protocol.wire.goal import WireGoal, start_words, wire_goal
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from study.trial.trial import wire_goal_of
 from verification.harness.pace import paced
-from verification.harness.ports import free_port
-from verification.harness.processes import sidestep
+from verification.harness.processes import free_port, sidestep
 
 ROBOT = "r1"
 ANSWER_WITHIN_S = 0.04
