@@ -8,6 +8,7 @@ all there is to mend; ends with 1 and names the steps that failed.
 
 import argparse
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -129,6 +130,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m verification.gate", description=__doc__)
     parser.add_argument("--no-skips", action="store_true", help="a skipped test fails, as in CI")
     extra = ["--no-skips"] if parser.parse_args(argv).no_skips else []
+    # A job in the background of a shell ignores it, and so would every process under test.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     # Hundreds of processes are started: none of them compiles what another has compiled.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     return run(Gate(), real_time(extra), computing(extra))
