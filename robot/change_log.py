@@ -1,7 +1,6 @@
 """What changed since it was last told: a line of text each for vehicle, mode, goal and mission."""
 
-from collections.abc import Callable
-from typing import Final, TypeAlias
+from typing import Final
 
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import Statustext
@@ -10,9 +9,6 @@ from protocol.wire.statustext import pieces_of
 from robot.core import reasons
 from robot.core.machine import Machine
 from robot.mission.mission import Mission
-
-Say: TypeAlias = Callable[[int, str], None]
-"""Takes a severity and words for the operator."""
 
 LOUD: Final = {Vehicle.FAILSAFE: Severity.CRITICAL, Vehicle.EMERGENCY_STOP: Severity.CRITICAL}
 BAD: Final = {GoalState.STUCK: Severity.ERROR, GoalState.ABORTED: Severity.WARNING}

@@ -35,11 +35,6 @@ class Canvas:
         self._ranks = bytearray(self.columns * self.rows)
         self._glyphs: list[dict[int, tuple[int, str]]] = [{} for _ in range(self.rows)]
 
-    def clear(self) -> None:
-        self._bits = bytearray(len(self._bits))
-        self._ranks = bytearray(len(self._ranks))
-        self._glyphs = [{} for _ in range(self.rows)]
-
     def copy(self) -> "Canvas":
         """A canvas of its own with the same drawing."""
         twin = Canvas(self.columns, self.rows, self.ascii_only)

@@ -10,17 +10,18 @@ from protocol.topics import DIALECT
 
 ROOT: Final = Path(__file__).parents[2]
 UNKNOWN: Final = "unknown"
-GIT_PATIENCE_S: Final = 5.0
+GIT_PATIENCE_S: Final = 10.0
 
 
 def build() -> dict[str, str]:
     """Texts for the head of a recording."""
-    return {"version": _version(), "commit": _commit(), "dialect": DIALECT}
+    return {"version": version_of("sidestep"), "commit": _commit(), "dialect": DIALECT}
 
 
-def _version() -> str:
+def version_of(package: str) -> str:
+    """Return the installed version of a package."""
     try:
-        return metadata.version("sidestep")
+        return metadata.version(package)
     except metadata.PackageNotFoundError:
         return UNKNOWN
 
@@ -29,12 +30,13 @@ def _commit() -> str:
     """A `+` at its end: something that git knows has been changed since."""
     if not (ROOT / ".git").exists():
         return UNKNOWN
-    commit = _git("rev-parse", "HEAD")
-    changed = "+" if _git("status", "--porcelain", "--untracked-files=no") else ""
+    commit = git("rev-parse", "HEAD")
+    changed = "+" if git("status", "--porcelain", "--untracked-files=no") else ""
     return f"{commit}{changed}" if commit else UNKNOWN
 
 
-def _git(*words: str) -> str:
+def git(*words: str) -> str | None:
+    """Return what git answers; None when it does not know, or is not there."""
     try:
         run = subprocess.run(
             ["git", "-C", str(ROOT), *words],
@@ -45,5 +47,5 @@ def _git(*words: str) -> str:
             env={**os.environ, "GIT_OPTIONAL_LOCKS": "0"},
         )
     except (OSError, subprocess.SubprocessError):
-        return ""
+        return None
     return run.stdout.strip()

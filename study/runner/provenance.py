@@ -1,14 +1,13 @@
 """What a row was produced by: the code, the libraries and the machine."""
 
-import os
 import platform
-import subprocess
 import sys
 from functools import cache
 from hashlib import sha256
-from importlib import metadata
 from pathlib import Path
 from typing import Final, NamedTuple
+
+from ground.recording.build_info import git, version_of
 
 ROOT: Final = Path(__file__).parents[2]
 DRIVEN_BY: Final = ("robot/**/*.py", "plant/**/*.py", "protocol/**/*.py", "runtime/**/*.py")
@@ -18,7 +17,6 @@ TRIED_BY: Final = (
     "study/trial/core_loop.py",
     "study/trial/behaviour.py",
 )
-GIT_PATIENCE_S: Final = 10.0
 
 
 class Code(NamedTuple):
@@ -44,19 +42,19 @@ class Machine(NamedTuple):
 def code() -> Code:
     """Commit "unknown" where it does not run from a checkout, as when it was installed."""
     digest = code_digest(ROOT)
-    if _git("ls-files", "--error-unmatch", "study/trial/trial.py") is None:
-        return Code("unknown", False, _version("sidestep"), digest)
-    commit = _git("rev-parse", "HEAD") or "unknown"
-    dirty = bool(_git("status", "--porcelain", "--untracked-files=no"))
-    return Code(commit, dirty, _version("sidestep"), digest)
+    if git("ls-files", "--error-unmatch", "study/trial/trial.py") is None:
+        return Code("unknown", False, version_of("sidestep"), digest)
+    commit = git("rev-parse", "HEAD") or "unknown"
+    dirty = bool(git("status", "--porcelain", "--untracked-files=no"))
+    return Code(commit, dirty, version_of("sidestep"), digest)
 
 
 @cache
 def machine() -> Machine:
     return Machine(
         python=".".join(map(str, sys.version_info[:3])),
-        numpy=_version("numpy"),
-        pymunk=_version("pymunk"),
+        numpy=version_of("numpy"),
+        pymunk=version_of("pymunk"),
         platform=platform.platform(),
         machine=_processor(),
     )
@@ -70,29 +68,6 @@ def code_digest(root: Path) -> str:
             digest.update(f"{file.relative_to(root)}\0".encode())
             digest.update(file.read_bytes())
     return digest.hexdigest()
-
-
-def _git(*words: str) -> str | None:
-    """What git answers; None when it does not know, or is not there."""
-    try:
-        run = subprocess.run(
-            ["git", "-C", str(ROOT), *words],
-            capture_output=True,
-            text=True,
-            timeout=GIT_PATIENCE_S,
-            check=True,
-            env={**os.environ, "GIT_OPTIONAL_LOCKS": "0"},
-        )
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return run.stdout.strip()
-
-
-def _version(package: str) -> str:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return "unknown"
 
 
 def _processor() -> str:

@@ -174,11 +174,3 @@ def test_rows_that_look_the_same_have_not_changed() -> None:
     twin.line(0, 0, 0, 0, "robot")
     assert canvas.changed(twin) == [0, 1, 2]
     assert canvas.to_rows()[1].strip() == ""
-
-
-def test_a_cleared_canvas_is_blank() -> None:
-    canvas = Canvas(3, 1)
-    canvas.line(0, 0, 5, 3, "wall")
-    canvas.text(0, 0, "x", "text")
-    canvas.clear()
-    assert canvas.to_rows() == ["   "]
