@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Any, Final
 
 from ground.cli.verbs import VERBS, parser_of
-from ground.text.output import Says
+from ground.text.output import Output
 from protocol.options import numbers_kept
 from runtime.errors import ConfigError, RemoteError, UserError
 
@@ -32,7 +32,7 @@ def main(argv: Sequence[str]) -> int:
         options = parse(argv)
     except SystemExit as done:
         return 0 if done.code in (0, None) else EXIT_USAGE
-    says = Says(as_json=options.json)
+    says = Output(as_json=options.json)
     try:
         with signals():
             return VERBS[options.verb].run(options, says)
@@ -57,7 +57,7 @@ def parse(argv: Sequence[str]) -> Any:
     return parser_of(verb, word).parse_args(numbers_kept(argv[1:]), found)
 
 
-def failed(says: Says, verb: str, why: str, code: int) -> int:
+def failed(says: Output, verb: str, why: str, code: int) -> int:
     """The error in a line, and with --json also as the one object that was promised."""
     says.note(f"sidestep {verb}: {why}")
     if says.as_json and not says.told:

@@ -9,10 +9,10 @@ from ground.grammar.looking import WatchWords
 from ground.grammar.words import FromFile, Offline, Words
 from ground.reports.doctor import Diagnose
 from ground.reports.export import Exported
-from ground.text.output import Says
+from ground.text.output import Output
 
 
-def run(words: Words, says: Says) -> int:
+def run(words: Words, says: Output) -> int:
     """Return 0 when it succeeded, 1 when not. Values are refused before a robot is dialled."""
     if isinstance(words, WatchWords) and not (words.once or words.json):
         return follow(common_of(words))
@@ -31,7 +31,7 @@ def run(words: Words, says: Says) -> int:
         return tell(says, words, common.robot, operation.undialled(error, common.endpoint))
 
 
-def tell(says: Says, words: Words, robot: str, outcome: Outcome) -> int:
+def tell(says: Output, words: Words, robot: str, outcome: Outcome) -> int:
     """Print the outcome; a table on standard output is the result already."""
     if isinstance(outcome, Exported) and outcome.out is None:
         says.note(outcome.text)

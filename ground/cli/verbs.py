@@ -13,14 +13,14 @@ from ground.cli import operate
 from ground.cli.options import common_of
 from ground.client.link import Link, linked
 from ground.grammar.words import Words, words_of
-from ground.text.output import Says
+from ground.text.output import Output
 from runtime.cli import verb_table
 from runtime.cli.verb_table import Verb
 
 Arguments: TypeAlias = Callable[[argparse.ArgumentParser], None]
-Run: TypeAlias = Callable[[Any, Says], int]
+Run: TypeAlias = Callable[[Any, Output], int]
 """Does a verb with the arguments that were read: its `Words`, or argparse's own object."""
-Act: TypeAlias = Callable[[argparse.Namespace, Link, Says], int]
+Act: TypeAlias = Callable[[argparse.Namespace, Link, Output], int]
 
 
 class LoadedVerb(NamedTuple):
@@ -48,7 +48,7 @@ def loaded(verb: Verb) -> LoadedVerb:
 def talking(act: Act) -> Run:
     """What opens the link and acts, and no more."""
 
-    def run(options: argparse.Namespace, says: Says) -> int:
+    def run(options: argparse.Namespace, says: Output) -> int:
         with linked(common_of(options)) as link:
             return act(options, link, says)
 

@@ -13,7 +13,7 @@ from runtime.cli.terminal import DIM, LINE_START, PLAIN, guarded, steer
 USUAL_WIDTH: Final = 80
 
 
-class Says:
+class Output:
     """`line` rewrites itself in a terminal; elsewhere only `note` leaves a trace."""
 
     def __init__(self, *, as_json: bool, out: TextIO | None = None, err: TextIO | None = None):

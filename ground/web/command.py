@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from ground.launch.child_command import command
-from ground.text.output import Says
+from ground.text.output import Output
 from ground.web.address import USUAL_HOST, USUAL_PORT, Address, address_of, token_of
 from runtime.errors import UserError
 
@@ -53,7 +53,7 @@ class WebOptions(Protocol):
     keys: Path | None
 
 
-def serve(options: WebOptions, says: Says) -> int:
+def serve(options: WebOptions, says: Output) -> int:
     """Until SIGINT or SIGTERM: each browser gets an app with the same options.
 
     Raises UserError when the address is taken or the library is not there.

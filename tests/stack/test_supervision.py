@@ -14,7 +14,7 @@ from ground.launch.child_processes import ChildDied
 from ground.launch.fleet_run import FleetRun
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import RestartPolicy
-from ground.text.output import Says
+from ground.text.output import Output
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
@@ -65,7 +65,7 @@ class Stage:
         """Armed, on its way; on a busy machine it may stop for its budget, and is sent again."""
         hears, witness = self.stack._hears, self.witness
         assert hears is not None
-        says, clock = Says(as_json=False), WallClock()
+        says, clock = Output(as_json=False), WallClock()
         errands = errands_of(self.stack, hears, says, clock)
         outing = FleetRun(errands, clock, self.look, lambda _: None)
         for _ in range(TRIES):

@@ -13,7 +13,7 @@ from ground.recording.log_writer import MAX_KEY
 from ground.recording.mcap.channels import ChannelMessage, ChannelSplitter
 from ground.recording.metadata import MetadataReader
 from ground.recording.tlog import whole
-from ground.text.output import Says
+from ground.text.output import Output
 from runtime.clock import Clock
 from runtime.errors import UserError
 
@@ -46,7 +46,7 @@ def place(text: str) -> Place:
     return Place(host, int(port))
 
 
-def act(options: argparse.Namespace, link: Link, says: Says) -> int:
+def act(options: argparse.Namespace, link: Link, says: Output) -> int:
     """Until a signal ends it. It only looks: nothing that a viewer does reaches the robot."""
     bridge = Bridge(link, common_of(options).network.prefix)
     go_round(bridge, link.clock, HEAD_START_NS)

@@ -19,7 +19,7 @@ from ground.grammar.words import add_common, seconds
 from ground.recording.log_index import LogIndex
 from ground.recording.log_reader import opened
 from ground.reports.explain import instant_ns
-from ground.text.output import Says
+from ground.text.output import Output
 from ground.text.status_parts import Part
 from protocol.options import finite, whole
 from protocol.wire.messages import NavigatorStatus
@@ -59,7 +59,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_common(parser)
 
 
-def run(options: argparse.Namespace, says: Says) -> int:
+def run(options: argparse.Namespace, says: Output) -> int:
     if options.file is not None:
         return of_a_recording(options, says)
     refuse_without_a_recording(options)
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
         return act(options, link, says)
 
 
-def act(options: argparse.Namespace, link: Link, says: Says) -> int:
+def act(options: argparse.Namespace, link: Link, says: Output) -> int:
     """0 when every ghost could be run to an end of its own, 1 when one could not."""
     if options.file is not None:
         return of_a_recording(options, says)
@@ -84,7 +84,7 @@ def refuse_without_a_recording(options: argparse.Namespace) -> None:
         raise UserError("--at looks into a recording: name it with --from")
 
 
-def of_a_recording(options: argparse.Namespace, says: Says) -> int:
+def of_a_recording(options: argparse.Namespace, says: Output) -> int:
     reel = LogIndex(opened(Path(options.file), options.id))
     if reel.damage:
         says.note(f"{options.file}: DAMAGED: {reel.damage}")
@@ -112,7 +112,7 @@ def haunted(
     instant: BranchPoint,
     status: NavigatorStatus,
     parameters: dict[str, float],
-    says: Says,
+    says: Output,
     clock: Clock,
 ) -> dict[str, PredictedPath]:
     """Run them all, as many at once as there are cores; none is left when this is left."""
@@ -138,7 +138,7 @@ def haunted(
         return {name: course for name, course in ghosts.courses.items() if course is not None}
 
 
-def show(says: Says, ghosts: Ghosts) -> None:
+def show(says: Output, ghosts: Ghosts) -> None:
     """A line that rewrites itself, where there is a terminal."""
     if says.live:
         words = (course.outcome if course else "drives" for course in ghosts.courses.values())
@@ -148,7 +148,7 @@ def show(says: Says, ghosts: Ghosts) -> None:
 
 
 def tell(
-    says: Says,
+    says: Output,
     instant: BranchPoint,
     navigator: str,
     real: PredictedPath,

@@ -13,7 +13,7 @@ from typing import Any, Final
 from ground.client.link import Link, Unanswered
 from ground.client.presence import crew_of
 from ground.grammar.words import add_common
-from ground.text.output import Says
+from ground.text.output import Output
 from ground.web.address import Address, address_of
 from protocol.bus.network import Hub
 from protocol.topics import HEARTBEAT, SONAR, STATUS, WHEELS, Role, Topic
@@ -44,7 +44,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(options: argparse.Namespace, says: Says) -> int:
+def run(options: argparse.Namespace, says: Output) -> int:
     """Raises Unanswered, which has exit code 1, with the reason."""
     if options.web is not None:
         ask_page(address_of(options.web))
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
     return talking(act)(options, says)
 
 
-def act(options: argparse.Namespace, link: Link, says: Says) -> int:
+def act(options: argparse.Namespace, link: Link, says: Output) -> int:
     """The same over a link that is there."""
     hub = link.bus.hub()
     if options.role == ROUTER and hub is not Hub.ROUTER:

@@ -10,7 +10,7 @@ from ground.client.link import LISTEN_NS, Link, linked
 from ground.client.requests import BEAT_NS, Pace
 from ground.client.status_line import watch_line
 from ground.client.telemetry import Telemetry
-from ground.text.output import Says
+from ground.text.output import Output
 from ground.text.statustext import Texts, aged
 from protocol.topics import HEARTBEAT, STATUS, TEXT
 from protocol.wire.codec import decode
@@ -26,14 +26,14 @@ MAX_WAITING: Final = 1000
 def follow(common: Common) -> int:
     """Show it until a signal ends it. The lines are the result: they go to standard output."""
     with linked(common) as link:
-        Lookout(link, Says(as_json=False, err=sys.stdout), beats=False).run()
+        Lookout(link, Output(as_json=False, err=sys.stdout), beats=False).run()
     return 0
 
 
 class Lookout:
     """Shows the state until a signal ends it; with `beats` it is also the operator."""
 
-    def __init__(self, link: Link, says: Says, *, beats: bool) -> None:
+    def __init__(self, link: Link, says: Output, *, beats: bool) -> None:
         self._link = link
         self._says = says
         self._beats = beats

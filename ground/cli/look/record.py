@@ -15,7 +15,7 @@ from ground.recording.dual_log import DualLog, Track
 from ground.recording.log_writer import Recorder
 from ground.recording.metadata import MetadataReader
 from ground.recording.retention import Retention
-from ground.text.output import Says
+from ground.text.output import Output
 from runtime.errors import UserError
 
 FLUSH_NS: Final = 250_000_000
@@ -31,7 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_common(parser)
 
 
-def run(options: argparse.Namespace, says: Says) -> int:
+def run(options: argparse.Namespace, says: Output) -> int:
     """Until a signal ends it; 1 when something could not be written."""
     common = common_of(options)
     with linked(common) as link:
@@ -58,7 +58,7 @@ def tape_in(folder: Path, link: Link) -> DualLog:
 
 
 def keep_writing(
-    link: Link, tape: DualLog, facts: MetadataReader, shelf: Retention, says: Says
+    link: Link, tape: DualLog, facts: MetadataReader, shelf: Retention, says: Output
 ) -> None:
     """Four rounds a second, one of them down to the disk; trouble is told at once and again."""
     alarms = Alarms(says)
@@ -79,7 +79,7 @@ def keep_writing(
 class Alarms:
     """Report problems of a recording at once, and every few seconds while they last."""
 
-    def __init__(self, says: Says) -> None:
+    def __init__(self, says: Output) -> None:
         self._says = says
         self._trouble_ns: int | None = None
         self._dropped_ns: int | None = None
@@ -102,12 +102,12 @@ def is_due(told_ns: int | None, now_ns: int) -> bool:
     return told_ns is None or now_ns - told_ns >= COMPLAIN_NS
 
 
-def note(says: Says, words: str) -> None:
+def note(says: Output, words: str) -> None:
     if words:
         says.note(words)
 
 
-def tell(says: Says, tape: DualLog, *, complete: bool) -> int:
+def tell(says: Output, tape: DualLog, *, complete: bool) -> int:
     tlog, mcap = tape.tracks
     found: dict[str, object] = {"file": str(tlog.path), "mcap": str(mcap.path), "ok": complete}
     found |= account(tlog.recorder) | {"mcap_dropped": mcap.recorder.dropped}

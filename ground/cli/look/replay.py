@@ -17,7 +17,7 @@ from ground.client.vocabulary import NAVIGATORS
 from ground.grammar.words import add_json, positive
 from ground.launch.child_command import command
 from ground.recording.playback.playback_bus import ReplayBus
-from ground.text.output import Says
+from ground.text.output import Output
 from ground.text.status_parts import in_words
 from ground.text.statustext import Texts
 from protocol.options import finite
@@ -49,7 +49,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_json(parser)
 
 
-def run(options: argparse.Namespace, says: Says) -> int:
+def run(options: argparse.Namespace, says: Output) -> int:
     """0; 1 when something differs, or when part of the file is damaged."""
     if options.again:
         return reexecute(options)
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
     return show_lines(options, says, WallClock())
 
 
-def announce(file: Path, says: Says) -> None:
+def announce(file: Path, says: Output) -> None:
     """What takes seconds to read is named first."""
     with suppress(OSError):
         size = file.stat().st_size
@@ -80,7 +80,7 @@ def reexecute(options: argparse.Namespace) -> int:
     return subprocess.run(command(words, os.getpid()), check=False).returncode
 
 
-def show_lines(options: argparse.Namespace, says: Says, clock: Clock) -> int:
+def show_lines(options: argparse.Namespace, says: Output, clock: Clock) -> int:
     """State, texts and marks in the order of time; with --json what there is in it, and no more."""
     bus = ReplayBus(Path(options.file), clock, options.id)
     if not options.json:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from ground.grammar.words import add_json
-from ground.text.output import Says
+from ground.text.output import Output
 from protocol.bus.network import check_operators
 from protocol.bus.tls.access import ROBOT, ROUTER
 from protocol.options import whole
@@ -92,7 +92,7 @@ def host(text: str) -> str:
     raise argparse.ArgumentTypeError(f"{text!r} is neither a host name nor an address")
 
 
-def run(options: argparse.Namespace, says: Says) -> int:
+def run(options: argparse.Namespace, says: Output) -> int:
     """0 when made or good, 1 when something is wrong with a certificate."""
     require_library()
     runs = {"new": run_new, "renew": run_renew, "revoke": run_revoke, "check": run_check}
@@ -107,7 +107,7 @@ def require_library() -> None:
         raise UserError(LACKING) from error
 
 
-def run_new(options: argparse.Namespace, says: Says) -> int:
+def run_new(options: argparse.Namespace, says: Output) -> int:
     from ground.certificates.folder import make
 
     robots = [robot_name(name) for name in options.robots]
@@ -133,7 +133,7 @@ def run_new(options: argparse.Namespace, says: Says) -> int:
     return 0
 
 
-def run_renew(options: argparse.Namespace, says: Says) -> int:
+def run_renew(options: argparse.Namespace, says: Output) -> int:
     from ground.certificates.folder import renew
 
     now = datetime.now(UTC)
@@ -149,7 +149,7 @@ def run_renew(options: argparse.Namespace, says: Says) -> int:
     return 0
 
 
-def run_revoke(options: argparse.Namespace, says: Says) -> int:
+def run_revoke(options: argparse.Namespace, says: Output) -> int:
     from ground.certificates.folder import revoke
 
     found = revoke(options.folder, options.names)
@@ -171,7 +171,7 @@ def hosts_of(places: Sequence[tuple[str, str]], robots: Sequence[str]) -> dict[s
     return found
 
 
-def run_check(options: argparse.Namespace, says: Says) -> int:
+def run_check(options: argparse.Namespace, says: Output) -> int:
     from ground.certificates.check import SOON, check
 
     all_checked = check(options.folder, datetime.now(UTC))

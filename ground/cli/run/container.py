@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 
 from ground.launch.child_command import command
 from ground.launch.scenario import question, world_facts
-from ground.text.output import Says
+from ground.text.output import Output
 from protocol.bus.network import MOST_ROBOTS
 from protocol.options import whole
 from protocol.wire.goal import start_words
@@ -78,7 +78,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs=argparse.REMAINDER, metavar="VERB ...")
 
 
-def run(options: argparse.Namespace, says: Says) -> int:
+def run(options: argparse.Namespace, says: Output) -> int:
     """Becomes the verb. Raises UserError when its place cannot be found out."""
     place = place_of(options, addresses)
     if options.users is not None:

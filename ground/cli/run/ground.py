@@ -12,7 +12,7 @@ from ground.cli.options import common_of
 from ground.client.link import Link, linked
 from ground.grammar.words import add_common
 from ground.launch.recording_session import Recording, add_recording, folder_of, usual_folder
-from ground.text.output import Says
+from ground.text.output import Output
 
 
 def ground_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,7 +26,7 @@ def ground_arguments(parser: argparse.ArgumentParser) -> None:
     web.arguments(parser)
 
 
-def run_ground(options: argparse.Namespace, says: Says) -> int:
+def run_ground(options: argparse.Namespace, says: Output) -> int:
     """In a browser, in this terminal, or as lines."""
     if options.print_keys:
         keymap = keymap_of(options)
@@ -39,7 +39,7 @@ def run_ground(options: argparse.Namespace, says: Says) -> int:
         return act_ground(options, link, says)
 
 
-def act_ground(options: argparse.Namespace, link: Link, says: Says) -> int:
+def act_ground(options: argparse.Namespace, link: Link, says: Output) -> int:
     """Until the operator leaves: the robot hears its operator, the operator sees the robot."""
     if has_screen() and not (options.plain or options.json):
         return run_recorded(options, link)

@@ -5,7 +5,7 @@ from typing import Final
 
 from ground.cli.options import listening_of
 from ground.grammar.words import add_common
-from ground.text.output import Says
+from ground.text.output import Output
 from protocol.bus.audit import watched_doors
 from protocol.bus.bus import open_bus
 from runtime.clock import WallClock
@@ -18,7 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_common(parser, listens=True)
 
 
-def run(options: argparse.Namespace, says: Says) -> int:
+def run(options: argparse.Namespace, says: Output) -> int:
     network, clock = listening_of(options), WallClock()
     with open_bus(network, None, NOBODY) as bus:
         says.note(f"router at {bus.locator()}")

@@ -24,7 +24,7 @@ from ground.launch.launcher import Stack
 from ground.launch.recording_session import Recording, add_recording, folder_of, usual_folder
 from ground.launch.scenario import Scenario, question, scenario_of, world_facts
 from ground.launch.tls_configs import ground_file
-from ground.text.output import Says
+from ground.text.output import Output
 from ground.text.status_parts import Part
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import MOST_ROBOTS
@@ -89,7 +89,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_json(parser)
 
 
-def run(options: argparse.Namespace, says: Says) -> int:
+def run(options: argparse.Namespace, says: Output) -> int:
     """0 when every robot reached its goal without touching anything, 1 when one has not."""
     on_screen = has_screen() and not (options.headless or options.json)
     if on_screen and not options.no_record:
@@ -110,7 +110,7 @@ def run(options: argparse.Namespace, says: Says) -> int:
 
 
 def rehearse(
-    options: argparse.Namespace, scenario: Scenario, says: Says, clock: Clock
+    options: argparse.Namespace, scenario: Scenario, says: Output, clock: Clock
 ) -> list[Outcome]:
     """One run with processes of its own, none of which survives it; an outcome per robot."""
     with Stack(options, scenario, free_endpoint(), clock) as stack:
@@ -127,7 +127,7 @@ def rehearse(
                 raise
 
 
-def show(options: argparse.Namespace, scenario: Scenario, says: Says, clock: Clock) -> int:
+def show(options: argparse.Namespace, scenario: Scenario, says: Output, clock: Clock) -> int:
     """The same with the app open on it; the operator may give other goals, or another world."""
     with Stack(options, scenario, free_endpoint(), clock) as stack:
         stack.start(ready=partial(recorders_ready, stack, clock, says))
@@ -150,14 +150,14 @@ def look_after(stack: Stack, bus: Bus) -> None:
         stack.look_after(bus)
 
 
-def look(stack: Stack, says: Says) -> None:
+def look(stack: Stack, says: Output) -> None:
     """Tell what has happened to the processes; ChildDied when one will not come back."""
     stack.check()
     while news := stack.news():
         says.note(news)
 
 
-def errands_of(stack: Stack, bus: Bus, says: Says, clock: Clock) -> list[GoalRun]:
+def errands_of(stack: Stack, bus: Bus, says: Output, clock: Clock) -> list[GoalRun]:
     """One for each robot."""
     scenario = stack.scenario
     goals = ", ".join(str(entrant.goal) for entrant in scenario.entrants)
@@ -174,14 +174,14 @@ def errands_of(stack: Stack, bus: Bus, says: Says, clock: Clock) -> list[GoalRun
     ]
 
 
-def recorders_ready(stack: Stack, clock: Clock, says: Says) -> None:
+def recorders_ready(stack: Stack, clock: Clock, says: Output) -> None:
     """The first tick is to be in the log as well."""
     if stack.scenario.record is not None:
         await_records(stack.scenario, stack.logs_before, clock, stack.check, says)
 
 
 def await_records(
-    scenario: Scenario, before: set[Path], clock: Clock, check: Callable[[], None], says: Says
+    scenario: Scenario, before: set[Path], clock: Clock, check: Callable[[], None], says: Output
 ) -> None:
     """Until every recorder has written a frame. A disk that takes nothing holds up nobody."""
     deadline_ns = clock.now_ns() + RECORDS_NS
@@ -205,7 +205,7 @@ def dialled(common: Common, clock: Clock, check: Callable[[], None]) -> Bus:
             raise Unanswered(f"nobody listens at {common.endpoint} after {OPEN_NS // NS_PER_S} s")
 
 
-def shown(says: Says, clock: Clock) -> Callable[[list[Part]], None]:
+def shown(says: Output, clock: Clock) -> Callable[[list[Part]], None]:
     """A live line in a terminal, elsewhere a note at once and then every few seconds."""
     told_ns = clock.now_ns() - PLAIN_NS
 

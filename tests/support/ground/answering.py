@@ -6,7 +6,7 @@ from typing import Any, cast
 
 from ground.client.link import Link
 from ground.client.requests import Answered, RequestIds
-from ground.text.output import Says
+from ground.text.output import Output
 from protocol.wire.enums import Command
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest
@@ -58,7 +58,7 @@ class AnsweringLink:
         return [one.command for one in self.asked if isinstance(one, CommandRequest)]
 
 
-def speaking() -> tuple[Says, Callable[[], tuple[str, str]]]:
+def speaking() -> tuple[Output, Callable[[], tuple[str, str]]]:
     """Somewhere to speak, and what was said: result and notes."""
     out, err = StringIO(), StringIO()
-    return Says(as_json=False, out=out, err=err), lambda: (out.getvalue(), err.getvalue())
+    return Output(as_json=False, out=out, err=err), lambda: (out.getvalue(), err.getvalue())

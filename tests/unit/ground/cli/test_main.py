@@ -12,10 +12,10 @@ import pytest
 from ground.cli import main as cli
 from ground.cli.main import Interrupted, main
 from ground.cli.verbs import VERBS, LoadedVerb
-from ground.text.output import Says
+from ground.text.output import Output
 from runtime.errors import NoAnswer, UserError
 
-Run = Callable[[argparse.Namespace, Says], int]
+Run = Callable[[argparse.Namespace, Output], int]
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
 
 
 def raises(error: BaseException) -> Run:
-    def run(options: argparse.Namespace, says: Says) -> int:
+    def run(options: argparse.Namespace, says: Output) -> int:
         raise error
 
     return run
@@ -136,7 +136,7 @@ def test_a_table_and_json_cannot_both_be_standard_output(
 def test_the_result_is_not_told_twice(
     install: Callable[[Run], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def run(options: argparse.Namespace, says: Says) -> int:
+    def run(options: argparse.Namespace, says: Output) -> int:
         says.result({"ok": True}, "fine")
         raise KeyboardInterrupt
 
@@ -150,7 +150,7 @@ def test_a_signal_ends_the_verb_and_the_handlers_are_put_back(
 ) -> None:
     before = signal.getsignal(signal.SIGTERM)
 
-    def run(options: argparse.Namespace, says: Says) -> int:
+    def run(options: argparse.Namespace, says: Output) -> int:
         os.kill(os.getpid(), signal.SIGTERM)
         threading.Event().wait(5.0)
         return 0
@@ -161,5 +161,5 @@ def test_a_signal_ends_the_verb_and_the_handlers_are_put_back(
 
 
 def test_what_is_not_finite_becomes_null(capsys: pytest.CaptureFixture[str]) -> None:
-    Says(as_json=True).result({"a": float("nan"), "b": [float("inf"), 1], "c": {"d": (2.5,)}}, "")
+    Output(as_json=True).result({"a": float("nan"), "b": [float("inf"), 1], "c": {"d": (2.5,)}}, "")
     assert json.loads(capsys.readouterr().out) == {"a": None, "b": [None, 1], "c": {"d": [2.5]}}

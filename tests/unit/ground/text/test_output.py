@@ -10,7 +10,7 @@ from typing import TextIO
 
 import pytest
 
-from ground.text.output import Says
+from ground.text.output import Output
 from ground.text.status_parts import Part
 from runtime.cli.terminal import DIM
 
@@ -58,7 +58,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
 
 def test_elsewhere_each_line_stays_and_is_whole() -> None:
     err = StringIO()
-    says = Says(as_json=False, err=err)
+    says = Output(as_json=False, err=err)
     says.line(LINE)
     says.line((Part("reached"),))
     assert err.getvalue() == "driving  3.25 m to go (0.2 s)\nreached\n"
@@ -66,7 +66,7 @@ def test_elsewhere_each_line_stays_and_is_whole() -> None:
 
 def test_a_terminal_shows_one_line_with_the_old_dimmed(terminal: Terminal) -> None:
     terminal.resize(40)
-    says = Says(as_json=False, err=terminal.near)
+    says = Output(as_json=False, err=terminal.near)
     says.line(LINE)
     assert terminal.seen() == f"\rdriving  {DIM}3.25 m to go\x1b[0m"
     says.line((Part("reached"),))
@@ -78,12 +78,12 @@ def test_a_terminal_shows_one_line_with_the_old_dimmed(terminal: Terminal) -> No
 def test_no_color_is_heeded(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NO_COLOR", "1")
     terminal.resize(40)
-    Says(as_json=False, err=terminal.near).line(LINE)
+    Output(as_json=False, err=terminal.near).line(LINE)
     assert terminal.seen() == "\rdriving  3.25 m to go (0.2 s)"
 
 
 def test_a_window_that_gets_narrower_is_not_overrun(terminal: Terminal) -> None:
-    says = Says(as_json=False, err=terminal.near)
+    says = Output(as_json=False, err=terminal.near)
     for columns in (40, 20, 8):
         terminal.resize(columns)
         says.line(LINE)
@@ -94,14 +94,14 @@ def test_a_window_that_gets_narrower_is_not_overrun(terminal: Terminal) -> None:
 def test_json_escapes_what_is_not_printable_and_loses_nothing() -> None:
     out = StringIO()
     found: dict[str, object] = {"text": "\x1b]0;x\x07 \x9b \u202e \U000e0041 \u2028 Grüße"}
-    Says(as_json=True, out=out).result(found, "")
+    Output(as_json=True, out=out).result(found, "")
     assert out.getvalue().removesuffix("\n").isprintable()
     assert "Grüße" in out.getvalue()
     assert json.loads(out.getvalue()) == found
 
 
 def test_a_note_can_neither_steer_nor_dim_the_terminal(terminal: Terminal) -> None:
-    says = Says(as_json=False, err=terminal.near)
+    says = Output(as_json=False, err=terminal.near)
     terminal.resize(40)
     says.note(f"\x1b]0;OWNED\x07{DIM}\r")
     says.line((Part(f"{DIM}\u202ea"),))

@@ -10,7 +10,7 @@ import pytest
 from ground.cli.look.bridge import Bridge, Place, act, place, sdk
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.text.output import Says
+from ground.text.output import Output
 from protocol.bus.network import Network
 from runtime.clock import ManualClock
 from runtime.errors import UserError
@@ -56,5 +56,5 @@ def test_it_has_heard_the_robot_for_a_second_before_it_listens(
     monkeypatch.setattr(Bridge, "round", lambda _, now_ns: rounds_ms.append(now_ns // 1_000_000))
     link = cast(Link, SimpleNamespace(clock=clock, robot="r1"))
     with pytest.raises(UserError, match="listens"):
-        act(argparse.Namespace(at=Place("127.0.0.1", 0)), link, cast(Says, None))
+        act(argparse.Namespace(at=Place("127.0.0.1", 0)), link, cast(Output, None))
     assert rounds_ms == list(range(0, 1000, 50))

@@ -9,7 +9,7 @@ from ground.cli.main import parse
 from ground.cli.run.up import await_records
 from ground.launch.child_command import command
 from ground.launch.scenario import Scenario, question, scenario_of, world_facts
-from ground.text.output import Says
+from ground.text.output import Output
 from runtime.clock import ManualClock
 
 
@@ -36,7 +36,7 @@ def waited(scenario: Scenario, logs: list[Path], at_s: float, before: set[Path])
     """For how many seconds."""
     clock = ManualClock()
     recorders = Recorders(clock, logs, at_s)
-    await_records(scenario, before, clock, recorders, Says(as_json=False))
+    await_records(scenario, before, clock, recorders, Output(as_json=False))
     assert recorders.checks > 0
     return clock.now_ns() / 1e9
 

@@ -8,7 +8,7 @@ import pytest
 from ground.cli.look.replay import show_lines
 from ground.cli.main import main, parse
 from ground.recording.playback.playback_bus import ReplayBus
-from ground.text.output import Says
+from ground.text.output import Output
 from protocol.topics import MARK
 from protocol.wire.enums import Severity
 from protocol.wire.statustext import pieces_of
@@ -61,7 +61,7 @@ def test_a_speed_makes_it_wait_as_long_as_that_takes(
 ) -> None:
     clock = ManualClock()
     options = parse(["replay", log, "--plain", "--speed", "2"])
-    assert show_lines(options, Says(as_json=False), clock) == 0
+    assert show_lines(options, Output(as_json=False), clock) == 0
     assert clock.now_ns() == 1_500_000_000
     capsys.readouterr()
 
