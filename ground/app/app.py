@@ -17,7 +17,7 @@ from textual.timer import Timer
 
 from ground.app.appearance import Appearance
 from ground.app.background import BackgroundJobs
-from ground.app.commands.command_sink import Gives
+from ground.app.commands.command_sink import CommandSink
 from ground.app.commands.robot_keys import Helm
 from ground.app.frame_rate import Drawable, FrameRate
 from ground.app.input.bindings import bindings_of
@@ -68,7 +68,7 @@ class GroundApp(App[int]):
     def __init__(
         self,
         station: Station | None,
-        orders: Gives,
+        orders: CommandSink,
         keymap: Keymap | None = None,
         looks: Appearance | None = None,
         stack: "Stack | None" = None,

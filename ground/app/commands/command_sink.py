@@ -8,7 +8,7 @@ from ground.console import AppCommand
 from ground.map import Target
 
 
-class Gives(Protocol):
+class CommandSink(Protocol):
     """Does typed operations and typed lines, and remembers them."""
 
     @property

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from ground.app.commands.command_sink import Gives
+from ground.app.commands.command_sink import CommandSink
 from ground.app.input.key_table import Key
 from ground.app.panels.status import Setting
 from ground.station.station import Station
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class AppInterface(Gives, Protocol):
+class AppInterface(CommandSink, Protocol):
     """The app, as its screens see it: it takes command lines, too."""
 
     @property
