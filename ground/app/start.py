@@ -49,7 +49,7 @@ def run(
     # Textual is for whoever has a screen.
     from ground.app.app import GroundApp
     from ground.app.commands.app_commands import Words
-    from ground.app.commands.runner import Orders
+    from ground.app.commands.runner import CommandRunner
     from ground.app.output_capture import quiet
     from ground.console import History
     from ground.station import Station
@@ -58,7 +58,7 @@ def run(
     station = Station(link.bus, link.robot, clock, name=operator_name())
     common = replace(common, robot=link.robot)
     history = History(folder() / "history")
-    orders = Orders(lambda: station, link.bus, common, clock, history)
+    orders = CommandRunner(lambda: station, link.bus, common, clock, history)
     app = GroundApp(station, orders, keymap, looks, stack, recording=recording)
     orders.local = Words(app).do_command
     try:
@@ -74,7 +74,7 @@ def run_replay(options: AppOptions, path: Path, robot: str | None, at_s: float) 
     keymap, looks = keymap_of(options), looks_of(options)
     from ground.app.app import GroundApp
     from ground.app.commands.app_commands import Words
-    from ground.app.commands.runner import Orders
+    from ground.app.commands.runner import CommandRunner
     from ground.app.output_capture import quiet
     from ground.app.playback.player import Player
     from ground.console import History
@@ -84,7 +84,7 @@ def run_replay(options: AppOptions, path: Path, robot: str | None, at_s: float) 
     player.seek(at_s)
     common = Common(network=Network(), robot=player.bus.robot)
     history = History(folder() / "history")
-    orders = Orders(lambda: player.station, None, common, clock, history)
+    orders = CommandRunner(lambda: player.station, None, common, clock, history)
     app = GroundApp(None, orders, keymap, looks, player=player)
     orders.local = Words(app).do_command
     with quiet(folder() / "ground.log") as terminal:

@@ -9,7 +9,7 @@ import pytest
 
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
-from ground.app.commands.runner import Orders
+from ground.app.commands.runner import CommandRunner
 from ground.client.connection import Common
 from ground.console import History
 from ground.station.robot.background_requests import RequestThread
@@ -58,7 +58,7 @@ def test_key_reaches_the_bus_in_fifteen_calls(monkeypatch: pytest.MonkeyPatch) -
         assert isinstance(bus, Bus)
         common = Common(network=bus.network, robot="r1")
         clock = WallClock()
-        orders = Orders(lambda: seen.station, bus, common, clock, History())
+        orders = CommandRunner(lambda: seen.station, bus, common, clock, History())
         app = GroundApp(seen.station, orders, None, Appearance(hz=0.0))
 
         async def press() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.app.commands.runner import Orders, refuse
+from ground.app.commands.runner import CommandRunner, refuse
 from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.operations import Goto, StopNow
@@ -21,10 +21,10 @@ from tests.support.tui.underway import driving
 ELSEWHERE = "tcp/10.0.0.7:7447"
 
 
-def orders(endpoint: str = DEFAULT_ENDPOINT) -> tuple[Orders, FakeStation]:
+def orders(endpoint: str = DEFAULT_ENDPOINT) -> tuple[CommandRunner, FakeStation]:
     station = driving(FakeStation())
     common = Common(network=Network(mode="client", connect=(endpoint,)), robot="r1")
-    return Orders(lambda: station, None, common, ManualClock(), History()), station
+    return CommandRunner(lambda: station, None, common, ManualClock(), History()), station
 
 
 def log(station: FakeStation) -> str:

@@ -29,7 +29,7 @@ REPLAYED: Final = "this is a replay: nothing can be commanded"
 MAX_SHOWN: Final = 40
 
 
-class Orders:
+class CommandRunner:
     """`local` does what concerns the screen, at once, and returns what there is to say."""
 
     def __init__(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.app.commands.runner import Orders
+from ground.app.commands.runner import CommandRunner
 from ground.client.connection import Common
 from ground.console import History
 from protocol.bus.network import Network
@@ -12,15 +12,15 @@ from tests.support.ground.station.play import Play
 
 
 @pytest.fixture
-def typing(tmp_path: Path) -> tuple[Play, Orders]:
+def typing(tmp_path: Path) -> tuple[Play, CommandRunner]:
     play = Play().forward(1.0)
     network = Network(mode="client", connect=("tcp/127.0.0.1:7447",))
     history = History(tmp_path / "history")
     common = Common(network=network, robot="r1")
-    return play, Orders(lambda: play.station, None, common, play.clock, history)
+    return play, CommandRunner(lambda: play.station, None, common, play.clock, history)
 
 
-def test_take_and_release_go_through_the_station(typing: tuple[Play, Orders]) -> None:
+def test_take_and_release_go_through_the_station(typing: tuple[Play, CommandRunner]) -> None:
     play, orders = typing
     orders.give("lease take")
     play.forward(1.0)
@@ -31,7 +31,7 @@ def test_take_and_release_go_through_the_station(typing: tuple[Play, Orders]) ->
     assert not play.station.lease.held
 
 
-def test_seizing_is_possible_while_another_holds_it(typing: tuple[Play, Orders]) -> None:
+def test_seizing_is_possible_while_another_holds_it(typing: tuple[Play, CommandRunner]) -> None:
     play, orders = typing
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.forward(1.0)
