@@ -18,7 +18,7 @@ from textual.timer import Timer
 from ground.app.appearance import Appearance
 from ground.app.background import BackgroundJobs
 from ground.app.commands.command_sink import CommandSink
-from ground.app.commands.robot_keys import Helm
+from ground.app.commands.robot_keys import RobotKeys
 from ground.app.frame_rate import Drawable, FrameRate
 from ground.app.input.bindings import bindings_of
 from ground.app.input.key_table import Key, Layer
@@ -90,7 +90,7 @@ class GroundApp(App[int]):
         self._pace = FrameRate(self.looks.hz)
         self._settling: Timer | None = None
         self._printable = Printable()
-        self._helm = Helm(self)
+        self._helm = RobotKeys(self)
         for theme in THEMES:
             self.register_theme(theme)
         self.theme = self.looks.theme

@@ -44,7 +44,7 @@ PLAIN: Final[tuple[Operation[Outcome], ...]] = (
 """Operations whose key is named after their verb."""
 
 
-class Helm:
+class RobotKeys:
     """Acts on the app; what it asks of the robot are typed operations."""
 
     def __init__(self, app: "GroundApp") -> None:
