@@ -17,6 +17,8 @@ from protocol.wire.messages import SonarScan
 from robot.core.navigators.registry import NAVIGATORS
 from tests.support.bus.lively import PERIOD_S, Lively
 
+pytestmark = pytest.mark.stack
+
 SPEED = 8.0
 """Simulated seconds in a second, where no heartbeat is needed: it is stamped in real time."""
 
