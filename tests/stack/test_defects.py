@@ -9,14 +9,12 @@ import pytest
 
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason, reason_text
-from tests.support.stack.processes import Crew, Running, Witness
+from tests.support.stack.processes import Crew, Witness, departs
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 
 ROOT = Path(__file__).parents[2]
-FAST_M_S = 0.25
-ATTEMPTS = 4
 FAILS_ON_SIGNAL = """
 import os, signal, sys
 sys.path.insert(0, sys.argv.pop(1))
@@ -45,22 +43,6 @@ def spoilt_robot(crew: Crew, script: str) -> tuple[str, ...]:
     return (sys.executable, "-P", "-c", script, str(ROOT), str(os.getpid()), *words)
 
 
-def under_way(crew: Crew, witness: Witness) -> Running:
-    """Set off, and again if the robot stops: a busy machine makes it miss its budget."""
-    for _ in range(ATTEMPTS):
-        goto = crew.dialling("goto", "5.4", "2")
-        if drives(witness, goto):
-            return goto
-    raise AssertionError(f"it does not drive: {witness.texts}")
-
-
-def drives(witness: Witness, goto: Running) -> bool:
-    """Wait until the robot drives; False when its `goto` ends before."""
-    ended = goto.process.poll
-    until(lambda: witness.truth.speed_m_s > FAST_M_S or ended() is not None, what="driving")
-    return ended() is None
-
-
 def test_an_exception_in_the_core_stops_the_wheels_and_is_told() -> None:
     with Crew() as crew:
         robot = crew.execute(*spoilt_robot(crew, FAILS_ON_SIGNAL))
@@ -68,7 +50,7 @@ def test_an_exception_in_the_core_stops_the_wheels_and_is_told() -> None:
         crew.plant()
         with Witness(crew.endpoint) as witness:
             witness.ready()
-            goto = under_way(crew, witness)
+            goto = departs(crew, witness, "goto", "5.4", "2")
             robot.send(signal.SIGUSR1)
             assert robot.ends() == 1
             until(lambda: witness.status.vehicle_reason == Reason.CORE_EXCEPTION)
@@ -110,7 +92,7 @@ def test_a_loop_that_hangs_is_told_from_a_process_that_is_gone() -> None:
         with Witness(crew.endpoint) as witness:
             witness.ready()
             watch = crew.dialling("watch")
-            under_way(crew, witness)
+            departs(crew, witness, "goto", "5.4", "2")
             robot.send(signal.SIGUSR1)
             until(witness.standing, what="standing")
             assert witness.status.vehicle == Vehicle.ACTIVE, f"stopped itself: {witness.texts}"

@@ -32,7 +32,7 @@ from runtime.errors import NoAnswer
 from verification.harness.processes import free_port, sidestep
 from verification.harness.until import until
 
-PATIENCE_S: Final = 10.0
+PATIENCE_S: Final = 30.0
 KEPT: Final = 2000
 ROBOT: Final = "r1"
 
