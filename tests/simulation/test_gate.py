@@ -1,4 +1,4 @@
-"""The gate: 300 seeds of 20 simulated seconds violate no invariant, and defects are found."""
+"""The gate: 500 seeds of 20 simulated seconds violate no invariant, and defects are found."""
 
 from functools import partial
 
@@ -10,7 +10,7 @@ from verification.simulation.events import to_json
 from verification.simulation.shrink import shrunk
 from verification.simulation.simulation import run
 
-SEEDS = 300
+SEEDS = 500
 PART = 25
 
 
