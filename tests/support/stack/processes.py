@@ -13,6 +13,7 @@ import subprocess
 import tempfile
 import time
 from collections import deque
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -32,7 +33,7 @@ from protocol.wire.messages import (
     Statustext,
     WheelCommand,
 )
-from protocol.wire.reasons import Reason
+from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import NoPeer, RemoteError
 from tests.support.until import PATIENCE_S, until
 
@@ -221,9 +222,6 @@ class Witness:
             for status, _ in tuple(self.statuses)[since:]
         )
 
-    def moves_or_was_late(self, since: int) -> bool:
-        return self.fast() or self.was_late(since)
-
     def driving(self) -> None:
         try:
             until(self.fast, what="driving")
@@ -263,12 +261,24 @@ def departs(crew: Crew, witness: Witness, *words: str) -> Running:
     for _ in range(TRIES):
         told = len(witness.statuses)
         running = crew.dialling(*words)
-        until(partial(witness.moves_or_was_late, told), what=" ".join(words))
+        stopped = partial(witness.was_late, told)
+        until(partial(sets_off_or_not, witness, running, stopped), what=partial(story, witness))
         if witness.fast():
             return running
         running.ends()
+        was_late = stopped() or witness.status.vehicle_reason in LATE
+        assert was_late or reason_text(Reason.NO_SENSES) in running.said, running.said
         crew.run("arm")
-    raise AssertionError(f"stopped {TRIES} times: {witness.status}; {witness.texts}")
+    raise AssertionError(f"stopped {TRIES} times: {story(witness)}")
+
+
+def sets_off_or_not(witness: Witness, running: Running, stopped: Callable[[], bool]) -> bool:
+    """Return whether the robot drives, was stopped, or the verb has failed."""
+    return witness.fast() or stopped() or running.process.poll() not in (None, 0)
+
+
+def story(witness: Witness) -> str:
+    return f"{witness.status}; {witness.texts}"
 
 
 def moved_not(truth: GroundTruth) -> bool:
