@@ -71,7 +71,7 @@ BENCHMARKS = {
     ),
     "soak": Entry(
         "verification.soak.main",
-        "a fleet with faults for a long time: what grows, what slows, what is lost",
+        "long run of a fleet with faults: memory growth, latency drift, lost messages",
     ),
     "ground": Entry(
         "benchmarks.ground_station.main",
@@ -79,7 +79,7 @@ BENCHMARKS = {
     ),
     "restarts": Entry(
         "verification.restarts",
-        "a process of `up` killed, until robot and plant are heard again",
+        "time from killing a process of `up` until robot and plant publish again",
     ),
     "faults": Entry(
         "verification.faults_matrix.main",
