@@ -1,6 +1,6 @@
 """Do what the words of a verb mean, and print what came of it."""
 
-from ground.cli.look.live_line import follow
+from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
 from ground.client.link import Unanswered, linked
 from ground.client.operations import Session

@@ -121,7 +121,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         "health": Verb(
             LOOK,
             "are the data of a role flowing? For health checks",
-            "ground.cli.look.health",
+            "ground.cli.observe.health",
             "act",
             "run",
         ),
@@ -131,22 +131,25 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         "ghost": Verb(
             LOOK,
             "what another navigator would do from here on",
-            "ground.cli.look.ghost",
+            "ground.cli.observe.ghost",
             "act",
             "run",
         ),
         "record": Verb(
             LOOK,
             "write every frame to a .tlog and an .mcap file",
-            "ground.cli.look.record",
+            "ground.cli.observe.record",
             run="run",
         ),
         "bridge": Verb(
-            LOOK, "live, for Foxglove or Lichtblick to connect to", "ground.cli.look.bridge", "act"
+            LOOK,
+            "live, for Foxglove or Lichtblick to connect to",
+            "ground.cli.observe.bridge",
+            "act",
         ),
         "mark": Verb(LOOK, "a remark in what is being recorded", COMMANDS, words="MarkWords"),
         "replay": Verb(
-            LOOK, "a recorded run, shown or executed again", "ground.cli.look.replay", run="run"
+            LOOK, "a recorded run, shown or executed again", "ground.cli.observe.replay", run="run"
         ),
         "export": Verb(
             LOOK, "a recording as a table: CSV or Parquet", LOOKING, words="ExportWords"

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from mcap.writer import CompressionType, Writer
 
-from ground.cli.look.replay import lines
+from ground.cli.observe.replay import lines
 from ground.client.operations import NoProgress
 from ground.explain.from_recording import Recorded as Decided
 from ground.ghost.recorded_ghost import GhostRecording, changed_in

@@ -7,7 +7,7 @@ from ground.app.appearance import add_looks
 from ground.app.input.keymap import as_toml
 from ground.app.start import has_screen, keymap_of
 from ground.app.start import run as run_app
-from ground.cli.look.live_line import Lookout
+from ground.cli.observe.live_line import Lookout
 from ground.cli.options import common_of
 from ground.client.link import Link, linked
 from ground.grammar.words import add_common

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from ground.cli.look.replay import show_lines
 from ground.cli.main import main, parse
+from ground.cli.observe.replay import show_lines
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.text.output import Output
 from protocol.topics import MARK
@@ -101,6 +101,6 @@ def test_a_large_file_is_named_before_it_is_read(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("ground.cli.look.replay.LARGE_BYTES", large)
+    monkeypatch.setattr("ground.cli.observe.replay.LARGE_BYTES", large)
     assert main(["replay", log, "--json"]) == 0
     assert capsys.readouterr().err.startswith(f"reading {log}, ") is said

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import pytest
 
-from ground.cli.look.bridge import Bridge, Place, act, place, sdk
+from ground.cli.observe.bridge import Bridge, Place, act, place, sdk
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.text.output import Output
@@ -48,9 +48,9 @@ def test_it_has_heard_the_robot_for_a_second_before_it_listens(
     def served(*_: Any) -> Any:
         raise UserError("listens")
 
-    monkeypatch.setattr("ground.cli.look.bridge.served", served)
+    monkeypatch.setattr("ground.cli.observe.bridge.served", served)
     monkeypatch.setattr(
-        "ground.cli.look.bridge.common_of", lambda _: Common(network=Network(), robot="r1")
+        "ground.cli.observe.bridge.common_of", lambda _: Common(network=Network(), robot="r1")
     )
     monkeypatch.setattr(Bridge, "__init__", lambda *_: None)
     monkeypatch.setattr(Bridge, "round", lambda _, now_ns: rounds_ms.append(now_ns // 1_000_000))

@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
-from ground.cli.look.record import COMPLAIN_NS, Alarms
+from ground.cli.observe.record import COMPLAIN_NS, Alarms
 from tests.support.ground.answering import speaking
 
 
