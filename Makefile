@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test mutation bench generate docs clean afresh
+.PHONY: help setup up test mutation bench generate docs generate-docs clean afresh
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -19,7 +19,8 @@ help:
 	echo "make mutation  change the modules a stop depends on, bit by bit: does a test notice?"
 	echo "make bench   measurements; ARGS=... is handed on"
 	echo "make generate  the modules that are made from protocol/dialect/sidestep.xml"
-	echo "make docs    docs/protocol.md, docs/state-diagram.md and docs/mutants.md anew"
+	echo "make docs    the documentation as a web site, in build/site"
+	echo "make generate-docs  the committed pages that are made from the code"
 	echo "make clean   remove .venv and what the tools have cached"
 
 setup: $(READY)
@@ -90,12 +91,15 @@ generate: setup
 	@exec "$(BIN)/python" -m protocol.dialect.generate
 
 docs: setup
-	@"$(BIN)/python" -m protocol.docs >docs/protocol.md.new
-	mv docs/protocol.md.new docs/protocol.md
-	"$(BIN)/python" -m verification.mode_model --document >docs/state-diagram.md.new
-	mv docs/state-diagram.md.new docs/state-diagram.md
-	"$(BIN)/python" -m verification.mutation --document >docs/mutants.md.new
-	mv docs/mutants.md.new docs/mutants.md
+	@exec "$(BIN)/python" -m verification.site
+
+generate-docs: setup
+	@"$(BIN)/python" -m protocol.docs >docs/reference/protocol.md.new
+	mv docs/reference/protocol.md.new docs/reference/protocol.md
+	"$(BIN)/python" -m verification.mode_model --document >docs/evidence/state-diagram.md.new
+	mv docs/evidence/state-diagram.md.new docs/evidence/state-diagram.md
+	"$(BIN)/python" -m verification.mutation --document >docs/evidence/mutants.md.new
+	mv docs/evidence/mutants.md.new docs/evidence/mutants.md
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build *.egg-info

@@ -83,7 +83,7 @@ BENCHMARKS = {
     ),
     "faults": Entry(
         "verification.faults_matrix.main",
-        "what the robot does when something breaks, the fault matrix (docs/faults.md)",
+        "what the robot does when something breaks, the fault matrix (docs/evidence/faults.md)",
     ),
     "fuzz": Entry(
         "verification.fuzz.main",

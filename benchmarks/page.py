@@ -1,4 +1,4 @@
-"""`python -m benchmarks.page`: every benchmark in turn, and its figures written to docs/figures.md.
+"""`python -m benchmarks.page`: run every benchmark, write docs/evidence/figures.md.
 
 Each is run by its own command, so that none meets what another left behind. A figure that misses
 its threshold is written down like any other.
@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """0 when every figure was measured, met or missed; 1 when a benchmark broke down."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.page", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", default=list(BENCHMARKS))
-    parser.add_argument("--output", type=Path, default=Path("docs/figures.md"))
+    parser.add_argument("--output", type=Path, default=Path("docs/evidence/figures.md"))
     options = parser.parse_args(argv)
     sections = [introduction()]
     for name in options.names:

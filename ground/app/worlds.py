@@ -7,7 +7,7 @@ from typing import Any, Final
 from ground.launch.child_command import command
 from ground.launch.scenario import world_facts
 
-OUTCOMES: Final = Path(__file__).parents[2] / "docs" / "outcomes.md"
+OUTCOMES: Final = Path(__file__).parents[2] / "docs" / "evidence" / "outcomes.md"
 NOISE: Final = "default"
 COLUMNS: Final = 10
 """World, navigator, noise, how it ended in seven columns, and the ends of ten seeds."""

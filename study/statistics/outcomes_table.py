@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--worlds", nargs="+", default=shipped())
     parser.add_argument("--jobs", type=int, default=cpu_count())
-    parser.add_argument("--output", type=Path, default=Path("docs/outcomes.md"))
+    parser.add_argument("--output", type=Path, default=Path("docs/evidence/outcomes.md"))
     parser.add_argument("--readme", type=Path, metavar="FILE", help="renew the summary in it, too")
     options = parser.parse_args(argv)
     with ProcessPoolExecutor(options.jobs) as pool:

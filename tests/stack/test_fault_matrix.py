@@ -14,7 +14,7 @@ pytestmark = pytest.mark.stack
 
 LATE = re.compile(r", wall: ((known|stood) after \d+ ms|called it BUDGET)")
 """In wall time a busy machine may be late, and a robot that notices stops for that; how late is in
-docs/faults.md."""
+docs/evidence/faults.md."""
 
 
 def bench(*words: str, within_s: float = 120.0) -> tuple[int, str, str]:

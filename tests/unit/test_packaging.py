@@ -54,7 +54,7 @@ def test_every_package_of_the_tree_has_its_place() -> None:
 
 def test_an_extra_is_for_what_the_wheel_carries() -> None:
     extras = PROJECT["project"]["optional-dependencies"]
-    assert set(extras) - {"dev"} == {"study", "dask", "foxglove", "keys", "web"}
+    assert set(extras) - {"dev", "docs"} == {"study", "dask", "foxglove", "keys", "web"}
     needed = {name for extra in set(extras) - {"dev"} for name in extras[extra]}
     assert needed <= set(extras["dev"])
 

@@ -1,4 +1,4 @@
-"""docs/faults.md: the matrix, with every row that misses its limit named first."""
+"""docs/evidence/faults.md: the matrix, with every row that misses its limit named first."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,7 +12,8 @@ from verification.faults_matrix.table import FAULTS, GROUPS, Fault, Must, Way
 INTRODUCTION: Final = """\
 # Faults
 
-What the robot does when something breaks, measured by `sidestep bench faults --page docs/faults.md`
+What the robot does when something breaks, measured by
+`sidestep bench faults --page docs/evidence/faults.md`
 on {date}
 ({machine}).
 **In lockstep** time is simulated and the whole stack is in one process, over real sockets; moment,

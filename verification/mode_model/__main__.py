@@ -1,6 +1,6 @@
 """`python -m verification.mode_model`: explore, and print the figures and the counterexamples.
 
-With `--document` print the document of docs/state-diagram.md instead.
+With `--document` print the document of docs/evidence/state-diagram.md instead.
 """
 
 import sys

@@ -33,7 +33,7 @@ def main(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes at a time")
     parser.add_argument("--list", action="store_true", help="print the mutants and try none")
-    parser.add_argument("--document", action="store_true", help="print docs/mutants.md")
+    parser.add_argument("--document", action="store_true", help="print docs/evidence/mutants.md")
     options = parser.parse_args(arguments)
     if options.document:
         print(page(TARGETS, equivalent.load()), end="")

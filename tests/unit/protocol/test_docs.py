@@ -31,7 +31,8 @@ DIALECT = xml.fromstring(
 
 
 def test_the_committed_protocol_page_is_the_generated_one() -> None:
-    assert (ROOT / "docs" / "protocol.md").read_text() == docs.generate(), "run make docs"
+    page = ROOT / "docs" / "reference" / "protocol.md"
+    assert page.read_text() == docs.generate(), "run make generate-docs"
 
 
 def test_a_page_holds_each_stream_question_message_and_name() -> None:
@@ -129,7 +130,7 @@ def test_the_readme_has_a_row_for_each_failsafe() -> None:
 
 
 def test_the_readme_sums_up_the_outcomes_as_they_were_generated() -> None:
-    outcomes = (ROOT / "docs" / "outcomes.md").read_text(encoding="utf-8")
+    outcomes = (ROOT / "docs" / "evidence" / "outcomes.md").read_text(encoding="utf-8")
     summary = outcomes.partition("## In sum\n\n")[2].partition("\n\n")[0]
     assert summary.startswith("| navigator |")
     assert summary in README

@@ -20,7 +20,7 @@ from study.statistics.intervals import Interval, Share
 from tests.support.study.report.made import COLLIDED, GAVE_UP, SHUT, row, study, trials
 
 ROOT = Path(__file__).parents[4]
-SUMMARY = ROOT / "docs" / "study" / "summary.json"
+SUMMARY = ROOT / "docs" / "evidence" / "study" / "summary.json"
 
 
 def test_success_is_of_worlds_with_a_way_and_recognition_of_those_without() -> None:

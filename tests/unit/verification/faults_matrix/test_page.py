@@ -1,4 +1,4 @@
-"""docs/faults.md: misses first, medians and worst, and nothing left out."""
+"""docs/evidence/faults.md: misses first, medians and worst, and nothing left out."""
 
 from typing import Any
 

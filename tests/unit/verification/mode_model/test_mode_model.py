@@ -29,7 +29,7 @@ from verification.mode_model.invariants import (
 from verification.mode_model.requests import REQUESTS, VARIANTS
 from verification.mode_model.world import ADA, World
 
-DOCUMENT = Path(__file__).parents[4] / "docs" / "state-diagram.md"
+DOCUMENT = Path(__file__).parents[4] / "docs" / "evidence" / "state-diagram.md"
 PARTS = {part.name: part for part in parts()}
 
 
@@ -39,7 +39,7 @@ def test_every_state_obeys_the_rules_and_is_drawn(part: Part) -> None:
     broken = [str(one) for one in found.violations.values()]
     assert broken == [], "\n".join(broken)
     assert endless(found) == []
-    assert section(part, found) in DOCUMENT.read_text(encoding="utf-8"), "run make docs"
+    assert section(part, found) in DOCUMENT.read_text(encoding="utf-8"), "run make generate-docs"
 
 
 def test_document_names_every_rule_and_drawing() -> None:

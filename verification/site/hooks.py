@@ -1,0 +1,1 @@
+"""Hooks of MkDocs, named in mkdocs.yml."""
