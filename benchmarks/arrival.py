@@ -16,7 +16,7 @@ from plant.model.types import GoalPose, Start, World
 from plant.sim.simulation import Plant
 from robot.core import states
 from robot.core.values import Outputs
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial
 from verification.harness.figures import Figure, Report, percentile
 
@@ -85,7 +85,7 @@ class Onlooker:
         self.turned_rad = 0.0
         self.pose = (0.0, 0.0, 0.0)
 
-    def __call__(self, _plant: Plant, onboard: Onboard, _outputs: Outputs) -> None:
+    def __call__(self, _plant: Plant, onboard: CoreLoop, _outputs: Outputs) -> None:
         pose = onboard.state.odometry.pose
         if onboard.state.machine.goal_state == states.ALIGNING:
             self.turned_rad += abs(remainder(pose.heading_rad - self.pose[2], 2.0 * pi))

@@ -16,7 +16,7 @@ from robot.core import brain, modes, states
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.from_messages import goal_of, now_ms_of, scan_of, wheels_of
 from robot.core.values import Goal, Inputs, Outputs, Pose
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 from study.trial.trial import (
     NAVIGATORS,
     USUAL_NAVIGATOR,
@@ -74,7 +74,7 @@ def recorded(trial: Trial) -> list[Inputs]:
     """What the core was given, tick by tick, from the tick the goal was given at."""
     inputs: list[Inputs] = []
 
-    def watch(plant: Plant, _onboard: Onboard, _outputs: Outputs) -> None:
+    def watch(plant: Plant, _onboard: CoreLoop, _outputs: Outputs) -> None:
         wheels, scan = plant.senses()
         inputs.append(given(plant.now_ns, wheels, scan))
 

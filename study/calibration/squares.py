@@ -15,7 +15,7 @@ from robot.core.machine import goal_lives
 from robot.core.parameters import Params
 from robot.core.values import Outputs, Pose
 from study.calibration.runs import CCW, CW, Run
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 
 FLOOR_M: Final = 400.0
 TOLERANCE_M: Final = 0.02
@@ -54,7 +54,7 @@ def square(direction: str, plant: Plant, params: Params, side_m: float) -> Run:
     """Drive round once from where it stands, with an odometry that starts at zero."""
     turn = 1.0 if direction == CCW else -1.0
     begun = plant.truth()
-    driver = Driver(plant, Onboard(params, Pose(0.0, 0.0, 0.0)))
+    driver = Driver(plant, CoreLoop(params, Pose(0.0, 0.0, 0.0)))
     for k, (x, y) in enumerate(CORNERS):
         driver.go(side_m * x, turn * side_m * y, wrap(turn * radians(90.0) * (k + 1)))
     ended = plant.truth()
@@ -68,7 +68,7 @@ def square(direction: str, plant: Plant, params: Params, side_m: float) -> Run:
 class Driver:
     """Core and plant, tick by tick; `ticks` is what the encoders showed."""
 
-    def __init__(self, plant: Plant, onboard: Onboard) -> None:
+    def __init__(self, plant: Plant, onboard: CoreLoop) -> None:
         self._plant, self._onboard = plant, onboard
         self.ticks: list[tuple[int, int]] = []
         self._outputs = self._step()

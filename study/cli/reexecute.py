@@ -19,22 +19,22 @@ from robot.parameters.table import adjusted
 from runtime.cli.verb_table import VERBS
 from runtime.errors import UserError
 from runtime.json_reader import value_in
-from study.trial.recorded_drive import Recorded
-from study.trial.reexecute import Verdict, reexecuted, refuse_unless_whole
+from study.trial.recorded_drive import RecordedDrive
+from study.trial.reexecute import ReexecutionResult, reexecute, refuse_unless_whole
 from study.trial.trial import NAVIGATORS
 
 
 def main(argv: Sequence[str]) -> int:
     """0 nothing differs, 1 something does or is missing, 2 it cannot be executed again."""
     options = parser().parse_args(argv)
-    recorded = Recorded(opened(Path(options.file), options.id))
+    recorded = RecordedDrive(opened(Path(options.file), options.id))
     refuse_unless_whole(recorded)
     params = params_of(recorded)
     other = options.navigator is not None
     if other:
         params = params._replace(navigator=NAVIGATORS[options.navigator])
     start, exact = start_of(recorded)
-    verdict = reexecuted(recorded, params, start, other=other)
+    verdict = reexecute(recorded, params, start, other=other)
     told = as_json(options, recorded, verdict)
     words = other_in_words(options.navigator, verdict) if other else in_words(verdict)
     for note in notes(recorded, verdict, exact=exact):
@@ -57,7 +57,7 @@ def parser() -> argparse.ArgumentParser:
     return made
 
 
-def params_of(recorded: Recorded) -> Params:
+def params_of(recorded: RecordedDrive) -> Params:
     """The parameters that were in force when the recording began."""
     text = recorded.facts.get("parameters")
     if text is None:
@@ -70,7 +70,7 @@ def params_of(recorded: Recorded) -> Params:
     return adjusted(DEFAULTS, values, "the recorded parameters")
 
 
-def start_of(recorded: Recorded) -> tuple[Pose, bool]:
+def start_of(recorded: RecordedDrive) -> tuple[Pose, bool]:
     """Where the robot was told that it stands; False when that is known to 32 bits only."""
     first, sequence = recorded.ticks[0]
     odometry = recorded.output(PlanarOdometry, first, sequence)
@@ -104,7 +104,7 @@ def same_single(a: float, b: float) -> bool:
     return pack("<f", a) == pack("<f", b)
 
 
-def notes(recorded: Recorded, verdict: Verdict, *, exact: bool) -> Iterator[str]:
+def notes(recorded: RecordedDrive, verdict: ReexecutionResult, *, exact: bool) -> Iterator[str]:
     if recorded.damage:
         yield f"the file is damaged: {recorded.damage}"
     if verdict.lack:
@@ -115,7 +115,7 @@ def notes(recorded: Recorded, verdict: Verdict, *, exact: bool) -> Iterator[str]
         yield "the start is known to 32 bits only: last digits may differ for that"
 
 
-def in_words(verdict: Verdict) -> str:
+def in_words(verdict: ReexecutionResult) -> str:
     first = verdict.first
     if first is None:
         return f"{verdict.compared} ticks executed again: nothing differs"
@@ -124,7 +124,7 @@ def in_words(verdict: Verdict) -> str:
     return f"tick {first.tick}, at {first.time_s:.3f} s: {what}; {before}"
 
 
-def other_in_words(navigator: str, verdict: Verdict) -> str:
+def other_in_words(navigator: str, verdict: ReexecutionResult) -> str:
     first = verdict.first
     where = "open loop: given what was sensed on the way that was driven"
     if first is None:
@@ -135,7 +135,9 @@ def other_in_words(navigator: str, verdict: Verdict) -> str:
     return f"{navigator} would have decided otherwise {since}: {what}; in {share} ({where})"
 
 
-def as_json(options: argparse.Namespace, recorded: Recorded, verdict: Verdict) -> dict[str, object]:
+def as_json(
+    options: argparse.Namespace, recorded: RecordedDrive, verdict: ReexecutionResult
+) -> dict[str, object]:
     first = verdict.first
     return {
         "file": options.file,

@@ -11,11 +11,11 @@ from protocol.options import add_param_option, whole
 from runtime.cli.verb_table import VERBS
 from study.cli.trial import seconds
 from study.runner.plan import (
-    DETOUR,
+    DETOUR_FACTOR,
     EVERY_NAVIGATOR,
-    LEAST_S,
-    WITHOUT_WAY_S,
-    Settings,
+    MIN_TIMEOUT_S,
+    UNREACHABLE_TIMEOUT_S,
+    StudySettings,
     navigator_of,
     noise_of,
 )
@@ -93,8 +93,8 @@ def _add_what(made: argparse.ArgumentParser) -> None:
         "--timeout",
         type=seconds,
         metavar="S",
-        help=f"simulated; by default the time for {DETOUR:g} times the shortest way,"
-        f" at least {LEAST_S:g} s, and {WITHOUT_WAY_S:g} s where there is no way",
+        help=f"simulated; by default the time for {DETOUR_FACTOR:g} times the shortest way,"
+        f" at least {MIN_TIMEOUT_S:g} s, and {UNREACHABLE_TIMEOUT_S:g} s where there is no way",
     )
     add_param_option(made)
     made.add_argument(
@@ -125,11 +125,11 @@ def wanted_of(options: argparse.Namespace) -> WorldSelection:
     return WorldSelection(places, options.families, options.per_family, options.corpus_seed)
 
 
-def settings_of(options: argparse.Namespace) -> Settings:
+def settings_of(options: argparse.Namespace) -> StudySettings:
     """Raises UserError for a navigator or a noise level that is not there."""
     navigators = [navigator_of(text) for text in options.navigators or EVERY_NAVIGATOR]
     noise = [noise_of(text) for text in options.noise or _usual_noise(options.quick)]
-    return Settings(
+    return StudySettings(
         navigators=tuple(dict.fromkeys(navigators)),
         noise=tuple(dict.fromkeys(noise)),
         seeds=options.seeds or 1,

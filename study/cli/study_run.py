@@ -20,9 +20,9 @@ from study.cli.study_options import QUICK_PAPER_SEEDS, output_of, parser, wanted
 from study.cli.study_options import settings_of as settings_asked
 from study.runner import on_dask
 from study.runner.conduct import Collector, collect, finish, finished, open_tasks, recover
-from study.runner.plan import Settings, Task, tasks_of
+from study.runner.plan import StudySettings, TrialTask, tasks_of
 from study.runner.pool import Pool
-from study.runner.progress import Progress
+from study.runner.progress import StudyProgress
 from study.runner.provenance import code, machine
 from study.runner.rows import FAILED
 from study.runner.run_task import StudyContext, trial_of
@@ -39,9 +39,9 @@ class Study(NamedTuple):
 
     directory: Path
     worlds: list[ListedWorld]
-    settings: Settings
-    tasks: list[Task]
-    bench: StudyContext
+    settings: StudySettings
+    tasks: list[TrialTask]
+    context: StudyContext
     command: str
 
 
@@ -54,7 +54,9 @@ def run(argv: Sequence[str]) -> int:
             print(f"sidestep study: {line}", file=sys.stderr)
         there = finished(study.directory)
         tasks = open_tasks(study.tasks, there)
-        progress = Progress(len(study.tasks), len(study.tasks) - len(tasks), sys.stderr, monotonic)
+        progress = StudyProgress(
+            len(study.tasks), len(study.tasks) - len(tasks), sys.stderr, monotonic
+        )
         try:
             work(study, options, tasks, progress)
             summary = conclude(study, progress)
@@ -70,27 +72,27 @@ def prepare(options: argparse.Namespace, argv: Sequence[str]) -> Study:
     settings = settings_asked(options)
     worlds = listed(wanted_of(options))
     made_by, directory = code(), output_of(options)
-    bench = StudyContext(
+    context = StudyContext(
         study=directory.resolve().name, code=made_by, worlds=[one.world for one in worlds]
     )
     tasks = tasks_of(worlds, settings, made_by.version)
-    _check_parameters(tasks, bench)
-    return Study(directory, worlds, settings, tasks, bench, join(["sidestep", "study", *argv]))
+    _check_parameters(tasks, context)
+    return Study(directory, worlds, settings, tasks, context, join(["sidestep", "study", *argv]))
 
 
-def _check_parameters(tasks: list[Task], bench: StudyContext) -> None:
+def _check_parameters(tasks: list[TrialTask], context: StudyContext) -> None:
     """Raises UserError: what the robot refuses in one trial of a world it refuses in all."""
     for task in {task.place: task for task in tasks}.values():
         try:
-            params_of(trial_of(task, bench.worlds[task.place]))
+            params_of(trial_of(task, context.worlds[task.place]))
         except (Unknown, OutOfRange) as error:
-            name = bench.worlds[task.place].name
+            name = context.worlds[task.place].name
             raise UserError(f"--param or the [robot] of world {name}: {error}") from None
 
 
 def tidied(study: Study, mixed: bool) -> Iterator[str]:
     """The directory as it must be to begin or to go on; says what was out of order."""
-    made_by = study.bench.code
+    made_by = study.context.code
     stored = settings_of(study.worlds, study.settings, made_by, machine())
     differing = settle(study.directory, stored, made_by, mixed=mixed)
     if differing:
@@ -99,20 +101,22 @@ def tidied(study: Study, mixed: bool) -> Iterator[str]:
     yield from recover(study.directory)
 
 
-def work(study: Study, options: argparse.Namespace, tasks: list[Task], progress: Progress) -> None:
+def work(
+    study: Study, options: argparse.Namespace, tasks: list[TrialTask], progress: StudyProgress
+) -> None:
     """Run what is open, on the cluster or in processes of our own."""
     if not tasks:
         return
     collector = Collector(study.directory, monotonic)
     if options.dask is not None:
         with on_dask.cluster(options.dask) as client:
-            collect(on_dask.run(client, study.bench, tasks), collector, progress)
+            collect(on_dask.run(client, study.context, tasks), collector, progress)
         return
-    with Pool(min(options.jobs, len(tasks)), study.bench) as pool:
+    with Pool(min(options.jobs, len(tasks)), study.context) as pool:
         collect(pool.run(tasks), collector, progress)
 
 
-def interrupted(study: Study, progress: Progress) -> int:
+def interrupted(study: Study, progress: StudyProgress) -> int:
     done = progress.before + progress.now
     print(
         f"sidestep study: stopped; {done} of {progress.total} trials are in {study.directory}. "
@@ -122,15 +126,15 @@ def interrupted(study: Study, progress: Progress) -> int:
     return EXIT_INTERRUPTED
 
 
-def conclude(study: Study, progress: Progress) -> dict[str, Any]:
+def conclude(study: Study, progress: StudyProgress) -> dict[str, Any]:
     """All results in one file; what they come to."""
-    stored = settings_of(study.worlds, study.settings, study.bench.code, machine())
+    stored = settings_of(study.worlds, study.settings, study.context.code, machine())
     earlier = commands_of(study.directory).splitlines()
     provenance = {
         "command": "\n".join([*(one for one in earlier if one != study.command), study.command]),
         "settings": json.dumps(stored),
-        "commit": study.bench.code.commit,
-        "dirty": json.dumps(study.bench.code.dirty),
+        "commit": study.context.code.commit,
+        "dirty": json.dumps(study.context.code.dirty),
     }
     results = finish(study.directory, provenance)
     table = finished(study.directory)
@@ -152,7 +156,9 @@ def in_words(summary: dict[str, Any]) -> str:
     return f"{summary['results']}: {summary['trials']} trials: {ends}"
 
 
-def summary_of(study: Study, table: pa.Table, results: Path, progress: Progress) -> dict[str, Any]:
+def summary_of(
+    study: Study, table: pa.Table, results: Path, progress: StudyProgress
+) -> dict[str, Any]:
     """Of all that is in the results, and how fast this call was. A trial's CPU time is told too:
     unlike its pace it does not say how busy the machine was with other things."""
     driven = table.filter(pc.field("outcome") != FAILED)
@@ -160,7 +166,7 @@ def summary_of(study: Study, table: pa.Table, results: Path, progress: Progress)
     counted = table.group_by("outcome").aggregate([("outcome", "count")]).to_pylist()
     outcomes = {one["outcome"]: one["outcome_count"] for one in counted}
     return {
-        "study": study.bench.study,
+        "study": study.context.study,
         "results": str(results),
         "trials": table.num_rows,
         "run_now": progress.now,

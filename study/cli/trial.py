@@ -27,11 +27,11 @@ from runtime.errors import UserError
 from study.trial.trace import Trace
 from study.trial.trial import NAVIGATORS, SIDES, USUAL_NAVIGATOR, Trial, params_of, run_trial
 
-LONGEST_S: Final = 24 * 3600.0
+MAX_DURATION_S: Final = 24 * 3600.0
 FULL_TURN_DEG: Final = 360.0
 STANDARD_OUTPUT: Final = "-"
-seconds: Final = above_zero(LONGEST_S)
-moment: Final = up_to(LONGEST_S)
+seconds: Final = above_zero(MAX_DURATION_S)
+moment: Final = up_to(MAX_DURATION_S)
 
 
 def main(argv: Sequence[str]) -> int:

@@ -17,9 +17,9 @@ from study.report.paper.runs import SEEDS, run_paper
 from study.runner.sources import world_of
 from study.runner.store import commands_of, read
 
-MOST_FAILURES: Final = 50
-MOST_JOBS: Final = 1000
-MOST_SEEDS: Final = 1000
+MAX_FAILURES: Final = 50
+MAX_JOBS: Final = 1000
+MAX_SEEDS: Final = 1000
 
 
 def main(argv: Sequence[str]) -> int:
@@ -70,21 +70,21 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--readme", type=Path, metavar="FILE", help="renew the table in it, too")
     made.add_argument(
         "--failures",
-        type=whole(0, MOST_FAILURES),
+        type=whole(0, MAX_FAILURES),
         default=PER_NAVIGATOR,
         metavar="N",
         help=f"drawn of each navigator ({PER_NAVIGATOR})",
     )
     made.add_argument(
         "--jobs",
-        type=whole(1, MOST_JOBS),
+        type=whole(1, MAX_JOBS),
         default=cpu_count() or 1,
         metavar="N",
         help="processes that drive again (one per core)",
     )
     made.add_argument(
         "--paper-seeds",
-        type=whole(0, MOST_SEEDS),
+        type=whole(0, MAX_SEEDS),
         default=SEEDS,
         metavar="N",
         help=f"of the drives in the paper's figures at each noise ({SEEDS}); 0 for none",

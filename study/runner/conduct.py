@@ -7,9 +7,9 @@ from typing import Final
 import pyarrow as pa
 
 from runtime.errors import UserError
-from study.runner.plan import Task
-from study.runner.progress import Progress
-from study.runner.rows import Row
+from study.runner.plan import TrialTask
+from study.runner.progress import StudyProgress
+from study.runner.rows import TrialRow
 from study.runner.store import (
     SHARDS,
     UNFINISHED,
@@ -21,8 +21,8 @@ from study.runner.store import (
 )
 
 FLUSH_S: Final = 2.0
-LONGEST_FLUSH_S: Final = 10.0
-SLOWING: Final = 1.0 / 60.0
+MAX_FLUSH_S: Final = 10.0
+FLUSH_GROWTH: Final = 1.0 / 60.0
 """What a study waits longer for each second it has run: hours make no thousands of files."""
 
 
@@ -32,16 +32,16 @@ class Collector:
     def __init__(self, directory: Path, monotonic_s: Callable[[], float]) -> None:
         self._directory = directory
         self._monotonic_s = monotonic_s
-        self._rows: list[Row] = []
+        self._rows: list[TrialRow] = []
         self._began_s = self._written_s = monotonic_s()
 
-    def add(self, row: Row) -> None:
+    def add(self, row: TrialRow) -> None:
         self._rows.append(row)
 
     def look(self) -> None:
         """Write when it is time again."""
         now_s = self._monotonic_s()
-        every_s = min(FLUSH_S + SLOWING * (now_s - self._began_s), LONGEST_FLUSH_S)
+        every_s = min(FLUSH_S + FLUSH_GROWTH * (now_s - self._began_s), MAX_FLUSH_S)
         if now_s - self._written_s >= every_s:
             self.close()
 
@@ -59,7 +59,7 @@ class Collector:
         self._rows = []
 
 
-def collect(rows: Iterable[Row | None], collector: Collector, progress: Progress) -> None:
+def collect(rows: Iterable[TrialRow | None], collector: Collector, progress: StudyProgress) -> None:
     """Until there are no more; also when it is broken off, all that came is written."""
     try:
         for row in rows:
@@ -89,7 +89,7 @@ def finished(directory: Path) -> pa.Table | None:
     return find(directory).table if files_of(directory) else None
 
 
-def open_tasks(tasks: list[Task], there: pa.Table | None) -> list[Task]:
+def open_tasks(tasks: list[TrialTask], there: pa.Table | None) -> list[TrialTask]:
     """Those of which nothing is there yet."""
     if there is None:
         return tasks

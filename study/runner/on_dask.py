@@ -10,20 +10,20 @@ from queue import Empty, SimpleQueue
 from typing import Any, Final
 
 from runtime.errors import UserError
-from study.runner.plan import Task
+from study.runner.plan import TrialTask
 from study.runner.provenance import code
-from study.runner.rows import Row
+from study.runner.rows import TrialRow
 from study.runner.run_task import StudyContext, failed, row_of
 
 CONNECT_S: Final = 10.0
 REFRESH_S: Final = 1.0
-MOST_WITHOUT_WORKERS_S: Final = 120.0
+MAX_WITHOUT_WORKERS_S: Final = 120.0
 AHEAD: Final = 4
 """Tasks per thread that the cluster holds: enough to be busy, few enough to be stopped soon."""
 
 ASK_EVERY: Final = 50
 KEPT: Final = "what is done is kept, and the same command goes on from there"
-MOST_KILLINGS: Final = 2
+MAX_KILLINGS: Final = 2
 """Dask gives a task up when several workers died while they had it, though it may only have been
 on the same worker as the one they died of. Given up this often, it has failed."""
 
@@ -76,16 +76,18 @@ def code_digest() -> str:
     return code().digest
 
 
-def run(client: Any, bench: StudyContext, tasks: Iterable[Task]) -> Iterator[Row | None]:
+def run(
+    client: Any, context: StudyContext, tasks: Iterable[TrialTask]
+) -> Iterator[TrialRow | None]:
     """Rows as they come, None now and then. What a worker that dies was at is run by another.
 
     Raises UserError when the scheduler is gone or has had no workers for a while.
     """
-    waiting, running = iter(tasks), dict[Any, Task]()
+    waiting, running = iter(tasks), dict[Any, TrialTask]()
     over, killings = SimpleQueue[Any](), Counter[str]()
 
-    def submit(task: Task) -> None:
-        future = _submit(client, bench, task)
+    def submit(task: TrialTask) -> None:
+        future = _submit(client, context, task)
         running[future] = task
         future.add_done_callback(over.put)
 
@@ -104,7 +106,7 @@ def run(client: Any, bench: StudyContext, tasks: Iterable[Task]) -> Iterator[Row
         ended = running.pop(future, None)
         if ended is None:
             continue  # told of twice: its result was lost and made again
-        row = _result(future, ended, bench, killings)
+        row = _result(future, ended, context, killings)
         if row is None:
             submit(ended)
         else:
@@ -136,17 +138,19 @@ class ClusterCapacity:
         if not alive:
             raise UserError(f"--dask: the scheduler is gone; {KEPT}")
         self._idle_s = 0.0 if self._threads else self._idle_s + waited_s
-        if self._idle_s >= MOST_WITHOUT_WORKERS_S:
+        if self._idle_s >= MAX_WITHOUT_WORKERS_S:
             raise UserError(f"--dask: the cluster has no workers left; {KEPT}")
 
 
-def _submit(client: Any, bench: StudyContext, task: Task) -> Any:
+def _submit(client: Any, context: StudyContext, task: TrialTask) -> Any:
     """With its own world: data scattered before would be lost with the worker that has it."""
-    alone = replace(bench, worlds=(bench.worlds[task.place],))
+    alone = replace(context, worlds=(context.worlds[task.place],))
     return client.submit(row_of, replace(task, place=0), alone, pure=False)
 
 
-def _result(future: Any, task: Task, bench: StudyContext, killings: Counter[str]) -> Row | None:
+def _result(
+    future: Any, task: TrialTask, context: StudyContext, killings: Counter[str]
+) -> TrialRow | None:
     """None: it is to be run again."""
     from distributed import KilledWorker
 
@@ -154,18 +158,18 @@ def _result(future: Any, task: Task, bench: StudyContext, killings: Counter[str]
         return None  # cancelled or lost, with a scheduler that began anew
     try:
         # The worker that has it may be dead by now, and so may be those that try again.
-        row: Row = future.result()
+        row: TrialRow = future.result()
         return row
     except KilledWorker:
         pass
     except (CancelledError, OSError, TimeoutError):
         return None
     except Exception as error:
-        return failed(task, bench, f"{type(error).__name__}: {_first_line(error)}")
+        return failed(task, context, f"{type(error).__name__}: {_first_line(error)}")
     killings[task.trial_id] += 1
-    if killings[task.trial_id] < MOST_KILLINGS:
+    if killings[task.trial_id] < MAX_KILLINGS:
         return None
-    return failed(task, bench, "the Dask workers that ran it died, again and again")
+    return failed(task, context, "the Dask workers that ran it died, again and again")
 
 
 def _first_line(error: BaseException) -> str:

@@ -14,11 +14,11 @@ from runtime.errors import UserError
 from study.runner.sources import ListedWorld, unknown
 from study.trial.trial import NAVIGATORS, SIDES
 
-SEEDS_APART: Final = 1000
-LEAST_S: Final = 120.0
-STARTING_S: Final = 30.0
-DETOUR: Final = 40.0
-WITHOUT_WAY_S: Final = 1200.0
+SEED_STRIDE: Final = 1000
+MIN_TIMEOUT_S: Final = 120.0
+START_UP_S: Final = 30.0
+DETOUR_FACTOR: Final = 40.0
+UNREACHABLE_TIMEOUT_S: Final = 1200.0
 ROUND_S: Final = 10.0
 EVERY_NAVIGATOR: Final = (
     *("bug:left", "bug:right", "vgm:left", "bug1:left", "bug2:left", "distbug:left"),
@@ -28,7 +28,7 @@ EVERY_NAVIGATOR: Final = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class StudySettings:
     """What is run in every world; `navigators` with their side, `timeout_s` None: by the world."""
 
     navigators: Sequence[str] = EVERY_NAVIGATOR
@@ -40,7 +40,7 @@ class Settings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
+class TrialTask:
     """A trial to be run; `place` is that of its world in the study's list."""
 
     trial_id: str
@@ -56,16 +56,18 @@ class Task:
     calibrated: bool
 
 
-def tasks_of(worlds: Sequence[ListedWorld], settings: Settings, version: str) -> list[Task]:
+def tasks_of(
+    worlds: Sequence[ListedWorld], settings: StudySettings, version: str
+) -> list[TrialTask]:
     """Seed by seed, and for one seed in an order that has nothing to do with world, navigator or
     noise: wherever a study is interrupted, every part of it has come as far as the others."""
     tasks = [
         task for place, one in enumerate(worlds) for task in _of(place, one, settings, version)
     ]
-    return sorted(tasks, key=lambda task: (task.seed % SEEDS_APART, task.trial_id))
+    return sorted(tasks, key=lambda task: (task.seed % SEED_STRIDE, task.trial_id))
 
 
-def _of(place: int, one: ListedWorld, settings: Settings, version: str) -> Iterator[Task]:
+def _of(place: int, one: ListedWorld, settings: StudySettings, version: str) -> Iterator[TrialTask]:
     """All trials in one world. Without noise a seed changes nothing, so there is only one."""
     timeout_s = settings.timeout_s or time_for(one.world)
     for navigator in settings.navigators:
@@ -83,14 +85,14 @@ def _of(place: int, one: ListedWorld, settings: Settings, version: str) -> Itera
                     "calibrated": settings.calibrated,
                 }
                 trial_id = id_of(identity, version)
-                yield Task(trial_id=trial_id, place=place, world_source=one.source, **identity)
+                yield TrialTask(trial_id=trial_id, place=place, world_source=one.source, **identity)
 
 
 def seed_of(world_digest: str, number: int) -> int:
     """Every world has seeds of its own: the wheels' luck grows from the seed alone, and with one
     seed for all worlds a study would measure the same luck again and again. Navigators and noise
     levels share them, so that they can be compared in pairs."""
-    return int(world_digest[:5], 16) * SEEDS_APART + number
+    return int(world_digest[:5], 16) * SEED_STRIDE + number
 
 
 def id_of(identity: Mapping[str, Any], version: str) -> str:
@@ -102,9 +104,9 @@ def id_of(identity: Mapping[str, Any], version: str) -> str:
 def time_for(world: World) -> float:
     """Enough for a way forty times the shortest, at the robot's full speed; whole ten seconds."""
     if world.shortest_path_m is None:
-        return WITHOUT_WAY_S
-    needed_s = STARTING_S + DETOUR * world.shortest_path_m / body_of(world).max_speed_m_s
-    return max(LEAST_S, ceil(needed_s / ROUND_S) * ROUND_S)
+        return UNREACHABLE_TIMEOUT_S
+    needed_s = START_UP_S + DETOUR_FACTOR * world.shortest_path_m / body_of(world).max_speed_m_s
+    return max(MIN_TIMEOUT_S, ceil(needed_s / ROUND_S) * ROUND_S)
 
 
 def navigator_of(text: str) -> str:

@@ -16,18 +16,18 @@ from multiprocessing.process import BaseProcess
 from typing import Final, Self
 
 from runtime.errors import UserError
-from study.runner.plan import Task
-from study.runner.rows import Row
+from study.runner.plan import TrialTask
+from study.runner.rows import TrialRow
 from study.runner.run_task import StudyContext, failed, row_of
 
 READY: Final = "ready"
 AHEAD: Final = 2
 """Tasks a worker holds, so that it never waits for the next one."""
 
-MOST_DEATHS: Final = 2
+MAX_DEATHS: Final = 2
 """A trial that has cost so many workers is not run again."""
 
-MOST_FALSE_STARTS: Final = 3
+MAX_FALSE_STARTS: Final = 3
 REFRESH_S: Final = 1.0
 
 
@@ -37,18 +37,18 @@ class Worker:
 
     process: BaseProcess
     pipe: Connection
-    held: deque[Task] = field(default_factory=deque)
+    held: deque[TrialTask] = field(default_factory=deque)
     ready: bool = False
 
 
 class Pool:
     """`with Pool(...) as pool: for row in pool.run(tasks)`; leaving it ends the workers at once."""
 
-    def __init__(self, jobs: int, bench: StudyContext) -> None:
+    def __init__(self, jobs: int, context: StudyContext) -> None:
         self._jobs = jobs
-        self._bench = bench
+        self._context = context
         self._workers: list[Worker] = []
-        self._waiting: deque[Task] = deque()
+        self._waiting: deque[TrialTask] = deque()
         self._deaths: Counter[str] = Counter()
         self._false_starts = 0
 
@@ -63,14 +63,14 @@ class Pool:
             worker.pipe.close()
         self._workers.clear()
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[Row | None]:
+    def run(self, tasks: Iterable[TrialTask]) -> Iterator[TrialRow | None]:
         """Rows as they come; None now and then while nothing comes.
 
         Raises UserError when workers die before they have begun.
         """
         self._waiting.extend(tasks)
         while len(self._workers) < min(self._jobs, len(self._waiting)):
-            self._workers.append(_hire(self._bench))
+            self._workers.append(_hire(self._context))
         while self._waiting or any(worker.held for worker in self._workers):
             for worker in self._workers:
                 self._feed(worker)
@@ -90,7 +90,7 @@ class Pool:
                 return  # it is dead, which is heard of on the pipe
             worker.held.append(self._waiting.popleft())
 
-    def _hear(self, worker: Worker) -> Iterator[Row]:
+    def _hear(self, worker: Worker) -> Iterator[TrialRow]:
         try:
             said = worker.pipe.recv()
         except (OSError, EOFError):
@@ -100,36 +100,36 @@ class Pool:
             worker.ready, self._false_starts = True, 0
             return
         worker.held.popleft()
-        assert isinstance(said, Row)
+        assert isinstance(said, TrialRow)
         yield said
 
-    def _bury(self, worker: Worker) -> Iterator[Row]:
+    def _bury(self, worker: Worker) -> Iterator[TrialRow]:
         """Another takes its place; what it was at is run once more, or else has failed."""
         worker.process.join()
         worker.pipe.close()
         end = _end_of(worker.process.exitcode)
         if not worker.ready:
             self._false_starts += 1
-            if self._false_starts >= MOST_FALSE_STARTS:
+            if self._false_starts >= MAX_FALSE_STARTS:
                 raise UserError(
                     f"a worker process cannot start ({end}); try --jobs 1, or see above"
                 )
         if worker.held:
             task = worker.held[0]
             self._deaths[task.trial_id] += 1
-            if self._deaths[task.trial_id] >= MOST_DEATHS:
+            if self._deaths[task.trial_id] >= MAX_DEATHS:
                 worker.held.popleft()
-                reason = f"its worker process died {MOST_DEATHS} times, at last {end}"
-                yield failed(task, self._bench, reason)
+                reason = f"its worker process died {MAX_DEATHS} times, at last {end}"
+                yield failed(task, self._context, reason)
         self._waiting.extendleft(reversed(worker.held))
-        self._workers[self._workers.index(worker)] = _hire(self._bench)
+        self._workers[self._workers.index(worker)] = _hire(self._context)
 
 
-def _hire(bench: StudyContext) -> Worker:
+def _hire(context: StudyContext) -> Worker:
     """Spawned, not forked: it shares nothing with us but the pipe. Ctrl-C is for us alone."""
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=work, args=(theirs, bench), name="trials", daemon=True)
+    spawn = multiprocessing.get_context("spawn")
+    ours, theirs = spawn.Pipe()
+    process = spawn.Process(target=work, args=(theirs, context), name="trials", daemon=True)
     # Started with the first process otherwise, and that takes the mask off again.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
@@ -141,14 +141,14 @@ def _hire(bench: StudyContext) -> Worker:
     return Worker(process, ours)
 
 
-def work(pipe: Connection, bench: StudyContext) -> None:
+def work(pipe: Connection, context: StudyContext) -> None:
     """Run what comes until nobody is there any more."""
     gc.collect()
     gc.freeze()
     try:
         pipe.send(READY)
         while True:
-            pipe.send(row_of(pipe.recv(), bench))
+            pipe.send(row_of(pipe.recv(), context))
     except (OSError, EOFError):
         return
 

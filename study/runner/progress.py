@@ -6,13 +6,13 @@ from math import isfinite
 from typing import Final, TextIO
 
 from runtime.cli.terminal import CLEAR_LINE, steer
-from study.runner.rows import Row
+from study.runner.rows import TrialRow
 
-TERMINAL_EVERY_S: Final = 0.5
-ELSE_EVERY_S: Final = 30.0
+REDRAW_EVERY_S: Final = 0.5
+LOG_EVERY_S: Final = 30.0
 
 
-class Progress:
+class StudyProgress:
     """One line that is written over on a terminal, else a line now and then."""
 
     def __init__(
@@ -27,9 +27,9 @@ class Progress:
         self._terminal = file.isatty()
         self._monotonic_s = monotonic_s
         self._started_s = monotonic_s()
-        self._shown_s = self._started_s - (TERMINAL_EVERY_S if self._terminal else ELSE_EVERY_S)
+        self._shown_s = self._started_s - (REDRAW_EVERY_S if self._terminal else LOG_EVERY_S)
 
-    def add(self, row: Row) -> None:
+    def add(self, row: TrialRow) -> None:
         self.now += 1
         self.outcomes[row.outcome] += 1
         if isfinite(row.time_s):
@@ -52,7 +52,7 @@ class Progress:
 
     def show(self) -> None:
         """When it is time again."""
-        every_s = TERMINAL_EVERY_S if self._terminal else ELSE_EVERY_S
+        every_s = REDRAW_EVERY_S if self._terminal else LOG_EVERY_S
         if self._monotonic_s() - self._shown_s >= every_s:
             self._shown_s = self._monotonic_s()
             self._write(self.line())

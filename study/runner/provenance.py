@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 from ground.recording.build_info import git, version_of
 
 ROOT: Final = Path(__file__).parents[2]
-DRIVEN_BY: Final = ("robot/**/*.py", "plant/**/*.py", "protocol/**/*.py", "runtime/**/*.py")
-TRIED_BY: Final = (
+DRIVE_SOURCES: Final = ("robot/**/*.py", "plant/**/*.py", "protocol/**/*.py", "runtime/**/*.py")
+TRIAL_SOURCES: Final = (
     "runtime/**/*.toml",
     "study/trial/trial.py",
     "study/trial/core_loop.py",
@@ -19,7 +19,7 @@ TRIED_BY: Final = (
 )
 
 
-class Code(NamedTuple):
+class CodeVersion(NamedTuple):
     """`digest` is over the files that a trial runs; two commits may have the same."""
 
     commit: str
@@ -28,7 +28,7 @@ class Code(NamedTuple):
     digest: str
 
 
-class Machine(NamedTuple):
+class MachineInfo(NamedTuple):
     """Names as in `study.runner.rows.Row`."""
 
     python: str
@@ -39,19 +39,19 @@ class Machine(NamedTuple):
 
 
 @cache
-def code() -> Code:
+def code() -> CodeVersion:
     """Commit "unknown" where it does not run from a checkout, as when it was installed."""
     digest = code_digest(ROOT)
     if git("ls-files", "--error-unmatch", "study/trial/trial.py") is None:
-        return Code("unknown", False, version_of("sidestep"), digest)
+        return CodeVersion("unknown", False, version_of("sidestep"), digest)
     commit = git("rev-parse", "HEAD") or "unknown"
     dirty = bool(git("status", "--porcelain", "--untracked-files=no"))
-    return Code(commit, dirty, version_of("sidestep"), digest)
+    return CodeVersion(commit, dirty, version_of("sidestep"), digest)
 
 
 @cache
-def machine() -> Machine:
-    return Machine(
+def machine() -> MachineInfo:
+    return MachineInfo(
         python=".".join(map(str, sys.version_info[:3])),
         numpy=version_of("numpy"),
         pymunk=version_of("pymunk"),
@@ -63,7 +63,7 @@ def machine() -> Machine:
 def code_digest(root: Path) -> str:
     """SHA-256 over the files that decide how a trial goes, with their places."""
     digest = sha256()
-    for pattern in (*DRIVEN_BY, *TRIED_BY):
+    for pattern in (*DRIVE_SOURCES, *TRIAL_SOURCES):
         for file in sorted(root.glob(pattern)):
             digest.update(f"{file.relative_to(root)}\0".encode())
             digest.update(file.read_bytes())

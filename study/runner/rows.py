@@ -12,7 +12,7 @@ FAILED: Final = "failed"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class TrialRow:
     """Places in the world's frame; `true_` from the plant, otherwise what the robot believes.
 
     None: unknown to anybody (no way to the goal, any heading will do). NaN: never came about, as
@@ -88,7 +88,7 @@ class Row:
     started_utc: str
 
 
-COLUMNS: Final = tuple(field.name for field in fields(Row))
+COLUMNS: Final = tuple(field.name for field in fields(TrialRow))
 
 _ARROW: Final[Mapping[type, Any]] = MappingProxyType(
     {str: pa.string(), bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
@@ -102,10 +102,10 @@ def _column(name: str, kind: Any) -> Any:
     return pa.field(name, _ARROW[plain], nullable=nullable)
 
 
-SCHEMA: Final = pa.schema([_column(name, kind) for name, kind in get_type_hints(Row).items()])
+SCHEMA: Final = pa.schema([_column(name, kind) for name, kind in get_type_hints(TrialRow).items()])
 
 
-def table_of(rows: list[Row]) -> pa.Table:
+def table_of(rows: list[TrialRow]) -> pa.Table:
     """The rows in their order. Raises ValueError, naming the column, where a value is missing."""
     columns = {name: [getattr(row, name) for row in rows] for name in COLUMNS}
     for field in SCHEMA:
@@ -114,6 +114,6 @@ def table_of(rows: list[Row]) -> pa.Table:
     return pa.table(columns, schema=SCHEMA)
 
 
-def rows_of(table: pa.Table) -> list[Row]:
+def rows_of(table: pa.Table) -> list[TrialRow]:
     """The rows of a table that has the schema."""
-    return [Row(**record) for record in table.to_pylist()]
+    return [TrialRow(**record) for record in table.to_pylist()]

@@ -12,13 +12,13 @@ from typing import Any, Final
 from plant.model.types import World
 from protocol.outcome import Outcome
 from robot.core import states
-from study.runner.plan import Task
-from study.runner.provenance import Code, machine
-from study.runner.rows import COLUMNS, FAILED, Row
+from study.runner.plan import TrialTask
+from study.runner.provenance import CodeVersion, machine
+from study.runner.rows import COLUMNS, FAILED, TrialRow
 from study.trial.behaviour import Behaviour
 from study.trial.trial import Trial, run_trial
 
-ASKED: Final = tuple(field.name for field in fields(Task) if field.name in COLUMNS)
+ASKED: Final = tuple(field.name for field in fields(TrialTask) if field.name in COLUMNS)
 MEASURED: Final = (
     *("time_s", "path_m", "min_clearance_m"),
     *("position_error_m", "estimated_position_error_m"),
@@ -40,11 +40,11 @@ class StudyContext:
     """What all trials of a study share; handed to every worker once."""
 
     study: str
-    code: Code
+    code: CodeVersion
     worlds: Sequence[World]
 
 
-def trial_of(asked: Task | Row, world: World) -> Trial:
+def trial_of(asked: TrialTask | TrialRow, world: World) -> Trial:
     """The trial itself, to be run for the first time or, from its row, once more."""
     return Trial(
         world=world,
@@ -58,17 +58,17 @@ def trial_of(asked: Task | Row, world: World) -> Trial:
     )
 
 
-def row_of(task: Task, bench: StudyContext) -> Row:
+def row_of(task: TrialTask, context: StudyContext) -> TrialRow:
     """Run it. An exception is how that trial ended, not the end of the study."""
     watch, started_utc = Behaviour(), _now_utc()
     wall_s, cpu_s = perf_counter(), thread_time()
     try:
-        outcome = run_trial(trial_of(task, bench.worlds[task.place]), watch)
+        outcome = run_trial(trial_of(task, context.worlds[task.place]), watch)
     except Exception as error:
-        return failed(task, bench, f"{type(error).__name__}: {error}", started_utc)
+        return failed(task, context, f"{type(error).__name__}: {error}", started_utc)
     wall_s, cpu_s = perf_counter() - wall_s, thread_time() - cpu_s
-    return Row(
-        **_asked(task, bench),
+    return TrialRow(
+        **_asked(task, context),
         **_ended(outcome),
         **_final(outcome, watch),
         **_drove(watch),
@@ -78,11 +78,13 @@ def row_of(task: Task, bench: StudyContext) -> Row:
     )
 
 
-def failed(task: Task, bench: StudyContext, reason: str, started_utc: str | None = None) -> Row:
+def failed(
+    task: TrialTask, context: StudyContext, reason: str, started_utc: str | None = None
+) -> TrialRow:
     """The row of a trial that could not be run to its end."""
     empty = Behaviour()
-    return Row(
-        **_asked(task, bench),
+    return TrialRow(
+        **_asked(task, context),
         **NOTHING,
         **_final(None, empty),
         **_drove(empty),
@@ -94,12 +96,12 @@ def failed(task: Task, bench: StudyContext, reason: str, started_utc: str | None
     )
 
 
-def _asked(task: Task, bench: StudyContext) -> dict[str, Any]:
+def _asked(task: TrialTask, context: StudyContext) -> dict[str, Any]:
     """Identity, world and provenance."""
-    world, code = bench.worlds[task.place], bench.code
+    world, code = context.worlds[task.place], context.code
     return {
         **{name: getattr(task, name) for name in ASKED},
-        "study": bench.study,
+        "study": context.study,
         "world": world.name,
         "family": world.family,
         "shortest_path_m": world.shortest_path_m,

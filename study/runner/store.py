@@ -15,7 +15,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from runtime.errors import UserError
-from study.runner.rows import SCHEMA, Row, table_of
+from study.runner.rows import SCHEMA, TrialRow, table_of
 
 RESULTS: Final = "results.parquet"
 SHARDS: Final = "shards"
@@ -93,7 +93,7 @@ def _first_line(error: Exception) -> str:
     return strerror or (str(error).splitlines() or [type(error).__name__])[0]
 
 
-def write_shard(directory: Path, rows: list[Row]) -> Path:
+def write_shard(directory: Path, rows: list[TrialRow]) -> Path:
     """One more shard of these rows. Raises UserError when the disk has no room."""
     shards = directory / SHARDS
     shards.mkdir(exist_ok=True)

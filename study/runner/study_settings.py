@@ -9,18 +9,18 @@ from typing import Any, Final
 
 from runtime.errors import UserError
 from runtime.json_reader import value_in
-from study.runner.plan import Settings
-from study.runner.provenance import Code, Machine
+from study.runner.plan import StudySettings
+from study.runner.provenance import CodeVersion, MachineInfo
 from study.runner.sources import ListedWorld
 from study.runner.store import replacing
 
 FILE: Final = "settings.json"
 LOCK: Final = "lock"
-NAMED_AT_MOST: Final = 3
+MAX_NAMED: Final = 3
 
 
 def settings_of(
-    worlds: Sequence[ListedWorld], settings: Settings, code: Code, machine: Machine
+    worlds: Sequence[ListedWorld], settings: StudySettings, code: CodeVersion, machine: MachineInfo
 ) -> dict[str, Any]:
     """As it is stored; of the machine only the libraries that may round differently."""
     return {
@@ -38,7 +38,9 @@ def settings_of(
     }
 
 
-def settle(directory: Path, wanted: Mapping[str, Any], code: Code, *, mixed: bool) -> list[str]:
+def settle(
+    directory: Path, wanted: Mapping[str, Any], code: CodeVersion, *, mixed: bool
+) -> list[str]:
     """Write the settings down; what differs from those that are there, when that is allowed.
 
     Raises UserError, naming what differs, when it is not.
@@ -75,8 +77,8 @@ def differences(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str
 
 def _worlds(before: Mapping[str, str], now: Mapping[str, str]) -> str:
     names = sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
-    more = f" and {len(names) - NAMED_AT_MOST} more" if len(names) > NAMED_AT_MOST else ""
-    return f"{len(before)} worlds were, {len(now)} are ({', '.join(names[:NAMED_AT_MOST])}{more})"
+    more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
+    return f"{len(before)} worlds were, {len(now)} are ({', '.join(names[:MAX_NAMED])}{more})"
 
 
 def _short(value: object) -> str:

@@ -28,7 +28,7 @@ from robot.parameters.table import with_values
 from runtime.calibration import settings_of
 from study.calibration.runs import covariance_of
 from study.statistics.intervals import CHI2_2, SURE
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 
 KINDS: Final = ("straight", "curves", "stop and go", "obstacles")
@@ -142,9 +142,9 @@ def among_obstacles(level: str, seed: int, random: np.random.Generator) -> tuple
     trunks = grow(count, size_m, clearings, seed)
     start = replace(start, heading_rad=random.uniform(-3.0, 3.0))
     world = World(name="forest", size_m=size_m, start=start, goal=goal, obstacles=trunks)
-    last: list[tuple[Plant, Onboard]] = []
+    last: list[tuple[Plant, CoreLoop]] = []
 
-    def watch(plant: Plant, onboard: Onboard, _: Outputs) -> None:
+    def watch(plant: Plant, onboard: CoreLoop, _: Outputs) -> None:
         last[:] = [(plant, onboard)]
 
     run_trial(Trial(world=world, seed=seed, noise=level, timeout_s=60.0), watch)

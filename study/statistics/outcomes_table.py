@@ -31,7 +31,7 @@ HEAD = (
 SUMMARY = re.compile(r"^\| navigator \| noise \| runs \|.*?\n(?=\n)", re.MULTILINE | re.DOTALL)
 
 
-class Row(NamedTuple):
+class OutcomeRow(NamedTuple):
     """The run of seed 0, and how the runs of all seeds ended (without noise there is one)."""
 
     navigator: str
@@ -59,10 +59,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def rows_of(name: str, seeds: int) -> list[Row]:
+def rows_of(name: str, seeds: int) -> list[OutcomeRow]:
     """All runs of one world."""
     world = load(name)
-    rows: list[Row] = []
+    rows: list[OutcomeRow] = []
     for navigator, side in (words.split(":") for words in EVERY_NAVIGATOR):
         for noise, count in (("none", 1), ("default", seeds)):
             runs = [
@@ -79,11 +79,11 @@ def rows_of(name: str, seeds: int) -> list[Row]:
                 for seed in range(count)
             ]
             label = f"bug, {side}" if navigator == "bug" else navigator
-            rows.append(Row(label, noise, runs[0], Counter(run.outcome for run in runs)))
+            rows.append(OutcomeRow(label, noise, runs[0], Counter(run.outcome for run in runs)))
     return rows
 
 
-def document(worlds: Iterable[list[Row]], seeds: int) -> str:
+def document(worlds: Iterable[list[OutcomeRow]], seeds: int) -> str:
     head = HEAD.format(seeds=seeds)
     rule = "|" + "---|" * (head.count("|") - 1)
     rows = [row for world in worlds for row in world]
@@ -107,7 +107,7 @@ def document(worlds: Iterable[list[Row]], seeds: int) -> str:
     )
 
 
-def summary(rows: list[Row]) -> list[str]:
+def summary(rows: list[OutcomeRow]) -> list[str]:
     lines = ["| navigator | noise | runs | " + " | ".join(OUTCOMES) + " |"]
     lines.append("|" + "---|" * (3 + len(OUTCOMES)))
     for navigator, noise in dict.fromkeys((row.navigator, row.noise) for row in rows):
@@ -125,7 +125,7 @@ def with_summary(page: str, document: str) -> str:
     return SUMMARY.sub(lambda _: made[0], page)
 
 
-def line(row: Row) -> str:
+def line(row: OutcomeRow) -> str:
     run = row.run
     shortest_m = run.shortest_path_m
     ratio = f"{run.path_m / shortest_m:.2f}" if shortest_m and run.reached else "-"

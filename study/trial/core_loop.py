@@ -13,7 +13,7 @@ WHEELS_STALE_MS = WHEELS.stale_after_ns // NS_PER_MS
 SCAN_STALE_MS = SONAR.stale_after_ns // NS_PER_MS
 
 
-class Onboard:
+class CoreLoop:
     """The last senses and the state of the core. A sense that stays away grows stale, then None."""
 
     __slots__ = ("_scan", "_scan_ms", "_wheels", "_wheels_ms", "now_ms", "params", "state")

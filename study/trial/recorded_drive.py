@@ -53,14 +53,14 @@ Key = tuple[int, int]
 """Stamp and MAVLink sequence: all frames of one tick have the same."""
 
 
-class Request(NamedTuple):
+class RecordedRequest(NamedTuple):
     """What was asked, and whether the robot acted on it."""
 
     message: Message
     acted_on: bool
 
 
-class Recorded:
+class RecordedDrive:
     """One recording. `ticks` are in order; a lack of anything is found when it is asked for."""
 
     def __init__(self, log: Log) -> None:
@@ -110,11 +110,11 @@ class Recorded:
         elif key.endswith(ANSWERED.path):
             self._answers.append((sequence, message))
 
-    def _paired(self) -> dict[int, Request]:
+    def _paired(self) -> dict[int, RecordedRequest]:
         """Requests by their number from 1, which is what the sequence of their frames counts."""
         answers = dict(_unwrapped(self._answers))
         return {
-            place + 1: Request(message, reason_in(answers.get(place)) not in IGNORED)
+            place + 1: RecordedRequest(message, reason_in(answers.get(place)) not in IGNORED)
             for place, message in _unwrapped(self._asked)
         }
 

@@ -32,7 +32,7 @@ from robot.telemetry import NEVER
 from robot.vehicle import Vehicle
 from runtime.errors import UserError
 from runtime.units import NS_PER_MS, NS_PER_S
-from study.trial.recorded_drive import Recorded
+from study.trial.recorded_drive import RecordedDrive
 
 COMPARED: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)
 UNCOMPARED: Final = frozenset(
@@ -53,7 +53,7 @@ class Difference(NamedTuple):
 
 
 @dataclass(slots=True)
-class Verdict:
+class ReexecutionResult:
     """How many ticks were the same, what the first other one was, and why it ended, if early.
 
     `unheard` ticks were executed, but part of what came of them is not in the recording.
@@ -71,10 +71,12 @@ def ignore(_stage: int) -> None:
     """Nobody takes the time."""
 
 
-class Replay:
+class Reexecution:
     """The robot of this build, driven by a recording."""
 
-    def __init__(self, recorded: Recorded, params: Params, start: Pose, *, other: bool) -> None:
+    def __init__(
+        self, recorded: RecordedDrive, params: Params, start: Pose, *, other: bool
+    ) -> None:
         """`other`: with a navigator of its own, so that what chose another one is left out."""
         self._recorded = recorded
         self._other = other
@@ -141,13 +143,15 @@ def chooses_navigator(request: Message) -> bool:
     return isinstance(request, CommandRequest) and request.command == chooses
 
 
-def reexecuted(recorded: Recorded, params: Params, start: Pose, *, other: bool = False) -> Verdict:
+def reexecute(
+    recorded: RecordedDrive, params: Params, start: Pose, *, other: bool = False
+) -> ReexecutionResult:
     """Every tick up to the end or to the first one of which something is missing.
 
     With `other` only wheel commands are compared, and it goes on behind the first difference.
     """
-    again = Replay(recorded, params, start, other=other)
-    verdict = Verdict(len(recorded.ticks))
+    again = Reexecution(recorded, params, start, other=other)
+    verdict = ReexecutionResult(len(recorded.ticks))
     kinds = COMPARED[:1] if other else COMPARED
     for place, (inputs, sequence) in enumerate(recorded.ticks):
         verdict.lack = recorded.lack(place)
@@ -204,7 +208,7 @@ def differs_in(
     return None
 
 
-def refuse_unless_whole(recorded: Recorded) -> None:
+def refuse_unless_whole(recorded: RecordedDrive) -> None:
     """UserError unless it begins before the robot was asked anything or moved."""
     if not recorded.ticks:
         why = "no tick's inputs are in it"

@@ -21,7 +21,7 @@ from robot.parameters.table import with_values
 from runtime.calibration import settings_of
 from runtime.timing import CONTROL_HZ, PERIOD_NS
 from runtime.units import NS_PER_S
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 
 NAVIGATORS: Mapping[str, int] = {
     "bug": states.BUG,
@@ -37,7 +37,7 @@ SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 # The same world is run again and again, and its shortest path costs more than some runs.
 shortest_once = lru_cache(maxsize=8)(known_length_m)
 
-Watch: TypeAlias = Callable[[Plant, Onboard, Outputs], None]
+Watch: TypeAlias = Callable[[Plant, CoreLoop, Outputs], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,7 @@ def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
     """
     noise, at_ns = noise_of(trial.world, trial.noise), round(trial.at_s * CONTROL_HZ) * PERIOD_NS
     plant = Plant(trial.world, trial.seed, noise, at_ns=at_ns)
-    onboard = Onboard(params_of(trial), start_of(trial.world))
+    onboard = CoreLoop(params_of(trial), start_of(trial.world))
     goal = wire_goal_of(trial.world)
     begun_s = perf_counter()
     refusal = drive(plant, onboard, goal, trial.timeout_s, watch)
@@ -83,7 +83,7 @@ def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
 
 
 def drive(
-    plant: Plant, onboard: Onboard, goal: WireGoal, timeout_s: float, watch: Watch | None
+    plant: Plant, onboard: CoreLoop, goal: WireGoal, timeout_s: float, watch: Watch | None
 ) -> int:
     """Tick by tick until the goal has ended or the time is up; why the goal was refused, or 0."""
     wheels, scan = plant.senses()
@@ -142,7 +142,7 @@ def asked_of(trial: Trial, wire_goal: WireGoal) -> Asked:
 
 
 def ended_of(
-    plant: Plant, onboard: Onboard, refusal: int, wall_s: float, begun_ns: int = 0
+    plant: Plant, onboard: CoreLoop, refusal: int, wall_s: float, begun_ns: int = 0
 ) -> Ended:
     machine, pose = onboard.state.machine, onboard.state.odometry.pose
     refused = refusal != reasons.OK

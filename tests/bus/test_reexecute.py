@@ -7,8 +7,8 @@ from ground.recording.log_reader import opened
 from ground.recording.mcap.writer import McapFormat
 from protocol.topics import INPUTS, SONAR, WHEELS
 from study.cli.reexecute import params_of, start_of
-from study.trial.recorded_drive import Recorded
-from study.trial.reexecute import reexecuted, refuse_unless_whole
+from study.trial.recorded_drive import RecordedDrive
+from study.trial.reexecute import reexecute, refuse_unless_whole
 from tests.support.harness import Stack
 from tests.support.operators import drive_about
 
@@ -32,10 +32,10 @@ def test_goals_missions_fences_teleop_leases_and_lost_senses_are_had_again(tmp_p
         drive_about(stack)
     with lock:
         path.write_bytes(form.end())
-    recorded = Recorded(opened(path))
+    recorded = RecordedDrive(opened(path))
     refuse_unless_whole(recorded)
     start, _ = start_of(recorded)
-    verdict = reexecuted(recorded, params_of(recorded), start)
+    verdict = reexecute(recorded, params_of(recorded), start)
     assert verdict.first is None
     assert verdict.compared > 200, verdict.lack
     assert verdict.lack or verdict.compared == len(recorded.ticks), "a busy bus may drop a frame"

@@ -10,7 +10,7 @@ from plant.model.types import Circle, GoalPose, Obstacle, Polygon, Settings, Sta
 from plant.sim.simulation import Plant
 from protocol.outcome import Outcome
 from robot.core.values import Outputs
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, run_trial
 
 TIMEOUT_S = 300.0
@@ -32,7 +32,7 @@ def room(*obstacles: Obstacle, goal: tuple[float, float], walls: bool = True) ->
 def ends(
     world: World,
     navigator: str,
-    watch: Callable[[Plant, Onboard, Outputs], None] | None = None,
+    watch: Callable[[Plant, CoreLoop, Outputs], None] | None = None,
 ) -> Outcome:
     trial = Trial(world=world, navigator=navigator, noise="none", timeout_s=TIMEOUT_S)
     return run_trial(trial, watch)
@@ -109,7 +109,7 @@ def test_a_sonar_that_reads_what_cannot_be_stops_the_robot(navigator: str, range
 def test_a_pose_that_is_no_number_in_mid_follow_stops_the_robot(
     navigator: str, value: float
 ) -> None:
-    def spoil(plant: Plant, onboard: Onboard, _outputs: Outputs) -> None:
+    def spoil(plant: Plant, onboard: CoreLoop, _outputs: Outputs) -> None:
         if plant.now_ns == 6_000_000_000:
             odometry = onboard.state.odometry
             odometry.pose = odometry.pose._replace(x_m=value)

@@ -21,7 +21,7 @@ from study.calibration.squares import drive as squares
 from study.calibration.umbmark import umbmark
 from study.statistics.consistency import KINDS, drive, error_of, judged
 from study.statistics.intervals import CHI2_2
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 
 EACH = 25
@@ -84,13 +84,13 @@ def inside(worlds: Sequence[World]) -> float:
     """Share of the drives at whose end the truth lies inside the 95 % ellipse."""
     count = 0
     for seed, world in enumerate(worlds):
-        last: list[tuple[Plant, Onboard]] = []
+        last: list[tuple[Plant, CoreLoop]] = []
 
         def watch(
             plant: Plant,
-            onboard: Onboard,
+            onboard: CoreLoop,
             _: Outputs,
-            last: list[tuple[Plant, Onboard]] = last,
+            last: list[tuple[Plant, CoreLoop]] = last,
         ) -> None:
             last[:] = [(plant, onboard)]
 
@@ -129,7 +129,7 @@ def test_with_an_encoder_that_stands_the_truth_is_nearly_always_inside_the_ellip
 def test_where_nothing_slips_nobody_says_so(noise: str) -> None:
     doubts: list[float] = []
 
-    def watch(_: Plant, onboard: Onboard, __: Outputs) -> None:
+    def watch(_: Plant, onboard: CoreLoop, __: Outputs) -> None:
         state = onboard.state
         doubts.extend((state.slip.share, state.stall.left.doubted_m, state.stall.right.doubted_m))
 

@@ -13,12 +13,12 @@ from distributed import LocalCluster
 from plant.model.types import World
 from runtime.errors import UserError
 from study.runner import on_dask
-from study.runner.plan import Task
+from study.runner.plan import TrialTask
 from study.runner.pool import Pool
 from study.runner.provenance import code
-from study.runner.rows import FAILED, Row
+from study.runner.rows import FAILED, TrialRow
 from study.runner.run_task import StudyContext
-from tests.support.study.made import bench_of, boxed, floor, tasks
+from tests.support.study.made import boxed, context_of, floor, tasks
 from tests.support.study.trouble import deadly
 
 pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("dask")]
@@ -48,25 +48,25 @@ def doomed() -> Iterator[str]:
         yield found
 
 
-def run(address: str, made: Sequence[Task], *worlds: World) -> dict[str, Row]:
+def run(address: str, made: Sequence[TrialTask], *worlds: World) -> dict[str, TrialRow]:
     with on_dask.cluster(address) as client:
-        return by_trial(on_dask.run(client, bench_of(*worlds), made))
+        return by_trial(on_dask.run(client, context_of(*worlds), made))
 
 
-def by_trial(rows: Iterator[Row | None]) -> dict[str, Row]:
+def by_trial(rows: Iterator[TrialRow | None]) -> dict[str, TrialRow]:
     found = [row for row in rows if row is not None]
     assert len({row.trial_id for row in found}) == len(found), "a trial came twice"
     return {row.trial_id: row for row in found}
 
 
-def digests(rows: dict[str, Row]) -> dict[str, str]:
+def digests(rows: dict[str, TrialRow]) -> dict[str, str]:
     return {name: row.digest for name, row in rows.items()}
 
 
 def test_the_rows_are_those_of_our_own_processes(address: str) -> None:
     worlds = (floor(), boxed())
     made = tasks(*worlds, noise=("none", "harsh"), seeds=3)
-    with Pool(1, bench_of(*worlds)) as pool:
+    with Pool(1, context_of(*worlds)) as pool:
         ours = by_trial(pool.run(made))
     assert digests(run(address, made, *worlds)) == digests(ours)
     assert len(ours) == len(made)
@@ -85,7 +85,7 @@ def test_dask_workers_killed_from_outside_cost_no_trial(doomed: str) -> None:
     made = tasks(boxed(), noise=("default",), seeds=12)
     with on_dask.cluster(doomed) as client:
         pids = list(client.run(os.getpid).values())
-        coming = on_dask.run(client, bench_of(boxed()), made)
+        coming = on_dask.run(client, context_of(boxed()), made)
         first = next(row for row in coming if row is not None)
         for pid in pids:
             os.kill(pid, signal.SIGKILL)
@@ -153,7 +153,7 @@ def test_a_scheduler_that_goes_away_ends_the_study_with_what_is_done() -> None:
         LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=ANYWHERE) as cluster,
         on_dask.cluster(cluster.scheduler_address) as client,
     ):
-        coming = on_dask.run(client, bench_of(boxed()), made)
+        coming = on_dask.run(client, context_of(boxed()), made)
         assert next(row for row in coming if row is not None).outcome == "reached"
         cluster.close()
         with pytest.raises(UserError, match="what is done is kept"):
@@ -166,14 +166,14 @@ def exhaust(coming: Iterator[Any]) -> None:
 
 
 def test_every_task_travels_with_its_own_world_only() -> None:
-    sent: list[tuple[Task, StudyContext]] = []
+    sent: list[tuple[TrialTask, StudyContext]] = []
 
     class Client:
-        def submit(self, _: object, task: Task, bench: StudyContext, **__: object) -> None:
-            sent.append((task, bench))
+        def submit(self, _: object, task: TrialTask, context: StudyContext, **__: object) -> None:
+            sent.append((task, context))
 
     worlds = (floor(), boxed())
     for task in tasks(*worlds):
-        on_dask._submit(Client(), bench_of(*worlds), task)
-    assert all(task.place == 0 and len(bench.worlds) == 1 for task, bench in sent)
-    assert {bench.worlds[0].name for _, bench in sent} == {"floor", "disc"}
+        on_dask._submit(Client(), context_of(*worlds), task)
+    assert all(task.place == 0 and len(context.worlds) == 1 for task, context in sent)
+    assert {context.worlds[0].name for _, context in sent} == {"floor", "disc"}

@@ -27,7 +27,7 @@ from robot.lease import LAPSE_NS
 from runtime.timing import PERIOD_MS
 from runtime.units import NS_PER_MS
 from study.cli.study_options import parser
-from study.runner.plan import DETOUR, LEAST_S, WITHOUT_WAY_S
+from study.runner.plan import DETOUR_FACTOR, MIN_TIMEOUT_S, UNREACHABLE_TIMEOUT_S
 from study.statistics.intervals import CHI2_2, CONFIDENCE, CONFIDENT
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -115,5 +115,9 @@ def test_the_confidence_of_both_ellipses_is_the_same() -> None:
 
 def test_helps_show_the_defaults_in_force() -> None:
     study_help = " ".join(parser().format_help().split())
-    for words in (f"{DETOUR:g} times", f"at least {LEAST_S:g} s", f"{WITHOUT_WAY_S:g} s where"):
+    for words in (
+        f"{DETOUR_FACTOR:g} times",
+        f"at least {MIN_TIMEOUT_S:g} s",
+        f"{UNREACHABLE_TIMEOUT_S:g} s where",
+    ):
         assert words in study_help

@@ -46,8 +46,8 @@ from runtime.clock import ManualClock
 from runtime.units import NS_PER_S
 from study.cli.reexecute import params_of
 from study.cli.reexecute import start_of as started_at
-from study.trial.recorded_drive import Recorded
-from study.trial.reexecute import reexecuted, refuse_unless_whole
+from study.trial.recorded_drive import RecordedDrive
+from study.trial.reexecute import reexecute, refuse_unless_whole
 from verification.fuzz.messages import packed, pieces
 from verification.fuzz.target import REFUSALS, Target
 from verification.fuzz.wire import ARM, GOAL, SCAN, TEXT, TICKS
@@ -288,10 +288,10 @@ def haunt(path: Path) -> None:
 
 
 def again(path: Path) -> None:
-    recorded = Recorded(opened(path))
+    recorded = RecordedDrive(opened(path))
     refuse_unless_whole(recorded)
     start, _ = started_at(recorded)
-    reexecuted(recorded, params_of(recorded), start, other=False)
+    reexecute(recorded, params_of(recorded), start, other=False)
 
 
 def recording(data: bytes, folder: Path) -> None:

@@ -14,7 +14,7 @@ from study.report.charts.drives import Drive, all_attempted
 from study.report.charts.world_map import Map
 from study.report.page import Block, Figure, Gallery, Section, Text
 from study.report.trials import NOISES, Trials
-from study.runner.rows import FAILED, Row, rows_of
+from study.runner.rows import FAILED, TrialRow, rows_of
 from study.runner.run_task import trial_of
 from study.statistics.intervals import CONFIDENT
 from study.trial.trial import Trial
@@ -30,7 +30,7 @@ FIXED_PLACE: Final = "plant/corpus/fixed"
 class ChosenDrives(NamedTuple):
     label: str
     kind: str
-    row: Row
+    row: TrialRow
 
 
 def chosen(table: pa.Table, trials: Trials, most: int) -> list[ChosenDrives]:
@@ -48,7 +48,7 @@ def chosen(table: pa.Table, trials: Trials, most: int) -> list[ChosenDrives]:
     return found
 
 
-def kind_of(row: Row) -> str:
+def kind_of(row: TrialRow) -> str:
     if row.goal_reason == Reason.UNREACHABLE and row.reachable is not False:
         return "called unreachable"
     if row.outcome == "reached":
@@ -56,12 +56,12 @@ def kind_of(row: Row) -> str:
     return row.outcome
 
 
-def varied(rows: list[Row], most: int) -> list[Row]:
+def varied(rows: list[TrialRow], most: int) -> list[TrialRow]:
     """One of each kind and family in turn, those first that bring in a new kind or family."""
-    groups: dict[tuple[str, str], list[Row]] = {}
+    groups: dict[tuple[str, str], list[TrialRow]] = {}
     for row in sorted(rows, key=_order):
         groups.setdefault((kind_of(row), row.family), []).append(row)
-    picked: list[Row] = []
+    picked: list[TrialRow] = []
     kinds: set[str] = set()
     families: set[str] = set()
     while groups and len(picked) < most:
@@ -75,7 +75,7 @@ def varied(rows: list[Row], most: int) -> list[Row]:
     return picked
 
 
-def _order(row: Row) -> tuple[int, float, str, int]:
+def _order(row: TrialRow) -> tuple[int, float, str, int]:
     """The least noise first, then the shortest drive: the clearest to look at."""
     noise = NOISES.index(row.noise) if row.noise in NOISES else len(NOISES)
     return noise, row.time_s, row.trial_id, row.seed
@@ -139,7 +139,7 @@ def _figure(one: ChosenDrives, drive: Drive, name: str) -> Figure:
     return Figure(name, plan.drawing, caption, note, command_of(row))
 
 
-def command_of(row: Row) -> str:
+def command_of(row: TrialRow) -> str:
     """What shows the same drive, from the project's directory."""
     world, before = _world_file(row.world_source)
     parameters: dict[str, float] = json.loads(row.parameters or "{}")

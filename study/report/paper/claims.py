@@ -25,7 +25,7 @@ ORIENTED_DEG: Final = 10.0
 RARE: Final = 0.01
 ENOUGH: Final = 100
 LEVEL: Final = 0.05
-MOST_SHOWN: Final = 3
+MAX_SHOWN: Final = 3
 
 CORNERS: Final = ("corner",)
 MINIMA: Final = ("corner", "u_trap", "dead_end", "spiral", "zigzag")
@@ -241,7 +241,7 @@ def _shown(pool: Pool, kind: Kind, good: bool) -> list[str]:
         strict=True,
     )
     ids = [f"{world} {noise} seed {seed:.0f} (`{id_[:12]}`)" for world, noise, id_, seed in named]
-    return found[:MOST_SHOWN] + sorted(ids)[:MOST_SHOWN]
+    return found[:MAX_SHOWN] + sorted(ids)[:MAX_SHOWN]
 
 
 def _dominant(trials: Trials) -> Claim:

@@ -21,7 +21,7 @@ PAPERS_OWN: Final = DRIVERS[:3]
 PLACES: Final = {"11 and 12": "paper_fig11", "13": "paper_fig13"}
 """The figures of the paper, and the world they are driven in."""
 
-LEAST_DEVIATION_M: Final = 0.10
+MIN_DEVIATION_M: Final = 0.10
 """Who never left the line by more has nothing to return from."""
 
 
@@ -93,7 +93,7 @@ def left_of_deviation(drive: Drive) -> float | None:
     offsets = drive.offsets_m()
     sizes = [abs(left_m) for _, left_m in offsets]
     worst = max(range(len(sizes)), key=lambda index: sizes[index])
-    if not drive.outcome.reached or sizes[worst] < LEAST_DEVIATION_M:
+    if not drive.outcome.reached or sizes[worst] < MIN_DEVIATION_M:
         return None
     goal = drive.trial.world.goal
     start = drive.trial.world.start

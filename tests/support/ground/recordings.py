@@ -20,7 +20,7 @@ from protocol.wire.messages import CycleReport, GoalRequest
 from robot import telemetry
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial, wire_goal_of
 
 BEGAN_NS = 1_790_000_000_000_000_000
@@ -36,7 +36,7 @@ class Recording:
     robot: str = ROBOT
     lost_bytes: int = 0
 
-    def __call__(self, plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+    def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         state, now_ns = onboard.state, plant.now_ns
         zone_m = Vehicle.zone_m.fget(onboard)  # type: ignore[attr-defined]
         self.put(TRUTH, plant.truth(), now_ns)

@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from plant.model.types import Circle, GoalPose, Start, World
-from study.runner.plan import Settings, Task, tasks_of
-from study.runner.provenance import Code
-from study.runner.rows import Row
+from study.runner.plan import StudySettings, TrialTask, tasks_of
+from study.runner.provenance import CodeVersion
+from study.runner.rows import TrialRow
 from study.runner.run_task import StudyContext, failed
 from study.runner.sources import ListedWorld, digest_of
 
-CODE = Code(commit="c0ffee", dirty=False, version="0.1.0", digest="d1")
+CODE = CodeVersion(commit="c0ffee", dirty=False, version="0.1.0", digest="d1")
 
 
 def floor(name: str = "floor", *, far_m: float = 0.4, family: str | None = "open") -> World:
@@ -37,24 +37,24 @@ def list_of(*worlds: World) -> list[ListedWorld]:
     return [ListedWorld(f"shipped:{one.name}", digest_of(one), one) for one in worlds]
 
 
-def bench_of(*worlds: World, study: str = "test") -> StudyContext:
+def context_of(*worlds: World, study: str = "test") -> StudyContext:
     return StudyContext(study=study, code=CODE, worlds=worlds)
 
 
-def settings(**changed: Any) -> Settings:
+def settings(**changed: Any) -> StudySettings:
     usual: dict[str, Any] = {"navigators": ("vgm:left",), "noise": ("none",), "timeout_s": 20.0}
-    return Settings(**{**usual, **changed})
+    return StudySettings(**{**usual, **changed})
 
 
-def tasks(*worlds: World, **changed: Any) -> list[Task]:
+def tasks(*worlds: World, **changed: Any) -> list[TrialTask]:
     return tasks_of(list_of(*worlds), settings(**changed), CODE.version)
 
 
-def rows(count: int, start: int = 0, **changed: Any) -> list[Row]:
+def rows(count: int, start: int = 0, **changed: Any) -> list[TrialRow]:
     """Rows of different trials, none of them driven."""
-    one, bench = tasks(floor())[0], bench_of(floor())
+    one, context = tasks(floor())[0], context_of(floor())
     made = [
-        failed(replace(one, trial_id=f"{number:032x}"), bench, "never begun")
+        failed(replace(one, trial_id=f"{number:032x}"), context, "never begun")
         for number in range(start, start + count)
     ]
     return [replace(row, **changed) for row in made]

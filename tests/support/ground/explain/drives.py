@@ -8,7 +8,7 @@ from protocol.wire.messages import AvoidanceDecision, NavigatorStatus
 from robot import telemetry
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 
 WORLDS = ("box", "u_trap", "forest_medium")
@@ -30,7 +30,7 @@ class Recording:
         self._told: list[tuple[AvoidanceDecision, NavigatorStatus]] = []
         self._yaw_rates: list[float] = []
 
-    def __call__(self, plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+    def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         state, now_ns = onboard.state, plant.now_ns
         zone_m = Vehicle.zone_m.fget(onboard)  # type: ignore[attr-defined]
         self._told.append(

@@ -8,7 +8,7 @@ from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.outcome import Outcome
 from robot.core.values import Outputs
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 
 
@@ -16,7 +16,7 @@ def driven(trial: Trial) -> tuple[Outcome, list[tuple[float, float]]]:
     """How it came out, and where it truly was tick by tick."""
     places: list[tuple[float, float]] = []
 
-    def watch(plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+    def watch(plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         truth = plant.truth()
         places.append((truth.x_m, truth.y_m))
 

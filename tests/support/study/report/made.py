@@ -12,7 +12,7 @@ from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason
 from study.report.charts.drives import Drive, Pose
 from study.report.trials import Trials, trials_of
-from study.runner.rows import SCHEMA, Row, table_of
+from study.runner.rows import SCHEMA, TrialRow, table_of
 from study.trial.trial import Trial
 from tests.support.study.made import floor
 
@@ -76,12 +76,12 @@ USUAL: dict[str, Any] = {
 }
 
 
-def row(**changes: Any) -> Row:
+def row(**changes: Any) -> TrialRow:
     """An arrival as it should be, but for the changes; its identity is that of its contents."""
     fields = {**USUAL, **changes}
     mark = sha256(repr(sorted(fields.items())).encode()).hexdigest()
     fields.setdefault("world_digest", sha256(fields["world"].encode()).hexdigest())
-    return Row(**{"trial_id": mark[:32], "digest": mark, **fields})
+    return TrialRow(**{"trial_id": mark[:32], "digest": mark, **fields})
 
 
 STUCK: dict[str, Any] = {"outcome": "stuck", "reason": "has come no closer for too long"}
@@ -100,7 +100,7 @@ SHUT: dict[str, Any] = {
 }
 
 
-def trials(*rows: Row) -> Trials:
+def trials(*rows: TrialRow) -> Trials:
     return trials_of(table_of(list(rows)))
 
 
@@ -110,7 +110,7 @@ def study(
     failing: bool = True,
 ) -> pa.Table:
     """Ten worlds of five families and one without a way; vgm and bug fail where told."""
-    rows: list[Row] = []
+    rows: list[TrialRow] = []
     families = ("box", "corner", "u_trap", "forest_dense", "moving")
     for navigator, noise, (place, family), number in product(
         navigators, noises, enumerate(families), range(2)

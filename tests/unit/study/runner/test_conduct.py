@@ -16,7 +16,7 @@ from runtime.errors import UserError
 from study.runner import conduct, store
 from study.runner.conduct import (
     FLUSH_S,
-    LONGEST_FLUSH_S,
+    MAX_FLUSH_S,
     Collector,
     collect,
     finish,
@@ -24,14 +24,14 @@ from study.runner.conduct import (
     open_tasks,
     recover,
 )
-from study.runner.plan import Task
-from study.runner.progress import Progress
-from study.runner.rows import Row
+from study.runner.plan import TrialTask
+from study.runner.progress import StudyProgress
+from study.runner.rows import TrialRow
 from tests.support.study.made import Watch, floor, ids, rows, spoil, tasks
 
 
-def gather(directory: Path, coming: Iterator[Row | None], watch: Watch) -> None:
-    collect(coming, Collector(directory, watch), Progress(9, 0, StringIO(), watch))
+def gather(directory: Path, coming: Iterator[TrialRow | None], watch: Watch) -> None:
+    collect(coming, Collector(directory, watch), StudyProgress(9, 0, StringIO(), watch))
 
 
 def shards(directory: Path) -> int:
@@ -41,7 +41,7 @@ def shards(directory: Path) -> int:
 def test_rows_are_written_every_few_seconds_and_at_the_end(tmp_path: Path) -> None:
     watch, seen = Watch(), []
 
-    def coming() -> Iterator[Row | None]:
+    def coming() -> Iterator[TrialRow | None]:
         for row in rows(6):
             seen.append(shards(tmp_path))
             watch.now_s += FLUSH_S * 0.6
@@ -55,10 +55,10 @@ def test_rows_are_written_every_few_seconds_and_at_the_end(tmp_path: Path) -> No
 def test_while_nothing_comes_what_came_is_written_too(tmp_path: Path) -> None:
     watch = Watch()
 
-    def coming() -> Iterator[Row | None]:
+    def coming() -> Iterator[TrialRow | None]:
         yield rows(1)[0]
         assert shards(tmp_path) == 0
-        watch.now_s += LONGEST_FLUSH_S
+        watch.now_s += MAX_FLUSH_S
         yield None
         assert shards(tmp_path) == 1
 
@@ -69,7 +69,7 @@ def test_while_nothing_comes_what_came_is_written_too(tmp_path: Path) -> None:
 def test_interrupted_write_loses_no_row_and_counts_none_twice(
     after: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(directory: Path, rows: list[Row]) -> Path:
+    def interrupted(directory: Path, rows: list[TrialRow]) -> Path:
         monkeypatch.undo()
         if after:
             store.write_shard(directory, rows)
@@ -78,9 +78,9 @@ def test_interrupted_write_loses_no_row_and_counts_none_twice(
     monkeypatch.setattr(conduct, "write_shard", interrupted)
     watch = Watch()
 
-    def coming() -> Iterator[Row | None]:
+    def coming() -> Iterator[TrialRow | None]:
         for row in rows(2):
-            watch.now_s += LONGEST_FLUSH_S
+            watch.now_s += MAX_FLUSH_S
             yield row
 
     with pytest.raises(KeyboardInterrupt):
@@ -95,14 +95,14 @@ def test_a_long_study_writes_more_seldom_but_never_waits_long(tmp_path: Path) ->
         watch.now_s += 3.6
         collector.add(row)
         collector.look()
-    assert 3600.0 / LONGEST_FLUSH_S * 0.8 <= shards(tmp_path) <= 700
+    assert 3600.0 / MAX_FLUSH_S * 0.8 <= shards(tmp_path) <= 700
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, UserError, RuntimeError])
 def test_whatever_breaks_it_off_what_came_is_written(
     tmp_path: Path, error: type[BaseException]
 ) -> None:
-    def coming() -> Iterator[Row | None]:
+    def coming() -> Iterator[TrialRow | None]:
         yield from rows(3)
         raise error
 
@@ -119,9 +119,9 @@ def test_on_a_full_disk_it_ends_with_a_clear_word_and_what_was_written(
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    def coming() -> Iterator[Row | None]:
+    def coming() -> Iterator[TrialRow | None]:
         for number, row in enumerate(rows(4)):
-            watch.now_s += LONGEST_FLUSH_S
+            watch.now_s += MAX_FLUSH_S
             if number == 3:
                 monkeypatch.setattr(os, "fsync", full)
             yield row
@@ -132,7 +132,7 @@ def test_on_a_full_disk_it_ends_with_a_clear_word_and_what_was_written(
     assert len(ids(store.read(tmp_path))) == 3
 
 
-def numbered(count: int) -> list[Task]:
+def numbered(count: int) -> list[TrialTask]:
     (one,) = tasks(floor())
     return [replace(one, trial_id=f"{number:032x}") for number in range(count)]
 

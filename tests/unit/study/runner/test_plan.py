@@ -13,9 +13,9 @@ from plant.model.noise import LEVELS
 from runtime.errors import UserError
 from study.runner.plan import (
     EVERY_NAVIGATOR,
-    LEAST_S,
-    SEEDS_APART,
-    WITHOUT_WAY_S,
+    MIN_TIMEOUT_S,
+    SEED_STRIDE,
+    UNREACHABLE_TIMEOUT_S,
     id_of,
     navigator_of,
     noise_of,
@@ -86,7 +86,7 @@ def test_an_interrupted_study_has_come_equally_far_everywhere() -> None:
     worlds = [floor(f"floor{number}") for number in range(20)]
     made = tasks(*worlds, navigators=EVERY_NAVIGATOR, noise=("default",), seeds=4)
     quarter = list(islice(made, len(made) // 4))
-    assert {task.seed % SEEDS_APART for task in quarter} == {0}
+    assert {task.seed % SEED_STRIDE for task in quarter} == {0}
     half_round = Counter(task.navigator + task.side for task in quarter[: len(quarter) // 2])
     assert len(half_round) == len(EVERY_NAVIGATOR)
     assert max(half_round.values()) <= 3 * min(half_round.values())
@@ -95,7 +95,7 @@ def test_an_interrupted_study_has_come_equally_far_everywhere() -> None:
 @given(st.floats(0.0, 1e5))
 def test_the_time_is_never_short_and_in_whole_ten_seconds(length_m: float) -> None:
     time_s = time_for(replace(floor(), shortest_path_m=length_m))
-    assert time_s >= LEAST_S
+    assert time_s >= MIN_TIMEOUT_S
     assert time_s >= 30.0 + 40.0 * length_m / 0.3 - 1e-6 * length_m
     assert time_s % 10.0 == 0.0
 
@@ -105,7 +105,7 @@ def test_a_slower_robot_has_more_time_and_no_way_has_its_own() -> None:
     slow = replace(far, robot={"max_speed_m_s": 0.1})
     assert time_for(slow) > 2.5 * time_for(far)
     lost = replace(floor(), shortest_path_m=None, reachable=False)
-    assert time_for(lost) == WITHOUT_WAY_S
+    assert time_for(lost) == UNREACHABLE_TIMEOUT_S
 
 
 def test_a_navigator_has_a_side_left_if_nothing_is_said() -> None:

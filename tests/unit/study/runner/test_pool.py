@@ -11,16 +11,16 @@ import pytest
 from plant.model.types import World
 from runtime.errors import UserError
 from study.runner import pool as pools
-from study.runner.plan import Task
+from study.runner.plan import TrialTask
 from study.runner.pool import Pool
-from study.runner.rows import FAILED, Row
-from tests.support.study.made import bench_of, boxed, floor, tasks
+from study.runner.rows import FAILED, TrialRow
+from tests.support.study.made import boxed, context_of, floor, tasks
 from tests.support.study.trouble import deadly, faulty
 
 
-def run(jobs: int, made: Sequence[Task], *worlds: World) -> dict[str, Row]:
+def run(jobs: int, made: Sequence[TrialTask], *worlds: World) -> dict[str, TrialRow]:
     """The rows by trial; fails when one comes twice."""
-    with Pool(jobs, bench_of(*worlds)) as pool:
+    with Pool(jobs, context_of(*worlds)) as pool:
         rows = [row for row in pool.run(made) if row is not None]
     found = {row.trial_id: row for row in rows}
     assert len(found) == len(rows)
@@ -70,7 +70,7 @@ def test_workers_that_cannot_begin_are_an_error_and_no_endless_attempt(
     monkeypatch.setattr(pools, "work", int)  # a worker whose work is over at once
     made = tasks(floor())
     with (
-        Pool(1, bench_of(floor())) as pool,
+        Pool(1, context_of(floor())) as pool,
         pytest.raises(UserError, match=r"cannot start.*exit code"),
     ):
         list(pool.run(made))
@@ -78,7 +78,7 @@ def test_workers_that_cannot_begin_are_an_error_and_no_endless_attempt(
 
 def test_leaving_the_pool_ends_the_workers_at_once() -> None:
     made = tasks(boxed(), noise=("default",), seeds=4)
-    with Pool(2, bench_of(boxed())) as pool:
+    with Pool(2, context_of(boxed())) as pool:
         next(pool.run(made))
         processes = [worker.process for worker in pool._workers]
         assert all(process.is_alive() for process in processes)
@@ -87,7 +87,7 @@ def test_leaving_the_pool_ends_the_workers_at_once() -> None:
 
 def test_no_more_workers_than_trials() -> None:
     made = tasks(floor())
-    with Pool(8, bench_of(floor())) as pool:
+    with Pool(8, context_of(floor())) as pool:
         rows = pool.run(made)
         next(rows)
         assert len(pool._workers) == 1
@@ -97,10 +97,10 @@ def test_no_more_workers_than_trials() -> None:
 BLOCKED = """
 from pathlib import Path
 from study.runner.pool import Pool
-from tests.support.study.made import bench_of, floor, tasks
+from tests.support.study.made import context_of, floor, tasks
 
 made = tasks(floor(), noise=('default',), seeds=8)
-with Pool(2, bench_of(floor())) as pool:
+with Pool(2, context_of(floor())) as pool:
     rows = pool.run(made)
     next(rows)
     for worker in pool._workers:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.runner.progress import Progress, in_words
+from study.runner.progress import StudyProgress, in_words
 from tests.support.study.made import Watch, rows
 
 
@@ -17,7 +17,7 @@ class Terminal(StringIO):
 
 def test_trials_rate_and_time_left_are_told() -> None:
     watch, file = Watch(), StringIO()
-    progress = Progress(100, 10, file, watch)
+    progress = StudyProgress(100, 10, file, watch)
     for row in rows(30, time_s=120.0):
         progress.add(row)
     watch.now_s += 60.0
@@ -27,13 +27,13 @@ def test_trials_rate_and_time_left_are_told() -> None:
 
 def test_before_the_first_trial_nothing_is_guessed() -> None:
     file = StringIO()
-    Progress(5, 0, file, Watch()).show()
+    StudyProgress(5, 0, file, Watch()).show()
     assert file.getvalue() == "0/5 trials (0 %)\n"
 
 
 def test_a_terminal_has_one_line_that_is_written_over() -> None:
     watch, file = Watch(), Terminal()
-    progress = Progress(5, 0, file, watch)
+    progress = StudyProgress(5, 0, file, watch)
     for _ in range(4):
         watch.now_s += 1.0
         progress.show()
@@ -44,7 +44,7 @@ def test_a_terminal_has_one_line_that_is_written_over() -> None:
 
 def test_elsewhere_lines_are_sparse() -> None:
     watch, file = Watch(), StringIO()
-    progress = Progress(5, 0, file, watch)
+    progress = StudyProgress(5, 0, file, watch)
     for _ in range(600):
         watch.now_s += 0.1
         progress.show()
@@ -53,14 +53,14 @@ def test_elsewhere_lines_are_sparse() -> None:
 
 def test_something_said_in_between_does_not_mix_with_the_line() -> None:
     file = Terminal()
-    progress = Progress(5, 0, file, Watch())
+    progress = StudyProgress(5, 0, file, Watch())
     progress.show()
     progress.say("a worker died")
     assert "\x1b[Ka worker died\n" in file.getvalue()
 
 
 def test_a_failed_trial_without_a_time_spoils_no_sum() -> None:
-    progress = Progress(5, 0, StringIO(), Watch())
+    progress = StudyProgress(5, 0, StringIO(), Watch())
     for row in rows(3):
         progress.add(row)
     assert progress.simulated_s == 0.0
@@ -77,7 +77,7 @@ def test_a_span_is_said_as_a_person_says_it(span_s: float, words: str) -> None:
 @given(st.integers(0, 50), st.integers(0, 50), st.floats(0.0, 1e6))
 def test_the_line_can_always_be_written(before: int, now: int, elapsed_s: float) -> None:
     watch = Watch()
-    progress = Progress(before + now + 1, before, StringIO(), watch)
+    progress = StudyProgress(before + now + 1, before, StringIO(), watch)
     for row in rows(now):
         progress.add(row)
     watch.now_s += elapsed_s

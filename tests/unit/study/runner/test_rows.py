@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.runner.rows import COLUMNS, SCHEMA, Row, rows_of, table_of
+from study.runner.rows import COLUMNS, SCHEMA, TrialRow, rows_of, table_of
 from tests.support.study.made import rows
 
 FLOATS = st.floats(allow_nan=False) | st.sampled_from([inf, -inf])
 
 
 def test_the_columns_are_the_fields_in_their_order() -> None:
-    assert tuple(SCHEMA.names) == COLUMNS == tuple(field.name for field in fields(Row))
+    assert tuple(SCHEMA.names) == COLUMNS == tuple(field.name for field in fields(TrialRow))
 
 
 def test_only_what_may_be_unknown_may_be_null() -> None:

@@ -14,7 +14,7 @@ from study.runner.provenance import machine
 from study.runner.rows import FAILED, rows_of, table_of
 from study.runner.run_task import failed, mahalanobis2, row_of, trial_of
 from study.trial.trial import run_trial
-from tests.support.study.made import CODE, bench_of, boxed, floor, tasks
+from tests.support.study.made import CODE, boxed, context_of, floor, tasks
 from tests.support.study.trouble import faulty
 
 FINITE = st.floats(-10.0, 10.0)
@@ -23,7 +23,7 @@ FINITE = st.floats(-10.0, 10.0)
 def test_the_row_of_a_drive_says_what_the_drive_said() -> None:
     world = boxed()
     (task,) = tasks(world, noise=("default",))
-    row = row_of(task, bench_of(world))
+    row = row_of(task, context_of(world))
     outcome = run_trial(trial_of(task, world))
     assert outcome.reached
     for name in ("outcome", "reason", "time_s", "path_m", "contacts", "ticks", "digest"):
@@ -39,7 +39,7 @@ def test_the_row_of_a_drive_says_what_the_drive_said() -> None:
 def test_the_ticks_of_a_drive_are_spent_in_its_branches() -> None:
     world = boxed()
     (task,) = tasks(world)
-    row = row_of(task, bench_of(world))
+    row = row_of(task, context_of(world))
     assert row.ticks_passing_left + row.ticks_passing_right > 0
     spent = row.ticks_to_goal + row.ticks_passing_left + row.ticks_passing_right
     assert 0 < spent + row.ticks_aligning <= row.ticks + 1
@@ -48,14 +48,14 @@ def test_the_ticks_of_a_drive_are_spent_in_its_branches() -> None:
 def test_a_row_can_be_driven_again_to_the_same_digest() -> None:
     world = boxed()
     (task,) = tasks(world, noise=("harsh",), parameters={"d_obs_m": 0.31})
-    row = row_of(task, bench_of(world))
+    row = row_of(task, context_of(world))
     (stored,) = rows_of(table_of([row]))
     assert run_trial(trial_of(stored, world)).digest == row.digest
 
 
 def test_a_row_says_what_produced_it() -> None:
     world = floor()
-    row = row_of(tasks(world)[0], bench_of(world, study="night"))
+    row = row_of(tasks(world)[0], context_of(world, study="night"))
     assert (row.study, row.commit, row.dirty, row.version) == ("night", "c0ffee", False, "0.1.0")
     assert row.python == ".".join(map(str, sys.version_info[:3]))
     assert (row.numpy, row.pymunk) == (machine().numpy, machine().pymunk)
@@ -66,7 +66,7 @@ def test_a_row_says_what_produced_it() -> None:
 
 
 def test_a_trial_that_raises_is_a_row_that_says_so() -> None:
-    row = row_of(tasks(floor("faulty"))[0], bench_of(faulty()))
+    row = row_of(tasks(floor("faulty"))[0], context_of(faulty()))
     assert (row.outcome, row.reason) == (FAILED, "RuntimeError: the floor gave way")
     assert isnan(row.time_s)
     assert row.ticks == 0
@@ -74,13 +74,13 @@ def test_a_trial_that_raises_is_a_row_that_says_so() -> None:
 
 
 def test_a_failed_row_fits_into_the_table() -> None:
-    row = failed(tasks(floor())[0], bench_of(floor()), "nobody was there")
+    row = failed(tasks(floor())[0], context_of(floor()), "nobody was there")
     assert table_of([row])["reason"].to_pylist() == ["nobody was there"]
 
 
 def test_a_start_in_an_obstacle_has_an_outcome_with_a_reason() -> None:
     stuck = replace(boxed(), start=replace(floor().start, x_m=2.2))
-    row = row_of(tasks(stuck)[0], bench_of(stuck))
+    row = row_of(tasks(stuck)[0], context_of(stuck))
     assert row.outcome == "aborted"
     assert row.reason not in ("", "ok")
     assert row.min_clearance_m < 0.0

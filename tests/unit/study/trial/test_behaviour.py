@@ -13,7 +13,7 @@ from plant.sim.simulation import Plant
 from robot.core import states
 from robot.core.values import Decision, Outputs, Twist
 from study.trial.behaviour import Behaviour
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 from tests.support.study.made import boxed, floor
 
@@ -39,7 +39,7 @@ def shown(branches: list[int | None], headings: list[float] | None = None) -> Be
         if branch is not None:
             decision = Decision(branch, None, inf, nan, nan, nan, nan, inf)
         outputs = Outputs(0, 0, 0, Twist(0.0, 0.0), decision)
-        watch(cast(Plant, plant), cast(Onboard, None), outputs)
+        watch(cast(Plant, plant), cast(CoreLoop, None), outputs)
     return watch
 
 
@@ -91,7 +91,7 @@ def test_the_mean_clearance_is_of_all_ticks_and_nothing_without_any() -> None:
 def test_of_a_drive_past_a_disc_everything_fits_what_the_plant_says() -> None:
     watch, truths = Behaviour(), list[Any]()
 
-    def both(plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+    def both(plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         watch(plant, onboard, outputs)
         truths.append(plant.truth())
 

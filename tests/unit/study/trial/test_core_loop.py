@@ -5,7 +5,7 @@ from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 
 PERIOD_NS = 50_000_000
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -27,15 +27,15 @@ def scan(k: int) -> SonarScan:
     )
 
 
-def driving() -> Onboard:
-    onboard = Onboard(DEFAULTS, ORIGIN)
+def driving() -> CoreLoop:
+    onboard = CoreLoop(DEFAULTS, ORIGIN)
     onboard.step(0, ticks(0), scan(0))
     assert onboard.go(AHEAD) == reasons.OK
     return onboard
 
 
 def test_before_the_first_senses_no_goal_is_taken() -> None:
-    assert Onboard(DEFAULTS, ORIGIN).go(AHEAD) == reasons.NO_SENSES
+    assert CoreLoop(DEFAULTS, ORIGIN).go(AHEAD) == reasons.NO_SENSES
 
 
 def test_after_one_tick_with_senses_it_arms_and_drives_off() -> None:
@@ -66,7 +66,7 @@ def test_a_scan_that_stays_away_stops_the_robot_after_250_ms_and_not_before() ->
 
 
 def test_a_refused_goal_says_why() -> None:
-    onboard = Onboard(DEFAULTS, ORIGIN)
+    onboard = CoreLoop(DEFAULTS, ORIGIN)
     onboard.step(0, ticks(0), scan(0))
     far = AHEAD._replace(x_mm=200_000)
     assert onboard.go(far) == reasons.GOAL_OUT_OF_RANGE

@@ -12,7 +12,7 @@ from robot.core import states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Outputs
 from robot.parameters.table import OutOfRange, Unknown
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, params_of, run_trial, wire_goal_of
 
 NEAR = World(
@@ -38,7 +38,7 @@ class Recorder:
         self.outputs: list[Outputs] = []
         self.truths: list[GroundTruth] = []
 
-    def __call__(self, plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+    def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         self.stamps_ns.append(plant.now_ns)
         self.goals.append(onboard.state.machine.goal_state)
         self.outputs.append(outputs)

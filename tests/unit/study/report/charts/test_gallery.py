@@ -9,7 +9,7 @@ from runtime.errors import UserError
 from study.report.charts.gallery import chosen, command_of, gallery, kind_of, varied
 from study.report.page import Gallery, Text
 from study.report.trials import distinct, trials_of
-from study.runner.rows import Row, table_of
+from study.runner.rows import TrialRow, table_of
 from study.runner.run_task import trial_of
 from study.trial.trial import run_trial
 from tests.support.study.made import floor
@@ -20,7 +20,7 @@ def a_world(source: str) -> World:
     return floor()
 
 
-def picked(*rows: Row, most: int = 6) -> list[str]:
+def picked(*rows: TrialRow, most: int = 6) -> list[str]:
     table = table_of(list(rows))
     return [one.row.world for one in chosen(table, distinct(trials_of(table)), most)]
 

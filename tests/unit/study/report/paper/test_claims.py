@@ -25,12 +25,17 @@ from study.report.paper.runs import (
 )
 from study.report.paper.section import claims_table, paper_section
 from study.report.trials import trials_of
-from study.runner.rows import SCHEMA, Row
+from study.runner.rows import SCHEMA, TrialRow
 from tests.support.study.made import floor
 from tests.support.study.report.made import COLLIDED, STUCK, drive, row, trials
 
 NONE = trials_of(SCHEMA.empty_table())
-DETOUR: Sequence[Pose] = [(1.0, 1.0, 0.0), (2.0, 1.5, 0.0), (2.5, 1.25, 0.0), (3.0, 1.0, 0.0)]
+DETOUR_FACTOR: Sequence[Pose] = [
+    (1.0, 1.0, 0.0),
+    (2.0, 1.5, 0.0),
+    (2.5, 1.25, 0.0),
+    (3.0, 1.0, 0.0),
+]
 RETURN: Sequence[Pose] = [(1.0, 1.0, 0.0), (2.0, 1.5, 0.0), (2.1, 1.0, 0.0), (3.0, 1.0, 0.0)]
 LONG: Sequence[Pose] = [(1.0, 1.0, 0.0), (2.0, 2.5, 0.0), (2.5, 1.75, 0.0), (3.0, 1.0, 0.0)]
 BUGS: tuple[dict[str, Any], ...] = (
@@ -53,7 +58,7 @@ def runs(bugs: Sequence[Pose], vgm: Sequence[Pose]) -> Runs:
     return Runs((*figures, *twenty(vgm, {"navigator": "vgm"})), ())
 
 
-def in_family(family: str, good: int, of: int, **asked: str) -> list[Row]:
+def in_family(family: str, good: int, of: int, **asked: str) -> list[TrialRow]:
     return [
         row(family=family, world=f"{family}_1_{n:03d}", **asked, **({} if n < good else STUCK))
         for n in range(of)
@@ -61,14 +66,14 @@ def in_family(family: str, good: int, of: int, **asked: str) -> list[Row]:
 
 
 def test_heading_straight_for_the_goal_leaves_half_of_the_deviation_half_way() -> None:
-    assert left_of_deviation(drive(DETOUR)) == pytest.approx(0.5)
+    assert left_of_deviation(drive(DETOUR_FACTOR)) == pytest.approx(0.5)
     assert left_of_deviation(drive(RETURN)) == pytest.approx(0.0)
-    assert deviation_m(drive(DETOUR)) == pytest.approx(0.5)
+    assert deviation_m(drive(DETOUR_FACTOR)) == pytest.approx(0.5)
 
 
 def test_who_never_deviated_or_never_arrived_has_nothing_to_return_from() -> None:
     assert left_of_deviation(drive([(1.0, 1.0, 0.0), (3.0, 1.05, 0.0)])) is None
-    assert left_of_deviation(drive(DETOUR, outcome="stuck")) is None
+    assert left_of_deviation(drive(DETOUR_FACTOR, outcome="stuck")) is None
 
 
 def test_what_is_left_to_turn_is_counted_from_when_it_only_aligns() -> None:
@@ -83,21 +88,21 @@ def test_what_is_left_to_turn_is_counted_from_when_it_only_aligns() -> None:
 
 def test_the_same_rule_confirms_and_refutes_a_return_to_the_path() -> None:
     returned = "vgm returns to the original path"
-    assert verdict(claims(NONE, runs(DETOUR, RETURN)), returned) == CONFIRMED
-    assert verdict(claims(NONE, runs(DETOUR, DETOUR)), returned) == REFUTED
-    assert verdict(claims(NONE, runs(DETOUR, RETURN)), "bug does not return") == CONFIRMED
+    assert verdict(claims(NONE, runs(DETOUR_FACTOR, RETURN)), returned) == CONFIRMED
+    assert verdict(claims(NONE, runs(DETOUR_FACTOR, DETOUR_FACTOR)), returned) == REFUTED
+    assert verdict(claims(NONE, runs(DETOUR_FACTOR, RETURN)), "bug does not return") == CONFIRMED
     assert verdict(claims(NONE, runs(RETURN, RETURN)), "bug does not return") == REFUTED
 
 
 def test_a_longer_way_of_bug_is_confirmed_and_a_shorter_refuted() -> None:
-    assert verdict(claims(NONE, runs(LONG, DETOUR)), "not proper") == CONFIRMED
-    assert verdict(claims(NONE, runs(DETOUR, LONG)), "not proper") == REFUTED
+    assert verdict(claims(NONE, runs(LONG, DETOUR_FACTOR)), "not proper") == CONFIRMED
+    assert verdict(claims(NONE, runs(DETOUR_FACTOR, LONG)), "not proper") == REFUTED
     assert ways(runs(LONG, LONG), "bug, left", "vgm") == [1.0] * 20
 
 
 def test_where_the_sides_of_bug_disagree_nothing_is_clear() -> None:
-    figures = [*twenty(LONG, BUGS[0]), *twenty(DETOUR, BUGS[1])]
-    found = Runs((*figures, *twenty(DETOUR, {"navigator": "vgm"})), ())
+    figures = [*twenty(LONG, BUGS[0]), *twenty(DETOUR_FACTOR, BUGS[1])]
+    found = Runs((*figures, *twenty(DETOUR_FACTOR, {"navigator": "vgm"})), ())
     assert verdict(claims(NONE, found), "not proper") == UNCLEAR
 
 

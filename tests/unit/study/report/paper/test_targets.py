@@ -7,7 +7,7 @@ import pytest
 
 from study.report.page import text_of
 from study.report.paper.targets import MET, MISSED, UNMEASURED, Target, targets, wanted_table
-from study.runner.rows import Row
+from study.runner.rows import TrialRow
 from tests.support.study.report.made import COLLIDED, GAVE_UP, SHUT, STUCK, row, trials
 
 
@@ -16,7 +16,7 @@ def target(found: list[Target], what: str, noise: str = "default") -> Target:
     return one
 
 
-def many(count: int, bad: int, ending: dict[str, Any], **usual: Any) -> list[Row]:
+def many(count: int, bad: int, ending: dict[str, Any], **usual: Any) -> list[TrialRow]:
     """So many trials, of which so many end badly."""
     return [row(seed=seed, **{**usual, **(ending if seed < bad else {})}) for seed in range(count)]
 
