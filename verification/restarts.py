@@ -16,7 +16,7 @@ from ground.cli.run.up import dialled, free_endpoint
 from ground.launch.child_command import command
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import RestartPolicy
-from ground.launch.scenario import question, scenario_of, world_facts
+from ground.launch.scenario import scenario_of, world_facts, world_query
 from protocol.bus.bus import Bus
 from protocol.bus.session import listens
 from protocol.topics import STATUS, TRUTH
@@ -94,13 +94,13 @@ def running(
     """Robot and plant standing in the open, looked after as `up` does but without any limit."""
     clock = WallClock()
     options = parse(["up", "--world", "open", *(["--router"] if router else [])])
-    scenario = scenario_of(options, world_facts(command(question(options), os.getpid())))
+    scenario = scenario_of(options, world_facts(command(world_query(options), os.getpid())))
     with Stack(options, scenario, free_endpoint(), clock, policy) as stack:
         stack.start()
         with dialled(stack.common, clock, stack.check) as bus:
             ears = Ears(bus)
             await_both(stack, ears, clock, clock.now_ns())
-            stack.look_after(bus)
+            stack.supervise(bus)
             yield stack, ears, clock
 
 
@@ -111,7 +111,7 @@ def recovered(stack: Stack, ears: Ears, clock: WallClock, role: str) -> Recovery
         stack.check()
         clock.sleep_until(clock.now_ns() + LOOK_NS)
     killed_ns = clock.now_ns()
-    stack.trouble(role, "end")
+    stack.inject_fault(role, "end")
     if role == "router":
         for there in (False, True):
             while listens(stack.common.endpoint) is not there:

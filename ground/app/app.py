@@ -41,7 +41,7 @@ from runtime.clock import WallClock
 if TYPE_CHECKING:
     from ground.app.playback.player import Player
     from ground.launch.launcher import Stack
-    from ground.launch.recording_session import Recording
+    from ground.launch.recording_session import RecordingSession
 
 T = TypeVar("T")
 POLL_HZ: Final = 20.0
@@ -73,7 +73,7 @@ class GroundApp(App[int]):
         looks: Appearance | None = None,
         stack: "Stack | None" = None,
         player: "Player | None" = None,
-        recording: "Recording | None" = None,
+        recording: "RecordingSession | None" = None,
     ) -> None:
         """Without a `station` it is the player's that is shown on every screen."""
         # Textual takes colours away as the theme is at this moment, and that is not yet ours: what
@@ -224,7 +224,7 @@ class GroundApp(App[int]):
             self.player.poll()
         self._look_after_recording()
         self._aside.poll()
-        if self._stack is not None and (news := self._stack.news()):
+        if self._stack is not None and (news := self._stack.next_event()):
             self.station.note(news, Severity.ERROR)
         if self.sheet is not None:
             self.sheet.poll()
@@ -234,8 +234,8 @@ class GroundApp(App[int]):
     def _look_after_recording(self) -> None:
         if self.recording is None or self._station is None:
             return
-        heard = self._station.seen(HEARTBEAT).age is Age.LIVE
-        for words in self.recording.poll(heard=heard):
+        is_receiving = self._station.seen(HEARTBEAT).age is Age.LIVE
+        for words in self.recording.poll(is_receiving=is_receiving):
             loud = words.startswith("RECORDING")
             self._station.note(words, Severity.CRITICAL if loud else Severity.WARNING)
 

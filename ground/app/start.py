@@ -23,7 +23,7 @@ from runtime.gc_freeze import freeze_heap
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
     from ground.launch.launcher import Stack
-    from ground.launch.recording_session import Recording
+    from ground.launch.recording_session import RecordingSession
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EXIT_SIGNAL: Final = 128
@@ -39,7 +39,7 @@ def run(
     link: Link,
     common: Common,
     stack: "Stack | None" = None,
-    recording: "Recording | None" = None,
+    recording: "RecordingSession | None" = None,
 ) -> int:
     """Until the operator leaves; 0. Raises ConfigError for a keymap that cannot be used.
 

@@ -16,7 +16,7 @@ from ground.client.goal import Destination
 from ground.ghost.branch_point import BranchPoint, Facts, trial_words, world_bytes
 from ground.ghost.predicted_path import FAILED, PathReader, Point, PredictedPath
 from ground.launch.child_command import command
-from ground.launch.child_processes import held_back, how
+from ground.launch.child_processes import defer_signals, exit_description
 from runtime.clock import Clock, WallClock
 from runtime.units import NS_PER_S
 
@@ -109,7 +109,8 @@ class Ghost:
         given.write(self._given)
         given.seek(0)
         main = threading.current_thread() is threading.main_thread()
-        with held_back() if main else nullcontext():  # a signal in between would leave it behind
+        # A signal between start and assignment would leave an orphan.
+        with defer_signals() if main else nullcontext():
             self._process = subprocess.Popen(
                 self._command_of(self._words, os.getpid()),
                 stdin=given,
@@ -128,7 +129,11 @@ class Ghost:
         code = process.poll()
         self._read()
         if code is not None:
-            self._finish(self._reading.course(self._last_words() or f"it ended with {how(code)}"))
+            self._finish(
+                self._reading.course(
+                    self._last_words() or f"it ended with {exit_description(code)}"
+                )
+            )
         elif self._clock.now_ns() >= self._deadline_ns:
             self._end(f"given up after {self._patience_ns / NS_PER_S:g} s")
         return self._course

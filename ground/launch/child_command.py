@@ -1,4 +1,4 @@
-"""Runs a verb in a child process that the kernel ends with its parent, whatever ends the parent."""
+"""Run a verb in a child process that the kernel kills when the parent process ends."""
 
 import ctypes
 import os
@@ -17,23 +17,24 @@ START: Final = (
 
 
 def command(arguments: Sequence[str], parent: int) -> list[str]:
-    """What to execute for `sidestep ARGUMENTS`, from any directory, installed or not."""
+    """Return the command line for `sidestep ARGUMENTS`, valid in any working directory."""
     root = str(Path(__file__).resolve().parents[2])
     # -P keeps the working directory out of the path: a stray json.py there must not be imported.
     return [sys.executable, "-P", "-c", START, root, str(parent), *arguments]
 
 
 def main(arguments: Sequence[str]) -> int:
+    """Run the verb given after the parent's process id; return the exit code."""
     parent, *verb = arguments
-    if not tie_to(int(parent)):
+    if not die_with_parent(int(parent)):
         return 1
     sys.argv[:] = ["sidestep", *verb]
-    runpy.run_module("sidestep", run_name="__main__")  # the executable, which nobody imports
+    runpy.run_module("sidestep", run_name="__main__")  # run as the executable
     return 0
 
 
-def tie_to(parent: int) -> bool:
-    """Die when the parent dies; False when it is dead already. Only Linux can do this."""
+def die_with_parent(parent: int) -> bool:
+    """Request SIGKILL at the parent's death (Linux only); return False if the parent is gone."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     return os.getppid() == parent

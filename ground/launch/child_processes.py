@@ -1,4 +1,4 @@
-"""Child processes that are started together, watched together, and never left behind."""
+"""Start, check and stop a set of child processes."""
 
 import os
 import signal
@@ -16,28 +16,28 @@ from runtime.errors import RemoteError
 LAST_LINES: Final = 5
 TAIL_BYTES: Final = 4000
 MAX_OUTPUT: Final = 4 << 20
-"""Bytes that a child may have written before its file is begun anew."""
-BLAME_NS: Final = 300_000_000
-PAUSE_NS: Final = 10_000_000
-ENDS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-# Asked nicely, asked firmly, ended: two seconds in all.
-STEPS: Final[tuple[tuple[int, int], ...]] = (
+"""Largest size of a child's output file; beyond it the file is truncated."""
+LATE_EXIT_NS: Final = 300_000_000
+POLL_NS: Final = 10_000_000
+TERMINATING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# Each signal with the time it gets to take effect; 1.9 s in all.
+STOP_STEPS: Final[tuple[tuple[int, int], ...]] = (
     (signal.SIGINT, 1_000_000_000),
     (signal.SIGTERM, 500_000_000),
     (signal.SIGKILL, 400_000_000),
 )
 
 
-class ChildDied(RemoteError):
-    """A process of ours ended by itself: which, how, and its last words."""
+class ChildExitError(RemoteError):
+    """A child process exited unexpectedly; the message ends with its last output."""
 
     def __init__(self, why: str, exit_code: int) -> None:
         super().__init__(why)
         self.exit_code = exit_code
 
 
-class Ended(NamedTuple):
-    """One that has ended by itself: its exit code, and the end of what it wrote."""
+class ChildExit(NamedTuple):
+    """Exit code and last output of a child that exited."""
 
     role: str
     code: int
@@ -45,21 +45,23 @@ class Ended(NamedTuple):
 
 
 class Child(NamedTuple):
+    """A running child process and the file with its output."""
+
     role: str
     process: subprocess.Popen[bytes]
     output: IO[bytes]
 
-    def last_words(self) -> str:
-        """The end of what it wrote."""
+    def last_lines(self) -> str:
+        """Return the last lines of the child's output."""
         size = self.output.seek(0, os.SEEK_END)
         self.output.seek(max(0, size - TAIL_BYTES))
         lines = self.output.read().decode(errors="replace").splitlines()
         return "\n".join(f"  {line}" for line in lines[-LAST_LINES:])
 
     def trim(self) -> None:
-        """Truncate the log of the child when it is too large; children may run for months.
+        """Truncate the output file when it is too large; children may run for months.
 
-        Parent and child share the place in the file, so the child goes on at the beginning.
+        Parent and child share the file offset, so the child continues at the beginning.
         """
         number = self.output.fileno()
         if os.fstat(number).st_size > MAX_OUTPUT:
@@ -68,13 +70,13 @@ class Child(NamedTuple):
 
 
 class Children:
-    """Ends every child on the way out, whatever the way."""
+    """The child processes of `up`. All of them are ended when the context is left."""
 
     def __init__(
         self,
         clock: Clock,
         command_of: Callable[[Sequence[str], int], list[str]] = command,
-        steps: Sequence[tuple[int, int]] = STEPS,
+        steps: Sequence[tuple[int, int]] = STOP_STEPS,
     ) -> None:
         self._clock = clock
         self._command_of = command_of
@@ -88,9 +90,9 @@ class Children:
         self.stop()
 
     def start(self, role: str, arguments: Sequence[str]) -> None:
-        """A session of its own: Ctrl-C in the terminal reaches us, and we end the children."""
+        """Start a child in its own session, so Ctrl-C in the terminal reaches the parent only."""
         output = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the child has been ended
-        with held_back():  # a signal between its birth and its entry here would leave it behind
+        with defer_signals():  # a signal before the append would leave an orphan
             process = subprocess.Popen(
                 self._command_of(arguments, os.getpid()),
                 stdin=subprocess.DEVNULL,
@@ -102,60 +104,62 @@ class Children:
 
     @property
     def pids(self) -> list[int]:
+        """Process ids of the children."""
         return [child.process.pid for child in self._children]
 
     @property
     def roles(self) -> list[str]:
+        """Roles of the children."""
         return [child.role for child in self._children]
 
     def send(self, role: str, number: int) -> bool:
-        """A signal to one of them; False when it is not there."""
+        """Send a signal to a child; return False if it is not running."""
         for child in self._children:
             if child.role == role and child.process.poll() is None:
                 child.process.send_signal(number)
                 return True
         return False
 
-    def ended(self) -> list[Ended]:
-        """Those that have ended by themselves, each once: they are no children any more."""
+    def take_exited(self) -> list[ChildExit]:
+        """Remove and return the children that have exited since the last call."""
         found = []
         for child in tuple(self._children):
             code = child.process.poll()
             if code is not None:
-                found.append(Ended(child.role, code, child.last_words()))
+                found.append(ChildExit(child.role, code, child.last_lines()))
                 self._children.remove(child)
                 child.output.close()
             else:
                 child.trim()
         return found
 
-    def blame(self) -> None:
-        """A silence is to be explained: raise ChildDied if a child is gone or about to be."""
-        deadline_ns = self._clock.now_ns() + BLAME_NS
+    def check_for_late_exit(self) -> None:
+        """Raise ChildExitError if a child has exited or exits within 0.3 s."""
+        deadline_ns = self._clock.now_ns() + LATE_EXIT_NS
         while self._clock.now_ns() < deadline_ns:
             self.check()
-            self._clock.sleep_until(self._clock.now_ns() + PAUSE_NS)
+            self._clock.sleep_until(self._clock.now_ns() + POLL_NS)
 
     def check(self) -> None:
-        """Raise ChildDied for the first child that has ended by itself."""
+        """Raise ChildExitError for the first child that has exited."""
         for child in self._children:
             code = child.process.poll()
             if code is not None:
-                words = child.last_words()
-                why = f"the {child.role} process ended by itself ({how(code)})"
-                raise ChildDied(f"{why}:\n{words}" if words else why, 2 if code == 2 else 1)
+                words = child.last_lines()
+                why = f"the {child.role} process exited unexpectedly ({exit_description(code)})"
+                raise ChildExitError(f"{why}:\n{words}" if words else why, 2 if code == 2 else 1)
             child.trim()
 
     def stop(self) -> None:
-        """End all of them within two seconds. Further signals must not cut this short."""
+        """End all children within two seconds; ignore SIGINT and SIGTERM meanwhile."""
         ends: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM)
         before = [(number, signal.getsignal(number)) for number in ends]
         for number, _ in before:
             signal.signal(number, signal.SIG_IGN)
         try:
-            for number, patience_ns in self._steps:
+            for number, grace_ns in self._steps:
                 self._send(number)
-                if self._gone(patience_ns):
+                if self._wait_for_exit(grace_ns):
                     break
             for child in self._children:
                 child.output.close()
@@ -169,18 +173,18 @@ class Children:
             if child.process.poll() is None:
                 child.process.send_signal(number)
 
-    def _gone(self, patience_ns: int) -> bool:
-        deadline_ns = self._clock.now_ns() + patience_ns
+    def _wait_for_exit(self, grace_ns: int) -> bool:
+        deadline_ns = self._clock.now_ns() + grace_ns
         while any(child.process.poll() is None for child in self._children):
             if self._clock.now_ns() >= deadline_ns:
                 return False
-            self._clock.sleep_until(self._clock.now_ns() + PAUSE_NS)
+            self._clock.sleep_until(self._clock.now_ns() + POLL_NS)
         return True
 
 
 @contextmanager
-def held_back(numbers: Sequence[int] = ENDS) -> Iterator[None]:
-    """Signals that end a process wait until the block is left, and then do what they always do."""
+def defer_signals(numbers: Sequence[int] = TERMINATING_SIGNALS) -> Iterator[None]:
+    """Defer terminating signals until the block is left; then deliver the first one."""
     caught: list[int] = []
 
     def catch(number: int, frame: FrameType | None) -> None:
@@ -196,5 +200,6 @@ def held_back(numbers: Sequence[int] = ENDS) -> Iterator[None]:
             signal.raise_signal(number)
 
 
-def how(code: int) -> str:
+def exit_description(code: int) -> str:
+    """Describe the exit code of a process; a negative one is a signal number."""
     return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"

@@ -1,82 +1,88 @@
-"""Several errands as one run: all goals are given before time goes on, all ends are waited for."""
+"""Run several goals as one: send all goals before time starts, then wait for all outcomes."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from ground.launch.goal_run import GoalRun, NotRun
+from ground.launch.goal_run import GoalRun, NoOutcomeError
 from ground.text.status_parts import Part
 from protocol.outcome import Outcome
 from runtime.clock import Clock
 
 LOOK_NS: Final = 100_000_000
-PAUSE_NS: Final = 2_000_000
+POLL_NS: Final = 2_000_000
 
 
 class FleetRun:
-    """`check` raises when a process has died; `show` gets a line now and then."""
+    """Follow several goal runs at once.
+
+    `check` raises when a process has exited; `show` receives a status line up to ten times a
+    second.
+    """
 
     def __init__(
         self,
-        errands: Sequence[GoalRun],
+        goal_runs: Sequence[GoalRun],
         clock: Clock,
         check: Callable[[], None],
         show: Callable[[list[Part]], None],
     ) -> None:
-        self._errands = errands
+        self._goal_runs = goal_runs
         self._clock = clock
         self._check = check
         self._show = show
 
     def run(self, *, lockstep: bool, launched: Callable[[], None] = lambda: None) -> list[Outcome]:
-        """The outcome of each. Raises NotRun when there is nothing to judge."""
+        """Return the outcome of each goal. Raises NoOutcomeError when the run cannot be judged."""
         self.launch(lockstep=lockstep)
         launched()
-        for errand in self._errands:
-            errand.begin()
+        for goal_run in self._goal_runs:
+            goal_run.begin()
         return self._follow()
 
     def launch(self, *, lockstep: bool) -> None:
-        """Every robot armed, with its goal, and time going on."""
-        first = self._errands[0]
-        for errand in self._errands:
-            errand.prepare()
+        """Arm every robot, send every goal and start time."""
+        first = self._goal_runs[0]
+        for goal_run in self._goal_runs:
+            goal_run.prepare()
         if not lockstep:
-            first.start()  # so that the score begins with the goal
-        for errand in self._errands:
-            errand.send()
+            first.start()  # the score begins with the goal
+        for goal_run in self._goal_runs:
+            goal_run.send()
         if lockstep:
-            first.start()  # the goals are there in the same tick every time
+            first.start()  # each goal arrives in the same tick of every run
 
     def _follow(self) -> list[Outcome]:
         shown_ns = self._clock.now_ns()
         while True:
-            for errand in self._errands:
-                errand.look()
+            for goal_run in self._goal_runs:
+                goal_run.look()
             now_ns = self._clock.now_ns()
-            over = all(errand.over for errand in self._errands)
-            if now_ns - shown_ns >= LOOK_NS or over:
+            is_over = all(goal_run.is_over for goal_run in self._goal_runs)
+            if now_ns - shown_ns >= LOOK_NS or is_over:
                 shown_ns = now_ns
                 self._show(self._line())
-            if over:
+            if is_over:
                 return self._outcomes()
             self._check()
-            self._clock.sleep_until(now_ns + PAUSE_NS)
+            self._clock.sleep_until(now_ns + POLL_NS)
 
     def _outcomes(self) -> list[Outcome]:
-        spoilt = dict.fromkeys(errand.spoilt for errand in self._errands if errand.spoilt)
-        if spoilt:
-            others = [one.short_line().text for one in self._errands if one.outcome is not None]
-            raise NotRun(f"no valid trial: {'; '.join([*spoilt, *others])}")
-        return [errand.outcome for errand in self._errands if errand.outcome is not None]
+        void_reason = dict.fromkeys(
+            goal_run.void_reason for goal_run in self._goal_runs if goal_run.void_reason
+        )
+        if void_reason:
+            others = [one.short_line().text for one in self._goal_runs if one.outcome is not None]
+            raise NoOutcomeError(f"no valid trial: {'; '.join([*void_reason, *others])}")
+        return [goal_run.outcome for goal_run in self._goal_runs if goal_run.outcome is not None]
 
     def _line(self) -> list[Part]:
-        if len(self._errands) == 1:
-            return self._errands[0].line()
-        return [*(errand.short_line() for errand in self._errands), self._errands[0].time()]
+        if len(self._goal_runs) == 1:
+            return self._goal_runs[0].line()
+        return [*(goal_run.short_line() for goal_run in self._goal_runs), self._goal_runs[0].time()]
 
 
 def as_json(robots: Sequence[str], outcomes: Sequence[Outcome]) -> dict[str, object]:
-    """The first robot's outcome, and, where there are several, each one's under its name."""
+    """Return the first robot's outcome; with several robots, add each one under its name."""
     found = outcomes[0].as_json()
     if len(outcomes) > 1:
         found["robots"] = [
@@ -87,7 +93,7 @@ def as_json(robots: Sequence[str], outcomes: Sequence[Outcome]) -> dict[str, obj
 
 
 def in_words(robots: Sequence[str], outcomes: Sequence[Outcome]) -> str:
-    """For a person: the whole story of one, or a paragraph for each."""
+    """Return the full text of one outcome, or a paragraph for each of several."""
     if len(outcomes) == 1:
         return outcomes[0].text()
     return "\n".join(

@@ -1,4 +1,4 @@
-"""One robot sent to one goal by `up`: armed when it can be, followed, and scored by its plant."""
+"""Drive one robot of `up` to one goal: arm it, follow it, and have its plant score the run."""
 
 from collections import deque
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from ground.client.status_line import goal_line, short_line
 from ground.client.telemetry import Telemetry
 from ground.client.vocabulary import NAVIGATORS, SIDES, why
 from ground.launch.scenario import Scenario, ScenarioRobot
-from ground.launch.supervisor import InvalidRun
+from ground.launch.supervisor import VoidRun
 from ground.text.status_parts import Part
 from protocol.outcome import Ended, Outcome, judged
 from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS
@@ -30,46 +30,46 @@ from runtime.units import NS_PER_S
 
 READY_NS: Final = 15 * NS_PER_S
 RETRY_NS: Final = 20_000_000
-ASK_S: Final = 2.0
-PATIENCE_NS: Final = 5 * NS_PER_S
-REMEMBERED: Final = 20_000
-WORTH_WAITING: Final = (Reason.NO_SENSES, Reason.TICKS_LOST, Reason.SCAN_LOST)
+REQUEST_TIMEOUT_S: Final = 2.0
+RESTART_WAIT_NS: Final = 5 * NS_PER_S
+MAX_POSES: Final = 20_000
+RETRYABLE: Final = (Reason.NO_SENSES, Reason.TICKS_LOST, Reason.SCAN_LOST)
 
 
-class NotRun(RemoteError):
-    """The run came to nothing: why."""
+class NoOutcomeError(RemoteError):
+    """The run has no valid outcome."""
 
     exit_code = 1
 
 
 class GoalRun:
-    """One robot's part in a run; `outcome` is there when it has ended.
+    """One robot's part in a run; `outcome` is set when it has ended.
 
-    `check` raises when a process has died; `void` tells of one that was started again: then there
-    is no outcome, but `spoilt` says why.
+    `check` raises when a process has exited. `void` returns the reason when a process was
+    restarted: then `void_reason` is set instead of `outcome`.
     """
 
     def __init__(
         self,
         link: Link,
         scenario: Scenario,
-        entrant: ScenarioRobot,
+        scenario_robot: ScenarioRobot,
         check: Callable[[], None],
-        void: Callable[[], InvalidRun | None] = lambda: None,
+        void: Callable[[], VoidRun | None] = lambda: None,
     ) -> None:
         self.link = link
-        self._poses: deque[bytes] = deque(maxlen=REMEMBERED)
+        self._poses: deque[bytes] = deque(maxlen=MAX_POSES)
         self.telemetry = Telemetry(
             link.bus,
             link.robot,
             (STATUS, ODOMETRY, DECISION, CYCLE),
-            taker=lambda path: self._remember if path == ODOMETRY.path else None,
+            taker=lambda path: self._keep_pose if path == ODOMETRY.path else None,
         )
         self.outcome: Outcome | None = None
-        self.spoilt = ""
+        self.void_reason = ""
         self._waiting = ""
         self._scenario = scenario
-        self._goal = entrant.goal
+        self._goal = scenario_robot.goal
         self._check = check
         self._void = void
         self._goal_id = 0
@@ -77,18 +77,18 @@ class GoalRun:
         self._refusal: Answered | None = None
         self._watch: GoalWatch | None = None
 
-    def _remember(self, _key: str, frame: bytes, _at_ns: int) -> None:
+    def _keep_pose(self, _key: str, frame: bytes, _at_ns: int) -> None:
         self._poses.append(frame)
 
     def prepare(self) -> None:
-        """Choose the navigator and arm: accepted as soon as senses are there."""
+        """Choose the navigator and arm; arming is accepted as soon as the robot has sensor data."""
         navigator = float(NAVIGATORS[self._scenario.navigator])
         side = float(SIDES[self._scenario.side])
-        self._insist(Command.SIDESTEP_SET_NAVIGATOR, navigator, side)
-        self._insist(Command.COMPONENT_ARM_DISARM, 1.0)
+        self._request_until_accepted(Command.SIDESTEP_SET_NAVIGATOR, navigator, side)
+        self._request_until_accepted(Command.COMPONENT_ARM_DISARM, 1.0)
 
-    def _insist(self, command: Command, param1: float, param2: float = 0.0) -> None:
-        """Who has just been started may not answer yet, or have no senses."""
+    def _request_until_accepted(self, command: Command, param1: float, param2: float = 0.0) -> None:
+        """Repeat a command until accepted: a robot that starts may not answer or lack data."""
         clock = self.link.clock
         deadline_ns = clock.now_ns() + READY_NS
         while True:
@@ -101,25 +101,27 @@ class GoalRun:
             else:
                 if answered.ok:
                     return
-                if answered.reason not in WORTH_WAITING or clock.now_ns() > deadline_ns:
-                    raise NotRun(f"{command.name.lower()} was refused: {why(answered)}")
+                if answered.reason not in RETRYABLE or clock.now_ns() > deadline_ns:
+                    raise NoOutcomeError(
+                        f"the robot refused {command.name.lower()}: {why(answered)}"
+                    )
             clock.sleep_until(clock.now_ns() + RETRY_NS)
 
     def start(self) -> None:
-        """Let the plant's time go on, or, where it runs, begin the score of all robots."""
+        """Start the plant's time in lockstep; otherwise start the score of all robots."""
         answer = self._ask_plant(RunRequest(until_ns=0, action=RunAction.START))
         if not isinstance(answer, CommandAck) or answer.result:
-            raise NotRun("the plant would not start")
+            raise NoOutcomeError("the plant did not start the run")
 
     def send(self) -> None:
-        """Give the goal. A refused one is an outcome, too, but not before time goes on."""
+        """Send the goal. A refusal is an outcome, too, but is kept until time has started."""
         request = goal_request(self._goal.on_the_wire(), self.link.ids.next(), Mode.AUTO)
         self._goal_id = request.request_id
         answered = self.link.ask(request)
         self._refusal = None if answered.ok else answered
 
     def begin(self) -> None:
-        """Follow the goal from now on: the run has been started."""
+        """Follow the goal from now on; call it after `start`."""
         self._begun_ns = self.link.clock.now_ns()
         if self._refusal is not None:
             self._end(self._refused(self._refusal))
@@ -128,17 +130,18 @@ class GoalRun:
         self._watch = GoalWatch(self._goal_id, self._begun_ns, timeout_ns, stamps_only=True)
 
     @property
-    def over(self) -> bool:
-        return self.outcome is not None or bool(self.spoilt)
+    def is_over(self) -> bool:
+        """True when the run has an outcome or is void."""
+        return self.outcome is not None or bool(self.void_reason)
 
     def look(self) -> None:
-        """See whether the goal has ended or its time is up; NotRun when the robot is lost."""
-        if self.over or self._watch is None:
+        """Check whether the goal has ended; NoOutcomeError when the robot is lost."""
+        if self.is_over or self._watch is None:
             return
         void = self._void()
         if void is not None:
             self._waiting = void.why
-            self.spoilt = void.why if void.over else ""
+            self.void_reason = void.why if void.is_final else ""
             return
         newest = self.telemetry.latest(STATUS)
         if newest is not None:
@@ -157,15 +160,15 @@ class GoalRun:
             self._lost(lambda: why)
 
     def _lost(self, why: Callable[[], str]) -> None:
-        """Raise NotRun, but where somebody may be started again only when nobody was."""
+        """Raise NoOutcomeError, but allow time for a restart where processes are restarted."""
         now_ns = self.link.clock.now_ns()
         self._lost_ns = self._lost_ns or now_ns
         self._check()
-        if self._scenario.lockstep or now_ns - self._lost_ns > PATIENCE_NS:
-            raise NotRun(why())
+        if self._scenario.lockstep or now_ns - self._lost_ns > RESTART_WAIT_NS:
+            raise NoOutcomeError(why())
 
     def line(self) -> list[Part]:
-        """How it stands, for a line."""
+        """Return the status line of this run."""
         if self._waiting:
             return [Part(self._waiting)]
         now_ns = self.link.clock.now_ns()
@@ -173,13 +176,13 @@ class GoalRun:
         return goal_line(self.telemetry, now_ns, silent_ns, self._goal_id)
 
     def short_line(self) -> Part:
-        """The same in a few words, for a line of several robots."""
+        """Return a short status, for a line that covers several robots."""
         if self.outcome is not None:
             return Part(f"{self.link.robot} {self.outcome.outcome}")
         return short_line(self.telemetry, self.link.robot, self.link.clock.now_ns())
 
     def time(self) -> Part:
-        """Since the goal was set, by the robot's clock; it goes on when the goal has ended."""
+        """Return the time since the goal was set, by the robot's clock."""
         newest = self.telemetry.latest(STATUS)
         if newest is None or not newest[0].goal_id:
             return Part("")
@@ -190,13 +193,13 @@ class GoalRun:
         self.outcome = self._judge(status, wall_s)
 
     def _ask_plant(self, request: RunRequest) -> object:
-        return self.link.bus.ask(RUN, request, ASK_S, robot=self.link.robot)
+        return self.link.bus.ask(RUN, request, REQUEST_TIMEOUT_S, robot=self.link.robot)
 
     def _refused(self, answered: Answered) -> NavigatorStatus:
         self.link.wait(lambda: self.telemetry.latest(STATUS) is not None, READY_NS)
         newest = self.telemetry.latest(STATUS)
         if newest is None:
-            raise NotRun(f"the goal was refused: {why(answered)}")
+            raise NoOutcomeError(f"the goal was refused: {why(answered)}")
         return newest[0]
 
     def _judge(self, status: NavigatorStatus, wall_s: float) -> Outcome:
@@ -205,8 +208,8 @@ class GoalRun:
         until_ns = status.goal_ended_ns if ended else status.goal_started_ns + timeout_ns
         score = self._ask_plant(RunRequest(until_ns=until_ns, action=RunAction.SCORE))
         if not isinstance(score, RunScore):
-            raise NotRun("the plant would not score the run")
-        x_m, y_m = self._believed(until_ns)
+            raise NoOutcomeError("the plant did not return a score")
+        x_m, y_m = self._estimated_position(until_ns)
         cycle = self.telemetry.latest(CYCLE)
         account = Ended(
             goal_state=status.goal,
@@ -219,8 +222,8 @@ class GoalRun:
         )
         return judged(self._scenario.asked(self._goal), account, score)
 
-    def _believed(self, at_ns: int) -> tuple[float, float]:
-        """Where the robot believed to be at that stamp, or as near to it as was heard."""
+    def _estimated_position(self, at_ns: int) -> tuple[float, float]:
+        """Return the robot's estimated position in m at that stamp, or the nearest one received."""
         nearest = (float("nan"), float("nan"))
         for frame in reversed(tuple(self._poses)):
             message = decode(frame).message

@@ -1,7 +1,7 @@
-"""Who has fallen silent although its process is there: it hangs, or is stopped.
+"""Detect processes that are running but silent: they hang or are suspended.
 
-A silence is laid to the hub first, through which all others are heard: the router, or the robot
-where there is none.
+All messages pass the hub: the router, or the robot where there is no router. So a silence is
+attributed to the hub first.
 """
 
 from collections.abc import Callable, Iterable
@@ -11,67 +11,70 @@ from runtime.units import NS_PER_MS, NS_PER_S
 
 SILENT_NS: Final = 2_500 * NS_PER_MS
 STARTING_NS: Final = 15 * NS_PER_S
-"""As long as this may pass from a start to the first sign of life."""
-ECHO_NS: Final = 100 * NS_PER_MS
-"""What comes so soon after a start was still on its way from the one before."""
-DEAF_NS: Final = 500 * NS_PER_MS
-"""Who has not looked for so long has not listened either."""
+"""Longest time from a start to the first message."""
+STALE_MESSAGE_NS: Final = 100 * NS_PER_MS
+"""A message that arrives this soon after a restart was sent by the previous process."""
+OWN_SUSPENSION_NS: Final = 500 * NS_PER_MS
+"""If the monitor itself was suspended this long, ignore the silence."""
 ROUTER: Final = "router"
-SILENT: Final = f"hung (not heard for {SILENT_NS / NS_PER_S:g} s)"
+SILENT: Final = f"hung (silent for {SILENT_NS / NS_PER_S:g} s)"
 
 
 class HangDetector:
-    """`heard` may be called from any thread, everything else from one."""
+    """`received` may be called from any thread, everything else from one."""
 
     def __init__(
         self, hub: str, roles: Iterable[str], linked: Callable[[], bool], now_ns: int
     ) -> None:
-        """`roles` are those with a heart, which beats; a router has none and is known by `linked`:
-        is there a link at all?"""
+        """Create a detector for `roles`, which publish a heartbeat.
+
+        A router publishes none; `linked` returns whether any link is up.
+        """
         self._hub = hub
         self._linked = linked
-        self._heard = dict.fromkeys(roles, now_ns)
-        self._started = dict.fromkeys(self._heard, now_ns - 2 * ECHO_NS)
-        self._gone: set[str] = set()
-        self._looked_ns = self._listening_ns = now_ns
+        self._messages_ns = dict.fromkeys(roles, now_ns)
+        self._started = dict.fromkeys(self._messages_ns, now_ns - 2 * STALE_MESSAGE_NS)
+        self._exited: set[str] = set()
+        self._last_check_ns = self._listening_since_ns = now_ns
 
-    def heard(self, role: str, now_ns: int) -> None:
-        self._heard[role] = now_ns
+    def note_message(self, role: str, now_ns: int) -> None:
+        """Note a message of a process."""
+        self._messages_ns[role] = now_ns
 
-    def back_ns(self, role: str) -> int | None:
-        """When it was heard last; None: not since it was started again."""
-        heard_ns = self._heard[role]
-        there = role not in self._gone and heard_ns - self._started[role] > ECHO_NS
-        return heard_ns if there else None
+    def last_message_ns(self, role: str) -> int | None:
+        """Return the time of the last message, or None if there is none since the restart."""
+        message_ns = self._messages_ns[role]
+        is_back = role not in self._exited and message_ns - self._started[role] > STALE_MESSAGE_NS
+        return message_ns if is_back else None
 
-    def gone(self, role: str) -> None:
-        """It has ended, so its silence needs no explanation."""
-        self._gone.add(role)
+    def note_exit(self, role: str) -> None:
+        """Note that a process has exited, so its silence is explained."""
+        self._exited.add(role)
 
-    def started(self, role: str, now_ns: int) -> None:
-        """It is there again; with a hub all the others have to find it first."""
-        self._gone.discard(role)
-        for one in self._heard if role == self._hub else [role]:
-            if one in self._heard:
+    def note_start(self, role: str, now_ns: int) -> None:
+        """Note that a process was restarted; when the hub restarts, all others must reconnect."""
+        self._exited.discard(role)
+        for one in self._messages_ns if role == self._hub else [role]:
+            if one in self._messages_ns:
                 self._started[one] = now_ns
 
     def silent(self, now_ns: int) -> list[str]:
-        """Those that hang, each once until it was started again."""
-        if now_ns - self._looked_ns > DEAF_NS:  # it was us who hung, or were stopped
-            self._listening_ns = now_ns
-        self._looked_ns = now_ns
-        if self._hub in self._gone:
+        """Return the roles that hang, each once until it is restarted."""
+        if now_ns - self._last_check_ns > OWN_SUSPENSION_NS:  # this process was suspended
+            self._listening_since_ns = now_ns
+        self._last_check_ns = now_ns
+        if self._hub in self._exited:
             return []
-        overdue = [role for role in self._heard if self._overdue(role, now_ns)]
+        overdue = [role for role in self._messages_ns if self._overdue(role, now_ns)]
         if self._hub in overdue or (overdue and self._hub == ROUTER and not self._linked()):
             overdue = [self._hub]
-        self._gone.update(overdue)
+        self._exited.update(overdue)
         return overdue
 
     def _overdue(self, role: str, now_ns: int) -> bool:
-        if role in self._gone:
+        if role in self._exited:
             return False
-        heard_ns = self.back_ns(role)
-        if heard_ns is None:
-            return now_ns - max(self._started[role], self._listening_ns) > STARTING_NS
-        return now_ns - max(heard_ns, self._listening_ns) > SILENT_NS
+        message_ns = self.last_message_ns(role)
+        if message_ns is None:
+            return now_ns - max(self._started[role], self._listening_since_ns) > STARTING_NS
+        return now_ns - max(message_ns, self._listening_since_ns) > SILENT_NS

@@ -1,7 +1,7 @@
-"""The recording of a session: always on unless refused, in a process of its own, and watched.
+"""Record a session in a separate, supervised process; on unless disabled.
 
-Whether it works is seen by the file alone: it grows, or the alarm is loud. So whoever writes it may
-hang, be ended, or have no room left on its disk, and it is told in the same way.
+The check looks only at the file: it must grow, or an alarm is raised. A recorder that hangs, exits
+or has no room on its disk is therefore reported in the same way.
 """
 
 import argparse
@@ -11,69 +11,78 @@ from pathlib import Path
 from typing import Final, Protocol, Self
 
 from ground.client.connection import Common
-from ground.launch.child_processes import ChildDied, Children
+from ground.launch.child_processes import ChildExitError, Children
 from ground.recording.log_reader import robot_in
 from ground.recording.retention import Retention, size_in, size_of
 from runtime.clock import Clock
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
 
-FOLDER: Final = Path("sidestep") / "recordings"
-ON: Final = "REC"
-TROUBLE: Final = "REC!"
+RECORDINGS: Final = Path("sidestep") / "recordings"
+WRITING: Final = "REC"
+STALLED: Final = "REC!"
 ROLE: Final = "recorder"
-LOOK_NS: Final = NS_PER_S // 2
-PATIENCE_NS: Final = 3 * NS_PER_S
+CHECK_NS: Final = NS_PER_S // 2
+STALL_NS: Final = 3 * NS_PER_S
 FULL_BYTES: Final = 1 << 20
-USUAL_KEEP: Final = "2GB"
+DEFAULT_KEEP: Final = "2GB"
 
 
 def add_recording(parser: argparse.ArgumentParser) -> None:
-    """`--record` and `--no-record`, for whatever opens the app."""
-    both = parser.add_mutually_exclusive_group()
-    says = f"a .tlog and an .mcap of every frame, there (on a terminal {usual_folder()})"
-    both.add_argument("--record", metavar="DIR", help=says)
-    both.add_argument("--no-record", action="store_true", help="write no recording")
+    """Add `--record` and `--no-record`, for verbs that open the app."""
+    group = parser.add_mutually_exclusive_group()
+    says = f"write a .tlog and an .mcap of every frame there (on a terminal {default_folder()})"
+    group.add_argument("--record", metavar="DIR", help=says)
+    group.add_argument("--no-record", action="store_true", help="write no recording")
     add_keep(parser)
 
 
 def add_keep(parser: argparse.ArgumentParser) -> None:
-    """`--keep`: how much of older recordings survives."""
-    says = f"delete the oldest recordings there beyond so much (in {usual_folder()} {USUAL_KEEP};"
-    parser.add_argument("--keep", metavar="SIZE", help=f"{says} elsewhere all are kept)")
+    """Add `--keep`, the limit on the size of older recordings."""
+    size = f"{DEFAULT_KEEP} in {default_folder()}; elsewhere all are kept"
+    parser.add_argument(
+        "--keep",
+        metavar="SIZE",
+        help=f"delete the oldest recordings there beyond this size ({size})",
+    )
 
 
-def usual_folder() -> Path:
+def default_folder() -> Path:
+    """Return the user's folder for recordings."""
     state = os.environ.get("XDG_STATE_HOME")
-    return (Path(state) if state else Path.home() / ".local" / "state") / FOLDER
+    return (Path(state) if state else Path.home() / ".local" / "state") / RECORDINGS
 
 
-def kept_in(folder: Path, keep: str | None) -> int | None:
-    """How many bytes of recordings may be in a folder, None: any; UserError for what is none.
+def byte_limit(folder: Path, keep: str | None) -> int | None:
+    """Return how many bytes of recordings a folder may hold, or None without limit.
 
-    Nothing is deleted unasked where somebody has chosen to record.
+    Outside the default folder nothing is deleted unless `keep` asks for it. Raises UserError for a
+    malformed size.
     """
-    usual = USUAL_KEEP if folder.resolve() == usual_folder().resolve() else None
-    wanted = keep or usual
+    default = DEFAULT_KEEP if folder.resolve() == default_folder().resolve() else None
+    wanted = keep or default
     return None if wanted is None else size_in(wanted)
 
 
 class RecordOptions(Protocol):
-    """Where a session is to be recorded, if at all."""
+    """Options that decide where a session is recorded, if at all."""
 
     record: str | None
     no_record: bool
 
 
 def folder_of(options: RecordOptions) -> Path | None:
-    """Where the session is recorded; None when that is refused."""
+    """Return the folder for the recording, or None when recording is disabled."""
     if options.no_record:
         return None
-    return Path(options.record) if options.record else usual_folder()
+    return Path(options.record) if options.record else default_folder()
 
 
-class Recording:
-    """`words` are for the status line. `poll` it often: twice a second it looks at the disk."""
+class RecordingSession:
+    """Recording of a session.
+
+    `words` are for the status line. Call `poll` often: twice a second it checks the file.
+    """
 
     def __init__(
         self,
@@ -83,7 +92,7 @@ class Recording:
         config: str | None,
         keep: str | None = None,
     ) -> None:
-        """`config` and `keep`: what was said, for a recorder that is started here."""
+        """`config` and `keep` are passed on to a recorder that is started here."""
         self.words = ""
         self._folder = folder
         self._robot = common.robot
@@ -96,9 +105,9 @@ class Recording:
         self._last: Path | None = None
         self._size = 0
         self._grew_ns = self._look_ns = clock.now_ns()
-        self._on = self._ours = False
+        self._is_watching = self._is_child = False
         self._keep = keep
-        self._news: list[str] = []
+        self._messages: list[str] = []
 
     def __enter__(self) -> Self:
         return self
@@ -108,68 +117,69 @@ class Recording:
 
     def begin(self) -> None:
         """Start a recorder, or another one if the last has stopped; UserError while one works."""
-        if self.words == ON:
-            raise UserError("it is recorded already: record stop ends that")
+        if self.words == WRITING:
+            raise UserError("already recording: end it with `record stop` first")
         self._children.stop()
-        self._tidy()
+        self._delete_old()
         self._before = self._files()
         self._children.start(ROLE, self._command)
-        self._ours = True
+        self._is_child = True
         self.watch(self._before)
 
     def end(self) -> str:
-        """End the recorder that was started here; the name of its file."""
-        if not self._ours:
+        """Stop the recorder that was started here and return the name of its file."""
+        if not self._is_child:
             raise UserError("nothing is being recorded here")
         file = self.file
         self._children.stop()
-        self._on = self._ours = False
+        self._is_watching = self._is_child = False
         self.words = ""
         return str(file) if file else "nothing was written"
 
     def watch(self, before: set[Path]) -> None:
-        """Somebody records from now on; `before` are the files that were there already."""
+        """Check a recorder from now on; `before` are the files that existed before it started."""
         self._before = before
         self._last, self._size = None, 0
         self._grew_ns = self._clock.now_ns()
-        self._on, self.words = True, ON
+        self._is_watching, self.words = True, WRITING
 
     @property
     def file(self) -> Path | None:
-        """The newest one of this robot that was not there before."""
+        """The newest file of this robot that did not exist before."""
         new = self._files() - self._before
         return max(new, key=lambda path: path.name, default=None)
 
-    def poll(self, *, heard: bool) -> list[str]:
-        """What there is to tell, loudly: that it has stopped, why, and that it goes on.
+    def poll(self, *, is_receiving: bool) -> list[str]:
+        """Return new messages for the operator: the recording has stopped and why, or has resumed.
 
-        `heard`: is there something to record? A robot that is silent is no trouble of ours.
+        `is_receiving`: whether the robot sends anything. A silent robot is not a fault of the
+        recorder.
         """
         now_ns = self._clock.now_ns()
-        news, self._news = self._news, []
-        if not self._on or now_ns < self._look_ns:
-            return news
-        self._look_ns = now_ns + LOOK_NS
+        messages, self._messages = self._messages, []
+        if not self._is_watching or now_ns < self._look_ns:
+            return messages
+        self._look_ns = now_ns + CHECK_NS
         size = self._size_now()
         if size != self._size:
             self._size, self._grew_ns = size, now_ns
-        elif not heard and self.words == ON:
+        elif not is_receiving and self.words == WRITING:
             self._grew_ns = now_ns
-        was, self.words = self.words, ON if now_ns - self._grew_ns < PATIENCE_NS else TROUBLE
+        was, self.words = self.words, WRITING if now_ns - self._grew_ns < STALL_NS else STALLED
         if was == self.words:
-            return news
-        if self.words == ON:
-            return [*news, "RECORDING goes on"]
-        return [*news, f"RECORDING HAS STOPPED: {self._why()}; the robot drives on"]
+            return messages
+        if self.words == WRITING:
+            return [*messages, "RECORDING resumed"]
+        return [*messages, f"RECORDING HAS STOPPED: {self._why()}; the robot drives on"]
 
-    def _tidy(self) -> None:
-        """Here and not by the recorder, whose words nobody would see."""
-        shelf = Retention(self._folder, kept_in(self._folder, self._keep))
+    def _delete_old(self) -> None:
+        """Delete old recordings here: the recorder's own messages would not be shown."""
+        retention = Retention(self._folder, byte_limit(self._folder, self._keep))
         with suppress(OSError):  # a folder that is not there yet is made by the recorder
-            self._news += filter(None, (shelf.tidy(), shelf.warning()))
+            self._messages += filter(None, (retention.tidy(), retention.warning()))
 
     def _size_now(self) -> int:
-        """Another file is only looked for when this one does not grow: there may be very many."""
+        """Return the file's size; search for a newer file only when this one does not grow."""
         size = 0 if self._last is None else size_of(self._last)
         if size == self._size:
             self._last = self.file
@@ -179,7 +189,7 @@ class Recording:
     def _why(self) -> str:
         try:
             self._children.check()
-        except ChildDied as died:
+        except ChildExitError as died:
             return str(died)
         try:
             disk = os.statvfs(self._folder)
@@ -187,7 +197,7 @@ class Recording:
             return f"{self._folder}: {error.strerror}"
         if disk.f_bavail * disk.f_frsize < FULL_BYTES:
             return f"the disk is full ({self._folder})"
-        return f"nothing was written to {self._folder} for {PATIENCE_NS // NS_PER_S} s"
+        return f"nothing was written to {self._folder} for {STALL_NS // NS_PER_S} s"
 
     def _files(self) -> set[Path]:
         return {path for path in self._folder.glob("*.tlog") if robot_in(path) == self._robot}

@@ -1,4 +1,4 @@
-"""What `up` is to run: a world and its goal, who takes part, and how each is started."""
+"""Describe a run of `up`: its world, its goal, its robots, and the arguments of each process."""
 
 import json
 import subprocess
@@ -20,9 +20,9 @@ SHOW_S: Final = 60.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioRobot:
-    """One of the robots: its name, where it stands (x_m, y_m, heading_rad) and where it goes.
+    """Name, start (x_m, y_m, heading_rad) and goal of one robot.
 
-    `shifted`: its goal lies from the goal as its start lies from the start.
+    `shifted`: its offset from the first goal equals its offset from the first start.
     """
 
     robot: str
@@ -33,12 +33,12 @@ class ScenarioRobot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """`speed` 1 is the wall clock; anything else is lockstep, in which a run can be repeated."""
+    """A complete description of a run. `speed` 1 is wall time; any other value is lockstep."""
 
     world: str
     name: str
     facts: dict[str, Any]
-    entrants: tuple[ScenarioRobot, ...]
+    scenario_robots: tuple[ScenarioRobot, ...]
     navigator: str
     side: str
     seed: int
@@ -50,23 +50,25 @@ class Scenario:
     calibrated: bool = True
     keep: str | None = None
     locks: str | None = None
-    """The folder of the certificates; without one the doors are open."""
+    """Folder of the certificates; without one, links are not encrypted."""
 
     @property
     def level(self) -> str:
-        """The level of noise by name; a world may have changed single values of it."""
+        """Name of the noise level; a world may change single values of it."""
         return self.noise or str(self.facts["noise"].get("level", "default"))
 
     @property
     def lockstep(self) -> bool:
+        """True for a run in lockstep, which is repeatable."""
         return self.speed != "1"
 
     @property
     def robots(self) -> tuple[str, ...]:
-        return tuple(entrant.robot for entrant in self.entrants)
+        """Names of the robots."""
+        return tuple(scenario_robot.robot for scenario_robot in self.scenario_robots)
 
     def asked(self, goal: Destination) -> Asked:
-        """What a robot with that goal was to do."""
+        """Return the task of a robot with this goal."""
         return Asked(
             world=self.name,
             navigator=self.navigator,
@@ -83,7 +85,7 @@ class Scenario:
 
 
 class RunOptions(Protocol):
-    """The run that `up` was asked for; `timeout` in simulated seconds, `goal` None: the world's."""
+    """Options of `up`; `timeout` in simulated seconds, `goal` None for the world's goal."""
 
     world: str
     navigator: str
@@ -102,6 +104,7 @@ class RunOptions(Protocol):
 
 
 def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
+    """Return the scenario that the options describe; UserError if the goal is outside."""
     goal = goal_in(facts)
     if options.goal is not None:
         goal = destination(options.goal)
@@ -110,7 +113,7 @@ def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
         world=options.world,
         name=str(facts["name"]),
         facts=facts,
-        entrants=tuple(entrants_of(goal, facts)),
+        scenario_robots=tuple(scenario_robots_of(goal, facts)),
         navigator=options.navigator,
         side=options.side,
         seed=options.seed,
@@ -125,8 +128,8 @@ def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
     )
 
 
-def entrants_of(goal: Destination, facts: dict[str, Any]) -> Iterator[ScenarioRobot]:
-    """Starts and goals are where the plant says; the first robot's goal is the one asked for."""
+def scenario_robots_of(goal: Destination, facts: dict[str, Any]) -> Iterator[ScenarioRobot]:
+    """Yield the robots where the plant places them; the first one gets the requested goal."""
     for number, (start, place) in enumerate(zip(facts["starts"], facts["goals"], strict=True)):
         yield ScenarioRobot(
             robot=f"r{number + 1}",
@@ -137,6 +140,7 @@ def entrants_of(goal: Destination, facts: dict[str, Any]) -> Iterator[ScenarioRo
 
 
 def refuse_outside(goal: Destination, facts: dict[str, Any]) -> None:
+    """Raise UserError for a goal outside the world."""
     width_m, height_m = facts["size_m"]
     if not (0.0 <= goal.x_m <= width_m and 0.0 <= goal.y_m <= height_m):
         size = f"{width_m:g} x {height_m:g} m"
@@ -144,6 +148,7 @@ def refuse_outside(goal: Destination, facts: dict[str, Any]) -> None:
 
 
 def goal_in(facts: dict[str, Any]) -> Destination:
+    """Return the goal of the world."""
     goal = facts["goal"]
     heading_deg = goal["heading_deg"]
     return Destination(
@@ -155,8 +160,8 @@ def goal_in(facts: dict[str, Any]) -> Destination:
     )
 
 
-def question(options: RunOptions) -> list[str]:
-    """What to ask of the plant's side before anything is started."""
+def world_query(options: RunOptions) -> list[str]:
+    """Return the command that reads the facts of the world before anything is started."""
     words = ["worlds", "show", options.world, "--json", "--robots", str(options.robots)]
     if options.goal is not None:
         goal = destination(options.goal)
@@ -165,7 +170,7 @@ def question(options: RunOptions) -> list[str]:
 
 
 def world_facts(command: list[str]) -> dict[str, Any]:
-    """What `sidestep worlds show` prints; UserError with its words when it refuses."""
+    """Run `sidestep worlds show` and return its facts; its error message becomes a UserError."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=SHOW_S, check=False)
     except subprocess.TimeoutExpired as error:
@@ -176,39 +181,39 @@ def world_facts(command: list[str]) -> dict[str, Any]:
     return facts
 
 
-def cast(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
-    """Role and arguments of each process, in the order in which they are started."""
-    everybody = unlocked_cast(scenario, locked(scenario.locks, endpoint))
-    return [(role, with_locks(scenario.locks, role, words)) for role, words in everybody]
+def process_arguments(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
+    """Return role and arguments of each process, in the order in which they are started."""
+    commands = _without_certificates(scenario, locked(scenario.locks, endpoint))
+    return [(role, with_locks(scenario.locks, role, words)) for role, words in commands]
 
 
-def unlocked_cast(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
-    """The same without their certificates."""
-    everybody: list[tuple[str, list[str]]] = []
+def _without_certificates(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
+    """Return the same without certificates."""
+    commands: list[tuple[str, list[str]]] = []
     if scenario.router:
-        everybody.append(("router", ["router", "--listen", endpoint]))
-    everybody += [
-        (f"robot {one.robot}", robot(scenario, one, endpoint)) for one in scenario.entrants
+        commands.append(("router", ["router", "--listen", endpoint]))
+    commands += [
+        (f"robot {one.robot}", robot(scenario, one, endpoint)) for one in scenario.scenario_robots
     ]
     if scenario.record is not None:
         keep = [] if scenario.keep is None else ["--keep", scenario.keep]
         words = ["record", scenario.record, *keep, "--connect", endpoint, "--id"]
-        everybody += [(f"recorder {name}", [*words, name]) for name in scenario.robots]
-    return [*everybody, ("plant", plant(scenario, endpoint))]
+        commands += [(f"recorder {name}", [*words, name]) for name in scenario.robots]
+    return [*commands, ("plant", plant(scenario, endpoint))]
 
 
-def robot(scenario: Scenario, entrant: ScenarioRobot, endpoint: str) -> list[str]:
-    """Without a router the robot is the hub that the others dial."""
+def robot(scenario: Scenario, scenario_robot: ScenarioRobot, endpoint: str) -> list[str]:
+    """Return the arguments of a robot. Without a router, the others dial the robot."""
     found = [
         "robot",
         "--id",
-        entrant.robot,
+        scenario_robot.robot,
         "--connect" if scenario.router else "--listen",
         endpoint,
     ]
     if scenario.lockstep:
         found.append("--lockstep")
-    found += ["--start", *start_words(*entrant.start)]
+    found += ["--start", *start_words(*scenario_robot.start)]
     settings = settings_of(scenario.facts["robot"], scenario.level, calibrated=scenario.calibrated)
     for parameter, value in settings.items():
         found += ["--param", f"{parameter}={value!r}"]
@@ -216,7 +221,7 @@ def robot(scenario: Scenario, entrant: ScenarioRobot, endpoint: str) -> list[str
 
 
 def plant(scenario: Scenario, endpoint: str) -> list[str]:
-    """In lockstep it waits at tick 0, so that the goal always arrives in the same tick."""
+    """Return the arguments of the plant. In lockstep it waits at tick 0 for the goal."""
     found = ["plant", "--world", scenario.world, "--seed", str(scenario.seed)]
     found += ["--robots", ",".join(scenario.robots), "--connect", endpoint]
     if scenario.noise is not None:

@@ -1,4 +1,4 @@
-"""The processes of `up` behind locked doors: to each its own certificate of a `keys` folder."""
+"""Give each process of `up` its own certificate from a `keys` folder."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -15,24 +15,24 @@ PLAIN: Final = "tcp/"
 
 
 def with_locks(locks: str | None, role: str, words: list[str]) -> list[str]:
-    """The arguments of a process that goes by this role, such as `robot r2` or `recorder r2`."""
+    """Return the arguments of a process with this role, such as `robot r2` or `recorder r2`."""
     return words if locks is None else [*words, "--config", str(file_of(locks, role))]
 
 
 def file_of(locks: str, role: str) -> Path:
-    """The configuration of a process; what records is of the ground."""
+    """Return the configuration file of a role; a recorder uses the ground station's."""
     kind, _, robot = role.partition(" ")
     holder = {"robot": f"robot-{robot}", "recorder": GROUND}.get(kind, kind)
     return Path(locks) / f"{holder}.toml"
 
 
 def ground_file(locks: str | None) -> str | None:
-    """For whatever the ground station starts itself."""
+    """Return the configuration file for processes that the ground station starts."""
     return None if locks is None else str(file_of(locks, GROUND))
 
 
 def dialling(locks: str | None, network: Network) -> Network:
-    """The ground's own way to the others."""
+    """Return the network settings with which the ground station dials the others."""
     if locks is None:
         return network
     found = load_shared(file_of(locks, GROUND), Config).network or Network()
@@ -48,11 +48,12 @@ def dialling(locks: str | None, network: Network) -> Network:
 
 
 def locked(locks: str | None, endpoint: str) -> str:
+    """Return the endpoint, with TLS where certificates are used."""
     return endpoint if locks is None else endpoint.replace(PLAIN, LOCKED)
 
 
 def check(locks: str | None, roles: Iterable[str]) -> None:
-    """UserError names the first that has no certificate, before anything is started."""
+    """Raise UserError for the first role without a certificate, before anything is started."""
     if locks is None:
         return
     for role in roles:

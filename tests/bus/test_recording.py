@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ground.client.connection import Common
-from ground.launch.recording_session import Recording
+from ground.launch.recording_session import RecordingSession
 from ground.recording.log_reader import opened
 from protocol.bus.network import Network
 from runtime.clock import WallClock
@@ -18,34 +18,34 @@ from tests.support.until import until
 
 
 @pytest.fixture
-def recording(tmp_path: Path) -> Iterator[Recording]:
+def recording(tmp_path: Path) -> Iterator[RecordingSession]:
     with played() as (_, endpoint):
         network = Network(mode="client", connect=(endpoint,))
         common = Common(network=network, robot="r1")
-        with Recording(tmp_path, common, WallClock(), None) as found:
+        with RecordingSession(tmp_path, common, WallClock(), None) as found:
             yield found
 
 
-def told_until(recording: Recording, condition: Callable[[], bool]) -> list[str]:
+def told_until(recording: RecordingSession, condition: Callable[[], bool]) -> list[str]:
     told: list[str] = []
 
     def met() -> bool:
-        told.extend(recording.poll(heard=True))
+        told.extend(recording.poll(is_receiving=True))
         return condition()
 
     until(met, what=lambda: f"told {told}")
     return told
 
 
-def grown(recording: Recording) -> bool:
+def grown(recording: RecordingSession) -> bool:
     return recording.file is not None and recording.file.stat().st_size > 500
 
 
-def test_it_is_begun_and_ended(recording: Recording) -> None:
+def test_it_is_begun_and_ended(recording: RecordingSession) -> None:
     recording.begin()
     assert told_until(recording, lambda: grown(recording)) == []
     assert recording.words == "REC"
-    with pytest.raises(UserError, match="recorded already"):
+    with pytest.raises(UserError, match="already recording"):
         recording.begin()
     file = Path(recording.end())
     assert recording.words == ""
@@ -55,12 +55,14 @@ def test_it_is_begun_and_ended(recording: Recording) -> None:
         assert log.damage() == ""
 
 
-def test_a_recorder_that_is_killed_is_told_and_can_be_begun_anew(recording: Recording) -> None:
+def test_a_recorder_that_is_killed_is_told_and_can_be_begun_anew(
+    recording: RecordingSession,
+) -> None:
     recording.begin()
     told_until(recording, lambda: grown(recording))
     (child,) = recording._children.pids
     os.kill(child, signal.SIGKILL)
     (told,) = told_until(recording, lambda: recording.words == "REC!")
-    assert "the recorder process ended by itself (signal SIGKILL)" in told
+    assert "the recorder process exited unexpectedly (signal SIGKILL)" in told
     recording.begin()
     assert told_until(recording, lambda: grown(recording)) == []

@@ -108,7 +108,7 @@ def test_when_there_is_room_again_it_goes_on_and_nothing_is_lost(tmp_path: Path)
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (LITTLE_ROOM_BYTES, unlimited))
         recorder.says("RECORDING IN TROUBLE: File too large; the robot drives on")
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (unlimited, unlimited))
-        recorder.says("RECORDING goes on: the log can be written again")
+        recorder.says("RECORDING resumed: the log can be written again")
         after_ns = witness.status.time_ns
         until(lambda: witness.status.time_ns > after_ns + NS_PER_S)
         recorder.send(signal.SIGINT)

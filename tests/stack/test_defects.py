@@ -19,9 +19,9 @@ FAILS_ON_SIGNAL = """
 import os, signal, sys
 sys.path.insert(0, sys.argv.pop(1))
 import sidestep
-from ground.launch.child_command import tie_to
+from ground.launch.child_command import die_with_parent
 from robot.core import brain
-tie_to(int(sys.argv.pop(1)))
+die_with_parent(int(sys.argv.pop(1)))
 whole, signals = brain.step, []
 signal.signal(signal.SIGUSR1, lambda number, _: signals.append(number))
 

@@ -126,7 +126,7 @@ def test_a_disk_that_was_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
         running.says("RECORDING IN TROUBLE: File too large; the robot drives on")
         anywhere = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
         resource.prlimit(running.process.pid, resource.RLIMIT_FSIZE, anywhere)
-        running.says("RECORDING goes on")
+        running.says("RECORDING resumed")
         said = len(speaker.said_s)
         until(lambda: len(speaker.said_s) > said + 10)
         running.send(signal.SIGINT)

@@ -28,9 +28,9 @@ SLOW_DISK = f"""
 import os, sys, threading, time
 sys.path.insert(0, sys.argv.pop(1))
 import sidestep
-from ground.launch.child_command import tie_to
+from ground.launch.child_command import die_with_parent
 from robot.process import Process
-tie_to(int(sys.argv.pop(1)))
+die_with_parent(int(sys.argv.pop(1)))
 fsync, run, looping = os.fsync, Process.run, []
 
 def in_loop():

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from ground.cli.run.up import errands_of
+from ground.cli.run.up import goal_runs_of
 from ground.launch import child_command
-from ground.launch.child_processes import ChildDied
+from ground.launch.child_processes import ChildExitError
 from ground.launch.fleet_run import FleetRun
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import RestartPolicy
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.stack
 
 MS = 1_000_000
 STOPPED_MS = 200 + 50  # the truth comes once in a period
-HUNG = "hung (not heard for 2.5 s)"
+HUNG = "hung (silent for 2.5 s)"
 KILLED = "was killed (signal SIGKILL)"
 HEALED_S = 15.0
 TRIES = 3
@@ -51,7 +51,7 @@ class Stage:
     def look(self) -> None:
         """One round, as `up` does it."""
         self.stack.check()
-        while news := self.stack.news():
+        while news := self.stack.next_event():
             self.told.append(news)
 
     def until(self, condition: Callable[[], object], what: str) -> None:
@@ -63,13 +63,13 @@ class Stage:
 
     def drive(self) -> None:
         """Armed, on its way; on a busy machine it may stop for its budget, and is sent again."""
-        hears, witness = self.stack._hears, self.witness
+        hears, witness = self.stack._bus, self.witness
         assert hears is not None
         says, clock = Output(as_json=False), WallClock()
-        errands = errands_of(self.stack, hears, says, clock)
-        outing = FleetRun(errands, clock, self.look, lambda _: None)
+        goal_runs = goal_runs_of(self.stack, hears, says, clock)
+        fleet_run = FleetRun(goal_runs, clock, self.look, lambda _: None)
         for _ in range(TRIES):
-            outing.launch(lockstep=False)
+            fleet_run.launch(lockstep=False)
             stopped = len(witness.statuses)
             self.until(partial(self.under_way, stopped), "driving")
             if self.moves():
@@ -127,7 +127,7 @@ def the_robot_comes_back_disarmed(stage: Stage, how: str, cause: str, sabotage: 
     before_ns, still_ns = witness.stopped_at_ns(hurt_ns + 50 * MS)
     assert (still_ns - before_ns) / MS <= STOPPED_MS
     stage.until(lambda: stage.said("started again: the one before", cause), "the cause")
-    assert stage.told == [f"the robot r1 process {cause}; it is started again"]
+    assert stage.told == [f"the robot r1 process {cause}; restarting"]
     stage.until(lambda: witness.status.vehicle == Vehicle.STANDBY, "STANDBY")
     assert witness.status.goal == GoalState.NONE
     seen = len(witness.truths)
@@ -145,7 +145,7 @@ def without_its_plant_the_robot_stays_where_it_is(
     stage.until(lambda: witness.status.vehicle == Vehicle.FAILSAFE, "FAILSAFE")
     assert witness.status.vehicle_reason == Reason.TICKS_LOST
     stage.until(lambda: stage.said("senses began anew: the place is not known"), "its words")
-    assert stage.told == [f"the plant process {cause}; it is started again"]
+    assert stage.told == [f"the plant process {cause}; restarting"]
     assert witness.status.vehicle == Vehicle.FAILSAFE
     assert witness.status.goal == GoalState.ABORTED
     assert witness.speeds == (0, 0)
@@ -158,7 +158,7 @@ def the_others_find_the_router_again(
     hurt_ns = stage.hurt("router", how, sabotage)
     until_ns = hurt_ns + (4_000 if how == "holds the lock" else 100) * MS
     stage.until(lambda: stage.ears.both_since(until_ns), "robot and plant")
-    told = [] if how == "holds the lock" else [f"the router process {cause}; it is started again"]
+    told = [] if how == "holds the lock" else [f"the router process {cause}; restarting"]
     assert stage.told == told
     assert stage.witness.status.vehicle == Vehicle.FAILSAFE
 
@@ -179,7 +179,7 @@ def test_who_dies_again_and_again_is_given_up_and_up_ends(sabotage: Sabotage) ->
         stage.hurt("robot r1", "SIGKILL", sabotage)
         stage.until(lambda: stage.said("started again"), "it is back")
         stage.hurt("robot r1", "SIGKILL", sabotage)
-        with pytest.raises(ChildDied, match=r"GIVEN UP: .* 2 times within 60 s"):
+        with pytest.raises(ChildExitError, match=r"GIVEN UP: .* 2 times within 60 s"):
             stage.until(lambda: False, "giving up")
 
 

@@ -83,10 +83,10 @@ def test_without_its_robot_there_is_no_trial_but_the_other_one_goes_on(tmp_path:
         victim = next(pid for pid in up.pids if " robot --id r2 " in words_of(pid))
         os.kill(victim, signal.SIGKILL)
         why = "the robot r2 process was killed (signal SIGKILL)"
-        up.says(f"{why}; it is started again")
+        up.says(f"{why}; restarting")
         found = up.result()
     assert found["ok"] is False
-    back = "it is back, but has begun anew"
+    back = "it is back, but with a fresh state"
     assert str(found["reason"]).startswith(f"no valid trial: {why}; {back}; r1 ")
     (log,) = tmp_path.glob("*-r2.tlog")
     assert "started again: the one before was killed (signal SIGKILL)" in texts_in(log)
@@ -102,7 +102,7 @@ def texts_in(log: Path) -> str:
 def test_without_its_router_the_robot_stops_by_itself_and_that_is_the_outcome() -> None:
     with under_way("--router") as up:
         up.kill("router")
-        up.says("the router process was killed (signal SIGKILL); it is started again")
+        up.says("the router process was killed (signal SIGKILL); restarting")
         found = up.result()
     assert found["outcome"] == "aborted"
 
@@ -113,7 +113,7 @@ def test_a_recorder_that_dies_is_followed_by_another_one_and_the_robot_drives_on
     with under_way("--goal", "2", "2", "--record", str(tmp_path)) as up:
         (first,) = tmp_path.glob("*.tlog")
         up.kill("record " + str(tmp_path))
-        up.says("the recorder r1 process was killed (signal SIGKILL); it is started again")
+        up.says("the recorder r1 process was killed (signal SIGKILL); restarting")
         found = up.result()
         assert found["outcome"] == "reached"
     (second,) = set(tmp_path.glob("*.tlog")) - {first}
@@ -145,7 +145,7 @@ def test_the_app_tells_who_was_started_again_and_why(tmp_path: Path) -> None:
         tmux.shows("end robot r1", "hang plant")
         tmux.press("j", "j", "s", "4")
         tmux.shows(
-            "the robot r1 process was killed (signal SIGKILL); it is started again",
+            "the robot r1 process was killed (signal SIGKILL); restarting",
             "started again: the one before was killed (signal SIGKILL)",
             "r1 has been restarted (1)",
         )
@@ -153,7 +153,7 @@ def test_the_app_tells_who_was_started_again_and_why(tmp_path: Path) -> None:
         tmux.shows("DISARMED")
         tmux.press("7", "j", "s", "4")
         tmux.shows(
-            "the plant process hung (not heard for 2.5 s); it is started again",
+            "the plant process hung (silent for 2.5 s); restarting",
             "senses began anew: the place is not known any more",
             "the plant of r1 has been restarted (1)",
             within_s=15.0,

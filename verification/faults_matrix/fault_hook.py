@@ -20,7 +20,7 @@ from typing import Any, Final
 
 import plant.process.run
 import robot.run
-from ground.launch.child_command import tie_to
+from ground.launch.child_command import die_with_parent
 from plant.model.faults import Fault
 from plant.process.loop import Process
 from protocol.bus.bus import Bus
@@ -125,7 +125,7 @@ AFFLICTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Callable[[], objec
 def main(argv: Sequence[str]) -> int:
     """The exit code of the verb; it ends with whoever started it."""
     parent, affliction, *words = argv
-    if not tie_to(int(parent)):
+    if not die_with_parent(int(parent)):
         return 1
     ((name, told),) = json.loads(affliction).items()
     act = AFFLICTIONS[name](told)

@@ -10,7 +10,13 @@ from ground.cli.run.up import free_endpoint
 from ground.launch.child_command import command
 from ground.launch.child_processes import Children
 from ground.launch.restart_policy import RestartSchedule
-from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
+from ground.launch.scenario import (
+    Scenario,
+    process_arguments,
+    scenario_of,
+    world_facts,
+    world_query,
+)
 from ground.launch.supervisor import Supervisor
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
@@ -39,7 +45,7 @@ class Fleet:
     def __init__(self, world: str, robots: int, seed: int, folder: Path, clock: Clock) -> None:
         words = ["up", "--headless", "--router", "--world", world, "--robots", str(robots)]
         options = parse([*words, "--seed", str(seed)])
-        facts = world_facts(command(question(options), os.getpid()))
+        facts = world_facts(command(world_query(options), os.getpid()))
         self.scenario: Scenario = scenario_of(options, facts)
         self.endpoint = free_endpoint()
         self._world = world
@@ -74,7 +80,7 @@ class Fleet:
     @property
     def given_up(self) -> list[str]:
         """What is said of those that ended too often."""
-        return list(self._upkeep.supervisor.given_up.values())
+        return list(self._upkeep.schedule.given_up.values())
 
     def look_after(self) -> None:
         """Start again who has ended."""
@@ -112,7 +118,7 @@ class Fleet:
         return found
 
     def _cast(self) -> dict[str, list[str]]:
-        words = dict(cast(self.scenario, self.endpoint))
+        words = dict(process_arguments(self.scenario, self.endpoint))
         dials = ["--connect", self.endpoint, "--id"]
         words["recorder r1"] = ["record", str(self._folder), *dials, "r1"]
         for robot in self.scenario.robots[:2]:

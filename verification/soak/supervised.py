@@ -16,10 +16,10 @@ from typing import IO, Final, Self
 
 from ground.cli.main import parse
 from ground.cli.run.up import free_endpoint
-from ground.launch.child_command import command, tie_to
+from ground.launch.child_command import command, die_with_parent
 from ground.launch.child_processes import Children
 from ground.launch.restart_policy import RestartSchedule
-from ground.launch.scenario import cast, question, scenario_of, world_facts
+from ground.launch.scenario import process_arguments, scenario_of, world_facts, world_query
 from ground.launch.supervisor import Supervisor
 from runtime.clock import Clock, WallClock
 
@@ -60,7 +60,7 @@ def supervise(upkeep: Supervisor, children: Children, clock: Clock, over: thread
             killed_ns = now_ns
             children.send(VICTIM, signal.SIGKILL)
         upkeep.round(now_ns)
-        upkeep.news()
+        upkeep.next_event()
 
 
 def await_end(over: threading.Event) -> None:
@@ -70,11 +70,11 @@ def await_end(over: threading.Event) -> None:
 
 def main(arguments: Sequence[str]) -> int:
     parent, world = arguments
-    if not tie_to(int(parent)):
+    if not die_with_parent(int(parent)):
         return 1
     options = parse(["up", "--headless", "--world", world])
-    facts = world_facts(command(question(options), os.getpid()))
-    words = dict(cast(scenario_of(options, facts), free_endpoint()))
+    facts = world_facts(command(world_query(options), os.getpid()))
+    words = dict(process_arguments(scenario_of(options, facts), free_endpoint()))
     clock, over = WallClock(), threading.Event()
     with Children(clock) as children:
         for role, line in words.items():

@@ -10,7 +10,7 @@ from ground.app.screens.listed import ListScreen
 from ground.app.screens.sheet import Action
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.app.worlds import ask_worlds
-from ground.launch.launcher import TROUBLES
+from ground.launch.launcher import PROCESS_FAULTS
 from ground.launch.scenario import Scenario
 from runtime.errors import UserError
 
@@ -88,7 +88,7 @@ class FaultsScreen(ListScreen):
         ours = [
             InjectableFault(f"{what} {role}", says, role=role)
             for role in roles
-            for what, (_, says) in TROUBLES.items()
+            for what, (_, says) in PROCESS_FAULTS.items()
         ]
         return [*ours, *self._kinds]
 
@@ -112,7 +112,7 @@ class FaultsScreen(ListScreen):
         if self.deck.stack is None:
             self.deck.say("put it into a world file, and start that: sidestep up --world FILE")
         elif one.role:
-            self.deck.say(self.deck.stack.trouble(one.role, one.name.split()[0]))
+            self.deck.say(self.deck.stack.inject_fault(one.role, one.name.split()[0]))
         else:
             self.ask(f"{one.kind} {HOW}", f"{one.targets[0]} ".lstrip(), partial(self.begin, one))
 

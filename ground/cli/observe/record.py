@@ -9,8 +9,8 @@ from typing import Final
 from ground.cli.options import common_of
 from ground.client.link import Link, linked
 from ground.grammar.words import add_common
-from ground.launch.child_processes import held_back
-from ground.launch.recording_session import add_keep, kept_in
+from ground.launch.child_processes import defer_signals
+from ground.launch.recording_session import add_keep, byte_limit
 from ground.recording.dual_log import DualLog, Track
 from ground.recording.log_writer import Recorder
 from ground.recording.metadata import MetadataReader
@@ -39,12 +39,12 @@ def run(options: argparse.Namespace, says: Output) -> int:
         tape = tape_in(folder, link)
         link.bus.everything(tape.take)
         says.note(f"recording {link.robot} to {tape.path} and .mcap")
-        shelf = Retention(folder, kept_in(folder, options.keep))
+        shelf = Retention(folder, byte_limit(folder, options.keep))
         note(says, shelf.warning())
         try:
             keep_writing(link, tape, MetadataReader(link.bus, link.robot), shelf, says)
         except KeyboardInterrupt:
-            with held_back():
+            with defer_signals():
                 complete = tape.close()
         return tell(says, tape, complete=complete)
 
@@ -68,7 +68,7 @@ def keep_writing(
         if round_number % TIDY_EVERY == 0:
             note(says, shelf.tidy())
         round_number += 1
-        with held_back():  # what a signal cut short would be half a chunk
+        with defer_signals():  # what a signal cut short would be half a chunk
             for name, text in facts.learned(link.clock.now_ns()).items():
                 tape.know(name, text)
             tape.flush(round_number, SYNC_EVERY)
@@ -87,7 +87,7 @@ class Alarms:
 
     def look(self, tape: DualLog, now_ns: int) -> None:
         if not tape.trouble and self._trouble_ns is not None:
-            self._says.note("RECORDING goes on: the log can be written again")
+            self._says.note("RECORDING resumed: the log can be written again")
             self._trouble_ns = None
         elif tape.trouble and is_due(self._trouble_ns, now_ns):
             self._says.note(f"RECORDING IN TROUBLE: {tape.trouble}; the robot drives on")

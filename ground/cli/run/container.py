@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 from ground.launch.child_command import command
-from ground.launch.scenario import question, world_facts
+from ground.launch.scenario import world_facts, world_query
 from ground.text.output import Output
 from protocol.bus.network import MOST_ROBOTS
 from protocol.options import whole
@@ -251,4 +251,4 @@ PLACED: Final[Mapping[str, Callable[[argparse.Namespace, Place], Iterator[str]]]
 def facts_of(options: argparse.Namespace, place: Place) -> dict[str, Any]:
     """What the plant's side says of the world; UserError with its words when it refuses."""
     asked = argparse.Namespace(world=options.world, robots=place.robots, goal=None)
-    return world_facts(command(question(asked), os.getpid()))
+    return world_facts(command(world_query(asked), os.getpid()))

@@ -11,7 +11,12 @@ from ground.cli.observe.live_line import Lookout
 from ground.cli.options import common_of
 from ground.client.link import Link, linked
 from ground.grammar.words import add_common
-from ground.launch.recording_session import Recording, add_recording, folder_of, usual_folder
+from ground.launch.recording_session import (
+    RecordingSession,
+    add_recording,
+    default_folder,
+    folder_of,
+)
 from ground.text.output import Output
 
 
@@ -52,8 +57,8 @@ def act_ground(options: argparse.Namespace, link: Link, says: Output) -> int:
 def run_recorded(options: argparse.Namespace, link: Link) -> int:
     """The app, and beside it a recorder unless that is refused."""
     common, folder = common_of(options), folder_of(options)
-    where = folder or usual_folder()
-    with Recording(where, common, link.clock, options.config, options.keep) as recording:
+    where = folder or default_folder()
+    with RecordingSession(where, common, link.clock, options.config, options.keep) as recording:
         if folder is not None:
             recording.begin()
         return run_app(options, link, common, recording=recording)

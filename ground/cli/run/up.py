@@ -21,8 +21,13 @@ from ground.launch.child_command import command
 from ground.launch.fleet_run import FleetRun, as_json, in_words
 from ground.launch.goal_run import GoalRun
 from ground.launch.launcher import Stack
-from ground.launch.recording_session import Recording, add_recording, folder_of, usual_folder
-from ground.launch.scenario import Scenario, question, scenario_of, world_facts
+from ground.launch.recording_session import (
+    RecordingSession,
+    add_recording,
+    default_folder,
+    folder_of,
+)
+from ground.launch.scenario import Scenario, scenario_of, world_facts, world_query
 from ground.launch.tls_configs import ground_file
 from ground.text.output import Output
 from ground.text.status_parts import Part
@@ -94,13 +99,13 @@ def run(options: argparse.Namespace, says: Output) -> int:
     on_screen = has_screen() and not (options.headless or options.json)
     if on_screen and not options.no_record:
         options.record = str(folder_of(options))  # also of the worlds that come after this one
-    facts = world_facts(command(question(options), os.getpid()))
+    facts = world_facts(command(world_query(options), os.getpid()))
     scenario = scenario_of(options, facts)
-    for entrant in scenario.entrants:
-        if not entrant.shifted:
+    for scenario_robot in scenario.scenario_robots:
+        if not scenario_robot.shifted:
             says.note(
-                f"{entrant.robot}: beside the goal is no room as beside the start;"
-                f" it goes to {entrant.goal}"
+                f"{scenario_robot.robot}: beside the goal is no room as beside the start;"
+                f" it goes to {scenario_robot.goal}"
             )
     if on_screen:
         return show(options, scenario, says, WallClock())
@@ -116,14 +121,14 @@ def rehearse(
     with Stack(options, scenario, free_endpoint(), clock) as stack:
         stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, says))
         with dialled(stack.common, clock, stack.check) as bus:
-            errands = errands_of(stack, bus, says, clock)
-            outing = FleetRun(errands, clock, partial(look, stack, says), shown(says, clock))
+            goal_runs = goal_runs_of(stack, bus, says, clock)
+            fleet_run = FleetRun(goal_runs, clock, partial(look, stack, says), shown(says, clock))
             try:
-                return outing.run(
+                return fleet_run.run(
                     lockstep=scenario.lockstep, launched=partial(look_after, stack, bus)
                 )
             except (Unanswered, RemoteError):
-                stack.blame()  # a process that has died explains silence best
+                stack.check_for_late_exit()  # a process that has died explains silence best
                 raise
 
 
@@ -132,45 +137,45 @@ def show(options: argparse.Namespace, scenario: Scenario, says: Output, clock: C
     with Stack(options, scenario, free_endpoint(), clock) as stack:
         stack.start(ready=partial(recorders_ready, stack, clock, says))
         with dialled(stack.common, clock, stack.check) as bus:
-            errands = errands_of(stack, bus, says, clock)
-            FleetRun(errands, clock, stack.check, shown(says, clock)).launch(lockstep=False)
-            stack.look_after(bus)
-            folder = Path(scenario.record or usual_folder())
+            goal_runs = goal_runs_of(stack, bus, says, clock)
+            FleetRun(goal_runs, clock, stack.check, shown(says, clock)).launch(lockstep=False)
+            stack.supervise(bus)
+            folder = Path(scenario.record or default_folder())
             config = ground_file(scenario.locks)
-            with Recording(folder, stack.common, clock, config, options.keep) as recording:
+            with RecordingSession(folder, stack.common, clock, config, options.keep) as recording:
                 if scenario.record is not None:
                     recording.watch(stack.logs_before)
-                return run_app(options, errands[0].link, stack.common, stack, recording)
+                return run_app(options, goal_runs[0].link, stack.common, stack, recording)
 
 
 def look_after(stack: Stack, bus: Bus) -> None:
     """In wall time who dies comes back, for the others and for the record. What is to be repeated
     to the last bit is over with the first death."""
     if not stack.scenario.lockstep:
-        stack.look_after(bus)
+        stack.supervise(bus)
 
 
 def look(stack: Stack, says: Output) -> None:
-    """Tell what has happened to the processes; ChildDied when one will not come back."""
+    """Tell what has happened to the processes; ChildExitError when one will not come back."""
     stack.check()
-    while news := stack.news():
+    while news := stack.next_event():
         says.note(news)
 
 
-def errands_of(stack: Stack, bus: Bus, says: Output, clock: Clock) -> list[GoalRun]:
+def goal_runs_of(stack: Stack, bus: Bus, says: Output, clock: Clock) -> list[GoalRun]:
     """One for each robot."""
     scenario = stack.scenario
-    goals = ", ".join(str(entrant.goal) for entrant in scenario.entrants)
+    goals = ", ".join(str(scenario_robot.goal) for scenario_robot in scenario.scenario_robots)
     says.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
     return [
         GoalRun(
-            Link(bus, replace(stack.common, robot=entrant.robot), clock),
+            Link(bus, replace(stack.common, robot=scenario_robot.robot), clock),
             scenario,
-            entrant,
+            scenario_robot,
             stack.check,
-            partial(stack.void, entrant.robot),
+            partial(stack.void, scenario_robot.robot),
         )
-        for entrant in scenario.entrants
+        for scenario_robot in scenario.scenario_robots
     ]
 
 

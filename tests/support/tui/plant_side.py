@@ -48,8 +48,8 @@ class FakeStack(Stack):
 
     def scenario_of(self, world: str) -> Scenario:
         return Scenario(
-            world=world, name=world, facts={}, entrants=(), navigator="vgm", side="left", seed=0,
-            noise=None, speed="1", router=False, record=None, timeout_s=1.0,
+            world=world, name=world, facts={}, scenario_robots=(), navigator="vgm", side="left",
+            seed=0, noise=None, speed="1", router=False, record=None, timeout_s=1.0,
         )  # fmt: skip
 
     def roles(self) -> list[str]:

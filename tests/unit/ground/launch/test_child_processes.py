@@ -1,4 +1,4 @@
-"""Nothing that was started is ever left running, and a death is told with its last words."""
+"""Child processes never outlive their parent; an unexpected exit is reported with its output."""
 
 import os
 import signal
@@ -11,7 +11,14 @@ from pathlib import Path
 import pytest
 
 from ground.launch.child_command import command
-from ground.launch.child_processes import ENDS, Child, ChildDied, Children, held_back, how
+from ground.launch.child_processes import (
+    TERMINATING_SIGNALS,
+    Child,
+    ChildExitError,
+    Children,
+    defer_signals,
+    exit_description,
+)
 from runtime.clock import WallClock
 from tests.support.stack.process_table import alive
 from tests.support.until import PATIENCE_S, until
@@ -35,7 +42,7 @@ def pids(children: Children) -> list[int]:
     return [child.process.pid for child in children._children]
 
 
-def test_children_end_with_the_block_that_started_them() -> None:
+def test_children_end_with_the_block() -> None:
     with Children(WallClock(), python) as children:
         children.start("one", [QUIET])
         children.start("two", [QUIET])
@@ -52,7 +59,7 @@ def fail_with_a_child(started: list[int]) -> None:
         raise ZeroDivisionError
 
 
-def test_an_exception_ends_them_too() -> None:
+def test_exception_ends_the_children() -> None:
     started: list[int] = []
     with pytest.raises(ZeroDivisionError):
         fail_with_a_child(started)
@@ -60,19 +67,19 @@ def test_an_exception_ends_them_too() -> None:
 
 
 @pytest.mark.stack
-def test_a_child_that_ignores_every_request_is_ended_within_two_seconds() -> None:
+def test_stop_kills_a_child_that_ignores_signals() -> None:
     children = Children(WallClock(), python)
     children.start("stubborn", [STUBBORN])
     (pid,) = pids(children)
     output = children._children[0]
-    until(lambda: "ready" in output.last_words())
+    until(lambda: "ready" in output.last_lines())
     begun_s = time.monotonic()
     children.stop()
     assert not alive(pid)
     assert time.monotonic() - begun_s < 2.0
 
 
-def test_stopping_puts_the_signal_handlers_back() -> None:
+def test_stop_restores_the_signal_handlers() -> None:
     before = signal.getsignal(signal.SIGINT)
     with Children(WallClock(), python) as children:
         children.start("one", [QUIET])
@@ -80,32 +87,32 @@ def test_stopping_puts_the_signal_handlers_back() -> None:
 
 
 @pytest.mark.parametrize(
-    ("source", "code", "said"),
+    ("source", "code", "expected"),
     [
         ("import sys; print('bad world', file=sys.stderr); sys.exit(2)", 2, "exit code 2"),
         ("raise SystemExit(7)", 1, "exit code 7"),
         ("import os; os.kill(os.getpid(), 9)", 1, "signal SIGKILL"),
     ],
 )
-def test_a_death_is_told_with_role_code_and_last_words(source: str, code: int, said: str) -> None:
+def test_exit_error_names_role_code_and_output(source: str, code: int, expected: str) -> None:
     with Children(WallClock(), python) as children:
         children.start("plant", [source])
         process = children._children[0].process
         until(lambda: process.poll() is not None)
-        with pytest.raises(ChildDied) as died:
+        with pytest.raises(ChildExitError) as died:
             children.check()
     assert died.value.exit_code == code
-    assert "the plant process ended by itself" in str(died.value)
-    assert said in str(died.value)
+    assert "the plant process exited unexpectedly" in str(died.value)
+    assert expected in str(died.value)
     assert ("bad world" in str(died.value)) == (code == 2)
 
 
-def test_only_the_last_lines_are_told() -> None:
+def test_exit_error_has_only_the_last_lines() -> None:
     with Children(WallClock(), python) as children:
         children.start("robot", ["for n in range(10000): print(f'line {n}')"])
         process = children._children[0].process
         until(lambda: process.poll() is not None)
-        words = children._children[0].last_words()
+        words = children._children[0].last_lines()
     assert words.splitlines() == [f"  line {n}" for n in range(9995, 10000)]
 
 
@@ -120,7 +127,7 @@ sys.stdin.read()
 """
 
 
-def test_a_killed_parent_takes_its_children_with_it() -> None:
+def test_children_die_with_a_killed_parent() -> None:
     with subprocess.Popen(
         [sys.executable, "-c", PARENT],
         cwd=ROOT,
@@ -137,25 +144,25 @@ def test_a_killed_parent_takes_its_children_with_it() -> None:
 
 
 def _tied(pid: int) -> bool:
-    """Has it got as far as opening its sockets?"""
+    """Return whether the child has started far enough to open sockets."""
     return any("socket" in _target(fd) for fd in Path(f"/proc/{pid}/fd").iterdir())
 
 
 def _target(fd: Path) -> str:
-    """What a descriptor stands for; it may be closed by now."""
+    """Return the target of a file descriptor; it may be closed by now."""
     try:
         return str(fd.readlink())
     except FileNotFoundError:
         return ""
 
 
-def test_a_child_whose_parent_is_gone_does_not_even_start(tmp_path: Path) -> None:
+def test_child_without_parent_does_not_start(tmp_path: Path) -> None:
     words = command(["worlds", "list"], parent=1 if os.getpid() != 1 else 2)
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (1, "")
 
 
-def test_a_verb_runs_from_any_directory_whatever_lies_there(tmp_path: Path) -> None:
+def test_verb_ignores_modules_of_the_working_directory(tmp_path: Path) -> None:
     (tmp_path / "json.py").write_text("raise SystemExit('a stray file was imported')")
     words = command(["worlds", "list"], parent=os.getpid())
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -163,44 +170,44 @@ def test_a_verb_runs_from_any_directory_whatever_lies_there(tmp_path: Path) -> N
     assert "u_trap" in done.stdout
 
 
-def test_who_has_ended_is_named_once_and_is_no_child_any_more() -> None:
+def test_take_exited_returns_each_child_once() -> None:
     with Children(WallClock(), python) as children:
         children.start("plant", ["print('last word'); raise SystemExit(7)"])
         children.start("robot r1", [QUIET])
         process = children._children[0].process
         until(lambda: process.poll() is not None)
-        assert children.ended() == [("plant", 7, "  last word")]
-        assert children.ended() == []
+        assert children.take_exited() == [("plant", 7, "  last word")]
+        assert children.take_exited() == []
         assert children.roles == ["robot r1"]
         children.check()
 
 
-def test_how_a_process_ended_is_said_in_words() -> None:
-    assert how(3) == "exit code 3"
-    assert how(-9) == "signal SIGKILL"
+def test_exit_description_names_code_or_signal() -> None:
+    assert exit_description(3) == "exit code 3"
+    assert exit_description(-9) == "signal SIGKILL"
 
 
-def test_a_signal_while_a_child_is_born_waits_until_the_child_is_known() -> None:
-    born: list[str] = []
+def test_signal_is_deferred_until_the_block_is_left() -> None:
+    steps: list[str] = []
 
-    def bear() -> None:
-        with held_back():
+    def start() -> None:
+        with defer_signals():
             signal.raise_signal(signal.SIGINT)
-            born.append("known")
+            steps.append("started")
 
     with pytest.raises(KeyboardInterrupt):
-        bear()
-    assert born == ["known"]
+        start()
+    assert steps == ["started"]
 
 
-def test_signals_that_did_not_come_change_nothing() -> None:
-    before = [signal.getsignal(number) for number in ENDS]
-    with held_back():
-        assert [signal.getsignal(number) for number in ENDS] != before
-    assert [signal.getsignal(number) for number in ENDS] == before
+def test_defer_signals_restores_the_handlers() -> None:
+    before = [signal.getsignal(number) for number in TERMINATING_SIGNALS]
+    with defer_signals():
+        assert [signal.getsignal(number) for number in TERMINATING_SIGNALS] != before
+    assert [signal.getsignal(number) for number in TERMINATING_SIGNALS] == before
 
 
-def test_an_interrupt_at_the_birth_of_a_child_leaves_nothing_behind() -> None:
+def test_interrupt_during_start_leaves_no_orphan() -> None:
     def interrupted(arguments: Sequence[str], parent: int) -> list[str]:
         signal.raise_signal(signal.SIGINT)
         return python(arguments, parent)
@@ -213,7 +220,7 @@ def test_an_interrupt_at_the_birth_of_a_child_leaves_nothing_behind() -> None:
     assert not alive(pid)
 
 
-TALKER = """
+SCRIPT = """
 import signal, sys
 signal.signal(signal.SIGUSR1, lambda *_: (print("the end", flush=True), sys.exit(3)))
 print("x" * 3000, flush=True)
@@ -221,17 +228,17 @@ while True: signal.pause()
 """
 
 
-def test_what_a_child_tells_for_months_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_output_file_of_a_child_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ground.launch.child_processes.MAX_OUTPUT", 2000)
     with Children(WallClock(), python) as children:
-        children.start("one", [TALKER])
+        children.start("one", [SCRIPT])
         (child,) = children._children
         until(lambda: size_of(child) == 3001)
         children.check()
         assert size_of(child) == 0
         os.kill(child.process.pid, signal.SIGUSR1)
         child.process.wait(PATIENCE_S)
-        (ended,) = children.ended()
+        (ended,) = children.take_exited()
     assert ended.words == "  the end"
 
 

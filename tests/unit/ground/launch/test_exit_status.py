@@ -1,10 +1,10 @@
-"""How a process ended is said in words that follow its name."""
+"""The cause of an exit is described in words that follow the process name."""
 
 import pytest
 
-from ground.launch.supervisor import MOST, cause_of
+from ground.launch.supervisor import MAX_CAUSE_CHARS, cause_of
 
-DEFECT = (
+INTERNAL_ERROR = (
     "robot r1: ready, disarmed\n"
     "sidestep robot: internal error: ZeroDivisionError: as wanted (/x/brain.py:3)\n"
     "for the whole story: sidestep --traceback robot ..."
@@ -12,21 +12,21 @@ DEFECT = (
 
 
 @pytest.mark.parametrize(
-    ("role", "code", "words", "said"),
+    ("role", "code", "words", "expected"),
     [
         ("robot r1", -9, "robot r1: ready", "was killed (signal SIGKILL)"),
         ("robot r1", -14, "", "hung (its loop did not run for 5 s)"),
-        ("robot r1", 1, DEFECT, "ended by a core exception (ZeroDivisionError: as wanted"),
-        ("plant", 1, DEFECT, "ended by an exception (ZeroDivisionError: as wanted"),
+        ("robot r1", 1, INTERNAL_ERROR, "ended by a core exception (ZeroDivisionError: as wanted"),
+        ("plant", 1, INTERNAL_ERROR, "ended by an exception (ZeroDivisionError: as wanted"),
         ("plant", 2, "  there is one already\n\n", "(exit code 2: there is one already)"),
-        ("robot r1", 0, "", "ended by itself (exit code 0)"),
+        ("robot r1", 0, "", "exited unexpectedly (exit code 0)"),
     ],
 )
-def test_the_cause_is_in_the_code_and_the_last_words(
-    role: str, code: int, words: str, said: str
+def test_cause_combines_exit_code_and_output(
+    role: str, code: int, words: str, expected: str
 ) -> None:
-    assert said in cause_of(role, code, words)
+    assert expected in cause_of(role, code, words)
 
 
-def test_a_long_story_is_cut() -> None:
-    assert len(cause_of("plant", 3, "x" * 5000)) == MOST
+def test_cause_is_limited_in_length() -> None:
+    assert len(cause_of("plant", 3, "x" * 5000)) == MAX_CAUSE_CHARS

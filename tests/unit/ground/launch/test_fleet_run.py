@@ -1,4 +1,4 @@
-"""Several robots as one run: goals before time, the end when the last has ended, one object."""
+"""Test runs of several robots: order of goals and start, end of the run, JSON."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from ground.launch.fleet_run import FleetRun, as_json, in_words
-from ground.launch.goal_run import GoalRun, NotRun
+from ground.launch.goal_run import GoalRun, NoOutcomeError
 from ground.text.status_parts import Part
 from protocol.outcome import Outcome
 from runtime.clock import ManualClock
@@ -34,27 +34,27 @@ REACHED = Outcome(
 )
 
 
-class Played(GoalRun):
-    """An errand that only takes down what is done with it, and ends after some looks."""
+class RecordedRun(GoalRun):
+    """A goal run that records its calls and ends after some rounds."""
 
-    def __init__(self, name: str, looks: int, diary: list[str]) -> None:
+    def __init__(self, name: str, looks: int, calls: list[str]) -> None:
         self.name = name
         self.outcome = None
-        self.spoilt = ""
+        self.void_reason = ""
         self._looks = looks
-        self._diary = diary
+        self._calls = calls
 
     def prepare(self) -> None:
-        self._diary.append(f"prepare {self.name}")
+        self._calls.append(f"prepare {self.name}")
 
     def start(self) -> None:
-        self._diary.append("start")
+        self._calls.append("start")
 
     def send(self) -> None:
-        self._diary.append(f"send {self.name}")
+        self._calls.append(f"send {self.name}")
 
     def begin(self) -> None:
-        self._diary.append(f"begin {self.name}")
+        self._calls.append(f"begin {self.name}")
 
     def look(self) -> None:
         self._looks -= 1
@@ -71,19 +71,19 @@ class Played(GoalRun):
         return Part(f"{self.name} {'there' if self.outcome else 'on its way'}")
 
 
-def outing(
+def fleet_run(
     *looks: int, check: Callable[[], None] = lambda: None
 ) -> tuple[FleetRun, list[str], list[list[Part]]]:
-    diary: list[str] = []
+    calls: list[str] = []
     shown: list[list[Part]] = []
-    errands = [Played(f"r{number + 1}", count, diary) for number, count in enumerate(looks)]
-    return FleetRun(errands, ManualClock(), check, shown.append), diary, shown
+    goal_runs = [RecordedRun(f"r{number + 1}", count, calls) for number, count in enumerate(looks)]
+    return FleetRun(goal_runs, ManualClock(), check, shown.append), calls, shown
 
 
-def test_in_lockstep_every_goal_is_given_before_time_goes_on() -> None:
-    run, diary, _ = outing(1, 1)
+def test_lockstep_sends_all_goals_before_start() -> None:
+    run, calls, _ = fleet_run(1, 1)
     run.run(lockstep=True)
-    assert diary == [
+    assert calls == [
         "prepare r1",
         "prepare r2",
         "send r1",
@@ -94,49 +94,49 @@ def test_in_lockstep_every_goal_is_given_before_time_goes_on() -> None:
     ]
 
 
-def test_in_wall_time_the_score_begins_just_before_the_goals() -> None:
-    run, diary, _ = outing(1, 1)
+def test_wall_time_starts_the_score_before_the_goals() -> None:
+    run, calls, _ = fleet_run(1, 1)
     run.run(lockstep=False)
-    assert diary[2:5] == ["start", "send r1", "send r2"]
+    assert calls[2:5] == ["start", "send r1", "send r2"]
 
 
-def test_it_ends_with_the_last_robot_and_shows_each() -> None:
-    run, _, shown = outing(200, 3)
+def test_fleet_run_ends_with_the_last_robot() -> None:
+    run, _, shown = fleet_run(200, 3)
     assert len(run.run(lockstep=True)) == 2
     assert [part.text for part in shown[0]] == ["r1 on its way", "r2 there", "3 s"]
     assert [part.text for part in shown[-1]] == ["r1 there", "r2 there", "3 s"]
 
 
-def test_one_robot_has_the_line_for_itself() -> None:
-    run, _, shown = outing(1)
+def test_single_robot_uses_the_full_line() -> None:
+    run, _, shown = fleet_run(1)
     run.run(lockstep=True)
     assert [part.text for part in shown[-1]] == ["r1", "alone"]
 
 
-def test_a_process_that_dies_ends_the_run() -> None:
+def test_exit_of_a_process_ends_the_run() -> None:
     def check() -> None:
-        raise NotRun("gone")
+        raise NoOutcomeError("gone")
 
-    with pytest.raises(NotRun, match="gone"):
-        outing(5, check=check)[0].run(lockstep=True)
+    with pytest.raises(NoOutcomeError, match="gone"):
+        fleet_run(5, check=check)[0].run(lockstep=True)
 
 
-def test_a_trial_whose_robot_was_started_again_is_none_but_the_others_arrive() -> None:
-    run, diary, shown = outing(50, 3)
-    lost = run._errands[1]
-    lost.spoilt = "the robot r2 process was killed (signal SIGKILL)"
-    with pytest.raises(NotRun, match=r"no valid trial: .* \(signal SIGKILL\); r1 there"):
-        run.run(lockstep=False, launched=lambda: diary.append("launched"))
-    assert diary[5:] == ["launched", "begin r1", "begin r2"]
+def test_restart_voids_the_trial_after_others_arrive() -> None:
+    run, calls, shown = fleet_run(50, 3)
+    lost = run._goal_runs[1]
+    lost.void_reason = "the robot r2 process was killed (signal SIGKILL)"
+    with pytest.raises(NoOutcomeError, match=r"no valid trial: .* \(signal SIGKILL\); r1 there"):
+        run.run(lockstep=False, launched=lambda: calls.append("launched"))
+    assert calls[5:] == ["launched", "begin r1", "begin r2"]
     assert shown[-1][0].text == "r1 there"
 
 
-def test_one_robot_prints_what_it_always_did() -> None:
+def test_single_outcome_is_printed_alone() -> None:
     assert as_json(["r1"], [REACHED]) == REACHED.as_json()
     assert in_words(["r1"], [REACHED]) == REACHED.text()
 
 
-def test_several_are_one_object_that_begins_with_the_first() -> None:
+def test_several_outcomes_extend_the_first() -> None:
     stuck = replace(REACHED, outcome="stuck")
     found = as_json(["r1", "r2"], [REACHED, stuck])
     robots = found.pop("robots")

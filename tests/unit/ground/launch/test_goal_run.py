@@ -1,4 +1,4 @@
-"""One robot's run when somebody it needs is gone: it waits whether they come back, and says so."""
+"""Test a goal run that waits for the restart of a process it needs."""
 
 from dataclasses import replace
 from typing import Any, Self
@@ -9,9 +9,9 @@ from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.link import Link, Unanswered
 from ground.client.requests import ATTEMPTS
-from ground.launch.goal_run import PATIENCE_NS, READY_NS, GoalRun, NotRun
+from ground.launch.goal_run import READY_NS, RESTART_WAIT_NS, GoalRun, NoOutcomeError
 from ground.launch.scenario import Scenario, ScenarioRobot
-from ground.launch.supervisor import InvalidRun
+from ground.launch.supervisor import VoidRun
 from protocol.bus.network import Network
 from protocol.topic import Service
 from protocol.topics import STATUS
@@ -24,23 +24,23 @@ from runtime.errors import NoAnswer
 from tests.support.boxes import Wireless
 
 SECOND = 1_000_000_000
-SILENT = "nobody serves it"
+SILENT = "no process answers"
 SCENARIO = Scenario(
-    world="open", name="open", facts={}, entrants=(), navigator="vgm", side="left", seed=0,
-    noise=None, speed="1", router=False, record=None, timeout_s=100.0,
+    world="open", name="open", facts={}, scenario_robots=(), navigator="vgm", side="left",
+    seed=0, noise=None, speed="1", router=False, record=None, timeout_s=100.0,
 )  # fmt: skip
 WHY = "the plant process was killed (signal SIGKILL)"
 
 
 class Wired(Wireless):
-    """No frames come; nobody answers before `serves_after` questions."""
+    """A bus without frames; the first `serves_after` requests get no answer."""
 
     holder = None
     serves_after = 1000
-    asked = 0
+    requests = 0
 
     def stream(self, *_: Any) -> None:
-        """Nothing comes."""
+        """Deliver nothing."""
 
     def ask(
         self,
@@ -49,8 +49,8 @@ class Wired(Wireless):
         timeout_s: float = 0.5,
         robot: str | None = None,
     ) -> Message | bytes:
-        self.asked += 1
-        if self.asked <= self.serves_after:
+        self.requests += 1
+        if self.requests <= self.serves_after:
             raise NoAnswer(SILENT)
         assert isinstance(message, CommandRequest)
         return CommandAck(command=message.command, result=AckResult.ACCEPTED)
@@ -62,25 +62,25 @@ class Dialled(Link):
 
 
 class Stage:
-    """An errand, and what it hears."""
+    """A goal run and the messages it receives."""
 
     def __init__(self, *, lockstep: bool = False) -> None:
         self.bus, self.clock = Wired(), ManualClock(SECOND)
-        self.void: InvalidRun | None = None
+        self.void: VoidRun | None = None
         network = Network(mode="client", connect=("tcp/127.0.0.1:1",))
         link = Dialled(self.bus, Common(network=network, robot="r1"), self.clock)
         goal = destination([3.0, 2.0])
-        entrant = ScenarioRobot(robot="r1", start=(0.0, 0.0, 0.0), goal=goal)
+        scenario_robot = ScenarioRobot(robot="r1", start=(0.0, 0.0, 0.0), goal=goal)
         scenario = replace(SCENARIO, speed="max") if lockstep else SCENARIO
-        self.errand = GoalRun(link, scenario, entrant, lambda: None, lambda: self.void)
+        self.goal_run = GoalRun(link, scenario, scenario_robot, lambda: None, lambda: self.void)
 
     @classmethod
     def begun(cls, *, lockstep: bool = False) -> Self:
         stage = cls(lockstep=lockstep)
-        stage.errand.begin()
+        stage.goal_run.begin()
         return stage
 
-    def hear(self, goal: GoalState, ended_ns: int = 0) -> None:
+    def receive(self, goal: GoalState, ended_ns: int = 0) -> None:
         status = NavigatorStatus(
             time_ns=self.clock.now_ns(), goal_started_ns=SECOND, goal_ended_ns=ended_ns, goal_id=0,
             goal_x_m=3.0, goal_y_m=2.0, goal_heading_rad=0.0, goal_distance_m=1.0, vehicle=2,
@@ -92,56 +92,56 @@ class Stage:
     def wait(self, seconds: float) -> None:
         for _ in range(round(seconds * 10)):
             self.clock.advance(SECOND // 10)
-            self.errand.look()
+            self.goal_run.look()
 
 
-def test_a_robot_that_starts_slowly_is_asked_until_it_serves() -> None:
+def test_prepare_retries_until_the_robot_answers() -> None:
     stage = Stage()
     stage.bus.serves_after = 3 * ATTEMPTS
-    stage.errand.prepare()
-    assert stage.bus.asked == 3 * ATTEMPTS + 2
+    stage.goal_run.prepare()
+    assert stage.bus.requests == 3 * ATTEMPTS + 2
 
 
-def test_a_robot_that_never_serves_is_not_asked_for_ever() -> None:
+def test_prepare_gives_up_on_a_silent_robot() -> None:
     stage = Stage()
     with pytest.raises(Unanswered, match=SILENT):
-        stage.errand.prepare()
+        stage.goal_run.prepare()
     assert READY_NS < stage.clock.now_ns() - SECOND < 2 * READY_NS
 
 
-def test_a_plant_that_does_not_score_may_come_back_and_then_the_run_is_void() -> None:
+def test_run_waits_for_a_plant_restart_then_is_void() -> None:
     stage = Stage.begun()
-    stage.hear(GoalState.ABORTED, ended_ns=2 * SECOND)
+    stage.receive(GoalState.ABORTED, ended_ns=2 * SECOND)
     stage.wait(3.0)
-    stage.void = InvalidRun(WHY, over=False)
+    stage.void = VoidRun(WHY, is_final=False)
     stage.wait(1.0)
-    assert not stage.errand.over
-    assert [part.text for part in stage.errand.line()] == [WHY]
-    stage.void = InvalidRun(f"{WHY}; it is back", over=True)
+    assert not stage.goal_run.is_over
+    assert [part.text for part in stage.goal_run.line()] == [WHY]
+    stage.void = VoidRun(f"{WHY}; it is back", is_final=True)
     stage.wait(0.1)
-    assert stage.errand.over
-    assert stage.errand.spoilt == f"{WHY}; it is back"
-    assert stage.errand.outcome is None
+    assert stage.goal_run.is_over
+    assert stage.goal_run.void_reason == f"{WHY}; it is back"
+    assert stage.goal_run.outcome is None
 
 
-def test_one_that_does_not_come_back_is_not_waited_for_for_ever() -> None:
+def test_run_fails_when_the_plant_stays_away() -> None:
     stage = Stage.begun()
-    stage.hear(GoalState.ABORTED, ended_ns=2 * SECOND)
-    stage.wait(PATIENCE_NS / SECOND)
-    with pytest.raises(NotRun, match=SILENT):
+    stage.receive(GoalState.ABORTED, ended_ns=2 * SECOND)
+    stage.wait(RESTART_WAIT_NS / SECOND)
+    with pytest.raises(NoOutcomeError, match=SILENT):
         stage.wait(0.2)
 
 
-def test_a_silent_robot_is_given_the_time_to_be_started_again() -> None:
+def test_run_waits_for_a_restart_of_a_silent_robot() -> None:
     stage = Stage.begun()
-    stage.hear(GoalState.DRIVING)
-    stage.wait(3.0 + PATIENCE_NS / SECOND)
-    with pytest.raises(NotRun, match="silent for 3"):
+    stage.receive(GoalState.DRIVING)
+    stage.wait(3.0 + RESTART_WAIT_NS / SECOND)
+    with pytest.raises(NoOutcomeError, match="silent for 3"):
         stage.wait(0.2)
 
 
-def test_in_lockstep_nobody_comes_back_and_nobody_waits() -> None:
+def test_lockstep_does_not_wait_for_restarts() -> None:
     stage = Stage.begun(lockstep=True)
-    stage.hear(GoalState.ABORTED, ended_ns=2 * SECOND)
-    with pytest.raises(NotRun, match=SILENT):
+    stage.receive(GoalState.ABORTED, ended_ns=2 * SECOND)
+    with pytest.raises(NoOutcomeError, match=SILENT):
         stage.wait(0.1)

@@ -1,4 +1,4 @@
-"""Who is silent hangs, but never for the silence of the hub that it is heard through."""
+"""A silent process is reported as hung, unless its hub explains the silence."""
 
 from ground.launch.hang_detector import ROUTER, SILENT_NS, STARTING_NS, HangDetector
 
@@ -8,96 +8,96 @@ SECOND = 1000 * MS
 
 
 class Link:
-    """Whether there is one."""
+    """A link that is up or down."""
 
     def __init__(self) -> None:
-        self.there = True
+        self.is_up = True
 
     def __call__(self) -> bool:
-        return self.there
+        return self.is_up
 
 
 class Watched(HangDetector):
-    """Looked at all the time."""
+    """A detector that is polled ten times a second."""
 
     def until(self, now_ns: int, *beating: str) -> list[str]:
-        """Who was found to hang until then, while these were heard."""
+        """Return the roles reported until then, while `beating` keep sending."""
         found = []
-        for at_ns in (*range(self._looked_ns, now_ns, 100 * MS), now_ns):
+        for at_ns in (*range(self._last_check_ns, now_ns, 100 * MS), now_ns):
             for role in beating:
-                self.heard(role, at_ns)
+                self.note_message(role, at_ns)
             found += self.silent(at_ns)
         return found
 
 
-def hearts_of(hub: str, link: Link | None = None) -> Watched:
-    """Everybody was heard at one second."""
-    hearts = Watched(hub, [ROBOT, PLANT], link or Link(), SECOND - 200 * MS)
+def detector_of(hub: str, link: Link | None = None) -> Watched:
+    """Return a detector whose roles all sent a message at one second."""
+    detector = Watched(hub, [ROBOT, PLANT], link or Link(), SECOND - 200 * MS)
     for role in (ROBOT, PLANT):
-        hearts.heard(role, SECOND)
-    return hearts
+        detector.note_message(role, SECOND)
+    return detector
 
 
 QUIET_NS = SECOND + SILENT_NS
 
 
-def test_who_is_heard_does_not_hang() -> None:
-    hearts = hearts_of(ROBOT)
-    assert hearts.until(QUIET_NS) == []
-    assert hearts.until(60 * SECOND, ROBOT, PLANT) == []
+def test_process_with_messages_is_not_silent() -> None:
+    detector = detector_of(ROBOT)
+    assert detector.until(QUIET_NS) == []
+    assert detector.until(60 * SECOND, ROBOT, PLANT) == []
 
 
-def test_a_silent_plant_hangs_and_is_named_once() -> None:
-    assert hearts_of(ROBOT).until(60 * SECOND, ROBOT) == [PLANT]
+def test_silent_plant_is_reported_once() -> None:
+    assert detector_of(ROBOT).until(60 * SECOND, ROBOT) == [PLANT]
 
 
-def test_when_all_are_silent_it_is_the_hub() -> None:
-    assert hearts_of(ROBOT).until(QUIET_NS + 1) == [ROBOT]
+def test_silence_of_all_is_attributed_to_the_hub() -> None:
+    assert detector_of(ROBOT).until(QUIET_NS + 1) == [ROBOT]
 
 
-def test_a_router_hangs_when_there_is_no_link_to_it() -> None:
+def test_router_without_link_is_reported() -> None:
     link = Link()
-    link.there = False
-    hearts = hearts_of(ROUTER, link)
-    assert hearts.until(QUIET_NS) == []
-    assert hearts.until(QUIET_NS + 1) == [ROUTER]
+    link.is_up = False
+    detector = detector_of(ROUTER, link)
+    assert detector.until(QUIET_NS) == []
+    assert detector.until(QUIET_NS + 1) == [ROUTER]
 
 
-def test_with_a_router_that_answers_everybody_speaks_for_himself() -> None:
-    assert hearts_of(ROUTER).until(QUIET_NS + 1, PLANT) == [ROBOT]
+def test_silent_robot_behind_a_router_is_reported() -> None:
+    assert detector_of(ROUTER).until(QUIET_NS + 1, PLANT) == [ROBOT]
 
 
-def test_while_the_hub_is_gone_nobody_is_judged_and_after_it_they_may_dial_again() -> None:
-    hearts = hearts_of(ROBOT)
-    hearts.gone(ROBOT)
-    assert hearts.until(60 * SECOND) == []
-    hearts.started(ROBOT, 60 * SECOND)
-    assert hearts.until(60 * SECOND + STARTING_NS) == []
-    assert hearts.until(60 * SECOND + STARTING_NS + 1, ROBOT) == [PLANT]
+def test_hub_restart_grants_time_to_reconnect() -> None:
+    detector = detector_of(ROBOT)
+    detector.note_exit(ROBOT)
+    assert detector.until(60 * SECOND) == []
+    detector.note_start(ROBOT, 60 * SECOND)
+    assert detector.until(60 * SECOND + STARTING_NS) == []
+    assert detector.until(60 * SECOND + STARTING_NS + 1, ROBOT) == [PLANT]
 
 
-def test_who_was_started_has_time_until_it_is_first_heard_and_no_more() -> None:
-    hearts = hearts_of(ROBOT)
-    hearts.gone(PLANT)
-    hearts.started(PLANT, 2 * SECOND)
-    assert hearts.until(2 * SECOND + STARTING_NS, ROBOT) == []
-    assert hearts.until(2 * SECOND + STARTING_NS + 1, ROBOT) == [PLANT]
+def test_started_process_has_limited_time_to_report() -> None:
+    detector = detector_of(ROBOT)
+    detector.note_exit(PLANT)
+    detector.note_start(PLANT, 2 * SECOND)
+    assert detector.until(2 * SECOND + STARTING_NS, ROBOT) == []
+    assert detector.until(2 * SECOND + STARTING_NS + 1, ROBOT) == [PLANT]
 
 
-def test_who_did_not_look_has_not_listened_and_begins_to_wait_only_then() -> None:
-    hearts = hearts_of(ROBOT)
-    assert hearts.silent(30 * SECOND) == []
-    assert hearts.until(30 * SECOND + SILENT_NS) == []
-    assert hearts.until(30 * SECOND + SILENT_NS + 1) == [ROBOT]
+def test_own_suspension_restarts_the_silence() -> None:
+    detector = detector_of(ROBOT)
+    assert detector.silent(30 * SECOND) == []
+    assert detector.until(30 * SECOND + SILENT_NS) == []
+    assert detector.until(30 * SECOND + SILENT_NS + 1) == [ROBOT]
 
 
-def test_what_was_still_on_its_way_from_the_one_before_is_no_sign_of_life() -> None:
-    hearts = hearts_of(ROBOT)
-    hearts.gone(ROBOT)
-    hearts.heard(ROBOT, 2 * SECOND)
-    assert hearts.back_ns(ROBOT) is None
-    hearts.started(ROBOT, 2 * SECOND)
-    hearts.heard(ROBOT, 2 * SECOND + MS)
-    assert hearts.back_ns(ROBOT) is None
-    hearts.heard(ROBOT, 3 * SECOND)
-    assert hearts.back_ns(ROBOT) == 3 * SECOND
+def test_stale_message_is_no_sign_of_life() -> None:
+    detector = detector_of(ROBOT)
+    detector.note_exit(ROBOT)
+    detector.note_message(ROBOT, 2 * SECOND)
+    assert detector.last_message_ns(ROBOT) is None
+    detector.note_start(ROBOT, 2 * SECOND)
+    detector.note_message(ROBOT, 2 * SECOND + MS)
+    assert detector.last_message_ns(ROBOT) is None
+    detector.note_message(ROBOT, 3 * SECOND)
+    assert detector.last_message_ns(ROBOT) == 3 * SECOND

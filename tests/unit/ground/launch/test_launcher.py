@@ -1,4 +1,4 @@
-"""The processes of `up`: another world in their place, faults in it, and trouble for each."""
+"""Test the stack of `up`: changed worlds, added faults, faults of processes."""
 
 import json
 from collections.abc import Sequence
@@ -16,8 +16,8 @@ from runtime.errors import UserError
 ENDPOINT = "tcp/127.0.0.1:7999"
 
 
-class Noted(Children):
-    """Starts nothing."""
+class RecordedChildren(Children):
+    """Children that are noted, not started."""
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__(clock)
@@ -39,23 +39,23 @@ class Noted(Children):
         return role in self.roles
 
 
-def stack_of(*words: str) -> tuple[Stack, Noted]:
+def stack_of(*words: str) -> tuple[Stack, RecordedChildren]:
     options = parse(["up", *words])
     clock = ManualClock()
     first = Stack(options, EMPTY, ENDPOINT, clock)
-    children = Noted(clock)
+    children = RecordedChildren(clock)
     first._children = children
     first.scenario = first.scenario_in(options.world)
     return first, children
 
 
 EMPTY = Scenario(
-    world="", name="", facts={}, entrants=(), navigator="", side="", seed=0, noise=None,
+    world="", name="", facts={}, scenario_robots=(), navigator="", side="", seed=0, noise=None,
     speed="1", router=False, record=None, timeout_s=1.0,
 )  # fmt: skip
 
 
-def test_all_processes_are_started_at_one_endpoint() -> None:
+def test_all_processes_share_one_endpoint() -> None:
     stack, children = stack_of("--world", "box")
     stack.start()
     assert stack.roles() == ["robot r1", "plant"]
@@ -63,7 +63,7 @@ def test_all_processes_are_started_at_one_endpoint() -> None:
     assert stack.common.endpoint == ENDPOINT
 
 
-def test_in_lockstep_time_waits_only_when_it_is_to() -> None:
+def test_lockstep_waits_only_when_paused() -> None:
     stack, children = stack_of("--world", "box", "--speed", "4")
     stack.start(paused=True)
     assert PAUSED in children.started[-1][1]
@@ -71,23 +71,23 @@ def test_in_lockstep_time_waits_only_when_it_is_to() -> None:
     assert PAUSED not in children.started[-1][1]
 
 
-def test_another_world_takes_the_place_of_this_one() -> None:
+def test_restarted_replaces_the_world() -> None:
     stack, children = stack_of("--world", "box", "--goal", "1", "1")
     stack.start()
     stack.restarted(stack.scenario_in("disc"))
     assert children.stops == 1
     assert stack.scenario.name == "disc"
     assert "disc" in children.started[-1][1]
-    assert stack.scenario.entrants[0].goal.x_m == pytest.approx(5.4)
+    assert stack.scenario.scenario_robots[0].goal.x_m == pytest.approx(5.4)
 
 
-def test_a_world_that_is_none_is_refused() -> None:
+def test_unknown_world_is_rejected() -> None:
     stack, _ = stack_of("--world", "box")
     with pytest.raises(UserError, match="nowhere"):
         stack.scenario_in("nowhere")
 
 
-def test_a_fault_is_added_to_the_world_and_judged_by_the_plant() -> None:
+def test_fault_is_added_to_the_world_and_validated() -> None:
     stack, _ = stack_of("--world", "box")
     fault = {"kind": "sonar_frozen", "target": "3", "value": 0.0, "start_s": 2.0}
     with stack:
@@ -102,9 +102,9 @@ def test_a_fault_is_added_to_the_world_and_judged_by_the_plant() -> None:
     assert not Path(scenario.world).exists()
 
 
-def test_trouble_is_told_and_needs_a_process() -> None:
+def test_fault_injection_needs_a_running_process() -> None:
     stack, _ = stack_of("--world", "box")
     stack.start()
-    assert "stands still" in stack.trouble("robot r1", "hang")
-    with pytest.raises(UserError, match="not there"):
-        stack.trouble("robot r9", "end")
+    assert "is suspended" in stack.inject_fault("robot r1", "hang")
+    with pytest.raises(UserError, match="no running robot r9 process"):
+        stack.inject_fault("robot r9", "end")

@@ -1,4 +1,4 @@
-"""What `up` starts: the same world for everybody, and nobody started in vain."""
+"""Test what `up` starts: one world for all processes, validated before the start."""
 
 import argparse
 import json
@@ -14,7 +14,13 @@ import pytest
 
 from ground.cli.main import parse
 from ground.launch.child_command import command
-from ground.launch.scenario import Scenario, cast, question, scenario_of, world_facts
+from ground.launch.scenario import (
+    Scenario,
+    process_arguments,
+    scenario_of,
+    world_facts,
+    world_query,
+)
 from plant.cli.worlds import main as worlds
 from plant.model.configuration import body_of
 from plant.placement.start_positions import starts
@@ -29,10 +35,10 @@ ENDPOINT = "tcp/127.0.0.1:7001"
 
 
 def facts(options: argparse.Namespace) -> dict[str, Any]:
-    """What the plant's side answers to the question that `up` asks."""
+    """Return the facts that the plant prints for the query of `up`."""
     out = StringIO()
     with redirect_stdout(out):
-        assert worlds(question(options)[1:]) == 0
+        assert worlds(world_query(options)[1:]) == 0
     found: dict[str, Any] = json.loads(out.getvalue())
     return found
 
@@ -42,19 +48,19 @@ def scenario(*words: str, **changes: object) -> Scenario:
     return scenario_of(options, {**facts(options), **changes})
 
 
-def asked(found: Scenario) -> Asked:
-    return found.asked(found.entrants[0].goal)
+def task_of(found: Scenario) -> Asked:
+    return found.asked(found.scenario_robots[0].goal)
 
 
 def roles(found: Scenario) -> list[str]:
-    return [role for role, _ in cast(found, ENDPOINT)]
+    return [role for role, _ in process_arguments(found, ENDPOINT)]
 
 
 def words_of(found: Scenario, role: str) -> list[str]:
-    return dict(cast(found, ENDPOINT))[role]
+    return dict(process_arguments(found, ENDPOINT))[role]
 
 
-def test_on_one_machine_the_robot_listens_and_the_others_dial() -> None:
+def test_single_robot_listens_and_others_dial() -> None:
     found = scenario()
     assert roles(found) == ["robot r1", "plant"]
     assert words_of(found, "robot r1")[3:5] == ["--listen", ENDPOINT]
@@ -62,7 +68,7 @@ def test_on_one_machine_the_robot_listens_and_the_others_dial() -> None:
     assert "--lockstep" not in words_of(found, "robot r1")
 
 
-def test_several_robots_meet_at_a_router() -> None:
+def test_several_robots_use_a_router() -> None:
     found = scenario("--robots", "3", "--record", "logs")
     assert roles(found)[:4] == ["router", "robot r1", "robot r2", "robot r3"]
     assert [role for role in roles(found) if role.startswith("recorder")] == [
@@ -80,23 +86,23 @@ def test_any_speed_but_1_is_lockstep_and_starts_paused(speed: str) -> None:
     assert words_of(found, "plant")[-4:] == ["--lockstep", "--speed", speed, "--paused"]
 
 
-def test_the_robot_is_told_what_the_world_says_of_it() -> None:
+def test_robot_gets_the_parameters_of_the_world() -> None:
     words = words_of(scenario(robot={"radius_m": 0.1, "max_speed_m_s": 0.2}), "robot r1")
     given = [words[at + 1] for at, word in enumerate(words) if word == "--param"]
     assert given == ["radius_m=0.1", "wheel_max_m_s=0.2", "v_max_m_s=0.2"]
 
 
-def test_what_the_robot_is_told_its_command_line_takes() -> None:
+def test_robot_parser_accepts_the_arguments() -> None:
     words = words_of(scenario("--speed", "max", robot={"radius_m": 0.1}), "robot r1")
-    told = robot_parser().parse_args(words[1:])
-    assert tuple(told.start) == (0.6, 2.0, 0.0)
-    assert told.param == [("radius_m", 0.1)]
+    parsed = robot_parser().parse_args(words[1:])
+    assert tuple(parsed.start) == (0.6, 2.0, 0.0)
+    assert parsed.param == [("radius_m", 0.1)]
 
 
-def test_the_goal_on_the_wire_is_that_of_a_run_without_a_network() -> None:
+def test_wire_goal_equals_that_of_an_offline_run() -> None:
     for name in ("box", "moving", "paper_fig12"):
         goal = load(name).goal
-        found = asked(scenario("--world", name))
+        found = task_of(scenario("--world", name))
         assert found.wire_goal == wire_goal(
             goal.x_m,
             goal.y_m,
@@ -108,74 +114,76 @@ def test_the_goal_on_the_wire_is_that_of_a_run_without_a_network() -> None:
 
 
 def test_another_goal_has_no_known_shortest_path() -> None:
-    found = asked(scenario("--goal", "1", "1", "90"))
+    found = task_of(scenario("--goal", "1", "1", "90"))
     assert (found.goal_x_m, found.shortest_path_m) == (1.0, None)
     assert found.wire_goal.heading_urad == 1_570_796
 
 
 @pytest.mark.parametrize("goal", [("9", "1"), ("1", "-0.1"), ("1",), ("1", "1", "1", "1")])
-def test_a_goal_outside_or_incomplete_is_refused(goal: tuple[str, ...]) -> None:
+def test_invalid_goal_is_rejected(goal: tuple[str, ...]) -> None:
     with pytest.raises(UserError):
         scenario("--goal", *goal)
 
 
-def test_the_noise_is_named_after_what_is_in_force() -> None:
-    assert asked(scenario()).noise == "default"
-    assert asked(scenario(noise={"level": "harsh"})).noise == "harsh"
-    assert asked(scenario("--noise", "none", noise={"level": "harsh"})).noise == "none"
+def test_noise_name_is_the_level_in_force() -> None:
+    assert task_of(scenario()).noise == "default"
+    assert task_of(scenario(noise={"level": "harsh"})).noise == "harsh"
+    assert task_of(scenario("--noise", "none", noise={"level": "harsh"})).noise == "none"
 
 
-def test_a_bad_world_is_refused_in_the_words_of_who_reads_it(tmp_path: Path) -> None:
+def test_bad_world_error_is_passed_on(tmp_path: Path) -> None:
     complaint = [sys.executable, "-c", "import sys; sys.exit('box.toml:3: size_m: too small')"]
     with pytest.raises(UserError, match="size_m: too small"):
         world_facts(complaint)
     assert world_facts([sys.executable, "-c", "print('{}')"]) == {}
 
 
-def test_logs_go_where_the_user_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_record_folder_is_relative_to_the_working_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert scenario("--record", "logs").record == str(tmp_path / "logs")
 
 
-def test_every_robot_is_told_where_the_plant_puts_it() -> None:
+def test_robots_get_the_starts_of_the_plant() -> None:
     world = load("u_trap")
     found = scenario("--world", "u_trap", "--robots", "3")
     for name, place in zip(found.robots, starts(world, body_of(world), 3), strict=True):
-        told = robot_parser().parse_args(words_of(found, f"robot {name}")[1:])
-        assert tuple(told.start)[:2] == place[:2]
-        assert radians(told.start[2]) == pytest.approx(place[2], abs=1e-9)
+        parsed = robot_parser().parse_args(words_of(found, f"robot {name}")[1:])
+        assert tuple(parsed.start)[:2] == place[:2]
+        assert radians(parsed.start[2]) == pytest.approx(place[2], abs=1e-9)
 
 
-def test_every_goal_is_shifted_as_its_start_is() -> None:
+def test_goals_are_shifted_like_the_starts() -> None:
     found = scenario("--robots", "3", "--goal", "5", "2.2", "45")
-    first = found.entrants[0]
+    first = found.scenario_robots[0]
     assert (first.goal.x_m, first.goal.y_m) == (5.0, 2.2)
-    for other in found.entrants[1:]:
+    for other in found.scenario_robots[1:]:
         assert other.goal.x_m - 5.0 == pytest.approx(other.start[0] - first.start[0])
         assert other.goal.y_m - 2.2 == pytest.approx(other.start[1] - first.start[1])
         assert other.goal.heading_rad == first.goal.heading_rad
         assert found.asked(other.goal).shortest_path_m is None
 
 
-def test_a_goal_that_cannot_be_shifted_is_elsewhere_and_known_to_be() -> None:
+def test_blocked_goal_moves_and_is_marked() -> None:
     found = scenario("--robots", "2", "--goal", "5", "3.8")
-    other = found.entrants[1]
+    other = found.scenario_robots[1]
     assert not other.shifted
     assert 0.5 < dist((other.goal.x_m, other.goal.y_m), (5.0, 3.8)) < 0.9
 
 
-def test_a_tiny_negative_goal_is_asked_about_in_words_that_can_be_read() -> None:
+def test_tiny_negative_goal_is_parsed() -> None:
     with pytest.raises(UserError, match="outside"):
         scenario("--goal", "1", "-1e-5")
 
 
-def test_more_robots_than_there_is_room_for_are_refused() -> None:
-    words = question(parse(["up", "--robots", "20"]))
+def test_too_many_robots_are_rejected() -> None:
+    words = world_query(parse(["up", "--robots", "20"]))
     with pytest.raises(UserError, match="has room for 7 beside its start, not for 20"):
         world_facts(command(words, os.getpid()))
 
 
-def test_robots_are_calibrated_for_the_noise_of_their_run_unless_they_shall_not_be() -> None:
+def test_robots_get_the_calibration_of_their_noise() -> None:
     harsh = words_of(scenario("--noise", "harsh"), "robot r1")
     for name, value in calibration_of("harsh").items():
         assert harsh[harsh.index(f"{name}={value!r}") - 1] == "--param"

@@ -1,4 +1,4 @@
-"""`up --locks DIR`: each process gets its own certificate, and all of the set must be there."""
+"""`up --locks DIR`: each process gets its own certificate, and the set must be complete."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ def keys(tmp_path: Path) -> str:
     return str(tmp_path / "keys")
 
 
-def test_each_process_has_the_certificate_of_its_role() -> None:
+def test_each_role_has_its_certificate() -> None:
     assert [file_of("keys", role).name for role in ROLES] == [
         "router.toml",
         "robot-r1.toml",
@@ -29,7 +29,7 @@ def test_each_process_has_the_certificate_of_its_role() -> None:
     ]
 
 
-def test_without_locks_nothing_is_different() -> None:
+def test_no_locks_changes_nothing() -> None:
     network = Network(mode="client", connect=("tcp/127.0.0.1:1",))
     assert with_locks(None, "plant", ["plant"]) == ["plant"]
     assert dialling(None, network) is network
@@ -38,12 +38,12 @@ def test_without_locks_nothing_is_different() -> None:
     check(None, ROLES)
 
 
-def test_with_locks_a_process_is_told_where_its_keys_are(keys: str) -> None:
+def test_locks_add_the_configuration_file(keys: str) -> None:
     words = with_locks(keys, "robot r2", ["robot", "--id", "r2"])
     assert words == ["robot", "--id", "r2", "--config", f"{keys}/robot-r2.toml"]
 
 
-def test_the_ground_dials_behind_the_lock(keys: str) -> None:
+def test_ground_dials_with_tls(keys: str) -> None:
     found = dialling(keys, Network(mode="client", connect=("tcp/127.0.0.1:1",)))
     assert found.connect == ("tls/127.0.0.1:1",)
     assert found.robots == ("r1", "r2")
@@ -51,7 +51,7 @@ def test_the_ground_dials_behind_the_lock(keys: str) -> None:
     assert found.tls.certificate == f"{keys}/ground.pem"
 
 
-def test_a_robot_without_a_certificate_is_named_before_anything_is_started(keys: str) -> None:
+def test_check_names_a_missing_certificate(keys: str) -> None:
     check(keys, ROLES)
     with pytest.raises(UserError, match=r"there is no robot-r3\.toml for the robot r3: make a set"):
         check(keys, (*ROLES, "robot r3"))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.launch.recording_session import USUAL_KEEP, kept_in, usual_folder
+from ground.launch.recording_session import DEFAULT_KEEP, byte_limit, default_folder
 from ground.recording.log_writer import new_log
 from ground.recording.retention import LOW_BYTES, Retention, in_units, size_in
 from runtime.errors import UserError
@@ -135,10 +135,10 @@ def test_little_room_is_told_with_how_long_it_lasts(
 
 
 def test_only_the_usual_folder_is_bounded_unasked(tmp_path: Path) -> None:
-    assert kept_in(tmp_path, None) is None
-    assert kept_in(tmp_path, "3GB") == 3 * 10**9
-    usual_folder().mkdir(parents=True, exist_ok=True)
-    assert kept_in(usual_folder(), None) == size_in(USUAL_KEEP)
+    assert byte_limit(tmp_path, None) is None
+    assert byte_limit(tmp_path, "3GB") == 3 * 10**9
+    default_folder().mkdir(parents=True, exist_ok=True)
+    assert byte_limit(default_folder(), None) == size_in(DEFAULT_KEEP)
     other = tmp_path / "link"
-    os.symlink(usual_folder(), other)
-    assert kept_in(other, None) == size_in(USUAL_KEEP)
+    os.symlink(default_folder(), other)
+    assert byte_limit(other, None) == size_in(DEFAULT_KEEP)

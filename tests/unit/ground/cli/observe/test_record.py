@@ -18,7 +18,7 @@ def test_trouble_is_told_at_once_again_after_a_while_and_when_it_is_over() -> No
         alarms.look(tape("No space left on device"), at_ns)
     alarms.look(tape(), COMPLAIN_NS + 2)
     trouble = "RECORDING IN TROUBLE: No space left on device; the robot drives on"
-    goes_on = "RECORDING goes on: the log can be written again"
+    goes_on = "RECORDING resumed: the log can be written again"
     assert said()[1].splitlines() == [trouble, trouble, goes_on]
 
 

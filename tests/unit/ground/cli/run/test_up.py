@@ -8,7 +8,7 @@ import pytest
 from ground.cli.main import parse
 from ground.cli.run.up import await_records
 from ground.launch.child_command import command
-from ground.launch.scenario import Scenario, question, scenario_of, world_facts
+from ground.launch.scenario import Scenario, scenario_of, world_facts, world_query
 from ground.text.output import Output
 from runtime.clock import ManualClock
 
@@ -29,7 +29,7 @@ class Recorders:
 
 def recorded(folder: Path, *words: str) -> Scenario:
     options = parse(["up", "--record", str(folder), *words])
-    return scenario_of(options, world_facts(command(question(options), os.getpid())))
+    return scenario_of(options, world_facts(command(world_query(options), os.getpid())))
 
 
 def waited(scenario: Scenario, logs: list[Path], at_s: float, before: set[Path]) -> float:
