@@ -94,7 +94,7 @@ def _rim(points: list[tuple[float, float]], facts: dict[str, Any]) -> bool:
 
 
 def draw_ellipses(axes: "Axes", run: Run) -> None:
-    """Of the true places, the share `ground.map.ellipse.CHANCE` should lie in them."""
+    """Draw the ellipses that contain the true position with probability 1 - `ellipse.OUTSIDE`."""
     from matplotlib.patches import Ellipse
 
     step = max(1, len(run.believed) // ELLIPSES)
