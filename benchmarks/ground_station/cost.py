@@ -30,7 +30,7 @@ def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
                 found = readings(observer, size, seconds, times)
                 figures += shown(f"driving, {size[0]}x{size[1]}", found, cpu, kb)
             figures += on_a_slow_line(observer, seconds)
-        observer.stand()
+        observer.hold()
         figures += shown("standing, 80x24", readings(observer, SIZES[0], seconds, 1))
         with replaying(observer, SIZES[0]) as terminal:
             Event().wait(SETTLES_S)
@@ -96,7 +96,7 @@ def kept_driving(observer: Observer) -> Iterator[None]:
 
     def drive() -> None:
         while not over.wait(0.05):
-            shuttle.keep_on()
+            shuttle.keep_driving()
 
     thread = Thread(target=drive, daemon=True)
     thread.start()

@@ -48,7 +48,7 @@ from verification.faults_matrix.table import Fault, Must, Way
 from verification.flood.attack import Attack, Door
 from verification.harness import motion
 from verification.harness.motion import PERIOD_S
-from verification.harness.observer import tls_of
+from verification.harness.processes import tls_of
 from verification.harness.until import until
 
 STOPPING: Final = (Must.STOP, Must.STAND, Must.SAY)
@@ -177,7 +177,7 @@ class Drill:
                 crew.cables[one if other == "router" else other].cut()
             case Impersonate():
                 assert self._impostor is not None
-                crew.cables["robot"].plug_in(self._impostor.endpoint)
+                crew.cables["robot"].redirect(self._impostor.endpoint)
             case EmergencyStop():
                 self._witness.estop()
             case Abandon():
@@ -225,7 +225,7 @@ class Drill:
             case Hang(role, gil=False):
                 crew.send(role, signal.SIGCONT)
             case Impersonate():
-                crew.cables["robot"].plug_in(crew.router)
+                crew.cables["robot"].redirect(crew.router)
             case Flood():
                 self._attack.hold()
             case Spoil():
@@ -235,7 +235,7 @@ class Drill:
                 crew.kill(role)
                 crew.start(role)
             case Cut(one, other) if "router" in (one, other):
-                crew.cables[one if other == "router" else other].mend()
+                crew.cables[one if other == "router" else other].restore()
             case _:
                 """It stays as it is."""
 

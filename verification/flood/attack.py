@@ -22,7 +22,7 @@ from runtime.clock import WallClock
 from runtime.units import NS_PER_S
 from verification.flood.kinds import KINDS, Attacker, Kind, Shoot
 from verification.flood.relay import SlowRelay
-from verification.harness.observer import tls_of
+from verification.harness.processes import tls_of
 
 TURN_S: Final = 0.005
 BURST_S: Final = 0.1

@@ -5,7 +5,7 @@ import threading
 from contextlib import ExitStack, suppress
 from typing import Final, Self
 
-from verification.harness.tcp_proxy import hang_up
+from verification.harness.tcp_proxy import close_socket
 
 CHUNK: Final = 1024
 BUFFER: Final = 4096
@@ -23,7 +23,7 @@ class SlowRelay:
         self._closing = threading.Event()
         self._sockets = ExitStack()
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self._sockets.callback(hang_up, self._listener)
+        self._sockets.callback(close_socket, self._listener)
         self.endpoint = f"{protocol}/127.0.0.1:{self._listener.getsockname()[1]}"
         threading.Thread(target=self._take_calls, daemon=True).start()
 
@@ -41,7 +41,7 @@ class SlowRelay:
                 far = socket.socket()
                 far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
                 for end in (near, far):
-                    self._sockets.callback(hang_up, end)
+                    self._sockets.callback(close_socket, end)
                 far.connect(self._far)
                 for pair in ((near, far, 0.0), (far, near, self._pause_s)):
                     threading.Thread(target=self._pass_on, args=pair, daemon=True).start()

@@ -23,7 +23,7 @@ from protocol.bus.network import Network
 from protocol.topics import Role
 from runtime.clock import Clock
 from verification.flood.attack import Attack, Door
-from verification.harness.tcp_proxy import Cable
+from verification.harness.tcp_proxy import TcpProxy
 from verification.soak.faults import CUT, Fault
 from verification.soak.supervised import Supervised
 
@@ -52,7 +52,7 @@ class Fleet:
         self._folder = folder
         self._clock = clock
         self._scope = ExitStack()
-        self._cables: dict[str, Cable] = {}
+        self._cables: dict[str, TcpProxy] = {}
         self._words: dict[str, list[str]] = {}
 
     def __enter__(self) -> Self:
@@ -98,7 +98,7 @@ class Fleet:
         if fault.flood_hz:
             self._attacks.close()
         elif fault.first is None:
-            self._cables[fault.role].mend()
+            self._cables[fault.role].restore()
         elif fault.then is not None:
             self._children.send(fault.role, fault.then)
 
@@ -124,7 +124,7 @@ class Fleet:
         for robot in self.scenario.robots[:2]:
             words[f"ground {robot}"] = ["ground", "--plain", *dials, robot]
         for role in CUT:
-            cable = self._cables[role] = self._scope.enter_context(Cable(self.endpoint))
+            cable = self._cables[role] = self._scope.enter_context(TcpProxy(self.endpoint))
             place = words[role].index(self.endpoint)
             words[role] = [*words[role][:place], cable.endpoint, *words[role][place + 1 :]]
         return words
