@@ -1,7 +1,6 @@
 """A substitute for plant and operator that keeps a real robot process driving.
 
-The substitute publishes through the plant's own robot link, so a measurement sees what a plant would
-see.
+It publishes through the plant's own robot link, so a measurement sees what a plant would see.
 """
 
 from collections.abc import Iterator
