@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from ground.client.presence import Crew, why_silent
+from ground.client.presence import PresentProcesses, explain_silence
 from protocol.bus.tls.access import ALL, barred, grant_of
 from protocol.bus.tls.certificate import CertificateStatus
 from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
@@ -44,7 +44,7 @@ class Observed:
 
     robot: str
     endpoint: str
-    crew: Crew
+    crew: PresentProcesses
     streams: tuple[Stream, ...]
     status: NavigatorStatus | None = None
     cycle: CycleReport | None = None
@@ -115,7 +115,7 @@ def processes(seen: Observed) -> Iterator[Finding]:
     beats = heart is not None and (heart.fresh or unreadable)
     robot_there = seen.crew.has(seen.robot, Role.ROBOT)
     if not robot_there or not beats:
-        why = why_silent(seen.crew, seen.robot, seen.endpoint, beats=beats)
+        why = explain_silence(seen.crew, seen.robot, seen.endpoint, beats=beats)
         what, _, do = why.partition(": ")
         yield Finding(what, do or "restart the robot")
     if not any(role == Role.PLANT.value for _, role in seen.crew.there):

@@ -29,13 +29,13 @@ answer the statuses prove nothing: they may be late, and show a stop of before t
 M_contra = TypeVar("M_contra", bound=Message, contravariant=True)
 
 
-class Puts(Protocol[M_contra]):
+class MessagePublisher(Protocol[M_contra]):
     """The publisher of one topic."""
 
     def put(self, message: M_contra) -> object: ...
 
 
-class Asks(Protocol):
+class ServiceCaller(Protocol):
     """The part of a bus that asks services."""
 
     def ask(
@@ -90,8 +90,8 @@ class EmergencyStop:
 
     def __init__(
         self,
-        bus: Asks,
-        publisher: Puts[CommandRequest],
+        bus: ServiceCaller,
+        publisher: MessagePublisher[CommandRequest],
         robot: str,
         clock: Clock,
         newest: Callable[[], tuple[NavigatorStatus, int] | None],

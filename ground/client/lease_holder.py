@@ -16,7 +16,7 @@ def lease_status(link: Link) -> LeaseStatus | None:
     return link.newest(LEASE, SHOW_NS)
 
 
-def who_refuses(link: Link, reason: int) -> str:
+def refusing_holder(link: Link, reason: int) -> str:
     """The name of the operator because of whom it was refused, if that is why."""
     if reason != Reason.LEASE_HELD:
         return ""

@@ -5,18 +5,18 @@ from contextlib import contextmanager
 from typing import Any, Final, TypeVar
 
 from ground.client.connection import Common
-from ground.client.emergency_stop import Asks
-from ground.client.presence import crew_of, why_silent
+from ground.client.emergency_stop import ServiceCaller
+from ground.client.presence import explain_silence, present_processes
 from ground.client.requests import (
     ATTEMPTS,
     PATIENCE_NS,
-    Answered,
-    Asking,
+    CommandExchange,
     Exchange,
     GaveUp,
     Request,
     RequestIds,
 )
+from ground.client.results import Answer
 from ground.client.telemetry import Telemetry
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.publisher import Publisher
@@ -47,8 +47,8 @@ class Unanswered(RemoteError):
     exit_code = 1
 
 
-def converse(
-    bus: Asks, clock: Clock, robot: str, exchange: Exchange[Any], service: Service
+def run_exchange(
+    bus: ServiceCaller, clock: Clock, robot: str, exchange: Exchange[Any], service: Service
 ) -> None:
     """Put the questions of an exchange to a robot's service until it is over."""
     while not exchange.over:
@@ -89,17 +89,19 @@ class Link:
         attempts: int = ATTEMPTS,
         patience_ns: int = PATIENCE_NS,
         service: Service = COMMAND,
-    ) -> Answered:
-        """The robot's answer; Unanswered says who is missing when there is none."""
-        asking = Asking(request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns)
-        converse(self.bus, self.clock, self.robot, asking, service)
-        if isinstance(asking.outcome, Answered):
-            return asking.outcome
-        raise self.unanswered(asking.outcome)
+    ) -> Answer:
+        """Send a request until it is answered; Unanswered names the process that is missing."""
+        asking = CommandExchange(
+            request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns
+        )
+        run_exchange(self.bus, self.clock, self.robot, asking, service)
+        if asking.outcome is None or isinstance(asking.outcome, GaveUp):
+            raise self.unanswered(asking.outcome)
+        return asking.outcome
 
-    def talk(self, exchange: Exchange[Any], service: Service) -> None:
+    def exchange(self, exchange: Exchange[Any], service: Service) -> None:
         """Put the questions of an exchange to a service until it is over."""
-        converse(self.bus, self.clock, self.robot, exchange, service)
+        run_exchange(self.bus, self.clock, self.robot, exchange, service)
 
     def unanswered(self, outcome: GaveUp | None) -> Unanswered:
         """The error for a talk that has come to nothing."""
@@ -117,17 +119,17 @@ class Link:
 
     def diagnosis(self) -> str:
         """Why the robot does not answer: listens for its heart before it judges."""
-        with self.hearing(HEARTBEAT) as telemetry:
+        with self.subscribed(HEARTBEAT) as telemetry:
             box = telemetry.boxes()[HEARTBEAT.path]
             self.wait(lambda: box.latest() is not None or box.rejected > 0, LISTEN_NS)
             beats = box.latest() is not None
             if box.rejected and not beats:
                 return f"robot {self.robot} is there, but its heartbeat {box.last_rejection}"
-        crew = crew_of(self.bus.present())
-        return self.bus.lost() or why_silent(crew, self.robot, self.endpoint, beats=beats)
+        crew = present_processes(self.bus.present())
+        return self.bus.lost() or explain_silence(crew, self.robot, self.endpoint, beats=beats)
 
     @contextmanager
-    def hearing(self, *topics: Topic[Any]) -> Iterator[Telemetry]:
+    def subscribed(self, *topics: Topic[Any]) -> Iterator[Telemetry]:
         """What the robot says of these, for as long as somebody wants to know."""
         telemetry = Telemetry(self.bus, self.robot, topics, notify=self.pulse.beat)
         try:
@@ -138,7 +140,7 @@ class Link:
 
     def newest(self, topic: Topic[M], patience_ns: int) -> M | None:
         """The next message of a topic; None when none comes in time."""
-        with self.hearing(topic) as telemetry:
+        with self.subscribed(topic) as telemetry:
             self.wait(lambda: telemetry.latest(topic) is not None, patience_ns)
             found = telemetry.latest(topic)
             return None if found is None else found[0]
@@ -154,7 +156,7 @@ class Link:
 
 
 @contextmanager
-def linked(common: Common) -> Iterator[Link]:
+def open_link(common: Common) -> Iterator[Link]:
     """Dial the robot; Unanswered when nobody listens at the endpoint."""
     try:
         bus = open_bus(common.network, Role.GROUND, common.robot)

@@ -30,7 +30,7 @@ class Parameter:
     received: Mapping[str, object] = field(default_factory=dict, compare=False, repr=False)
 
     @property
-    def is_usual(self) -> bool:
+    def is_default(self) -> bool:
         """Whether it has its default value, to the precision of the wire."""
         return self.default is None or same(self.value, self.default)
 

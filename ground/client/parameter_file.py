@@ -18,7 +18,7 @@ HUGE: Final = 1e300
 
 def write(path: Path, parameters: Sequence[Parameter]) -> list[str]:
     """Write those that differ from their defaults; return their names. UserError when it fails."""
-    chosen = [one for one in parameters if not one.is_usual]
+    chosen = [one for one in parameters if not one.is_default]
     lines = [f"{_key(one)} = {one.value!r}  # {printable(one.doc)}".rstrip(" #") for one in chosen]
     export_file.replace(path, "\n".join([f"[{TABLE}]", *lines, ""]))
     return [one.name for one in chosen]

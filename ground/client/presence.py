@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 from protocol.topics import Role
 
 
-class There(Protocol):
+class LivelinessToken(Protocol):
     """One liveliness token."""
 
     @property
@@ -15,7 +15,7 @@ class There(Protocol):
     def role(self) -> str: ...
 
 
-class Crew(NamedTuple):
+class PresentProcesses(NamedTuple):
     """Which processes have shown themselves, as (robot, role)."""
 
     there: frozenset[tuple[str, str]]
@@ -27,11 +27,11 @@ class Crew(NamedTuple):
         return sorted(name for name, role in self.there if role == Role.ROBOT.value)
 
 
-def crew_of(present: Iterable[There]) -> Crew:
-    return Crew(frozenset((token.robot, token.role) for token in present))
+def present_processes(present: Iterable[LivelinessToken]) -> PresentProcesses:
+    return PresentProcesses(frozenset((token.robot, token.role) for token in present))
 
 
-def why_silent(crew: Crew, robot: str, endpoint: str, *, beats: bool) -> str:
+def explain_silence(crew: PresentProcesses, robot: str, endpoint: str, *, beats: bool) -> str:
     """Why a robot does not answer, from who is there and whether its heart beats."""
     if not crew.has(robot, Role.ROBOT):
         return _no_robot(crew, robot, endpoint)
@@ -48,7 +48,7 @@ def why_silent(crew: Crew, robot: str, endpoint: str, *, beats: bool) -> str:
     )
 
 
-def _no_robot(crew: Crew, robot: str, endpoint: str) -> str:
+def _no_robot(crew: PresentProcesses, robot: str, endpoint: str) -> str:
     others = crew.robots()
     if others:
         return f"robot {robot} is not at {endpoint}; there is {', '.join(others)}: use --id"

@@ -7,6 +7,7 @@ import secrets
 from dataclasses import dataclass
 from typing import Final, Generic, TypeAlias, TypeVar
 
+from ground.client.results import Accepted, Answer, Refused
 from protocol.wire.enums import AckResult, Command, GoalState
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -43,24 +44,11 @@ class RequestIds:
 
 
 @dataclass(frozen=True, slots=True)
-class Send:
+class Attempt:
     """Put the question, and listen for an answer for this long."""
 
     request: Message | None
     patience_ns: int
-
-
-@dataclass(frozen=True, slots=True)
-class Answered:
-    """The robot has spoken: did it agree, and if not, why."""
-
-    reason: int
-    ok: bool
-    took_ns: int
-
-    @property
-    def text(self) -> str:
-        return reason_text(self.reason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +84,7 @@ class Exchange(Generic[Out]):
     def over(self) -> bool:
         return self.outcome is not None
 
-    def due(self, now_ns: int) -> list[Send]:
+    def due(self, now_ns: int) -> list[Attempt]:
         """Return what to ask now; `next_ns` says when to call it again."""
         if self.over or now_ns < self.next_ns:
             return []
@@ -105,7 +93,7 @@ class Exchange(Generic[Out]):
             return []
         self._left -= 1
         self.next_ns = now_ns + self._patience_ns
-        return [Send(self._question, self._patience_ns)]
+        return [Attempt(self._question, self._patience_ns)]
 
     def receive(self, answer: object, now_ns: int) -> None:
         """Take an answer; one that does not fit counts as none."""
@@ -129,7 +117,7 @@ class Exchange(Generic[Out]):
         self._question, self._left, self.next_ns = question, self._attempts, now_ns
 
 
-class Asking(Exchange[Answered]):
+class CommandExchange(Exchange[Answer]):
     """One command, goal or request for the lease until the robot acknowledges it."""
 
     def __init__(
@@ -152,8 +140,11 @@ class Asking(Exchange[Answered]):
         elif not acknowledges(answer, self._request):
             self.unanswered(f"the answer is to command {answer.command}")
         else:
-            accepted = answer.result == AckResult.ACCEPTED
-            self.outcome = Answered(answer.result_param2, accepted, now_ns - self._started_ns)
+            took_ns = now_ns - self._started_ns
+            is_accepted = answer.result == AckResult.ACCEPTED
+            self.outcome = (
+                Accepted(took_ns) if is_accepted else Refused(answer.result_param2, took_ns)
+            )
 
 
 def is_saving(answer: object) -> bool:
@@ -173,11 +164,6 @@ def command_of(request: Request) -> int:
     if isinstance(request, GoalRequest):
         return Command.DO_REPOSITION
     return request.command if isinstance(request, CommandRequest) else NO_COMMAND
-
-
-@dataclass(frozen=True, slots=True)
-class Beat:
-    """Let the robot hear the operator's heartbeat."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +187,7 @@ ENDS: Final = {
 }
 
 
-class Pace:
+class HeartbeatTimer:
     """When the heart must beat: by our clock or by the robot's stamps, whichever is ahead."""
 
     def __init__(self) -> None:
@@ -232,7 +218,7 @@ class GoalWatch:
         self._timeout_ns = timeout_ns
         self._stamps_only = stamps_only
         self._asked_ns = self._heard_ns = now_ns
-        self._pace = Pace()
+        self._pace = HeartbeatTimer()
         self._started_stamp_ns: int | None = None
         self._stamp_ns = 0
         self._seen = False
@@ -256,13 +242,12 @@ class GoalWatch:
         elif self._seen or now_ns - self._asked_ns > UNSEEN_NS:
             self.end = _pushed_out(status)
 
-    def due(self, now_ns: int) -> list[Beat]:
-        """What to do now; may set `end` when time is up or nothing has been heard for too long."""
+    def due(self, now_ns: int) -> bool:
+        """Return whether to send the heartbeat now; set `end` at a time-out or after silence."""
         if self.end is not None:
-            return []
+            return False
         self._judge_time(now_ns)
-        beats = self.end is None and self._pace.due(now_ns, self._stamp_ns)
-        return [Beat()] if beats else []
+        return self.end is None and self._pace.due(now_ns, self._stamp_ns)
 
     def silent_ns(self, now_ns: int) -> int:
         """How long nothing has been heard of the robot."""

@@ -17,12 +17,12 @@ from protocol.wire.message import Message
 from runtime.units import NS_PER_S
 
 M = TypeVar("M", bound=Message)
-Take = Callable[[str, bytes, int], None]
+FrameHandler = Callable[[str, bytes, int], None]
 """Key, frame, and when it came or was told, in ns; called in the bus's thread."""
 
 DIM_PERIODS: Final = 2.0
 GONE_PERIODS: Final = 5.0
-LOOKED_AT: Final[tuple[Topic[Any], ...]] = (HEARTBEAT, STATUS, ODOMETRY, DECISION, CYCLE)
+SUMMARY_TOPICS: Final[tuple[Topic[Any], ...]] = (HEARTBEAT, STATUS, ODOMETRY, DECISION, CYCLE)
 
 
 class Age(Enum):
@@ -33,7 +33,7 @@ class Age(Enum):
     GONE = "gone"
 
 
-class Listens(Protocol):
+class MailboxSource(Protocol):
     """What telemetry needs of the bus."""
 
     def mailbox(
@@ -42,11 +42,11 @@ class Listens(Protocol):
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
         *,
-        take: Take | None = None,
+        take: FrameHandler | None = None,
     ) -> Mailbox[M]: ...
 
 
-class Seen(NamedTuple):
+class AgedMessage(NamedTuple):
     """The newest message of a topic; `age_ns` None: nothing has ever come."""
 
     message: Message | None
@@ -62,11 +62,11 @@ class Telemetry:
 
     def __init__(
         self,
-        bus: Listens,
+        bus: MailboxSource,
         robot: str,
-        topics: Iterable[Topic[Any]] = LOOKED_AT,
+        topics: Iterable[Topic[Any]] = SUMMARY_TOPICS,
         notify: Callable[[int], None] | None = None,
-        taker: Callable[[str], Take | None] = lambda _path: None,
+        taker: Callable[[str], FrameHandler | None] = lambda _path: None,
     ) -> None:
         self._boxes: dict[str, Mailbox[Any]] = {
             topic.path: bus.mailbox(topic, robot, notify, take=taker(topic.path))
@@ -90,12 +90,12 @@ class Telemetry:
             return None
         return newest[0]
 
-    def seen(self, topic: Topic[Any], now_ns: int) -> Seen:
+    def seen(self, topic: Topic[Any], now_ns: int) -> AgedMessage:
         newest = self.latest(topic)
         if newest is None:
-            return Seen(None, None, Age.GONE)
+            return AgedMessage(None, None, Age.GONE)
         age_ns = now_ns - newest[1]
-        return Seen(newest[0], age_ns, age_of(topic, age_ns))
+        return AgedMessage(newest[0], age_ns, age_of(topic, age_ns))
 
     def boxes(self) -> Mapping[str, Mailbox[Any]]:
         return self._boxes

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from ground.client.requests import Answered
 from protocol.wire.enums import Navigator
 from protocol.wire.reasons import Reason
 
@@ -25,10 +24,3 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.NO_MISSION: "sidestep mission upload FILE",
     }
 )
-
-
-def why(answered: Answered, who: str = "") -> str:
-    """The robot's reason, with what to do where there is something; `who`: because of whom."""
-    text = f"{answered.text}: {who}" if who else answered.text
-    hint = HINTS.get(answered.reason)
-    return f"{text} ({hint})" if hint else text

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 from ground.recording.log_index import LogIndex
-from ground.text.statustext import Texts
+from ground.text.statustext import StatustextAssembler
 from protocol.topics import MARK, STATUS
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.message import Message
@@ -25,7 +25,7 @@ class Mark(NamedTuple):
 
 def marks_of(reel: LogIndex) -> tuple[Mark, ...]:
     """All of them, in the order of time."""
-    texts = Texts()
+    texts = StatustextAssembler()
     remarks = ((time_ns, texts.receive(message)) for time_ns, message in reel.on(MARK.path))
     said = [Mark(time_ns / NS_PER_S, "mark", words) for time_ns, words in remarks if words]
     return tuple(sorted([*changes(reel.on(STATUS.path)), *said]))

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from ground.client.emergency_stop import Asks
+from ground.client.emergency_stop import ServiceCaller
 from protocol.topics import PARAMETERS, WORLD, Service
 from runtime.errors import RemoteError
 
@@ -15,7 +15,7 @@ LONGEST_PAUSE_NS: Final = 5_000_000_000
 class MetadataReader:
     """Asks for what is still missing, ever more seldom: who knows it may come later."""
 
-    def __init__(self, bus: Asks, robot: str) -> None:
+    def __init__(self, bus: ServiceCaller, robot: str) -> None:
         self._bus = bus
         self._robot = robot
         self._missing = dict(WANTED)

@@ -9,7 +9,7 @@ from ground.client.diagnosis import Finding, Observed, Stream, examine, installa
 from ground.client.diagnosis import Report as Findings
 from ground.client.link import Link, Unanswered
 from ground.client.operations import Session
-from ground.client.presence import crew_of
+from ground.client.presence import present_processes
 from ground.client.telemetry import Telemetry
 from ground.reports.report import Report
 from protocol.bus.mailbox import Mailbox
@@ -59,14 +59,14 @@ def told(error: Unanswered, endpoint: str) -> tuple[str, str]:
 
 def observe(link: Link, listen_ns: int) -> Observed:
     """Everything there is to see, within the given time and that of the questions."""
-    with link.hearing(*TOPICS) as telemetry:
+    with link.subscribed(*TOPICS) as telemetry:
         return observed(link, telemetry, listen_ns)
 
 
 def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
     link.wait(lambda: False, listen_ns)
     now_ns = link.clock.now_ns()
-    crew = crew_of(link.bus.present())
+    crew = present_processes(link.bus.present())
     status, cycle = telemetry.latest(STATUS), telemetry.latest(CYCLE)
     return Observed(
         robot=link.robot,

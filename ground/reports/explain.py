@@ -27,7 +27,7 @@ class ExplainNow:
     moves: ClassVar[bool] = False
 
     def perform(self, session: Session) -> Report:
-        with session.link.hearing(STATUS, DECISION, CYCLE) as telemetry:
+        with session.link.subscribed(STATUS, DECISION, CYCLE) as telemetry:
             return of_a_robot(session.link, telemetry)
 
 

@@ -10,7 +10,7 @@ NEWS_NS = 2 * NS_PER_S
 """What is no older is told as it comes."""
 
 
-class Texts:
+class StatustextAssembler:
     """One sender's texts, each as one printable line.
 
     A piece that belongs to no text begun is shown as it is.

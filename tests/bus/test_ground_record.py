@@ -11,7 +11,7 @@ from ground.cli.main import main
 from ground.recording.log_reader import opened
 from ground.recording.log_writer import LogFile
 from ground.recording.tlog import read
-from ground.text.statustext import Texts
+from ground.text.statustext import StatustextAssembler
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import MARK, SONAR, Role
@@ -111,7 +111,7 @@ def test_a_remark_reaches_whoever_records(
     stage[0].bus.stream(MARK, take)
     assert main(["mark", *words.split(), "--connect", stage[1]]) == 0
     until(lambda: len(heard) == 2)
-    texts = Texts()
+    texts = StatustextAssembler()
     assert [texts.receive(piece) for piece in heard] == ["", words]
 
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from ground.cli.options import common_of
 from ground.client.goal import Destination, destination
-from ground.client.link import Link, linked
+from ground.client.link import Link, open_link
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.ghost.branch_point import BranchPoint, driving
 from ground.ghost.ghost import Ghost
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace, says: Output) -> int:
     if options.file is not None:
         return of_a_recording(options, says)
     refuse_without_a_recording(options)
-    with linked(common_of(options)) as link:
+    with open_link(common_of(options)) as link:
         return act(options, link, says)
 
 

@@ -7,7 +7,7 @@ from time import time_ns
 from typing import Final
 
 from ground.cli.options import common_of
-from ground.client.link import Link, linked
+from ground.client.link import Link, open_link
 from ground.grammar.words import add_common
 from ground.launch.child_processes import defer_signals
 from ground.launch.recording_session import add_keep, byte_limit
@@ -34,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, says: Output) -> int:
     """Until a signal ends it; 1 when something could not be written."""
     common = common_of(options)
-    with linked(common) as link:
+    with open_link(common) as link:
         folder = Path(options.folder)
         tape = tape_in(folder, link)
         link.bus.everything(tape.take)

@@ -19,7 +19,7 @@ from ground.launch.child_command import command
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.text.output import Output
 from ground.text.status_parts import in_words
-from ground.text.statustext import Texts
+from ground.text.statustext import StatustextAssembler
 from protocol.options import finite
 from protocol.topics import TEXT
 from protocol.wire.codec import decode
@@ -96,7 +96,7 @@ def show_lines(options: argparse.Namespace, says: Output, clock: Clock) -> int:
 
 def lines(bus: ReplayBus, begin_s: float, every_s: float) -> Iterator[tuple[float, str]]:
     """Time and words: what the robot said and how it stood, once in so many seconds."""
-    telemetry, texts = Telemetry(bus, bus.robot), Texts()
+    telemetry, texts = Telemetry(bus, bus.robot), StatustextAssembler()
     said: list[tuple[float, str]] = []
 
     def take(_key: str, frame: bytes, arrived_ns: int) -> None:

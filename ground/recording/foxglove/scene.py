@@ -34,7 +34,7 @@ from ground.recording.world_metadata import (
     solids,
     start_of,
 )
-from ground.text.statustext import Texts
+from ground.text.statustext import StatustextAssembler
 from protocol.topics import MARK, path_of
 from protocol.wire.enums import Severity
 from protocol.wire.message import Message
@@ -87,7 +87,7 @@ class SceneDrawer:
         self._trail_due_ns = 0
         self._goal: tuple[float, float, float] | None = None
         self._virtual: Point | None = None
-        self._texts: dict[str, Texts] = {}
+        self._texts: dict[str, StatustextAssembler] = {}
         self._draws: dict[type[Message], Callable[[Any, int], list[ViewerMessage]]] = {
             PlanarOdometry: self._belief,
             GroundTruth: self._truth,
@@ -199,9 +199,9 @@ class SceneDrawer:
         zone = entity("zone", ROBOT, time_ns, lines=rings)
         return [ViewerMessage("/goal/virtual", schemas.SCENE_UPDATE, scene(spheres, zone))]
 
-    def _texts_of(self, key: str) -> Texts:
+    def _texts_of(self, key: str) -> StatustextAssembler:
         """Those of one sender; beyond so many senders the oldest are forgotten."""
-        texts = self._texts.setdefault(key, Texts())
+        texts = self._texts.setdefault(key, StatustextAssembler())
         if len(self._texts) > MAX_SENDERS:
             del self._texts[next(iter(self._texts))]
         return texts

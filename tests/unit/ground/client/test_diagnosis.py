@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from ground.client.diagnosis import Observed, Stream, examine, lines
-from ground.client.presence import Crew, why_silent
+from ground.client.presence import PresentProcesses, explain_silence
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
@@ -16,7 +16,7 @@ from runtime.cli.packages import Conflict
 from tests.support.ground.client import CYCLE
 
 MS = 1_000_000
-EVERYBODY = Crew(frozenset({("r1", "robot"), ("r1", "plant")}))
+EVERYBODY = PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant")}))
 STATUS = NavigatorStatus(
     time_ns=1,
     goal_started_ns=0,
@@ -36,7 +36,7 @@ STATUS = NavigatorStatus(
 )
 
 
-def seen(silent: Iterable[Topic[Any]] = (), crew: Crew = EVERYBODY) -> Observed:
+def seen(silent: Iterable[Topic[Any]] = (), crew: PresentProcesses = EVERYBODY) -> Observed:
     """A healthy system in wall time, but for the topics that are silent."""
     quiet = [*silent, OPERATOR, CLOCK, TEXT]
     streams = tuple(Stream(topic, None if topic in quiet else 20 * MS) for topic in TOPICS)
@@ -66,7 +66,7 @@ def test_a_healthy_system_has_no_findings() -> None:
 
 
 def test_an_empty_bus_says_which_processes_to_start() -> None:
-    report = examine(seen(TOPICS, Crew(frozenset())))
+    report = examine(seen(TOPICS, PresentProcesses(frozenset())))
     said = lines(report.findings)
     assert not report.healthy
     assert "sidestep robot --id r1" in said
@@ -77,7 +77,7 @@ def test_an_empty_bus_says_which_processes_to_start() -> None:
 def test_a_robot_that_hangs_is_told_from_one_that_is_not_there() -> None:
     said = lines(examine(seen(of(Role.ROBOT))).findings)
     assert "hangs" in said
-    gone = Crew(frozenset({("r1", "plant")}))
+    gone = PresentProcesses(frozenset({("r1", "plant")}))
     assert "only its plant is" in lines(examine(seen(of(Role.ROBOT), gone)).findings)
 
 
@@ -173,4 +173,6 @@ def test_missed_ticks_rejected_frames_and_deaf_services_are_mentioned() -> None:
     ],
 )
 def test_silence_has_six_causes(there: set[tuple[str, str]], beats: bool, words: str) -> None:
-    assert words in why_silent(Crew(frozenset(there)), "r1", "tcp/h:1", beats=beats)
+    assert words in explain_silence(
+        PresentProcesses(frozenset(there)), "r1", "tcp/h:1", beats=beats
+    )

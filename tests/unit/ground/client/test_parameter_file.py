@@ -47,5 +47,5 @@ def test_a_place_that_cannot_be_written_says_so(tmp_path: Path) -> None:
 
 
 def test_single_precision_makes_no_difference() -> None:
-    assert Parameter(name="a", value=0.30000001192, default=0.3).is_usual
-    assert Parameter(name="a", value=5).is_usual
+    assert Parameter(name="a", value=0.30000001192, default=0.3).is_default
+    assert Parameter(name="a", value=5).is_default

@@ -80,7 +80,7 @@ def test_a_saved_list_holds_parameters_and_nothing_else(
         found = parameters_in(json.dumps(listed))
     except RemoteError:
         return
-    unlike = {one.name: one.value for one in found if not one.is_usual}
+    unlike = {one.name: one.value for one in found if not one.is_default}
     names = parameter_file.write(path, found)
     assert tomllib.loads(path.read_text(encoding="utf-8")) == {"parameters": unlike}
     assert sorted(unlike) == sorted(names)

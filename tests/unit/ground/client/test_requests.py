@@ -11,15 +11,14 @@ from hypothesis import strategies as st
 
 from ground.client.requests import (
     BEAT_NS,
-    Answered,
-    Asking,
-    Beat,
+    Attempt,
+    CommandExchange,
     GaveUp,
     GoalEnd,
     GoalWatch,
     RequestIds,
-    Send,
 )
+from ground.client.results import Accepted, Refused
 from protocol.wire.enums import AckResult, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
 from protocol.wire.reasons import Reason
@@ -59,8 +58,8 @@ def ack(result: AckResult, reason: Reason) -> CommandAck:
     return CommandAck(command=193, result=result, result_param2=reason)
 
 
-def run_out(asking: Asking, clock: ManualClock) -> list[Send]:
-    sent: list[Send] = []
+def run_out(asking: CommandExchange, clock: ManualClock) -> list[Attempt]:
+    sent: list[Attempt] = []
     while asking.outcome is None:
         clock.sleep_until(asking.next_ns)
         sent += asking.due(clock.now_ns())
@@ -76,7 +75,7 @@ def test_request_ids_cannot_be_guessed() -> None:
 
 def test_an_unanswered_command_is_sent_three_times_with_one_id_and_given_up() -> None:
     clock = ManualClock()
-    asking = Asking(HOLD, clock.now_ns())
+    asking = CommandExchange(HOLD, clock.now_ns())
     asking.unanswered("nobody serves it")
     sent = run_out(asking, clock)
     assert [send.request for send in sent] == [HOLD] * 3
@@ -86,26 +85,24 @@ def test_an_unanswered_command_is_sent_three_times_with_one_id_and_given_up() ->
 
 def test_an_answer_ends_the_asking_and_says_how_long_it_took() -> None:
     clock = ManualClock()
-    asking = Asking(HOLD, clock.now_ns())
+    asking = CommandExchange(HOLD, clock.now_ns())
     asking.due(clock.now_ns())
     clock.advance(14 * MS)
     asking.receive(ack(AckResult.ACCEPTED, Reason.NONE), clock.now_ns())
-    assert asking.outcome == Answered(Reason.NONE, ok=True, took_ns=14 * MS)
+    assert asking.outcome == Accepted(14 * MS)
     assert asking.due(clock.now_ns() + 9_000 * MS) == []
 
 
 def test_a_refusal_carries_its_reason_and_a_late_second_answer_changes_nothing() -> None:
-    asking = Asking(HOLD, 0)
+    asking = CommandExchange(HOLD, 0)
     asking.due(0)
     asking.receive(ack(AckResult.DENIED, Reason.NOT_ARMED), 1)
     asking.receive(ack(AckResult.ACCEPTED, Reason.NONE), 2)
-    assert isinstance(asking.outcome, Answered)
-    assert not asking.outcome.ok
-    assert asking.outcome.text == "not armed: arm first"
+    assert asking.outcome == Refused(Reason.NOT_ARMED, took_ns=1)
 
 
 def test_nothing_is_sent_before_its_time() -> None:
-    asking = Asking(HOLD, 100)
+    asking = CommandExchange(HOLD, 100)
     assert asking.due(99) == []
     assert len(asking.due(100)) == 1
     assert asking.due(100 + 499 * MS) == []
@@ -123,20 +120,20 @@ def test_nothing_is_sent_before_its_time() -> None:
     ],
 )
 def test_answer_to_another_command_or_no_look_is_no_answer(answer: CommandAck) -> None:
-    asking = Asking(HOLD, 0)
+    asking = CommandExchange(HOLD, 0)
     asking.due(0)
     asking.receive(answer, 1)
     assert asking.outcome is None
     assert asking.due(500 * MS)
     asking.receive(ack(AckResult.ACCEPTED, Reason.NONE), 500 * MS)
-    assert asking.outcome == Answered(Reason.NONE, ok=True, took_ns=500 * MS)
+    assert asking.outcome == Accepted(500 * MS)
 
 
 def test_refusal_that_names_no_command_ends_the_asking() -> None:
-    asking = Asking(HOLD, 0)
+    asking = CommandExchange(HOLD, 0)
     asking.due(0)
     asking.receive(CommandAck(command=0, result=AckResult.DENIED, result_param2=16), 1)
-    assert asking.outcome == Answered(Reason.MALFORMED, ok=False, took_ns=1)
+    assert asking.outcome == Refused(Reason.MALFORMED, took_ns=1)
 
 
 @dataclass
@@ -153,7 +150,7 @@ class Drive:
 
     def pass_(self, ns: int) -> None:
         self.clock.advance(ns)
-        self.beats += sum(isinstance(act, Beat) for act in self.watch.due(self.clock.now_ns()))
+        self.beats += self.watch.due(self.clock.now_ns())
 
     def hear(self, message: NavigatorStatus) -> None:
         self.watch.receive(message, self.clock.now_ns())

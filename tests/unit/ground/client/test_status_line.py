@@ -4,7 +4,7 @@ from math import inf, nan
 
 import pytest
 
-from ground.client.requests import Pace
+from ground.client.requests import HeartbeatTimer
 from ground.client.status_line import (
     doing,
     echo_of,
@@ -173,7 +173,7 @@ def test_no_number_is_missing_and_infinity_is_no_echo() -> None:
 
 
 def test_a_beat_is_due_at_once_and_then_by_the_faster_clock() -> None:
-    pace = Pace()
+    pace = HeartbeatTimer()
     assert pace.due(0, 0)
     assert not pace.due(199 * MS, 0)
     assert pace.due(200 * MS, 0)

@@ -12,7 +12,7 @@ from ground.client.api.events import (
     TextReceived,
     VehicleChanged,
 )
-from ground.client.api.streams import Hub, Stream
+from ground.client.api.streams import Stream, TopicStreams
 from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import LeaseStatus, MissionStatus, Statustext
@@ -99,7 +99,7 @@ def test_stream_wakes_its_reader_from_another_thread() -> None:
 def test_topic_is_subscribed_once_for_all_its_streams() -> None:
     async def story() -> None:
         bus: Any = ScriptedBus(ManualClock(), [])
-        hub = Hub(bus, "r1")
+        hub = TopicStreams(bus, "r1")
         first, second = hub.stream(STATUS), hub.stream(STATUS)
         assert list(bus.boxes) == [STATUS.path]
         await first.aclose()

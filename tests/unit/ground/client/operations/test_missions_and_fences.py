@@ -11,7 +11,6 @@ from ground.client.operations import (
     ClearMission,
     DownloadMission,
     FetchMission,
-    Judged,
     JumpTo,
     MissionFetched,
     MissionProgress,
@@ -20,6 +19,7 @@ from ground.client.operations import (
     ShowFence,
     ShowMissionStatus,
     StartMission,
+    TransferOutcome,
     UploadMission,
 )
 from ground.client.operations.missions import state_name
@@ -122,7 +122,7 @@ def test_robot_without_a_mission_says_so(tmp_path: Path) -> None:
     nothing = [MissionCount(count=0, mission_type=kind) for kind in MissionType]
     for operation in (FetchMission(), DownloadMission(file=tmp_path / "m.toml")):
         outcome = operation.perform(Stage(*nothing).session)
-        assert isinstance(outcome, Judged)
+        assert isinstance(outcome, TransferOutcome)
         assert outcome.reason == Reason.NO_MISSION
 
 

@@ -42,7 +42,7 @@ def test_parameters_are_typed_and_keep_what_was_listed() -> None:
     outcome = ShowParameters().perform(Stage(LIST).session)
     first, second = outcome.parameters
     assert (first.name, first.value, first.default, first.unit) == ("d_obs_m", 0.4, 0.3, "m")
-    assert (first.is_usual, second.is_usual) == (False, True)
+    assert (first.is_default, second.is_default) == (False, True)
     assert (second.saved, second.minimum, second.integer) == (False, None, True)
     assert outcome.as_json("param list", "r1") == {"parameters": ROWS}
     assert "0.4 *" in outcome.text
