@@ -14,7 +14,7 @@ from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.text.status_parts import Part
-from protocol.outcome import Ended, Outcome, judged
+from protocol.outcome import Outcome, RunEnd, evaluated
 from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command, GoalState, Mode, RunAction
@@ -212,7 +212,7 @@ class GoalRun:
             raise NoOutcomeError("the plant did not return a score")
         x_m, y_m = self._estimated_position(until_ns)
         cycle = self.telemetry.latest(CYCLE)
-        account = Ended(
+        account = RunEnd(
             goal_state=status.goal,
             goal_reason=status.goal_reason,
             time_s=(until_ns - status.goal_started_ns) / NS_PER_S,
@@ -221,7 +221,7 @@ class GoalRun:
             wall_s=wall_s,
             missed_ticks=0 if cycle is None else cycle[0].missed,
         )
-        return judged(self._scenario.asked(self._goal), account, score)
+        return evaluated(self._scenario.asked(self._goal), account, score)
 
     def _estimated_position(self, at_ns: int) -> tuple[float, float]:
         """Return the robot's estimated position in m at that stamp, or the nearest one received."""

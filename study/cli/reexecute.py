@@ -11,7 +11,7 @@ from typing import Any
 
 from ground.recording.log_reader import opened
 from ground.recording.tables.message_fields import shortest_single
-from protocol.wire.goal import told_heading_rad
+from protocol.wire.goal import rounded_heading_rad
 from protocol.wire.messages import PlanarOdometry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
@@ -86,7 +86,7 @@ def start_of(recorded: RecordedDrive) -> tuple[Pose, bool]:
 def candidates(world: str, heard: Pose) -> Iterator[Pose]:
     """Starts that the world names, then the shortest numbers that a person may have typed."""
     for start in starts_in(world):
-        yield Pose(start["x_m"], start["y_m"], told_heading_rad(radians(start["heading_deg"])))
+        yield Pose(start["x_m"], start["y_m"], rounded_heading_rad(radians(start["heading_deg"])))
     x_m, y_m = (float(shortest_single(value)) for value in heard[:2])
     for digits in range(7):
         yield Pose(x_m, y_m, radians(round(degrees(heard.heading_rad), digits)))

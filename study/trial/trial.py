@@ -10,8 +10,8 @@ from plant.model.configuration import noise_of
 from plant.model.types import World
 from plant.placement.shortest_path import known_length_m
 from plant.sim.simulation import Plant
-from protocol.outcome import Asked, Ended, Outcome, judged
-from protocol.wire.goal import WireGoal, told_heading_rad, wire_goal
+from protocol.outcome import Outcome, RunEnd, RunSettings, evaluated
+from protocol.wire.goal import WireGoal, rounded_heading_rad, wire_goal
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from robot.core import reasons, states
 from robot.core.machine import goal_lives
@@ -79,7 +79,7 @@ def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
     refusal = drive(plant, onboard, goal, trial.timeout_s, watch)
     wall_s = perf_counter() - begun_s
     ended = ended_of(plant, onboard, refusal, wall_s, at_ns)
-    return judged(asked_of(trial, goal), ended, plant.score(plant.now_ns))
+    return evaluated(asked_of(trial, goal), ended, plant.score(plant.now_ns))
 
 
 def drive(
@@ -111,7 +111,7 @@ def params_of(trial: Trial) -> Params:
 def start_of(world: World) -> Pose:
     """Where the robot is told that it stands."""
     start = world.start
-    return Pose(start.x_m, start.y_m, told_heading_rad(start.heading_rad))
+    return Pose(start.x_m, start.y_m, rounded_heading_rad(start.heading_rad))
 
 
 def wire_goal_of(world: World) -> WireGoal:
@@ -125,9 +125,9 @@ def wire_goal_of(world: World) -> WireGoal:
     )
 
 
-def asked_of(trial: Trial, wire_goal: WireGoal) -> Asked:
+def asked_of(trial: Trial, wire_goal: WireGoal) -> RunSettings:
     world = trial.world
-    return Asked(
+    return RunSettings(
         world=world.name,
         navigator=trial.navigator,
         seed=trial.seed,
@@ -143,10 +143,10 @@ def asked_of(trial: Trial, wire_goal: WireGoal) -> Asked:
 
 def ended_of(
     plant: Plant, onboard: CoreLoop, refusal: int, wall_s: float, begun_ns: int = 0
-) -> Ended:
+) -> RunEnd:
     machine, pose = onboard.state.machine, onboard.state.odometry.pose
     refused = refusal != reasons.OK
-    return Ended(
+    return RunEnd(
         goal_state=states.REFUSED if refused else machine.goal_state,
         goal_reason=refusal if refused else machine.goal_reason,
         time_s=(plant.now_ns - begun_ns) / NS_PER_S,

@@ -16,7 +16,7 @@ from typing import Final
 from plant.world.file import SHIPPED_DIR, load
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, Vehicle
-from protocol.wire.goal import start_words
+from protocol.wire.goal import start_arguments
 from runtime.units import NS_PER_S
 from verification.faults_matrix.actions import (
     Abandon,
@@ -113,7 +113,7 @@ class Drill:
         crew, start = self._crew, load(self._world).start
         crew.start("router", "router", "--listen", crew.router)
         crew.says("router", "router at")
-        place = start_words(start.x_m, start.y_m, start.heading_rad)
+        place = start_arguments(start.x_m, start.y_m, start.heading_rad)
         state = ("--state", str(crew.folder / "state"))
         crew.dialling("robot", "robot", "--start", *place, *state)
         plant = (

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from plant.model.types import World
 from protocol.bus.network import Network, Tls
-from protocol.wire.goal import start_words
+from protocol.wire.goal import start_arguments
 
 ROBOT: Final = "r1"
 
@@ -74,7 +74,7 @@ def robot_process(
     whose certificate `network` has. The router's certificate allows the plant and the operator.
     """
     endpoint = f"{'tls' if keys else 'tcp'}/127.0.0.1:{free_port()}"
-    start = start_words(world.start.x_m, world.start.y_m, world.start.heading_rad)
+    start = start_arguments(world.start.x_m, world.start.y_m, world.start.heading_rad)
     locked = ("--config", str(keys / f"robot-{ROBOT}.toml")) if keys else ()
     arguments = ("robot", "--id", ROBOT, "--listen", endpoint, "--start", *start, *options, *locked)
     with sidestep(*arguments, ready="ready") as robot:

@@ -13,7 +13,7 @@ from protocol.bus.network import Network
 from protocol.topics import COMMAND, RUN, STATUS, Role, Service
 from protocol.wire.codec import decode
 from protocol.wire.enums import GoalState, RunAction
-from protocol.wire.goal import start_words
+from protocol.wire.goal import start_arguments
 from protocol.wire.message import Message
 from protocol.wire.messages import NavigatorStatus, RunRequest, RunScore
 from robot.core.parameters import DEFAULTS
@@ -67,7 +67,7 @@ def robot_words(trial: Trial) -> Iterator[str]:
     """Yield the command line of a robot with the start and parameters of a trial."""
     start = trial.world.start
     yield from ("robot", "--id", ROBOT, "--lockstep")
-    yield from ("--start", *start_words(start.x_m, start.y_m, start.heading_rad))
+    yield from ("--start", *start_arguments(start.x_m, start.y_m, start.heading_rad))
     params = params_of(trial)
     for name in params._fields:
         value = getattr(params, name)

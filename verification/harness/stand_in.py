@@ -60,7 +60,7 @@ class PlantStandIn:
         Return the nanoseconds from before the first put to the arrival of the command that answers
         these senses; None when none arrived in time.
         """
-        frames = self._link.framed(self.plant)
+        frames = self._link.frames(self.plant)
         self._arrived.clear()
         published_ns = monotonic_ns()
         for publisher, frame in frames:

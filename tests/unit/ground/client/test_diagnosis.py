@@ -106,7 +106,7 @@ def test_an_old_stream_is_named_with_its_age() -> None:
 def test_a_foreign_dialect_and_garbage_are_told_apart() -> None:
     observed = seen()
     foreign = Stream(SONAR, 1, 3, "speaks sidestep@9, this is sidestep@2")
-    garbage = Stream(HEARTBEAT, 1, 9, "7 bytes are too few for a frame")
+    garbage = Stream(HEARTBEAT, 1, 9, "frame of 7 bytes is too short")
     report = examine(replace(observed, streams=(*observed.streams, foreign, garbage)))
     first, second = report.findings
     assert "speaks sidestep@9" in first.what

@@ -5,7 +5,7 @@ import pytest
 from ground.text.statustext import StatustextAssembler
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
-from protocol.wire.statustext import MOST_PIECES, PIECE_BYTES, pieces_of
+from protocol.wire.statustext import MAX_PIECES, PIECE_BYTES, pieces_of
 from tests.support.ground.client import CYCLE
 
 
@@ -60,4 +60,4 @@ def test_a_text_too_long_for_all_pieces_is_cut_and_still_ends() -> None:
     texts = StatustextAssembler()
     *before, last = [texts.receive(piece) for piece in pieces_of("x" * 100_000, 7, Severity.ERROR)]
     assert not any(before)
-    assert last == "x" * (MOST_PIECES * PIECE_BYTES - 1)
+    assert last == "x" * (MAX_PIECES * PIECE_BYTES - 1)
