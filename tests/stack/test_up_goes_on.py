@@ -15,7 +15,7 @@ from ground.recording.tlog import Reader
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
 from tests.support.stack.process_table import ROOT, alive, children_of, cmdline, frames_in
-from tests.support.stack.processes import Crew, Running
+from tests.support.stack.processes import Crew, Running, real_time
 from tests.support.stack.tmux import Tmux
 from tests.support.until import until
 
@@ -75,6 +75,8 @@ def under_way(*words: str) -> Iterator[Up]:
     with Crew() as crew:
         up = Up(crew.start("up", "--headless", "--world", "open", "--json", *words))
         up.says("driving")
+        for pid in up.pids:
+            real_time(pid)
         yield up
 
 

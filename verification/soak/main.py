@@ -25,7 +25,7 @@ from verification.soak.drive import Driver
 from verification.soak.faults import Fault, faults, schedule
 from verification.soak.fleet import Fleet
 from verification.soak.fleet_telemetry import Heard, listen
-from verification.soak.report import Course, report_of
+from verification.soak.report import HEALED_S, Course, report_of
 
 STEP_NS: Final = 100_000_000
 SAMPLE_NS: Final = 1_000_000_000
@@ -108,7 +108,7 @@ class Soak:
         drivers = [Driver(self._fleet.bus, robot) for robot in robots]
         self._await_all(heard)
         self._course.ready_s = self._now_s()
-        while self._now_s() < self._seconds:
+        while not self._is_over():
             due_ns = self._clock.now_ns() + STEP_NS
             self._fleet.look_after()
             self._disturb()
@@ -121,6 +121,13 @@ class Soak:
             self._course.reached = sum(driver.reached for driver in drivers)
             tell(self._course.seconds, self._line())
             self._clock.sleep_until(due_ns)
+
+    def _is_over(self) -> bool:
+        """Return whether the time is up and the last fault has healed, or had its time to."""
+        if self._now_s() < self._seconds:
+            return False
+        since_ns = self._waits_ns
+        return since_ns is None or self._clock.now_ns() - since_ns > HEALED_S * NS_PER_S
 
     def _now_s(self) -> float:
         return (self._clock.now_ns() - self._began_ns) / NS_PER_S
