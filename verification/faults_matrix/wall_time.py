@@ -45,7 +45,7 @@ from verification.faults_matrix.observer import TUNED, Changes, Witness
 from verification.faults_matrix.processes import Crew
 from verification.faults_matrix.results import Repetition, reason_name
 from verification.faults_matrix.table import Fault, Must, Way
-from verification.flood.attack import Attack, Door
+from verification.flood.attack import Access, Attack
 from verification.harness import motion
 from verification.harness.motion import PERIOD_S
 from verification.harness.processes import tls_of
@@ -137,7 +137,7 @@ class Drill:
                 assert crew.keys is not None
                 self._impostor = scope.enter_context(Impostor(crew.keys))
             case Flood(kind):
-                self._attack = scope.enter_context(Attack(kind, Door(crew.router)))
+                self._attack = scope.enter_context(Attack(kind, Access(crew.router)))
 
     def _file(self) -> str:
         """The world, or a copy of it with encoders that are about to wrap."""

@@ -7,13 +7,16 @@ from typing import Any, Final
 from protocol.bus.bus import Bus
 from protocol.bus.publisher import Publisher
 from protocol.topics import Service
-from protocol.wire.enums import AckResult, Command, Mode
+from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, AckResult, Command, Mode
 from protocol.wire.goal import WireGoal
 from protocol.wire.message import Message
-from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
+from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, Heartbeat
 from runtime.errors import NoAnswer
 
 ATTEMPT_S: Final = 0.5
+OPERATOR_BEAT: Final = Heartbeat(
+    type=TYPE_GCS, autopilot=AUTOPILOT_INVALID, base_mode=0, custom_mode=0, system_status=4
+)
 
 
 def command_request(

@@ -12,7 +12,7 @@ from typing import Final, Self
 from plant.model.faults import Fault
 from protocol.bus.bus import Bus
 from protocol.topics import COMMAND, CYCLE, DRIVE, Service
-from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, GoalState, Mode
+from protocol.wire.enums import Command, GoalState, Mode
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.goal import wire_goal
 from protocol.wire.message import Message
@@ -20,24 +20,19 @@ from protocol.wire.messages import (
     CommandAck,
     GoalRequest,
     GroundTruth,
-    Heartbeat,
     NavigatorStatus,
 )
 from protocol.wire.reasons import Reason
 from runtime.clock import Tick
 from runtime.timing import PERIOD_NS
 from runtime.units import NS_PER_S
-from verification.harness.bus_calls import command_request
+from verification.harness.bus_calls import OPERATOR_BEAT, command_request
 from verification.harness.motion import is_still
 from verification.harness.peers import FRAME_S, REPORTED, Peers
 
 BEAT_TICKS: Final = 4
 TOLERANCES: Final = (0.05, 0.05236)
 """Of a goal's position in m and of its heading in rad."""
-
-OPERATOR_BEAT: Final = Heartbeat(
-    type=TYPE_GCS, autopilot=AUTOPILOT_INVALID, base_mode=0, custom_mode=0, system_status=4
-)
 
 
 class InProcess(Peers):
