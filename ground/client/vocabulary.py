@@ -1,4 +1,4 @@
-"""Words of operators: sides, navigators, and what to do after a refusal."""
+"""Names of sides and navigators, and remedies for refusals."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -10,7 +10,7 @@ from protocol.wire.reasons import Reason
 SIDES: Final = MappingProxyType({"left": 1, "right": -1})
 NAVIGATORS: Final = MappingProxyType({name.name.lower(): name for name in Navigator})
 USUAL_NAVIGATOR: Final = Navigator.VGM_MEMORY.name.lower()
-"""The robot's own."""
+"""The robot's default."""
 HINTS: Final[Mapping[int, str]] = MappingProxyType(
     {
         Reason.NOT_ARMED: "sidestep arm",

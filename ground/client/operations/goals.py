@@ -165,7 +165,7 @@ def send_goal(
     def request() -> GoalRequest:
         return goal_request(goal.on_the_wire(), session.link.ids.next(), mode)
 
-    return session.insist(request, beats=mode == Mode.GUIDED)
+    return session.ask_until_accepted(request, beats=mode == Mode.GUIDED)
 
 
 def abort(link: Link) -> str:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from ground.client.lease_holder import lease_status, words_of
+from ground.client.lease_holder import holder_name, lease_status
 from ground.client.link import Link
 from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, CommandExchange
@@ -95,7 +95,7 @@ class LeaseShown:
     def text(self) -> str:
         if not self.status.held:
             return "nobody holds the lease"
-        who = f"{words_of(self.status)}{' (this is you)' if self.ours else ''}"
+        who = f"{holder_name(self.status)}{' (this is you)' if self.ours else ''}"
         left_s = self.status.lapses_ms / 1000
         return f"{who} commands {self.robot}, for {left_s:.1f} s more unless heard"
 

@@ -239,7 +239,7 @@ class StartMission:
         def request() -> CommandRequest:
             return session.link.command(Command.MISSION_START, float(first))
 
-        return session.insist(request, beats=False)[0]
+        return session.ask_until_accepted(request, beats=False)[0]
 
 
 def first_of(link: Link) -> int:

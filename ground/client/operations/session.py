@@ -15,7 +15,7 @@ from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S
 
 R = TypeVar("R", bound=Request)
-INSIST_NS: Final = 2_000_000_000
+RETRY_NS: Final = 2_000_000_000
 STATUS_NS: Final = 1_000_000_000
 
 
@@ -63,13 +63,13 @@ class Session:
             return answer
         return replace(answer, holder=refusing_holder(self.link, answer.reason))
 
-    def insist(self, request: Callable[[], R], *, beats: bool) -> tuple[Answer, R]:
+    def ask_until_accepted(self, request: Callable[[], R], *, beats: bool) -> tuple[Answer, R]:
         """Ask until the robot agrees or nothing more can be done; the answer and its request.
 
         Arms a robot that stands by, never one in a failsafe or an emergency stop. With `beats`,
         sends the operator's heartbeat when the robot misses it.
         """
-        deadline_ns = self.link.clock.now_ns() + INSIST_NS
+        deadline_ns = self.link.clock.now_ns() + RETRY_NS
         while True:
             asked = request()
             answer = self.link.ask(asked)

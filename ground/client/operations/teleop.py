@@ -135,7 +135,7 @@ class DriveByHand:
 def take_manual(session: Session) -> Answer:
     """Choose MANUAL, and arm a robot that stands by."""
     link = session.link
-    answer, _ = session.insist(lambda: set_mode(link, Mode.MANUAL), beats=True)
+    answer, _ = session.ask_until_accepted(lambda: set_mode(link, Mode.MANUAL), beats=True)
     if answer.ok:
         session.arm_if_standing_by()
     return answer
