@@ -86,7 +86,7 @@ def test_execution_is_a_process_of_its_own_with_its_own_words(
     log: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["replay", log, "--re-execute"]) == 2
-    assert "it cannot be executed again: no tick's inputs are in it" in capfd.readouterr().err
+    assert "cannot be re-executed: it holds no inputs of control ticks" in capfd.readouterr().err
 
 
 def test_the_start_of_the_log_is_that_of_its_first_frame(log: str) -> None:
