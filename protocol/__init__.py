@@ -1,1 +1,0 @@
-"""The protocol between robot, plant and ground: dialect, wire format, topics and bus."""

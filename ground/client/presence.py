@@ -1,4 +1,4 @@
-"""The processes that run, and explanations for a robot that does not answer."""
+"""Who is there and who is not, in words that say what to do about it."""
 
 from collections.abc import Iterable
 from typing import NamedTuple, Protocol
@@ -6,61 +6,53 @@ from typing import NamedTuple, Protocol
 from protocol.topics import Role
 
 
-class LivelinessToken(Protocol):
-    """The liveliness token of one process."""
+class There(Protocol):
+    """One liveliness token."""
 
     @property
-    def robot(self) -> str:
-        """The robot that the process belongs to."""
-
+    def robot(self) -> str: ...
     @property
-    def role(self) -> str:
-        """The role of the process, as in `Role`."""
+    def role(self) -> str: ...
 
 
-class PresentProcesses(NamedTuple):
-    """The processes whose liveliness tokens are on the bus, as pairs (robot, role)."""
+class Crew(NamedTuple):
+    """Which processes have shown themselves, as (robot, role)."""
 
-    present: frozenset[tuple[str, str]]
+    there: frozenset[tuple[str, str]]
 
     def has(self, robot: str, role: Role) -> bool:
-        """Return whether a robot's process of this role runs."""
-        return (robot, role.value) in self.present
+        return (robot, role.value) in self.there
 
     def robots(self) -> list[str]:
-        """Return the names of the robots that run, sorted."""
-        return sorted(name for name, role in self.present if role == Role.ROBOT.value)
+        return sorted(name for name, role in self.there if role == Role.ROBOT.value)
 
 
-def present_processes(present: Iterable[LivelinessToken]) -> PresentProcesses:
-    """Collect the robot and role of each token."""
-    return PresentProcesses(frozenset((token.robot, token.role) for token in present))
+def crew_of(present: Iterable[There]) -> Crew:
+    return Crew(frozenset((token.robot, token.role) for token in present))
 
 
-def explain_silence(
-    processes: PresentProcesses, robot: str, endpoint: str, *, is_beating: bool
-) -> str:
-    """Return why a robot does not answer and what to do, in the form "fault: remedy"."""
-    if not processes.has(robot, Role.ROBOT):
-        return _no_robot(processes, robot, endpoint)
-    if is_beating:
-        return f"robot {robot} sends its heartbeat, but does not answer requests"
-    if not processes.has(robot, Role.PLANT):
+def why_silent(crew: Crew, robot: str, endpoint: str, *, beats: bool) -> str:
+    """Why a robot does not answer, from who is there and whether its heart beats."""
+    if not crew.has(robot, Role.ROBOT):
+        return _no_robot(crew, robot, endpoint)
+    if beats:
+        return f"robot {robot} is there and its heart beats, but it does not answer"
+    if not crew.has(robot, Role.PLANT):
         return (
-            f"robot {robot} runs, but its control loop does not, because it has no plant: "
+            f"robot {robot} is there but its control loop does not run and it has no plant: "
             "start one with `sidestep plant`"
         )
     return (
-        f"robot {robot} hangs, its process is alive but sends no heartbeat: "
-        "restart it, unless its plant is paused"
+        f"robot {robot} hangs: its process is alive, its control loop does not run (no heartbeat); "
+        "unless its plant is paused, restart it"
     )
 
 
-def _no_robot(processes: PresentProcesses, robot: str, endpoint: str) -> str:
-    others = processes.robots()
+def _no_robot(crew: Crew, robot: str, endpoint: str) -> str:
+    others = crew.robots()
     if others:
-        return f"robot {robot} is not at {endpoint}, only {', '.join(others)}: use --id"
+        return f"robot {robot} is not at {endpoint}; there is {', '.join(others)}: use --id"
     start = f"start it with `sidestep robot --id {robot}`"
-    if processes.has(robot, Role.PLANT):
+    if crew.has(robot, Role.PLANT):
         return f"robot {robot} is not at {endpoint}, only its plant is: {start}"
-    return f"no robot at {endpoint}, though a process listens there: {start}"
+    return f"no robot at {endpoint}, though somebody answers there: {start}"

@@ -1,4 +1,4 @@
-"""Outcomes that several operations share: the robot accepted a request, or refused it."""
+"""Outcomes that several operations share: the robot agreed, or it refused and why."""
 
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
@@ -10,53 +10,43 @@ from runtime.units import NS_PER_MS
 
 
 class Outcome(Protocol):
-    """The end of an operation."""
+    """The end of an operation: `text` is for a person, one or more lines."""
 
     @property
-    def ok(self) -> bool:
-        """True if the operation succeeded."""
-
+    def ok(self) -> bool: ...
     @property
-    def text(self) -> str:
-        """The outcome for a person, in one or more lines."""
-
+    def text(self) -> str: ...
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the outcome for programs, with the verb and the robot where they belong."""
 
 
 class RefusedError(RemoteError):
-    """A refusal as an exception, for callers that cannot go on without acceptance."""
+    """A refusal, raised by a caller that needs an agreement."""
 
     exit_code = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """The robot accepted, `took_ns` after the first request."""
+    """The robot agreed, `took_ns` after it was first asked."""
 
     took_ns: int
 
     @property
     def ok(self) -> bool:
-        """True."""
         return True
 
     @property
     def text(self) -> str:
-        """The duration, as in `ok 14 ms`."""
         return f"ok {self.took_ns / NS_PER_MS:.0f} ms"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return the acceptance as a row."""
         return answer_row(verb, robot, Reason.NONE, self.took_ns)
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """The robot refused for a `Reason`.
-
-    `holder` is the operator that holds the lease, if that is why.
-    """
+    """The robot refused: `reason` is one of `Reason`, `holder` the operator who holds the lease."""
 
     reason: int
     took_ns: int
@@ -64,7 +54,6 @@ class Refused:
 
     @property
     def ok(self) -> bool:
-        """False."""
         return False
 
     @property
@@ -74,11 +63,9 @@ class Refused:
 
     @property
     def text(self) -> str:
-        """The reason, as in `refused: not armed: arm first`."""
         return f"refused: {self.words}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return the refusal as a row."""
         return answer_row(verb, robot, self.reason, self.took_ns)
 
 
@@ -86,20 +73,19 @@ Answer: TypeAlias = Accepted | Refused
 
 
 def agreed(outcome: Outcome) -> None:
-    """Raise RefusedError with the text of the outcome unless it is a success."""
+    """Raise RefusedError, with the words of the outcome, unless it is a success."""
     if not outcome.ok:
         raise RefusedError(outcome.text)
 
 
 def refusal_words(text: str, reason: int, holder: str) -> str:
-    """Return why a request was refused, with the lease holder and the remedy."""
+    """Return why something was refused, with the lease holder and the remedy."""
     words = f"{text}: {holder}" if holder else text
     hint = HINTS.get(reason)
     return f"{words} ({hint})" if hint else words
 
 
 def answer_row(verb: str, robot: str, reason: int, took_ns: int) -> dict[str, object]:
-    """Return the JSON row that all answers to commands share."""
     return {
         "verb": verb,
         "robot": robot,

@@ -1,10 +1,8 @@
-"""Draw a scene, given in metres, through a view onto a canvas of characters.
-
-No terminal is needed.
-"""
+"""The map: a scene in metres, a view of it, and a canvas of characters. Knows no terminal."""
 
 from ground.map.canvas import Canvas, Run
-from ground.map.drawing import draw, draw_moving, draw_static, static_parts
+from ground.map.description import describe
+from ground.map.drawing import draw, draw_moving, draw_standing, standing
 from ground.map.roles import ROLES
 from ground.map.scene import (
     LAYERS,
@@ -34,9 +32,10 @@ __all__ = [
     "Shape",
     "Target",
     "View",
+    "describe",
     "draw",
     "draw_moving",
-    "draw_static",
+    "draw_standing",
     "floor",
-    "static_parts",
+    "standing",
 ]

@@ -1,13 +1,13 @@
-"""Draw a scene on a canvas, layer by layer; later layers cover earlier ones.
+"""A scene on a canvas, what matters more over what matters less.
 
-Static layers are separate, so that a caller that draws many frames draws them once.
+What stands still is apart from what moves, so that whoever draws many frames draws it once.
 """
 
 from collections.abc import Callable, Collection
 from typing import Final
 
 from ground.map.canvas import Canvas
-from ground.map.moving_layers import (
+from ground.map.moving import (
     draw_cursor,
     draw_ellipse,
     draw_goal,
@@ -20,60 +20,59 @@ from ground.map.moving_layers import (
 )
 from ground.map.pen import Pen
 from ground.map.scene import LAYERS, Scene
-from ground.map.static_layers import (
+from ground.map.standing import (
     draw_draft,
     draw_fence,
     draw_ghosts,
-    draw_hit_points,
+    draw_marks,
     draw_mission,
     draw_seen,
     draw_walls,
 )
-from ground.map.view import MIN_LEGEND_ROWS, View
+from ground.map.view import LEGEND_FROM_ROWS, View
 
 Layer = Callable[[Pen, Scene], None]
 
-STATIC: Final[tuple[tuple[str, Layer], ...]] = (
+STANDING: Final[tuple[tuple[str, Layer], ...]] = (
     ("walls", draw_walls),
     ("fence", draw_fence),
 )
 
 
-BAR_SHARE: Final = 6
-"""The scale bar takes at most one of so many columns."""
+SHARE: Final = 6
 TRUTH: Final = "walls: simulation truth"
-NOT_LIVE: Final = "NOT LIVE"
+LOST: Final = "NOT LIVE"
 
 
 def draw_legend(pen: Pen, scene: Scene) -> None:
-    """Draw the scale bar and the legend into the last row, when there are rows enough."""
+    """Only where there are rows enough; over what is on the map there."""
     canvas = pen.canvas
     row = canvas.rows - 1
-    if canvas.rows < MIN_LEGEND_ROWS:
+    if canvas.rows < LEGEND_FROM_ROWS:
         return
-    length_m, cells = pen.view.scale_bar(canvas.columns // BAR_SHARE)
+    length_m, cells = pen.view.scale_bar(canvas.columns // SHARE)
     canvas.mark(0, row, "bar left", "text")
     for column in range(1, cells - 1):
         canvas.mark(column, row, "bar", "text")
     canvas.mark(cells - 1, row, "bar right", "text")
-    length = length_text(length_m)
+    length = metres(length_m)
     canvas.text(cells + 1, row, length, "text")
-    legend = legend_text(scene, canvas.columns - cells - len(length) - 3)
+    legend = words(scene, canvas.columns - cells - len(length) - 3)
     canvas.text(canvas.columns - len(legend), row, legend, "text")
 
 
-def legend_text(scene: Scene, room: int) -> str:
-    """Return as many parts of the legend as fit into `room` columns, the most important first."""
+def words(scene: Scene, room: int) -> str:
+    """The more important first, as much as there is room for."""
     walled = scene.truth and (scene.obstacles or scene.size_m)
-    legend = ""
-    for part in ("" if scene.live else NOT_LIVE, TRUTH if walled else "", scene.note):
-        longer = ", ".join(filter(None, (legend, part)))
-        legend = longer if len(longer) <= room else legend
-    return legend
+    said = ""
+    for word in ("" if scene.live else LOST, TRUTH if walled else "", scene.note):
+        longer = ", ".join(part for part in (said, word) if part)
+        said = longer if len(longer) <= room else said
+    return said
 
 
-def length_text(length_m: float) -> str:
-    """Return a length in a fitting unit: 0.5 mm, 2 cm, 5 m, 2 km."""
+def metres(length_m: float) -> str:
+    """A length as one says it: 0.5 mm, 2 cm, 5 m, 2 km."""
     for unit, size_m in (("km", 1000.0), ("m", 1.0), ("cm", 0.01)):
         if length_m >= size_m * 0.999:
             return f"{length_m / size_m:g} {unit}"
@@ -87,7 +86,7 @@ MOVING: Final[tuple[tuple[str, Layer], ...]] = (
     ("ellipse", draw_ellipse),
     ("zone", draw_zone),
     ("sonars", draw_sonars),
-    ("marks", draw_hit_points),
+    ("marks", draw_marks),
     ("draft", draw_draft),
     ("mission", draw_mission),
     ("virtual", draw_virtual),
@@ -100,23 +99,25 @@ MOVING: Final[tuple[tuple[str, Layer], ...]] = (
 
 
 def draw(scene: Scene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
-    """Draw the named layers of a scene (see `scene.LAYERS`)."""
-    draw_static(scene, view, canvas, layers)
+    """All of it; only the layers named (see `scene.LAYERS`)."""
+    draw_standing(scene, view, canvas, layers)
     draw_moving(scene, view, canvas, layers)
 
 
-def draw_static(scene: Scene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
-    """Draw the layers that stay the same while `static_parts` does."""
-    _draw(STATIC, scene, Pen(canvas, view), layers)
+def draw_standing(
+    scene: Scene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS
+) -> None:
+    """What is the same in every frame while `standing` is."""
+    _draw(STANDING, scene, Pen(canvas, view), layers)
 
 
 def draw_moving(scene: Scene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
-    """Draw all other layers."""
+    """All the rest."""
     _draw(MOVING, scene, Pen(canvas, view), layers)
 
 
-def static_parts(scene: Scene) -> tuple[object, ...]:
-    """Return the parts of a scene that `draw_static` draws, for comparison."""
+def standing(scene: Scene) -> tuple[object, ...]:
+    """What `draw_standing` draws, to compare."""
     return scene.size_m, scene.obstacles, scene.truth, scene.fence
 
 

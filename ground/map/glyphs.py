@@ -1,11 +1,11 @@
-"""Define the characters of the map, for each pattern of dots in a cell and for each mark."""
+"""The characters of the map: of every pattern of dots in a cell, and of every mark."""
 
 from functools import cache
 from typing import Final
 from unicodedata import combining, east_asian_width
 
 DOTS: Final = (0x01, 0x08, 0x02, 0x10, 0x04, 0x20, 0x40, 0x80)
-"""The bit of the dot at [2 * (y % 4) + x % 2] in Unicode's braille patterns."""
+"""Of Unicode's braille patterns: the bit of the dot at [2 * (y % 4) + x % 2]."""
 
 BLANK: Final = " "
 UNKNOWN: Final = "?"
@@ -29,24 +29,24 @@ MARKS: Final = {
     "bar": ("─", "-"),
     "bar right": ("┤", "|"),
 }
-"""The character of each meaning, in Unicode and in ASCII."""
+"""By meaning: with all of Unicode, and in ASCII."""
 
 HEADINGS: Final = ("▶◥▲◤◀◣▼◢", ">/^\\</v\\")
-"""Arrowheads in steps of 45 degrees, counter-clockwise from the x axis."""
+"""Who looks where: from along x counter-clockwise by 45 degrees."""
 
 POINTERS: Final = ("→↗↑↖←↙↓↘", ">/^\\</v\\")
-"""Arrows towards places outside the map, in the same order."""
+"""That way out of the map, in the same order."""
 
 
 def braille(bits: bytes | bytearray) -> str:
-    """Return braille characters, one for each byte of dots; a cell without dots becomes a blank."""
+    """The characters of some cells: U+2800 and their dots. None is a plain blank, one byte."""
     pairs = bytearray(b"\x00\x28" * len(bits))
     pairs[::2] = bits
     return pairs.decode("utf-16-le").replace("\u2800", BLANK)
 
 
 def ascii_art(bits: bytes | bytearray) -> str:
-    """Return ASCII characters, one for each byte of dots, for fonts without braille."""
+    """The same for fonts without braille."""
     return bits.translate(_strokes()).decode("ascii")
 
 
@@ -56,7 +56,7 @@ def _strokes() -> bytes:
 
 
 def stroke(bits: int) -> str:
-    """Return the ASCII character that looks most like a pattern of dots."""
+    """The ASCII character that looks most like a pattern of dots."""
     left = [row for row in range(4) if bits & DOTS[2 * row]]
     right = [row for row in range(4) if bits & DOTS[2 * row + 1]]
     rows = {*left, *right}
@@ -75,7 +75,7 @@ def stroke(bits: int) -> str:
 
 
 def printable(text: str, ascii_only: bool) -> str:
-    """Replace each character that does not take exactly one printable cell by a question mark."""
+    """One cell per character, whatever a name from the wire holds."""
     return "".join(
         character if _fits(character) and (character.isascii() or not ascii_only) else UNKNOWN
         for character in text

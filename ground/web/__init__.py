@@ -1,4 +1,4 @@
-"""Serve the ground station to browsers: the same app, behind a token."""
+"""The ground station in a browser: the same app, behind a door that opens only with a token."""
 
 from ground.web.command import arguments, serve
 

@@ -1,8 +1,8 @@
-"""Check the token of each request before textual-serve, which has no authentication, handles it.
+"""Who may come in: textual-serve asks nobody who they are, so this does, before it hears of them.
 
-The browser sends the token once, in the address, and gets a cookie with a random session id. So the
-address bar, a referrer and other services on this host, to which browsers send the cookie, never
-see the token. A web socket is opened only from a page of this server.
+The token comes once in the address, and is exchanged for a cookie with a random session id: neither
+the address bar, a referrer nor another service on this host, to which a browser sends the cookie,
+learns the token. A web socket is opened only from a page that we have served.
 """
 
 from collections import deque
@@ -15,9 +15,9 @@ from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
 REFUSAL: Final = (
-    "This ground station requires a token: open the address that `sidestep ground --web` printed.\n"
+    "This ground station wants its token: open the address that `sidestep ground --web` printed.\n"
 )
-FOREIGN: Final = "Refused: this request comes from a page of another site.\n"
+FOREIGN: Final = "A page of another site may not drive this robot.\n"
 HEADERS: Final = {
     "Content-Security-Policy": (
         "default-src 'self'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline';"
@@ -31,66 +31,61 @@ HEADERS: Final = {
 
 SESSION_BYTES: Final = 24
 MAX_SESSIONS: Final = 64
-"""The number of browsers that are admitted by cookie; a new session replaces the oldest."""
+"""Browsers that are let in without the token; the oldest session ends for a new one."""
 
 
 class WebAccess:
-    """Admits browsers that have the token.
-
-    The name of the `cookie` includes the port, because cookies are not separated by port.
-    """
+    """Lets in who has the token. `cookie` has the port in its name: cookies do not know ports."""
 
     def __init__(self, token: str, port: int) -> None:
         self._token = token
         self.sessions: deque[str] = deque(maxlen=MAX_SESSIONS)
         self.cookie = f"sidestep_{port}"
 
-    def is_token(self, token: str | None) -> bool:
-        """Return whether the text is the token."""
-        return token is not None and is_same(token, self._token)
+    def knows(self, token: str | None) -> bool:
+        """Return whether it is the token."""
+        return token is not None and same(token, self._token)
 
-    def is_session(self, session: str | None) -> bool:
-        """Return whether the text is the session id of an admitted browser."""
-        return session is not None and any(is_same(session, one) for one in self.sessions)
+    def has_let_in(self, session: str | None) -> bool:
+        """Return whether it is the session id of a browser that has shown the token."""
+        return session is not None and any(same(session, one) for one in self.sessions)
 
     def middleware(self) -> Middleware:
-        """Return a middleware that answers 403 to requests without token or session."""
-
         @web.middleware
-        async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
-            if self.is_token(request.query.get("token")):
+        async def ask(request: web.Request, handler: Handler) -> web.StreamResponse:
+            if self.knows(request.query.get("token")):
                 return self._admit(request)
-            if not self.is_session(request.cookies.get(self.cookie)):
+            if not self.has_let_in(request.cookies.get(self.cookie)):
                 return web.Response(status=403, text=REFUSAL, headers=HEADERS)
-            if not is_same_origin(request.headers.get("Origin"), request.host):
+            if not from_here(request.headers.get("Origin"), request.host):
                 return web.Response(status=403, text=FOREIGN, headers=HEADERS)
-            response = await handler(request)
-            if not response.prepared:
-                response.headers.update(HEADERS)
-            return response
+            answer = await handler(request)
+            if not answer.prepared:
+                answer.headers.update(HEADERS)
+            return answer
 
-        return check
+        return ask
 
     def _admit(self, request: web.Request) -> web.StreamResponse:
-        """Redirect to the address without the token, and set a cookie for a new session."""
-        response = web.Response(status=303, headers={"Location": request.path, **HEADERS})
-        session = token_urlsafe(SESSION_BYTES)
-        self.sessions.append(session)
-        response.set_cookie(self.cookie, session, httponly=True, samesite="Strict", path="/")
-        return response
+        """Once more without the token in the address."""
+        answer = web.Response(status=303, headers={"Location": request.path, **HEADERS})
+        self.sessions.append(token_urlsafe(SESSION_BYTES))
+        session = self.sessions[-1]
+        answer.set_cookie(self.cookie, session, httponly=True, samesite="Strict", path="/")
+        return answer
 
 
-def is_same(given: str, secret: str) -> bool:
+def same(given: str, secret: str) -> bool:
     """Compare in constant time.
 
-    The given text may hold lone surrogates, which UTF-8 cannot encode.
+    What came in may hold bytes that are no text, as halves of surrogate pairs.
     """
     return compare_digest(given.encode(errors="surrogatepass"), secret.encode())
 
 
-def is_same_origin(origin: str | None, host: str) -> bool:
-    """Return whether a request has no origin, or comes from a page of this host."""
+def from_here(origin: str | None, host: str) -> bool:
+    """Whether a request comes from a page of this host; without an origin it is no page's."""
     try:
         return origin is None or urlsplit(origin).netloc == host
-    except ValueError:  # the origin is not an address
+    except ValueError:  # an origin that is no address
         return False

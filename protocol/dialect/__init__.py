@@ -1,1 +1,0 @@
-"""The MAVLink dialect of the project, and the generator of the modules derived from it."""

@@ -1,1 +1,1 @@
-"""Typed messages and their encoding as MAVLink 2 frames."""
+"""Messages as bytes: fields, packing, codec."""

@@ -1,1 +1,1 @@
-"""Plan many trials, run them on all cores or a cluster, and store their results."""
+"""Many trials: planned, run on all cores or a cluster, stored."""

@@ -1,4 +1,4 @@
-"""Provenance of a row: code, libraries and machine."""
+"""What a row was produced by: the code, the libraries and the machine."""
 
 import platform
 import sys
@@ -20,10 +20,7 @@ TRIAL_SOURCES: Final = (
 
 
 class CodeVersion(NamedTuple):
-    """The code that runs; `digest` covers the files that a trial runs.
-
-    Two commits may have the same digest.
-    """
+    """`digest` is over the files that a trial runs; two commits may have the same."""
 
     commit: str
     dirty: bool
@@ -32,7 +29,7 @@ class CodeVersion(NamedTuple):
 
 
 class MachineInfo(NamedTuple):
-    """Libraries and machine, under the names in `study.runner.rows.TrialRow`."""
+    """Names as in `study.runner.rows.Row`."""
 
     python: str
     numpy: str
@@ -43,7 +40,7 @@ class MachineInfo(NamedTuple):
 
 @cache
 def code() -> CodeVersion:
-    """Return the running code; the commit is "unknown" outside a checkout."""
+    """Commit "unknown" where it does not run from a checkout, as when it was installed."""
     digest = code_digest(ROOT)
     if git("ls-files", "--error-unmatch", "study/trial/trial.py") is None:
         return CodeVersion("unknown", False, version_of("sidestep"), digest)
@@ -54,7 +51,6 @@ def code() -> CodeVersion:
 
 @cache
 def machine() -> MachineInfo:
-    """Return libraries and machine of this process."""
     return MachineInfo(
         python=".".join(map(str, sys.version_info[:3])),
         numpy=version_of("numpy"),
@@ -65,7 +61,7 @@ def machine() -> MachineInfo:
 
 
 def code_digest(root: Path) -> str:
-    """Return the SHA-256 of the files that determine a trial, with their paths."""
+    """SHA-256 over the files that decide how a trial goes, with their places."""
     digest = sha256()
     for pattern in (*DRIVE_SOURCES, *TRIAL_SOURCES):
         for file in sorted(root.glob(pattern)):
@@ -75,7 +71,7 @@ def code_digest(root: Path) -> str:
 
 
 def _processor() -> str:
-    """Return the processor model as the kernel names it."""
+    """The model as the kernel names it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -1,1 +1,1 @@
-"""Run one trial in this process and re-execute recorded drives."""
+"""One run in this process."""

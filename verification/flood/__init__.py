@@ -1,1 +1,0 @@
-"""Attack a driving robot, and measure its emergency stop and its control loop meanwhile."""

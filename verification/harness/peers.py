@@ -1,9 +1,9 @@
-"""Plant, robot and operator as Zenoh peers in this process, each started and killed separately."""
+"""Plant, robot and operator as Zenoh peers in this process: started, killed, started again."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import Final
+from typing import Any, Final
 from uuid import uuid4
 
 from plant.model.configuration import noise_of
@@ -16,6 +16,7 @@ from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Mode, Network
+from protocol.bus.publisher import Publisher
 from protocol.topics import (
     CYCLE,
     OPERATOR,
@@ -42,43 +43,39 @@ from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock
 from runtime.timing import PERIOD_NS
-from verification.harness.bus_calls import await_subscribers
 
 FRAME_S: Final = 5.0
-REPORTED: Final = "cycle report at the ground"
+TOLD: Final = "cycle report at the ground"
 MAILBOXES: Final = (SONAR, WHEELS, OPERATOR, TELEOP)
-"""Topics that the robot reads; it subscribes to the others only to count their arrivals."""
+"""Of the robot: to all else it listens only so that arrivals can be counted."""
 
 
 class Arrivals:
-    """Counts the samples that arrive on a bus and waits for them with a deadline."""
+    """Counts what arrives on a bus and lets others wait for it, with a deadline."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._counts: dict[str, int] = {}
 
-    def record(self, key: str) -> None:
-        """Count a sample."""
+    def take(self, key: str) -> None:
         with self._changed:
             self._counts[key] = self._counts.get(key, 0) + 1
             self._changed.notify_all()
 
     def count(self, key: str) -> int:
-        """Return how many samples of a key have arrived."""
         return self._counts.get(key, 0)
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        """Wait for a condition on the counts; RuntimeError when it does not hold in time."""
+        """Raises RuntimeError when it does not come true in time."""
         with self._changed:
             if not self._changed.wait_for(condition, FRAME_S):
                 raise RuntimeError(f"{what} did not arrive")
 
 
 class Peers:
-    """The processes of a stack and their buses.
+    """Who is on the bus; `operator` is whether the operator's heartbeat goes out.
 
-    With `operator`, the operator's heartbeat is sent. With `enforced`, a robot that loses
-    time is held to its budget, in simulated time.
+    `enforced`: a robot that loses time is held to its budget, in simulated time.
     """
 
     def __init__(
@@ -114,13 +111,12 @@ class Peers:
         self.plant: PlantProcess | None = None
 
     def start(self, name: str) -> None:
-        """Start the robot, the plant or the ground."""
         {"robot": self._start_robot, "plant": self._start_plant, "ground": self._start_ground}[
             name
         ]()
 
     def kill(self, name: str) -> None:
-        """Remove a process from the bus without notice, as SIGKILL does."""
+        """As SIGKILL would: it is gone from the bus, without a last word."""
         self._scopes[name].close()
         if name == "robot":
             self.robot = None
@@ -142,48 +138,48 @@ class Peers:
         bus.announce()
         for topic in TOPICS:
             if topic not in MAILBOXES:
-                bus.stream(topic, ignore)
-        bus.line.after = self._arrivals.record
+                bus.stream(topic, nothing)
+        bus.line.after = self._arrivals.take
 
     def _start_plant(self) -> None:
         bus = self._open("plant", Role.PLANT)
         plant = Plant(self.world, self._seed, self._noise, at_ns=self.clock.now_ns())
-        requests = RequestQueue(running=True, world={}, nudge=lambda: None)
-        link = RobotLink(bus, "r1", 0, ignore, lockstep=True)
-        bus.line.after = lambda key: self._arrivals.record(f"{key} at the plant")
+        desk = RequestQueue(running=True, world={}, nudge=lambda: None)
+        wires = RobotLink(bus, "r1", 0, nothing, lockstep=True)
+        bus.line.after = lambda key: self._arrivals.take(f"{key} at the plant")
         for service in (RUN, WORLD):
-            bus.serve(service, lambda request: requests.ask(0, request))
+            bus.serve(service, lambda asked: desk.ask(0, asked))
         bus.announce()
-        self.plant = PlantProcess(plant, [link], requests, Wake())
-        await_subscribers(bus, link.publishers[-1:], FRAME_S)
+        self.plant = PlantProcess(plant, [wires], desk, Wake())
+        matched(bus, wires.publishers[-1:])
 
     def _start_ground(self) -> None:
         self.ground = self._open("ground", Role.GROUND)
         self._status = self.ground.mailbox(STATUS)
         self._report = self.ground.mailbox(CYCLE)
-        self.ground.line.after = self._count_report
-        self.ground.stream(TEXT, self._keep_text)
+        self.ground.line.after = self._hear_of
+        self.ground.stream(TEXT, self._hear)
         self._beat = self.ground.publisher(OPERATOR)
         self.operator = self._listening = True
         self.reconnect()
 
     @property
-    def client_network(self) -> Network:
-        """The network settings of a client of this stack."""
+    def dialling(self) -> Network:
+        """How a client gets in."""
         return Network(mode="client", connect=(self._hub,), prefix=self._prefix)
 
     def join(self, role: Role) -> Bus:
-        """Open one more bus in this role."""
+        """One more on the bus, beside the operator there is."""
         return self._open("ground", role)
 
     def _open(self, name: str, role: Role | None) -> Bus:
-        """Open a bus: the hub (the router, or the robot without one) listens, others connect."""
+        """The robot is the hub and others dial it; with a router everybody dials that."""
         hub = "router" if self._router else "robot"
         if name == hub:
             mode: Mode = "router" if self._router else "peer"
             network = Network(mode=mode, listen=(self._hub,), prefix=self._prefix)
         else:
-            network = self.client_network
+            network = self.dialling
         bus = self._scopes[name].enter_context(open_bus(network, role, "r1", self.clock.now_ns))
         bus.line.by_hand = True
         self.buses[name] = bus
@@ -194,32 +190,37 @@ class Peers:
     def reconnect(self) -> None:
         """Wait until plant and operator have found a robot that was started again."""
         if self.plant is None or self.robot is None:
-            raise RuntimeError("start robot and plant before the ground connects to them")
+            raise RuntimeError("nobody is there to be found")
         publishers = [self.plant.wires[0].publishers[-1], self._beat, self.robot.reports.cycle]
-        await_subscribers(self.ground, publishers, FRAME_S)
+        matched(self.ground, publishers)
 
     def start_all(self) -> None:
-        """Start all processes."""
         if self._router:
             self._open("router", None)
         for name in ("robot", "plant", "ground"):
             self.start(name)
 
     def close_all(self) -> None:
-        """Close all buses."""
         for name in ("ground", "plant", "robot", "router"):
             self._scopes[name].close()
 
-    def _count_report(self, key: str) -> None:
-        """Count a cycle report, which ends a tick, as soon as its mailbox has it."""
+    def _hear_of(self, key: str) -> None:
+        """A cycle report ends a tick; counted as soon as its mailbox has it."""
         if key.endswith(CYCLE.path):
-            self._arrivals.record(REPORTED)
+            self._arrivals.take(TOLD)
 
-    def _keep_text(self, _key: str, frame: bytes, _arrived_ns: int) -> None:
+    def _hear(self, _key: str, frame: bytes, _arrived_ns: int) -> None:
         text = decode(frame).message
         if isinstance(text, Statustext):
             self.texts.append(text.text)
 
 
-def ignore(*_: object) -> None:
-    """Ignore a sample."""
+def matched(bus: Bus, publishers: Sequence[Publisher[Any]]) -> None:
+    """Wait until each of them has a reader; raises RuntimeError when one has none in time."""
+    missing = bus.await_matched(publishers, FRAME_S)
+    if missing:
+        raise RuntimeError(f"nobody listens to {', '.join(missing)}")
+
+
+def nothing(*_: object) -> None:
+    """Nobody looks."""

@@ -1,1 +1,1 @@
-"""Drive a fleet for a long time while faults happen; measure growth, latency and losses."""
+"""A fleet driven for a long time while faults happen."""

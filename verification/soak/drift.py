@@ -1,4 +1,4 @@
-"""Estimate how fast a quantity grows: slope with confidence, first third against last third."""
+"""Does it grow? A slope with its confidence, and the first third against the last."""
 
 from collections.abc import Sequence
 from math import inf, sqrt
@@ -6,9 +6,9 @@ from statistics import fmean, median
 from typing import Final, NamedTuple
 
 SETTLE_S: Final = 60.0
-"""A new process still grows: this beginning of its life is left out, at most a third of it."""
+"""A process that has just been started still grows: so much of its life is left out, or a third."""
 BLOCK_S: Final = 30.0
-"""Samples a second apart correlate, so means over blocks count; a life has at least six."""
+"""Samples a second apart say much the same: their means over this count as one, or six a life."""
 TEN_MINUTES_S: Final = 600.0
 
 Life = Sequence[tuple[float, float]]
@@ -16,7 +16,7 @@ Life = Sequence[tuple[float, float]]
 
 
 class Trend(NamedTuple):
-    """A slope per ten minutes with its 95 % margin, which is infinite with too few samples."""
+    """Per ten minutes, within 95 %; `margin` is infinite when there was too little to tell."""
 
     slope: float
     margin: float
@@ -26,7 +26,7 @@ class Trend(NamedTuple):
 
 
 def trend(lives: Sequence[Life]) -> Trend | None:
-    """Fit one slope to all lives of a process, each with its own level; None without samples."""
+    """One slope for all lives of a process, each from a level of its own; None without samples."""
     settled = [one for one in map(settle, lives) if one]
     if not settled:
         return None
@@ -43,7 +43,6 @@ def trend(lives: Sequence[Life]) -> Trend | None:
 
 
 def settle(life: Life) -> Life:
-    """Leave out the beginning of a life."""
     if not life:
         return life
     begin_s, end_s = life[0][0], life[-1][0]
@@ -52,7 +51,7 @@ def settle(life: Life) -> Life:
 
 
 def blocks(life: Life) -> list[tuple[float, float]]:
-    """Return the means of time and value over blocks of the same length."""
+    """Means of time and value over pieces of the same length."""
     begin_s, end_s = life[0][0], life[-1][0]
     length_s = min(BLOCK_S, (end_s - begin_s) / 6) or BLOCK_S
     found: dict[int, list[tuple[float, float]]] = {}
@@ -62,7 +61,7 @@ def blocks(life: Life) -> list[tuple[float, float]]:
 
 
 def common_slope(lives: Sequence[Life]) -> tuple[float, float]:
-    """Return the least-squares slope within the lives and its 95 % margin, per second."""
+    """Least squares within the lives: slope and its 95 % margin, per second."""
     pairs = [pair for life in lives for pair in centred(life)]
     spread = sum(t * t for t, _ in pairs)
     freedom = len(pairs) - len(lives) - 1
@@ -76,11 +75,10 @@ def common_slope(lives: Sequence[Life]) -> tuple[float, float]:
 
 
 def centred(life: Life) -> list[tuple[float, float]]:
-    """Subtract the mean time and value."""
     middle_t, middle_v = fmean(t for t, _ in life), fmean(v for _, v in life)
     return [(t - middle_t, v - middle_v) for t, v in life]
 
 
 def student(freedom: int) -> float:
-    """Return Student's t at 97.5 %, within 1 % of the tables from 3 degrees of freedom on."""
+    """Student's t at 97.5 %, within 1 % of the tables from 3 degrees of freedom on."""
     return 1.96 + 2.37 / freedom + 2.82 / freedom**2 + 2.5 / freedom**3

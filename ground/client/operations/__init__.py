@@ -29,6 +29,7 @@ from ground.client.operations.missions import (
     ClearMission,
     DownloadMission,
     FetchMission,
+    Judged,
     JumpTo,
     MissionEnded,
     MissionFetched,
@@ -36,7 +37,6 @@ from ground.client.operations.missions import (
     MissionWritten,
     ShowMissionStatus,
     StartMission,
-    TransferOutcome,
     UploadMission,
 )
 from ground.client.operations.parameters import (
@@ -85,6 +85,7 @@ __all__ = [
     "GoalEnded",
     "Goto",
     "Hold",
+    "Judged",
     "JumpTo",
     "LeaseShown",
     "LoadParameters",
@@ -117,6 +118,5 @@ __all__ = [
     "StartMission",
     "StopNow",
     "Stopped",
-    "TransferOutcome",
     "UploadMission",
 ]

@@ -15,9 +15,8 @@ from ground.client.goal import destination, goal_request
 from ground.client.link import Link
 from ground.client.operations import COMMANDS
 from ground.client.operations.leases import ask_lease
-from ground.client.operations.teleop import TeleopSender
-from ground.client.requests import BEAT_NS, is_saving
-from ground.client.results import Answer, Refused
+from ground.client.operations.teleop import Stick
+from ground.client.requests import BEAT_NS, Answered, is_saving
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict
 from ground.missions.wire import fence_items_of, items_of
@@ -164,13 +163,13 @@ class Operator:
         asked.answered, asked.reason = answered, reason
         return bool(answered)
 
-    def _ask(self, action: str, request: Any, ask: Callable[[], Answer]) -> bool:
+    def _ask(self, action: str, request: Any, ask: Callable[[], Answered]) -> bool:
         asked = self._begin(action, request)
         try:
-            answer = ask()
+            answered = ask()
         except (RemoteError, LocalError):
             return self._end(asked, None)
-        return self._end(asked, answer.ok, answer.reason if isinstance(answer, Refused) else 0)
+        return self._end(asked, answered.ok, answered.reason)
 
     def command(self, link: Link, action: str, request: Any) -> bool:
         return self._ask(action, request, lambda: link.ask(request))
@@ -178,7 +177,7 @@ class Operator:
     def _stop(self) -> None:
         """Press the station's emergency stop."""
         link = self._linked()
-        with link.subscribed(STATUS) as telemetry:
+        with link.hearing(STATUS) as telemetry:
             publisher = link.bus.publisher(STOP, link.robot)
             stop = EmergencyStop(
                 link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)
@@ -190,7 +189,7 @@ class Operator:
     def take(self, link: Link, how: str) -> bool:
         action = LeaseAction[how]
 
-        def ask() -> Answer:
+        def ask() -> Answered:
             return ask_lease(link, action, self.name)
 
         ok = self._ask(f"lease {how}", None, ask)
@@ -214,7 +213,7 @@ class Operator:
         if not self.mode(link, "MANUAL"):
             return False
         self.order(link, "arm")
-        stick, until_ns = TeleopSender(link), link.clock.now_ns() + round(for_s * NS_PER_S)
+        stick, until_ns = Stick(link), link.clock.now_ns() + round(for_s * NS_PER_S)
         while link.clock.now_ns() < until_ns:
             stick.drive(speed_m_s, yaw_rad_s)
             link.clock.sleep_until(link.clock.now_ns() + STEER_NS)
@@ -272,7 +271,7 @@ class Operator:
         now_ns = link.clock.now_ns()
         talk = Upload(items, kind, now_ns) if items else Clear(kind, now_ns)
         asked = self._begin(action, None, kind, items)
-        link.exchange(talk, MISSION_SERVICE)
+        link.talk(talk, MISSION_SERVICE)
         outcome = talk.outcome
         if isinstance(outcome, Verdict):
             return self._end(asked, outcome.ok, outcome.reason)

@@ -1,4 +1,4 @@
-"""Random scenes for property tests."""
+"""Scenes of any content, for properties that every picture has."""
 
 from hypothesis import strategies as st
 
