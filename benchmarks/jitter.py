@@ -13,9 +13,11 @@ from plant.world.file import load
 from protocol.topics import CYCLE
 from protocol.wire.codec import decode
 from protocol.wire.messages import CycleReport
+from runtime.timing import CONTROL_HZ
 from verification.harness.figures import Figure, Report, percentile
-from verification.harness.pace import RATE_HZ, paced
-from verification.harness.stand_in import ROBOT, driving, robot_process
+from verification.harness.pace import paced
+from verification.harness.processes import ROBOT, robot_process
+from verification.harness.stand_in import driving
 
 SHARES = {"p50": 0.5, "p99": 0.99, "max": 1.0}
 
@@ -34,7 +36,7 @@ def measure(options: argparse.Namespace) -> Report:
         for run in runs:
             run.go(options.seconds)
         figures += of(name, runs)
-        notes += {f"{name}: {line}" for run in runs for line in run.said if "warning" in line}
+        notes += {f"{name}: {line}" for run in runs for line in run.output if "warning" in line}
     return Report(benchmark="jitter", figures=tuple(figures), notes=tuple(notes))
 
 
@@ -44,7 +46,7 @@ class Drive:
     def __init__(self, world: World, flags: list[str]) -> None:
         self._world = world
         self._flags = flags
-        self.said: list[str] = []
+        self.output: list[str] = []
         self.published_late_us: list[float] = []
         self.reports: list[CycleReport] = []
 
@@ -55,10 +57,10 @@ class Drive:
             driving(self._world, robot, lockstep=False) as standin,
         ):
             standin.bus.stream(CYCLE, lambda _key, frame, _ns: frames.append(frame), ROBOT)
-            for due_ns in paced(round(seconds * RATE_HZ)):
+            for due_ns in paced(round(seconds * CONTROL_HZ)):
                 self.published_late_us.append((monotonic_ns() - due_ns) / 1e3)
                 standin.tick()
-            self.said = robot.said
+            self.output = robot.output
         messages = (decode(frame).message for frame in frames)
         self.reports = [message for message in messages if isinstance(message, CycleReport)]
 

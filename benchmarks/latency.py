@@ -14,9 +14,11 @@ from plant.model.types import World
 from plant.world.file import load
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import SonarScan, WheelCommand
+from runtime.timing import PERIOD_NS
 from verification.harness.figures import Figure, Report, percentile
-from verification.harness.pace import PERIOD_NS, paced, wait_until
-from verification.harness.stand_in import Standin, driving, robot_process
+from verification.harness.pace import paced, wait_until
+from verification.harness.processes import robot_process
+from verification.harness.stand_in import PlantStandIn, driving
 
 P50_AT_MOST, P99_AT_MOST = 2.0, 3.0
 WARM_UP = 40
@@ -56,7 +58,7 @@ def measure(options: argparse.Namespace) -> Report:
     notes = (
         f"{options.blocks} blocks of {options.ticks} ticks at 20 Hz; {lost} commands not in time",
         "senses, decoding, core and encoding are in ours; the floor only passes bytes",
-        *(line for line in robot.said if "warning" in line),
+        *(line for line in robot.output if "warning" in line),
     )
     return Report(benchmark="latency", figures=tuple(figures), notes=notes)
 
@@ -70,7 +72,7 @@ def in_lockstep(world: World, ticks: int) -> list[float]:
         return [took_ns / 1e3 for _ in range(ticks) if (took_ns := standin.tick()) is not None]
 
 
-def in_turn(standin: Standin, pings: Floor, ticks: int) -> tuple[list[float], list[float]]:
+def in_turn(standin: PlantStandIn, pings: Floor, ticks: int) -> tuple[list[float], list[float]]:
     """Microseconds of ours and of the floor, half a period apart."""
     ours: list[float] = []
     floors: list[float] = []

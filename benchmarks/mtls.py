@@ -14,11 +14,13 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from plant.world.file import load
+from runtime.timing import PERIOD_NS
 from runtime.units import NS_PER_S
 from verification.harness.figures import Figure, Report, percentile, ratios
-from verification.harness.pace import PERIOD_NS, paced, wait_until
+from verification.harness.pace import paced, wait_until
 from verification.harness.process_stats import cpu_s
-from verification.harness.stand_in import ROBOT, Standin, driving, robot_process
+from verification.harness.processes import ROBOT, robot_process
+from verification.harness.stand_in import PlantStandIn, driving
 
 AT_MOST: Final = 1.10
 WARM_UP: Final = 60
@@ -79,7 +81,7 @@ def made_keys(folder: Path, *, tells: bool) -> Path:
     return folder
 
 
-def in_turn(doors: Sequence[Standin], ticks: int, *, first: int) -> list[list[float]]:
+def in_turn(doors: Sequence[PlantStandIn], ticks: int, *, first: int) -> list[list[float]]:
     """Microseconds from senses to command at each door."""
     took: list[list[float]] = [[] for _ in doors]
     share_ns = PERIOD_NS // len(doors)

@@ -12,14 +12,16 @@ from time import monotonic
 from plant.model.types import World
 from plant.world.file import load
 from protocol.bus.bus import open_bus
+from runtime.timing import CONTROL_HZ
 from verification.harness.figures import Figure, Report
-from verification.harness.pace import RATE_HZ, paced
+from verification.harness.pace import paced
 from verification.harness.process_stats import cpu_s, resident_mb
-from verification.harness.stand_in import Standin, driving, robot_process
+from verification.harness.processes import robot_process
+from verification.harness.stand_in import PlantStandIn, driving
 
 CPU_AT_MOST, RSS_AT_MOST, IMPORT_AT_MOST, GROWTH_AT_MOST = 5.0, 60.0, 0.3, 1.0
 IMPORTING = "import time; t = time.perf_counter(); import robot.cli; print(time.perf_counter() - t)"
-TICKS_PER_HOUR = round(3600 * RATE_HZ)
+TICKS_PER_HOUR = round(3600 * CONTROL_HZ)
 SAMPLES = 40
 LOCKSTEP_PATIENCE_S = 5.0
 
@@ -77,9 +79,9 @@ def in_wall_time(world: World, seconds: float, repetitions: int) -> list[Figure]
     ]
 
 
-def busy_percent(standin: Standin, pid: int, seconds: float) -> float:
+def busy_percent(standin: PlantStandIn, pid: int, seconds: float) -> float:
     begun_s, begun_cpu_s = monotonic(), cpu_s(pid)
-    for _ in paced(round(seconds * RATE_HZ)):
+    for _ in paced(round(seconds * CONTROL_HZ)):
         standin.tick()
     return 100.0 * (cpu_s(pid) - begun_cpu_s) / (monotonic() - begun_s)
 

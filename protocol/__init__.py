@@ -1,0 +1,1 @@
+"""The protocol between robot, plant and ground: dialect, wire format, topics and bus."""

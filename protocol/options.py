@@ -1,4 +1,4 @@
-"""What command lines have in common: where a process listens or connects, numbers, parameters."""
+"""Command-line options shared by several programs: endpoints, numbers and parameters."""
 
 import argparse
 import re
@@ -12,18 +12,18 @@ from protocol.bus.network import LOCKED, Mode, Network
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
 LOCKED_ENDPOINT: Final = f"{LOCKED}127.0.0.1:7447"
 CONFIG_HELP: Final = (
-    "TOML, one file for ground, robot and plant: robot = NAME, [network] with listen (where the"
-    " robot waits), connect (where the others dial, if not there; everybody, with mode = 'client'),"
-    " prefix; [network.tls] with ca, certificate, key (`sidestep keys` makes them); [parameters] of"
-    " the robot"
+    "TOML file for ground, robot and plant: robot = NAME; [network] with listen (endpoint of the"
+    " robot), connect (endpoint that the others dial; default: listen; with mode = 'client' the"
+    " robot dials it, too), prefix; [network.tls] with ca, certificate, key (made by"
+    " `sidestep keys`); [parameters] of the robot"
 )
 ARGPARSE_TAKES: Final = re.compile(r"-\d+\Z|-\d*\.\d+\Z")
 
 
 def numbers_kept(words: Iterable[str]) -> list[str]:
-    """The words, with a blank before negative numbers such as -1e3, -5. and -inf.
+    """Return the words, with a blank before negative numbers such as -1e3, -5. and -inf.
 
-    argparse would take those for options; with the blank they are values, as float() reads them.
+    argparse would read those as options; with the blank it reads them as values, as float() does.
     """
     return [f" {word}" if _taken_for_option(word) else word for word in words]
 
@@ -39,7 +39,7 @@ def _taken_for_option(word: str) -> bool:
 
 
 def finite(text: str) -> float:
-    """A number that is one: neither NaN nor infinite."""
+    """Parse a number; raise ArgumentTypeError for NaN, infinity and anything else."""
     text = text.strip()
     try:
         value = float(text)
@@ -51,7 +51,7 @@ def finite(text: str) -> float:
 
 
 def above_zero(high: float = inf) -> Callable[[str], float]:
-    """What reads a number above 0 and at most `high`."""
+    """Return a parser of numbers above 0 and at most `high`."""
 
     def read(text: str) -> float:
         value = finite(text)
@@ -64,7 +64,7 @@ def above_zero(high: float = inf) -> Callable[[str], float]:
 
 
 def up_to(high: float) -> Callable[[str], float]:
-    """What reads a number from 0 to `high`, both included."""
+    """Return a parser of numbers from 0 to `high`, both included."""
 
     def read(text: str) -> float:
         value = finite(text)
@@ -76,7 +76,7 @@ def up_to(high: float) -> Callable[[str], float]:
 
 
 def whole(low: int, high: float = inf) -> Callable[[str], int]:
-    """What reads a whole number from `low` to `high`, both included."""
+    """Return a parser of whole numbers from `low` to `high`, both included."""
 
     def read(text: str) -> int:
         text = text.strip()
@@ -93,16 +93,16 @@ def whole(low: int, high: float = inf) -> Callable[[str], int]:
 
 
 def add_param_option(
-    parser: argparse.ArgumentParser, says: str = "a parameter of the robot, as often as needed"
+    parser: argparse.ArgumentParser, help_text: str = "set a parameter of the robot; repeatable"
 ) -> None:
-    """`--param NAME=VALUE`, any number of them: `param` is a list of names with their values."""
+    """Add `--param NAME=VALUE`, repeatable; `param` is a list of names with their values."""
     parser.add_argument(
         "--param",
         type=_assignment,
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help=says,
+        help=help_text,
     )
 
 
@@ -114,11 +114,12 @@ def _assignment(text: str) -> tuple[str, float]:
 
 
 def add_network_options(parser: argparse.ArgumentParser) -> None:
+    """Add `--listen`, `--connect` and `--config`."""
     parser.add_argument(
-        "--listen", metavar="ENDPOINT", action="append", help="wait there for others"
+        "--listen", metavar="ENDPOINT", action="append", help="accept connections on this endpoint"
     )
     parser.add_argument(
-        "--connect", metavar="ENDPOINT", action="append", help="dial those who wait"
+        "--connect", metavar="ENDPOINT", action="append", help="connect to this endpoint"
     )
     parser.add_argument("--config", metavar="FILE", help=CONFIG_HELP)
 
@@ -126,9 +127,9 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
 def network_of(
     arguments: argparse.Namespace, configured: Network | None, *, listens: bool
 ) -> Network:
-    """The command line, else the file, else this machine's default endpoint.
+    """Return the network of the command line, else of the file, else the default endpoint.
 
-    `listens`: the process others dial when nothing is said. Raises BadEndpoint.
+    `listens`: whether this process listens by default. Raises BadEndpoint.
     """
     listen: Sequence[str] | None
     connect: Sequence[str] | None
@@ -147,7 +148,7 @@ def network_of(
 
 
 def _from_file(network: Network, *, listens: bool) -> tuple[Sequence[str], Sequence[str]]:
-    """Where to listen and where to dial: one `[network]` for the one that waits and the others."""
+    """Return the endpoints to listen on and to dial; one `[network]` serves both sides."""
     if network.mode == "client":
         return (), network.connect
     if not listens:
@@ -158,10 +159,10 @@ def _from_file(network: Network, *, listens: bool) -> tuple[Sequence[str], Seque
 
 
 def dialled(network: Network) -> tuple[str, ...]:
-    """Where those dial who do not listen: unless it says where, the place where the other waits."""
+    """Return the endpoints to dial: by default those on which the other side listens."""
     return network.connect or network.listen or (usual_endpoint(network),)
 
 
 def usual_endpoint(network: Network) -> str:
-    """On this machine, locked or not."""
+    """Return the default endpoint on this machine, with TLS if it is configured."""
     return LOCKED_ENDPOINT if network.tls else DEFAULT_ENDPOINT

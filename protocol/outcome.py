@@ -1,4 +1,4 @@
-"""What a run came to: the one set of keys and words that every way of running prints."""
+"""Outcome of a run: the keys and texts that every way of running prints."""
 
 from dataclasses import asdict, dataclass
 from math import degrees, hypot, pi, remainder
@@ -18,8 +18,8 @@ OUTCOMES = ("reached", "collided", "stuck", "timeout", "aborted")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
-    """What was to be run; goal as the world has it, and as the robot was given it."""
+class RunSettings:
+    """Settings of a run: the goal in world coordinates, and as sent to the robot."""
 
     world: str
     navigator: str
@@ -34,8 +34,8 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ended:
-    """How it ended by the robot's own account; the estimate is what it believed."""
+class RunEnd:
+    """End of a run as the robot reported it, with its estimated position."""
 
     goal_state: int
     goal_reason: int
@@ -48,11 +48,12 @@ class Ended:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """Errors against ground truth; `estimated_position_error_m` is what the robot believed.
+    """Result of a run, with errors against ground truth.
 
-    `contacts` counts every touch; `own_contacts` those that began while the robot itself moved
-    towards what it touched, so that standing still would have spared them.
-    `wall_s` is the drive loop alone; `digest` a SHA-256 over the trajectory, equal for equal runs.
+    `estimated_position_error_m` is the error of the robot's estimate against the goal it received.
+    `contacts` counts every contact; `own_contacts` those that began while the robot itself moved
+    towards the obstacle, so that a stopped robot would have avoided them. `wall_s` is the duration
+    of the drive loop; `digest` is a SHA-256 over the trajectory, equal for equal runs.
     """
 
     world: str
@@ -77,23 +78,25 @@ class Outcome:
 
     @property
     def reached(self) -> bool:
+        """Return whether the robot reached its goal."""
         return self.outcome == "reached"
 
     def as_json(self) -> dict[str, object]:
+        """Return the outcome as JSON keys and values."""
         return asdict(self)
 
     def text(self) -> str:
-        """For a person, in a few short lines."""
+        """Return the outcome as a few short lines for the terminal."""
         pace = self.time_s / self.wall_s if self.wall_s > 0 else 0.0
         turned_rad = self.heading_error_rad
         heading = "" if turned_rad is None else f" and {degrees(turned_rad):.1f} deg"
         return "\n".join(
             (
                 self._headline(),
-                f"  way        {self.path_m:.2f} m, shortest {_metres(self.shortest_path_m, 2)}",
-                f"  stands     {_metres(self.position_error_m)}{heading} off",
-                f"  believes   {_metres(self.estimated_position_error_m)} off",
-                f"  clearance  {_metres(self.min_clearance_m)}, {self._touches()}",
+                f"  path       {self.path_m:.2f} m, shortest {_metres(self.shortest_path_m, 2)}",
+                f"  error      {_metres(self.position_error_m)}{heading}",
+                f"  estimated  {_metres(self.estimated_position_error_m)}",
+                f"  clearance  {_metres(self.min_clearance_m)}, {self._contact_counts()}",
                 f"  ticks      {self.ticks}, {self.missed_ticks} missed",
                 f"  pace       {pace:.1f} x real time",
                 f"  noise      {self.noise}, seed {self.seed}",
@@ -101,7 +104,7 @@ class Outcome:
             )
         )
 
-    def _touches(self) -> str:
+    def _contact_counts(self) -> str:
         return f"contacts {self.contacts}" + (
             f" ({self.own_contacts} own)" if self.contacts else ""
         )
@@ -113,8 +116,8 @@ class Outcome:
         return f"{self.outcome} in {place}: {self.reason}"
 
 
-def judged(asked: Asked, ended: Ended, score: RunScore) -> Outcome:
-    """Put the plant's score and the robot's account together."""
+def evaluated(asked: RunSettings, ended: RunEnd, score: RunScore) -> Outcome:
+    """Combine the plant's score and the end reported by the robot into an outcome."""
     outcome, reason = end_of(score, ended.goal_state, ended.goal_reason, asked.timeout_s)
     heading_rad = asked.goal_heading_rad
     turned_rad = None if heading_rad is None else remainder(score.heading_rad - heading_rad, 2 * pi)
@@ -145,8 +148,11 @@ def judged(asked: Asked, ended: Ended, score: RunScore) -> Outcome:
 
 
 def end_of(score: RunScore, goal_state: int, goal_reason: int, timeout_s: float) -> tuple[str, str]:
-    """Outcome and reason. A run in which the robot ran into anything is a collision, wherever it
-    ended. One that was only run into ends as its goal did: a robot cannot get out of every way."""
+    """Return outcome and reason of a run.
+
+    A run with a contact caused by the robot is a collision, wherever it ended. A run in which only
+    other objects moved into the robot ends as its goal did: a robot cannot evade everything.
+    """
     end = ENDS.get(GoalState(goal_state))
     if score.own_contacts:
         rest = f"; {reason_text(goal_reason)}" if goal_reason else f"; {end}" if end else ""

@@ -1,4 +1,4 @@
-"""Who a frame is from: MAVLink system and component of each role."""
+"""MAVLink system and component ids of each role."""
 
 from typing import Final
 
@@ -6,19 +6,19 @@ from protocol.topics import Role
 
 COMPONENT: Final = {Role.ROBOT: 1, Role.PLANT: 25, Role.GROUND: 190}
 OPERATOR_SYSTEM: Final = 255
-NOBODY: Final = (254, 0)
+NO_ROLE: Final = (254, 0)
 MAX_ROBOT_SYSTEM: Final = 250
 
 
 def system_id_of(robot: str) -> int:
-    """The number at the end of a robot's name, as in r7; 1 without one."""
+    """Return the number at the end of a robot's name, as in r7; 1 if there is none."""
     digits = robot[len(robot.rstrip("0123456789")) :]
     number = int(digits or 1)
     return number if 1 <= number <= MAX_ROBOT_SYSTEM else 1
 
 
 def sender_of(role: Role | None, robot: str) -> tuple[int, int]:
-    """System and component id; plant and robot are two components of one system."""
+    """Return system and component id of a sender; plant and robot are components of one system."""
     if role is None:
-        return NOBODY
+        return NO_ROLE
     return (OPERATOR_SYSTEM if role is Role.GROUND else system_id_of(robot)), COMPONENT[role]

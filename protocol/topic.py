@@ -1,4 +1,4 @@
-"""What a topic and a service are: how a key is made, who publishes, how long a sample counts."""
+"""Definitions of a topic and a service, and the rules for names and keys."""
 
 import re
 from dataclasses import dataclass
@@ -16,25 +16,22 @@ NAME: Final = f"[a-z0-9_-]{{1,{MAX_NAME}}}"
 NAME_RULE: Final = f"use 1 to {MAX_NAME} of the characters a-z, 0-9, '_' and '-'"
 ROBOT_NAME: Final = re.compile(rf"{NAME}\Z")
 OPERATOR: Final = re.compile(rf"{NAME}/[0-9a-f]{{1,32}}\Z")
-"""Identity of an operator on the bus: the name in its certificate, and its session."""
+"""Identity of an operator on the bus: the name in its certificate, and its session id."""
 
 RESERVED: Final = MappingProxyType(
     {
-        "open": "every operator of an open bus is called so",
-        "ground": "the holder of the certificate `ground` is called so",
-        "router": "a role is called so",
-        "plant": "a role is called so",
-        "robot": "a role is called so",
-        "viewer": "a role is called so",
-        "recorder": "a role is called so",
+        "open": "it is the name of every operator on an open bus",
+        "ground": "it is the name of the holder of the certificate `ground`",
     }
+    | dict.fromkeys(("router", "plant", "robot", "viewer"), "it is the name of a role")
+    | {"recorder": "it is the name of a role"}
 )
-"""Names that no operator can have, and why."""
+"""Names that no operator can have, with the reason."""
 
 PREFIX: Final = "sidestep"
 ENCODING_FAMILY: Final = "application/mavlink2"
 DIALECT: Final = "sidestep@2"
-"""The number counts up when a message that exists changes; a new one changes nothing for others."""
+"""The version increases when an existing message changes, not when a message is added."""
 
 ENCODING: Final = f"{ENCODING_FAMILY};{DIALECT}"
 
@@ -42,12 +39,16 @@ M_co = TypeVar("M_co", bound=Message, covariant=True)
 
 
 class Role(Enum):
+    """Role of a process on the bus."""
+
     PLANT = "plant"
     ROBOT = "robot"
     GROUND = "ground"
 
 
 class Priority(Enum):
+    """Priority of a sample on the bus; the numbers are those of Zenoh."""
+
     REAL_TIME = 1
     DATA_HIGH = 4
     DATA = 5
@@ -55,19 +56,19 @@ class Priority(Enum):
 
 
 def operator_in(suffix: str) -> str:
-    """Return the operator that the end of a key names; empty when it names none."""
+    """Return the operator identity at the end of a key; empty if there is none."""
     return suffix if OPERATOR.match(suffix) else ""
 
 
 def robot_name(name: str) -> str:
-    """The name itself; UserError unless it can be one element of a key."""
+    """Return the name; raise UserError unless it is valid as one element of a key."""
     if not ROBOT_NAME.match(name):
         raise UserError(f"robot name {name!r}: {NAME_RULE}, as in 'r1'")
     return name
 
 
 def operator_called(name: str) -> str:
-    """Return the name of an operator itself; raise UserError unless a certificate may name it."""
+    """Return the name; raise UserError unless an operator's certificate may contain it."""
     if not ROBOT_NAME.match(name):
         raise UserError(f"operator {name!r}: {NAME_RULE}, as in 'ada'")
     if name in RESERVED:
@@ -77,10 +78,11 @@ def operator_called(name: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topic(Generic[M_co]):
-    """A pub/sub stream. `rate_hz` 0: an event; `stale_after_ns` 0: never stale.
+    """A stream of samples. `rate_hz` 0: an event; `stale_after_ns` 0: never stale.
 
-    `history`: so many of the newest are kept by who sends them, for who comes later or was cut off.
-    Only events have one: a stream's next frame says more than its last one.
+    `history` is the number of newest samples that the publisher retains for late joiners and for
+    subscribers that were cut off. Only events have a history: a stream's next sample replaces the
+    one before.
     """
 
     path: str
@@ -94,30 +96,32 @@ class Topic(Generic[M_co]):
 
     @property
     def of_operators(self) -> bool:
-        """Return whether operators publish it: their keys end in the operator's identity."""
+        """Return whether operators publish it, so that its keys end in an operator identity."""
         return self.publisher is Role.GROUND
 
     def key(self, robot: str, prefix: str = PREFIX) -> str:
+        """Return the key of this topic for a robot."""
         return f"{prefix}/{robot_name(robot)}/{self.path}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Service:
-    """A query that is always answered: one request frame (or none), one reply."""
+    """A query that is always answered: one request frame or none, one reply."""
 
     path: str
     requests: tuple[type[Message], ...]
     server: Role
     priority: Priority = Priority.DATA
     expires: bool = True
-    """Requests of operators carry a deadline."""
+    """Whether requests of operators carry a deadline."""
 
     doc: str
 
     @property
     def of_operators(self) -> bool:
-        """Return whether requests name their operator: their keys end in its identity."""
+        """Return whether its keys end in the identity of the requesting operator."""
         return self.server is Role.ROBOT
 
     def key(self, robot: str, prefix: str = PREFIX) -> str:
+        """Return the key of this service for a robot."""
         return f"{prefix}/{robot_name(robot)}/{self.path}"

@@ -1,4 +1,4 @@
-"""The one table of topics and services: key, message, rate, stale-after, publisher, priority."""
+"""Tables of all topics and services: key, messages, rate, stale-after, publisher, priority."""
 
 from typing import Final, NamedTuple
 
@@ -55,7 +55,7 @@ from protocol.wire.messages import (
 from runtime.units import NS_PER_MS
 
 STOP_REPEAT_MS: Final = 50
-"""An emergency stop is sent again after this, until the robot is seen to be stopped."""
+"""Period at which an emergency stop is repeated until the status shows that it was executed."""
 
 SONAR: Final = Topic(
     path="sense/sonar",
@@ -82,7 +82,7 @@ CLOCK: Final = Topic(
     rate_hz=20.0,
     stale_after_ns=0,
     priority=Priority.DATA_HIGH,
-    doc="simulated time, in lockstep only: all senses of this tick have been sent",
+    doc="simulated time, in lockstep only: sent after all sensor data of a tick",
 )
 TRUTH: Final = Topic(
     path="truth/pose",
@@ -91,7 +91,7 @@ TRUTH: Final = Topic(
     rate_hz=20.0,
     stale_after_ns=250 * NS_PER_MS,
     priority=Priority.DATA_LOW,
-    doc="where the robot truly is; for evaluation only",
+    doc="true pose of the robot; for evaluation only",
 )
 DRIVE: Final = Topic(
     path="drive/wheels",
@@ -116,7 +116,7 @@ ODOMETRY: Final = Topic(
     publisher=Role.ROBOT,
     rate_hz=20.0,
     stale_after_ns=250 * NS_PER_MS,
-    doc="where the robot believes it is, with covariance",
+    doc="estimated pose of the robot, with covariance",
 )
 STATUS: Final = Topic(
     path="tlm/status",
@@ -133,7 +133,7 @@ DECISION: Final = Topic(
     rate_hz=20.0,
     stale_after_ns=250 * NS_PER_MS,
     priority=Priority.DATA_LOW,
-    doc="what the navigator saw and chose",
+    doc="inputs and decision of the navigator",
 )
 CYCLE: Final = Topic(
     path="tlm/cycle",
@@ -151,7 +151,7 @@ TEXT: Final = Topic(
     rate_hz=0.0,
     stale_after_ns=0,
     history=128,
-    doc="events in words",
+    doc="texts about events, for operators",
 )
 LEASE: Final = Topic(
     path="tlm/lease",
@@ -159,7 +159,7 @@ LEASE: Final = Topic(
     publisher=Role.ROBOT,
     rate_hz=2.0,
     stale_after_ns=1500 * NS_PER_MS,
-    doc="which operator commands the robot; at once when that changes",
+    doc="operator that commands the robot; sent at once when it changes",
 )
 MISSION: Final = Topic(
     path="tlm/mission",
@@ -167,7 +167,7 @@ MISSION: Final = Topic(
     publisher=Role.ROBOT,
     rate_hz=2.0,
     stale_after_ns=1500 * NS_PER_MS,
-    doc="how far the mission is; at once when that changes",
+    doc="progress of the mission; sent at once when it changes",
 )
 INPUTS: Final = Topic(
     path="tlm/inputs",
@@ -176,7 +176,7 @@ INPUTS: Final = Topic(
     rate_hz=20.0,
     stale_after_ns=250 * NS_PER_MS,
     priority=Priority.DATA_LOW,
-    doc="what the control core was given, so that a recorded run can be executed again",
+    doc="inputs of the control core, for the re-execution of a recorded run",
 )
 COMMANDED: Final[Topic[Message]] = Topic(
     path="tlm/commanded",
@@ -193,7 +193,7 @@ COMMANDED: Final[Topic[Message]] = Topic(
     rate_hz=0.0,
     stale_after_ns=0,
     history=512,
-    doc="what was asked of the robot, for the record",
+    doc="copies of the requests to the robot, for recordings",
 )
 ANSWERED: Final[Topic[Message]] = Topic(
     path="tlm/answered",
@@ -202,7 +202,7 @@ ANSWERED: Final[Topic[Message]] = Topic(
     rate_hz=0.0,
     stale_after_ns=0,
     history=512,
-    doc="what the robot answered, for the record",
+    doc="copies of the robot's answers, for recordings",
 )
 OPERATOR: Final = Topic(
     path="op/heartbeat",
@@ -210,7 +210,7 @@ OPERATOR: Final = Topic(
     publisher=Role.GROUND,
     rate_hz=5.0,
     stale_after_ns=OPERATOR_LOST_MS * NS_PER_MS,
-    doc="an operator is there",
+    doc="heartbeat of an operator",
 )
 TELEOP: Final = Topic(
     path="op/teleop",
@@ -219,7 +219,7 @@ TELEOP: Final = Topic(
     rate_hz=10.0,
     stale_after_ns=MAX_TELEOP_TTL_MS * NS_PER_MS,
     priority=Priority.DATA_HIGH,
-    doc="speeds to drive with in MANUAL, each with its own time-to-live",
+    doc="speeds for driving in MANUAL, each with its own time-to-live",
 )
 STOP: Final = Topic(
     path="op/stop",
@@ -228,7 +228,7 @@ STOP: Final = Topic(
     rate_hz=0.0,
     stale_after_ns=0,
     priority=Priority.REAL_TIME,
-    doc="emergency stop: whatever arrives here stops the robot, readable or not; repeated every "
+    doc="emergency stop: any sample stops the robot, even a malformed one; repeated every "
     f"{STOP_REPEAT_MS} ms until the status shows EMERGENCY_STOP with its request_id as stop_id",
 )
 MARK: Final = Topic(
@@ -238,16 +238,16 @@ MARK: Final = Topic(
     rate_hz=0.0,
     stale_after_ns=0,
     history=128,
-    doc="an operator's remark, for the record",
+    doc="an operator's remark, for recordings",
 )
 
 COMMAND: Final = Service(
     path="srv/command",
     requests=(CommandRequest, GoalRequest),
     server=Role.ROBOT,
-    doc="command or goal -> CommandAck, whose result_param2 is a Reason. Of the commands with "
-    "param1: COMPONENT_ARM_DISARM 1 or 0; DO_PAUSE_CONTINUE 0 hold, 1 go on; MISSION_START first "
-    "item, -1 for the current one; DO_SET_MISSION_CURRENT item; of those with param2: DO_SET_MODE",
+    doc="command or goal -> CommandAck, whose result_param2 is a Reason. Commands that use param1: "
+    "COMPONENT_ARM_DISARM 1 arm, 0 disarm; DO_PAUSE_CONTINUE 0 hold, 1 resume; MISSION_START first "
+    "item, -1: the current one; DO_SET_MISSION_CURRENT item. DO_SET_MODE uses param2",
 )
 PARAMETER: Final = Service(
     path="srv/parameter",
@@ -260,7 +260,7 @@ PARAMETERS: Final = Service(
     requests=(),
     server=Role.ROBOT,
     doc="no payload -> JSON list: name, value, default, unit, minimum, maximum, integer, doc, "
-    "saved (it survives a restart)",
+    "saved (whether it survives a restart)",
 )
 STOP_SERVICE: Final = Service(
     path="srv/stop",
@@ -275,7 +275,7 @@ CLOCK_SERVICE: Final = Service(
     requests=(Timesync,),
     server=Role.ROBOT,
     expires=False,
-    doc="the asker's time (ts1) -> the robot's clock (tc1), in which deadlines and ages count",
+    doc="the operator's time (ts1) -> the robot's clock (tc1), used for deadlines and ages",
 )
 LEASE_SERVICE: Final = Service(
     path="srv/lease",
@@ -293,10 +293,10 @@ MISSION_SERVICE: Final = Service(
         MissionClearAll,
     ),
     server=Role.ROBOT,
-    doc="a transfer, frame by frame. Upload: MissionCount -> MissionRequestInt(0), "
+    doc="a transfer of items, one frame at a time. Upload: MissionCount -> MissionRequestInt(0), "
     "MissionItemInt(k) -> MissionRequestInt(k + 1), the last -> MissionVerdict. Download: "
     "MissionRequestList -> MissionCount, MissionRequestInt(k) -> MissionItemInt. MissionClearAll "
-    "-> MissionVerdict. A refusal is a MissionVerdict with its reason, at any point",
+    "-> MissionVerdict. At any point a MissionVerdict with a reason refuses the transfer",
 )
 RUN: Final = Service(
     path="sim/run",
@@ -350,7 +350,7 @@ PATHS: Final = frozenset(topic.path for topic in TOPICS) | frozenset(
 
 
 class KeyParts(NamedTuple):
-    """What a key is about; `operator` is empty where the key names none."""
+    """Robot, path and operator of a key; `operator` is empty if the key has none."""
 
     robot: str
     path: str
@@ -358,7 +358,7 @@ class KeyParts(NamedTuple):
 
 
 def key_parts(key: str) -> KeyParts | None:
-    """Take the key of a topic or service apart, under any prefix; None for any other key."""
+    """Parse the key of a topic or service, under any prefix; return None for any other key."""
     chunks = key.split("/")
     for place in range(len(chunks) - 2):
         path = f"{chunks[place + 1]}/{chunks[place + 2]}"

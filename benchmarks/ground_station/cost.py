@@ -15,29 +15,27 @@ from verification.harness.until import until
 WORLD: Final = "forest_medium"
 CPU_AT_MOST: Final = (10.0, 16.0)
 KB_AT_MOST: Final = (60.0, 120.0)
-SETTLES_S: Final = 3.0
 SLOW_LINE: Final = 20_000
 SLOW_KEY_AT_MOST_MS: Final = 1000.0
-SLOW_PRESSES: Final = 10
 
 
 def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
-    seconds, times = options.seconds, options.repetitions
+    seconds, times, settle_s = options.seconds, options.repetitions, options.settle
     figures: list[Figure] = []
     with observed(WORLD) as observer:
         with kept_driving(observer):
             for size, cpu, kb in zip(SIZES, CPU_AT_MOST, KB_AT_MOST, strict=True):
-                found = readings(observer, size, seconds, times)
+                found = readings(observer, size, options, times)
                 figures += shown(f"driving, {size[0]}x{size[1]}", found, cpu, kb)
-            figures += on_a_slow_line(observer, seconds)
-        observer.stand()
-        figures += shown("standing, 80x24", readings(observer, SIZES[0], seconds, 1))
+            figures += on_a_slow_line(observer, options)
+        observer.hold()
+        figures += shown("standing, 80x24", readings(observer, SIZES[0], options, 1))
         with replaying(observer, SIZES[0]) as terminal:
-            Event().wait(SETTLES_S)
+            Event().wait(settle_s)
             still = [terminal.spent(seconds)]
         figures += shown("nothing changes, 80x24", still, None, 0.0)
         observer.pause()
-        figures += shown("paused, 80x24", readings(observer, SIZES[0], seconds, 1))
+        figures += shown("paused, 80x24", readings(observer, SIZES[0], options, 1))
     notes = [
         f"10 frames a second; each reading {seconds:g} s; in {WORLD}, with noise",
         "nothing changes: a recording that is shown and does not play",
@@ -48,10 +46,12 @@ def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
     return figures, notes
 
 
-def readings(observer: Observer, size: tuple[int, int], seconds: float, times: int) -> list[Spent]:
+def readings(
+    observer: Observer, size: tuple[int, int], options: argparse.Namespace, times: int
+) -> list[Spent]:
     with commanding(observer, size) as terminal:
-        Event().wait(SETTLES_S)
-        return [terminal.spent(seconds) for _ in range(times)]
+        Event().wait(options.settle)
+        return [terminal.spent(options.seconds) for _ in range(times)]
 
 
 def shown(
@@ -65,18 +65,18 @@ def shown(
     ]
 
 
-def on_a_slow_line(observer: Observer, seconds: float) -> list[Figure]:
+def on_a_slow_line(observer: Observer, options: argparse.Namespace) -> list[Figure]:
     """At the larger size, which writes the most."""
     waits_ms = []
     with commanding(observer, SIZES[1], most_per_s=SLOW_LINE) as terminal:
-        Event().wait(2 * SETTLES_S)
-        spent = terminal.spent(seconds)
-        for turn in range(SLOW_PRESSES):
+        Event().wait(2 * options.settle)
+        spent = terminal.spent(options.seconds)
+        for turn in range(options.slow_presses):
             terminal.forget()
             key, words = (("G", "Heading"), ("\x1b", "Cursor"))[turn % 2]
             at_ns = terminal.type(key)
             waits_ms.append((terminal.shown(words, 10.0) - at_ns) / 1e6)
-            Event().wait(SETTLES_S / 3)
+            Event().wait(options.settle / 3)
     name = "slow line, 140x40"
     return [
         Figure(name=f"written, {name}", unit="kB/s", values=(spent.kb_per_s,)),
@@ -96,7 +96,7 @@ def kept_driving(observer: Observer) -> Iterator[None]:
 
     def drive() -> None:
         while not over.wait(0.05):
-            shuttle.keep_on()
+            shuttle.keep_driving()
 
     thread = Thread(target=drive, daemon=True)
     thread.start()

@@ -21,6 +21,8 @@ PARTS: Final = {
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS))
     parser.add_argument("--seconds", type=float, default=20.0, help="of each reading of the cost")
+    parser.add_argument("--settle", type=float, default=3.0, help="seconds before each reading")
+    parser.add_argument("--slow-presses", type=int, default=10, help="of a key on a slow line")
     parser.add_argument("--repetitions", type=int, default=3, help="of each reading of the cost")
     parser.add_argument("--starts", type=int, default=10, help="first paints")
     parser.add_argument("--presses", type=int, default=200, help="of hold, and of the e-stop")

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 from ground.cli import operate
 from ground.cli.options import common_of
-from ground.client.link import Link, linked
+from ground.client.link import Link, open_link
 from ground.grammar.words import Words, words_of
 from ground.text.output import Output
 from runtime.cli import verb_table
@@ -49,7 +49,7 @@ def talking(act: Act) -> Run:
     """What opens the link and acts, and no more."""
 
     def run(options: argparse.Namespace, says: Output) -> int:
-        with linked(common_of(options)) as link:
+        with open_link(common_of(options)) as link:
             return act(options, link, says)
 
     return run

@@ -1,7 +1,8 @@
-"""The emergency stop from the ground: repeated until the robot shows it, or given up loudly.
+"""The emergency stop from the ground: repeated until the robot's status shows it.
 
-It is published on a topic of its own and asked of a service of its own. What the robot answers is
-not enough: only its status, EMERGENCY_STOP by this very request, acknowledges the stop.
+It is published on its own topic and also sent to its own service. An accepted request is not
+enough: only a status EMERGENCY_STOP with the id of this request acknowledges the stop. Without
+that, the stop is given up with an error after a time limit.
 """
 
 import secrets
@@ -18,25 +19,29 @@ from runtime.units import NS_PER_MS, NS_PER_S
 
 REPEAT_NS: Final = STOP_REPEAT_MS * NS_PER_MS
 GIVE_UP_NS: Final = 30 * NS_PER_S
-LOUD_NS: Final = NS_PER_S
-"""Interval of the reports that there is no acknowledgement yet."""
+WARN_EVERY_NS: Final = NS_PER_S
+"""Interval of the warnings that there is no acknowledgement yet."""
 
 HELD_NS: Final = NS_PER_S
-"""Under a flood of stops the status may always show another one's request. A robot that has
-accepted this one, too, and shows EMERGENCY_STOP for so long is stopped by it as well. Without the
-answer the statuses prove nothing: they may be late, and show a stop of before the press."""
+"""Duration of EMERGENCY_STOP after which an accepted request counts as acknowledged.
+
+Under many stops at once, the status may never show this request's id. An accepted request and a
+lasting EMERGENCY_STOP prove the stop as well. Without the acceptance they do not: a status may be
+late and show an earlier stop.
+"""
 
 M_contra = TypeVar("M_contra", bound=Message, contravariant=True)
 
 
-class Puts(Protocol[M_contra]):
+class MessagePublisher(Protocol[M_contra]):
     """The publisher of one topic."""
 
-    def put(self, message: M_contra) -> object: ...
+    def put(self, message: M_contra) -> object:
+        """Publish a message."""
 
 
-class Asks(Protocol):
-    """The part of a bus that asks services."""
+class ServiceCaller(Protocol):
+    """The part of a bus that sends requests to services."""
 
     def ask(
         self,
@@ -44,11 +49,12 @@ class Asks(Protocol):
         message: Message | None = None,
         timeout_s: float = 0.5,
         robot: str | None = None,
-    ) -> Message | bytes: ...
+    ) -> Message | bytes:
+        """Send a request and return the reply; RemoteError without one within `timeout_s`."""
 
 
 class StopOutcome(NamedTuple):
-    """How a press ended: acknowledged or not, after how long and how many tries, and why not."""
+    """The end of an emergency stop: acknowledged or not, the duration, the tries and the error."""
 
     acknowledged: bool
     took_ns: int
@@ -57,7 +63,7 @@ class StopOutcome(NamedTuple):
 
 
 class Acknowledgement:
-    """Judges the robot's status: is it stopped by this request?"""
+    """Decides from the robot's status whether this request has stopped it."""
 
     def __init__(self, request_id: int) -> None:
         self._request_id = request_id
@@ -66,12 +72,12 @@ class Acknowledgement:
         self.given = False
 
     def answered(self, answer: Message | bytes) -> None:
-        """Take the answer of the robot's service to this request."""
+        """Note the reply of the robot's service to this request."""
         if isinstance(answer, CommandAck) and answer.result == AckResult.ACCEPTED:
             self._accepted = True
 
     def receive(self, status: NavigatorStatus, arrived_ns: int) -> None:
-        """Take a status that arrived after the first try."""
+        """Evaluate a status that arrived after the first try."""
         if status.vehicle != Vehicle.EMERGENCY_STOP:
             self._since_ns = None
             return
@@ -82,16 +88,17 @@ class Acknowledgement:
 
 
 class EmergencyStop:
-    """One press: `press` sends it at once, `run` repeats it in a thread of its own.
+    """One press of the emergency stop.
 
-    `publisher` is the robot's, of the topic STOP; `newest` returns the robot's newest status and
-    when it arrived.
+    `press` sends it at once, `run` repeats it and belongs in a thread of its own. `publisher`
+    publishes on the robot's STOP topic. `newest` returns the robot's newest status and its arrival
+    time in ns.
     """
 
     def __init__(
         self,
-        bus: Asks,
-        publisher: Puts[CommandRequest],
+        bus: ServiceCaller,
+        publisher: MessagePublisher[CommandRequest],
         robot: str,
         clock: Clock,
         newest: Callable[[], tuple[NavigatorStatus, int] | None],
@@ -102,7 +109,7 @@ class EmergencyStop:
         self._bus = bus
         self._clock = clock
         self._newest = newest
-        self._pressed_ns = self._told_ns = clock.now_ns()
+        self._pressed_ns = self._warned_ns = clock.now_ns()
         self._publisher = publisher
         self._request = CommandRequest(
             request_id=secrets.randbits(64) or 1,
@@ -114,17 +121,18 @@ class EmergencyStop:
 
     @property
     def request_id(self) -> int:
+        """The id that all repetitions of this press have in common."""
         return self._request.request_id
 
     def press(self) -> None:
-        """Send the stop once; returns at once."""
+        """Send the stop once, without blocking."""
         self.tries += 1
         self._publisher.put(self._request)
 
     def run(
         self, over: Callable[[], bool] = lambda: False, give_up_ns: int = GIVE_UP_NS
     ) -> StopOutcome:
-        """Repeat it until the robot shows that it is stopped, the time is up, or it is `over`."""
+        """Repeat the stop until the robot acknowledges it, time is up, or `over` returns True."""
         began_ns = self._clock.now_ns()
         while not self._acknowledged():
             now_ns = self._clock.now_ns()
@@ -137,7 +145,7 @@ class EmergencyStop:
         return self._outcome(acknowledged=True)
 
     def _ask(self) -> None:
-        """Use the second way, by the service."""
+        """Send the stop by the service too."""
         try:
             answer = self._bus.ask(
                 STOP_SERVICE, self._request, REPEAT_NS / NS_PER_S, robot=self.robot
@@ -158,24 +166,24 @@ class EmergencyStop:
         why = "" if acknowledged else self.why or "no answer"
         return StopOutcome(acknowledged, took_ns, self.tries, why)
 
-    # What to show.
+    # Texts for people.
 
     def words(self, now_ns: int) -> str:
         """Describe the state while there is no acknowledgement."""
         seconds = (now_ns - self._pressed_ns) / NS_PER_S
-        because = f": {self.why}" if self.why else ""
-        return f"E-STOP of {self.robot} not acknowledged for {seconds:.1f} s, repeating{because}"
+        cause = f": {self.why}" if self.why else ""
+        return f"E-STOP of {self.robot} not acknowledged for {seconds:.1f} s, repeating{cause}"
 
     def due(self, now_ns: int) -> str:
-        """Return the same once a second, to be reported loudly; empty in between."""
-        if now_ns - self._told_ns < LOUD_NS:
+        """Return that description once a second, as a warning; empty in between."""
+        if now_ns - self._warned_ns < WARN_EVERY_NS:
             return ""
-        self._told_ns = now_ns
+        self._warned_ns = now_ns
         return self.words(now_ns)
 
 
 def outcome_words(outcome: StopOutcome, robot: str) -> str:
-    """Describe how a press ended."""
+    """Describe the end of an emergency stop in one line."""
     tries = f"{outcome.tries} {'try' if outcome.tries == 1 else 'tries'}"
     if outcome.acknowledged:
         return f"E-STOP acknowledged by {robot} after {outcome.took_ns / NS_PER_MS:.0f} ms, {tries}"

@@ -1,4 +1,4 @@
-"""A goal as a person types it, checked and turned into the integers of the wire."""
+"""A goal as typed by a person, checked and converted to the integers of the wire."""
 
 from dataclasses import dataclass, replace
 from math import cos, degrees, pi, radians, remainder, sin
@@ -10,7 +10,7 @@ from protocol.wire.goal import WireGoal, wire_goal
 from protocol.wire.messages import GoalRequest
 from runtime.errors import UserError
 
-FARTHEST_M: Final = 2_000_000.0  # what fits the wire; the robot's own limit is nearer
+FARTHEST_M: Final = 2_000_000.0  # the limit of the wire; the robot's own limit is lower
 FRAMES: Final = ("world", "body")
 POSITION_TOLERANCE_M: Final = 0.05
 HEADING_TOLERANCE_DEG: Final = 3.0
@@ -18,7 +18,7 @@ HEADING_TOLERANCE_DEG: Final = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Destination:
-    """A place of the world, in metres and radians; heading None: any will do."""
+    """A place in the world, in metres and radians; without a heading any heading is accepted."""
 
     x_m: float
     y_m: float
@@ -27,6 +27,7 @@ class Destination:
     heading_tolerance_rad: float = radians(HEADING_TOLERANCE_DEG)
 
     def on_the_wire(self) -> WireGoal:
+        """Convert the place to the integers of the wire."""
         return wire_goal(
             self.x_m,
             self.y_m,
@@ -46,7 +47,7 @@ def destination(
     position_tolerance_m: float = POSITION_TOLERANCE_M,
     heading_tolerance_deg: float = HEADING_TOLERANCE_DEG,
 ) -> Destination:
-    """X Y [DEG]; UserError names the number that is out of range."""
+    """Return the goal for the numbers X Y [DEG]; UserError names a number out of range."""
     if len(numbers) not in (2, 3):
         raise UserError(f"a goal is X Y or X Y DEG, not {len(numbers)} numbers")
     for name, value in zip(("x", "y"), numbers, strict=False):
@@ -65,7 +66,7 @@ def destination(
 
 
 def from_robot(where: Destination, x_m: float, y_m: float, heading_rad: float) -> Destination:
-    """What lies there as seen by a robot at this pose, as a place of the world."""
+    """Convert a place seen from a robot at this pose (m, rad) to a place in the world."""
     turn, forward_m, left_m = where.heading_rad, where.x_m, where.y_m
     return replace(
         where,
@@ -76,4 +77,5 @@ def from_robot(where: Destination, x_m: float, y_m: float, heading_rad: float) -
 
 
 def goal_request(goal: WireGoal, request_id: int, mode: Mode) -> GoalRequest:
+    """Build the request for a goal in a mode."""
     return GoalRequest(request_id=request_id, mode=mode, **goal._asdict())

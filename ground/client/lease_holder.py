@@ -1,4 +1,4 @@
-"""Who commands the robot, as the robot itself says."""
+"""The lease of a robot, as the robot publishes it."""
 
 from typing import Final
 
@@ -8,22 +8,22 @@ from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from runtime.cli.terminal import printable
 
-SHOW_NS: Final = 1_500_000_000
+PATIENCE_NS: Final = 1_500_000_000
 
 
 def lease_status(link: Link) -> LeaseStatus | None:
-    """What the robot says about its lease; None when it says nothing."""
-    return link.newest(LEASE, SHOW_NS)
+    """Return the robot's newest lease status; None if none arrives within 1.5 s."""
+    return link.newest(LEASE, PATIENCE_NS)
 
 
-def who_refuses(link: Link, reason: int) -> str:
-    """The name of the operator because of whom it was refused, if that is why."""
+def refusing_holder(link: Link, reason: int) -> str:
+    """Return the name of the lease holder if `reason` is that another one holds it, else ""."""
     if reason != Reason.LEASE_HELD:
         return ""
     found = lease_status(link)
-    return words_of(found) if found is not None and found.held else ""
+    return holder_name(found) if found is not None and found.held else ""
 
 
-def words_of(lease: LeaseStatus) -> str:
+def holder_name(lease: LeaseStatus) -> str:
     """Return the name of the lease holder as one printable line."""
     return printable(lease.name or lease.holder)

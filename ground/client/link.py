@@ -5,18 +5,18 @@ from contextlib import contextmanager
 from typing import Any, Final, TypeVar
 
 from ground.client.connection import Common
-from ground.client.emergency_stop import Asks
-from ground.client.presence import crew_of, why_silent
+from ground.client.emergency_stop import ServiceCaller
+from ground.client.presence import explain_silence, present_processes
 from ground.client.requests import (
     ATTEMPTS,
     PATIENCE_NS,
-    Answered,
-    Asking,
+    CommandExchange,
     Exchange,
     GaveUp,
     Request,
     RequestIds,
 )
+from ground.client.results import Answer
 from ground.client.telemetry import Telemetry
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.publisher import Publisher
@@ -42,15 +42,15 @@ ALIVE: Final = Heartbeat(
 
 
 class Unanswered(RemoteError):
-    """Nobody answered, and who is missing."""
+    """A robot did not answer; the message names the process that is missing or hangs."""
 
     exit_code = 1
 
 
-def converse(
-    bus: Asks, clock: Clock, robot: str, exchange: Exchange[Any], service: Service
+def run_exchange(
+    bus: ServiceCaller, clock: Clock, robot: str, exchange: Exchange[Any], service: Service
 ) -> None:
-    """Put the questions of an exchange to a robot's service until it is over."""
+    """Send the requests of an exchange to a robot's service until the exchange is over."""
     while not exchange.over:
         for send in exchange.due(clock.now_ns()):
             try:
@@ -65,7 +65,7 @@ def converse(
 
 
 class Link:
-    """Asks one robot, and beats for it."""
+    """Sends requests and the operator's heartbeat to one robot."""
 
     def __init__(self, bus: Bus, common: Common, clock: Clock) -> None:
         self.bus = bus
@@ -74,10 +74,10 @@ class Link:
         self.ids = RequestIds()
         self.pulse = Pulse()
         self.endpoint = common.endpoint
-        self._heart: Publisher[Heartbeat] | None = None
+        self._heartbeat: Publisher[Heartbeat] | None = None
 
     def command(self, command: Command, param1: float = 0.0, param2: float = 0.0) -> CommandRequest:
-        """A command with an id of its own."""
+        """Return a command with an id of its own."""
         return CommandRequest(
             request_id=self.ids.next(), param1=param1, param2=param2, command=command
         )
@@ -89,46 +89,50 @@ class Link:
         attempts: int = ATTEMPTS,
         patience_ns: int = PATIENCE_NS,
         service: Service = COMMAND,
-    ) -> Answered:
-        """The robot's answer; Unanswered says who is missing when there is none."""
-        asking = Asking(request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns)
-        converse(self.bus, self.clock, self.robot, asking, service)
-        if isinstance(asking.outcome, Answered):
-            return asking.outcome
-        raise self.unanswered(asking.outcome)
+    ) -> Answer:
+        """Send a request until it is answered; Unanswered names the process that is missing."""
+        asking = CommandExchange(
+            request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns
+        )
+        run_exchange(self.bus, self.clock, self.robot, asking, service)
+        if asking.outcome is None or isinstance(asking.outcome, GaveUp):
+            raise self.unanswered(asking.outcome)
+        return asking.outcome
 
-    def talk(self, exchange: Exchange[Any], service: Service) -> None:
-        """Put the questions of an exchange to a service until it is over."""
-        converse(self.bus, self.clock, self.robot, exchange, service)
+    def exchange(self, exchange: Exchange[Any], service: Service) -> None:
+        """Send the requests of an exchange to a service until it is over."""
+        run_exchange(self.bus, self.clock, self.robot, exchange, service)
 
     def unanswered(self, outcome: GaveUp | None) -> Unanswered:
-        """The error for a talk that has come to nothing."""
+        """Return the error for an exchange without an outcome."""
         if why_not := barred(self.bus.holder, self.robot, COMMAND):
             return Unanswered(f"{why_not}: use --config DIR/ground.toml")
         why = "no answer" if outcome is None else outcome.why
         return Unanswered(f"{self.diagnosis()} ({why})")
 
     def beat(self) -> None:
-        """Let the robot hear that an operator is there."""
-        if self._heart is None:
-            self._heart = self.bus.publisher(OPERATOR, self.robot)
-            self.bus.await_matched([self._heart], timeout_s=0.5)
-        self._heart.put(ALIVE)
+        """Publish the operator's heartbeat once."""
+        if self._heartbeat is None:
+            self._heartbeat = self.bus.publisher(OPERATOR, self.robot)
+            self.bus.await_matched([self._heartbeat], timeout_s=0.5)
+        self._heartbeat.put(ALIVE)
 
     def diagnosis(self) -> str:
-        """Why the robot does not answer: listens for its heart before it judges."""
-        with self.hearing(HEARTBEAT) as telemetry:
+        """Explain why the robot does not answer; listens for its heartbeat for up to 0.7 s."""
+        with self.subscribed(HEARTBEAT) as telemetry:
             box = telemetry.boxes()[HEARTBEAT.path]
             self.wait(lambda: box.latest() is not None or box.rejected > 0, LISTEN_NS)
-            beats = box.latest() is not None
-            if box.rejected and not beats:
-                return f"robot {self.robot} is there, but its heartbeat {box.last_rejection}"
-        crew = crew_of(self.bus.present())
-        return self.bus.lost() or why_silent(crew, self.robot, self.endpoint, beats=beats)
+            is_beating = box.latest() is not None
+            if box.rejected and not is_beating:
+                return f"robot {self.robot} runs, but its heartbeat {box.last_rejection}"
+        present = present_processes(self.bus.present())
+        return self.bus.lost() or explain_silence(
+            present, self.robot, self.endpoint, is_beating=is_beating
+        )
 
     @contextmanager
-    def hearing(self, *topics: Topic[Any]) -> Iterator[Telemetry]:
-        """What the robot says of these, for as long as somebody wants to know."""
+    def subscribed(self, *topics: Topic[Any]) -> Iterator[Telemetry]:
+        """Subscribe to topics of the robot for the duration of the context."""
         telemetry = Telemetry(self.bus, self.robot, topics, notify=self.pulse.beat)
         try:
             yield telemetry
@@ -137,14 +141,14 @@ class Link:
                 self.bus.forget(box)
 
     def newest(self, topic: Topic[M], patience_ns: int) -> M | None:
-        """The next message of a topic; None when none comes in time."""
-        with self.hearing(topic) as telemetry:
+        """Return the next message of a topic; None if none arrives in time."""
+        with self.subscribed(topic) as telemetry:
             self.wait(lambda: telemetry.latest(topic) is not None, patience_ns)
             found = telemetry.latest(topic)
             return None if found is None else found[0]
 
     def wait(self, condition: Callable[[], bool], patience_ns: int) -> bool:
-        """Until the condition holds or patience ends; looks again at every arrival."""
+        """Wait until the condition holds, checked at each arrival; return False when time is up."""
         deadline_ns = self.clock.now_ns() + patience_ns
         while not condition():
             if self.clock.now_ns() >= deadline_ns:
@@ -154,8 +158,8 @@ class Link:
 
 
 @contextmanager
-def linked(common: Common) -> Iterator[Link]:
-    """Dial the robot; Unanswered when nobody listens at the endpoint."""
+def open_link(common: Common) -> Iterator[Link]:
+    """Connect to the robot; Unanswered if no process listens at the endpoint."""
     try:
         bus = open_bus(common.network, Role.GROUND, common.robot)
     except (PeerHangs, NotLetIn) as error:

@@ -1,4 +1,4 @@
-"""One parameter of the robot as a typed value, read from the robot's list."""
+"""One parameter of the robot as a typed value, read from the robot's parameter list."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -9,11 +9,12 @@ from ground.client.parameter_rows import rows_in
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """A parameter and the robot's account of it; None where the robot does not say.
+    """A parameter as the robot describes it; None for what the robot leaves out.
 
     `value`, `default`, `minimum`, `maximum` and `configured` are in `unit`. `direction` is the
-    safer one: up, down or near; empty for a parameter that safety does not rest on. `saved`: the
-    value survives a restart. `received` is all that the robot listed, for output as JSON.
+    safer direction: up, down or near; empty if no safety function depends on the parameter.
+    `saved`: the value survives a restart. `received` holds all that the robot sent, for output as
+    JSON.
     """
 
     name: str
@@ -30,29 +31,31 @@ class Parameter:
     received: Mapping[str, object] = field(default_factory=dict, compare=False, repr=False)
 
     @property
-    def is_usual(self) -> bool:
-        """Whether it has its default value, to the precision of the wire."""
+    def is_default(self) -> bool:
+        """True if it has its default value, to the precision of the wire."""
         return self.default is None or same(self.value, self.default)
 
     def with_value(self, value: float) -> "Parameter":
+        """Return a copy with another value."""
         return replace(self, value=value, received={**self.received, "value": value})
 
     def as_json(self) -> dict[str, object]:
+        """Return all that the robot sent about it."""
         return dict(self.received)
 
 
 def same(one: float, other: float) -> bool:
-    """Whether two values are equal to the precision of the wire, which is single."""
+    """Return whether two values are equal to the wire's single precision."""
     return isclose(one, other, rel_tol=1e-6, abs_tol=1e-9)
 
 
 def parameters_in(answer: bytes | str) -> list[Parameter]:
-    """Read the robot's list; RemoteError names what is wrong with it."""
+    """Parse the robot's parameter list; RemoteError names the first fault."""
     return [_parameter(row) for row in rows_in(answer)]
 
 
 def _parameter(row: Mapping[str, object]) -> Parameter:
-    """`rows_in` has judged the types of what is read here."""
+    """Convert a row whose types `rows_in` has checked."""
     numbers = {
         key: value
         for key in ("default", "minimum", "maximum", "configured")
@@ -60,7 +63,7 @@ def _parameter(row: Mapping[str, object]) -> Parameter:
     }
     texts = {key: str(row[key]) for key in ("unit", "direction", "doc") if key in row}
     saved, value = row.get("saved"), row["value"]
-    assert isinstance(value, int | float), "the list has been judged"
+    assert isinstance(value, int | float), "rows_in has checked it"
     return Parameter(
         name=str(row["name"]),
         value=value,

@@ -1,4 +1,4 @@
-"""Parameters in a file: `[parameters]` of NAME = VALUE, as the robot's own `--config` has them."""
+"""Parameter files: a table `[parameters]` of NAME = VALUE, as in the robot's own `--config`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,27 +13,30 @@ from runtime.errors import ConfigError, UserError
 
 TABLE: Final = "parameters"
 HUGE: Final = 1e300
-"""A whole number in TOML may be longer than a float can be."""
+"""Limit of the magnitude: an integer in TOML may exceed the range of a float."""
 
 
 def write(path: Path, parameters: Sequence[Parameter]) -> list[str]:
-    """Write those that differ from their defaults; return their names. UserError when it fails."""
-    chosen = [one for one in parameters if not one.is_usual]
+    """Write the parameters that differ from their defaults; return their names.
+
+    Raises UserError if the file cannot be written.
+    """
+    chosen = [one for one in parameters if not one.is_default]
     lines = [f"{_key(one)} = {one.value!r}  # {printable(one.doc)}".rstrip(" #") for one in chosen]
     export_file.replace(path, "\n".join([f"[{TABLE}]", *lines, ""]))
     return [one.name for one in chosen]
 
 
 def _key(parameter: Parameter) -> str:
-    """The name as a key of TOML; UserError for a name that cannot be one."""
+    """Return the name as a TOML key; UserError if it is not a valid name."""
     if not NAME.match(parameter.name):
         name = parameter.name
-        raise UserError(f"{name!r} is no name of a parameter: {NAME_RULE}")
+        raise UserError(f"{name!r} is not a valid parameter name: {NAME_RULE}")
     return parameter.name
 
 
 def read(path: Path, parameters: Sequence[Parameter]) -> dict[str, float]:
-    """Return the values of a file by name; ConfigError names what this robot cannot have."""
+    """Return the values of a file by name; ConfigError names one that this robot cannot take."""
     table = read_toml(path).get(TABLE)
     if not isinstance(table, dict):
         fix = f"write [{TABLE}] and under it NAME = VALUE"
@@ -44,12 +47,14 @@ def read(path: Path, parameters: Sequence[Parameter]) -> dict[str, float]:
         if name not in known:
             raise unknown_key(key, name, list(known), file=str(path))
         if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > HUGE:
-            raise ConfigError(file=str(path), key=key, reason="is no number", fix="write one")
-        _judge_range(str(path), key, float(value), known[name])
+            raise ConfigError(
+                file=str(path), key=key, reason="is not a number", fix="write a number"
+            )
+        _check_range(str(path), key, float(value), known[name])
     return {name: float(value) for name, value in table.items()}
 
 
-def _judge_range(file: str, key: str, value: float, parameter: Parameter) -> None:
+def _check_range(file: str, key: str, value: float, parameter: Parameter) -> None:
     low, high = parameter.minimum, parameter.maximum
     if low is not None and high is not None and not low <= value <= high:
         reason = f"{value:g} is out of range"

@@ -1,4 +1,4 @@
-"""The robot's list of parameters, read from its JSON: bounded, typed, and all text printable."""
+"""Reads the robot's parameter list from JSON: bounded, typed, and with printable text only."""
 
 import re
 from math import isfinite
@@ -21,34 +21,34 @@ MAX_TEXT: Final = 300
 
 
 def rows_in(answer: bytes | str) -> list[Row]:
-    """One row per parameter; RemoteError names what is wrong with a list that cannot be used."""
+    """Return one row per parameter; RemoteError names the fault of a list that cannot be used."""
     try:
         found = value_in(answer)
     except ValueError as error:
-        raise RemoteError(f"the robot's list of parameters cannot be read: {error}") from error
+        raise RemoteError(f"cannot read the parameter list from the robot: {error}") from error
     if not isinstance(found, list) or len(found) > MAX_ROWS:
-        raise RemoteError(f"the robot's list of parameters is no list of at most {MAX_ROWS}")
+        raise _malformed(f"not a list of at most {MAX_ROWS} items")
     rows = [_row(number, one) for number, one in enumerate(found)]
     if len({row["name"] for row in rows}) < len(rows):
-        raise RemoteError("the robot's list of parameters is malformed: a name is there twice")
+        raise _malformed("duplicate name")
     return rows
 
 
 def _row(number: int, found: object) -> Row:
-    """A name, a value, and whatever else the robot says about it, as far as it is plain."""
+    """Return a name, a value and the other plain facts of one item."""
     if not isinstance(found, dict) or len(found) > MAX_KEYS:
-        raise _malformed(number, "is no table")
+        raise _bad_item(number, "is not a table")
     name = found.get("name")
     if not isinstance(name, str) or not NAME.match(name):
-        raise _malformed(number, f"has no name of {NAME_RULE}")
+        raise _bad_item(number, f"has no name of {NAME_RULE}")
     if not is_number(found.get("value")):
-        raise _malformed(number, "has no value that is a finite number")
+        raise _bad_item(number, "has no finite number as its value")
     for key in NUMBERS:
         if found.get(key) is not None and not is_number(found[key]):
-            raise _malformed(number, f"has a {key} that is no finite number")
+            raise _bad_item(number, f"has a {key} that is not a finite number")
     for key in TEXTS:
         if not isinstance(found.get(key, ""), str):
-            raise _malformed(number, f"has a {key} that is no text")
+            raise _bad_item(number, f"has a {key} that is not text")
     return {key: _plain(value) for key, value in found.items() if _kept(key, value)}
 
 
@@ -61,8 +61,13 @@ def _plain(value: object) -> object:
 
 
 def is_number(value: object) -> bool:
+    """Return whether a value is a finite number, and not a bool."""
     return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
-def _malformed(number: int, why: str) -> RemoteError:
-    return RemoteError(f"the robot's list of parameters is malformed: number {number + 1} {why}")
+def _bad_item(number: int, why: str) -> RemoteError:
+    return _malformed(f"item {number + 1} {why}")
+
+
+def _malformed(why: str) -> RemoteError:
+    return RemoteError(f"malformed parameter list received from the robot: {why}")

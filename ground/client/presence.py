@@ -1,4 +1,4 @@
-"""Who is there and who is not, in words that say what to do about it."""
+"""The processes that run, and explanations for a robot that does not answer."""
 
 from collections.abc import Iterable
 from typing import NamedTuple, Protocol
@@ -6,53 +6,61 @@ from typing import NamedTuple, Protocol
 from protocol.topics import Role
 
 
-class There(Protocol):
-    """One liveliness token."""
+class LivelinessToken(Protocol):
+    """The liveliness token of one process."""
 
     @property
-    def robot(self) -> str: ...
+    def robot(self) -> str:
+        """The robot that the process belongs to."""
+
     @property
-    def role(self) -> str: ...
+    def role(self) -> str:
+        """The role of the process, as in `Role`."""
 
 
-class Crew(NamedTuple):
-    """Which processes have shown themselves, as (robot, role)."""
+class PresentProcesses(NamedTuple):
+    """The processes whose liveliness tokens are on the bus, as pairs (robot, role)."""
 
-    there: frozenset[tuple[str, str]]
+    present: frozenset[tuple[str, str]]
 
     def has(self, robot: str, role: Role) -> bool:
-        return (robot, role.value) in self.there
+        """Return whether a robot's process of this role runs."""
+        return (robot, role.value) in self.present
 
     def robots(self) -> list[str]:
-        return sorted(name for name, role in self.there if role == Role.ROBOT.value)
+        """Return the names of the robots that run, sorted."""
+        return sorted(name for name, role in self.present if role == Role.ROBOT.value)
 
 
-def crew_of(present: Iterable[There]) -> Crew:
-    return Crew(frozenset((token.robot, token.role) for token in present))
+def present_processes(present: Iterable[LivelinessToken]) -> PresentProcesses:
+    """Collect the robot and role of each token."""
+    return PresentProcesses(frozenset((token.robot, token.role) for token in present))
 
 
-def why_silent(crew: Crew, robot: str, endpoint: str, *, beats: bool) -> str:
-    """Why a robot does not answer, from who is there and whether its heart beats."""
-    if not crew.has(robot, Role.ROBOT):
-        return _no_robot(crew, robot, endpoint)
-    if beats:
-        return f"robot {robot} is there and its heart beats, but it does not answer"
-    if not crew.has(robot, Role.PLANT):
+def explain_silence(
+    processes: PresentProcesses, robot: str, endpoint: str, *, is_beating: bool
+) -> str:
+    """Return why a robot does not answer and what to do, in the form "fault: remedy"."""
+    if not processes.has(robot, Role.ROBOT):
+        return _no_robot(processes, robot, endpoint)
+    if is_beating:
+        return f"robot {robot} sends its heartbeat, but does not answer requests"
+    if not processes.has(robot, Role.PLANT):
         return (
-            f"robot {robot} is there but its control loop does not run and it has no plant: "
+            f"robot {robot} runs, but its control loop does not, because it has no plant: "
             "start one with `sidestep plant`"
         )
     return (
-        f"robot {robot} hangs: its process is alive, its control loop does not run (no heartbeat); "
-        "unless its plant is paused, restart it"
+        f"robot {robot} hangs, its process is alive but sends no heartbeat: "
+        "restart it, unless its plant is paused"
     )
 
 
-def _no_robot(crew: Crew, robot: str, endpoint: str) -> str:
-    others = crew.robots()
+def _no_robot(processes: PresentProcesses, robot: str, endpoint: str) -> str:
+    others = processes.robots()
     if others:
-        return f"robot {robot} is not at {endpoint}; there is {', '.join(others)}: use --id"
+        return f"robot {robot} is not at {endpoint}, only {', '.join(others)}: use --id"
     start = f"start it with `sidestep robot --id {robot}`"
-    if crew.has(robot, Role.PLANT):
+    if processes.has(robot, Role.PLANT):
         return f"robot {robot} is not at {endpoint}, only its plant is: {start}"
-    return f"no robot at {endpoint}, though somebody answers there: {start}"
+    return f"no robot at {endpoint}, though a process listens there: {start}"

@@ -1,4 +1,4 @@
-"""Outcomes that several operations share: the robot agreed, or it refused and why."""
+"""Outcomes that several operations share: the robot accepted a request, or refused it."""
 
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
@@ -10,43 +10,53 @@ from runtime.units import NS_PER_MS
 
 
 class Outcome(Protocol):
-    """The end of an operation: `text` is for a person, one or more lines."""
+    """The end of an operation."""
 
     @property
-    def ok(self) -> bool: ...
+    def ok(self) -> bool:
+        """True if the operation succeeded."""
+
     @property
-    def text(self) -> str: ...
+    def text(self) -> str:
+        """The outcome for a person, in one or more lines."""
+
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the outcome for programs, with the verb and the robot where they belong."""
 
 
 class RefusedError(RemoteError):
-    """A refusal, raised by a caller that needs an agreement."""
+    """A refusal as an exception, for callers that cannot go on without acceptance."""
 
     exit_code = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """The robot agreed, `took_ns` after it was first asked."""
+    """The robot accepted, `took_ns` after the first request."""
 
     took_ns: int
 
     @property
     def ok(self) -> bool:
+        """True."""
         return True
 
     @property
     def text(self) -> str:
+        """The duration, as in `ok 14 ms`."""
         return f"ok {self.took_ns / NS_PER_MS:.0f} ms"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the acceptance as a row."""
         return answer_row(verb, robot, Reason.NONE, self.took_ns)
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """The robot refused: `reason` is one of `Reason`, `holder` the operator who holds the lease."""
+    """The robot refused for a `Reason`.
+
+    `holder` is the operator that holds the lease, if that is why.
+    """
 
     reason: int
     took_ns: int
@@ -54,6 +64,7 @@ class Refused:
 
     @property
     def ok(self) -> bool:
+        """False."""
         return False
 
     @property
@@ -63,9 +74,11 @@ class Refused:
 
     @property
     def text(self) -> str:
+        """The reason, as in `refused: not armed: arm first`."""
         return f"refused: {self.words}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the refusal as a row."""
         return answer_row(verb, robot, self.reason, self.took_ns)
 
 
@@ -73,19 +86,20 @@ Answer: TypeAlias = Accepted | Refused
 
 
 def agreed(outcome: Outcome) -> None:
-    """Raise RefusedError, with the words of the outcome, unless it is a success."""
+    """Raise RefusedError with the text of the outcome unless it is a success."""
     if not outcome.ok:
         raise RefusedError(outcome.text)
 
 
 def refusal_words(text: str, reason: int, holder: str) -> str:
-    """Return why something was refused, with the lease holder and the remedy."""
+    """Return why a request was refused, with the lease holder and the remedy."""
     words = f"{text}: {holder}" if holder else text
     hint = HINTS.get(reason)
     return f"{words} ({hint})" if hint else words
 
 
 def answer_row(verb: str, robot: str, reason: int, took_ns: int) -> dict[str, object]:
+    """Return the JSON row that all answers to commands share."""
     return {
         "verb": verb,
         "robot": robot,

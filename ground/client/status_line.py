@@ -1,4 +1,4 @@
-"""How it stands, as parts of one line; what is old is not shown as if it were new."""
+"""The state of a robot as the parts of one line; outdated values are marked or left out."""
 
 from collections.abc import Callable
 from math import degrees, isfinite
@@ -14,7 +14,7 @@ from protocol.wire.reasons import Reason, reason_text
 from runtime.units import NS_PER_S
 
 NONE: Final = "--"
-LOUD_NS: Final = 700_000_000
+SILENT_NS: Final = 700_000_000
 
 M = TypeVar("M", bound=Message)
 
@@ -22,17 +22,17 @@ M = TypeVar("M", bound=Message)
 def goal_line(
     telemetry: Telemetry, now_ns: int, silent_ns: int, goal_id: int | None = None
 ) -> list[Part]:
-    """For who waits for a goal: state, distance, speed, nearest echo, time driven, reason.
+    """Return state, distance, speed, nearest echo, driving time and reason, for a running goal.
 
-    With `goal_id` a status that speaks of another goal is not shown.
+    With `goal_id`, a status about another goal is not shown.
     """
-    if silent_ns > LOUD_NS:
-        return [Part(f"nothing heard of the robot for {silent_ns / NS_PER_S:.1f} s")]
+    if silent_ns > SILENT_NS:
+        return [Part(f"no message from the robot for {silent_ns / NS_PER_S:.1f} s")]
     status = telemetry.live(STATUS, now_ns)
     if status is None:
         return [Part("waiting for the robot's status")]
     if goal_id is not None and status.goal_id != goal_id:
-        return [Part("waiting for the robot to set off")]
+        return [Part("waiting for the robot to start")]
     odometry = telemetry.live(ODOMETRY, now_ns)
     decision = telemetry.live(DECISION, now_ns)
     to_go = metres(status.goal_distance_m)
@@ -48,7 +48,7 @@ def goal_line(
 
 
 def short_line(telemetry: Telemetry, robot: str, now_ns: int) -> Part:
-    """One robot of several: state and distance."""
+    """Return state and distance, for a line that shows several robots."""
     status = telemetry.live(STATUS, now_ns)
     if status is None:
         return Part(f"{robot} {NONE}")
@@ -57,7 +57,7 @@ def short_line(telemetry: Telemetry, robot: str, now_ns: int) -> Part:
 
 
 def watch_line(telemetry: Telemetry, now_ns: int) -> list[Part]:
-    """For who watches: state, pose, goal, nearest echo, cost of a cycle, heartbeat."""
+    """Return state, pose, goal, nearest echo, cost of a cycle and heartbeat, for an observer."""
 
     def part(topic: Topic[M], name: str, words: Callable[[M], str]) -> Part:
         return aged(telemetry, topic, now_ns, name, words)
@@ -68,14 +68,14 @@ def watch_line(telemetry: Telemetry, now_ns: int) -> list[Part]:
         part(STATUS, "goal", lambda status: f"goal {metres(status.goal_distance_m)}"),
         part(DECISION, "echo", lambda decision: f"echo {echo_of(decision.nearest_range_m)}"),
         part(CYCLE, "cycle", lambda cycle: f"cycle {sum(cycle.stage_us)} us"),
-        part(HEARTBEAT, "heart", lambda _: "heart beats"),
+        part(HEARTBEAT, "heartbeat", lambda _: "heartbeat ok"),
     ]
 
 
 def aged(
     telemetry: Telemetry, topic: Topic[Any], now_ns: int, name: str, words: Callable[[Any], str]
 ) -> Part:
-    """A value while it is live, the same with its age when it fades, then only its age."""
+    """Return a value while it is live, with its age while it fades, then only the age."""
     seen = telemetry.seen(topic, now_ns)
     if seen.message is None or seen.age_ns is None:
         return Part(f"{name} {NONE}")
@@ -86,7 +86,7 @@ def aged(
 
 
 def doing(status: NavigatorStatus) -> str:
-    """What the robot does, in one word."""
+    """Return the robot's activity in one word."""
     if status.vehicle != Vehicle.ACTIVE:
         return name_of(Vehicle, status.vehicle).lower().replace("_", " ")
     if status.mode == Mode.HOLD:
@@ -95,7 +95,7 @@ def doing(status: NavigatorStatus) -> str:
 
 
 def driven(status: NavigatorStatus) -> str:
-    """Time since the goal was set, by the robot's clock."""
+    """Return the time since the goal was set, by the robot's clock."""
     if not status.goal_id:
         return ""
     until_ns = status.goal_ended_ns or status.time_ns
@@ -103,13 +103,14 @@ def driven(status: NavigatorStatus) -> str:
 
 
 def state_of(status: NavigatorStatus) -> str:
-    """Vehicle, mode and goal in words; a number this version does not know stays a number."""
+    """Return the names of vehicle state, mode and goal state; an unknown number stays a number."""
     vehicle = name_of(Vehicle, status.vehicle)
     mode, goal = name_of(Mode, status.mode), name_of(GoalState, status.goal)
     return f"{vehicle} {mode} {goal}"
 
 
 def name_of(kind: type[Vehicle] | type[Mode] | type[GoalState], number: int) -> str:
+    """Return the name of an enumeration's member, or its number if unknown."""
     try:
         return kind(number).name
     except ValueError:
@@ -117,11 +118,13 @@ def name_of(kind: type[Vehicle] | type[Mode] | type[GoalState], number: int) -> 
 
 
 def reason_of(status: NavigatorStatus) -> str:
+    """Return the reason of the vehicle or the goal in parentheses, empty if there is none."""
     reason = status.vehicle_reason or status.goal_reason
     return "" if reason == Reason.NONE else f"({reason_text(reason)})"
 
 
 def pose_of(odometry: PlanarOdometry) -> str:
+    """Return position (m) and heading (degrees) in words."""
     x_m, y_m = odometry.x_m, odometry.y_m
     heading_rad = odometry.heading_rad
     heading = f"{round(degrees(heading_rad))}" if isfinite(heading_rad) else NONE
@@ -129,10 +132,10 @@ def pose_of(odometry: PlanarOdometry) -> str:
 
 
 def metres(value: float) -> str:
-    """A distance; what is not finite is missing."""
+    """Return a distance in words, `--` if it is not finite."""
     return f"{value:.2f} m" if isfinite(value) else NONE
 
 
 def echo_of(range_m: float) -> str:
-    """Infinity is no echo; no number is missing."""
+    """Return the range of an echo in words: infinity means none, NaN means missing."""
     return "none" if range_m == float("inf") else metres(range_m)

@@ -1,4 +1,4 @@
-"""What the robot says, each stream with its age: an old value is never shown as if it were live."""
+"""Telemetry of a robot, each stream with its age, so that an old value is never shown as live."""
 
 from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
@@ -17,24 +17,24 @@ from protocol.wire.message import Message
 from runtime.units import NS_PER_S
 
 M = TypeVar("M", bound=Message)
-Take = Callable[[str, bytes, int], None]
-"""Key, frame, and when it came or was told, in ns; called in the bus's thread."""
+FrameHandler = Callable[[str, bytes, int], None]
+"""Receives a key, a frame and its time in ns; called in the bus's thread."""
 
 DIM_PERIODS: Final = 2.0
 GONE_PERIODS: Final = 5.0
-LOOKED_AT: Final[tuple[Topic[Any], ...]] = (HEARTBEAT, STATUS, ODOMETRY, DECISION, CYCLE)
+SUMMARY_TOPICS: Final[tuple[Topic[Any], ...]] = (HEARTBEAT, STATUS, ODOMETRY, DECISION, CYCLE)
 
 
 class Age(Enum):
-    """How far a value may be trusted to be the present one."""
+    """The freshness of a value: live, fading (dim) or gone."""
 
     LIVE = "live"
     DIM = "dim"
     GONE = "gone"
 
 
-class Listens(Protocol):
-    """What telemetry needs of the bus."""
+class MailboxSource(Protocol):
+    """The part of a bus that keeps the newest message of a topic."""
 
     def mailbox(
         self,
@@ -42,12 +42,13 @@ class Listens(Protocol):
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
         *,
-        take: Take | None = None,
-    ) -> Mailbox[M]: ...
+        take: FrameHandler | None = None,
+    ) -> Mailbox[M]:
+        """Subscribe to a topic; call `notify` at each arrival and `take` with each frame."""
 
 
-class Seen(NamedTuple):
-    """The newest message of a topic; `age_ns` None: nothing has ever come."""
+class AgedMessage(NamedTuple):
+    """The newest message of a topic; `age_ns` is None if nothing has ever arrived."""
 
     message: Message | None
     age_ns: int | None
@@ -57,16 +58,16 @@ class Seen(NamedTuple):
 class Telemetry:
     """Mailboxes of one robot's topics.
 
-    `taker` returns who else gets every frame of a topic, by its path; None: nobody.
+    `taker` returns the handler that also gets every frame of a topic, by its path, or None.
     """
 
     def __init__(
         self,
-        bus: Listens,
+        bus: MailboxSource,
         robot: str,
-        topics: Iterable[Topic[Any]] = LOOKED_AT,
+        topics: Iterable[Topic[Any]] = SUMMARY_TOPICS,
         notify: Callable[[int], None] | None = None,
-        taker: Callable[[str], Take | None] = lambda _path: None,
+        taker: Callable[[str], FrameHandler | None] = lambda _path: None,
     ) -> None:
         self._boxes: dict[str, Mailbox[Any]] = {
             topic.path: bus.mailbox(topic, robot, notify, take=taker(topic.path))
@@ -74,35 +75,37 @@ class Telemetry:
         }
 
     def latest(self, topic: Topic[M]) -> tuple[M, int] | None:
-        """The newest message, however old, and when it arrived."""
+        """Return the newest message, however old, and its arrival time in ns."""
         found: tuple[M, int] | None = self._boxes[topic.path].latest()
         return found
 
     def fresh(self, topic: Topic[M], now_ns: int) -> M | None:
-        """The newest message, None when it is stale."""
+        """Return the newest message; None if it is stale."""
         found: M | None = self._boxes[topic.path].fresh(now_ns)
         return found
 
     def live(self, topic: Topic[M], now_ns: int) -> M | None:
-        """The newest message, None when it is too old to be shown at all."""
+        """Return the newest message; None if it is too old to be shown."""
         newest = self.latest(topic)
         if newest is None or age_of(topic, now_ns - newest[1]) is Age.GONE:
             return None
         return newest[0]
 
-    def seen(self, topic: Topic[Any], now_ns: int) -> Seen:
+    def seen(self, topic: Topic[Any], now_ns: int) -> AgedMessage:
+        """Return the newest message with its age."""
         newest = self.latest(topic)
         if newest is None:
-            return Seen(None, None, Age.GONE)
+            return AgedMessage(None, None, Age.GONE)
         age_ns = now_ns - newest[1]
-        return Seen(newest[0], age_ns, age_of(topic, age_ns))
+        return AgedMessage(newest[0], age_ns, age_of(topic, age_ns))
 
     def boxes(self) -> Mapping[str, Mailbox[Any]]:
+        """Return the mailboxes by the path of their topics."""
         return self._boxes
 
 
 def age_of(topic: Topic[Any], age_ns: int) -> Age:
-    """An event stays; a stream fades after a few of its periods."""
+    """Classify an age: an event never fades, a stream does after a few of its periods."""
     if not topic.rate_hz:
         return Age.LIVE
     periods = age_ns * topic.rate_hz / NS_PER_S

@@ -1,17 +1,16 @@
-"""Words of operators: sides, navigators, and what to do after a refusal."""
+"""Names of sides and navigators, and remedies for refusals."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from ground.client.requests import Answered
 from protocol.wire.enums import Navigator
 from protocol.wire.reasons import Reason
 
 SIDES: Final = MappingProxyType({"left": 1, "right": -1})
 NAVIGATORS: Final = MappingProxyType({name.name.lower(): name for name in Navigator})
 USUAL_NAVIGATOR: Final = Navigator.VGM_MEMORY.name.lower()
-"""The robot's own."""
+"""The robot's default."""
 HINTS: Final[Mapping[int, str]] = MappingProxyType(
     {
         Reason.NOT_ARMED: "sidestep arm",
@@ -25,10 +24,3 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.NO_MISSION: "sidestep mission upload FILE",
     }
 )
-
-
-def why(answered: Answered, who: str = "") -> str:
-    """The robot's reason, with what to do where there is something; `who`: because of whom."""
-    text = f"{answered.text}: {who}" if who else answered.text
-    hint = HINTS.get(answered.reason)
-    return f"{text} ({hint})" if hint else text

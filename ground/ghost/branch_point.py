@@ -6,7 +6,7 @@ from math import degrees
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from ground.client.goal import Destination
-from protocol.wire.goal import start_words
+from protocol.wire.goal import start_arguments
 
 Facts: TypeAlias = Mapping[str, Any]
 
@@ -40,7 +40,7 @@ def trial_words(instant: BranchPoint, navigator: str, more: Mapping[str, object]
         place.append(repr(degrees(goal.heading_rad)))
     words = ["trial", "--json", "--trace", "-", "--navigator", navigator]
     words += ["--world", STANDARD_INPUT if world_bytes(instant) else str(instant.world)]
-    words += ["--start", *start_words(*instant.start), "--at", repr(instant.at_s)]
+    words += ["--start", *start_arguments(*instant.start), "--at", repr(instant.at_s)]
     words += ["--goal", *place, "--tolerance", repr(goal.position_tolerance_m)]
     words += ["--heading-tolerance", repr(degrees(goal.heading_tolerance_rad))]
     for name, value in more.items():

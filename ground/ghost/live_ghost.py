@@ -23,7 +23,7 @@ class LiveState:
     def __init__(self, link: Link) -> None:
         """Raises Unanswered, who is missing, when the robot is not heard."""
         self._link = link
-        with link.hearing(STATUS, TRUTH) as heard:
+        with link.subscribed(STATUS, TRUTH) as heard:
             link.wait(lambda: all(heard.latest(topic) for topic in (STATUS, TRUTH)), LISTEN_NS)
             now_ns = link.clock.now_ns()
             status, self._truth = heard.live(STATUS, now_ns), heard.live(TRUTH, now_ns)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from ground.client.connection import within
-from ground.client.operations import ClearFence, Judged, Operation, SetFence, ShowFence
+from ground.client.operations import ClearFence, Operation, SetFence, ShowFence, TransferOutcome
 from ground.client.operations.session import Session
 from ground.client.results import Outcome
 from ground.grammar.words import Words, add_common, positive
@@ -28,7 +28,7 @@ class SetFenceOfFile:
     def read(self) -> SetFence:
         return SetFence(fence=read_fence(self.file))
 
-    def perform(self, session: Session) -> Judged:
+    def perform(self, session: Session) -> TransferOutcome:
         return self.read().perform(session)
 
 

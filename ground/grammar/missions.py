@@ -13,13 +13,13 @@ from ground.client.operations import (
     DownloadMission,
     FetchMission,
     Hold,
-    Judged,
     JumpTo,
     Operation,
     Progress,
     Resume,
     ShowMissionStatus,
     StartMission,
+    TransferOutcome,
     UploadMission,
 )
 from ground.client.operations.session import Session
@@ -68,7 +68,7 @@ class UploadMissionFile:
         found = self.source.read()
         return UploadMission(mission=found.mission, dropped=found.dropped)
 
-    def perform(self, session: Session) -> Judged:
+    def perform(self, session: Session) -> TransferOutcome:
         return self.read().perform(session)
 
 

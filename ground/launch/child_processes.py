@@ -20,12 +20,13 @@ MAX_OUTPUT: Final = 4 << 20
 LATE_EXIT_NS: Final = 300_000_000
 POLL_NS: Final = 10_000_000
 TERMINATING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-# Each signal with the time it gets to take effect; 1.9 s in all.
 STOP_STEPS: Final[tuple[tuple[int, int], ...]] = (
-    (signal.SIGINT, 1_000_000_000),
-    (signal.SIGTERM, 500_000_000),
+    (signal.SIGINT, 800_000_000),
+    (signal.SIGTERM, 300_000_000),
     (signal.SIGKILL, 400_000_000),
 )
+"""Each signal and the nanoseconds until the next one, 1.5 s in all: `up` promises to end within two
+seconds, and needs some of them for its own end."""
 
 
 class ChildExitError(RemoteError):

@@ -6,14 +6,15 @@ from typing import Final
 
 from ground.client.goal import goal_request
 from ground.client.link import Link, Unanswered
-from ground.client.requests import Answered, GoalWatch
+from ground.client.requests import GoalWatch
+from ground.client.results import Accepted, Refused
 from ground.client.status_line import goal_line, short_line
 from ground.client.telemetry import Telemetry
-from ground.client.vocabulary import NAVIGATORS, SIDES, why
+from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.text.status_parts import Part
-from protocol.outcome import Ended, Outcome, judged
+from protocol.outcome import Outcome, RunEnd, evaluated
 from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command, GoalState, Mode, RunAction
@@ -74,7 +75,7 @@ class GoalRun:
         self._void = void
         self._goal_id = 0
         self._begun_ns = self._lost_ns = 0
-        self._refusal: Answered | None = None
+        self._refusal: Refused | None = None
         self._watch: GoalWatch | None = None
 
     def _keep_pose(self, _key: str, frame: bytes, _at_ns: int) -> None:
@@ -94,16 +95,16 @@ class GoalRun:
         while True:
             self._check()
             try:
-                answered = self.link.ask(self.link.command(command, param1, param2))
+                answer = self.link.ask(self.link.command(command, param1, param2))
             except Unanswered:
                 if clock.now_ns() > deadline_ns:
                     raise
             else:
-                if answered.ok:
+                if isinstance(answer, Accepted):
                     return
-                if answered.reason not in RETRYABLE or clock.now_ns() > deadline_ns:
+                if answer.reason not in RETRYABLE or clock.now_ns() > deadline_ns:
                     raise NoOutcomeError(
-                        f"the robot refused {command.name.lower()}: {why(answered)}"
+                        f"the robot refused {command.name.lower()}: {answer.words}"
                     )
             clock.sleep_until(clock.now_ns() + RETRY_NS)
 
@@ -117,8 +118,8 @@ class GoalRun:
         """Send the goal. A refusal is an outcome, too, but is kept until time has started."""
         request = goal_request(self._goal.on_the_wire(), self.link.ids.next(), Mode.AUTO)
         self._goal_id = request.request_id
-        answered = self.link.ask(request)
-        self._refusal = None if answered.ok else answered
+        answer = self.link.ask(request)
+        self._refusal = answer if isinstance(answer, Refused) else None
 
     def begin(self) -> None:
         """Follow the goal from now on; call it after `start`."""
@@ -195,11 +196,11 @@ class GoalRun:
     def _ask_plant(self, request: RunRequest) -> object:
         return self.link.bus.ask(RUN, request, REQUEST_TIMEOUT_S, robot=self.link.robot)
 
-    def _refused(self, answered: Answered) -> NavigatorStatus:
+    def _refused(self, refusal: Refused) -> NavigatorStatus:
         self.link.wait(lambda: self.telemetry.latest(STATUS) is not None, READY_NS)
         newest = self.telemetry.latest(STATUS)
         if newest is None:
-            raise NoOutcomeError(f"the goal was refused: {why(answered)}")
+            raise NoOutcomeError(f"the goal was refused: {refusal.words}")
         return newest[0]
 
     def _judge(self, status: NavigatorStatus, wall_s: float) -> Outcome:
@@ -211,7 +212,7 @@ class GoalRun:
             raise NoOutcomeError("the plant did not return a score")
         x_m, y_m = self._estimated_position(until_ns)
         cycle = self.telemetry.latest(CYCLE)
-        account = Ended(
+        account = RunEnd(
             goal_state=status.goal,
             goal_reason=status.goal_reason,
             time_s=(until_ns - status.goal_started_ns) / NS_PER_S,
@@ -220,7 +221,7 @@ class GoalRun:
             wall_s=wall_s,
             missed_ticks=0 if cycle is None else cycle[0].missed,
         )
-        return judged(self._scenario.asked(self._goal), account, score)
+        return evaluated(self._scenario.asked(self._goal), account, score)
 
     def _estimated_position(self, at_ns: int) -> tuple[float, float]:
         """Return the robot's estimated position in m at that stamp, or the nearest one received."""

@@ -10,8 +10,8 @@ from typing import Any, Final, Protocol
 
 from ground.client.goal import Destination, destination
 from ground.launch.tls_configs import locked, with_locks
-from protocol.outcome import Asked
-from protocol.wire.goal import start_words
+from protocol.outcome import RunSettings
+from protocol.wire.goal import start_arguments
 from runtime.calibration import settings_of
 from runtime.errors import RemoteError, UserError
 
@@ -67,9 +67,9 @@ class Scenario:
         """Names of the robots."""
         return tuple(scenario_robot.robot for scenario_robot in self.scenario_robots)
 
-    def asked(self, goal: Destination) -> Asked:
+    def asked(self, goal: Destination) -> RunSettings:
         """Return the task of a robot with this goal."""
-        return Asked(
+        return RunSettings(
             world=self.name,
             navigator=self.navigator,
             seed=self.seed,
@@ -213,7 +213,7 @@ def robot(scenario: Scenario, scenario_robot: ScenarioRobot, endpoint: str) -> l
     ]
     if scenario.lockstep:
         found.append("--lockstep")
-    found += ["--start", *start_words(*scenario_robot.start)]
+    found += ["--start", *start_arguments(*scenario_robot.start)]
     settings = settings_of(scenario.facts["robot"], scenario.level, calibrated=scenario.calibrated)
     for parameter, value in settings.items():
         found += ["--param", f"{parameter}={value!r}"]

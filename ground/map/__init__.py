@@ -1,8 +1,10 @@
-"""The map: a scene in metres, a view of it, and a canvas of characters. Knows no terminal."""
+"""Draw a scene, given in metres, through a view onto a canvas of characters.
+
+No terminal is needed.
+"""
 
 from ground.map.canvas import Canvas, Run
-from ground.map.description import describe
-from ground.map.drawing import draw, draw_moving, draw_standing, standing
+from ground.map.drawing import draw, draw_moving, draw_static, static_parts
 from ground.map.roles import ROLES
 from ground.map.scene import (
     LAYERS,
@@ -32,10 +34,9 @@ __all__ = [
     "Shape",
     "Target",
     "View",
-    "describe",
     "draw",
     "draw_moving",
-    "draw_standing",
+    "draw_static",
     "floor",
-    "standing",
+    "static_parts",
 ]

@@ -1,7 +1,7 @@
 """A drawing in a grid of character cells: 2 x 4 dots and one role in each, marks and text above.
 
-Dots count from the top left corner, x to the right and y downwards. Whatever lies outside is
-not drawn; nothing raises.
+Dots count from the top left corner, x to the right and y downwards. Dots and cells outside the
+canvas are skipped without an error.
 """
 
 import re
@@ -18,8 +18,9 @@ RUN: Final = re.compile(rb"\x00*([^\x00])(?:\1|\x00)*")
 
 Dot = tuple[int, int]
 Run = tuple[str, str]
-"""A role, "" for blank paper, and the text drawn in it."""
-NONE: Final = (0, 0, 0, 0, 0, 1)
+"""A role ("" for blank cells) and the text drawn in this role."""
+OFF_CANVAS: Final = (0, 0, 0, 0, 0, 1)
+"""The result of `clip_line` for a line that misses the canvas."""
 
 
 class Canvas:
@@ -36,7 +37,7 @@ class Canvas:
         self._glyphs: list[dict[int, tuple[int, str]]] = [{} for _ in range(self.rows)]
 
     def copy(self) -> "Canvas":
-        """A canvas of its own with the same drawing."""
+        """Return an independent canvas with the same drawing."""
         twin = Canvas(self.columns, self.rows, self.ascii_only)
         twin._bits[:] = self._bits
         twin._ranks[:] = self._ranks
@@ -44,7 +45,7 @@ class Canvas:
         return twin
 
     def dots(self, dots: Iterable[Dot], role: str) -> None:
-        """Single dots."""
+        """Set single dots."""
         bits, ranks, rank = self._bits, self._ranks, RANK[role]
         columns, width, height = self.columns, self.width, self.height
         for x, y in dots:
@@ -54,14 +55,21 @@ class Canvas:
                 ranks[cell] = rank
 
     def line(self, x0: int, y0: int, x1: int, y1: int, role: str) -> None:
-        """Bresenham's, the same dots in both directions; outside dots are skipped, not stepped."""
+        """Draw a line by Bresenham's algorithm.
+
+        Both directions set the same dots. The part outside the canvas is clipped first, so the cost
+        does not grow with the length.
+        """
         if abs(x1 - x0) >= abs(y1 - y0):
             self._shallow((x0, y0, x1, y1) if x0 <= x1 else (x1, y1, x0, y0), RANK[role])
         else:
             self._steep((y0, x0, y1, x1) if y0 <= y1 else (y1, x1, y0, x0), RANK[role])
 
     def polyline(self, dots: Iterable[Dot], role: str) -> None:
-        """From dot to dot; of a run of neighbours, which is what a trail is, only their ends."""
+        """Draw lines from dot to dot.
+
+        Neighbouring dots, as in a trail, are set directly instead of as lines of one dot.
+        """
         apart: list[Dot] = []
         last: Dot | None = None
         for dot in dots:
@@ -75,32 +83,32 @@ class Canvas:
         self.dots(apart, role)
 
     def mark(self, column: int, row: int, meaning: str, role: str) -> None:
-        """One character by its meaning (see `glyphs.MARKS`)."""
+        """Put the character of a meaning (see `glyphs.MARKS`) into a cell."""
         self._put(column, row, MARKS[meaning][self.ascii_only], RANK[role])
 
     def heading(self, column: int, row: int, eighth: int, role: str) -> None:
-        """Somebody who looks `eighth` times 45 degrees counter-clockwise from the right."""
+        """Put an arrowhead that points `eighth` times 45 degrees left of the x axis."""
         self._put(column, row, HEADINGS[self.ascii_only][eighth % 8], RANK[role])
 
     def pointer(self, column: int, row: int, eighth: int, role: str) -> None:
-        """That what is meant is out there."""
+        """Put an arrow towards a place outside the map; `eighth` as in `heading`."""
         self._put(column, row, POINTERS[self.ascii_only][eighth % 8], RANK[role])
 
     def text(self, column: int, row: int, words: str, role: str) -> None:
-        """One line, moved to the left as far as it must to end on the canvas."""
+        """Write one line, moved left as far as needed to end on the canvas."""
         words = printable(words, self.ascii_only)
         column = max(0, min(column, self.columns - len(words)))
         for offset, character in enumerate(words):
             self._put(column + offset, row, character, RANK[role])
 
-    def taken(self, column: int, row: int, cells: int) -> bool:
-        """Whether a mark or text is in the way of so many cells."""
+    def is_occupied(self, column: int, row: int, cells: int) -> bool:
+        """Return whether a mark or text is in any of `cells` cells; True outside the canvas."""
         if not 0 <= row < self.rows:
             return True
         return any(column <= at < column + cells for at in self._glyphs[row])
 
-    def changed(self, other: "Canvas") -> list[int]:
-        """The rows that look different from those of a canvas of the same size."""
+    def changed_rows(self, other: "Canvas") -> list[int]:
+        """Return the rows that differ from those of `other`, a canvas of the same size."""
         wide = self.columns
         return [
             row
@@ -113,20 +121,21 @@ class Canvas:
         ]
 
     def strip(self, row: int) -> list[Run]:
-        """A row from left to right, as many characters as there are columns.
+        """Return a row as runs of equal role, one character for each column.
 
-        Blank cells belong to the run before them: a change of colour costs more than a blank.
+        Blank cells belong to the run before them, because a change of colour costs more than a
+        blank.
         """
         text, ranks = self._cells(row)
         runs = [(ROLES[run[1][0] - 1], text[slice(*run.span())]) for run in RUN.finditer(ranks)]
         return runs or ([("", text)] if text else [])
 
     def to_rows(self) -> list[str]:
-        """The drawing as plain text."""
+        """Return the drawing as plain text."""
         return [self._cells(row)[0] for row in range(self.rows)]
 
     def _cells(self, row: int) -> tuple[str, bytearray]:
-        """The characters of a row and their ranks, 0 for blank ones."""
+        """Return the characters of a row and their ranks; blank cells have rank 0."""
         if not 0 <= row < self.rows:
             return BLANK * self.columns, bytearray(self.columns)
         cells = slice(row * self.columns, (row + 1) * self.columns)
@@ -147,7 +156,7 @@ class Canvas:
 
     def _shallow(self, ends: tuple[int, int, int, int], rank: int) -> None:
         bits, ranks, columns = self._bits, self._ranks, self.columns
-        first, y, error, count, rise, full = reach(*ends, self.width, self.height)
+        first, y, error, count, rise, full = clip_line(*ends, self.width, self.height)
         row, low = (y >> 2) * columns, (y & 3) << 1
         for x in range(first, first + count):
             cell = row + (x >> 1)
@@ -162,7 +171,7 @@ class Canvas:
 
     def _steep(self, ends: tuple[int, int, int, int], rank: int) -> None:
         bits, ranks, columns = self._bits, self._ranks, self.columns
-        first, x, error, count, rise, full = reach(*ends, self.height, self.width)
+        first, x, error, count, rise, full = clip_line(*ends, self.height, self.width)
         for y in range(first, first + count):
             cell = (y >> 2) * columns + (x >> 1)
             bits[cell] |= DOTS[(y & 3) << 1 | x & 1]
@@ -174,19 +183,19 @@ class Canvas:
                 error -= step * full
 
 
-def reach(
+def clip_line(
     a0: int, b0: int, a1: int, b1: int, a_size: int, b_size: int
 ) -> tuple[int, int, int, int, int, int]:
-    """The visible stretch of the line from (a0, b0) to (a1, b1), a1 - a0 >= |b1 - b0|.
+    """Clip the line from (a0, b0) to (a1, b1) to the canvas; a1 - a0 >= |b1 - b0|.
 
-    Dot i of it is at a0 + i, b0 + floor((2 i rise + n) / 2 n) with n = a1 - a0. Returned are the
-    first a and b that lie in 0 .. size - 1, the error there, how many dots follow on the canvas,
-    and what the error grows by with each and is full at: b steps when it leaves 0 .. full - 1.
+    Dot i of the line is at a0 + i, b0 + floor((2 i rise + n) / 2 n), with n = a1 - a0. Return the
+    first visible a and b, the error there, the number of visible dots, the increase of the error
+    for each dot, and its limit. b steps when the error leaves 0 .. limit - 1.
     """
     n, rise = a1 - a0, b1 - b0
     if n == 0:
         inside = 0 <= a0 < a_size and 0 <= b0 < b_size
-        return (a0, b0, 0, 1, 0, 1) if inside else NONE
+        return (a0, b0, 0, 1, 0, 1) if inside else OFF_CANVAS
     low, high = max(0, -a0), min(n, a_size - 1 - a0)
     below, above = -(2 * b0 + 1) * n, (2 * (b_size - b0) - 1) * n - 1
     if rise > 0:
@@ -194,8 +203,8 @@ def reach(
     elif rise < 0:
         low, high = max(low, -(above // (-2 * rise))), min(high, -below // (-2 * rise))
     elif not 0 <= b0 < b_size:
-        return NONE
+        return OFF_CANVAS
     if low > high:
-        return NONE
+        return OFF_CANVAS
     steps, error = divmod(2 * low * rise + n, 2 * n)
     return a0 + low, b0 + steps, error, high - low + 1, 2 * rise, 2 * n

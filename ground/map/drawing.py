@@ -1,13 +1,13 @@
-"""A scene on a canvas, what matters more over what matters less.
+"""Draw a scene on a canvas, layer by layer; later layers cover earlier ones.
 
-What stands still is apart from what moves, so that whoever draws many frames draws it once.
+Static layers are separate, so that a caller that draws many frames draws them once.
 """
 
 from collections.abc import Callable, Collection
 from typing import Final
 
 from ground.map.canvas import Canvas
-from ground.map.moving import (
+from ground.map.moving_layers import (
     draw_cursor,
     draw_ellipse,
     draw_goal,
@@ -20,59 +20,60 @@ from ground.map.moving import (
 )
 from ground.map.pen import Pen
 from ground.map.scene import LAYERS, Scene
-from ground.map.standing import (
+from ground.map.static_layers import (
     draw_draft,
     draw_fence,
     draw_ghosts,
-    draw_marks,
+    draw_hit_points,
     draw_mission,
     draw_seen,
     draw_walls,
 )
-from ground.map.view import LEGEND_FROM_ROWS, View
+from ground.map.view import MIN_LEGEND_ROWS, View
 
 Layer = Callable[[Pen, Scene], None]
 
-STANDING: Final[tuple[tuple[str, Layer], ...]] = (
+STATIC: Final[tuple[tuple[str, Layer], ...]] = (
     ("walls", draw_walls),
     ("fence", draw_fence),
 )
 
 
-SHARE: Final = 6
+BAR_SHARE: Final = 6
+"""The scale bar takes at most one of so many columns."""
 TRUTH: Final = "walls: simulation truth"
-LOST: Final = "NOT LIVE"
+NOT_LIVE: Final = "NOT LIVE"
 
 
 def draw_legend(pen: Pen, scene: Scene) -> None:
-    """Only where there are rows enough; over what is on the map there."""
+    """Draw the scale bar and the legend into the last row, when there are rows enough."""
     canvas = pen.canvas
     row = canvas.rows - 1
-    if canvas.rows < LEGEND_FROM_ROWS:
+    if canvas.rows < MIN_LEGEND_ROWS:
         return
-    length_m, cells = pen.view.scale_bar(canvas.columns // SHARE)
+    length_m, cells = pen.view.scale_bar(canvas.columns // BAR_SHARE)
     canvas.mark(0, row, "bar left", "text")
     for column in range(1, cells - 1):
         canvas.mark(column, row, "bar", "text")
     canvas.mark(cells - 1, row, "bar right", "text")
-    length = metres(length_m)
+    length = length_text(length_m)
     canvas.text(cells + 1, row, length, "text")
-    legend = words(scene, canvas.columns - cells - len(length) - 3)
+    legend = legend_text(scene, canvas.columns - cells - len(length) - 3)
     canvas.text(canvas.columns - len(legend), row, legend, "text")
 
 
-def words(scene: Scene, room: int) -> str:
-    """The more important first, as much as there is room for."""
+def legend_text(scene: Scene, room: int) -> str:
+    """Return as many parts of the legend as fit into `room` columns, the most important first."""
     walled = scene.truth and (scene.obstacles or scene.size_m)
-    said = ""
-    for word in ("" if scene.live else LOST, TRUTH if walled else "", scene.note):
-        longer = ", ".join(part for part in (said, word) if part)
-        said = longer if len(longer) <= room else said
-    return said
+    legend = ""
+    for part in ("" if scene.live else NOT_LIVE, TRUTH if walled else "", scene.note):
+        longer = ", ".join(filter(None, (legend, part)))
+        legend = longer if len(longer) <= room else legend
+    return legend
 
 
-def metres(length_m: float) -> str:
-    """A length as one says it: 0.5 mm, 2 cm, 5 m, 2 km."""
+def length_text(length_m: float) -> str:
+    """Return a length in a fitting unit: 0.5 mm, 2 cm, 5 m, 2 km."""
     for unit, size_m in (("km", 1000.0), ("m", 1.0), ("cm", 0.01)):
         if length_m >= size_m * 0.999:
             return f"{length_m / size_m:g} {unit}"
@@ -86,7 +87,7 @@ MOVING: Final[tuple[tuple[str, Layer], ...]] = (
     ("ellipse", draw_ellipse),
     ("zone", draw_zone),
     ("sonars", draw_sonars),
-    ("marks", draw_marks),
+    ("marks", draw_hit_points),
     ("draft", draw_draft),
     ("mission", draw_mission),
     ("virtual", draw_virtual),
@@ -99,25 +100,23 @@ MOVING: Final[tuple[tuple[str, Layer], ...]] = (
 
 
 def draw(scene: Scene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
-    """All of it; only the layers named (see `scene.LAYERS`)."""
-    draw_standing(scene, view, canvas, layers)
+    """Draw the named layers of a scene (see `scene.LAYERS`)."""
+    draw_static(scene, view, canvas, layers)
     draw_moving(scene, view, canvas, layers)
 
 
-def draw_standing(
-    scene: Scene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS
-) -> None:
-    """What is the same in every frame while `standing` is."""
-    _draw(STANDING, scene, Pen(canvas, view), layers)
+def draw_static(scene: Scene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
+    """Draw the layers that stay the same while `static_parts` does."""
+    _draw(STATIC, scene, Pen(canvas, view), layers)
 
 
 def draw_moving(scene: Scene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
-    """All the rest."""
+    """Draw all other layers."""
     _draw(MOVING, scene, Pen(canvas, view), layers)
 
 
-def standing(scene: Scene) -> tuple[object, ...]:
-    """What `draw_standing` draws, to compare."""
+def static_parts(scene: Scene) -> tuple[object, ...]:
+    """Return the parts of a scene that `draw_static` draws, for comparison."""
     return scene.size_m, scene.obstacles, scene.truth, scene.fence
 
 

@@ -1,16 +1,19 @@
-"""The ellipse that holds the robot with a chance of CHANCE."""
+"""Compute the ellipse that contains the robot with probability 1 - OUTSIDE."""
 
 from math import atan2, isfinite, log, sqrt
 from typing import Final
 
 OUTSIDE: Final = 0.05
-CHANCE: Final = f"{100.0 * (1.0 - OUTSIDE):g} %"
+"""The probability that the robot is outside the ellipse."""
 CHI2_2: Final = -2.0 * log(OUTSIDE)
-"""The square of its half axis in standard deviations: chi-square with two degrees of freedom."""
+"""The squared half axis in standard deviations: chi-square with two degrees of freedom."""
 
 
 def ellipse(covariance: tuple[float, float, float]) -> tuple[float, float, float] | None:
-    """Half axes in metres, the longer first, and its direction; None for no covariance at all."""
+    """Return the half axes in metres, the longer first, and its direction in radians.
+
+    `covariance` is xx, xy, yy in m2. Return None when these are not a covariance.
+    """
     xx, xy, yy = covariance
     middle, spread = xx / 2.0 + yy / 2.0, xx / 2.0 - yy / 2.0
     half = sqrt(spread * spread + xy * xy)

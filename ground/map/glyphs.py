@@ -1,11 +1,11 @@
-"""The characters of the map: of every pattern of dots in a cell, and of every mark."""
+"""Define the characters of the map, for each pattern of dots in a cell and for each mark."""
 
 from functools import cache
 from typing import Final
 from unicodedata import combining, east_asian_width
 
 DOTS: Final = (0x01, 0x08, 0x02, 0x10, 0x04, 0x20, 0x40, 0x80)
-"""Of Unicode's braille patterns: the bit of the dot at [2 * (y % 4) + x % 2]."""
+"""The bit of the dot at [2 * (y % 4) + x % 2] in Unicode's braille patterns."""
 
 BLANK: Final = " "
 UNKNOWN: Final = "?"
@@ -29,24 +29,24 @@ MARKS: Final = {
     "bar": ("─", "-"),
     "bar right": ("┤", "|"),
 }
-"""By meaning: with all of Unicode, and in ASCII."""
+"""The character of each meaning, in Unicode and in ASCII."""
 
 HEADINGS: Final = ("▶◥▲◤◀◣▼◢", ">/^\\</v\\")
-"""Who looks where: from along x counter-clockwise by 45 degrees."""
+"""Arrowheads in steps of 45 degrees, counter-clockwise from the x axis."""
 
 POINTERS: Final = ("→↗↑↖←↙↓↘", ">/^\\</v\\")
-"""That way out of the map, in the same order."""
+"""Arrows towards places outside the map, in the same order."""
 
 
 def braille(bits: bytes | bytearray) -> str:
-    """The characters of some cells: U+2800 and their dots. None is a plain blank, one byte."""
+    """Return braille characters, one for each byte of dots; a cell without dots becomes a blank."""
     pairs = bytearray(b"\x00\x28" * len(bits))
     pairs[::2] = bits
     return pairs.decode("utf-16-le").replace("\u2800", BLANK)
 
 
 def ascii_art(bits: bytes | bytearray) -> str:
-    """The same for fonts without braille."""
+    """Return ASCII characters, one for each byte of dots, for fonts without braille."""
     return bits.translate(_strokes()).decode("ascii")
 
 
@@ -56,7 +56,7 @@ def _strokes() -> bytes:
 
 
 def stroke(bits: int) -> str:
-    """The ASCII character that looks most like a pattern of dots."""
+    """Return the ASCII character that looks most like a pattern of dots."""
     left = [row for row in range(4) if bits & DOTS[2 * row]]
     right = [row for row in range(4) if bits & DOTS[2 * row + 1]]
     rows = {*left, *right}
@@ -75,7 +75,7 @@ def stroke(bits: int) -> str:
 
 
 def printable(text: str, ascii_only: bool) -> str:
-    """One cell per character, whatever a name from the wire holds."""
+    """Replace each character that does not take exactly one printable cell by a question mark."""
     return "".join(
         character if _fits(character) and (character.isascii() or not ascii_only) else UNKNOWN
         for character in text

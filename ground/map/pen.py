@@ -1,4 +1,7 @@
-"""Draws in metres: what cannot be placed, a NaN or an infinity, is left out and breaks a line."""
+"""Draw in metres on a canvas.
+
+A point with a NaN or an infinity is left out and interrupts a line.
+"""
 
 from collections.abc import Iterable, Sequence
 from math import atan2, ceil, cos, floor, hypot, isfinite, pi, sin, sqrt
@@ -10,14 +13,14 @@ from ground.map.view import Point, View
 
 WHOLE_TURN_RAD: Final = 2.0 * pi
 DOTS_PER_CHORD: Final = 3.0
-LEAST_CHORDS: Final = 6
-MOST_CHORDS: Final = 240
-MOST_POINTS: Final = 500
-EDGE_DOTS: Final = 1.5 * DOTS_HIGH  # the last row is the legend's
+MIN_CHORDS: Final = 6
+MAX_CHORDS: Final = 240
+MAX_POINTS: Final = 500
+EDGE_DOTS: Final = 1.5 * DOTS_HIGH  # the last row holds the legend
 
 
 class Pen:
-    """A canvas seen through a view."""
+    """Draws on a canvas through a view."""
 
     def __init__(self, canvas: Canvas, view: View) -> None:
         self.canvas, self.view = canvas, view
@@ -26,21 +29,21 @@ class Pen:
         self._down = 2.0 * view.rows + view.centre_y_m * self._per_m
 
     def path(self, points: Iterable[Point], role: str) -> None:
-        """From point to point; a gap where a point cannot be placed."""
+        """Draw lines from point to point, interrupted at points that are not finite."""
         for dots in self._placed(points):
             self.canvas.polyline(dots, role)
 
     def dots(self, points: Iterable[Point], role: str) -> None:
-        """A dot at each point."""
+        """Draw a dot at each point."""
         for dots in self._placed(points):
             self.canvas.dots(dots, role)
 
     def dotted(self, a: Point, b: Point, role: str, every: int) -> None:
-        """A line of which only so many dots in one are set."""
+        """Draw a line from `a` to `b` with one dot in `every` set."""
         length = hypot(b[0] - a[0], b[1] - a[1]) * self._per_m
         if not isfinite(length):
             return
-        count = min(MOST_POINTS, max(1, round(length / every)))
+        count = min(MAX_POINTS, max(1, round(length / every)))
         step_x_m, step_y_m = (b[0] - a[0]) / count, (b[1] - a[1]) / count
         self.dots(
             ((a[0] + i * step_x_m, a[1] + i * step_y_m) for i in range(count + 1)),
@@ -48,7 +51,7 @@ class Pen:
         )
 
     def shape(self, shape: Shape, role: str) -> None:
-        """The edge of a shape."""
+        """Draw the edge of a shape."""
         if isinstance(shape, Disc):
             self.circle((shape.x_m, shape.y_m), shape.radius_m, role)
         else:
@@ -56,12 +59,13 @@ class Pen:
             self.path((*shape.points_m, *ends), role)
 
     def circle(self, centre: Point, radius_m: float, role: str) -> None:
+        """Draw a circle."""
         self.path(self.curve(centre, radius_m, radius_m), role)
 
     def disc(self, centre: Point, radius_m: float, role: str) -> None:
-        """Solid, and drawn row by row: for small ones."""
+        """Draw a filled circle, row by row; meant for small ones."""
         radius = radius_m * self._per_m
-        if not 0.0 <= radius <= MOST_POINTS:
+        if not 0.0 <= radius <= MAX_POINTS:
             return
         for x, y in self._placed([centre])[0]:
             for down in range(-floor(radius), floor(radius) + 1):
@@ -69,7 +73,7 @@ class Pen:
                 self.canvas.line(x - half, y + down, x + half, y + down, role)
 
     def arc(self, centre: Point, radius_m: float, ends_rad: Point, role: str) -> None:
-        """Counter-clockwise from the first bearing to the second."""
+        """Draw an arc, counter-clockwise from the first bearing to the second."""
         self.path(self.curve(centre, radius_m, radius_m, ends_rad=ends_rad), role)
 
     def curve(
@@ -80,13 +84,16 @@ class Pen:
         turn_rad: float = 0.0,
         ends_rad: Point = (0.0, WHOLE_TURN_RAD),
     ) -> Sequence[Point]:
-        """Points of an ellipse or a piece of it, close enough together to look round."""
+        """Return points of an ellipse, or of a part of it, close enough to look round.
+
+        `turn_rad` turns the long axis; `ends_rad` are the angles of the first and last point.
+        """
         begun_rad, length_rad = ends_rad[0], ends_rad[1] - ends_rad[0]
         around = long_m * self._per_m * abs(length_rad)
         if not (isfinite(around) and isfinite(turn_rad) and around >= 0.0):
             return ()
-        least = ceil(LEAST_CHORDS * abs(length_rad) / WHOLE_TURN_RAD)
-        chords = max(least, min(MOST_CHORDS, ceil(around / DOTS_PER_CHORD)))
+        least = ceil(MIN_CHORDS * abs(length_rad) / WHOLE_TURN_RAD)
+        chords = max(least, min(MAX_CHORDS, ceil(around / DOTS_PER_CHORD)))
         cosine, sine, step_rad = cos(turn_rad), sin(turn_rad), length_rad / max(1, chords)
         points = []
         for chord in range(chords + 1):
@@ -100,31 +107,34 @@ class Pen:
     def mark(
         self, at: Point, meaning: str, role: str, label: str = "", to_left: bool = False
     ) -> None:
-        """A character at a place, and a label beside it, `to_left` rather on the left."""
+        """Draw a character at a place with a label beside it, on the left if `to_left` and free."""
         cell = self.view.cell_of(*at)
         if cell is not None:
             self.canvas.mark(*cell, meaning, role)
             self._label(cell, label, role, to_left)
 
     def heading(self, at: Point, heading_rad: float, role: str, label: str = "") -> None:
-        """Who is there and looks in the nearest of eight directions; nobody without a heading."""
+        """Draw an arrowhead in the nearest of eight directions.
+
+        An infinite or NaN heading draws nothing.
+        """
         cell = self.view.cell_of(*at)
         if cell is not None and isfinite(heading_rad):
-            self.canvas.heading(*cell, eighth(heading_rad), role)
+            self.canvas.heading(*cell, nearest_eighth(heading_rad), role)
             self._label(cell, label, role)
 
-    def inside(self, at: Point) -> bool:
-        """Whether a place is on the map."""
+    def shows(self, at: Point) -> bool:
+        """Return whether a place is on the map."""
         cell = self.view.cell_of(*at)
         if cell is None:
             return False
         return 0 <= cell[0] < self.canvas.columns and 0 <= cell[1] < self.canvas.rows
 
     def off_map(self, at: Point, role: str, label: str) -> None:
-        """For a place outside: a pointer on the edge where the way to it leaves the map."""
+        """Draw an arrow on the edge towards a place that is outside the map."""
         x_m, y_m = self.view.centre_x_m, self.view.centre_y_m
         away_x, away_y = (at[0] - x_m) * self._per_m, (at[1] - y_m) * self._per_m
-        if not (isfinite(away_x) and isfinite(away_y)) or self.inside(at):
+        if not (isfinite(away_x) and isfinite(away_y)) or self.shows(at):
             return
         share = min(
             (self.canvas.width / 2.0 - 1.0) / max(1e-9, abs(away_x)),
@@ -133,11 +143,11 @@ class Pen:
         to_edge_m = max(0.0, share) * self.view.m_per_dot
         cell = self.view.cell_of(x_m + away_x * to_edge_m, y_m + away_y * to_edge_m)
         if cell is not None:
-            self.canvas.pointer(*cell, eighth(atan2(away_y, away_x)), role)
+            self.canvas.pointer(*cell, nearest_eighth(atan2(away_y, away_x)), role)
             self._label(cell, label, role)
 
     def _label(self, cell: tuple[int, int], label: str, role: str, to_left: bool = False) -> None:
-        """Where no other is in the way: right, left, below, above; else on its first side."""
+        """Write a label on its first free side: right, left, below, above; else on the first."""
         column, row = cell
         wide = len(label)
         if not (wide and 0 <= column < self.canvas.columns and 0 <= row < self.canvas.rows):
@@ -147,13 +157,13 @@ class Pen:
         places = (*beside, (column, row + 1), (column, row - 1))
         for place in places:
             fits = 0 <= place[0] <= self.canvas.columns - wide
-            if fits and not self.canvas.taken(*place, wide):
+            if fits and not self.canvas.is_occupied(*place, wide):
                 self.canvas.text(*place, label, role)
                 return
         self.canvas.text(*places[0], label, role)
 
     def _placed(self, points: Iterable[Point]) -> list[list[Dot]]:
-        """The dots of the points, in one piece when all can be placed."""
+        """Return the dots of the points, in pieces that are split where a point is not finite."""
         per_m, right, down = self._per_m, self._right, self._down
         points = list(points)
         try:
@@ -172,6 +182,6 @@ class Pen:
         return pieces
 
 
-def eighth(angle_rad: float) -> int:
-    """The nearest multiple of 45 degrees."""
+def nearest_eighth(angle_rad: float) -> int:
+    """Return the nearest multiple of 45 degrees, from 0 to 8."""
     return round(angle_rad % WHOLE_TURN_RAD / (pi / 4.0))

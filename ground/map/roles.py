@@ -1,4 +1,7 @@
-"""What ink on the map means. A cell has one role: the one drawn last, in the order given here."""
+"""Define the roles of what is drawn on the map.
+
+A cell has one role: the one drawn last, in the order given here.
+"""
 
 from typing import Final
 
@@ -24,7 +27,7 @@ ROLES: Final = (
     "text",
     "cursor",
 )
-"""`wall` is known to stand there, `truth` is what only the simulation knows."""
+"""`wall` is an obstacle known to the robot, `truth` one that only the simulation knows."""
 
 RANK: Final = {role: rank for rank, role in enumerate(ROLES, start=1)}
-"""Rank 0 is paper."""
+"""Rank 0 is a blank cell."""

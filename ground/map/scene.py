@@ -1,4 +1,4 @@
-"""Everything a map can show, as plain values: metres, radians, and None for what is not known."""
+"""Define everything that a map can show: plain values in metres and radians, None where unknown."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ LAYERS: Final = (
     "cursor",
     "legend",
 )
-"""What can be switched off by name; `marks` are hit and leave points, `others` all that moves."""
+"""Layers that can be hidden by name; `marks` are hit and leave points, `others` all that moves."""
 
 RADIUS_M: Final = 0.12
 BEAM_RAD: Final = 0.39269908169872414  # 22.5 degrees
@@ -34,7 +34,7 @@ BEAM_RAD: Final = 0.39269908169872414  # 22.5 degrees
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """The edge of something solid, or a wall seen from above when it is not closed."""
+    """The edge of a solid obstacle when `closed`, else a wall as a line."""
 
     points_m: tuple[Point, ...]
     closed: bool = True
@@ -42,7 +42,7 @@ class Outline:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """Something round: a pillar, a walker, a fence."""
+    """A circle: a pillar, a pedestrian, a fence."""
 
     x_m: float
     y_m: float
@@ -54,7 +54,7 @@ Shape: TypeAlias = Outline | Disc
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """Where one is and where it looks; the name is shown when it is not the only one."""
+    """The pose of a robot; the name is shown when there are several."""
 
     x_m: float
     y_m: float
@@ -65,7 +65,7 @@ class Robot:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A goal or an item of a mission; a heading of None means any."""
+    """A goal or an item of a mission; a heading of None means that any heading will do."""
 
     x_m: float
     y_m: float
@@ -75,7 +75,7 @@ class Target:
 
 @dataclass(frozen=True, slots=True)
 class Ghost:
-    """The way another run took, and how it ended: an outcome of `protocol.outcome`, or ""."""
+    """The path of another run, and its outcome from `protocol.outcome`, or "" while it drives."""
 
     label: str
     path_m: Sequence[Point]
@@ -84,14 +84,15 @@ class Ghost:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """What is to be drawn now.
+    """All that is to be drawn now.
 
-    `size_m` is the floor, from 0 0; walls around it are obstacles like others. `truth`: they are
-    what the simulation knows, not what the robot saw. `live` is False when the robot has not been
-    heard lately: then its mark is a question mark. `ranges_m` are by sonar from right to left,
-    measured from the robot's rim: inf for no echo, None for a sonar that is missing. `zone_m` is
-    measured from the rim too. `covariance` is xx, xy, yy in m2. `current` is the mission item
-    under way, `draft` a mission that the robot does not have yet, `note` a word for the legend.
+    `size_m` is the size of the floor, from 0 0; walls around the floor are ordinary obstacles.
+    `truth`: the obstacles come from the simulation, not from the robot. `live` is False when the
+    robot is late; its mark is then a question mark. `ranges_m` are the ranges of the sonars from
+    right to left, measured from the robot's rim: inf for no echo, None for a missing sonar.
+    `zone_m` is measured from the rim, too. `covariance` is xx, xy, yy in m2. `current` is the index
+    of the mission item under way, `draft` a mission that the robot has not received, `note` a text
+    for the legend.
     """
 
     size_m: Point | None = None
@@ -119,7 +120,7 @@ class Scene:
     note: str = ""
 
     def box(self) -> Box | None:
-        """What has to be on a map that shows all of it; None when there is nothing."""
+        """Return the box of everything that a whole map must show; None when that is nothing."""
         least_x, least_y, most_x, most_y = inf, inf, -inf, -inf
         for x_m, y_m in self._corners():
             if isfinite(x_m) and isfinite(y_m):
@@ -141,7 +142,7 @@ class Scene:
 
 
 def floor(size_m: Point) -> tuple[Point, ...]:
-    """The corners of the floor, or of the wall around it."""
+    """Return the corners of a floor of this size."""
     width_m, height_m = size_m
     return (0.0, 0.0), (width_m, 0.0), (width_m, height_m), (0.0, height_m)
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from ground.client.requests import Exchange, GaveUp, Send, is_saving
+from ground.client.requests import Attempt, Exchange, GaveUp, is_saving
 from protocol.wire.enums import MissionType
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -70,7 +70,7 @@ class Transfer(Exchange[Verdict | Downloaded]):
         self._steps_left = most
         self._saving_left = MAX_SAVING
 
-    def due(self, now_ns: int) -> list[Send]:
+    def due(self, now_ns: int) -> list[Attempt]:
         sends = super().due(now_ns)
         self._steps_left -= len(sends)
         return sends

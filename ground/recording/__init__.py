@@ -1,1 +1,1 @@
-"""Write `.tlog` and `.mcap` recordings, and read either of them."""
+"""Recordings: what is written besides the `.tlog`, and everything that is read from either."""

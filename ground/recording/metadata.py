@@ -1,8 +1,8 @@
-"""Request what a recording holds besides frames: the world and the parameters, once each."""
+"""What a recording should say beside its frames: the world and the parameters, once each."""
 
 from typing import Final
 
-from ground.client.emergency_stop import Asks
+from ground.client.emergency_stop import ServiceCaller
 from protocol.topics import PARAMETERS, WORLD, Service
 from runtime.errors import RemoteError
 
@@ -13,17 +13,17 @@ LONGEST_PAUSE_NS: Final = 5_000_000_000
 
 
 class MetadataReader:
-    """Requests missing facts at growing intervals, as the plant may start later."""
+    """Asks for what is still missing, ever more seldom: who knows it may come later."""
 
-    def __init__(self, bus: Asks, robot: str) -> None:
+    def __init__(self, bus: ServiceCaller, robot: str) -> None:
         self._bus = bus
         self._robot = robot
         self._missing = dict(WANTED)
         self._due_ns = 0
         self._pause_ns = FIRST_PAUSE_NS
 
-    def poll(self, now_ns: int) -> dict[str, str]:
-        """Return newly received facts as JSON texts by name; request those that are due."""
+    def learned(self, now_ns: int) -> dict[str, str]:
+        """What has been answered now: JSON texts by name."""
         if not self._missing or now_ns < self._due_ns:
             return {}
         self._due_ns = now_ns + self._pause_ns

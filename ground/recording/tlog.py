@@ -1,6 +1,6 @@
-"""Read a `.tlog`: records of a big-endian time in us (8 bytes) and one MAVLink frame.
+"""A .tlog file: eight bytes of big-endian microseconds, then one MAVLink frame, over and over.
 
-A truncated file is read up to the cut; the reader reports the loss.
+A file that was cut off anywhere is read up to the cut, and the reader says how much was lost.
 """
 
 from collections.abc import Iterator
@@ -24,31 +24,30 @@ EPOCH_2200_US: Final = 7_258_118_400_000_000
 
 
 class Record(NamedTuple):
-    """One frame and its time of arrival, microseconds since 1970 in UTC."""
+    """One frame and when it arrived, microseconds since 1970 in UTC."""
 
     time_us: int
     frame: bytes
 
 
 def record_bytes(time_us: int, frame: bytes) -> bytes:
-    """Return the bytes of a record."""
     return STAMP.pack(time_us) + frame
 
 
 def frame_size(head: bytes) -> int:
-    """Return the size of a frame from its first three bytes or more; 0 for no frame."""
+    """Size of the frame that begins with these (at least three) bytes; 0 when none does."""
     if len(head) < 3 or head[0] != MAGIC:
         return 0
     return HEADER_SIZE + head[1] + CHECKSUM_SIZE + (SIGNATURE_SIZE if head[2] & SIGNED else 0)
 
 
-def is_whole_frame(frame: bytes) -> bool:
-    """Return whether the bytes are exactly one frame, by the frame's own size."""
+def whole(frame: bytes) -> bool:
+    """Is this exactly one frame, by its own account of its size?"""
     return len(frame) > 0 and frame_size(frame) == len(frame)
 
 
-class TlogReader:
-    """Reads a log once from front to back; `lost_bytes` belong to no whole record."""
+class Reader:
+    """Reads a log once, front to back; `lost_bytes` are those that belong to no whole record."""
 
     def __init__(self, source: BinaryIO) -> None:
         self._source = source
@@ -69,7 +68,7 @@ class TlogReader:
                 self._skip()
 
     def _available(self, size: int) -> bool:
-        """Buffer `size` bytes or the rest of the file; return False at its end."""
+        """Have `size` bytes ready, or what is left of the file; False at its end."""
         if len(self._buffer) - self._at < size and not self._ended:
             del self._buffer[: self._at]
             self._at = 0
@@ -81,19 +80,19 @@ class TlogReader:
         return self._at < len(self._buffer)
 
     def _record_size(self) -> int:
-        """Return the size of the whole record at the present position, 0 when there is none."""
+        """Size of the whole record at the present place, 0 when there is none."""
         size = self._claimed_size(self._at)
         end = self._at + size
         if not size or end > len(self._buffer):
             return 0
         if _decodes(bytes(self._buffer[self._at + STAMP.size : end])):
             return size
-        # A frame of a newer dialect cannot be checked; accept it if another record follows.
+        # A frame of a newer dialect cannot be checked; it is believed if its neighbour fits.
         followed = end == len(self._buffer) or self._claimed_size(end)
         return size if self._in_step and followed else 0
 
     def _claimed_size(self, at: int) -> int:
-        """Return the size that a record at a position claims; 0 when there is no record."""
+        """Size of the record that seems to begin there; 0 when nothing of the kind does."""
         head = bytes(self._buffer[at : at + STAMP.size + 3])
         if len(head) < STAMP.size + 3:
             return 0
@@ -110,7 +109,7 @@ class TlogReader:
         return Record(time_us, frame)
 
     def _skip(self) -> None:
-        """Move to the next byte at which a record may begin."""
+        """On to the next byte at which a record may begin."""
         self.gaps += self._in_step
         self._in_step = False
         magic = self._buffer.find(MAGIC, self._at + 1 + STAMP.size)
@@ -120,17 +119,17 @@ class TlogReader:
         self._at = place
 
     def damage(self) -> str:
-        """Return what was lost, in words; empty when nothing was lost."""
+        """What was lost, in words; empty when nothing was."""
         if not self.lost_bytes:
             return ""
         places = "one place" if self.gaps == 1 else f"{self.gaps} places"
-        return f"{self.lost_bytes} bytes in {places} belong to no whole record and were skipped"
+        return f"{self.lost_bytes} bytes in {places} belong to no whole record and were left out"
 
 
 def read(path: Path) -> Iterator[Record]:
-    """Yield the whole records of a file."""
+    """The whole records of a file."""
     with path.open("rb") as source:
-        yield from TlogReader(source)
+        yield from Reader(source)
 
 
 def _decodes(frame: bytes) -> bool:

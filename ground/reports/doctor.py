@@ -9,7 +9,7 @@ from ground.client.diagnosis import Finding, Observed, Stream, examine, installa
 from ground.client.diagnosis import Report as Findings
 from ground.client.link import Link, Unanswered
 from ground.client.operations import Session
-from ground.client.presence import crew_of
+from ground.client.presence import present_processes
 from ground.client.telemetry import Telemetry
 from ground.reports.report import Report
 from protocol.bus.mailbox import Mailbox
@@ -59,19 +59,19 @@ def told(error: Unanswered, endpoint: str) -> tuple[str, str]:
 
 def observe(link: Link, listen_ns: int) -> Observed:
     """Everything there is to see, within the given time and that of the questions."""
-    with link.hearing(*TOPICS) as telemetry:
+    with link.subscribed(*TOPICS) as telemetry:
         return observed(link, telemetry, listen_ns)
 
 
 def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
     link.wait(lambda: False, listen_ns)
     now_ns = link.clock.now_ns()
-    crew = crew_of(link.bus.present())
+    processes = present_processes(link.bus.present())
     status, cycle = telemetry.latest(STATUS), telemetry.latest(CYCLE)
     return Observed(
         robot=link.robot,
         endpoint=link.endpoint,
-        crew=crew,
+        processes=processes,
         listened_ns=listen_ns,
         streams=tuple(stream_of(box, now_ns) for box in telemetry.boxes().values()),
         status=None if status is None else status[0],
@@ -79,7 +79,7 @@ def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
         answers=tuple(
             (service.path, why)
             for service, role in QUESTIONS
-            if crew.has(link.robot, role)
+            if processes.has(link.robot, role)
             and not barred(link.bus.holder, link.robot, service)
             and (why := unanswered(link, service))
         ),
@@ -117,14 +117,14 @@ def told_of(seen: Observed, report: Findings) -> Report:
     found: dict[str, object] = {
         "ok": report.healthy,
         "robot": seen.robot,
-        "processes": sorted(f"{role} {robot}" for robot, role in seen.crew.there),
+        "processes": sorted(f"{role} {robot}" for robot, role in seen.processes.present),
         "findings": as_json(report.findings),
         "streams": {
             stream.topic.path: None if stream.age_ns is None else stream.age_ns / NS_PER_S
             for stream in seen.streams
         },
     }
-    there = ", ".join(sorted(f"{role} of {robot}" for robot, role in seen.crew.there))
+    there = ", ".join(sorted(f"{role} of {robot}" for robot, role in seen.processes.present))
     head = f"{'healthy' if report.healthy else 'not healthy'}: {there or 'nobody is there'}"
     text = "\n".join(part for part in (head, lines(report.findings)) if part)
     return Report(report.healthy, text, found)

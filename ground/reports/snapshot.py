@@ -6,7 +6,7 @@ from typing import ClassVar
 from ground.client.link import LISTEN_NS, Link
 from ground.client.operations import Session
 from ground.client.status_line import watch_line
-from ground.client.telemetry import LOOKED_AT, Telemetry
+from ground.client.telemetry import SUMMARY_TOPICS, Telemetry
 from ground.reports.report import Report
 from ground.text.status_parts import in_words
 from protocol.topics import STATUS
@@ -21,12 +21,12 @@ class LookOnce:
     moves: ClassVar[bool] = False
 
     def perform(self, session: Session) -> Report:
-        with session.link.hearing(*LOOKED_AT) as telemetry:
+        with session.link.subscribed(*SUMMARY_TOPICS) as telemetry:
             return look(session.link, telemetry)
 
 
 def look(link: Link, telemetry: Telemetry) -> Report:
-    link.wait(lambda: all(telemetry.latest(topic) for topic in LOOKED_AT), LISTEN_NS)
+    link.wait(lambda: all(telemetry.latest(topic) for topic in SUMMARY_TOPICS), LISTEN_NS)
     now_ns = link.clock.now_ns()
     heard = telemetry.live(STATUS, now_ns) is not None
     found = snapshot(telemetry, now_ns)
@@ -41,7 +41,7 @@ def look(link: Link, telemetry: Telemetry) -> Report:
 def snapshot(telemetry: Telemetry, now_ns: int) -> dict[str, object]:
     """Every stream with its age; a value that is too old is null."""
     streams: dict[str, object] = {}
-    for topic in LOOKED_AT:
+    for topic in SUMMARY_TOPICS:
         seen = telemetry.seen(topic, now_ns)
         message = telemetry.live(topic, now_ns)
         names = () if message is None else message.__struct_fields__

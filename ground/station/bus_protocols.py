@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-from ground.client.emergency_stop import Asks
-from ground.client.emergency_stop import Puts as Puts
-from ground.client.telemetry import Take
+from ground.client.emergency_stop import MessagePublisher as MessagePublisher
+from ground.client.emergency_stop import ServiceCaller
+from ground.client.telemetry import FrameHandler
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.network import Hub
 from protocol.topics import Topic
@@ -25,7 +25,7 @@ class Token(Protocol):
     def zid(self) -> str: ...
 
 
-class Hears(Asks, Protocol):
+class ReadableBus(ServiceCaller, Protocol):
     """A bus that can be listened to: a live one, or one that plays a log."""
 
     def mailbox(
@@ -34,20 +34,20 @@ class Hears(Asks, Protocol):
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
         *,
-        take: Take | None = None,
+        take: FrameHandler | None = None,
     ) -> Mailbox[M]: ...
     def present(self) -> Iterable[Token]: ...
 
 
 @runtime_checkable
-class Speaks(Hears, Protocol):
+class LiveBus(ReadableBus, Protocol):
     """A live bus: who has it can be an operator."""
 
     @property
     def zid(self) -> str: ...
     @property
     def operator(self) -> str | None: ...
-    def publisher(self, topic: Topic[M], robot: str | None = None) -> Puts[M]: ...
+    def publisher(self, topic: Topic[M], robot: str | None = None) -> MessagePublisher[M]: ...
     def announce(self, robot: str | None = None) -> None: ...
     def watch(self, handler: Callable[[Any, bool], None]) -> None: ...
     def hub(self) -> Hub: ...

@@ -6,8 +6,8 @@ from queue import SimpleQueue
 from typing import Final, NamedTuple
 
 from ground.client.parameter import Parameter, parameters_in
-from ground.station.bus_protocols import Speaks
-from ground.station.robot.background_requests import Outcome, RequestWorker
+from ground.station.bus_protocols import LiveBus
+from ground.station.robot.background_requests import JobResult, RequestWorker
 from ground.station.robot.mission_items import Items, downloaded
 from ground.station.world import WorldFacts, world_in
 from protocol.bus.network import Hub
@@ -57,7 +57,7 @@ Found = Probe | Parameters | Items | WorldFacts | Failed
 class Reader:
     """One question at a time, each again after a while; what is found waits for `poll`."""
 
-    def __init__(self, bus: Speaks, clock: Clock, robot: str, lane: RequestWorker) -> None:
+    def __init__(self, bus: LiveBus, clock: Clock, robot: str, lane: RequestWorker) -> None:
         self.asked = 0
         """How often the parameters were asked for since they were last wanted."""
         self._bus = bus
@@ -118,12 +118,12 @@ class Reader:
                 self._lane.start(partial(self._done, what, job))
                 return
 
-    def _done(self, what: str, job: Callable[[], Found]) -> Outcome:
+    def _done(self, what: str, job: Callable[[], Found]) -> JobResult:
         try:
             self._found.put(job())
         except RemoteError as error:
             self._found.put(Failed(what, str(error)))
-        return Outcome(True, "")
+        return JobResult(True, "")
 
     def _probe(self) -> Probe:
         hub = self._bus.hub()

@@ -6,8 +6,8 @@ from time import monotonic
 from typing import Final
 
 from ground.client.parameter import parameters_in
-from ground.client.presence import crew_of
-from ground.station.bus_protocols import Hears, Speaks
+from ground.client.presence import present_processes
+from ground.station.bus_protocols import LiveBus, ReadableBus
 from ground.station.history.event_log import Line, Log
 from ground.station.robot.background_requests import Job, RequestThread, RequestWorker
 from ground.station.robot.command_queue import CommandQueue
@@ -37,7 +37,7 @@ class Station(StationView):
 
     def __init__(
         self,
-        bus: Hears,
+        bus: ReadableBus,
         robot: str,
         clock: Clock,
         world: WorldFacts | None = None,
@@ -49,7 +49,7 @@ class Station(StationView):
         super().__init__(robot, clock.now_ns(), world)
         self.log = Log()
         self._bus = bus
-        self._speaks = bus if isinstance(bus, Speaks) else None
+        self._speaks = bus if isinstance(bus, LiveBus) else None
         self._clock = clock
         self._lanes = lanes
         self._lane = lanes("requests")
@@ -67,7 +67,7 @@ class Station(StationView):
         """
         self._now_ns = now_ns = self._clock.now_ns()
         present = tuple(self._bus.present())
-        self._crew = crew_of(present)
+        self._crew = present_processes(present)
         for robot, watched in self._watched.items():
             again = watched.poll(now_ns, present)
             if robot in self._operated:

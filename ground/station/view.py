@@ -3,8 +3,8 @@
 from typing import Any
 
 from ground.client.parameter import Parameter
-from ground.client.presence import Crew
-from ground.client.telemetry import Age, Seen, Telemetry
+from ground.client.presence import PresentProcesses
+from ground.client.telemetry import Age, AgedMessage, Telemetry
 from ground.map import Scene, Shape, Target
 from ground.station.history.decision_history import Moment
 from ground.station.history.time_series import History
@@ -29,7 +29,7 @@ class StationView:
         self._robot = robot
         self._given_world = world
         self._began_ns = self._now_ns = now_ns
-        self._crew = Crew(frozenset())
+        self._crew = PresentProcesses(frozenset())
         self._watched: dict[str, RobotModel] = {}
         self._operated: dict[str, RobotSession] = {}
 
@@ -62,12 +62,12 @@ class StationView:
     def telemetry(self) -> Telemetry:
         return self._shown.telemetry
 
-    def seen(self, topic: Topic[Any]) -> Seen:
+    def seen(self, topic: Topic[Any]) -> AgedMessage:
         """The newest message with its age: show it, dim it, or show `--` and the age."""
         return self.telemetry.seen(topic, self._now_ns)
 
     @property
-    def crew(self) -> Crew:
+    def crew(self) -> PresentProcesses:
         return self._crew
 
     def streams(self) -> list[StreamRow]:

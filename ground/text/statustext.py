@@ -2,7 +2,7 @@
 
 from protocol.wire.message import Message
 from protocol.wire.messages import Statustext
-from protocol.wire.statustext import MOST_PIECES, PIECE_BYTES
+from protocol.wire.statustext import MAX_PIECES, PIECE_BYTES
 from runtime.cli.terminal import printable
 from runtime.units import NS_PER_S
 
@@ -10,7 +10,7 @@ NEWS_NS = 2 * NS_PER_S
 """What is no older is told as it comes."""
 
 
-class Texts:
+class StatustextAssembler:
     """One sender's texts, each as one printable line.
 
     A piece that belongs to no text begun is shown as it is.
@@ -29,7 +29,7 @@ class Texts:
         if message.id != self._id or message.chunk_seq != len(self._pieces):
             self._id, self._pieces = message.id, []
         self._pieces.append(message.text)
-        if len(message.text.encode()) >= PIECE_BYTES and len(self._pieces) < MOST_PIECES:
+        if len(message.text.encode()) >= PIECE_BYTES and len(self._pieces) < MAX_PIECES:
             return ""
         text, self._pieces, self._id = "".join(self._pieces), [], 0
         return printable(text)

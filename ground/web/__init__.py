@@ -1,4 +1,4 @@
-"""The ground station in a browser: the same app, behind a door that opens only with a token."""
+"""Serve the ground station to browsers: the same app, behind a token."""
 
 from ground.web.command import arguments, serve
 

@@ -1,8 +1,8 @@
-"""Who may come in: textual-serve asks nobody who they are, so this does, before it hears of them.
+"""Check the token of each request before textual-serve, which has no authentication, handles it.
 
-The token comes once in the address, and is exchanged for a cookie with a random session id: neither
-the address bar, a referrer nor another service on this host, to which a browser sends the cookie,
-learns the token. A web socket is opened only from a page that we have served.
+The browser sends the token once, in the address, and gets a cookie with a random session id. So the
+address bar, a referrer and other services on this host, to which browsers send the cookie, never
+see the token. A web socket is opened only from a page of this server.
 """
 
 from collections import deque
@@ -15,9 +15,9 @@ from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
 REFUSAL: Final = (
-    "This ground station wants its token: open the address that `sidestep ground --web` printed.\n"
+    "This ground station requires a token: open the address that `sidestep ground --web` printed.\n"
 )
-FOREIGN: Final = "A page of another site may not drive this robot.\n"
+FOREIGN: Final = "Refused: this request comes from a page of another site.\n"
 HEADERS: Final = {
     "Content-Security-Policy": (
         "default-src 'self'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline';"
@@ -31,61 +31,66 @@ HEADERS: Final = {
 
 SESSION_BYTES: Final = 24
 MAX_SESSIONS: Final = 64
-"""Browsers that are let in without the token; the oldest session ends for a new one."""
+"""The number of browsers that are admitted by cookie; a new session replaces the oldest."""
 
 
 class WebAccess:
-    """Lets in who has the token. `cookie` has the port in its name: cookies do not know ports."""
+    """Admits browsers that have the token.
+
+    The name of the `cookie` includes the port, because cookies are not separated by port.
+    """
 
     def __init__(self, token: str, port: int) -> None:
         self._token = token
         self.sessions: deque[str] = deque(maxlen=MAX_SESSIONS)
         self.cookie = f"sidestep_{port}"
 
-    def knows(self, token: str | None) -> bool:
-        """Return whether it is the token."""
-        return token is not None and same(token, self._token)
+    def is_token(self, token: str | None) -> bool:
+        """Return whether the text is the token."""
+        return token is not None and is_same(token, self._token)
 
-    def has_let_in(self, session: str | None) -> bool:
-        """Return whether it is the session id of a browser that has shown the token."""
-        return session is not None and any(same(session, one) for one in self.sessions)
+    def is_session(self, session: str | None) -> bool:
+        """Return whether the text is the session id of an admitted browser."""
+        return session is not None and any(is_same(session, one) for one in self.sessions)
 
     def middleware(self) -> Middleware:
-        @web.middleware
-        async def ask(request: web.Request, handler: Handler) -> web.StreamResponse:
-            if self.knows(request.query.get("token")):
-                return self._admit(request)
-            if not self.has_let_in(request.cookies.get(self.cookie)):
-                return web.Response(status=403, text=REFUSAL, headers=HEADERS)
-            if not from_here(request.headers.get("Origin"), request.host):
-                return web.Response(status=403, text=FOREIGN, headers=HEADERS)
-            answer = await handler(request)
-            if not answer.prepared:
-                answer.headers.update(HEADERS)
-            return answer
+        """Return a middleware that answers 403 to requests without token or session."""
 
-        return ask
+        @web.middleware
+        async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
+            if self.is_token(request.query.get("token")):
+                return self._admit(request)
+            if not self.is_session(request.cookies.get(self.cookie)):
+                return web.Response(status=403, text=REFUSAL, headers=HEADERS)
+            if not is_same_origin(request.headers.get("Origin"), request.host):
+                return web.Response(status=403, text=FOREIGN, headers=HEADERS)
+            response = await handler(request)
+            if not response.prepared:
+                response.headers.update(HEADERS)
+            return response
+
+        return check
 
     def _admit(self, request: web.Request) -> web.StreamResponse:
-        """Once more without the token in the address."""
-        answer = web.Response(status=303, headers={"Location": request.path, **HEADERS})
-        self.sessions.append(token_urlsafe(SESSION_BYTES))
-        session = self.sessions[-1]
-        answer.set_cookie(self.cookie, session, httponly=True, samesite="Strict", path="/")
-        return answer
+        """Redirect to the address without the token, and set a cookie for a new session."""
+        response = web.Response(status=303, headers={"Location": request.path, **HEADERS})
+        session = token_urlsafe(SESSION_BYTES)
+        self.sessions.append(session)
+        response.set_cookie(self.cookie, session, httponly=True, samesite="Strict", path="/")
+        return response
 
 
-def same(given: str, secret: str) -> bool:
+def is_same(given: str, secret: str) -> bool:
     """Compare in constant time.
 
-    What came in may hold bytes that are no text, as halves of surrogate pairs.
+    The given text may hold lone surrogates, which UTF-8 cannot encode.
     """
     return compare_digest(given.encode(errors="surrogatepass"), secret.encode())
 
 
-def from_here(origin: str | None, host: str) -> bool:
-    """Whether a request comes from a page of this host; without an origin it is no page's."""
+def is_same_origin(origin: str | None, host: str) -> bool:
+    """Return whether a request has no origin, or comes from a page of this host."""
     try:
         return origin is None or urlsplit(origin).netloc == host
-    except ValueError:  # an origin that is no address
+    except ValueError:  # the origin is not an address
         return False

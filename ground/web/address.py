@@ -1,4 +1,4 @@
-"""Where the browser finds the ground station, and the token that it must bring."""
+"""Read the address and the token under which browsers open the ground station."""
 
 import secrets
 from pathlib import Path
@@ -6,53 +6,62 @@ from typing import Final, NamedTuple
 
 from runtime.errors import UserError
 
-USUAL_HOST: Final = "127.0.0.1"
-USUAL_PORT: Final = 8770
+DEFAULT_HOST: Final = "127.0.0.1"
+DEFAULT_PORT: Final = 8770
 TOKEN_BYTES: Final = 18
-LEAST_LETTERS: Final = 16
+MIN_TOKEN_LENGTH: Final = 16
 LOOPBACK: Final = frozenset({"127.0.0.1", "::1", "localhost"})
 
 
 class Address(NamedTuple):
+    """Host and port on which the server listens."""
+
     host: str
     port: int
 
     @property
     def local(self) -> bool:
-        """Whether nobody but this machine can reach it."""
+        """True when only this machine can reach the address."""
         return self.host in LOOPBACK
 
     def url(self, token: str) -> str:
-        """What to open: with the token, which the first answer takes out of the address again."""
+        """Return the address to open, with the token; the first response removes the token."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"http://{host}:{self.port}/?token={token}"
 
 
 def address_of(text: str) -> Address:
-    """HOST:PORT, PORT or HOST; what is left out is as usual. UserError says what is wrong."""
+    """Read HOST:PORT, PORT or HOST, completed with the defaults.
+
+    Raise UserError when the text is none of these.
+    """
     host, _, port = text.strip().rpartition(":") if ":" in text else ("", "", text.strip())
     if port and not (port.isascii() and port.isdigit()):
         host, port = text.strip(), ""
-    number = int(port[:6]) if port else USUAL_PORT
+    number = int(port[:6]) if port else DEFAULT_PORT
     if not 0 < number < 65536:
-        raise UserError(f"--web {text}: a port is a number from 1 to 65535")
-    host = host.strip("[]") or USUAL_HOST
+        raise UserError(f"--web {text}: the port must be a number from 1 to 65535")
+    host = host.strip("[]") or DEFAULT_HOST
     if any(letter.isspace() or letter in "/?#@" for letter in host):
-        raise UserError(f"--web {text}: write HOST:PORT, as in {USUAL_HOST}:{USUAL_PORT}")
+        raise UserError(f"--web {text}: not HOST:PORT, such as {DEFAULT_HOST}:{DEFAULT_PORT}")
     return Address(host, number)
 
 
 def token_of(file: str | None) -> str:
-    """The token in a file, or a new one that nobody can guess."""
+    """Return the token from a file, or a new random one.
+
+    Raise UserError when the file cannot be read or the token is too short.
+    """
     if file is None:
         return secrets.token_urlsafe(TOKEN_BYTES)
     try:
         token = Path(file).read_text(encoding="ascii").strip()
     except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "not plain ASCII"
-        raise UserError(f"--token-file {file}: {why}") from error
-    if len(token) < LEAST_LETTERS or not all(one.isalnum() or one in "-_" for one in token):
+        reason = error.strerror if isinstance(error, OSError) else "not plain ASCII"
+        raise UserError(f"--token-file {file}: {reason}") from error
+    if len(token) < MIN_TOKEN_LENGTH or not all(one.isalnum() or one in "-_" for one in token):
         raise UserError(
-            f"--token-file {file}: a token has at least {LEAST_LETTERS} letters, digits, - or _"
+            f"--token-file {file}: a token must have at least {MIN_TOKEN_LENGTH} characters,"
+            " each a letter, a digit, - or _"
         )
     return token

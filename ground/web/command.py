@@ -1,4 +1,4 @@
-"""`sidestep ground --web`: serves the ground station until it is told to stop."""
+"""Serve the ground station to browsers (`sidestep ground --web`) until SIGINT or SIGTERM."""
 
 import argparse
 import os
@@ -10,7 +10,7 @@ from typing import Final, Protocol
 
 from ground.launch.child_command import command
 from ground.text.output import Output
-from ground.web.address import USUAL_HOST, USUAL_PORT, Address, address_of, token_of
+from ground.web.address import DEFAULT_HOST, DEFAULT_PORT, Address, address_of, token_of
 from runtime.errors import UserError
 
 PASSED_ON: Final = ("connect", "id", "config", "record", "theme", "hz", "keys")
@@ -19,25 +19,26 @@ LACKING: Final = "--web needs the extra `web`: pip install 'sidestep[web]'"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a ground station that is served to browsers."""
     parser.add_argument(
         "--web",
         nargs="?",
         const="",
         metavar="HOST:PORT",
-        help=f"in a browser instead of this terminal ({USUAL_HOST}:{USUAL_PORT})",
+        help=f"serve browsers instead of this terminal ({DEFAULT_HOST}:{DEFAULT_PORT})",
     )
     parser.add_argument(
         "--shown",
         metavar="HOST:PORT",
-        help="where browsers find it, when that is somewhere else, as with a container's port",
+        help="the address that browsers use when it differs, as with the port of a container",
     )
     parser.add_argument(
-        "--token-file", metavar="FILE", help="the token that a browser must bring; else a new one"
+        "--token-file", metavar="FILE", help="read the token from a file (a new random one)"
     )
 
 
 class WebOptions(Protocol):
-    """The options of a ground station that is shown in a browser."""
+    """The options of a ground station that is served to browsers."""
 
     web: str
     shown: str | None
@@ -53,10 +54,10 @@ class WebOptions(Protocol):
     keys: Path | None
 
 
-def serve(options: WebOptions, says: Output) -> int:
-    """Until SIGINT or SIGTERM: each browser gets an app with the same options.
+def serve(options: WebOptions, output: Output) -> int:
+    """Serve until SIGINT or SIGTERM; each browser gets an app with the same options.
 
-    Raises UserError when the address is taken or the library is not there.
+    Raise UserError when the address is in use or the extra `web` is not installed.
     """
     address, token = address_of(options.web), token_of(options.token_file)
     shown = address if options.shown is None else address_of(options.shown)
@@ -67,22 +68,22 @@ def serve(options: WebOptions, says: Output) -> int:
     refuse_taken(address)
 
     def ready() -> None:
-        says.note(f"open {shown.url(token)}")
+        output.note(f"open {shown.url(token)}")
         if not shown.local:
-            says.note(
-                "anybody who can reach this address and has the token drives the robot, and plain"
-                " HTTP shows the token to the network: put TLS in front"
+            output.note(
+                "every client that reaches this address with the token can drive the robot, and"
+                " plain HTTP shows the token to the network: put a TLS proxy in front"
             )
 
-    # exec: the shell that textual-serve starts must not stand between us and the app.
+    # exec replaces the shell that textual-serve starts, so that signals reach the app.
     line = "exec " + shlex.join(command(words_of(options), os.getpid()))
     WebServer(line, address, token, ready).serve()
-    says.note("ground station ends")
+    output.note("ground station ends")
     return 0
 
 
 def words_of(options: WebOptions) -> list[str]:
-    """The verb and its options, as the app of a browser is to be started."""
+    """Return the command line with which the app of each browser is started."""
     words = ["ground"]
     for name in PASSED_ON:
         value = getattr(options, name)
@@ -92,7 +93,7 @@ def words_of(options: WebOptions) -> list[str]:
 
 
 def refuse_taken(address: Address) -> None:
-    """UserError when nobody can listen there."""
+    """Raise UserError when no server can listen at the address."""
     try:
         found = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
         family, kind, protocol, _, place = found[0]

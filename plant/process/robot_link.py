@@ -38,7 +38,7 @@ class RobotLink:
 
     def publish(self, plant: Plant) -> None:
         """All that belongs to this tick."""
-        for publisher, frame in self.framed(plant):
+        for publisher, frame in self.frames(plant):
             publisher.put_frame(frame)
         self.tell(plant)
 
@@ -50,7 +50,7 @@ class RobotLink:
             self._clock.put(SystemTime(time_unix_usec=now_us, time_boot_ms=boot_ms))
         self._truth.put(plant.truth(self._number))
 
-    def framed(self, plant: Plant) -> list[tuple[Publisher[Any], bytes]]:
+    def frames(self, plant: Plant) -> list[tuple[Publisher[Any], bytes]]:
         """The senses of this tick as frames, to leave one right after the other.
 
         From now on commands may answer this tick. The scan comes after the wheel ticks: its arrival

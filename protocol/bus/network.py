@@ -12,9 +12,9 @@ from runtime.errors import BadEndpoint, UserError
 Mode = Literal["client", "peer", "router"]
 EXAMPLE = "tcp/127.0.0.1:7447"
 LOCKED = "tls/"
-MOST_ROBOTS = 20
-MOST_OPERATORS = 20
-USUAL_ROBOTS = tuple(f"r{number}" for number in range(1, MOST_ROBOTS + 1))
+MAX_ROBOTS = 20
+MAX_OPERATORS = 20
+DEFAULT_ROBOTS = tuple(f"r{number}" for number in range(1, MAX_ROBOTS + 1))
 
 
 class Hub(Enum):
@@ -66,7 +66,7 @@ class Network:
     prefix: str = "sidestep"
     connect_timeout_s: float = 5.0
     tls: Tls | None = None
-    robots: tuple[str, ...] = USUAL_ROBOTS
+    robots: tuple[str, ...] = DEFAULT_ROBOTS
     operators: tuple[str, ...] = ()
     revoked: tuple[str, ...] = ()
     trouble: LinkFaults | None = None
@@ -92,8 +92,8 @@ def check_operators(names: Sequence[str]) -> None:
         operator_called(name)
     if len(set(names)) < len(names):
         raise UserError(f"operators {' '.join(names)}: each operator needs a name of its own")
-    if len(names) > MOST_OPERATORS:
-        raise UserError(f"{len(names)} operators: there can be {MOST_OPERATORS}")
+    if len(names) > MAX_OPERATORS:
+        raise UserError(f"{len(names)} operators: there can be {MAX_OPERATORS}")
 
 
 def check_endpoint(endpoint: str) -> None:

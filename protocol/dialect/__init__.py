@@ -1,0 +1,1 @@
+"""The MAVLink dialect of the project, and the generator of the modules derived from it."""

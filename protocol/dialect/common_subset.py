@@ -1,31 +1,32 @@
-"""The part of MAVLink's common dialect that is in use; its layouts and numbers are upstream's.
+"""The messages and enumerations in use of MAVLink's common dialect.
 
-The descriptions are written here: no text of upstream's files is kept in this repository.
+Layouts and numbers are upstream's. The descriptions are our own: this repository contains no text
+of upstream's files.
 """
 
 from typing import Final
 
 MESSAGES: Final = {
-    "HEARTBEAT": "Sign of life, sent from inside the control loop.",
+    "HEARTBEAT": "State of the sender, sent periodically from inside its control loop.",
     "SYSTEM_TIME": "Time of the sender's master clock.",
     "PARAM_REQUEST_READ": "Request one parameter, by name (index -1) or by index.",
     "PARAM_REQUEST_LIST": "Request all parameters.",
     "PARAM_VALUE": "Value of a parameter.",
     "PARAM_SET": "Set a parameter.",
-    "MISSION_SET_CURRENT": "Make an item the current one.",
+    "MISSION_SET_CURRENT": "Select the current item.",
     "MISSION_CURRENT": "Index of the current item.",
     "MISSION_REQUEST_LIST": "Request the mission.",
-    "MISSION_COUNT": "Number of items of a mission; opens a transfer.",
+    "MISSION_COUNT": "Number of items of a mission; starts a transfer.",
     "MISSION_CLEAR_ALL": "Delete the mission.",
     "MISSION_ITEM_REACHED": "An item has been reached.",
-    "MISSION_ACK": "Result of a mission transfer, which it ends.",
+    "MISSION_ACK": "Result and end of a mission transfer.",
     "MISSION_REQUEST_INT": "Request one item.",
     "MANUAL_CONTROL": "Joystick axes and buttons, axes -1000 to 1000.",
     "MISSION_ITEM_INT": "One mission item.",
     "COMMAND_INT": "Command with a position as integers.",
     "COMMAND_LONG": "Command with seven parameters.",
     "COMMAND_ACK": "Answer to a command; result_param2 is a Reason.",
-    "TIMESYNC": "Request for the time (tc1 = 0), or the answer to one.",
+    "TIMESYNC": "Request for the time (tc1 = 0), or the answer to it.",
     "STATUSTEXT": "Line of text for the operator.",
 }
 """Messages in use, each with its description."""
@@ -36,7 +37,7 @@ OPTIONAL: Final = {
     "COMMAND_LONG": ("confirmation", *(f"param{number}" for number in range(1, 8))),
     "MISSION_ITEM_INT": ("current", "autocontinue"),
 }
-"""Fields that may be left out when a message is made, beside `target_*` and extensions."""
+"""Fields with a default value in Python, besides `target_*` and extensions."""
 
 ENUMS: Final[dict[str, tuple[str, ...]]] = {
     "MAV_MISSION_TYPE": ("MISSION", "FENCE"),
@@ -97,4 +98,4 @@ ENUMS: Final[dict[str, tuple[str, ...]]] = {
     ),
     "MAV_PARAM_TYPE": ("INT32", "REAL32"),
 }
-"""Members in use of upstream's enumerations."""
+"""Members in use of each enumeration."""

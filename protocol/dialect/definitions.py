@@ -1,7 +1,7 @@
-"""The dialect as values: messages and enumerations of sidestep.xml and what it uses of common.xml.
+"""Read the dialect: messages and enumerations of sidestep.xml and those in use of common.xml.
 
-Layouts follow MAVLink 2: on the wire the fields of a message are sorted by the size of their
-elements, largest first, extensions stay behind them; crc_extra is a checksum over the layout.
+Layouts follow MAVLink 2. On the wire the fields of a message are sorted by the size of their
+elements, largest first; extensions follow. crc_extra is a checksum over the layout.
 """
 
 import importlib.util
@@ -30,15 +30,16 @@ CODES: Final = {
 }
 """Struct code of each type."""
 SIZES: Final = {"s": 1, "B": 1, "b": 1, "H": 2, "h": 2, "I": 4, "i": 4, "f": 4}
-"""Bytes of one element; eight where nothing is said."""
+"""Size of one element in bytes; 8 for other codes."""
 VERSION_TYPE: Final = "uint8_t_mavlink_version"
 MAVLINK_VERSION: Final = "3"
 
 
 class Field(NamedTuple):
-    """One field; `length` is 0 for a scalar, `default` None where a value has to be given.
+    """One field of a message.
 
-    `most` is the largest value allowed; empty where only the type says it.
+    `length` is 0 for a scalar. `default` is None if a value is required. `maximum` is the largest
+    valid value; empty if only the type limits it.
     """
 
     name: str
@@ -47,16 +48,18 @@ class Field(NamedTuple):
     text: str
     units: str
     enum: str
-    most: str
+    maximum: str
     default: str | None
     is_extension: bool
 
     @property
     def code(self) -> str:
+        """Struct code of the type."""
         return CODES[self.kind]
 
     @property
     def element_size(self) -> int:
+        """Size of one element in bytes."""
         return SIZES.get(self.code, 8)
 
 
@@ -70,14 +73,14 @@ class MessageType(NamedTuple):
 
     @property
     def wire_fields(self) -> list[Field]:
-        """The fields in the order in which they are sent."""
+        """The fields in wire order."""
         base = [field for field in self.fields if not field.is_extension]
         extensions = [field for field in self.fields if field.is_extension]
         return sorted(base, key=lambda field: -field.element_size) + extensions
 
     @property
     def crc_extra(self) -> int:
-        """Checksum of name, types and names without extensions, as the receiver computes it."""
+        """Checksum over message name, field types and field names, without extensions."""
         layout = bytearray(f"{self.name} ".encode())
         for field in self.wire_fields:
             if not field.is_extension:
@@ -88,7 +91,7 @@ class MessageType(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """One member of an enumeration; its name goes without the enumeration's."""
+    """One member of an enumeration; its name is without the prefix of the enumeration."""
 
     name: str
     value: int
@@ -96,20 +99,22 @@ class Entry(NamedTuple):
 
 
 class EnumType(NamedTuple):
+    """An enumeration with its members."""
+
     name: str
     text: str
     entries: tuple[Entry, ...]
 
 
 class Dialect(NamedTuple):
-    """Everything in use: messages by id, enumerations by name."""
+    """All messages in use, sorted by id, and all enumerations in use, by name."""
 
     messages: tuple[MessageType, ...]
     enums: dict[str, EnumType]
 
 
 def upstream_definitions() -> list[Path]:
-    """The installed common.xml and what it includes, innermost last."""
+    """Return the paths of the installed common.xml and of its includes, innermost last."""
     package = importlib.util.find_spec("pymavlink")
     assert package is not None
     assert package.submodule_search_locations is not None
@@ -140,11 +145,11 @@ def _common_messages(roots: Iterable[ET.Element]) -> Iterator[MessageType]:
 
 
 def _common_field(message: str, field: Field) -> Field:
-    """Drop upstream's words; say which fields may be left out."""
+    """Return the field without upstream's texts, and with a default if it may be omitted."""
     default = "0" if field.is_extension or field.name.startswith("target_") else None
     if field.name in common_subset.OPTIONAL.get(message, ()):
         default = field.default or "0"
-    return field._replace(text="", units="", enum="", most="", default=default)
+    return field._replace(text="", units="", enum="", maximum="", default=default)
 
 
 def _common_enums(roots: Iterable[ET.Element]) -> Iterator[EnumType]:
@@ -187,7 +192,7 @@ def _field(element: ET.Element, is_extension: bool) -> Field:
         text=(element.text or "").strip(),
         units=element.get("units", ""),
         enum=element.get("enum", ""),
-        most=element.get("maxValue", ""),
+        maximum=element.get("maxValue", ""),
         default=default,
         is_extension=is_extension,
     )

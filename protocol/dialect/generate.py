@@ -1,8 +1,8 @@
-"""Writes the modules that are made from the dialect: `make generate`.
+"""Write the modules generated from the dialect: `make generate`.
 
 Messages, enumerations, reasons and wire layouts of the protocol, and the numbers of the control
-core, come from sidestep.xml and the part of pymavlink's common.xml that common_subset names. The
-same files give the same bytes; a test compares the committed modules with them.
+core, are generated from sidestep.xml and the part of common.xml that common_subset names. The
+output is deterministic; a test compares it with the committed modules.
 """
 
 import re
@@ -38,7 +38,7 @@ OPERATOR_MESSAGES: Final = frozenset(
         "MISSION_VERDICT",
     }
 )
-"""What operators and robots send each other beside the common messages."""
+"""Messages between operators and robots, besides the common ones."""
 FIRST_OWN_ID: Final = 54_100
 REASON: Final = "SIDESTEP_REASON"
 ENUM_CLASSES: Final = {
@@ -72,7 +72,7 @@ CONSTANTS: Final = {
     "MAV_FRAME": "FRAME",
     "MAV_PARAM_TYPE": "PARAM_TYPE",
 }
-"""Bit masks, and enumerations of which single numbers are in use: plain integers."""
+"""Enumerations that become plain integers: bit masks, and those with few members in use."""
 CORE_STATES: Final = (
     "SIDESTEP_VEHICLE",
     "SIDESTEP_MODE",
@@ -88,7 +88,7 @@ CORE_NAMES: Final = {
     ("SIDESTEP_BUMPER", "RIGHT"): "BUMPER_RIGHT",
     ("SIDESTEP_BUMPER", "REAR"): "BUMPER_REAR",
 }
-"""Members that go by another name in the core, where they stand without their enumeration's."""
+"""Members with another name in the core, where no class name precedes them."""
 MAX_NAMES: Final = {
     ("WHEEL_COMMAND", "ttl_ms"): "MAX_WHEEL_TTL_MS",
     ("TELEOP", "ttl_ms"): "MAX_TELEOP_TTL_MS",
@@ -96,31 +96,35 @@ MAX_NAMES: Final = {
     ("LEASE_REQUEST", "name"): "MAX_OPERATOR_NAME_BYTES",
     ("PARAM_SET", "param_id"): "MAX_PARAMETER_NAME_BYTES",
 }
-"""Names of the largest values of fields, and of the sizes of texts."""
+"""Names of the constants for maximum values of fields and for sizes of texts."""
 TIME: Final = re.compile(r" for ([0-9.]+) (ms|s)$")
-"""The time at the end of a reason's text."""
+"""Time at the end of a reason's text."""
 MS_PER: Final = {"ms": 1, "s": 1000}
 SIDES: Final = (
-    Entry("LEFT", 1, "Sides on which an obstacle is passed."),
+    Entry("LEFT", 1, "Sides on which the robot passes an obstacle."),
     Entry("RIGHT", -1, ""),
 )
 
 
 def messages_common(dialect: Dialect) -> str:
+    """Return the module of messages taken from common.xml."""
     return message_module("Messages taken over from MAVLink's common.xml.", common(dialect))
 
 
 def messages_operator(dialect: Dialect) -> str:
+    """Return the module of messages between operators and robots."""
     docstring = "Messages of operators and robots: requests, lease, teleop, mission."
     return message_module(docstring, operator(dialect))
 
 
 def messages_robot(dialect: Dialect) -> str:
+    """Return the module of messages of the control loop."""
     docstring = "Messages of the control loop and of a run: senses, wheels, status, score."
     return message_module(docstring, robot(dialect))
 
 
 def message_module(docstring: str, messages: list[MessageType]) -> str:
+    """Return a module of message classes."""
     text = [line for message in messages for line in message_lines(message, NAMES_OF_ENUM)]
     checks = [name for name in ("too_long", "unfit") if any(f"{name}(" in line for line in text)]
     source = f"{package()}.message"
@@ -128,26 +132,29 @@ def message_module(docstring: str, messages: list[MessageType]) -> str:
 
 
 def common(dialect: Dialect) -> list[MessageType]:
+    """Return the messages of common.xml."""
     return [message for message in dialect.messages if message.number < FIRST_OWN_ID]
 
 
 def operator(dialect: Dialect) -> list[MessageType]:
+    """Return our own messages between operators and robots."""
     return [message for message in dialect.messages if message.name in OPERATOR_MESSAGES]
 
 
 def robot(dialect: Dialect) -> list[MessageType]:
+    """Return our own messages of the control loop and of runs."""
     others = {*common(dialect), *operator(dialect)}
     return [message for message in dialect.messages if message not in others]
 
 
 def messages(dialect: Dialect) -> str:
-    """The module that hands on all messages."""
+    """Return the module that re-exports all messages."""
     groups = {"common": common, "operator": operator, "robot": robot}
     imports = {f"{package()}.messages_{name}": names(of(dialect)) for name, of in groups.items()}
     every = names(dialect.messages)
     exported = sorted(["Message", *every], key=str.lower)
     return module(
-        "Typed face of the dialect: one frozen, keyword-only class per message.",
+        "All messages of the dialect: one frozen, keyword-only class per message.",
         ["", "from typing import Final", ""],
         import_lines(f"{package()}.message", ["Message"]),
         (line for source, classes in imports.items() for line in import_lines(source, classes)),
@@ -157,7 +164,7 @@ def messages(dialect: Dialect) -> str:
 
 
 def enums(dialect: Dialect) -> str:
-    """The module of enumerations, and of the single numbers that are in use of others."""
+    """Return the module of enumerations, and of single numbers of further enumerations."""
     classes = [line for name in ENUM_CLASSES for line in class_lines(dialect.enums[name])]
     singles = [
         entry._replace(name=f"{prefix}_{entry.name}")
@@ -173,10 +180,12 @@ def enums(dialect: Dialect) -> str:
 
 
 def class_lines(enum: EnumType) -> Iterator[str]:
+    """Yield the class of an enumeration."""
     return enum_lines(ENUM_CLASSES[enum.name], enum, COMMON_TEXTS.get(enum.name, enum.text))
 
 
 def reasons(dialect: Dialect) -> str:
+    """Return the module of reasons: numbers and texts."""
     enum = dialect.enums[REASON]
     plain = enum._replace(entries=tuple(entry._replace(text="") for entry in enum.entries))
     rows = (f"{entry.value}: {quoted(entry.text)}" for entry in enum.entries)
@@ -186,12 +195,13 @@ def reasons(dialect: Dialect) -> str:
         enum_lines("Reason", plain, enum.text),
         ["", "", *table_lines("REASON_TEXTS: Final[dict[int, str]] = {", rows, "}")],
         ["", "", "def reason_text(code: int) -> str:"],
-        ['    """The words for a reason; an unknown number is shown as a number."""'],
+        ['    """Return the text of a reason; an unknown code is shown as a number."""'],
         ['    return REASON_TEXTS.get(code, f"reason {code}")'],
     )
 
 
 def layouts(dialect: Dialect) -> str:
+    """Return the module of wire layouts."""
     return module(
         "Wire layouts of the messages.",
         ["", "from typing import Final", ""],
@@ -203,23 +213,27 @@ def layouts(dialect: Dialect) -> str:
 
 
 def core_reasons(dialect: Dialect) -> str:
+    """Return the core's module of reasons."""
     docstring = "Numbers of the reasons of every refusal, stop and outcome."
     return core_module(docstring, [core_entries(dialect.enums[REASON])])
 
 
 def core_states(dialect: Dialect) -> str:
+    """Return the core's module of states."""
     docstring = "Numbers of vehicle, mode, goal, navigator and branch states, of bumpers and sides."
     states = [core_entries(dialect.enums[name]) for name in CORE_STATES]
     return core_module(docstring, [*states, SIDES])
 
 
 def core_module(docstring: str, groups: Iterable[Iterable[Entry]]) -> str:
+    """Return a module of constants for the core."""
     blocks = (["", *constant_lines(group)] for group in groups)
     imports = ["", "from robot.core.typing_shim import Final"]
     return module(docstring, imports, *blocks)
 
 
 def core_entries(enum: EnumType) -> list[Entry]:
+    """Return the members of an enumeration by their names in the core."""
     return [
         entry._replace(name=CORE_NAMES.get((enum.name, entry.name), entry.name))
         for entry in enum.entries
@@ -227,25 +241,26 @@ def core_entries(enum: EnumType) -> list[Entry]:
 
 
 def limits(dialect: Dialect) -> str:
-    """The module of limits: largest values of fields, and times after which a stream is lost."""
-    docstring = "Limits that robot, plant and operators have to agree on."
+    """Return the module of limits: largest values of fields, and timeouts of streams."""
+    docstring = "Limits shared by robot, plant and operators."
     imports = ["", "from typing import Final"]
     largest = [
-        Entry(MAX_NAMES[message.name, field.name], int(field.most or field.length), "")
+        Entry(MAX_NAMES[message.name, field.name], int(field.maximum or field.length), "")
         for message in dialect.messages
         for field in message.fields
-        if field.most or (message.name, field.name) in MAX_NAMES
+        if field.maximum or (message.name, field.name) in MAX_NAMES
     ]
     lines = [["", *constant_lines(entries)] for entries in (largest, lost_after(dialect))]
     return module(docstring, imports, *lines)
 
 
 def core_limits(dialect: Dialect) -> str:
-    return core_module("Times after which a stream counts as lost.", [lost_after(dialect)])
+    """Return the core's module of timeouts."""
+    return core_module("Timeouts after which a stream is lost.", [lost_after(dialect)])
 
 
 def lost_after(dialect: Dialect) -> list[Entry]:
-    """The times that the texts of reasons say, in milliseconds."""
+    """Return the timeouts contained in the texts of reasons, in milliseconds."""
     found = [(entry, TIME.search(entry.text)) for entry in dialect.enums[REASON].entries]
     return [
         Entry(f"{entry.name}_MS", round(float(time[1]) * MS_PER[time[2]]), entry.text)
@@ -255,16 +270,19 @@ def lost_after(dialect: Dialect) -> list[Entry]:
 
 
 def names(messages: Iterable[MessageType]) -> list[str]:
+    """Return the class names of messages."""
     return [class_name(message.name) for message in messages]
 
 
 def quoted(text: str) -> str:
+    """Return a Python string literal."""
     assert '"' not in text
     assert "\\" not in text
     return f'"{text}"'
 
 
 def package() -> str:
+    """Return the package of the typed messages."""
     return WIRE.replace("/", ".")
 
 
@@ -283,10 +301,11 @@ OUTPUTS: Final[dict[str, Callable[[Dialect], str]]] = {
     f"{CORE}/states.py": core_states,
     "protocol/dialect/layouts.py": layouts,
 }
-"""Every generated module, by its path from the root."""
+"""Generators of all modules, by path from the root."""
 
 
 def main() -> None:
+    """Write all generated modules."""
     dialect = read_dialect()
     for path, text_of in OUTPUTS.items():
         (ROOT / path).write_text(text_of(dialect), encoding="utf-8")

@@ -1,7 +1,7 @@
-"""The dialect as pymavlink's own generator writes it: the oracle for what we make of the XML.
+"""Build pymavlink's own module of the dialect, the reference for our generated modules.
 
-mavgen takes a second for all of the common dialect. Its module is written once into build/ and
-shared by all processes; other definitions or another pymavlink get a module of their own.
+mavgen takes about a second for the common dialect. Its module is written once to build/ and shared
+by all processes; changed definitions or another pymavlink version get a module of their own.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ FOLDER: Final = Path(__file__).resolve().parents[2] / "build" / "mavgen"
 
 @cache
 def oracle() -> Any:
-    """The module of mavgen for sidestep.xml with everything of common.xml."""
+    """Return mavgen's module for sidestep.xml with all of common.xml."""
     definitions = [SIDESTEP_XML, *upstream_definitions()]
     facts = [version("pymavlink").encode(), *(path.read_bytes() for path in definitions)]
     name = "mavgen_" + sha256(b"\0".join(facts)).hexdigest()[:16]
@@ -38,13 +38,13 @@ def oracle() -> Any:
 
 
 def write_module(definitions: list[Path], file: Path) -> None:
-    """Write mavgen's module; the file appears whole or not at all."""
+    """Write mavgen's module; the file appears complete or not at all."""
     from pymavlink.generator import mavgen, mavparse
 
     folder = file.with_suffix(".part")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
-    for definition in definitions:  # an <include> is looked for beside the file that has it
+    for definition in definitions:  # mavgen searches an <include> in the folder of its file
         shutil.copy(definition, folder)
     options = mavgen.Opts(
         str(folder / file.name),
@@ -59,11 +59,12 @@ def write_module(definitions: list[Path], file: Path) -> None:
 
 
 def loaded(file: Path) -> Any:
+    """Import a module from its file."""
     spec = importlib.util.spec_from_file_location(file.stem, file)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    # mavgen's code asks for its own module by name when it looks up message classes
+    # mavgen's code looks up its own module by name to find message classes
     sys.modules[module.__name__] = module
     spec.loader.exec_module(module)
     return module

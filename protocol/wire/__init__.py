@@ -1,1 +1,1 @@
-"""Messages as bytes: fields, packing, codec."""
+"""Typed messages and their encoding as MAVLink 2 frames."""

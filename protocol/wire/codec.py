@@ -1,11 +1,11 @@
-"""One message, one MAVLink 2 frame: byte-identical with pymavlink, and strict about what comes in.
+"""Encode a message as a MAVLink 2 frame, byte-identical with pymavlink, and decode strictly.
 
-Whatever the bytes, `decode` raises nothing but RemoteError. Frames are whole: nothing is ever
-searched for in a stream, and signed frames are refused (authentication belongs to the transport).
+Whatever the bytes, `decode` raises nothing but RemoteError. Each input is one whole frame: there is
+no search in a stream. Signed frames are refused because the transport authenticates.
 """
 
 from struct import Struct
-from struct import error as StructError
+from struct import error as struct_error
 from typing import Final
 
 import msgspec
@@ -28,11 +28,11 @@ SMALLEST_FRAME: Final = OUTSIDE + 1
 LARGEST_FRAME: Final = OUTSIDE + 255
 WIRE_OF_TYPE: Final[dict[type[Message], Wire]] = {cls: wire_of(cls) for cls in MESSAGES}
 WIRE_OF_ID: Final[dict[int, Wire]] = {wire.number: wire for wire in WIRE_OF_TYPE.values()}
-UNPACKABLE: Final = (StructError, OverflowError, TypeError, ValueError, AttributeError)
+PACKING_ERRORS: Final = (struct_error, OverflowError, TypeError, ValueError, AttributeError)
 
 
 class Frame(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """A decoded frame: the message and who sent it; `sequence` counts frames of one encoder."""
+    """A decoded frame: message and sender; `sequence` counts the frames of one encoder."""
 
     message: Message
     system_id: int
@@ -41,7 +41,7 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
 
 class Encoder:
-    """Frames of one sender on one key, with a sequence counter of their own."""
+    """Encode the frames of one sender on one key, with their own sequence counter."""
 
     def __init__(self, system_id: int, component_id: int) -> None:
         if not (0 <= system_id <= 255 and 0 <= component_id <= 255):
@@ -51,11 +51,11 @@ class Encoder:
         self._sequence = 0
 
     def encode(self, message: Message) -> bytes:
-        """The next frame; LocalError names the field that does not fit."""
+        """Return the next frame; LocalError names a field that does not fit."""
         wire = WIRE_OF_TYPE[type(message)]
         try:
             payload = wire.pack(message).rstrip(b"\0") or b"\0"
-        except UNPACKABLE as error:
+        except PACKING_ERRORS as error:
             raise unfit(message) from error
         sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFF
@@ -65,31 +65,31 @@ class Encoder:
         return MAGIC_BYTE + body + CHECKSUM(mcrf4xx(body + wire.crc_extra))
 
 
-def framed(frame: bytes) -> bool:
-    """Has it the outer form of a frame? Noise and what was cut off have not."""
+def is_frame(frame: bytes) -> bool:
+    """Return whether bytes have the outer form of a frame; noise and truncated frames do not."""
     return len(frame) >= SMALLEST_FRAME and frame[0] == MAGIC and frame[1] == len(frame) - OUTSIDE
 
 
 def decode(frame: bytes) -> Frame:
-    """The message in a frame; RemoteError says what is wrong with any other bytes."""
+    """Return the message in a frame; raise RemoteError with the cause for any other bytes."""
     if len(frame) < SMALLEST_FRAME:
-        raise RemoteError(f"{len(frame)} bytes are too few for a frame")
+        raise RemoteError(f"frame of {len(frame)} bytes is too short")
     if len(frame) > LARGEST_FRAME:
-        raise RemoteError(f"more than {LARGEST_FRAME} bytes are no frame")
+        raise RemoteError(f"frame is longer than {LARGEST_FRAME} bytes")
     magic, size, flags, _, sequence, system_id, component_id, low, high = HEADER(frame)
     if magic != MAGIC:
-        raise RemoteError(f"starts with 0x{magic:02x}, not with 0xfd of MAVLink 2")
+        raise RemoteError(f"frame starts with 0x{magic:02x}, not with 0xfd of MAVLink 2")
     if size != len(frame) - HEADER_SIZE - CHECKSUM_SIZE:
-        raise RemoteError(f"announces {size} bytes of payload in a frame of {len(frame)}")
+        raise RemoteError(f"frame of {len(frame)} bytes announces {size} bytes of payload")
     if flags:
-        raise RemoteError(f"needs features that are not supported (flags 0x{flags:02x})")
+        raise RemoteError(f"frame needs unsupported features (flags 0x{flags:02x})")
     wire = WIRE_OF_ID.get(low | high << 16)
     if wire is None:
         raise RemoteError(f"message id {low | high << 16} is not in the dialect")
     if mcrf4xx(frame[1:-2] + wire.crc_extra) != frame[-2] | frame[-1] << 8:
         raise RemoteError(f"checksum of {wire.name} does not match")
     payload = frame[HEADER_SIZE:-CHECKSUM_SIZE]
-    if size != wire.size:  # zeros at the end are left out; what is beyond are extensions
+    if size != wire.size:  # shorter: without trailing zeros; longer: with unknown extensions
         payload = payload.ljust(wire.size, b"\0")[: wire.size]
     try:
         message = wire.unpack(payload)

@@ -1,18 +1,18 @@
-"""A goal as the integers the wire carries, and the start as the words the robot is told.
+"""Integers of a goal on the wire, and the start pose as arguments of the robot's command line.
 
-Made here and nowhere else, so that a run over the bus and one without it get the same goal and the
-same start to the last bit. Both are places of the world: the robot is told where it starts.
+All conversions are in this module, so that a run over the bus and a run without it get the same
+goal and start to the last bit. Both are in world coordinates: the robot is given its start pose.
 """
 
 from math import degrees, isfinite, radians
 from typing import NamedTuple
 
 DEGREE_DIGITS = 9
-"""Rounded, so that what was 45 degrees in a file is 45 again."""
+"""Digits that headings are rounded to, so that 45 degrees in a file become 45 again."""
 
 
 class WireGoal(NamedTuple):
-    """The fields of a GOAL_REQUEST that say where to go."""
+    """The fields of a GOAL_REQUEST that define the goal."""
 
     x_mm: int
     y_mm: int
@@ -29,7 +29,7 @@ def wire_goal(
     position_tolerance_m: float,
     heading_tolerance_rad: float,
 ) -> WireGoal:
-    """Heading None: any will do. Raises ValueError when a value is not finite."""
+    """Return a goal as integers; heading None: any heading. Raises ValueError unless finite."""
     turn_rad = 0.0 if heading_rad is None else heading_rad
     values = (x_m, y_m, turn_rad, position_tolerance_m, heading_tolerance_rad)
     if not all(map(isfinite, values)):
@@ -44,11 +44,11 @@ def wire_goal(
     )
 
 
-def start_words(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:
-    """X, Y and DEG for the robot's command line."""
+def start_arguments(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:
+    """Return x in m, y in m and heading in degrees for the robot's command line."""
     return repr(x_m), repr(y_m), repr(round(degrees(heading_rad), DEGREE_DIGITS))
 
 
-def told_heading_rad(heading_rad: float) -> float:
-    """The heading that arrives when it is told in degrees."""
-    return radians(float(start_words(0.0, 0.0, heading_rad)[2]))
+def rounded_heading_rad(heading_rad: float) -> float:
+    """Return a heading in rad as it arrives after the conversion to degrees on the command line."""
+    return radians(float(start_arguments(0.0, 0.0, heading_rad)[2]))

@@ -1,4 +1,4 @@
-"""The wire layout of every message, by the name of its class; read from the generated table."""
+"""Wire layout of every message by class name, parsed from the generated table."""
 
 from typing import Final, NamedTuple
 
@@ -16,11 +16,12 @@ class Field(NamedTuple):
 
     @property
     def is_text(self) -> bool:
+        """Return whether the field is a text."""
         return self.code == "s"
 
     @property
     def limits(self) -> tuple[int, int] | None:
-        """Smallest and largest value of an integer field."""
+        """Smallest and largest value of an integer field; None for other fields."""
         if self.code not in CODE_BITS:
             return None
         bits = CODE_BITS[self.code]
@@ -39,7 +40,7 @@ class Layout(NamedTuple):
 
 
 def class_name(name: str) -> str:
-    """SONAR_SCAN is called SonarScan in Python."""
+    """Return the Python class name of a message: SONAR_SCAN becomes SonarScan."""
     return "".join(part.capitalize() for part in name.split("_"))
 
 

@@ -1,4 +1,4 @@
-"""What every typed message has in common: frozen, keyword-only, and unfit values are named."""
+"""Base class of all messages, and the check of their fields."""
 
 import msgspec
 
@@ -9,8 +9,8 @@ from runtime.errors import LocalError
 class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """One message of the dialect; its fields have the names of the XML.
 
-    Lengths of arrays and texts are checked on construction, ranges of numbers when it is encoded
-    (the packing checks them anyway) or by `check`. Both raise LocalError.
+    Lengths of arrays and texts are checked on construction. Ranges of numbers are checked by
+    `check` and by the encoder. All checks raise LocalError.
     """
 
     def __init_subclass__(cls) -> None:
@@ -18,7 +18,7 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
 
 def problem(message: Message) -> str:
-    """Which field does not fit, its value and its limit; empty when all do."""
+    """Return the first field that does not fit, with value and limit; empty if all fit."""
     for field in LAYOUT[type(message).__name__].fields:
         value = getattr(message, field.name)
         limit = _limit_of_text(field, value) if field.is_text else _limit_of_numbers(field, value)
@@ -34,7 +34,7 @@ def check(message: Message) -> None:
 
 
 def unfit(message: Message) -> LocalError:
-    """The error for a message that failed a quick check."""
+    """Return the error for a message that failed a quick check."""
     return LocalError(problem(message) or f"{message!r} does not fit the wire")
 
 
@@ -79,5 +79,5 @@ def _limit_of_float(field: Field, value: object) -> str:
 
 
 def too_long(text: str, size: int) -> bool:
-    """Quick check of a text field: does it not fit `size` bytes, or would NUL cut it short?"""
+    """Return whether a text exceeds `size` bytes, or contains a NUL, which would truncate it."""
     return len(text.encode(errors="replace")) > size or "\0" in text

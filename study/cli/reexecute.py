@@ -1,4 +1,4 @@
-"""`sidestep reexecute`: a recording against this build, or against another navigator."""
+"""`sidestep reexecute`: compare a recording with this build, or with another navigator."""
 
 import argparse
 import json
@@ -9,9 +9,9 @@ from pathlib import Path
 from struct import pack
 from typing import Any
 
-from ground.recording.log_reader import open_log
+from ground.recording.log_reader import opened
 from ground.recording.tables.message_fields import shortest_single
-from protocol.wire.goal import told_heading_rad
+from protocol.wire.goal import rounded_heading_rad
 from protocol.wire.messages import PlanarOdometry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
@@ -20,49 +20,52 @@ from runtime.cli.verb_table import VERBS
 from runtime.errors import UserError
 from runtime.json_reader import value_in
 from study.trial.recorded_drive import RecordedDrive
-from study.trial.reexecute import ReexecutionResult, reexecute, refuse_unless_whole
+from study.trial.reexecute import REFUSED, ReexecutionResult, reexecute, refuse_unless_whole
 from study.trial.trial import NAVIGATORS
 
 
 def main(argv: Sequence[str]) -> int:
-    """0 nothing differs, 1 something does or is missing, 2 it cannot be executed again."""
+    """Return 0 without a difference, 1 with differing or missing data, 2 if impossible."""
     options = parser().parse_args(argv)
-    recorded = RecordedDrive(open_log(Path(options.file), options.id))
+    recorded = RecordedDrive(opened(Path(options.file), options.id))
     refuse_unless_whole(recorded)
     params = params_of(recorded)
     other = options.navigator is not None
     if other:
         params = params._replace(navigator=NAVIGATORS[options.navigator])
     start, exact = start_of(recorded)
-    verdict = reexecute(recorded, params, start, other=other)
-    told = as_json(options, recorded, verdict)
-    words = other_in_words(options.navigator, verdict) if other else in_words(verdict)
-    for note in notes(recorded, verdict, exact=exact):
+    result = reexecute(recorded, params, start, other=other)
+    values = as_json(options, recorded, result)
+    words = other_in_words(options.navigator, result) if other else in_words(result)
+    for note in notes(recorded, result, exact=exact):
         print(f"sidestep reexecute: {note}", file=sys.stderr)
-    print(json.dumps(told, allow_nan=False) if options.json else words)
+    print(json.dumps(values, allow_nan=False) if options.json else words)
     if other:
         return 0
-    return 1 if verdict.first or verdict.lack else 0
+    return 1 if result.first or result.lack else 0
 
 
 def parser() -> argparse.ArgumentParser:
+    """Return the parser of the verb."""
     made = argparse.ArgumentParser(
         prog="sidestep replay --re-execute", description=VERBS["reexecute"].summary
     )
-    made.add_argument("file", metavar="FILE", help="an .mcap, or a .tlog with its .mcap beside it")
-    says = "the robot, where the name of the file does not tell"
-    made.add_argument("--id", metavar="NAME", help=says)
-    made.add_argument("--navigator", choices=NAVIGATORS, help="instead of the one that drove")
+    made.add_argument("file", metavar="FILE", help="an .mcap, or a .tlog beside its .mcap")
+    made.add_argument("--id", metavar="NAME", help="robot, if the file name does not contain it")
+    made.add_argument("--navigator", choices=NAVIGATORS, help="compare another navigator")
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
     return made
 
 
 def params_of(recorded: RecordedDrive) -> Params:
-    """The parameters that were in force when the recording began."""
+    """Return the parameters in force when the recording began.
+
+    Raises UserError when they are not recorded or cannot be read.
+    """
     text = recorded.facts.get("parameters")
     if text is None:
-        why = "the robot's parameters are not in it, nor in an .mcap of the same name beside it"
-        raise UserError(f"it cannot be executed again: {why}")
+        why = "neither it nor an .mcap of the same name beside it holds the robot's parameters"
+        raise UserError(f"{REFUSED}: {why}")
     try:
         values = {str(row["name"]): float(row["value"]) for row in value_in(text)}
     except (ValueError, TypeError, KeyError) as error:
@@ -71,28 +74,32 @@ def params_of(recorded: RecordedDrive) -> Params:
 
 
 def start_of(recorded: RecordedDrive) -> tuple[Pose, bool]:
-    """Where the robot was told that it stands; False when that is known to 32 bits only."""
+    """Return the start pose, and whether it is exact; the recorded odometry has only 32 bits.
+
+    Raises UserError when the recording holds no first pose.
+    """
     first, sequence = recorded.ticks[0]
     odometry = recorded.output(PlanarOdometry, first, sequence)
     if not isinstance(odometry, PlanarOdometry):
-        raise UserError("it cannot be executed again: the robot's first pose is not in it")
-    heard = Pose(odometry.x_m, odometry.y_m, odometry.heading_rad)
-    for candidate in candidates(recorded.facts.get("world", ""), heard):
-        if all(map(same_single, candidate, heard)):
+        raise UserError(f"{REFUSED}: it lacks the robot's first pose")
+    recorded_pose = Pose(odometry.x_m, odometry.y_m, odometry.heading_rad)
+    for candidate in candidates(recorded.facts.get("world", ""), recorded_pose):
+        if all(map(same_single, candidate, recorded_pose)):
             return candidate, True
-    return heard, False
+    return recorded_pose, False
 
 
-def candidates(world: str, heard: Pose) -> Iterator[Pose]:
-    """Starts that the world names, then the shortest numbers that a person may have typed."""
+def candidates(world: str, recorded_pose: Pose) -> Iterator[Pose]:
+    """Yield the starts of the world, then the shortest numbers that a user may have typed."""
     for start in starts_in(world):
-        yield Pose(start["x_m"], start["y_m"], told_heading_rad(radians(start["heading_deg"])))
-    x_m, y_m = (float(shortest_single(value)) for value in heard[:2])
+        yield Pose(start["x_m"], start["y_m"], rounded_heading_rad(radians(start["heading_deg"])))
+    x_m, y_m = (float(shortest_single(value)) for value in recorded_pose[:2])
     for digits in range(7):
-        yield Pose(x_m, y_m, radians(round(degrees(heard.heading_rad), digits)))
+        yield Pose(x_m, y_m, radians(round(degrees(recorded_pose.heading_rad), digits)))
 
 
 def starts_in(world: str) -> list[dict[str, Any]]:
+    """Return the starts in the recorded description of a world; none if it cannot be read."""
     try:
         facts = value_in(world)
         return [*facts.get("starts", ()), facts["start"]]
@@ -101,59 +108,64 @@ def starts_in(world: str) -> list[dict[str, Any]]:
 
 
 def same_single(a: float, b: float) -> bool:
+    """Return whether two values are equal as 32-bit floats."""
     return pack("<f", a) == pack("<f", b)
 
 
-def notes(recorded: RecordedDrive, verdict: ReexecutionResult, *, exact: bool) -> Iterator[str]:
+def notes(recorded: RecordedDrive, result: ReexecutionResult, *, exact: bool) -> Iterator[str]:
+    """Yield what limits the comparison."""
     if recorded.damage:
         yield f"the file is damaged: {recorded.damage}"
-    if verdict.lack:
-        yield f"it ends at tick {verdict.compared} of {verdict.ticks}: it lacks {verdict.lack}"
-    if verdict.unheard:
-        yield f"of {verdict.unheard} ticks part of the outcome was not recorded, nor compared"
+    if result.lack:
+        yield f"stopped at tick {result.compared} of {result.ticks}: {result.lack}"
+    if result.unrecorded:
+        yield f"{result.unrecorded} ticks were compared in part: some outputs are not recorded"
     if not exact:
-        yield "the start is known to 32 bits only: last digits may differ for that"
+        yield "the start is known to 32 bits only, so that last digits may differ"
 
 
-def in_words(verdict: ReexecutionResult) -> str:
-    first = verdict.first
+def in_words(result: ReexecutionResult) -> str:
+    """Describe the result of a comparison with this build."""
+    first = result.first
     if first is None:
-        return f"{verdict.compared} ticks executed again: nothing differs"
+        return f"{result.compared} ticks re-executed: no difference"
     what = f"{first.message}.{first.field} was {first.recorded!r} and is now {first.now!r}"
-    before = f"the {verdict.compared - 1} ticks before it are equal"
+    before = f"the {result.compared - 1} ticks before are equal"
     return f"tick {first.tick}, at {first.time_s:.3f} s: {what}; {before}"
 
 
-def other_in_words(navigator: str, verdict: ReexecutionResult) -> str:
-    first = verdict.first
-    where = "open loop: given what was sensed on the way that was driven"
+def other_in_words(navigator: str, result: ReexecutionResult) -> str:
+    """Describe the result of a comparison with another navigator."""
+    first = result.first
+    where = "open loop: its inputs are those of the recorded path"
     if first is None:
-        return f"{navigator} would have done the same in all {verdict.compared} ticks ({where})"
-    since = f"from tick {first.tick}, at {first.time_s:.3f} s, on"
+        return f"{navigator} decides the same in all {result.compared} ticks ({where})"
+    since = f"from tick {first.tick}, at {first.time_s:.3f} s"
     what = f"{first.field} {first.now} instead of {first.recorded}"
-    share = f"{verdict.differing} of {verdict.compared} ticks in all"
-    return f"{navigator} would have decided otherwise {since}: {what}; in {share} ({where})"
+    share = f"{result.differing} of {result.compared} ticks differ"
+    return f"{navigator} decides differently {since}: {what}; {share} ({where})"
 
 
 def as_json(
-    options: argparse.Namespace, recorded: RecordedDrive, verdict: ReexecutionResult
+    options: argparse.Namespace, recorded: RecordedDrive, result: ReexecutionResult
 ) -> dict[str, object]:
-    first = verdict.first
+    """Return the result under the keys of the JSON output."""
+    first = result.first
     return {
         "file": options.file,
         "robot": recorded.robot,
         "navigator": options.navigator,
-        "ticks": verdict.ticks,
-        "compared": verdict.compared,
-        "differing": verdict.differing,
-        "unheard": verdict.unheard,
+        "ticks": result.ticks,
+        "compared": result.compared,
+        "differing": result.differing,
+        "unheard": result.unrecorded,
         "first": None if first is None else {k: strict(v) for k, v in first._asdict().items()},
-        "lack": verdict.lack,
+        "lack": result.lack,
         "damage": recorded.damage,
     }
 
 
 def strict(value: object) -> object:
-    """JSON has no infinity and no not-a-number: they become text."""
+    """Return text for infinity and NaN, which JSON does not have, else the value."""
     finite = not isinstance(value, float) or value - value == 0.0
     return value if finite else repr(value)

@@ -1,4 +1,4 @@
-"""`sidestep study`: many trials, on all cores or a cluster, and what they come to."""
+"""`sidestep study`: run many trials, on all cores or a cluster, and report their results."""
 
 import importlib
 import importlib.util
@@ -12,12 +12,15 @@ INSTALL: Final = "pip install 'sidestep[study]'"
 
 
 def main(argv: Sequence[str]) -> int:
-    """0 done, 1 with failed trials, 2 wrong usage (argparse) or configuration (raised)."""
+    """Return 0 when done, 1 with failed trials, 2 for wrong usage (argparse).
+
+    Raises UserError for a configuration that cannot be used.
+    """
     if importlib.util.find_spec(NEEDED) is None:
         raise UserError(f"{NEEDED} missing; {INSTALL}")
     if argv[:1] == ["report"]:
         code: int = importlib.import_module("study.report.cli").main(argv[1:])
         return code
-    from study.cli.study_run import run  # needs what was looked for above
+    from study.cli.study_run import run  # imports NEEDED
 
     return run(argv)

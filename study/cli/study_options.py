@@ -28,13 +28,14 @@ QUICK_PAPER_SEEDS: Final = 5
 CORPUS_SEED: Final = 1
 
 DETAILS: Final = (
-    "It runs navigators x worlds x noise levels x seeds and writes results.parquet and a report. A"
-    " study that was broken off, by whatever, goes on when the same command is given"
-    " again. `sidestep study report DIR` writes the report anew."
+    "Runs navigators x worlds x noise levels x seeds and writes results.parquet and a report. Give"
+    " the same command again to continue an interrupted study. `sidestep study report DIR` writes"
+    " the report again."
 )
 
 
 def parser() -> argparse.ArgumentParser:
+    """Return the parser of `sidestep study`."""
     made = argparse.ArgumentParser(
         prog="sidestep study",
         description=VERBS["study"].summary,
@@ -58,9 +59,9 @@ def _add_worlds(made: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="WHERE",
         help=f"{CORPUS} (generated), {FIXED} (committed), shipped, names of shipped worlds, .toml"
-        f" files, or directories of such; {CORPUS} by default",
+        f" files, or directories of .toml files; {CORPUS} by default",
     )
-    made.add_argument("--families", nargs="+", metavar="F", help="only worlds of these")
+    made.add_argument("--families", nargs="+", metavar="F", help="only worlds of these families")
     made.add_argument(
         "--per-family",
         type=whole(1),
@@ -69,7 +70,10 @@ def _add_worlds(made: argparse.ArgumentParser) -> None:
         help=f"worlds generated of each family ({PER_FAMILY})",
     )
     made.add_argument(
-        "--corpus-seed", type=whole(0), default=CORPUS_SEED, help=f"of their making ({CORPUS_SEED})"
+        "--corpus-seed",
+        type=whole(0),
+        default=CORPUS_SEED,
+        help=f"for generated worlds ({CORPUS_SEED})",
     )
 
 
@@ -78,27 +82,27 @@ def _add_what(made: argparse.ArgumentParser) -> None:
         "--navigators",
         nargs="+",
         metavar="NAME[:SIDE]",
-        help=f"instead of {' '.join(EVERY_NAVIGATOR)}",
+        help=f"navigators to run ({' '.join(EVERY_NAVIGATOR)})",
     )
     made.add_argument(
         "--seeds",
         type=whole(1),
         metavar="N",
-        help="runs of each with other noise (1); without noise there is only one",
+        help="runs of each trial with different noise (1); one run without noise",
     )
     made.add_argument(
-        "--noise", nargs="+", metavar="LEVEL", help=f"instead of all: {' '.join(LEVELS)}"
+        "--noise", nargs="+", metavar="LEVEL", help=f"noise levels to run (all: {' '.join(LEVELS)})"
     )
     made.add_argument(
         "--timeout",
         type=seconds,
         metavar="S",
-        help=f"simulated; by default the time for {DETOUR_FACTOR:g} times the shortest way,"
-        f" at least {MIN_TIMEOUT_S:g} s, and {UNREACHABLE_TIMEOUT_S:g} s where there is no way",
+        help=f"simulated time; by default for {DETOUR_FACTOR:g} times the shortest path,"
+        f" at least {MIN_TIMEOUT_S:g} s, and {UNREACHABLE_TIMEOUT_S:g} s where there is no path",
     )
     add_param_option(made)
     made.add_argument(
-        "--uncalibrated", action="store_true", help="robots not calibrated for their noise"
+        "--uncalibrated", action="store_true", help="do not calibrate robots for their noise"
     )
 
 
@@ -106,7 +110,7 @@ def _add_how(made: argparse.ArgumentParser) -> None:
     made.add_argument(
         "--jobs", type=whole(1), default=cpu_count() or 1, help="processes (all cores)"
     )
-    made.add_argument("--dask", metavar="ADDRESS", help="run on the cluster of this scheduler")
+    made.add_argument("--dask", metavar="ADDRESS", help="run on the Dask cluster of this scheduler")
     made.add_argument(
         "--output",
         type=Path,
@@ -114,21 +118,22 @@ def _add_how(made: argparse.ArgumentParser) -> None:
         help=f"{OUTPUT}, or {QUICK_OUTPUT} with --quick",
     )
     made.add_argument(
-        "--mixed", action="store_true", help="go on even if settings or code are not as before"
+        "--mixed", action="store_true", help="continue even if settings or code have changed"
     )
-    made.add_argument("--no-report", action="store_true", help="results only")
-    made.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    made.add_argument("--no-report", action="store_true", help="write results only")
+    made.add_argument("--json", action="store_true", help="print one JSON object")
 
 
-def wanted_of(options: argparse.Namespace) -> WorldSelection:
+def selection_of(options: argparse.Namespace) -> WorldSelection:
+    """Return the worlds that the options select."""
     places = options.worlds or ([FIXED] if options.quick else [CORPUS])
     return WorldSelection(places, options.families, options.per_family, options.corpus_seed)
 
 
 def settings_of(options: argparse.Namespace) -> StudySettings:
-    """Raises UserError for a navigator or a noise level that is not there."""
+    """Return the settings; raise UserError for an unknown navigator or noise level."""
     navigators = [navigator_of(text) for text in options.navigators or EVERY_NAVIGATOR]
-    noise = [noise_of(text) for text in options.noise or _usual_noise(options.quick)]
+    noise = [noise_of(text) for text in options.noise or _default_noise(options.quick)]
     return StudySettings(
         navigators=tuple(dict.fromkeys(navigators)),
         noise=tuple(dict.fromkeys(noise)),
@@ -139,10 +144,11 @@ def settings_of(options: argparse.Namespace) -> StudySettings:
     )
 
 
-def _usual_noise(quick: bool) -> tuple[str, ...]:
+def _default_noise(quick: bool) -> tuple[str, ...]:
     return QUICK_NOISE if quick else tuple(LEVELS)
 
 
 def output_of(options: argparse.Namespace) -> Path:
+    """Return the study's directory."""
     given: Path | None = options.output
     return given or Path(QUICK_OUTPUT if options.quick else OUTPUT)

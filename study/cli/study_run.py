@@ -1,4 +1,4 @@
-"""One call of `sidestep study`: what is asked, what is there already, the rest run, the end."""
+"""One call of `sidestep study`: prepare, run the missing trials, write results and report."""
 
 import argparse
 import json
@@ -16,10 +16,10 @@ import pyarrow.compute as pc
 
 from robot.parameters.table import OutOfRange, Unknown
 from runtime.errors import UserError
-from study.cli.study_options import QUICK_PAPER_SEEDS, output_of, parser, wanted_of
-from study.cli.study_options import settings_of as settings_asked
+from study.cli.study_options import QUICK_PAPER_SEEDS, output_of, parser, selection_of
+from study.cli.study_options import settings_of as settings_from
 from study.runner import on_dask
-from study.runner.conduct import Collector, collect, finish, finished, open_tasks, recover
+from study.runner.conduct import Collector, collect, finish, missing_tasks, recover, stored_rows
 from study.runner.plan import StudySettings, TrialTask, tasks_of
 from study.runner.pool import Pool
 from study.runner.progress import StudyProgress
@@ -28,14 +28,14 @@ from study.runner.rows import FAILED
 from study.runner.run_task import StudyContext, trial_of
 from study.runner.sources import ListedWorld, keep, listed
 from study.runner.store import commands_of
-from study.runner.study_settings import alone, settings_of, settle
+from study.runner.study_settings import check_settings, exclusive, settings_of
 from study.trial.trial import params_of
 
 EXIT_INTERRUPTED: Final = 130
 
 
-class Study(NamedTuple):
-    """Everything that is settled before anything runs."""
+class PreparedStudy(NamedTuple):
+    """A study that is ready to run."""
 
     directory: Path
     worlds: list[ListedWorld]
@@ -46,42 +46,48 @@ class Study(NamedTuple):
 
 
 def run(argv: Sequence[str]) -> int:
-    """Raises UserError or WorldError, before anything has run, for what cannot be done."""
+    """Run a study; raise UserError or WorldError before any trial if it cannot be run."""
     options = parser().parse_args(argv)
     study = prepare(options, argv)
-    with alone(study.directory), ended_by_signals():
-        for line in tidied(study, options.mixed):
+    with exclusive(study.directory), interrupted_by_signals():
+        for line in prepare_directory(study, options.mixed):
             print(f"sidestep study: {line}", file=sys.stderr)
-        there = finished(study.directory)
-        tasks = open_tasks(study.tasks, there)
+        stored = stored_rows(study.directory)
+        tasks = missing_tasks(study.tasks, stored)
         progress = StudyProgress(
             len(study.tasks), len(study.tasks) - len(tasks), sys.stderr, monotonic
         )
         try:
-            work(study, options, tasks, progress)
-            summary = conclude(study, progress)
+            run_tasks(study, options, tasks, progress)
+            summary = write_results(study, progress)
             if not options.no_report:
-                report(study.directory, jobs=options.jobs, quick=options.quick)
+                write_report(study.directory, jobs=options.jobs, quick=options.quick)
         except KeyboardInterrupt:
-            return interrupted(study, progress)
-        print(json.dumps(summary) if options.json else in_words(summary))
+            return print_interruption(study, progress)
+        print(json.dumps(summary) if options.json else as_text(summary))
         return 1 if FAILED in summary["outcomes"] else 0
 
 
-def prepare(options: argparse.Namespace, argv: Sequence[str]) -> Study:
-    settings = settings_asked(options)
-    worlds = listed(wanted_of(options))
-    made_by, directory = code(), output_of(options)
+def prepare(options: argparse.Namespace, argv: Sequence[str]) -> PreparedStudy:
+    """Resolve the options to worlds, settings and tasks.
+
+    Raises UserError or WorldError for what cannot be used.
+    """
+    settings = settings_from(options)
+    worlds = listed(selection_of(options))
+    code_version, directory = code(), output_of(options)
     context = StudyContext(
-        study=directory.resolve().name, code=made_by, worlds=[one.world for one in worlds]
+        study=directory.resolve().name, code=code_version, worlds=[one.world for one in worlds]
     )
-    tasks = tasks_of(worlds, settings, made_by.version)
+    tasks = tasks_of(worlds, settings, code_version.version)
     _check_parameters(tasks, context)
-    return Study(directory, worlds, settings, tasks, context, join(["sidestep", "study", *argv]))
+    return PreparedStudy(
+        directory, worlds, settings, tasks, context, join(["sidestep", "study", *argv])
+    )
 
 
 def _check_parameters(tasks: list[TrialTask], context: StudyContext) -> None:
-    """Raises UserError: what the robot refuses in one trial of a world it refuses in all."""
+    """Raise UserError for a parameter that a robot rejects; one trial per world is enough."""
     for task in {task.place: task for task in tasks}.values():
         try:
             params_of(trial_of(task, context.worlds[task.place]))
@@ -90,21 +96,24 @@ def _check_parameters(tasks: list[TrialTask], context: StudyContext) -> None:
             raise UserError(f"--param or the [robot] of world {name}: {error}") from None
 
 
-def tidied(study: Study, mixed: bool) -> Iterator[str]:
-    """The directory as it must be to begin or to go on; says what was out of order."""
-    made_by = study.context.code
-    stored = settings_of(study.worlds, study.settings, made_by, machine())
-    differing = settle(study.directory, stored, made_by, mixed=mixed)
+def prepare_directory(study: PreparedStudy, mixed: bool) -> Iterator[str]:
+    """Store settings and worlds, repair an interrupted study; yield what was out of order."""
+    code_version = study.context.code
+    stored = settings_of(study.worlds, study.settings, code_version, machine())
+    differing = check_settings(study.directory, stored, code_version, mixed=mixed)
     if differing:
-        yield f"--mixed: going on although {'; '.join(differing)}"
+        yield f"--mixed: continuing although {'; '.join(differing)}"
     keep(study.worlds, study.directory)
     yield from recover(study.directory)
 
 
-def work(
-    study: Study, options: argparse.Namespace, tasks: list[TrialTask], progress: StudyProgress
+def run_tasks(
+    study: PreparedStudy,
+    options: argparse.Namespace,
+    tasks: list[TrialTask],
+    progress: StudyProgress,
 ) -> None:
-    """Run what is open, on the cluster or in processes of our own."""
+    """Run the tasks on the cluster or in local worker processes."""
     if not tasks:
         return
     collector = Collector(study.directory, monotonic)
@@ -116,18 +125,19 @@ def work(
         collect(pool.run(tasks), collector, progress)
 
 
-def interrupted(study: Study, progress: StudyProgress) -> int:
+def print_interruption(study: PreparedStudy, progress: StudyProgress) -> int:
+    """Print how to continue; return the exit code."""
     done = progress.before + progress.now
     print(
         f"sidestep study: stopped; {done} of {progress.total} trials are in {study.directory}. "
-        f"To go on, the same again:\n  {study.command}",
+        f"To continue, give the same command again:\n  {study.command}",
         file=sys.stderr,
     )
     return EXIT_INTERRUPTED
 
 
-def conclude(study: Study, progress: StudyProgress) -> dict[str, Any]:
-    """All results in one file; what they come to."""
+def write_results(study: PreparedStudy, progress: StudyProgress) -> dict[str, Any]:
+    """Merge all results into one file and return their summary."""
     stored = settings_of(study.worlds, study.settings, study.context.code, machine())
     earlier = commands_of(study.directory).splitlines()
     provenance = {
@@ -137,30 +147,34 @@ def conclude(study: Study, progress: StudyProgress) -> dict[str, Any]:
         "dirty": json.dumps(study.context.code.dirty),
     }
     results = finish(study.directory, provenance)
-    table = finished(study.directory)
+    table = stored_rows(study.directory)
     assert table is not None
     return summary_of(study, table, results, progress)
 
 
-def report(directory: Path, *, jobs: int, quick: bool) -> None:
-    from study.report import cli  # draws, which takes long to import
-    from study.report.paper import runs  # draws, which takes long to import
+def write_report(directory: Path, *, jobs: int, quick: bool) -> None:
+    """Write the report of the study and print its place."""
+    from study.report import cli  # slow import: drawing
+    from study.report.paper import runs  # slow import: drawing
 
     paper_seeds = QUICK_PAPER_SEEDS if quick else runs.SEEDS
     file, *_ = cli.report(directory, directory, jobs=jobs, paper_seeds=paper_seeds)
     print(f"sidestep study: {file}", file=sys.stderr)
 
 
-def in_words(summary: dict[str, Any]) -> str:
+def as_text(summary: dict[str, Any]) -> str:
+    """Return the summary as a line of text."""
     ends = ", ".join(f"{number} {name}" for name, number in summary["outcomes"].items())
     return f"{summary['results']}: {summary['trials']} trials: {ends}"
 
 
 def summary_of(
-    study: Study, table: pa.Table, results: Path, progress: StudyProgress
+    study: PreparedStudy, table: pa.Table, results: Path, progress: StudyProgress
 ) -> dict[str, Any]:
-    """Of all that is in the results, and how fast this call was. A trial's CPU time is told too:
-    unlike its pace it does not say how busy the machine was with other things."""
+    """Summarise all stored results and the speed of this call.
+
+    The CPU time of the trials is included: unlike their pace it does not depend on other load.
+    """
     driven = table.filter(pc.field("outcome") != FAILED)
     cpu_s, driven_s = (pc.sum(driven[name]).as_py() or 0.0 for name in ("cpu_s", "time_s"))
     counted = table.group_by("outcome").aggregate([("outcome", "count")]).to_pylist()
@@ -180,8 +194,8 @@ def summary_of(
 
 
 @contextmanager
-def ended_by_signals() -> Iterator[None]:
-    """SIGTERM ends a study as Ctrl-C does."""
+def interrupted_by_signals() -> Iterator[None]:
+    """Interrupt the study on SIGTERM as on Ctrl-C."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield

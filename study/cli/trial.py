@@ -1,4 +1,4 @@
-"""`sidestep trial`: one run in this process, as fast as the machine allows."""
+"""`sidestep trial`: run one trial in this process, as fast as the machine allows."""
 
 import argparse
 import json
@@ -35,12 +35,18 @@ moment: Final = up_to(MAX_DURATION_S)
 
 
 def main(argv: Sequence[str]) -> int:
-    """0 reached, 1 not, 2 wrong usage (argparse) or configuration (raised)."""
+    """Return 0 if the goal was reached, 1 if not, 2 for wrong usage (argparse).
+
+    Raises WorldError or UserError for a configuration that cannot be used.
+    """
     return trial(parser().parse_args(numbers_kept(argv)))
 
 
 def trial(options: argparse.Namespace) -> int:
-    """Raises WorldError or UserError, which say what to mend."""
+    """Run the trial that the options describe and print its outcome.
+
+    Raises WorldError or UserError.
+    """
     start, goal = start_of(options.start), goal_of(options)
     job = Trial(
         world=elsewhere(load(options.world), start, goal, options.at),
@@ -60,21 +66,22 @@ def trial(options: argparse.Namespace) -> int:
 
 
 def run(job: Trial, trace: str | None) -> Outcome:
+    """Run a trial and write its trace; raise UserError for a parameter or a file that fails."""
     try:
-        params_of(job)  # refused before a file is touched
+        params_of(job)  # reject bad parameters before a file is created
         if trace is None:
             return run_trial(job)
-        with written(trace) as file:
+        with opened_trace(trace) as file:
             return run_trial(job, Trace(file))
     except (Unknown, OutOfRange) as error:
         raise UserError(f"--param or the world's [robot]: {error}") from None
     except OSError as error:
-        raise UserError(f"--trace {trace}: cannot be written: {error.strerror}") from None
+        raise UserError(f"--trace {trace}: cannot be opened_trace: {error.strerror}") from None
 
 
 @contextmanager
-def written(trace: str) -> Iterator[TextIO]:
-    """The file of that name; `-` is standard output, on which the outcome follows."""
+def opened_trace(trace: str) -> Iterator[TextIO]:
+    """Open the trace file; `-` is standard output, where the outcome follows the trace."""
     if trace == STANDARD_OUTPUT:
         yield sys.stdout
         return
@@ -83,7 +90,7 @@ def written(trace: str) -> Iterator[TextIO]:
 
 
 def start_of(numbers: list[float] | None) -> Start | None:
-    """X Y DEG."""
+    """Return the start of `--start X Y DEG`."""
     if numbers is None:
         return None
     x_m, y_m, heading_deg = numbers
@@ -91,12 +98,15 @@ def start_of(numbers: list[float] | None) -> Start | None:
 
 
 def goal_of(options: argparse.Namespace) -> GoalPose | None:
-    """X Y [DEG]; without a heading any will do, as it is with `up --goal`."""
+    """Return the goal of `--goal X Y [DEG]`; without DEG any heading is accepted.
+
+    Raises UserError for another number of values or a heading out of range.
+    """
     numbers: list[float] | None = options.goal
     if numbers is None:
         return None
     if len(numbers) not in (2, 3):
-        raise UserError(f"--goal is X Y or X Y DEG, not {len(numbers)} numbers")
+        raise UserError(f"--goal: give X Y or X Y DEG, not {len(numbers)} numbers")
     x_m, y_m, *heading = numbers
     heading_rad = turn("--goal", heading[0]) if heading else None
     return GoalPose(
@@ -109,6 +119,7 @@ def goal_of(options: argparse.Namespace) -> GoalPose | None:
 
 
 def turn(option: str, heading_deg: float) -> float:
+    """Return a heading in radians; raise UserError outside one full turn."""
     if abs(heading_deg) > FULL_TURN_DEG:
         limits = f"{-FULL_TURN_DEG:g} to {FULL_TURN_DEG:g} deg"
         raise UserError(f"{option}: heading {heading_deg:g} deg is out of range: {limits}")
@@ -116,36 +127,43 @@ def turn(option: str, heading_deg: float) -> float:
 
 
 def parser() -> argparse.ArgumentParser:
+    """Return the parser of the verb."""
     made = argparse.ArgumentParser(prog="sidestep trial", description=VERBS["trial"].summary)
     made.add_argument("--world", required=True, help="name of a shipped world, or a .toml file")
     made.add_argument(
         "--navigator", choices=NAVIGATORS, default=USUAL_NAVIGATOR, help=f"({USUAL_NAVIGATOR})"
     )
-    made.add_argument("--side", choices=SIDES, default="left", help="on which obstacles are passed")
-    made.add_argument("--seed", type=whole(0), default=0, help="of everything random (0)")
-    made.add_argument("--noise", choices=LEVELS, help="instead of what the world says")
+    made.add_argument("--side", choices=SIDES, default="left", help="side to pass obstacles on")
+    made.add_argument("--seed", type=whole(0), default=0, help="of the random numbers (0)")
+    made.add_argument("--noise", choices=LEVELS, help="noise level (that of the world)")
+    _add_placement(made)
     made.add_argument(
-        "--start", type=finite, nargs=3, metavar=("X", "Y", "DEG"), help="instead of the world's"
+        "--timeout", type=seconds, default=300.0, metavar="S", help="simulated time limit (300)"
     )
+    add_param_option(made)
     made.add_argument(
-        "--goal", type=finite, nargs="+", metavar="N", help="X Y [DEG] instead of the world's"
+        "--uncalibrated", action="store_true", help="do not calibrate the robot for the noise"
+    )
+    made.add_argument("--trace", metavar="FILE", help="write a CSV line per tick; - is stdout")
+    made.add_argument("--json", action="store_true", help="print one JSON object")
+    return made
+
+
+def _add_placement(made: argparse.ArgumentParser) -> None:
+    made.add_argument("--start", type=finite, nargs=3, metavar=("X", "Y", "DEG"), help="start pose")
+    made.add_argument(
+        "--goal", type=finite, nargs="+", metavar="N", help="X Y [DEG] (that of the world)"
     )
     made.add_argument(
         "--tolerance", type=above_zero(1.0), default=0.05, metavar="M", help="of --goal (0.05)"
     )
     made.add_argument(
-        "--heading-tolerance", type=above_zero(180.0), default=3.0, metavar="DEG", help="(3)"
+        "--heading-tolerance",
+        type=above_zero(180.0),
+        default=3.0,
+        metavar="DEG",
+        help="of --goal (3)",
     )
     made.add_argument(
-        "--at",
-        type=moment,
-        default=0.0,
-        metavar="S",
-        help="time of the world at the start (0)",
+        "--at", type=moment, default=0.0, metavar="S", help="time of the world at the start (0)"
     )
-    made.add_argument("--timeout", type=seconds, default=300.0, metavar="S", help="simulated (300)")
-    add_param_option(made)
-    made.add_argument("--uncalibrated", action="store_true", help="not calibrated for the noise")
-    made.add_argument("--trace", metavar="FILE", help="CSV, one line per tick; - is stdout")
-    made.add_argument("--json", action="store_true", help="one JSON object on standard output")
-    return made

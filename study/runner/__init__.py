@@ -1,1 +1,1 @@
-"""Many trials: planned, run on all cores or a cluster, stored."""
+"""Plan many trials, run them on all cores or a cluster, and store their results."""

@@ -1,4 +1,4 @@
-"""From tasks to results: what is done is on the disk every few seconds, whatever happens next."""
+"""Collect the rows of a study and write them to disk every few seconds."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -23,11 +23,11 @@ from study.runner.store import (
 FLUSH_S: Final = 2.0
 MAX_FLUSH_S: Final = 10.0
 FLUSH_GROWTH: Final = 1.0 / 60.0
-"""What a study waits longer for each second it has run: hours make no thousands of files."""
+"""Growth of the write interval per second of run time, so that long runs write fewer files."""
 
 
 class Collector:
-    """Rows on their way to the disk. `close` writes what is left."""
+    """Buffer rows and write them as shards; `flush` writes the rest."""
 
     def __init__(self, directory: Path, monotonic_s: Callable[[], float]) -> None:
         self._directory = directory
@@ -36,21 +36,22 @@ class Collector:
         self._began_s = self._written_s = monotonic_s()
 
     def add(self, row: TrialRow) -> None:
+        """Buffer a row."""
         self._rows.append(row)
 
-    def look(self) -> None:
-        """Write when it is time again."""
+    def flush_if_due(self) -> None:
+        """Write the buffered rows if the interval has passed."""
         now_s = self._monotonic_s()
         every_s = min(FLUSH_S + FLUSH_GROWTH * (now_s - self._began_s), MAX_FLUSH_S)
         if now_s - self._written_s >= every_s:
-            self.close()
+            self.flush()
 
-    def close(self) -> None:
-        """Raises UserError when it cannot be written; the rows are then given up."""
+    def flush(self) -> None:
+        """Write the buffered rows; on failure drop them and raise UserError."""
         self._written_s = self._monotonic_s()
         if not self._rows:
             return
-        # After an interrupt the rows are written again; a trial counts once in the results.
+        # An interrupt may write rows twice; results count a trial once.
         try:
             write_shard(self._directory, self._rows)
         except UserError:
@@ -60,43 +61,43 @@ class Collector:
 
 
 def collect(rows: Iterable[TrialRow | None], collector: Collector, progress: StudyProgress) -> None:
-    """Until there are no more; also when it is broken off, all that came is written."""
+    """Collect all rows; write what has arrived also when interrupted."""
     try:
         for row in rows:
             if row is not None:
                 collector.add(row)
                 progress.add(row)
-            collector.look()
-            progress.show()
+            collector.flush_if_due()
+            progress.show_if_due()
     finally:
-        collector.close()
+        collector.flush()
         progress.close()
 
 
 def recover(directory: Path) -> Iterator[str]:
-    """Put the directory in order after whatever happened; says what was done."""
+    """Repair the directory of an interrupted study; yield what was done."""
     for left in (*directory.glob(f"*{UNFINISHED}"), *(directory / SHARDS).glob(f"*{UNFINISHED}")):
         left.unlink()
     if not files_of(directory):
         return
     for file, reason in find(directory).unreadable:
         place = set_aside(directory, file)
-        yield f"{file}: cannot be read ({reason}); kept as {place}, its trials are run again"
+        yield f"{file}: cannot be read ({reason}); moved to {place}, its trials will run again"
 
 
-def finished(directory: Path) -> pa.Table | None:
-    """What is there already; None when nothing is."""
+def stored_rows(directory: Path) -> pa.Table | None:
+    """Return the rows stored so far; None without any file."""
     return find(directory).table if files_of(directory) else None
 
 
-def open_tasks(tasks: list[TrialTask], there: pa.Table | None) -> list[TrialTask]:
-    """Those of which nothing is there yet."""
-    if there is None:
+def missing_tasks(tasks: list[TrialTask], stored: pa.Table | None) -> list[TrialTask]:
+    """Return the tasks that have no stored row."""
+    if stored is None:
         return tasks
-    done = set(there["trial_id"].to_pylist())
+    done = set(stored["trial_id"].to_pylist())
     return [task for task in tasks if task.trial_id not in done]
 
 
 def finish(directory: Path, provenance: Mapping[str, str]) -> Path:
-    """All into one file."""
+    """Merge all stored rows into one file with this provenance."""
     return compact(directory, find(directory).table, provenance)

@@ -1,4 +1,4 @@
-"""The same trials on a Dask cluster that is there already."""
+"""Run the trials of a study on an existing Dask cluster."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -19,20 +19,20 @@ CONNECT_S: Final = 10.0
 REFRESH_S: Final = 1.0
 MAX_WITHOUT_WORKERS_S: Final = 120.0
 AHEAD: Final = 4
-"""Tasks per thread that the cluster holds: enough to be busy, few enough to be stopped soon."""
+"""Tasks per thread in the cluster: enough to keep it busy, few enough to stop quickly."""
 
 ASK_EVERY: Final = 50
-KEPT: Final = "what is done is kept, and the same command goes on from there"
+KEPT: Final = "finished trials are kept; give the same command again to continue"
 MAX_KILLINGS: Final = 2
-"""Dask gives a task up when several workers died while they had it, though it may only have been
-on the same worker as the one they died of. Given up this often, it has failed."""
+"""Dask rejects a task when several workers died that held it, though another task on the same
+workers may have been the cause. A task rejected this often has failed."""
 
 
 @contextmanager
 def cluster(address: str) -> Iterator[Any]:
-    """A client of the scheduler, whose workers run the code that we do.
+    """Yield a client of the scheduler whose workers run the same code as this process.
 
-    Raises UserError when nobody answers, nobody works there, or other code is there.
+    Raises UserError when no scheduler answers, it has no workers, or a worker runs other code.
     """
     try:
         from distributed import Client
@@ -42,7 +42,7 @@ def cluster(address: str) -> Iterator[Any]:
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise UserError(
-            f"--dask {address}: no scheduler answers there ({_first_line(error)}); "
+            f"--dask {address}: no scheduler answers ({_first_line(error)}); "
             "start one with `dask scheduler`, or leave --dask out"
         ) from None
     with client:
@@ -58,54 +58,55 @@ def _check_workers(client: Any, address: str) -> None:
             f"--dask {address}: the scheduler has no workers; start some with "
             f"`dask worker {address}`"
         ) from None
-    for worker, said in client.run(code_digest, on_error="return").items():
-        if isinstance(said, OSError):
-            continue  # it died while it was asked; another takes its place
-        if isinstance(said, Exception):
-            reason = f"cannot run sidestep ({_first_line(said)})"
-        elif said != code().digest:
-            reason = "runs other code than this"
+    for worker, digest in client.run(code_digest, on_error="return").items():
+        if isinstance(digest, OSError):
+            continue  # the worker died during the call; another replaces it
+        if isinstance(digest, Exception):
+            reason = f"cannot run sidestep ({_first_line(digest)})"
+        elif digest != code().digest:
+            reason = "runs other code than this process"
         else:
             continue
-        fix = "install this very version of 'sidestep[study,dask]' there"
+        fix = "install the same version of 'sidestep[study,dask]' there"
         raise UserError(f"--dask {address}: worker {worker} {reason}; {fix}")
 
 
 def code_digest() -> str:
-    """Of the code on the machine that is asked."""
+    """Return the digest of the code on the machine that runs this function."""
     return code().digest
 
 
 def run(
     client: Any, context: StudyContext, tasks: Iterable[TrialTask]
 ) -> Iterator[TrialRow | None]:
-    """Rows as they come, None now and then. What a worker that dies was at is run by another.
+    """Yield rows as they arrive; None about once a second while none arrives.
 
-    Raises UserError when the scheduler is gone or has had no workers for a while.
+    Tasks of a worker that dies are run by another one. Raises UserError when the scheduler has gone
+    or has had no workers for `MAX_WITHOUT_WORKERS_S`.
     """
     waiting, running = iter(tasks), dict[Any, TrialTask]()
-    over, killings = SimpleQueue[Any](), Counter[str]()
+    done, killings = SimpleQueue[Any](), Counter[str]()
 
     def submit(task: TrialTask) -> None:
         future = _submit(client, context, task)
         running[future] = task
-        future.add_done_callback(over.put)
+        future.add_done_callback(done.put)
 
-    room = ClusterCapacity(client)
+    capacity = ClusterCapacity(client)
     while True:
-        for task in islice(waiting, max(0, room.most() - len(running))):
+        for task in islice(waiting, max(0, capacity.max_tasks() - len(running))):
             submit(task)
         if not running:
             return
         try:
-            future = over.get(timeout=REFRESH_S)
+            future = done.get(timeout=REFRESH_S)
         except Empty:
-            room.ask(REFRESH_S)
+            capacity.query(REFRESH_S)
             yield None
             continue
         ended = running.pop(future, None)
         if ended is None:
-            continue  # told of twice: its result was lost and made again
+            continue  # reported twice: its result was lost and computed again
         row = _result(future, ended, context, killings)
         if row is None:
             submit(ended)
@@ -114,50 +115,50 @@ def run(
 
 
 class ClusterCapacity:
-    """How much the cluster should hold; asking costs a round trip, so it is not done every time."""
+    """Number of tasks the cluster should hold, queried seldom as it costs a round trip."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
         self._threads = self._times = 0
         self._idle_s = 0.0
 
-    def most(self) -> int:
-        """Raises UserError when the scheduler is gone."""
+    def max_tasks(self) -> int:
+        """Return how many tasks to keep in the cluster; UserError if the scheduler has gone."""
         if self._times % ASK_EVERY == 0:
-            self.ask(0.0)
+            self.query(0.0)
         self._times += 1
         return AHEAD * max(1, self._threads)
 
-    def ask(self, waited_s: float) -> None:
-        """Raises UserError when the scheduler is gone, or has had no workers for a while."""
+    def query(self, waited_s: float) -> None:
+        """Count the threads; raise UserError if the scheduler or its workers have gone."""
         try:
             alive = self._client.status == "running"
             self._threads = sum(self._client.nthreads().values()) if alive else 0
         except (OSError, TimeoutError):
             alive = False
         if not alive:
-            raise UserError(f"--dask: the scheduler is gone; {KEPT}")
+            raise UserError(f"--dask: the scheduler has gone; {KEPT}")
         self._idle_s = 0.0 if self._threads else self._idle_s + waited_s
         if self._idle_s >= MAX_WITHOUT_WORKERS_S:
             raise UserError(f"--dask: the cluster has no workers left; {KEPT}")
 
 
 def _submit(client: Any, context: StudyContext, task: TrialTask) -> Any:
-    """With its own world: data scattered before would be lost with the worker that has it."""
-    alone = replace(context, worlds=(context.worlds[task.place],))
-    return client.submit(row_of, replace(task, place=0), alone, pure=False)
+    """Submit a task with its own world: scattered data is lost with the worker that holds it."""
+    own_context = replace(context, worlds=(context.worlds[task.place],))
+    return client.submit(row_of, replace(task, place=0), own_context, pure=False)
 
 
 def _result(
     future: Any, task: TrialTask, context: StudyContext, killings: Counter[str]
 ) -> TrialRow | None:
-    """None: it is to be run again."""
+    """Return the row of an ended task; None if it must be run again."""
     from distributed import KilledWorker
 
     if future.status not in ("finished", "error"):
-        return None  # cancelled or lost, with a scheduler that began anew
+        return None  # cancelled or lost by a restart of the scheduler
     try:
-        # The worker that has it may be dead by now, and so may be those that try again.
+        # The worker that holds the result may have died, and so may those that retry.
         row: TrialRow = future.result()
         return row
     except KilledWorker:
@@ -169,7 +170,7 @@ def _result(
     killings[task.trial_id] += 1
     if killings[task.trial_id] < MAX_KILLINGS:
         return None
-    return failed(task, context, "the Dask workers that ran it died, again and again")
+    return failed(task, context, f"the Dask workers that ran it died {MAX_KILLINGS} times")
 
 
 def _first_line(error: BaseException) -> str:

@@ -1,4 +1,4 @@
-"""Which trials a study consists of: each has an identity, and an order that stays balanced."""
+"""Plan the trials of a study: each has an identity, and their order stays balanced."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,12 +24,15 @@ EVERY_NAVIGATOR: Final = (
     *("bug:left", "bug:right", "vgm:left", "bug1:left", "bug2:left", "distbug:left"),
     "vgm_memory:left",
 )
-"""The paper's bug passes on the side it is told, so it is two."""
+"""The paper's bug passes obstacles on a given side, so it runs once per side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudySettings:
-    """What is run in every world; `navigators` with their side, `timeout_s` None: by the world."""
+    """Settings that apply to every world of a study.
+
+    `navigators` are NAME:SIDE; `timeout_s` None depends on the world.
+    """
 
     navigators: Sequence[str] = EVERY_NAVIGATOR
     noise: Sequence[str] = tuple(LEVELS)
@@ -41,7 +44,7 @@ class StudySettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialTask:
-    """A trial to be run; `place` is that of its world in the study's list."""
+    """A trial to run; `place` is the index of its world in the study's list."""
 
     trial_id: str
     place: int
@@ -59,8 +62,11 @@ class TrialTask:
 def tasks_of(
     worlds: Sequence[ListedWorld], settings: StudySettings, version: str
 ) -> list[TrialTask]:
-    """Seed by seed, and for one seed in an order that has nothing to do with world, navigator or
-    noise: wherever a study is interrupted, every part of it has come as far as the others."""
+    """Return all trials of a study, seed by seed.
+
+    For one seed the order is independent of world, navigator and noise, so that an interrupted
+    study has covered every part equally.
+    """
     tasks = [
         task for place, one in enumerate(worlds) for task in _of(place, one, settings, version)
     ]
@@ -68,7 +74,7 @@ def tasks_of(
 
 
 def _of(place: int, one: ListedWorld, settings: StudySettings, version: str) -> Iterator[TrialTask]:
-    """All trials in one world. Without noise a seed changes nothing, so there is only one."""
+    """Yield all trials in one world; without noise a seed changes nothing, so there is one."""
     timeout_s = settings.timeout_s or time_for(one.world)
     for navigator in settings.navigators:
         name, side = navigator.split(":")
@@ -89,20 +95,26 @@ def _of(place: int, one: ListedWorld, settings: StudySettings, version: str) -> 
 
 
 def seed_of(world_digest: str, number: int) -> int:
-    """Every world has seeds of its own: the wheels' luck grows from the seed alone, and with one
-    seed for all worlds a study would measure the same luck again and again. Navigators and noise
-    levels share them, so that they can be compared in pairs."""
+    """Return a seed of this world alone.
+
+    The random wheel errors depend on the seed only: with the same seeds in all worlds a study would
+    measure the same errors repeatedly. Navigators and noise levels share seeds, to be compared in
+    pairs.
+    """
     return int(world_digest[:5], 16) * SEED_STRIDE + number
 
 
 def id_of(identity: Mapping[str, Any], version: str) -> str:
-    """Equal for equal trials, whoever runs them and when."""
+    """Return a hash that is equal for equal trials, independent of machine and time."""
     text = json.dumps({**identity, "version": version}, sort_keys=True)
     return sha256(text.encode()).hexdigest()[:32]
 
 
 def time_for(world: World) -> float:
-    """Enough for a way forty times the shortest, at the robot's full speed; whole ten seconds."""
+    """Return the time limit in s, rounded up to 10 s.
+
+    It is enough for a path of `DETOUR_FACTOR` times the shortest at the robot's full speed.
+    """
     if world.shortest_path_m is None:
         return UNREACHABLE_TIMEOUT_S
     needed_s = START_UP_S + DETOUR_FACTOR * world.shortest_path_m / body_of(world).max_speed_m_s
@@ -110,7 +122,7 @@ def time_for(world: World) -> float:
 
 
 def navigator_of(text: str) -> str:
-    """NAME or NAME:SIDE as NAME:SIDE. Raises UserError for another one."""
+    """Return NAME or NAME:SIDE as NAME:SIDE; raise UserError for an unknown one."""
     name, _, side = text.partition(":")
     if name not in NAVIGATORS:
         raise UserError(f"--navigators: {unknown('navigator', name, NAVIGATORS)}")
@@ -120,6 +132,7 @@ def navigator_of(text: str) -> str:
 
 
 def noise_of(text: str) -> str:
+    """Return the noise level; raise UserError for an unknown one."""
     if text not in LEVELS:
         raise UserError(f"--noise: {unknown('noise level', text, LEVELS)}")
     return text

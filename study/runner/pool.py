@@ -1,7 +1,7 @@
-"""Worker processes that are expected to die: what one was at is run again by another.
+"""A pool of worker processes in which a task is run again when its worker dies.
 
-Every worker has its own pipe, so nobody waits for a lock that a dead one holds. A worker sees its
-pipe closed when the study is gone, however that went, and ends.
+Every worker has its own pipe, so that no lock is held by a dead process. A worker exits when its
+pipe is closed, which also happens when the study is killed.
 """
 
 import gc
@@ -22,10 +22,10 @@ from study.runner.run_task import StudyContext, failed, row_of
 
 READY: Final = "ready"
 AHEAD: Final = 2
-"""Tasks a worker holds, so that it never waits for the next one."""
+"""Tasks given to a worker in advance, so that it never waits for the next one."""
 
 MAX_DEATHS: Final = 2
-"""A trial that has cost so many workers is not run again."""
+"""A trial whose worker died this many times has failed."""
 
 MAX_FALSE_STARTS: Final = 3
 REFRESH_S: Final = 1.0
@@ -33,7 +33,7 @@ REFRESH_S: Final = 1.0
 
 @dataclass
 class Worker:
-    """A process, our end of its pipe, and what it has been given, the oldest first."""
+    """A process, the study's end of its pipe, and the tasks given to it, the oldest first."""
 
     process: BaseProcess
     pipe: Connection
@@ -42,7 +42,10 @@ class Worker:
 
 
 class Pool:
-    """`with Pool(...) as pool: for row in pool.run(tasks)`; leaving it ends the workers at once."""
+    """Worker processes for trials: `with Pool(...) as pool: for row in pool.run(tasks)`.
+
+    Leaving the context kills the workers.
+    """
 
     def __init__(self, jobs: int, context: StudyContext) -> None:
         self._jobs = jobs
@@ -64,73 +67,73 @@ class Pool:
         self._workers.clear()
 
     def run(self, tasks: Iterable[TrialTask]) -> Iterator[TrialRow | None]:
-        """Rows as they come; None now and then while nothing comes.
+        """Yield rows as they arrive; None about once a second while none arrives.
 
-        Raises UserError when workers die before they have begun.
+        Raises UserError when several workers die before they are ready.
         """
         self._waiting.extend(tasks)
         while len(self._workers) < min(self._jobs, len(self._waiting)):
-            self._workers.append(_hire(self._context))
+            self._workers.append(_start_worker(self._context))
         while self._waiting or any(worker.held for worker in self._workers):
             for worker in self._workers:
-                self._feed(worker)
+                self._send_tasks(worker)
             ready = wait([worker.pipe for worker in self._workers], REFRESH_S)
             if not ready:
                 yield None
             for worker in [one for one in self._workers if one.pipe in ready]:
-                yield from self._hear(worker)
+                yield from self._receive(worker)
 
-    def _feed(self, worker: Worker) -> None:
-        """Near the end nobody holds more than one, so that nobody waits for what another holds."""
+    def _send_tasks(self, worker: Worker) -> None:
+        """Send tasks in advance; one at a time near the end, to share the last tasks evenly."""
         most = AHEAD if len(self._waiting) > AHEAD * len(self._workers) else 1
         while worker.ready and self._waiting and len(worker.held) < most:
             try:
                 worker.pipe.send(self._waiting[0])
             except OSError:
-                return  # it is dead, which is heard of on the pipe
+                return  # it died; reading its pipe reports that
             worker.held.append(self._waiting.popleft())
 
-    def _hear(self, worker: Worker) -> Iterator[TrialRow]:
+    def _receive(self, worker: Worker) -> Iterator[TrialRow]:
         try:
-            said = worker.pipe.recv()
+            reply = worker.pipe.recv()
         except (OSError, EOFError):
-            yield from self._bury(worker)
+            yield from self._replace(worker)
             return
-        if said == READY:
+        if reply == READY:
             worker.ready, self._false_starts = True, 0
             return
         worker.held.popleft()
-        assert isinstance(said, TrialRow)
-        yield said
+        assert isinstance(reply, TrialRow)
+        yield reply
 
-    def _bury(self, worker: Worker) -> Iterator[TrialRow]:
-        """Another takes its place; what it was at is run once more, or else has failed."""
+    def _replace(self, worker: Worker) -> Iterator[TrialRow]:
+        """Start a new worker; run the task of the dead one again, or yield it as failed."""
         worker.process.join()
         worker.pipe.close()
-        end = _end_of(worker.process.exitcode)
+        end = _exit_text(worker.process.exitcode)
         if not worker.ready:
             self._false_starts += 1
             if self._false_starts >= MAX_FALSE_STARTS:
                 raise UserError(
-                    f"a worker process cannot start ({end}); try --jobs 1, or see above"
+                    f"worker processes cannot start ({end}); see above, or try --jobs 1"
                 )
         if worker.held:
             task = worker.held[0]
             self._deaths[task.trial_id] += 1
             if self._deaths[task.trial_id] >= MAX_DEATHS:
                 worker.held.popleft()
-                reason = f"its worker process died {MAX_DEATHS} times, at last {end}"
+                reason = f"its worker process died {MAX_DEATHS} times, last {end}"
                 yield failed(task, self._context, reason)
         self._waiting.extendleft(reversed(worker.held))
-        self._workers[self._workers.index(worker)] = _hire(self._context)
+        self._workers[self._workers.index(worker)] = _start_worker(self._context)
 
 
-def _hire(context: StudyContext) -> Worker:
-    """Spawned, not forked: it shares nothing with us but the pipe. Ctrl-C is for us alone."""
+def _start_worker(context: StudyContext) -> Worker:
+    """Spawn a worker that shares only the pipe with this process and ignores Ctrl-C."""
     spawn = multiprocessing.get_context("spawn")
     ours, theirs = spawn.Pipe()
-    process = spawn.Process(target=work, args=(theirs, context), name="trials", daemon=True)
-    # Started with the first process otherwise, and that takes the mask off again.
+    process = spawn.Process(target=run_worker, args=(theirs, context), name="trials", daemon=True)
+    # Start the tracker first: starting it along with a process would reset the signal mask.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
@@ -141,8 +144,8 @@ def _hire(context: StudyContext) -> Worker:
     return Worker(process, ours)
 
 
-def work(pipe: Connection, context: StudyContext) -> None:
-    """Run what comes until nobody is there any more."""
+def run_worker(pipe: Connection, context: StudyContext) -> None:
+    """Run the tasks from the pipe until it is closed."""
     gc.collect()
     gc.freeze()
     try:
@@ -153,7 +156,7 @@ def work(pipe: Connection, context: StudyContext) -> None:
         return
 
 
-def _end_of(exit_code: int | None) -> str:
+def _exit_text(exit_code: int | None) -> str:
     if exit_code is not None and exit_code < 0:
         try:
             return f"killed by {signal.Signals(-exit_code).name}"

@@ -1,4 +1,4 @@
-"""What a row was produced by: the code, the libraries and the machine."""
+"""Provenance of a row: code, libraries and machine."""
 
 import platform
 import sys
@@ -20,7 +20,10 @@ TRIAL_SOURCES: Final = (
 
 
 class CodeVersion(NamedTuple):
-    """`digest` is over the files that a trial runs; two commits may have the same."""
+    """The code that runs; `digest` covers the files that a trial runs.
+
+    Two commits may have the same digest.
+    """
 
     commit: str
     dirty: bool
@@ -29,7 +32,7 @@ class CodeVersion(NamedTuple):
 
 
 class MachineInfo(NamedTuple):
-    """Names as in `study.runner.rows.Row`."""
+    """Libraries and machine, under the names in `study.runner.rows.TrialRow`."""
 
     python: str
     numpy: str
@@ -40,7 +43,7 @@ class MachineInfo(NamedTuple):
 
 @cache
 def code() -> CodeVersion:
-    """Commit "unknown" where it does not run from a checkout, as when it was installed."""
+    """Return the running code; the commit is "unknown" outside a checkout."""
     digest = code_digest(ROOT)
     if git("ls-files", "--error-unmatch", "study/trial/trial.py") is None:
         return CodeVersion("unknown", False, version_of("sidestep"), digest)
@@ -51,6 +54,7 @@ def code() -> CodeVersion:
 
 @cache
 def machine() -> MachineInfo:
+    """Return libraries and machine of this process."""
     return MachineInfo(
         python=".".join(map(str, sys.version_info[:3])),
         numpy=version_of("numpy"),
@@ -61,7 +65,7 @@ def machine() -> MachineInfo:
 
 
 def code_digest(root: Path) -> str:
-    """SHA-256 over the files that decide how a trial goes, with their places."""
+    """Return the SHA-256 of the files that determine a trial, with their paths."""
     digest = sha256()
     for pattern in (*DRIVE_SOURCES, *TRIAL_SOURCES):
         for file in sorted(root.glob(pattern)):
@@ -71,7 +75,7 @@ def code_digest(root: Path) -> str:
 
 
 def _processor() -> str:
-    """The model as the kernel names it."""
+    """Return the processor model as the kernel names it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

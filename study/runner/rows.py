@@ -1,4 +1,4 @@
-"""One row per trial: what was asked, how it ended, how it drove and what produced it."""
+"""One row per trial: request, outcome, driving statistics and provenance."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -8,19 +8,19 @@ from typing import Any, Final, get_args, get_type_hints
 import pyarrow as pa
 
 FAILED: Final = "failed"
-"""The outcome of a trial that could not be run: an exception, or a worker that died of it."""
+"""Outcome of a trial that raised an exception or whose worker process died."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialRow:
-    """Places in the world's frame; `true_` from the plant, otherwise what the robot believes.
+    """One trial. Positions are in the world frame; `true_` is from the plant, the rest estimated.
 
-    None: unknown to anybody (no way to the goal, any heading will do). NaN: never came about, as
-    the trial failed. `parameters` is a JSON object; `world_source` is what `study.runner.sources`
-    makes the world from again. `own_contacts` are those the robot's own motion caused.
-    `mahalanobis2` is the true position error squared under the believed covariance. `side_changes`
-    counts changes between passing on the left and on the right, `avoidances` how often avoiding
-    began; heading for the goal between two avoidances of the same side is no change.
+    None: unknown in principle (no path to the goal, any heading accepted). NaN: not measured, as
+    the trial failed. `parameters` is a JSON object. `study.runner.sources.world_of` makes the world
+    of `world_source` again. `own_contacts` are those that the robot's own motion caused.
+    `mahalanobis2` is the squared true position error under the estimated covariance. `avoidances`
+    counts how often avoiding began. `side_changes` counts changes between passing on the left and
+    on the right; heading for the goal between two avoidances on the same side is no change.
     """
 
     study: str
@@ -96,7 +96,7 @@ _ARROW: Final[Mapping[type, Any]] = MappingProxyType(
 
 
 def _column(name: str, kind: Any) -> Any:
-    """A column holds nulls where its annotation allows None."""
+    """Return a column that holds nulls where its annotation allows None."""
     nullable = isinstance(kind, UnionType)
     plain = get_args(kind)[0] if nullable else kind
     return pa.field(name, _ARROW[plain], nullable=nullable)
@@ -106,7 +106,10 @@ SCHEMA: Final = pa.schema([_column(name, kind) for name, kind in get_type_hints(
 
 
 def table_of(rows: list[TrialRow]) -> pa.Table:
-    """The rows in their order. Raises ValueError, naming the column, where a value is missing."""
+    """Return the rows as a table in their order.
+
+    Raises ValueError, naming the column, where a value is missing.
+    """
     columns = {name: [getattr(row, name) for row in rows] for name in COLUMNS}
     for field in SCHEMA:
         if not field.nullable and None in columns[field.name]:
@@ -115,5 +118,5 @@ def table_of(rows: list[TrialRow]) -> pa.Table:
 
 
 def rows_of(table: pa.Table) -> list[TrialRow]:
-    """The rows of a table that has the schema."""
+    """Return the rows of a table that has the schema."""
     return [TrialRow(**record) for record in table.to_pylist()]

@@ -1,4 +1,4 @@
-"""A task of a study becomes a row: the trial is run, watched and written down, however it ends."""
+"""Run one task of a study and return its row, however the trial ends."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -18,13 +18,13 @@ from study.runner.rows import COLUMNS, FAILED, TrialRow
 from study.trial.behaviour import Behaviour
 from study.trial.trial import Trial, run_trial
 
-ASKED: Final = tuple(field.name for field in fields(TrialTask) if field.name in COLUMNS)
+TASK_COLUMNS: Final = tuple(field.name for field in fields(TrialTask) if field.name in COLUMNS)
 MEASURED: Final = (
     *("time_s", "path_m", "min_clearance_m"),
     *("position_error_m", "estimated_position_error_m"),
 )
 COUNTED: Final = ("contacts", "own_contacts", "ticks")
-NOTHING: Final[Mapping[str, Any]] = MappingProxyType(
+NO_OUTCOME: Final[Mapping[str, Any]] = MappingProxyType(
     {
         **dict.fromkeys(MEASURED, nan),
         **dict.fromkeys(COUNTED, 0),
@@ -32,12 +32,12 @@ NOTHING: Final[Mapping[str, Any]] = MappingProxyType(
         "digest": "",
     }
 )
-"""What an outcome says of a trial that has none."""
+"""Values of a trial without an outcome."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyContext:
-    """What all trials of a study share; handed to every worker once."""
+    """The data that all trials of a study share; sent once to every worker."""
 
     study: str
     code: CodeVersion
@@ -45,7 +45,7 @@ class StudyContext:
 
 
 def trial_of(asked: TrialTask | TrialRow, world: World) -> Trial:
-    """The trial itself, to be run for the first time or, from its row, once more."""
+    """Return the trial of a task, or that of a row to repeat it."""
     return Trial(
         world=world,
         navigator=asked.navigator,
@@ -59,7 +59,7 @@ def trial_of(asked: TrialTask | TrialRow, world: World) -> Trial:
 
 
 def row_of(task: TrialTask, context: StudyContext) -> TrialRow:
-    """Run it. An exception is how that trial ended, not the end of the study."""
+    """Run a task; an exception becomes a failed row and does not end the study."""
     watch, started_utc = Behaviour(), _now_utc()
     wall_s, cpu_s = perf_counter(), thread_time()
     try:
@@ -68,10 +68,10 @@ def row_of(task: TrialTask, context: StudyContext) -> TrialRow:
         return failed(task, context, f"{type(error).__name__}: {error}", started_utc)
     wall_s, cpu_s = perf_counter() - wall_s, thread_time() - cpu_s
     return TrialRow(
-        **_asked(task, context),
-        **_ended(outcome),
-        **_final(outcome, watch),
-        **_drove(watch),
+        **_request_values(task, context),
+        **_outcome_values(outcome),
+        **_final_values(outcome, watch),
+        **_behaviour_values(watch),
         wall_s=wall_s,
         cpu_s=cpu_s,
         started_utc=started_utc,
@@ -81,13 +81,13 @@ def row_of(task: TrialTask, context: StudyContext) -> TrialRow:
 def failed(
     task: TrialTask, context: StudyContext, reason: str, started_utc: str | None = None
 ) -> TrialRow:
-    """The row of a trial that could not be run to its end."""
+    """Return the row of a trial that could not be run to its end."""
     empty = Behaviour()
     return TrialRow(
-        **_asked(task, context),
-        **NOTHING,
-        **_final(None, empty),
-        **_drove(empty),
+        **_request_values(task, context),
+        **NO_OUTCOME,
+        **_final_values(None, empty),
+        **_behaviour_values(empty),
         outcome=FAILED,
         reason=reason,
         wall_s=nan,
@@ -96,11 +96,11 @@ def failed(
     )
 
 
-def _asked(task: TrialTask, context: StudyContext) -> dict[str, Any]:
-    """Identity, world and provenance."""
+def _request_values(task: TrialTask, context: StudyContext) -> dict[str, Any]:
+    """Return identity, world and provenance of a row."""
     world, code = context.worlds[task.place], context.code
     return {
-        **{name: getattr(task, name) for name in ASKED},
+        **{name: getattr(task, name) for name in TASK_COLUMNS},
         "study": context.study,
         "world": world.name,
         "family": world.family,
@@ -113,14 +113,14 @@ def _asked(task: TrialTask, context: StudyContext) -> dict[str, Any]:
     }
 
 
-def _ended(outcome: Outcome) -> dict[str, Any]:
-    """What the outcome says under the names of a row."""
-    names = (*NOTHING, "outcome", "reason")
+def _outcome_values(outcome: Outcome) -> dict[str, Any]:
+    """Return the values of the outcome under the names of a row."""
+    names = (*NO_OUTCOME, "outcome", "reason")
     return {name: getattr(outcome, name) for name in names}
 
 
-def _final(outcome: Outcome | None, watch: Behaviour) -> dict[str, Any]:
-    """Where it stood at the end, and how far that was from its belief."""
+def _final_values(outcome: Outcome | None, watch: Behaviour) -> dict[str, Any]:
+    """Return final state, true and estimated pose with covariance."""
     plant, onboard = watch.plant, watch.onboard
     if outcome is None or plant is None or onboard is None:
         names = ("true_x_m", "true_y_m", "true_heading_rad", "x_m", "y_m", "heading_rad")
@@ -148,7 +148,10 @@ def _final(outcome: Outcome | None, watch: Behaviour) -> dict[str, Any]:
 
 
 def mahalanobis2(x_m: float, y_m: float, spread_m2: tuple[float, float, float]) -> float:
-    """(x, y) inverse(covariance) (x, y)'; NaN where the covariance has no inverse."""
+    """Return (x, y) inverse(covariance) (x, y)'; NaN if the covariance is singular.
+
+    `spread_m2` is xx, xy, yy in m².
+    """
     xx, xy, yy = spread_m2
     determinant = xx * yy - xy * xy
     if not determinant > 0.0:
@@ -156,7 +159,7 @@ def mahalanobis2(x_m: float, y_m: float, spread_m2: tuple[float, float, float]) 
     return (yy * x_m * x_m - 2.0 * xy * x_m * y_m + xx * y_m * y_m) / determinant
 
 
-def _drove(watch: Behaviour) -> dict[str, Any]:
+def _behaviour_values(watch: Behaviour) -> dict[str, Any]:
     return {
         "mean_clearance_m": watch.mean_clearance_m,
         "turned_rad": watch.turned_rad,

@@ -1,4 +1,4 @@
-"""The worlds of a study: where they come from, and how a row's `world_source` makes one again."""
+"""The worlds of a study: where they come from, and how `world_source` makes one again."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -21,13 +21,13 @@ CORPUS: Final = "corpus"
 FIXED: Final = "fixed"
 SHIPPED: Final = "shipped"
 KEPT: Final = "worlds"
-"""The directory in a study's own in which world files that somebody gave are kept."""
+"""Subdirectory of a study with copies of the world files given on the command line."""
 
 FIXED_DIR: Final = Path(plant.corpus.__file__).parent / FIXED
 
 
 class ListedWorld(NamedTuple):
-    """A world with its family and shortest path known; `text` is its file's, if it had one."""
+    """A world with known family and shortest path; `text` is that of its file, if it had one."""
 
     source: str
     digest: str
@@ -36,7 +36,7 @@ class ListedWorld(NamedTuple):
 
 
 class WorldSelection(NamedTuple):
-    """What the command line says about worlds."""
+    """The options that select worlds."""
 
     places: Sequence[str]
     families: Sequence[str] | None
@@ -45,9 +45,9 @@ class WorldSelection(NamedTuple):
 
 
 def listed(wanted: WorldSelection) -> list[ListedWorld]:
-    """Every world that was asked for, once.
+    """Return each selected world once.
 
-    Raises UserError for a name that is not there, WorldError with all problems of all bad files.
+    Raises UserError for an unknown name, WorldError with all problems of all bad files.
     """
     found: list[ListedWorld] = []
     problems: list[Problem] = []
@@ -58,14 +58,14 @@ def listed(wanted: WorldSelection) -> list[ListedWorld]:
             except WorldError as error:
                 problems += error.problems
     if problems:
-        raise _every(problems)
+        raise _all_problems(problems)
     return _distinct(_of_families(found, wanted.families))
 
 
 def world_of(source: str, directory: Path) -> World:
-    """The world of a row again; `directory` is the study's own.
+    """Make the world of a row again; `directory` is that of the study.
 
-    Raises UserError when the source says nothing, WorldError when the file is not as it was.
+    Raises UserError for an unknown source, WorldError for a file that cannot be used.
     """
     kind, _, rest = source.partition(":")
     match kind, rest.rsplit(":", 2):
@@ -77,17 +77,17 @@ def world_of(source: str, directory: Path) -> World:
             return load(directory / KEPT / rest)
         case "corpus", [family, seed, index] if family in FAMILIES:
             return generate(family, int(index), int(seed))
-    raise UserError(f"world_source {source!r}: unknown; was the study made by another version?")
+    raise UserError(f"world_source {source!r}: unknown; the study is of another version")
 
 
 def digest_of(world: World) -> str:
-    """SHA-256 over all that a trial can notice of the world, and its name."""
+    """Return the SHA-256 of all that a trial depends on in a world, and of its name."""
     bare = replace(world, family=None, family_seed=None, shortest_path_m=None, reachable=None)
     return sha256(dumps(bare).encode()).hexdigest()
 
 
 def keep(worlds: Iterable[ListedWorld], directory: Path) -> None:
-    """Copy given files into the study's directory: they may be gone when somebody looks again."""
+    """Copy given files into the study's directory, since they may be removed later."""
     for one in worlds:
         if one.text is None:
             continue
@@ -99,7 +99,7 @@ def keep(worlds: Iterable[ListedWorld], directory: Path) -> None:
 
 
 def _sources(place: str, wanted: WorldSelection) -> Iterator[tuple[str, Path | None]]:
-    """What a word of --worlds stands for: sources, of given files with their path."""
+    """Yield the sources that one word of --worlds selects, with the path of given files."""
     path = Path(place)
     if place == CORPUS:
         for family in wanted.families or FAMILIES:
@@ -125,7 +125,7 @@ def _sources(place: str, wanted: WorldSelection) -> Iterator[tuple[str, Path | N
 
 
 def _known(source: str, file: Path | None) -> ListedWorld:
-    """Read or made, with what only the place tells of it."""
+    """Load or generate a world and add family and shortest path."""
     world = load(file) if file else world_of(source, Path())
     family = world.family or (file.parent.resolve().name if file else SHIPPED)
     digest = digest_of(world)
@@ -138,8 +138,8 @@ def _known(source: str, file: Path | None) -> ListedWorld:
     )
 
 
-def _every(problems: list[Problem]) -> WorldError:
-    """In the order of the files: WorldError itself sorts by line."""
+def _all_problems(problems: list[Problem]) -> WorldError:
+    """Return one error in the order of the files: WorldError itself sorts by line."""
     error = WorldError(problems)
     error.args = ("\n".join(map(str, problems)),)
     return error
@@ -160,7 +160,7 @@ def _check(family: str, families: Sequence[str]) -> None:
 
 
 def _distinct(found: list[ListedWorld]) -> list[ListedWorld]:
-    """Each world once. Raises UserError when two of one name differ."""
+    """Return each world once; raise UserError when two of one name differ."""
     by_name: dict[str, ListedWorld] = {}
     for one in found:
         other = by_name.setdefault(one.world.name, one)
@@ -173,7 +173,7 @@ def _distinct(found: list[ListedWorld]) -> list[ListedWorld]:
 
 
 def unknown(kind: str, name: str, names: Iterable[str]) -> str:
-    """`kind`: what it should have been, as in "no such navigator"."""
+    """Return a message for an unknown name of some `kind`, such as "no such navigator"."""
     known = list(names)
     near = get_close_matches(name, known, n=1)
     meant = f"did you mean {near[0]!r}? " if near else ""

@@ -1,7 +1,7 @@
-"""A study's directory: shards that are complete or not there at all, and the results.
+"""A study's directory: shards that are complete or absent, and the results.
 
-A shard is written beside its place, made durable and then put there by its name, so a writer that
-is killed leaves whole shards and at most one file that nobody reads.
+A shard is written under a temporary name, synced and renamed, so that a killed writer leaves only
+whole shards and at most one temporary file.
 """
 
 import os
@@ -22,20 +22,20 @@ SHARDS: Final = "shards"
 ASIDE: Final = "aside"
 UNFINISHED: Final = ".unfinished"
 PROVENANCE: Final = b"sidestep"
-"""The key under which the results' own metadata hold command and settings, as JSON."""
+"""Prefix of the metadata keys of the results, which hold command and settings."""
 
 
 class StoredRows(NamedTuple):
-    """What could be read, each trial once, and the files that could not, each with a reason."""
+    """The rows that could be read, each trial once, and the unreadable files with a reason."""
 
     table: pa.Table
     unreadable: tuple[tuple[Path, str], ...]
 
 
 def read(directory: str | Path) -> pa.Table:
-    """All rows of a study, finished or not, each trial once, in the order of `trial_id`.
+    """Return all rows of a study, finished or not, each trial once, sorted by `trial_id`.
 
-    Raises UserError when there is no study or a file of it cannot be read.
+    Raises UserError when there is no study or one of its files cannot be read.
     """
     found = find(Path(directory))
     for file, reason in found.unreadable:
@@ -47,7 +47,7 @@ def read(directory: str | Path) -> pa.Table:
 
 
 def find(directory: Path) -> StoredRows:
-    """As `read`, but files that cannot be read are named and left out."""
+    """Read as `read` does, but list unreadable files instead of raising."""
     if not directory.is_dir():
         raise UserError(f"{directory}: no such directory; `sidestep study --output` makes one")
     files = files_of(directory)
@@ -63,7 +63,7 @@ def find(directory: Path) -> StoredRows:
 
 
 def files_of(directory: Path) -> list[Path]:
-    """The results first, then the shards in the order of their making."""
+    """Return the results file first, then the shards in the order of their creation."""
     results = directory / RESULTS
     return [path for path in (results,) if path.exists()] + sorted(
         (directory / SHARDS).glob("*.parquet")
@@ -71,7 +71,7 @@ def files_of(directory: Path) -> list[Path]:
 
 
 def _table(file: Path) -> pa.Table:
-    """Raises ArrowException when it is no Parquet file or has other columns."""
+    """Read a file; raise ArrowException for no Parquet file or other columns."""
     table = pq.read_table(file, partitioning=None)
     if table.schema.names != SCHEMA.names:
         odd = set(table.schema.names) ^ set(SCHEMA.names)
@@ -80,7 +80,7 @@ def _table(file: Path) -> pa.Table:
 
 
 def _merged(tables: list[pa.Table]) -> pa.Table:
-    """Each trial once; what was written first stands."""
+    """Return each trial once, as it was written first."""
     whole = pa.concat_tables(tables) if tables else SCHEMA.empty_table()
     whole = whole.append_column("place", pa.array(range(whole.num_rows), pa.int64()))
     first = whole.group_by("trial_id").aggregate([("place", "min")])
@@ -94,7 +94,7 @@ def _first_line(error: Exception) -> str:
 
 
 def write_shard(directory: Path, rows: list[TrialRow]) -> Path:
-    """One more shard of these rows. Raises UserError when the disk has no room."""
+    """Write one more shard; raise UserError when the disk is full."""
     shards = directory / SHARDS
     shards.mkdir(exist_ok=True)
     numbers = [int(path.stem) for path in shards.glob("*.parquet") if path.stem.isdigit()]
@@ -104,7 +104,7 @@ def write_shard(directory: Path, rows: list[TrialRow]) -> Path:
 
 
 def commands_of(directory: Path) -> str:
-    """The commands that made the results, one a line; empty while there are none."""
+    """Return the commands that made the results, one per line; empty without results."""
     try:
         metadata = pq.read_schema(directory / RESULTS).metadata or {}
     except (OSError, pa.ArrowException):
@@ -114,7 +114,7 @@ def commands_of(directory: Path) -> str:
 
 
 def compact(directory: Path, table: pa.Table, provenance: Mapping[str, str]) -> Path:
-    """All rows into one file with its provenance, then without the shards they came from."""
+    """Write all rows into one file with its provenance, then remove the shards."""
     shards = [path for path in files_of(directory) if path.name != RESULTS]
     file = directory / RESULTS
     metadata = {PROVENANCE + b"." + key.encode(): text for key, text in provenance.items()}
@@ -125,13 +125,17 @@ def compact(directory: Path, table: pa.Table, provenance: Mapping[str, str]) -> 
 
 
 def write_table(file: Path, table: pa.Table) -> None:
+    """Write a table, replacing the file atomically."""
     with replacing(file) as opened:
         pq.write_table(table, opened, compression="zstd")
 
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Any]:
-    """A file to write, which takes the name only once all of it is on the disk."""
+    """Open a file for writing that replaces `file` once all of it is on the disk.
+
+    Raises UserError when it cannot be written.
+    """
     unfinished = file.with_name(file.name + UNFINISHED)
     try:
         with unfinished.open("wb") as opened:
@@ -143,8 +147,8 @@ def replacing(file: Path) -> Iterator[Any]:
     except OSError as error:
         unfinished.unlink(missing_ok=True)
         raise UserError(
-            f"{file}: cannot be written: {_first_line(error)}; what was written before is whole: "
-            "make room and run the same command again"
+            f"{file}: cannot be written: {_first_line(error)}; earlier results are intact: free "
+            "disk space and run the same command again"
         ) from None
 
 
@@ -157,7 +161,7 @@ def _sync_directory(directory: Path) -> None:
 
 
 def set_aside(directory: Path, file: Path) -> Path:
-    """Move a file out of the way, keeping its name and what was set aside before it."""
+    """Move a file into the directory `aside` without overwriting an earlier one."""
     aside = directory / ASIDE
     aside.mkdir(exist_ok=True)
     place, number = aside / file.name, 1

@@ -1,4 +1,4 @@
-"""What a study's directory was made with, so that nothing else is mixed into it unnoticed."""
+"""The stored settings of a study, which prevent mixing different studies in one directory."""
 
 import fcntl
 import json
@@ -22,7 +22,7 @@ MAX_NAMED: Final = 3
 def settings_of(
     worlds: Sequence[ListedWorld], settings: StudySettings, code: CodeVersion, machine: MachineInfo
 ) -> dict[str, Any]:
-    """As it is stored; of the machine only the libraries that may round differently."""
+    """Return the settings as stored; of the machine only libraries that may round differently."""
     return {
         "navigators": list(settings.navigators),
         "noise": list(settings.noise),
@@ -38,38 +38,38 @@ def settings_of(
     }
 
 
-def settle(
+def check_settings(
     directory: Path, wanted: Mapping[str, Any], code: CodeVersion, *, mixed: bool
 ) -> list[str]:
-    """Write the settings down; what differs from those that are there, when that is allowed.
+    """Store the settings; return the differences from those stored before, if `mixed` allows them.
 
-    Raises UserError, naming what differs, when it is not.
+    Raises UserError, naming the differences, if it does not.
     """
     file = directory / FILE
-    there = told_in(file)
-    differing = [] if there is None else differences(there, wanted)
+    stored = settings_in(file)
+    differing = [] if stored is None else differences(stored, wanted)
     if differing and not mixed:
         raise UserError(
-            f"{directory}: holds a study made otherwise: {'; '.join(differing)}; choose another "
-            "--output, or go on in this one with --mixed"
+            f"{directory}: holds a study with other settings: {'; '.join(differing)}; choose "
+            "another --output, or continue in this one with --mixed"
         )
-    if there is None or differing:
+    if stored is None or differing:
         with replacing(file) as opened:
             opened.write(json.dumps({**wanted, "commit": code.commit}, indent=1).encode())
     return differing
 
 
-def differences(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
-    """Each in a few words; the commit is told where the code differs."""
+def differences(stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
+    """Return each difference in a few words, with the commit where the code differs."""
     found = []
     for key, value in wanted.items():
-        before = there.get(key)
+        before = stored.get(key)
         if before == value:
             continue
         if key == "worlds":
             found.append(_worlds(before if isinstance(before, dict) else {}, value))
         elif key == "code":
-            found.append(f"other code (it was made at commit {there.get('commit', 'unknown')})")
+            found.append(f"other code (it was made at commit {stored.get('commit', 'unknown')})")
         else:
             found.append(f"{key} was {_short(before)}, is {_short(value)}")
     return found
@@ -85,35 +85,42 @@ def _short(value: object) -> str:
     return " ".join(map(str, value)) if isinstance(value, list) else json.dumps(value)
 
 
-def told_in(file: Path) -> dict[str, Any] | None:
-    """What the file holds; None when it is not there. Raises UserError when it cannot be read."""
+def settings_in(file: Path) -> dict[str, Any] | None:
+    """Return the settings in a file; None without the file.
+
+    Raises UserError when it cannot be read.
+    """
     if not file.exists():
         return None
     try:
-        there = value_in(file.read_text(encoding="utf-8"))
+        stored = value_in(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise UserError(
-            f"{file}: cannot be read: {error}; remove it, and the settings given now are taken "
-            "for those the study was made with"
+            f"{file}: cannot be read: {error}; remove it if the study was made with the settings "
+            "given now"
         ) from None
-    if not isinstance(there, dict):
+    if not isinstance(stored, dict):
         raise UserError(f"{file}: is not a JSON object; remove it")
-    return there
+    return stored
 
 
 @contextmanager
-def alone(directory: Path) -> Iterator[None]:
-    """Nobody else writes into this study meanwhile; who is killed holds it no longer."""
+def exclusive(directory: Path) -> Iterator[None]:
+    """Lock the study's directory; the lock ends with the process, also when killed.
+
+    Raises UserError when another study holds it or it cannot be made.
+    """
     try:
         directory.mkdir(parents=True, exist_ok=True)
         opened = (directory / LOCK).open("wb")
     except OSError as error:
-        raise UserError(f"--output {directory}: {error.strerror}; give another place") from None
+        raise UserError(f"--output {directory}: {error.strerror}; choose another") from None
     with opened:
         try:
             fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise UserError(
-                f"{directory}: another study writes there; wait for it, or give another --output"
+                f"{directory}: another study is writing there; wait for its end, or give another "
+                "--output"
             ) from None
         yield

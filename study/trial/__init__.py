@@ -1,1 +1,1 @@
-"""One run in this process."""
+"""Run one trial in this process and re-execute recorded drives."""

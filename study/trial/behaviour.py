@@ -1,4 +1,4 @@
-"""How a robot drove, added up tick by tick while it drives; cheap enough for every trial."""
+"""Statistics of how a robot drove, accumulated tick by tick; cheap enough for every trial."""
 
 from math import pi
 
@@ -11,7 +11,11 @@ SIDES = (states.PASS_LEFT, states.PASS_RIGHT)
 
 
 class Behaviour:
-    """Watches one trial; `plant` and `onboard` are its last ones, None when it never began."""
+    """Accumulate driving statistics of one trial, one call per tick.
+
+    `plant` and `onboard` are those of the last tick, None when the trial never began. `ticks_of`
+    counts ticks per branch of the decision.
+    """
 
     __slots__ = (
         *("avoidances", "clearance_sum_m", "onboard", "plant", "side_changes", "ticks"),
@@ -28,6 +32,7 @@ class Behaviour:
         self._heading_rad = 0.0
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
+        """Count one tick."""
         heading_rad, clearance_m = plant.attitude()
         if self.plant is None:
             self.plant, self.onboard = plant, onboard
@@ -44,7 +49,7 @@ class Behaviour:
             self._change(branch)
 
     def _change(self, branch: int) -> None:
-        """Another branch than in the tick before."""
+        """Count a new avoidance or a change of the passing side at a change of branch."""
         if branch in SIDES:
             self.avoidances += self._branch not in SIDES
             self.side_changes += self._side not in (branch, states.NO_BRANCH)
@@ -53,5 +58,5 @@ class Behaviour:
 
     @property
     def mean_clearance_m(self) -> float:
-        """NaN when nothing was watched."""
+        """Mean distance to the nearest obstacle; NaN before the first tick."""
         return self.clearance_sum_m / self.ticks if self.ticks else float("nan")

@@ -1,4 +1,4 @@
-"""What a recording holds of the control loop: what each tick was given, and what came of it."""
+"""Read from a recording the inputs of each control tick and the outputs that followed."""
 
 from collections.abc import Mapping
 from itertools import count, takewhile
@@ -37,48 +37,51 @@ PREPARES: Final = (
     *(MissionCount, MissionItemInt, MissionClearAll, MissionRequestList, MissionRequestInt),
     *(ParamRequestRead, ParamSet),
 )
-"""Requests that change no more than what a robot begins with, whenever they come before it moves:
-as those by which one that starts has its fence and its mission again."""
+"""Requests that only set the initial state of a robot that has not moved yet. A restarted robot
+restores its fence and its mission with them."""
 
 IGNORED: Final = (
     Reason.LEASE_HELD,
     Reason.FENCE_LEAVES_ROBOT_OUT,
     Reason.LESS_SAFE_THAN_CONFIGURED,
 )
-"""Refused for what an execution does not know, or knows only later."""
+"""Refusals whose cause is not in the recorded inputs, or is recorded later."""
 
 OUTPUTS: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)
 
 Key = tuple[int, int]
-"""Stamp and MAVLink sequence: all frames of one tick have the same."""
+"""Time stamp and MAVLink sequence number, equal for all frames of one tick."""
 
 
 class RecordedRequest(NamedTuple):
-    """What was asked, and whether the robot acted on it."""
+    """A recorded request, and whether the robot acted on it."""
 
     message: Message
     acted_on: bool
 
 
 class RecordedDrive:
-    """One recording. `ticks` are in order; a lack of anything is found when it is asked for."""
+    """The control ticks of one recording, in order.
+
+    Missing data is found by `lack` when a tick is read.
+    """
 
     def __init__(self, log: Log) -> None:
         self.facts: Mapping[str, str] = log.facts
         self.ticks: list[tuple[TickInputs, int]] = []
-        """What each tick was given, and its frame's sequence."""
+        """The inputs of each tick, and the sequence number of their frame."""
         self.ends = ""
-        """Why it cannot go on behind the last of them; empty when there is no more."""
+        """Why the recording cannot be used after the last tick; empty at its normal end."""
         self._wheels: dict[int, WheelTicks] = {}
         self._scans: dict[int, SonarScan] = {}
         self.fence_lost = False
-        """The robot had a fence that it could not read, which no request tells."""
+        """The robot could not read its stored fence; no request shows this."""
         self._outputs: dict[tuple[type[Message], Key], Message] = {}
-        self._asked: list[tuple[int, Message]] = []
+        self._commands: list[tuple[int, Message]] = []
         self._answers: list[tuple[int, Message]] = []
         for one in log:
             if self.ends:
-                continue  # to its end, where the log knows what it has lost
+                continue  # read to the end: the log then knows what it has lost
             try:
                 self._take(one.key, decode(one.frame))
             except RemoteError:
@@ -87,7 +90,7 @@ class RecordedDrive:
         self.damage = log.damage()
         self.requests = self._paired()
         self.prepared = len(list(takewhile(self._prepares, count(1))))
-        """So many requests, from the first on, only prepare it."""
+        """Number of requests, from the first on, that only prepare the robot."""
         del self.ticks[: self._beginning()]
 
     def _take(self, key: str, frame: Frame) -> None:
@@ -97,8 +100,8 @@ class RecordedDrive:
         elif isinstance(message, SonarScan):
             self._scans.setdefault(message.seq, message)
         elif isinstance(message, TickInputs) and key.endswith(INPUTS.path):
-            if self.ticks and begun_anew(self.ticks[-1][0], message):
-                self.ends = "the rest: robot or plant was started again"
+            if self.ticks and restarted(self.ticks[-1][0], message):
+                self.ends = "robot or plant was restarted"
             else:
                 self.ticks.append((message, sequence))
         elif isinstance(message, OUTPUTS):
@@ -106,22 +109,23 @@ class RecordedDrive:
             if isinstance(message, NavigatorStatus):
                 self.fence_lost |= message.vehicle_reason == Reason.FENCE_UNREADABLE
         elif key.endswith(COMMANDED.path):
-            self._asked.append((sequence, message))
+            self._commands.append((sequence, message))
         elif key.endswith(ANSWERED.path):
             self._answers.append((sequence, message))
 
     def _paired(self) -> dict[int, RecordedRequest]:
-        """Requests by their number from 1, which is what the sequence of their frames counts."""
+        """Return the requests by number from 1, which the sequence of their frames counts."""
         answers = dict(_unwrapped(self._answers))
         return {
             place + 1: RecordedRequest(message, reason_in(answers.get(place)) not in IGNORED)
-            for place, message in _unwrapped(self._asked)
+            for place, message in _unwrapped(self._commands)
         }
 
     def _beginning(self) -> int:
-        """The first tick from which on all is there, while the robot has nothing to do.
+        """Return the first tick from which all is recorded while the robot is idle.
 
-        A recorder may hear the robot before it hears the plant; nothing is lost with that.
+        A recorder may receive the robot's messages before those of the plant; skipping those ticks
+        loses nothing.
         """
         idle = len(list(takewhile(self._at_rest, self.ticks)))
         after = max((place + 1 for place in range(idle) if self.lack(place)), default=0)
@@ -132,41 +136,41 @@ class RecordedDrive:
         return request is not None and isinstance(request.message, PREPARES)
 
     def _at_rest(self, tick: tuple[TickInputs, int]) -> bool:
-        """Nobody had asked the robot to do anything, or steered it."""
+        """Return whether the robot had no request to act on and no teleoperation."""
         inputs, _ = tick
         return inputs.requests <= self.prepared and not inputs.flags & INPUT_TELEOP
 
     def output(self, kind: type[Message], inputs: TickInputs, sequence: int) -> Message | None:
-        """What came of a tick; None when it is not in the recording."""
+        """Return the message of this kind that a tick produced; None if not recorded."""
         return self._outputs.get((kind, (inputs.time_ns, sequence)))
 
     def senses(self, inputs: TickInputs) -> tuple[WheelTicks | None, SonarScan | None]:
-        """What was sensed in a tick; None also for what was stale or had not come."""
+        """Return the samples used in a tick; None for a stale or missing sample."""
         there = inputs.flags & INPUT_WHEELS
         wheels = self._wheels.get(inputs.wheels_seq) if there else None
         scan = self._scans.get(inputs.scan_seq) if inputs.flags & INPUT_SCAN else None
         return wheels, scan
 
     def lack(self, place: int) -> str:
-        """What of a tick is not in the recording, in words; empty when nothing is missing."""
+        """Describe what of a tick is not in the recording; empty if it is complete."""
         inputs, sequence = self.ticks[place]
         before = self.ticks[place - 1] if place else None
         if before is not None and (sequence - before[1]) & BYTE != 1:
-            return "the inputs of the tick before it"
+            return "the inputs of the tick before are not recorded"
         wheels, scan = self.senses(inputs)
         if wheels is None and inputs.flags & INPUT_WHEELS:
-            return f"wheel ticks {inputs.wheels_seq}, which it was given"
+            return f"its input, wheel ticks {inputs.wheels_seq}, is not recorded"
         if scan is None and inputs.flags & INPUT_SCAN:
-            return f"sonar scan {inputs.scan_seq}, which it was given"
-        asked_before = before[0].requests if before is not None else 0
+            return f"its input, sonar scan {inputs.scan_seq}, is not recorded"
+        requests_before = before[0].requests if before is not None else 0
         missing = [
-            n for n in range(asked_before + 1, inputs.requests + 1) if n not in self.requests
+            n for n in range(requests_before + 1, inputs.requests + 1) if n not in self.requests
         ]
-        return f"request {missing[0]}, which came before it" if missing else ""
+        return f"request {missing[0]}, which came before it, is not recorded" if missing else ""
 
 
-def begun_anew(before: TickInputs, now: TickInputs) -> bool:
-    """Has its robot or its plant begun to count again?"""
+def restarted(before: TickInputs, now: TickInputs) -> bool:
+    """Return whether the robot or the plant restarted its counters between two ticks."""
     return now.tick < before.tick or Order.RESTARTED in (
         order_of(now.wheels_seq, before.wheels_seq, MAX_LATE_TICKS),
         order_of(now.scan_seq, before.scan_seq, MAX_LATE_TICKS),
@@ -174,13 +178,14 @@ def begun_anew(before: TickInputs, now: TickInputs) -> bool:
 
 
 def reason_in(answer: Message | None) -> int:
+    """Return the reason code in an answer; `Reason.NONE` if it has none."""
     if isinstance(answer, CommandAck):
         return answer.result_param2
     return answer.reason if isinstance(answer, MissionVerdict) else Reason.NONE
 
 
 def _unwrapped(counted: list[tuple[int, Message]]) -> list[tuple[int, Message]]:
-    """Sequences of one byte as numbers that go on; no more than 255 in a row may be lost."""
+    """Unwrap one-byte sequence numbers; at most 255 messages in a row may be lost."""
     found: list[tuple[int, Message]] = []
     place = -1
     for sequence, message in counted:

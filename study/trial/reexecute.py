@@ -1,8 +1,8 @@
-"""`sidestep replay FILE --re-execute`: recorded senses, fed to the robot of this build.
+"""Re-execution of recorded inputs by the robot of this build.
 
-The robot is given, tick by tick, exactly what the recorded one was given, and what it makes of it
-is compared bit by bit. With another navigator that is an open loop: the senses stay those of the
-way that was driven.
+The robot receives, tick by tick, exactly the inputs of the recorded robot, and its outputs are
+compared bit by bit. With another navigator this is an open loop: the inputs remain those of the
+recorded path.
 """
 
 from collections.abc import Iterable, Sequence
@@ -34,15 +34,16 @@ from runtime.errors import UserError
 from runtime.units import NS_PER_MS, NS_PER_S
 from study.trial.recorded_drive import RecordedDrive
 
+REFUSED: Final = "the recording cannot be re-executed"
 COMPARED: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)
 UNCOMPARED: Final = frozenset(
     {"seq", "sense_seq", "epoch", "ttl_ms", "goal_started_ns", "goal_ended_ns"}
 )
-"""Counters, and times of requests, which are told to no tick."""
+"""Counters, and the times of requests, which are no input of a tick."""
 
 
 class Difference(NamedTuple):
-    """The first value that is not the same."""
+    """The first differing value."""
 
     tick: int
     time_s: float
@@ -54,54 +55,54 @@ class Difference(NamedTuple):
 
 @dataclass(slots=True)
 class ReexecutionResult:
-    """How many ticks were the same, what the first other one was, and why it ended, if early.
+    """The number of equal ticks, the first difference, and what ended the run early.
 
-    `unheard` ticks were executed, but part of what came of them is not in the recording.
+    Some outputs of `unrecorded` ticks are not in the recording, so they were not compared.
     """
 
     ticks: int
     compared: int = 0
     differing: int = 0
-    unheard: int = 0
+    unrecorded: int = 0
     first: Difference | None = None
     lack: str = ""
 
 
-def ignore(_stage: int) -> None:
-    """Nobody takes the time."""
+def _ignore_stage(_stage: int) -> None:
+    """Skip the timing of a stage."""
 
 
 class Reexecution:
-    """The robot of this build, driven by a recording."""
+    """The robot of this build, driven by the inputs of a recording."""
 
     def __init__(
         self, recorded: RecordedDrive, params: Params, start: Pose, *, other: bool
     ) -> None:
-        """`other`: with a navigator of its own, so that what chose another one is left out."""
+        """Create the robot; with `other`, requests that choose a navigator are skipped."""
         self._recorded = recorded
         self._other = other
         self._vehicle = Vehicle(params, Store(None), start)
-        self._vehicle.tuning.configured = None  # what was refused for it is left out
+        self._vehicle.tuning.configured = None  # refusals that depend on it are skipped
         if recorded.fence_lost:
             modes.lose_fence(self._vehicle.state.machine)
-        self._asked = 0
+        self._requests_done = 0
 
     def step(self, inputs: TickInputs) -> Outputs:
-        """One tick, as `robot.process` does it."""
+        """Run one tick as `robot.process` does."""
         now_ns = inputs.now_ms * NS_PER_MS
-        for number in range(self._asked + 1, inputs.requests + 1):
-            self._ask(number, now_ns)
-        self._asked = inputs.requests
+        for number in range(self._requests_done + 1, inputs.requests + 1):
+            self._receive(number, now_ns)
+        self._requests_done = inputs.requests
         if inputs.flags & INPUT_BUDGET:
             self._vehicle.report(reasons.BUDGET)
         if inputs.flags & INPUT_NAME_TAKEN:
             self._vehicle.report(reasons.NAME_TAKEN)
-        steered = inputs.flags & INPUT_TELEOP
-        manual = twist_of(inputs.speed_mm_s, inputs.yaw_rate_mrad_s) if steered else None
-        return self._vehicle.step(self._inputs(inputs), ignore, manual)
+        is_teleoperated = inputs.flags & INPUT_TELEOP
+        manual = twist_of(inputs.speed_mm_s, inputs.yaw_rate_mrad_s) if is_teleoperated else None
+        return self._vehicle.step(self._inputs(inputs), _ignore_stage, manual)
 
-    def said(self, outputs: Outputs, inputs: TickInputs) -> tuple[Message, ...]:
-        """What the robot would publish of it, in the order of COMPARED."""
+    def messages(self, outputs: Outputs, inputs: TickInputs) -> tuple[Message, ...]:
+        """Return the messages that the robot would publish, in the order of COMPARED."""
         vehicle, time_ns = self._vehicle, inputs.time_ns
         command = WheelCommand(
             time_ns=time_ns,
@@ -129,76 +130,78 @@ class Reexecution:
             age_ms,
         )
 
-    def _ask(self, number: int, now_ns: int) -> None:
-        request = self._recorded.requests[number]
-        chooses = self._other and chooses_navigator(request.message)
-        if request.acted_on and not isinstance(request.message, LeaseRequest) and not chooses:
-            self._vehicle.receive(request.message, now_ns)
+    def _receive(self, number: int, now_ns: int) -> None:
+        message, acted_on = self._recorded.requests[number]
+        skipped = self._other and chooses_navigator(message)
+        if acted_on and not isinstance(message, LeaseRequest) and not skipped:
+            self._vehicle.receive(message, now_ns)
 
 
 def chooses_navigator(request: Message) -> bool:
+    """Return whether a request selects the navigator or its side."""
     if isinstance(request, ParamSet):
         return request.param_id in ("navigator", "side")
-    chooses = Command.SIDESTEP_SET_NAVIGATOR
-    return isinstance(request, CommandRequest) and request.command == chooses
+    selection = Command.SIDESTEP_SET_NAVIGATOR
+    return isinstance(request, CommandRequest) and request.command == selection
 
 
 def reexecute(
     recorded: RecordedDrive, params: Params, start: Pose, *, other: bool = False
 ) -> ReexecutionResult:
-    """Every tick up to the end or to the first one of which something is missing.
+    """Re-execute all ticks, up to the first with missing inputs, and compare the outputs.
 
-    With `other` only wheel commands are compared, and it goes on behind the first difference.
+    With `other` only wheel commands are compared, and the run continues after the first difference.
+    Raises UserError when the robot had moved before the recording begins.
     """
-    again = Reexecution(recorded, params, start, other=other)
-    verdict = ReexecutionResult(len(recorded.ticks))
+    robot = Reexecution(recorded, params, start, other=other)
+    result = ReexecutionResult(len(recorded.ticks))
     kinds = COMPARED[:1] if other else COMPARED
     for place, (inputs, sequence) in enumerate(recorded.ticks):
-        verdict.lack = recorded.lack(place)
-        if verdict.lack:
+        result.lack = recorded.lack(place)
+        if result.lack:
             break
-        now = again.said(again.step(inputs), inputs)
-        verdict.compared += 1
+        now = robot.messages(robot.step(inputs), inputs)
+        result.compared += 1
         if not place:
             refuse_if_moved(recorded.output(PlanarOdometry, inputs, sequence), now[2])
         before = [recorded.output(kind, inputs, sequence) for kind in kinds]
-        verdict.unheard += None in before
-        found = first_of(inputs, before, now)
+        result.unrecorded += None in before
+        found = first_difference(inputs, before, now)
         if found is None:
             continue
-        verdict.differing += 1
-        verdict.first = verdict.first or found
+        result.differing += 1
+        result.first = result.first or found
         if not other:
             break
     else:
-        verdict.lack = recorded.ends
-    return verdict
+        result.lack = recorded.ends
+    return result
 
 
-def first_of(
+def first_difference(
     inputs: TickInputs, before: Sequence[Message | None], now: Sequence[Message]
 ) -> Difference | None:
-    """The first difference in what a tick said. What was not recorded is not compared."""
-    for recorded, said in zip(before, now, strict=False):
-        found = None if recorded is None else differs(inputs, recorded, said)
+    """Return the first difference in the outputs of a tick; skip those not recorded."""
+    for recorded, published in zip(before, now, strict=False):
+        found = None if recorded is None else difference_of(inputs, recorded, published)
         if found is not None:
             return found
     return None
 
 
-def differs(inputs: TickInputs, recorded: Message, now: Message) -> Difference | None:
-    """The first field that is another one on the wire."""
+def difference_of(inputs: TickInputs, recorded: Message, now: Message) -> Difference | None:
+    """Return the first field that differs on the wire."""
     names = [name for name in now.__struct_fields__ if name not in UNCOMPARED]
-    found = differs_in(recorded, now, names)
+    found = differing_field(recorded, now, names)
     if found is None:
         return None
     return Difference(inputs.tick, inputs.time_ns / NS_PER_S, type(now).__name__, *found)
 
 
-def differs_in(
+def differing_field(
     recorded: Message, now: Message, names: Iterable[str]
 ) -> tuple[str, float, float] | None:
-    """Name and both values of the first of these fields that is not the same on the wire."""
+    """Return name, recorded and new value of the first of these fields that differs on the wire."""
     wire = wire_of(type(now))
     arrived = wire.unpack(wire.pack(now))
     for name in names:
@@ -209,21 +212,20 @@ def differs_in(
 
 
 def refuse_unless_whole(recorded: RecordedDrive) -> None:
-    """UserError unless it begins before the robot was asked anything or moved."""
+    """Raise UserError unless the recording begins before the first request or movement."""
     if not recorded.ticks:
-        why = "no tick's inputs are in it"
         fix = "record with `sidestep record` or `up --record` of this version"
-        raise UserError(f"it cannot be executed again: {why}; {fix}")
+        raise UserError(f"{REFUSED}: it holds no inputs of control ticks; {fix}")
     first, sequence = recorded.ticks[0]
     if first.requests > recorded.prepared and (first.tick or sequence):
-        asked = f"{first.requests} requests" if first.requests > 1 else "a request"
-        why = f"it begins after {asked} to the robot, and what came of that is not in it"
-        raise UserError(f"it cannot be executed again: {why}; record from the robot's start")
+        requests = f"{first.requests} requests" if first.requests > 1 else "a request"
+        why = f"it begins after {requests} to the robot, whose effect is not recorded"
+        raise UserError(f"{REFUSED}: {why}; record from the robot's start")
 
 
 def refuse_if_moved(before: Message | None, fresh: Message) -> None:
-    """UserError when the doubt about the first pose is not that of a robot just started."""
-    found = before and differs_in(before, fresh, ("cov_xx_m2", "cov_yy_m2", "cov_hh_rad2"))
+    """Raise UserError when the first covariance is not that of a robot that has just started."""
+    found = before and differing_field(before, fresh, ("cov_xx_m2", "cov_yy_m2", "cov_hh_rad2"))
     if found:
-        why = "the robot had been moved before it begins, and its memory of that is not in it"
-        raise UserError(f"it cannot be executed again: {why}; record from the robot's start")
+        why = "it begins after the robot has moved, and the state from before is not recorded"
+        raise UserError(f"{REFUSED}: {why}; record from the robot's start")

@@ -1,4 +1,4 @@
-"""A run as CSV, one line per tick: truth, estimate with covariance, decision, wheels."""
+"""A trial as CSV, one line per tick: truth, estimate with covariance, decision, wheels."""
 
 import csv
 from math import inf, nan
@@ -19,19 +19,20 @@ COLUMNS = (
     *("virtual_x_m", "virtual_y_m", "speed_limit_m_s"),
     *("wanted_speed_m_s", "wanted_yaw_rate_rad_s", "left_mrad_s", "right_mrad_s", "guard"),
 )
-"""All places in the world: the robot is told where it starts. States as in the dialect."""
+"""Positions are in the world frame. States are numbered as in the dialect."""
 
 UNDECIDED = Decision(0, None, inf, nan, nan, nan, nan, inf)
 
 
 class Trace:
-    """Watches a trial and writes what it sees."""
+    """Write one CSV line for each tick of a trial."""
 
     def __init__(self, file: TextIO) -> None:
         self._writer = csv.writer(file, lineterminator="\n")
         self._writer.writerow(COLUMNS)
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
+        """Write the line of this tick."""
         self._writer.writerow((*_truth(plant), *_estimate(onboard), *_choice(onboard, outputs)))
 
 
@@ -51,7 +52,7 @@ def _estimate(onboard: CoreLoop) -> tuple[float, ...]:
 
 
 def _choice(onboard: CoreLoop, outputs: Outputs) -> tuple[float | None, ...]:
-    """An empty bearing: nothing was near."""
+    """Return decision, guard and wheel speeds; the bearing is empty if nothing was near."""
     decision = outputs.decision or UNDECIDED
     wheels = (outputs.left_mrad_s, outputs.right_mrad_s)
     return *decision, *outputs.twist, *wheels, outputs.guard

@@ -1,4 +1,4 @@
-"""One run in this process: the plant and the core call each other, nothing is sent anywhere."""
+"""Run one trial in this process: plant and core call each other, without a bus."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -10,8 +10,8 @@ from plant.model.configuration import noise_of
 from plant.model.types import World
 from plant.placement.shortest_path import known_length_m
 from plant.sim.simulation import Plant
-from protocol.outcome import Asked, Ended, Outcome, judged
-from protocol.wire.goal import WireGoal, told_heading_rad, wire_goal
+from protocol.outcome import Outcome, RunEnd, RunSettings, evaluated
+from protocol.wire.goal import WireGoal, rounded_heading_rad, wire_goal
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from robot.core import reasons, states
 from robot.core.machine import goal_lives
@@ -34,7 +34,7 @@ NAVIGATORS: Mapping[str, int] = {
 USUAL_NAVIGATOR = next(name for name in NAVIGATORS if NAVIGATORS[name] == DEFAULTS.navigator)
 SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 
-# The same world is run again and again, and its shortest path costs more than some runs.
+# The same world is run many times, and its shortest path costs more than some runs.
 shortest_once = lru_cache(maxsize=8)(known_length_m)
 
 Watch: TypeAlias = Callable[[Plant, CoreLoop, Outputs], None]
@@ -42,11 +42,12 @@ Watch: TypeAlias = Callable[[Plant, CoreLoop, Outputs], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """What to run. `noise` None: what the world says; `parameters` override the robot's own.
+    """Parameters of one trial.
 
-    `calibrated`: the robot has been calibrated for that noise, as one would a real one. `at_s`: the
-    world's time at the start, so that what moves is where it was then. `moved`: start or goal are
-    not the world's own, so nobody knows the shortest way between them.
+    `noise` None uses the level of the world; `parameters` override those of the robot.
+    `calibrated`: the robot is calibrated for that noise, as a real one would be. `at_s` is the time
+    of the world at the start, which places moving obstacles. `moved`: start or goal are not those
+    of the world, so the shortest path between them is unknown.
     """
 
     world: World
@@ -62,14 +63,15 @@ class Trial:
 
     @property
     def level(self) -> str:
-        """The level of noise by name; a world may have changed single values of it."""
+        """Name of the noise level; the world may have changed single values of it."""
         return self.noise or str(self.world.noise.get("level", "default"))
 
 
 def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
-    """Drive to the world's goal; `watch` sees every tick, after the core and before the plant.
+    """Drive to the world's goal and return the outcome.
 
-    Raises Unknown or OutOfRange for a parameter, ValueError for a seed or a start that cannot be.
+    `watch` is called at every tick, after the core and before the plant. Raises Unknown or
+    OutOfRange for a parameter, ValueError for an invalid seed or start.
     """
     noise, at_ns = noise_of(trial.world, trial.noise), round(trial.at_s * CONTROL_HZ) * PERIOD_NS
     plant = Plant(trial.world, trial.seed, noise, at_ns=at_ns)
@@ -78,14 +80,17 @@ def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
     begun_s = perf_counter()
     refusal = drive(plant, onboard, goal, trial.timeout_s, watch)
     wall_s = perf_counter() - begun_s
-    ended = ended_of(plant, onboard, refusal, wall_s, at_ns)
-    return judged(asked_of(trial, goal), ended, plant.score(plant.now_ns))
+    ended = run_end_of(plant, onboard, refusal, wall_s, at_ns)
+    return evaluated(run_settings_of(trial, goal), ended, plant.score(plant.now_ns))
 
 
 def drive(
     plant: Plant, onboard: CoreLoop, goal: WireGoal, timeout_s: float, watch: Watch | None
 ) -> int:
-    """Tick by tick until the goal has ended or the time is up; why the goal was refused, or 0."""
+    """Step plant and core until the goal has ended or the time is up.
+
+    Return the reason if the goal was refused, else 0.
+    """
     wheels, scan = plant.senses()
     outputs = onboard.step(plant.now_ns, wheels, scan)
     refusal = onboard.go(goal)
@@ -102,19 +107,20 @@ def drive(
 
 
 def params_of(trial: Trial) -> Params:
-    """The robot's parameters: defaults, calibration, the world's robot, then what was asked for."""
+    """Merge the parameters: defaults, calibration, robot of the world, those of the trial."""
     params = DEFAULTS._replace(navigator=NAVIGATORS[trial.navigator], side=SIDES[trial.side])
-    told = settings_of(trial.world.robot, trial.level, calibrated=trial.calibrated)
-    return with_values(params, {**told, **trial.parameters})
+    values = settings_of(trial.world.robot, trial.level, calibrated=trial.calibrated)
+    return with_values(params, {**values, **trial.parameters})
 
 
 def start_of(world: World) -> Pose:
-    """Where the robot is told that it stands."""
+    """Return the start pose that the robot is given, rounded as it is sent."""
     start = world.start
-    return Pose(start.x_m, start.y_m, told_heading_rad(start.heading_rad))
+    return Pose(start.x_m, start.y_m, rounded_heading_rad(start.heading_rad))
 
 
 def wire_goal_of(world: World) -> WireGoal:
+    """Return the goal of the world in units of the wire."""
     goal = world.goal
     return wire_goal(
         goal.x_m,
@@ -125,9 +131,10 @@ def wire_goal_of(world: World) -> WireGoal:
     )
 
 
-def asked_of(trial: Trial, wire_goal: WireGoal) -> Asked:
+def run_settings_of(trial: Trial, wire_goal: WireGoal) -> RunSettings:
+    """Describe the request of a trial for its outcome."""
     world = trial.world
-    return Asked(
+    return RunSettings(
         world=world.name,
         navigator=trial.navigator,
         seed=trial.seed,
@@ -141,12 +148,13 @@ def asked_of(trial: Trial, wire_goal: WireGoal) -> Asked:
     )
 
 
-def ended_of(
+def run_end_of(
     plant: Plant, onboard: CoreLoop, refusal: int, wall_s: float, begun_ns: int = 0
-) -> Ended:
+) -> RunEnd:
+    """Describe the end of a trial for its outcome; `begun_ns` is the plant's time at its start."""
     machine, pose = onboard.state.machine, onboard.state.odometry.pose
     refused = refusal != reasons.OK
-    return Ended(
+    return RunEnd(
         goal_state=states.REFUSED if refused else machine.goal_state,
         goal_reason=refusal if refused else machine.goal_reason,
         time_s=(plant.now_ns - begun_ns) / NS_PER_S,

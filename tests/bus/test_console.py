@@ -161,7 +161,7 @@ def test_a_robot_that_does_not_answer_is_explained(stage: tuple[PlayedRobot, str
     robot.answers = [None] * 3
     code, _, err = typed_in(endpoint, "hold --timeout 0.1")
     assert code == 1
-    assert "its heart beats, but it does not answer" in err
+    assert "sends its heartbeat, but does not answer" in err
 
 
 def test_the_lease_taken_here_is_kept_by_the_app(stage: tuple[PlayedRobot, str]) -> None:

@@ -54,7 +54,7 @@ def test_goto_does_not_show_the_end_of_the_goal_before(
     robot.stale = robot.status()
     assert say("goto", "1", "2", "--timeout", "20")[0] == 0
     first = next(text for text in shown if "robot's status" not in text)
-    assert first == "waiting for the robot to set off"
+    assert first == "waiting for the robot to start"
     assert any("driving" in text for text in shown)
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import main
-from ground.recording.log_reader import open_log
+from ground.recording.log_reader import opened
 from ground.recording.log_writer import LogFile
 from ground.recording.tlog import read
-from ground.text.statustext import Texts
+from ground.text.statustext import StatustextAssembler
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import MARK, SONAR, Role
@@ -49,7 +49,7 @@ def test_every_frame_is_kept_and_what_is_no_frame_is_not(
     frames = [decode(frame).message for frame in kept]
     assert told["frames"] == len(frames)
     assert told["rejected"] > 0
-    log = open_log(Path(told["mcap"]))
+    log = opened(Path(told["mcap"]))
     assert [one.frame for one in log] == kept
     assert log.damage() == ""
     assert "d_obs_m" in log.facts["parameters"]
@@ -111,7 +111,7 @@ def test_a_remark_reaches_whoever_records(
     stage[0].bus.stream(MARK, take)
     assert main(["mark", *words.split(), "--connect", stage[1]]) == 0
     until(lambda: len(heard) == 2)
-    texts = Texts()
+    texts = StatustextAssembler()
     assert [texts.receive(piece) for piece in heard] == ["", words]
 
 

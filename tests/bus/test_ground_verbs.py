@@ -86,7 +86,7 @@ def test_a_robot_that_beats_and_does_not_answer_is_told_so(robot: PlayedRobot, s
     robot.answers = [None] * 3
     code, _, err = say("hold", "--timeout", "0.1")
     assert code == 1
-    assert "its heart beats, but it does not answer" in err
+    assert "sends its heartbeat, but does not answer" in err
 
 
 def test_a_robot_whose_loop_hangs_is_told_so(robot: PlayedRobot, say: Say) -> None:
@@ -94,13 +94,13 @@ def test_a_robot_whose_loop_hangs_is_told_so(robot: PlayedRobot, say: Say) -> No
     robot.answers = [None] * 3
     code, _, err = say("hold", "--timeout", "0.1")
     assert code == 1
-    assert "control loop does not run" in err
+    assert "its control loop does not" in err
 
 
 def test_another_robot_is_offered(say: Say) -> None:
     code, _, err = say("hold", "--id", "r2", "--timeout", "0.1")
     assert code == 1
-    assert "there is r1: use --id" in err
+    assert "only r1: use --id" in err
 
 
 def test_nobody_at_the_endpoint_is_said_with_the_endpoint(
@@ -134,7 +134,7 @@ def test_the_doctor_misses_the_plant_and_the_silent_streams(say: Say) -> None:
     said = [finding["what"] for finding in found["findings"]]
     assert code == 1
     assert found["processes"] == ["robot r1"]
-    assert "no plant is there" in said
+    assert "no plant is running" in said
     assert "nothing on tlm/odometry" in said
     assert not [what for what in said if "sonar" in what or "srv/" in what]
 

@@ -96,7 +96,7 @@ def test_a_robot_that_no_plant_carries_makes_the_plant_unhealthy_for_it(
 def test_a_robot_of_another_name_is_named(ask: Ask) -> None:
     with played("r7") as (_, endpoint):
         code, why = ask("robot", "--connect", endpoint)
-    assert (code, "there is r7: use --id" in why) == (1, True), why
+    assert (code, "only r7: use --id" in why) == (1, True), why
 
 
 def test_what_nobody_can_read_is_no_sign_of_health(ask: Ask) -> None:

@@ -20,7 +20,7 @@ from protocol.wire.messages import Statustext, WheelTicks
 from tests.support.bus.nets import TOPOLOGIES, Topology, net, prefixes
 from tests.support.keyring import Keyring
 from tests.support.until import PATIENCE_S, until
-from verification.harness.tcp_proxy import Cable
+from verification.harness.tcp_proxy import TcpProxy
 
 pytestmark = pytest.mark.stack
 
@@ -70,12 +70,12 @@ class Line:
         self.told: list[str] = []
         if way == "hub":
             self.begin(Network(mode="peer", listen=LISTEN, prefix=self._prefix))
-            self.cable = stack.enter_context(Cable(self.robot.locator()))
+            self.cable = stack.enter_context(TcpProxy(self.robot.locator()))
             dialled = self.cable.endpoint
         else:
             router = Network(mode="router", listen=LISTEN, prefix=self._prefix)
             hub = stack.enter_context(open_bus(router, None, "r1")).locator()
-            self.cable = stack.enter_context(Cable(hub))
+            self.cable = stack.enter_context(TcpProxy(hub))
             robot, dialled = hub, self.cable.endpoint
             if way == "robot":
                 robot, dialled = dialled, robot
@@ -132,7 +132,7 @@ def test_no_event_is_lost_or_doubled_over_a_cut(way: Way) -> None:
     with lines(way) as found:
         cut(found, "during")
         for line in found:
-            line.cable.mend()
+            line.cable.restore()
         tell(found, *(f"after {number}" for number in range(5)))
         until(lambda: all(line.whole() for line in found))
         for line in found:
@@ -149,7 +149,7 @@ def test_of_a_robot_that_was_killed_in_a_cut_the_log_lacks_only_what_died_with_i
             line.begin(line.network)
         tell(found, *(f"anew {number}" for number in range(round(CUT_S / EVERY_S))))
         for line in found:
-            line.cable.mend()
+            line.cable.restore()
         until(lambda: all(line.whole() for line in found))
         for line in found:
             assert line.heard.words == line.told

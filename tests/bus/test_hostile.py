@@ -142,7 +142,7 @@ def test_a_saved_list_sets_parameters_only(run: Run) -> None:
 
 def test_a_token_with_no_name_of_a_robot_is_none(run: Run) -> None:
     said = run("watch", "--once", "--id", "nobody")
-    assert "there is r1: use --id" in said
+    assert "only r1: use --id" in said
     assert OWNED not in said
 
 

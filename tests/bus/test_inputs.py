@@ -74,15 +74,13 @@ def refused(answer: Message) -> bool:
     return isinstance(answer, MissionVerdict) and answer.reason == Reason.LEASE_HELD
 
 
-def again(
-    dual_log: Tape, params: Params, start: Pose
-) -> Iterator[tuple[TickInputs, Vehicle, Outputs]]:
+def again(tape: Tape, params: Params, start: Pose) -> Iterator[tuple[TickInputs, Vehicle, Outputs]]:
     """The run once more, without a plant, an operator or a bus."""
     vehicle = Vehicle(params, Store(None), start)
-    wheels = {one.seq: one for one in dual_log.of(WheelTicks)}
-    scans = {one.seq: one for one in dual_log.of(SonarScan)}
-    requests, done = dual_log.requests(), 0
-    for given in dropwhile(partial(unheard, wheels, scans), dual_log.of(TickInputs)):
+    wheels = {one.seq: one for one in tape.of(WheelTicks)}
+    scans = {one.seq: one for one in tape.of(SonarScan)}
+    requests, done = tape.requests(), 0
+    for given in dropwhile(partial(unheard, wheels, scans), tape.of(TickInputs)):
         for request in filter(None, requests[done : given.requests]):
             vehicle.receive(request, given.now_ms * 1_000_000)
         done, flags = given.requests, given.flags
@@ -103,22 +101,20 @@ def unheard(wheels: Container[int], scans: Container[int], given: TickInputs) ->
 
 def test_a_run_with_all_there_is_in_it_can_be_had_again_to_the_last_bit() -> None:
     with Stack("box", noise="default", seed=4) as stack:
-        dual_log = Tape(stack)
+        tape = Tape(stack)
         stack.until(
-            lambda: bool(
-                dual_log.of(TickInputs) and dual_log.of(WheelTicks) and dual_log.of(SonarScan)
-            ),
+            lambda: bool(tape.of(TickInputs) and tape.of(WheelTicks) and tape.of(SonarScan)),
             within_s=2.0,
         )
         start, params = stack.vehicle.state.odometry.pose, stack.vehicle.params
         drive_about(stack)
-    compare(dual_log, params, start)
+    compare(tape, params, start)
 
 
-def compare(dual_log: Tape, params: Params, start: Pose) -> None:
-    heard = [dual_log.by_time(kind) for kind in TOLD]
+def compare(tape: Tape, params: Params, start: Pose) -> None:
+    heard = [tape.by_time(kind) for kind in TOLD]
     ticks = steered = 0
-    for given, vehicle, outputs in again(dual_log, params, start):
+    for given, vehicle, outputs in again(tape, params, start):
         said = said_again(given, vehicle, outputs, heard[0][given.time_ns])
         for ours, theirs in zip(said, heard, strict=True):
             assert wire(ours) == wire(theirs[given.time_ns])

@@ -82,8 +82,8 @@ def test_what_the_robot_has_but_could_not_save_is_told_and_the_mission_follows_i
     robot.desk.verdict = (Reason.NOT_SAVED, 65_535)
     code, out, err = say("mission", "upload", mission)
     assert code == 1
-    assert out == "not saved: it is in force but could not be saved\n"
-    assert err == "the fence: it is in force but could not be saved\n"
+    assert out == "not saved: the change is in force but could not be saved\n"
+    assert err == "the fence: the change is in force but could not be saved\n"
     kinds = [frame.mission_type for frame in robot.desk.frames if isinstance(frame, MissionCount)]
     assert kinds == [MissionType.FENCE, MissionType.MISSION]
 

@@ -10,7 +10,7 @@ from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import Session
 from ground.console import AppCommand, read
-from ground.station import Outcome
+from ground.station import JobResult
 from ground.station.robot.background_requests import Job
 from protocol.bus.bus import Bus
 from protocol.topics import COMMAND
@@ -30,10 +30,10 @@ def typed(seen: Watching, words: str) -> Job:
     operation = read(words)
     assert not isinstance(operation, AppCommand)
 
-    def job() -> Outcome:
+    def job() -> JobResult:
         link = Link(bus, Common(network=bus.network, robot="r1"), WallClock())
         outcome = operation.perform(Session(link, attended=True))
-        return Outcome(outcome.ok, outcome.text)
+        return JobResult(outcome.ok, outcome.text)
 
     return job
 

@@ -8,7 +8,7 @@ from protocol.wire.enums import AckResult, LeaseAction
 from protocol.wire.messages import CommandAck, LeaseRequest
 from tests.support.bus.lively import Lively, watching
 from tests.support.until import PATIENCE_S
-from verification.harness.tcp_proxy import Cable
+from verification.harness.tcp_proxy import TcpProxy
 
 pytestmark = pytest.mark.stack
 
@@ -111,13 +111,13 @@ def test_a_cut_cable_is_a_lost_link_and_nothing_else(router: bool) -> None:
     with (
         Lively(router=router) as stack,
         stack.going(),
-        Cable(stack._hub) as cable,
+        TcpProxy(stack._hub) as cable,
         watching(stack, cable.endpoint) as seen,
     ):
         seen.until_ready()
         cable.cut()
         seen.until_lost(LossKind.TRANSPORT)
-        cable.mend()
+        cable.restore()
         seen.until_ready()
         assert seen.kinds() == ["LINK LOST"]
         assert seen.station.restarts(Role.ROBOT) == 0

@@ -92,7 +92,7 @@ def test_without_its_token_the_page_refuses(stack: Compose) -> None:
     there = stack.address.partition("?")[0]
     for path in ("/", "/?token=", "/?token=guessed"):
         answer = asked(there, path)
-        assert (answer.status, "wants its token" in answer.text) == (403, True), answer
+        assert (answer.status, "requires a token" in answer.text) == (403, True), answer
 
 
 def test_with_its_token_the_page_is_there(stack: Compose) -> None:

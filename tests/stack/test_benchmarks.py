@@ -74,8 +74,8 @@ def test_attacks_are_measured_on_an_open_bus_and_behind_locked_doors() -> None:
     found = figures(flood, *words, "--doors", "open", "--kinds", "questions")
     found |= figures(flood, *words, "--doors", "locked", "--kinds", "stops")
     for name in ("open, questions", "locked, stops"):
-        assert len(found[f"{name}: key to standing"].values) == 1
-        assert found[f"{name}: key to standing"].median < 1000
+        assert len(found[f"{name}: key to standstill"].values) == 1
+        assert found[f"{name}: key to standstill"].median < 1000
         assert found[f"{name}: operator could not go on"].median == 0
-        assert found[f"{name}: acknowledgements that were none"].median == 0
+        assert found[f"{name}: false acknowledgements"].median == 0
     assert found["open, questions: forged commands acted upon"].median == 0

@@ -68,7 +68,7 @@ def test_without_the_token_a_browser_sees_a_refusal_and_nothing_is_started() -> 
 
         async def story(page: Page) -> None:
             async with asyncio.timeout(SEEN_S):
-                while "wants its token" not in (await page.value("document.body.innerText") or ""):
+                while "requires a token" not in (await page.value("document.body.innerText") or ""):
                     await asyncio.sleep(0.1)
 
         in_browser(url.partition("?")[0], story)

@@ -99,5 +99,5 @@ def test_a_loop_that_hangs_is_told_from_a_process_that_is_gone() -> None:
             code, said = crew.run("doctor", "--timeout", "0.3")
             assert code == 1, said
             assert "robot r1 hangs" in said
-            assert "its process is alive, its control loop does not run" in said
+            assert "its process is alive but sends no heartbeat" in said
             watch.says("robot r1 hangs")

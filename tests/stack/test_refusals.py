@@ -156,7 +156,7 @@ def test_a_plant_of_another_version_is_named_by_robot_and_doctor() -> None:
             until(counted, what="rejections in the robot's report")
             doctor = crew.dialling("doctor", "--timeout", "0.5")
             until(lambda: counted() and doctor.process.poll() is not None, what="the doctor")
-        refused(doctor, 1, DIFFER, "sense/sonar", "same version", "the robot could not read")
+        refused(doctor, 1, DIFFER, "sense/sonar", "same version", "the robot rejected")
 
 
 def test_a_robot_of_another_version_is_named_by_the_verbs() -> None:

@@ -16,7 +16,7 @@ def test_half_a_minute_of_it_heals_every_time_and_the_log_lacks_no_event() -> No
     report = soak.measure(parser.parse_args(["--minutes", "0.5"]))
     found = {figure.name: figure.median for figure in report.figures}
     assert report.met, report.text()
-    assert found["faults after which somebody stayed silent"] == 0
+    assert found["faults after which a robot stayed silent"] == 0
     assert found["events of r1 in the log"] > 10
     assert found["events of r1 that the log lacks"] == 0
     assert found["processes given up"] == 0

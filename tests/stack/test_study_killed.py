@@ -199,7 +199,7 @@ def test_without_room_it_ends_clearly_and_loses_nothing_written(
         assert process.returncode == 2
     assert "Traceback" not in told
     assert "cannot be written: File too large" in told
-    assert "make room and run the same command again" in told
+    assert "free disk space and run the same command again" in told
     assert shards(tmp_path) > 0
     finish(tmp_path)
     same(tmp_path, undisturbed)
@@ -227,7 +227,7 @@ def test_two_studies_in_one_place_do_not_mix(tmp_path: Path) -> None:
             command(tmp_path), cwd=ROOT, capture_output=True, text=True, check=False
         )
         assert second.returncode == 2
-        assert "another study writes there" in second.stderr
+        assert "another study is writing there" in second.stderr
         assert process.poll() is None
 
 

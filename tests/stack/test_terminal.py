@@ -36,7 +36,7 @@ class Stack:
 
 
 @contextmanager
-def open_log(
+def opened(
     folder: Path, size: tuple[int, int] = USUAL, environment: Mapping[str, str] | None = None
 ) -> Iterator[Stack]:
     """In the open, at the start."""
@@ -54,7 +54,7 @@ def open_log(
 def test_a_goal_by_the_cursor_a_navigator_an_estop_and_a_mission_by_keys_alone(
     tmp_path: Path,
 ) -> None:
-    with open_log(tmp_path) as stack:
+    with opened(tmp_path) as stack:
         tmux, witness = stack.tmux, stack.witness
         tmux.shows(READY)
         drive_to_the_cursor(tmux)
@@ -122,7 +122,7 @@ def fly(tmux: Tmux) -> None:
 
 @pytest.mark.parametrize("environment", [{"NO_COLOR": "1"}, {"TERM": "linux"}, {"LC_ALL": "C"}])
 def test_a_poor_terminal_shows_it_too(tmp_path: Path, environment: dict[str, str]) -> None:
-    with open_log(tmp_path, environment=environment) as stack:
+    with opened(tmp_path, environment=environment) as stack:
         tmux = stack.tmux
         screen = tmux.shows(READY, KEYS, "SIM")
         if "NO_COLOR" in environment:
@@ -138,7 +138,7 @@ def test_a_poor_terminal_shows_it_too(tmp_path: Path, environment: dict[str, str
 
 @pytest.mark.parametrize("size", [(1, 1), (20, 5), (300, 90)])
 def test_it_fits_any_terminal(tmp_path: Path, size: tuple[int, int]) -> None:
-    with open_log(tmp_path, size) as stack:
+    with opened(tmp_path, size) as stack:
         tmux = stack.tmux
         until(lambda: tmux.screen.strip(), 20.0, "anything on the screen")
         tmux.resize(*USUAL)
@@ -151,7 +151,7 @@ def test_it_fits_any_terminal(tmp_path: Path, size: tuple[int, int]) -> None:
 
 
 def test_a_storm_of_sizes_leaves_it_as_it_was(tmp_path: Path) -> None:
-    with open_log(tmp_path) as stack:
+    with opened(tmp_path) as stack:
         tmux = stack.tmux
         tmux.shows(READY, KEYS)
         for _, size in zip(range(80), cycle(STORM), strict=False):
@@ -163,7 +163,7 @@ def test_a_storm_of_sizes_leaves_it_as_it_was(tmp_path: Path) -> None:
 
 
 def test_garbage_that_is_pasted_moves_nothing_and_breaks_nothing(tmp_path: Path) -> None:
-    with open_log(tmp_path) as stack:
+    with opened(tmp_path) as stack:
         tmux = stack.tmux
         tmux.shows(READY)
         tmux.paste(GARBAGE)
@@ -191,7 +191,7 @@ HOSTILE = {
 def test_whatever_is_pasted_presses_no_key_and_the_next_key_counts(
     tmp_path: Path, text: str
 ) -> None:
-    with open_log(tmp_path) as stack:
+    with opened(tmp_path) as stack:
         tmux = stack.tmux
         tmux.shows(READY)
         tmux.paste(text)
@@ -204,7 +204,7 @@ def test_whatever_is_pasted_presses_no_key_and_the_next_key_counts(
 
 
 def test_a_paste_that_never_ends_and_bytes_that_are_no_text_swallow_no_key(tmp_path: Path) -> None:
-    with open_log(tmp_path) as stack:
+    with opened(tmp_path) as stack:
         tmux = stack.tmux
         tmux.shows(READY)
         tmux.send_bytes(b"\x1b[200~ D a R")
@@ -220,7 +220,7 @@ def test_a_paste_that_never_ends_and_bytes_that_are_no_text_swallow_no_key(tmp_p
 
 def test_nothing_but_the_app_writes_to_the_terminal(tmp_path: Path) -> None:
     """The robot is the hub here: with it goes the link, of which libraries have a lot to say."""
-    with open_log(tmp_path) as stack:
+    with opened(tmp_path) as stack:
         tmux = stack.tmux
         before = tmux.shows(READY, KEYS)
         stack.robot.send(signal.SIGKILL)

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from ground.recording.tlog import TlogReader
+from ground.recording.tlog import Reader
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
 from tests.support.stack.process_table import ROOT, alive, children_of, cmdline, frames_in
-from tests.support.stack.processes import Crew, Running
+from tests.support.stack.processes import Crew, Running, real_time
 from tests.support.stack.tmux import Tmux
 from tests.support.until import until
 
@@ -75,6 +75,8 @@ def under_way(*words: str) -> Iterator[Up]:
     with Crew() as crew:
         up = Up(crew.start("up", "--headless", "--world", "open", "--json", *words))
         up.says("driving")
+        for pid in up.pids:
+            real_time(pid)
         yield up
 
 
@@ -95,7 +97,7 @@ def test_without_its_robot_there_is_no_trial_but_the_other_one_goes_on(tmp_path:
 def texts_in(log: Path) -> str:
     """All that the robot said, its pieces put together."""
     with log.open("rb") as source:
-        messages = [decode(record.frame).message for record in TlogReader(source)]
+        messages = [decode(record.frame).message for record in Reader(source)]
     return "".join(one.text for one in messages if isinstance(one, Statustext))
 
 

@@ -11,7 +11,8 @@ from math import degrees, hypot, radians, remainder
 
 from protocol.topics import Topic
 from protocol.wire.message import Message
-from verification.harness.inprocess import OPERATOR_BEAT, InProcess, reason_in
+from verification.harness.bus_calls import OPERATOR_BEAT
+from verification.harness.inprocess import InProcess, reason_in
 from verification.harness.peers import FRAME_S
 
 __all__ = ["OPERATOR_BEAT", "Stack", "reason_in"]

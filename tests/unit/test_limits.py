@@ -108,8 +108,8 @@ def test_texts_about_confidence_take_it_from_its_constant() -> None:
 
 
 def test_the_confidence_of_both_ellipses_is_the_same() -> None:
-    """The station draws the one that the study judges."""
-    assert (ellipse.CHANCE, ellipse.CHI2_2) == (CONFIDENT, CHI2_2)
+    """The station draws the ellipse that the study evaluates."""
+    assert ellipse.CHI2_2 == CHI2_2
     assert f"{100 * CONFIDENCE:g} %" == CONFIDENT
 
 

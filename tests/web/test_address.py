@@ -1,4 +1,4 @@
-"""Where it is served, and with which token."""
+"""Test the reading of addresses and tokens."""
 
 from pathlib import Path
 
@@ -22,12 +22,12 @@ from runtime.errors import UserError
         ("[::1]:9000", Address("::1", 9000)),
     ],
 )
-def test_an_address_is_completed_with_what_is_usual(text: str, found: Address) -> None:
+def test_address_is_completed_with_defaults(text: str, found: Address) -> None:
     assert address_of(text) == found
 
 
 @pytest.mark.parametrize("text", ["127.0.0.1:0", "1:99999", "0", "a b:80", "http://x:80", "x:/80"])
-def test_what_is_no_address_is_refused_with_the_way_to_write_one(text: str) -> None:
+def test_malformed_address_is_refused(text: str) -> None:
     with pytest.raises(UserError, match="--web"):
         address_of(text)
 
@@ -42,7 +42,7 @@ def test_any_text_is_an_address_or_refused(text: str) -> None:
     assert 0 < found.port < 65536
 
 
-def test_the_address_to_open_carries_the_token() -> None:
+def test_url_carries_the_token() -> None:
     assert Address("127.0.0.1", 80).url("abc") == "http://127.0.0.1:80/?token=abc"
     assert Address("::1", 80).url("abc") == "http://[::1]:80/?token=abc"
 
@@ -53,13 +53,13 @@ def test_only_loopback_is_local() -> None:
     assert not Address("0.0.0.0", 1).local
 
 
-def test_every_start_has_a_token_of_its_own() -> None:
+def test_each_start_has_a_new_token() -> None:
     tokens = {token_of(None) for _ in range(20)}
     assert len(tokens) == 20
     assert min(map(len, tokens)) >= 24
 
 
-def test_a_token_may_be_kept_in_a_file(tmp_path: Path) -> None:
+def test_token_is_read_from_a_file(tmp_path: Path) -> None:
     file = tmp_path / "token"
     file.write_text("0123456789abcdef-_\n")
     assert token_of(str(file)) == "0123456789abcdef-_"
@@ -68,15 +68,13 @@ def test_a_token_may_be_kept_in_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "content", [b"", b"short", b"0123456789abcde;", "0123456789abcdef\u00e4".encode()]
 )
-def test_a_token_that_could_be_guessed_or_not_be_typed_is_refused(
-    tmp_path: Path, content: bytes
-) -> None:
+def test_short_or_untypable_token_is_refused(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "token"
     file.write_bytes(content)
     with pytest.raises(UserError, match="--token-file"):
         token_of(str(file))
 
 
-def test_a_token_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_missing_token_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="nowhere: No such file"):
         token_of(str(tmp_path / "nowhere"))

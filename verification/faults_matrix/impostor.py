@@ -5,8 +5,7 @@ from typing import Final, Self
 
 from protocol.bus.network import Network
 from verification.flood.kinds import Attacker, frames, questions, wheels
-from verification.harness.observer import tls_of
-from verification.harness.processes import free_port
+from verification.harness.processes import free_port, tls_of
 
 NAME: Final = "robot-r2"
 KINDS: Final = (frames, questions, wheels)

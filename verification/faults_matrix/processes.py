@@ -15,7 +15,7 @@ from typing import IO, Any, Final, Self
 from ground.launch.child_command import command
 from verification.harness.certificates import made_keys
 from verification.harness.processes import free_port
-from verification.harness.tcp_proxy import Cable
+from verification.harness.tcp_proxy import TcpProxy
 from verification.harness.until import PATIENCE_S, until
 
 LAST_WORDS: Final = 300
@@ -37,7 +37,7 @@ class Crew:
         """Where the truth can be heard: at the plant, which no certificate allows to be dialled."""
         self.keys: Path | None = None
         self._locked = locked
-        self.cables: dict[str, Cable] = {}
+        self.cables: dict[str, TcpProxy] = {}
         self._afflictions = afflictions
         self._words: dict[str, Sequence[str]] = {}
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
@@ -78,7 +78,7 @@ class Crew:
 
     def dialling(self, role: str, *words: str) -> None:
         """Through a cable of its own."""
-        cable = self.cables[role] = self._scope.enter_context(Cable(self.router))
+        cable = self.cables[role] = self._scope.enter_context(TcpProxy(self.router))
         self.start(role, *words, "--connect", cable.endpoint)
 
     def says(self, role: str, words: str) -> None:

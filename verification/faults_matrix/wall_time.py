@@ -16,7 +16,7 @@ from typing import Final
 from plant.world.file import SHIPPED_DIR, load
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, Vehicle
-from protocol.wire.goal import start_words
+from protocol.wire.goal import start_arguments
 from runtime.units import NS_PER_S
 from verification.faults_matrix.actions import (
     Abandon,
@@ -45,10 +45,10 @@ from verification.faults_matrix.observer import TUNED, Changes, Witness
 from verification.faults_matrix.processes import Crew
 from verification.faults_matrix.results import Repetition, reason_name
 from verification.faults_matrix.table import Fault, Must, Way
-from verification.flood.attack import Attack, Door
+from verification.flood.attack import Access, Attack
 from verification.harness import motion
 from verification.harness.motion import PERIOD_S
-from verification.harness.observer import tls_of
+from verification.harness.processes import tls_of
 from verification.harness.until import until
 
 STOPPING: Final = (Must.STOP, Must.STAND, Must.SAY)
@@ -113,7 +113,7 @@ class Drill:
         crew, start = self._crew, load(self._world).start
         crew.start("router", "router", "--listen", crew.router)
         crew.says("router", "router at")
-        place = start_words(start.x_m, start.y_m, start.heading_rad)
+        place = start_arguments(start.x_m, start.y_m, start.heading_rad)
         state = ("--state", str(crew.folder / "state"))
         crew.dialling("robot", "robot", "--start", *place, *state)
         plant = (
@@ -137,7 +137,7 @@ class Drill:
                 assert crew.keys is not None
                 self._impostor = scope.enter_context(Impostor(crew.keys))
             case Flood(kind):
-                self._attack = scope.enter_context(Attack(kind, Door(crew.router)))
+                self._attack = scope.enter_context(Attack(kind, Access(crew.router)))
 
     def _file(self) -> str:
         """The world, or a copy of it with encoders that are about to wrap."""
@@ -177,7 +177,7 @@ class Drill:
                 crew.cables[one if other == "router" else other].cut()
             case Impersonate():
                 assert self._impostor is not None
-                crew.cables["robot"].plug_in(self._impostor.endpoint)
+                crew.cables["robot"].redirect(self._impostor.endpoint)
             case EmergencyStop():
                 self._witness.estop()
             case Abandon():
@@ -225,7 +225,7 @@ class Drill:
             case Hang(role, gil=False):
                 crew.send(role, signal.SIGCONT)
             case Impersonate():
-                crew.cables["robot"].plug_in(crew.router)
+                crew.cables["robot"].redirect(crew.router)
             case Flood():
                 self._attack.hold()
             case Spoil():
@@ -235,7 +235,7 @@ class Drill:
                 crew.kill(role)
                 crew.start(role)
             case Cut(one, other) if "router" in (one, other):
-                crew.cables[one if other == "router" else other].mend()
+                crew.cables[one if other == "router" else other].restore()
             case _:
                 """It stays as it is."""
 

@@ -1,0 +1,1 @@
+"""Attack a driving robot, and measure its emergency stop and its control loop meanwhile."""

@@ -14,18 +14,19 @@ LATE_NS: Final = 3 * PERIOD_NS
 """Tolerance around a slice: statuses come once a tick, and another process receives them."""
 
 
-class Shown(NamedTuple):
-    """A status: when it arrived, and whether it showed EMERGENCY_STOP."""
+class StopStatus(NamedTuple):
+    """The arrival time of a status, and whether it showed EMERGENCY_STOP."""
 
     at_ns: int
     stopped: bool
 
 
 def slice_of(at_ns: int) -> int:
+    """Return the number of the time slice that contains a monotonic time."""
     return at_ns // SLICE_NS
 
 
-def unfounded(accepted: Mapping[int, int], shown: Sequence[Shown]) -> int:
+def unfounded(accepted: Mapping[int, int], shown: Sequence[StopStatus]) -> int:
     """Return how many acknowledgements, counted by slice, no status of that time confirms.
 
     `shown` is in the order of arrival. The first status after that time also counts, because a busy

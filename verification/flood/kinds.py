@@ -1,6 +1,5 @@
-"""The kinds of attack, each as what an attacker does again and again at a rate of its own."""
+"""The kinds of attack: what an attacker sends repeatedly, and at which rate."""
 
-import json
 import secrets
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
@@ -33,9 +32,9 @@ from protocol.wire.enums import AckResult, Command
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, SonarScan
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError
-from verification.flood import presses
+from verification.flood import payloads
 from verification.flood.acknowledgements import slice_of
-from verification.flood.presses import Shot
+from verification.flood.payloads import Payload
 
 ROBOT: Final = "r1"
 ACTED: Final = "acted upon"
@@ -45,45 +44,51 @@ KEPT: Final = 500
 """Samples remembered for replay."""
 
 FETCHES: Final = 5
-"""One of so many questions is a request, for the history to come of."""
+"""One of so many queries is a request, which adds to the history."""
 
 NEWEST: Final = 8
-"""Ids of others that the robot has surely not forgotten."""
+"""Ids of other operators that the robot still remembers."""
 
 KEY_BYTES: Final = 60_000
 HISTORIES: Final = (TEXT, COMMANDED, ANSWERED)
 
 
 class Attacker:
-    """One session; `answers` counts what came back. It calls itself the operator `name`."""
+    """A session of an attacker under the operator name `name`; `answers` counts the replies."""
 
     def __init__(self, network: Network, name: str) -> None:
         self.network = network
-        self.session = unruly(network)
+        self.session = open_unrestricted(network)
         self.operator = f"{name}/{self.session.zid()}"
         self.answers = Counter[str]()
         self.accepted = Counter[int]()
-        """Answers that say that something was acted upon, by the slice of time."""
+        """Answers that accepted a command, by time slice."""
         self._key = f"{network.prefix}/{ROBOT}"
 
     def close(self) -> None:
+        """Close the session."""
         session: Any = self.session
         session.close()
 
-    def put(self, shot: Shot) -> None:
-        self._put(shot.path, shot.payload, shot.encoding, shot.attachment())
+    def put(self, payload: Payload) -> None:
+        """Publish a payload."""
+        self._put(payload.path, payload.content, payload.encoding, payload.attachment())
 
-    def put_again(self, sample: "Heard") -> None:
+    def replay(self, sample: "Captured") -> None:
+        """Publish a captured sample again."""
         self._put(sample.path, sample.payload, sample.encoding, sample.attachment)
 
-    def ask(self, shot: Shot) -> None:
-        self._get(shot.path, shot.payload, shot.encoding, shot.attachment(presses.GOOD_FOR_NS))
+    def ask(self, payload: Payload) -> None:
+        """Send a payload as a query."""
+        attachment = payload.attachment(payloads.GOOD_FOR_NS)
+        self._get(payload.path, payload.content, payload.encoding, attachment)
 
-    def ask_again(self, sample: "Heard") -> None:
+    def replay_query(self, sample: "Captured") -> None:
+        """Send a captured query again."""
         self._get(sample.path, sample.payload, sample.encoding, sample.attachment)
 
     def fetch(self, path: str) -> None:
-        """Ask for the history of a topic, as somebody who comes late does."""
+        """Query the history of a topic, as a late joiner does."""
         self.session.get(
             f"{self._key}/{path}/@adv/**?_max=512",
             Callback(self._count, indirect=False),
@@ -92,27 +97,27 @@ class Attacker:
             accept_replies=zenoh.ReplyKeyExpr.ANY,
         )
 
-    def listen(self, path: str, take: "Callable[[Heard], object]") -> None:
-        """Hear whatever is put there; what may not be heard is not."""
+    def capture(self, path: str, keep: "Callable[[Captured], object]") -> None:
+        """Subscribe; access control may drop the samples."""
         key = f"{self._key}/{path}"
-        self.session.declare_subscriber(key, Callback(self._hearing(take), indirect=False))
+        self.session.declare_subscriber(key, Callback(self._capturing(keep), indirect=False))
 
-    def overhear(self, path: str, take: "Callable[[Heard], object]") -> None:
-        """Hear what is asked there, and leave it unanswered."""
+    def capture_queries(self, path: str, keep: "Callable[[Captured], object]") -> None:
+        """Receive queries and leave them unanswered."""
         self.session.declare_queryable(
-            f"{self._key}/{path}", Callback(self._hearing(take), indirect=False)
+            f"{self._key}/{path}", Callback(self._capturing(keep), indirect=False)
         )
 
-    def _hearing(self, take: "Callable[[Heard], object]") -> Callable[[Any], None]:
-        beginning = f"{self._key}/"
+    def _capturing(self, keep: "Callable[[Captured], object]") -> Callable[[Any], None]:
+        prefix = f"{self._key}/"
 
-        def hear(sample: Any) -> None:
-            path = str(sample.key_expr).removeprefix(beginning)
+        def capture(sample: Any) -> None:
+            path = str(sample.key_expr).removeprefix(prefix)
             payload = b"" if sample.payload is None else sample.payload.to_bytes()
             attached = None if sample.attachment is None else sample.attachment.to_bytes()
-            take(Heard(path, payload, str(sample.encoding or ""), attached))
+            keep(Captured(path, payload, str(sample.encoding or ""), attached))
 
-        return hear
+        return capture
 
     def _put(self, path: str, payload: bytes, encoding: str, attachment: bytes | None) -> None:
         self.session.put(
@@ -134,28 +139,21 @@ class Attacker:
         )
 
     def _count(self, reply: zenoh.Reply) -> None:
-        word = "unanswered" if reply.ok is None else in_a_word(reply.ok)
+        word = "unanswered" if reply.ok is None else outcome_of(reply.ok)
         self.answers[word] += 1
         if word == ACTED:
             self.accepted[slice_of(monotonic_ns())] += 1
 
 
-def unruly(network: Network) -> zenoh.Session:
-    """A session that keeps to no access list of its own, whoever it has dialled."""
+def open_unrestricted(network: Network) -> zenoh.Session:
+    """Open a session without an access list of its own."""
     config = configured(network, DIAL_S)
     config.insert_json5("access_control", '{"enabled": false}')
     return zenoh.open(config)
 
 
-def opened(network: Network) -> zenoh.Session:
-    """Open a session that keeps to no rules of its own; fails when it is not let in."""
-    config = configured(network, DIAL_S)
-    config.insert_json5("access_control", json.dumps({"enabled": False}))
-    return zenoh.open(config)
-
-
-class Heard(NamedTuple):
-    """A sample or a request of somebody else, to be sent once more."""
+class Captured(NamedTuple):
+    """A sample or a query of another session, to be replayed."""
 
     path: str
     payload: bytes
@@ -163,8 +161,8 @@ class Heard(NamedTuple):
     attachment: bytes | None
 
 
-def in_a_word(sample: zenoh.Sample) -> str:
-    """What came of a question: acted upon, or why not."""
+def outcome_of(sample: zenoh.Sample) -> str:
+    """Return the outcome of a query: acted upon, or the reason why not."""
     if str(sample.encoding) != ENCODING:
         return "looked"
     answer = decode(sample.payload.to_bytes()).message
@@ -175,154 +173,153 @@ def in_a_word(sample: zenoh.Sample) -> str:
     return Reason(answer.result_param2).name.lower()
 
 
-Shoot = Callable[[], object]
+Send = Callable[[], object]
 
 
-def frames(attacker: Attacker) -> Shoot:
-    supply = cycle(presses.frames(attacker.operator))
+def frames(attacker: Attacker) -> Send:
+    """Return a sender of replayed, broken and forged frames."""
+    supply = cycle(payloads.frames(attacker.operator))
     return lambda: attacker.put(next(supply))
 
 
-def questions(attacker: Attacker) -> Shoot:
-    supply = cycle(presses.questions(attacker.operator))
+def questions(attacker: Attacker) -> Send:
+    """Return a sender of forged and malformed requests."""
+    supply = cycle(payloads.questions(attacker.operator))
     return lambda: attacker.ask(next(supply))
 
 
-def stops(attacker: Attacker) -> Shoot:
-    """By all ways there are, readable and not, with new ids and with those that were used."""
+def stops(attacker: Attacker) -> Send:
+    """Return a sender of emergency stops in every way, some malformed, with new and used ids."""
     encoder, used = Encoder(255, 190), deque([0, 1], KEPT)
     ways = cycle(("put", "put", "broken", "ask", "command"))
     operator = attacker.operator
+    attacker.capture(f"{STOP.path}/**", lambda captured: used.append(id_in(captured)))
 
-    def learn(heard: Heard) -> None:
-        used.append(id_in(heard))
-
-    attacker.listen(f"{STOP.path}/**", learn)
-
-    def shoot() -> None:
+    def send() -> None:
         request_id = secrets.choice(used) if secrets.randbits(1) else secrets.randbits(64)
-        frame = encoder.encode(presses.order(request_id, Command.DO_FLIGHTTERMINATION))
+        frame = encoder.encode(payloads.forged_command(request_id, Command.DO_FLIGHTTERMINATION))
         match next(ways):
             case "put":
-                attacker.put(Shot(presses.named(STOP, operator), frame, stamped=True))
+                attacker.put(Payload(payloads.named(STOP, operator), frame, stamped=True))
             case "broken":
-                attacker.put(Shot(presses.named(STOP, operator), frame[:-3]))
+                attacker.put(Payload(payloads.named(STOP, operator), frame[:-3]))
             case "ask":
-                attacker.ask(Shot(presses.named(STOP_SERVICE, operator), frame))
+                attacker.ask(Payload(payloads.named(STOP_SERVICE, operator), frame))
             case _:
-                attacker.ask(Shot(presses.named(COMMAND, operator), frame, stamped=True))
+                attacker.ask(Payload(payloads.named(COMMAND, operator), frame, stamped=True))
 
-    return shoot
+    return send
 
 
-def replays(attacker: Attacker) -> Shoot:
-    """Whatever operators say and ask, but their stops, again and again, under their names."""
-    said, asked = deque[Heard](maxlen=KEPT), deque[Heard](maxlen=KEPT)
+def replays(attacker: Attacker) -> Send:
+    """Return a sender that replays the operators' samples and queries, except their stops."""
+    samples, queries = deque[Captured](maxlen=KEPT), deque[Captured](maxlen=KEPT)
     for topic in (OPERATOR, TELEOP):
-        attacker.listen(f"{topic.path}/**", said.append)
-    attacker.overhear(f"{COMMAND.path}/**", asked.append)
+        attacker.capture(f"{topic.path}/**", samples.append)
+    attacker.capture_queries(f"{COMMAND.path}/**", queries.append)
 
-    def shoot() -> None:
-        if asked and secrets.randbits(1):
-            attacker.ask_again(secrets.choice(asked))
-        elif said:
-            attacker.put_again(secrets.choice(said))
+    def send() -> None:
+        if queries and secrets.randbits(1):
+            attacker.replay_query(secrets.choice(queries))
+        elif samples:
+            attacker.replay(secrets.choice(samples))
 
-    return shoot
+    return send
 
 
-def collisions(attacker: Attacker) -> Shoot:
-    """Ids that were used, with other commands: under one's own name, and as who used them."""
+def collisions(attacker: Attacker) -> Send:
+    """Return a sender of used ids with other commands, under its own and their owners' names."""
     used, owned = deque([1], KEPT), deque[tuple[str, int]](maxlen=NEWEST)
-    encoder, commands = Encoder(255, 190), cycle(presses.COMMANDS)
+    encoder, commands = Encoder(255, 190), cycle(payloads.COMMANDS)
 
-    def learn(heard: Heard) -> None:
-        used.append(id_in(heard))
+    def learn(captured: Captured) -> None:
+        used.append(id_in(captured))
 
-    def learn_owned(heard: Heard) -> None:
-        learn(heard)
+    def learn_owned(captured: Captured) -> None:
+        learn(captured)
         if used[-1]:
-            owned.append((heard.path.removeprefix(f"{COMMAND.path}/"), used[-1]))
+            owned.append((captured.path.removeprefix(f"{COMMAND.path}/"), used[-1]))
 
-    attacker.listen(COMMANDED.path, learn)
-    attacker.overhear(f"{COMMAND.path}/**", learn_owned)
+    attacker.capture(COMMANDED.path, learn)
+    attacker.capture_queries(f"{COMMAND.path}/**", learn_owned)
 
-    def shoot() -> None:
+    def send() -> None:
         owner, known = attacker.operator, secrets.choice(used)
         if owned and secrets.randbits(1):
             owner, known = secrets.choice(owned)
-        request = presses.order(known, next(commands), 3.0)
-        attacker.ask(Shot(presses.named(COMMAND, owner), encoder.encode(request), stamped=True))
+        frame = encoder.encode(payloads.forged_command(known, next(commands), 3.0))
+        attacker.ask(Payload(payloads.named(COMMAND, owner), frame, stamped=True))
 
-    return shoot
-
-
-def readers(attacker: Attacker) -> Shoot:
-    """Long answers, asked for and hardly read."""
-    return lambda: attacker.ask(Shot(PARAMETERS.path, b"", ""))
+    return send
 
 
-def history(attacker: Attacker) -> Shoot:
-    """Everything that was told, again and again; and requests, so that there is much of it."""
-    supply, topics = cycle(presses.questions(attacker.operator)[:16]), cycle(HISTORIES)
+def readers(attacker: Attacker) -> Send:
+    """Return a sender of queries with long answers, which are read slowly."""
+    return lambda: attacker.ask(Payload(PARAMETERS.path, b"", ""))
+
+
+def history(attacker: Attacker) -> Send:
+    """Return a sender of queries for all histories, and of requests that lengthen them."""
+    supply, topics = cycle(payloads.questions(attacker.operator)[:16]), cycle(HISTORIES)
     turns = cycle(range(FETCHES))
 
-    def shoot() -> None:
+    def send() -> None:
         if next(turns):
             attacker.fetch(next(topics).path)
         else:
             attacker.ask(next(supply))
 
-    return shoot
+    return send
 
 
-def puts(attacker: Attacker) -> Shoot:
-    """Keys of 60 kB: where doors are locked, each is refused and its key is in a line of log."""
+def puts(attacker: Attacker) -> Send:
+    """Return a sender on keys of 60 kB; with access control each refusal logs its key."""
     key = "x" * KEY_BYTES
-    return lambda: attacker.put(Shot(f"{SONAR.path}/{key}", b""))
+    return lambda: attacker.put(Payload(f"{SONAR.path}/{key}", b""))
 
 
-def wheels(attacker: Attacker) -> Shoot:
-    """Full speed ahead, by commands that pretend to be the robot's."""
+def wheels(attacker: Attacker) -> Send:
+    """Return a sender of wheel commands at full speed that imitate the robot's."""
     newest, encoder = [0], Encoder(1, 1)
 
-    def learn(heard: Heard) -> None:
+    def learn(captured: Captured) -> None:
         with suppress(RemoteError):
-            message = decode(heard.payload).message
+            message = decode(captured.payload).message
             if isinstance(message, SonarScan):
                 newest[0] = message.seq
 
-    attacker.listen(SONAR.path, learn)
+    attacker.capture(SONAR.path, learn)
 
     def supply() -> Any:
         while True:
-            yield from presses.wheels(newest[0])
+            yield from payloads.wheels(newest[0])
 
     commands = supply()
-    return lambda: attacker.put(Shot(DRIVE.path, encoder.encode(next(commands))))
+    return lambda: attacker.put(Payload(DRIVE.path, encoder.encode(next(commands))))
 
 
-def id_in(heard: Heard) -> int:
-    """Return the id of a request, 0 for what is none."""
+def id_in(captured: Captured) -> int:
+    """Return the id of a request, 0 for other messages and for unreadable ones."""
     with suppress(RemoteError):
-        message = decode(heard.payload).message
+        message = decode(captured.payload).message
         if isinstance(message, CommandRequest | GoalRequest):
             return message.request_id
     return 0
 
 
 class Kind(NamedTuple):
-    """`held`: it is held while the robot is given orders, as it may stop the robot by right, or
-    fill the line of requests under the operator's own name.
+    """A kind of attack: what is sent, and at which rate.
 
-    `judged`: what it asks may not be acted upon. `bytes_per_s`: how fast it reads; 0: at once.
+    `pauses`: the attack pauses while the operator commands the robot, because it may rightfully
+    stop the robot or fill the request queue under the operator's name. `judged`: the robot must not
+    act upon its requests. `bytes_per_s`: how fast it reads; 0 is unlimited.
     """
 
-    prepare: Callable[[Attacker], Shoot]
+    prepare: Callable[[Attacker], Send]
     rate_hz: float
-    says: str
+    description: str
     sessions: int = 1
-    held: bool = False
+    pauses: bool = False
     judged: bool = False
     bytes_per_s: float = 0.0
 
@@ -331,9 +328,9 @@ KINDS: Final[Mapping[str, Kind]] = {
     "frames": Kind(frames, 10_000.0, "replayed, broken and forged senses and operator frames"),
     "questions": Kind(questions, 500.0, "forged commands, nonsense, megabytes", judged=True),
     "connections": Kind(frames, 50.0, "200 connections", sessions=200),
-    "stops": Kind(stops, 3000.0, "emergency stops by every way", held=True),
-    "replays": Kind(replays, 1000.0, "what operators said and asked, under their names", held=True),
-    "collisions": Kind(collisions, 500.0, "known ids with other commands", held=True, judged=True),
+    "stops": Kind(stops, 3000.0, "emergency stops in every way", pauses=True),
+    "replays": Kind(replays, 1000.0, "samples and queries of operators, replayed", pauses=True),
+    "collisions": Kind(collisions, 500.0, "known ids, other commands", pauses=True, judged=True),
     "readers": Kind(readers, 200.0, "long answers, read at 20 kB/s", bytes_per_s=20_000.0),
     "history": Kind(history, 500.0, "the histories of all events"),
     "puts": Kind(puts, 170.0, "puts on keys of 60 kB"),

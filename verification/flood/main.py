@@ -1,12 +1,14 @@
-"""A robot that drives under attack: does its stop always stop, does its loop keep its period?
+"""Measure whether a robot under attack still stops at once and keeps its control period.
 
-Each kind of attack is a run of its own, on an open bus and behind locked doors, there with the
+Each kind of attack is a run of its own, on an open bus and with access control, there with the
 certificates of a viewer, of another robot and of another operator at a time. Attackers are
-processes. In each run an operator holds the lease and drives; then the emergency stop of the app is
-pressed again and again, from the key to standing wheels, as the plant has it. Attacks that stop the
-robot by right, or speak in the operator's name, are held while the robot sets off, and go on at the
-very moment of the key. The attackers are on this machine and niced: elsewhere they would not take
-the robot's processor.
+processes. In each run an operator holds the lease and drives; then the operator presses the
+emergency stop of the app repeatedly. Measured is the time from the key to wheels at rest, by the
+plant's samples.
+
+Attacks that may rightfully stop the robot, or that use the operator's name, pause while the robot
+sets off and resume when the key is pressed. The attackers run on this machine at a lower priority:
+elsewhere they would not take the robot's processor.
 """
 
 import argparse
@@ -25,10 +27,10 @@ from protocol.topics import CYCLE, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
-from verification.flood.acknowledgements import Shown, unfounded
-from verification.flood.attack import Attack, Door
+from verification.flood.acknowledgements import StopStatus, unfounded
+from verification.flood.attack import Access, Attack
 from verification.flood.kinds import ACTED, KINDS
-from verification.flood.operator import Operator, Pressed
+from verification.flood.operator import DrivingOperator, StopTimes
 from verification.harness.certificates import made_keys
 from verification.harness.figures import Figure, Report, percentile
 from verification.harness.observer import Observer, observed
@@ -46,21 +48,23 @@ KIB_PER_MB: Final = 1024
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `bench flood`."""
     kinds = (ALONE, *KINDS)
-    says = f"of attack ({', '.join(kinds)})"
-    parser.add_argument("--kinds", nargs="+", choices=kinds, default=kinds, help=says, metavar="K")
+    text = f"kinds of attack ({', '.join(kinds)})"
+    parser.add_argument("--kinds", nargs="+", choices=kinds, default=kinds, help=text, metavar="K")
     doors = (OPEN, LOCKED)
     parser.add_argument("--doors", nargs="+", choices=doors, default=doors, help="(both)")
-    says = f"whose certificates attackers have ({', '.join(ROLES)})"
-    parser.add_argument("--roles", nargs="+", default=ROLES, help=says, metavar="R")
-    parser.add_argument("--seconds", type=float, default=5.0, help="of driving, in each run (5)")
-    parser.add_argument("--presses", type=int, default=3, metavar="N", help="in each run (3)")
-    parser.add_argument("--rate", type=float, metavar="HZ", help="of each attacker (its kind's)")
+    text = f"roles whose certificates the attackers have ({', '.join(ROLES)})"
+    parser.add_argument("--roles", nargs="+", default=ROLES, help=text, metavar="R")
+    parser.add_argument("--seconds", type=float, default=5.0, help="driving time of each run (5)")
+    parser.add_argument("--presses", type=int, default=3, metavar="N", help="stops per run (3)")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="rate per attacker (its kind's)")
     parser.add_argument("--world", default="forest_medium")
     parser.add_argument("--realtime", action="store_true", help="robot scheduled SCHED_FIFO")
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Run each kind of attack and report its figures."""
     figures: list[Figure] = []
     notes: list[str] = []
     with TemporaryDirectory(prefix="sidestep-flood-") as folder:
@@ -76,58 +80,61 @@ def measure(options: argparse.Namespace) -> Report:
 
 
 @dataclass(slots=True)
-class Run:
-    """What the robot told of its ticks, what its process took, and how fast it stopped."""
+class FloodRun:
+    """The robot's cycle reports, the cost of its process and its emergency stops in a run."""
 
     judged: bool = False
-    held: bool = False
+    pauses: bool = False
     broken: str = ""
     reports: list[CycleReport] = field(default_factory=list)
-    shown: list[Shown] = field(default_factory=list)
+    shown: list[StopStatus] = field(default_factory=list)
     cpu_percent: float = 0.0
     resident_mb: float = 0.0
     grown_mb: float = 0.0
-    presses: list[Pressed] = field(default_factory=list)
+    presses: list[StopTimes] = field(default_factory=list)
     stopped: list[str] = field(default_factory=list)
     attacks: list[Attack] = field(default_factory=list)
 
     @property
     def answers(self) -> Counter[str]:
-        """What came of the attackers' questions."""
+        """The answers to all attackers, by outcome."""
         found = Counter[str]()
         for attack in self.attacks:
-            found.update({word: n for word, n in attack.told.items() if isinstance(n, int)})
+            found.update({word: n for word, n in attack.summary.items() if isinstance(n, int)})
         return found
 
     @property
     def missed(self) -> int:
+        """The number of control periods that were missed."""
         return self.reports[-1].missed - self.reports[0].missed
 
     @property
     def ticks(self) -> int:
+        """The number of control periods."""
         return self.reports[-1].tick - self.reports[0].tick
 
     def late_ms(self, share: float) -> float:
+        """Return a percentile of the lateness of ticks."""
         return percentile([report.late_us / 1e3 for report in self.reports], share)
 
 
-def run(options: argparse.Namespace, kind: str, keys: Path | None) -> Run:
-    """Drive for so long, then stop in an emergency again and again; with attackers all the time."""
+def run(options: argparse.Namespace, kind: str, keys: Path | None) -> FloodRun:
+    """Drive under attack for a time, then press the emergency stop repeatedly."""
     flags = ["--realtime"] if options.realtime else []
     with (
         observed(options.world, *flags, keys=keys, operator="ground-anna") as observer,
         ExitStack() as scope,
     ):
-        found = Run()
+        found = FloodRun()
         for topic in (CYCLE, STATUS):
             observer.bus.stream(topic, partial(note, found), observer.robot)
         if kind != ALONE:
-            found.judged, found.held = KINDS[kind].judged, KINDS[kind].held
-            for door in doors(observer, keys, options.roles):
-                attack = Attack(kind, door, options.rate)
+            found.judged, found.pauses = KINDS[kind].judged, KINDS[kind].pauses
+            for access in accesses(observer, keys, options.roles):
+                attack = Attack(kind, access, options.rate)
                 found.attacks.append(scope.enter_context(attack))
-        operator = Operator(observer)
-        operator.take()
+        operator = DrivingOperator(observer)
+        operator.take_lease()
         operator.set_off()
         until(lambda: found.reports, "cycle reports")
         found.reports.clear()
@@ -136,89 +143,92 @@ def run(options: argparse.Namespace, kind: str, keys: Path | None) -> Run:
             flood(found, operator, options.seconds)
             for _ in range(options.presses):
                 found.presses.append(press(found, operator))
-        except RuntimeError as error:  # the run is over, and what there was is told
+        except RuntimeError as error:  # report what was measured until then
             found.broken = str(error)
         spent_s = cpu_s(observer.pid) - begun_cpu_s
         found.cpu_percent = 100.0 * spent_s / (monotonic() - begun_s)
         found.resident_mb = resident_mb(observer.pid)
         found.grown_mb = peak_mb(observer.pid) - before_mb
-        found.stopped = [] if found.held else operator.stopped
+        found.stopped = [] if found.pauses else operator.stopped
     return found
 
 
-def doors(observer: Observer, keys: Path | None, roles: Sequence[str]) -> Iterator[Door]:
-    """Through which each of the attackers comes."""
+def accesses(observer: Observer, keys: Path | None, roles: Sequence[str]) -> Iterator[Access]:
+    """Yield the access of each attacker: one without a certificate, or one per role."""
     if keys is None:
-        yield Door(observer.endpoint)
+        yield Access(observer.endpoint)
         return
     for role in roles:
-        yield Door(observer.endpoint, keys, role)
+        yield Access(observer.endpoint, keys, role)
 
 
-def note(found: Run, _key: str, frame: bytes, arrived_ns: int) -> None:
+def note(found: FloodRun, _key: str, frame: bytes, arrived_ns: int) -> None:
+    """Keep a cycle report or a status."""
     message = decode(frame).message
     if isinstance(message, CycleReport):
         found.reports.append(message)
     elif isinstance(message, NavigatorStatus):
-        found.shown.append(Shown(arrived_ns, message.vehicle == Vehicle.EMERGENCY_STOP))
+        found.shown.append(StopStatus(arrived_ns, message.vehicle == Vehicle.EMERGENCY_STOP))
 
 
-def flood(found: Run, operator: Operator, seconds: float) -> None:
-    """Attack for so long; where it cannot be given orders meanwhile the robot is only watched."""
-    tell(found, go=True)
-    if found.held:
+def flood(found: FloodRun, operator: DrivingOperator, seconds: float) -> None:
+    """Attack for a time; the robot drives, or is only observed if the attack must pause."""
+    switch(found, on=True)
+    if found.pauses:
         operator.wait(seconds)
-        tell(found, go=False)
+        switch(found, on=False)
         operator.clear()
     else:
         operator.drive(seconds)
 
 
-def press(found: Run, operator: Operator) -> Pressed:
-    """Set off, press the stop, have it cleared again."""
+def press(found: FloodRun, operator: DrivingOperator) -> StopTimes:
+    """Set off, press the emergency stop and clear it."""
     operator.set_off()
-    if found.held:
-        tell(found, go=True)
-    pressed = operator.press()
-    if found.held:
-        tell(found, go=False)
+    if found.pauses:
+        switch(found, on=True)
+    times = operator.press()
+    if found.pauses:
+        switch(found, on=False)
     operator.clear()
-    return pressed
+    return times
 
 
-def tell(found: Run, *, go: bool) -> None:
+def switch(found: FloodRun, *, on: bool) -> None:
+    """Resume or pause all attacks."""
     for attack in found.attacks:
-        attack.go() if go else attack.hold()
+        attack.go() if on else attack.hold()
 
 
 def peak_mb(pid: int) -> float:
-    """Return the most resident memory that a process has had."""
+    """Return the peak resident memory of a process in MiB."""
     status = Path(f"/proc/{pid}/status").read_text(encoding="utf-8")
     return int(status.partition("VmHWM:")[2].split()[0]) / KIB_PER_MB
 
 
-def figures_of(name: str, found: Run) -> Iterator[Figure]:
+def figures_of(name: str, found: FloodRun) -> Iterator[Figure]:
+    """Yield the figures of a run."""
     attacked = bool(found.attacks)
     stood_ms = [one.stood_ms for one in found.presses if one.stood_ms is not None]
     if stood_ms:
-        yield Figure(name=f"{name}: key to standing", unit="ms", values=tuple(stood_ms))
-        worst = f"{name}: key to standing, worst of {len(stood_ms)}"
+        yield Figure(name=f"{name}: key to standstill", unit="ms", values=tuple(stood_ms))
+        worst = f"{name}: key to standstill, worst of {len(stood_ms)}"
         yield figure(worst, max(stood_ms), STOP_AT_MOST_MS, "ms")
-    told_ms = [one.acknowledged_ms for one in found.presses if one.acknowledged_ms is not None]
-    if told_ms:
-        yield Figure(name=f"{name}: key to acknowledgement", unit="ms", values=tuple(told_ms))
-    never = len(found.presses) - min(len(stood_ms), len(told_ms))
-    yield figure(f"{name}: never stood or acknowledged", never, 0.0)
-    yield figure(f"{name}: operator could not go on", bool(found.broken), 0.0)
-    none = sum(one.was_none for one in found.presses)
-    yield figure(f"{name}: acknowledgements that were none", none, 0.0)
+    answered_ms = [one.acknowledged_ms for one in found.presses if one.acknowledged_ms is not None]
+    if answered_ms:
+        yield Figure(name=f"{name}: key to acknowledgement", unit="ms", values=tuple(answered_ms))
+    never = len(found.presses) - min(len(stood_ms), len(answered_ms))
+    yield figure(f"{name}: never stopped or acknowledged", never, 0.0)
+    yield figure(f"{name}: operator had to give up", bool(found.broken), 0.0)
+    false = sum(one.is_false_acknowledgement for one in found.presses)
+    yield figure(f"{name}: false acknowledgements", false, 0.0)
     if any(attack.kind == STOPS for attack in found.attacks):
         answers = found.answers[ACTED]
         unmet = sum(unfounded(attack.accepted, found.shown) for attack in found.attacks)
-        yield figure(f"{name}: attackers' stops that were none, of {answers}", unmet, 0.0)
+        yield figure(f"{name}: false acknowledgements to attackers, of {answers}", unmet, 0.0)
     yield figure(f"{name}: ticks missed of {found.ticks}", found.missed, 0.0)
-    if attacked and not found.held:
-        yield figure(f"{name}: seen stopped", len(found.stopped), 0.0)
+    if attacked and not found.pauses:
+        yield figure(f"{name}: unexpected stops", len(found.stopped), 0.0)
     if found.judged:
         yield figure(f"{name}: forged commands acted upon", found.answers[ACTED], 0.0)
     yield figure(f"{name}: late, worst", found.late_ms(1.0), None, "ms")
@@ -228,13 +238,15 @@ def figures_of(name: str, found: Run) -> Iterator[Figure]:
 
 
 def figure(name: str, value: float, at_most: float | None = None, unit: str = "") -> Figure:
+    """Return a figure with a single value."""
     return Figure(name=name, unit=unit, values=(float(value),), at_most=at_most)
 
 
-def notes_of(name: str, found: Run) -> Iterator[str]:
+def notes_of(name: str, found: FloodRun) -> Iterator[str]:
+    """Yield what the attackers sent and received, and why the robot stopped unexpectedly."""
     for attack in found.attacks:
-        told = ", ".join(f"{word} {n}" for word, n in attack.told.items())
-        yield f"{name}, {attack.door.role or 'anybody'}: {told or attack.errors}"
+        counts = ", ".join(f"{word} {n}" for word, n in attack.summary.items())
+        yield f"{name}, {attack.access.role or 'no certificate'}: {counts or attack.errors}"
     if found.broken:
         yield f"{name}: {found.broken}"
     for words in dict.fromkeys(found.stopped):

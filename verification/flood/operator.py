@@ -1,9 +1,8 @@
-"""The operator of a robot under attack: holds the lease, keeps it driving, presses the stop."""
+"""The operator of a robot under attack: holds the lease, drives and presses the stop."""
 
 from collections.abc import Sequence
 from contextlib import suppress
 from itertools import cycle
-from math import nan
 from threading import Event
 from time import monotonic, monotonic_ns
 from typing import Final, NamedTuple
@@ -18,7 +17,7 @@ from protocol.wire.reasons import reason_text
 from runtime.clock import WallClock
 from runtime.errors import NoAnswer
 from runtime.units import NS_PER_S
-from verification.flood.presses import BEAT
+from verification.harness.bus_calls import OPERATOR_BEAT, arm_request, command_request
 from verification.harness.motion import HOLDS, PERIOD_S, Seen, stood_s
 from verification.harness.observer import Observer
 
@@ -28,16 +27,16 @@ AGAIN_S: Final = 0.25
 FAST_M_S: Final = 0.2
 SETS_OFF_S: Final = 20.0
 STANDS_S: Final = 1.0
-"""A robot that moves so long after its stop was acknowledged has not stopped."""
+"""A robot that still moves this long after the acknowledgement has not stopped."""
 
 RECENT: Final = 40
-"""Truths whose least delay tells the plant's clock from ours."""
+"""Samples whose least delay gives the offset of the plant's clock."""
 
 
-class Pressed(NamedTuple):
-    """One emergency stop: until the wheels stood, and until it was acknowledged. None: never.
+class StopTimes(NamedTuple):
+    """The times from a key press until the wheels stopped and until the acknowledgement.
 
-    `seen_ms` is how far the plant has told how it moved.
+    None means never. `seen_ms` is the time of the newest sample of the robot's motion.
     """
 
     stood_ms: float | None
@@ -45,24 +44,24 @@ class Pressed(NamedTuple):
     seen_ms: float
 
     @property
-    def was_none(self) -> bool:
-        """Return whether it was acknowledged although the robot did not stop."""
+    def is_false_acknowledgement(self) -> bool:
+        """True if the stop was acknowledged although the robot did not stop."""
         if self.acknowledged_ms is None:
             return False
         over_ms = self.acknowledged_ms + STANDS_S * 1e3
         return self.seen_ms > over_ms and (self.stood_ms is None or self.stood_ms > over_ms)
 
 
-class Operator:
-    """Goes to and fro between the start of the world and its goal.
+class DrivingOperator:
+    """Drives the robot to and fro between the start of the world and its goal.
 
-    After a stop it goes on to the same end, as turning round would take most of the time; it turns
-    round after a failsafe, such as contact with a tree.
+    After an emergency stop the robot continues to the same end, because turning takes long. After
+    a failsafe, such as contact with a tree, it drives to the other end.
     """
 
     def __init__(self, observer: Observer) -> None:
         self.stopped: list[str] = []
-        """Why it was seen standing though nobody had stopped it."""
+        """The reasons of stops that the operator did not command."""
         self._observer, self._bus = observer, observer.bus
         self._beat = observer.bus.publisher(OPERATOR, observer.robot)
         self._stop = observer.bus.publisher(STOP, observer.robot)
@@ -75,16 +74,18 @@ class Operator:
         self._beaten_s = 0.0
         self._pause = Event()
 
-    def take(self) -> None:
+    def take_lease(self) -> None:
+        """Take the lease."""
         self._observer.ask(
             LEASE_SERVICE,
             lambda n: LeaseRequest(request_id=n, action=LeaseAction.TAKE, name="anna"),
         )
 
     def set_off(self) -> None:
-        """Be on the way to the other end of the world, well under way.
+        """Command a goal until the robot drives fast.
 
-        A stop of others may still have been on its way when the last one was cleared.
+        Clear the emergency stop repeatedly: a stop of an attacker may arrive after the last
+        clearing.
         """
         deadline_s = monotonic() + SETS_OFF_S
         while not (self._observer.on_its_way and self._observer.speed_m_s > FAST_M_S):
@@ -95,20 +96,19 @@ class Operator:
             self._pause.wait(0.02)
 
     def go_on(self) -> None:
-        """Order a goal, unless the robot is on its way to one."""
-        self.beat()
+        """Send a goal unless the robot drives to one."""
+        self.send_heartbeat()
         if not self._observer.on_its_way:
             status = self._observer.status
             ended = status.goal in (GoalState.REACHED, GoalState.STUCK)
             if ended or status.vehicle == Vehicle.FAILSAFE:
                 self._place = next(self._places)
             place = wire_goal(*self._place, None, 0.1, 0.1)._asdict()
-            self.order(Command.COMPONENT_ARM_DISARM, 1.0)
-            goal = GoalRequest(request_id=self._ids.next(), mode=Mode.GUIDED, **place)
-            self._ask(goal)
+            self._ask(arm_request(self._ids.next()))
+            self._ask(GoalRequest(request_id=self._ids.next(), mode=Mode.GUIDED, **place))
 
     def drive(self, seconds: float) -> None:
-        """Keep it driving for so long; what stopped it is noted, and it sets off again."""
+        """Keep the robot driving for a time; note why it stopped, and set off again."""
         until_s = monotonic() + seconds
         while monotonic() < until_s:
             self._pause.wait(BEAT_S)
@@ -116,52 +116,47 @@ class Operator:
             self.go_on()
 
     def wait(self, seconds: float) -> None:
-        """Only show that somebody is there."""
+        """Send only heartbeats for a time."""
         until_s = monotonic() + seconds
         while monotonic() < until_s:
-            self.beat()
+            self.send_heartbeat()
             self._pause.wait(BEAT_S)
 
-    def press(self) -> Pressed:
-        """Press the stop as the app does, and wait until the wheels stand."""
+    def press(self) -> StopTimes:
+        """Press the stop as the app does, and wait until the robot is at rest."""
         self._note()
         robot, statuses = self._observer.robot, self._observer.statuses
         pressed_ns = monotonic_ns()
         stop = EmergencyStop(self._bus, self._stop, robot, WallClock(), lambda: statuses[-1])
-        outcome = stop.run(self.beat, round(PRESS_S * NS_PER_S))
+        outcome = stop.run(self.send_heartbeat, round(PRESS_S * NS_PER_S))
         enough_s = outcome.took_ns / NS_PER_S + STANDS_S + HOLDS * PERIOD_S
         until_s = monotonic() + PRESS_S
         seen = self._seen(pressed_ns)
         while stood_s(seen) is None and seen_s(seen) <= enough_s and monotonic() < until_s:
-            self.beat()
+            self.send_heartbeat()
             self._pause.wait(PERIOD_S)
             seen = self._seen(pressed_ns)
         found = stood_s(seen)
-        return Pressed(
+        return StopTimes(
             None if found is None else found * 1e3,
             outcome.took_ns / 1e6 if outcome.acknowledged else None,
             seen_s(seen) * 1e3,
         )
 
     def clear(self) -> None:
-        """Have the robot armable again."""
+        """Clear the emergency stop; RuntimeError when the robot stays in it."""
         deadline_s = monotonic() + PRESS_S
         while self._observer.status.vehicle == Vehicle.EMERGENCY_STOP:
             if monotonic() > deadline_s:
                 raise RuntimeError("the emergency stop cannot be cleared")
-            self.order(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
+            self._ask(command_request(self._ids.next(), Command.SIDESTEP_CLEAR_EMERGENCY_STOP))
             self._pause.wait(PERIOD_S)
 
-    def order(self, command: Command, param1: float = 0.0) -> None:
-        self._ask(
-            CommandRequest(request_id=self._ids.next(), param1=param1, param2=nan, command=command)
-        )
-
-    def beat(self) -> bool:
-        """Send a heartbeat when one is due; it never has a stop given up."""
+    def send_heartbeat(self) -> bool:
+        """Send a heartbeat if one is due; return False, so that a stop is never given up."""
         if monotonic() >= self._beaten_s + BEAT_S:
             self._beaten_s = monotonic()
-            self._beat.put(BEAT)
+            self._beat.put(OPERATOR_BEAT)
         return False
 
     def _note(self) -> None:
@@ -171,7 +166,7 @@ class Operator:
             self.stopped.append(f"{Vehicle(status.vehicle).name} {why}")
 
     def _seen(self, pressed_ns: int) -> list[Seen]:
-        """Return how it moved since, by the plant's stamps: none is late on its way."""
+        """Return the motion since the press, by the plant's time stamps, free of network delays."""
         truths = tuple(self._observer.truths)
         early = [(m, at_ns) for m, at_ns in truths if at_ns < pressed_ns][-RECENT:]
         offset_ns = min(at_ns - message.time_ns for message, at_ns in early)
@@ -179,11 +174,11 @@ class Operator:
         return [one for one in seen if one.at_s > 0.0]
 
     def _ask(self, request: CommandRequest | GoalRequest) -> None:
-        self.beat()
+        self.send_heartbeat()
         with suppress(NoAnswer):
             self._bus.ask(COMMAND, request, AGAIN_S, self._observer.robot)
 
 
 def seen_s(seen: Sequence[Seen]) -> float:
-    """Return how far the plant has told how it moved."""
+    """Return the time of the newest sample of the robot's motion."""
     return seen[-1].at_s if seen else 0.0

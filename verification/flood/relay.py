@@ -1,31 +1,29 @@
-"""A reader that is slow: between a session and the hub, what the hub sends is passed on slowly."""
+"""A relay between a session and the hub that passes on the hub's bytes slowly."""
 
 import socket
 import threading
 from contextlib import ExitStack, suppress
 from typing import Final, Self
 
-from verification.harness.tcp_proxy import hang_up
+from verification.harness.tcp_proxy import address_of, close_socket
 
 CHUNK: Final = 1024
 BUFFER: Final = 4096
-"""Of the system, for what has come and was not taken: as little as it grants."""
+"""Size of the receive buffer: the system grants at least this."""
 
 
 class SlowRelay:
-    """Passes bytes on both ways, those from the hub at `bytes_per_s`. Dial `endpoint`."""
+    """Forwards bytes both ways, those from the hub at `bytes_per_s`; clients dial `endpoint`."""
 
     def __init__(self, endpoint: str, bytes_per_s: float) -> None:
-        protocol, _, address = endpoint.partition("/")
-        host, _, port = address.rpartition(":")
-        self._far = (host, int(port))
+        self._far = address_of(endpoint)
         self._pause_s = CHUNK / bytes_per_s
         self._closing = threading.Event()
         self._sockets = ExitStack()
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self._sockets.callback(hang_up, self._listener)
-        self.endpoint = f"{protocol}/127.0.0.1:{self._listener.getsockname()[1]}"
-        threading.Thread(target=self._take_calls, daemon=True).start()
+        self._sockets.callback(close_socket, self._listener)
+        self.endpoint = f"{endpoint.partition('/')[0]}/127.0.0.1:{self._listener.getsockname()[1]}"
+        threading.Thread(target=self._accept_connections, daemon=True).start()
 
     def __enter__(self) -> Self:
         return self
@@ -34,14 +32,14 @@ class SlowRelay:
         self._closing.set()
         self._sockets.close()
 
-    def _take_calls(self) -> None:
+    def _accept_connections(self) -> None:
         with suppress(OSError):
             while True:
                 near, _ = self._listener.accept()
                 far = socket.socket()
                 far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
                 for end in (near, far):
-                    self._sockets.callback(hang_up, end)
+                    self._sockets.callback(close_socket, end)
                 far.connect(self._far)
                 for pair in ((near, far, 0.0), (far, near, self._pause_s)):
                     threading.Thread(target=self._pass_on, args=pair, daemon=True).start()

@@ -22,7 +22,7 @@ from runtime.calibration import FOLDER, Calibration
 from runtime.config import load, load_shared
 from study.calibration.cli import SIDE_M, from_log
 from study.runner.study_settings import FILE as SETTLED
-from study.runner.study_settings import differences, told_in
+from study.runner.study_settings import differences, settings_in
 from verification.fuzz.target import Target
 from verification.fuzz.words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
 
@@ -94,7 +94,7 @@ def driven() -> Sequence[bytes]:
 
 
 def study_settings(path: Path) -> None:
-    differences(told_in(path) or {}, WANTED)
+    differences(settings_in(path) or {}, WANTED)
 
 
 def course(data: bytes, _: Path) -> None:

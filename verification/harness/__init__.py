@@ -1,1 +1,1 @@
-"""What tests, benchmarks and campaigns run the stack with."""
+"""Run the stack for tests, benchmarks and campaigns: in one process or as real processes."""

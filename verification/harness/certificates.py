@@ -1,4 +1,4 @@
-"""Certificates for runs behind locked doors."""
+"""Certificates for runs with access control."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
@@ -9,10 +9,9 @@ VALID: Final = timedelta(days=1)
 
 
 def made_keys(folder: Path, operators: Sequence[str] = ()) -> Path:
-    """Make a set of certificates of this run's own, for two robots, and return its folder."""
-    from ground.certificates.folder import (
-        make,  # its library need not be there for other measurements
-    )
+    """Create a folder of certificates for the robots r1 and r2, valid for a day, and return it."""
+    # Imported here because other measurements run without its library.
+    from ground.certificates.folder import make
 
     now = datetime.now(UTC)
     make(folder, ["r1", "r2"], {}, now - VALID, now + VALID, operators)

@@ -1,4 +1,4 @@
-"""A measured figure, its spread over repetitions, and the threshold it is held to."""
+"""A measured figure with its repetitions and threshold, and the report of a benchmark."""
 
 from dataclasses import dataclass, field
 from math import ceil
@@ -7,7 +7,7 @@ from statistics import median
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figure:
-    """One quantity, a value per repetition. The median is judged, never the luckiest one."""
+    """A quantity with one value per repetition; its median is compared with the threshold."""
 
     name: str
     unit: str
@@ -21,11 +21,12 @@ class Figure:
 
     @property
     def median(self) -> float:
+        """The median of all repetitions."""
         return median(self.values)
 
     @property
     def met(self) -> bool | None:
-        """None without a threshold."""
+        """True if the median is within the thresholds; None without a threshold."""
         if self.at_least is None and self.at_most is None:
             return None
         low = self.at_least is None or self.median >= self.at_least
@@ -33,6 +34,7 @@ class Figure:
         return low and high
 
     def line(self) -> str:
+        """Return name, median, unit, range and verdict as one line."""
         spread = ""
         if len(self.values) > 1:
             low, high = digits(min(self.values)), digits(max(self.values))
@@ -42,6 +44,7 @@ class Figure:
         )
 
     def as_json(self) -> dict[str, object]:
+        """Return the figure as a JSON object."""
         return {
             "name": self.name,
             "unit": self.unit,
@@ -63,7 +66,7 @@ class Figure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """What a benchmark found, and what has to be known to read it."""
+    """The figures of a benchmark, with notes and the machine that ran it."""
 
     benchmark: str
     figures: tuple[Figure, ...]
@@ -72,9 +75,11 @@ class Report:
 
     @property
     def met(self) -> bool:
+        """True if no figure misses its threshold."""
         return all(figure.met is not False for figure in self.figures)
 
     def text(self) -> str:
+        """Return the report as text, one figure per line."""
         lines = [f"{self.benchmark}:"]
         lines += [f"  {figure.line()}".rstrip() for figure in self.figures]
         lines += [f"  note: {note}" for note in self.notes]
@@ -83,6 +88,7 @@ class Report:
         return "\n".join(lines)
 
     def as_json(self) -> dict[str, object]:
+        """Return the report as a JSON object."""
         return {
             "benchmark": self.benchmark,
             "met": self.met,
@@ -93,14 +99,14 @@ class Report:
 
 
 def digits(value: float) -> str:
-    """Four significant digits: more would be noise, fewer would hide a ratio."""
+    """Format a value with four significant digits."""
     if value == 0 or abs(value) >= 1000:
         return f"{value:.0f}"
     return f"{value:.4g}"
 
 
 def percentile(values: list[float], share: float) -> float:
-    """The value that `share` (0 to 1) of all values do not exceed (nearest rank)."""
+    """Return the value that `share` (0 to 1) of all values do not exceed (nearest rank)."""
     if not values:
         raise ValueError("no values")
     ordered = sorted(values)
@@ -108,5 +114,5 @@ def percentile(values: list[float], share: float) -> float:
 
 
 def ratios(over: list[float], under: list[float]) -> tuple[float, ...]:
-    """Pair by pair, as they were measured in turn: what slows both cancels out."""
+    """Divide pair by pair, so that a load that slows both measurements of a pair cancels out."""
     return tuple(a / b for a, b in zip(over, under, strict=True))

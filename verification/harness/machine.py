@@ -1,4 +1,4 @@
-"""What else the machine was doing: a figure without it says little on a shared host."""
+"""The machine that a figure was measured on, and its load."""
 
 import os
 import platform
@@ -9,6 +9,7 @@ CPUINFO = Path("/proc/cpuinfo")
 
 
 def model() -> str:
+    """Return the name of the processor."""
     if CPUINFO.exists():
         for line in CPUINFO.read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
@@ -17,12 +18,12 @@ def model() -> str:
 
 
 def load() -> float:
-    """Runnable processes, mean of the last minute (ours included)."""
+    """Return the number of runnable processes, ours included, averaged over the last minute."""
     return os.getloadavg()[0]
 
 
 def described(load_before: float) -> dict[str, object]:
-    """Return what a figure depends on; real-time scheduling, if it was measured with that."""
+    """Return processor, cores, Python and load, and real-time scheduling if in use."""
     found: dict[str, object] = {
         "cpu": model(),
         "cores": len(os.sched_getaffinity(0)),

@@ -1,4 +1,4 @@
-"""What a robot did after a fault, from where it truly was: when it stood, how far it came."""
+"""Measures of a robot's reaction to a fault, from its true motion."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,23 +13,28 @@ PERIOD_S: Final = PERIOD_NS / NS_PER_S
 STILL_M_S: Final = 0.001
 STILL_RAD_S: Final = 0.01
 HOLDS: Final = 8
-"""Truths at rest in a row, until it is said to stand."""
+"""A robot has stopped when so many samples in a row are still."""
 
 
 class Seen(NamedTuple):
-    """One truth, `at_s` after the fault. Its speed is that of the period which it ends."""
+    """A true state, `at_s` after the fault; its speed is that of the period that it ends."""
 
     at_s: float
     truth: GroundTruth
 
     @property
     def still(self) -> bool:
-        truth = self.truth
-        return abs(truth.speed_m_s) < STILL_M_S and abs(truth.yaw_rate_rad_s) < STILL_RAD_S
+        """True if the robot did not move."""
+        return is_still(self.truth)
+
+
+def is_still(truth: GroundTruth) -> bool:
+    """Return whether a robot neither drives nor turns."""
+    return abs(truth.speed_m_s) < STILL_M_S and abs(truth.yaw_rate_rad_s) < STILL_RAD_S
 
 
 def standing_from(seen: Sequence[Seen]) -> int | None:
-    """Which is the first of the truths at rest; None when it never stood for long."""
+    """Return the index of the first sample at rest; None if the robot never stopped."""
     row = 0
     for index, one in enumerate(seen):
         row = row + 1 if one.still else 0
@@ -39,13 +44,13 @@ def standing_from(seen: Sequence[Seen]) -> int | None:
 
 
 def stood_s(seen: Sequence[Seen]) -> float | None:
-    """When its wheels stood: at the latest at the begin of the first period without motion."""
+    """Return when the wheels stopped: the beginning of the first period without motion."""
     first = standing_from(seen)
     return None if first is None else max(0.0, seen[first].at_s - PERIOD_S)
 
 
 def distance_m(seen: Sequence[Seen]) -> float:
-    """Its way after the fault, until it stood."""
+    """Return the length of the path from the fault until the robot stopped."""
     first = standing_from(seen)
     way = seen if first is None else seen[: first + 1]
     return sum(
@@ -54,19 +59,19 @@ def distance_m(seen: Sequence[Seen]) -> float:
 
 
 def moved_again(seen: Sequence[Seen]) -> bool:
-    """Did it move after it had stood?"""
+    """Return whether the robot moved after it had stopped."""
     first = standing_from(seen)
     return first is not None and any(not one.still for one in seen[first:])
 
 
 def contacts(seen: Sequence[Seen]) -> int:
-    """How often it began to touch something."""
+    """Return how many contacts began."""
     touches = [False, *(one.truth.contact != 0 for one in seen)]
     return sum(now and not before for before, now in pairwise(touches))
 
 
 def touched_s(seen: Sequence[Seen]) -> float | None:
-    """From the first contact until it stood; None without one, and when it drove on for good."""
+    """Return the time from the first contact until the robot stopped; None without either."""
     for index, one in enumerate(seen):
         if one.truth.contact:
             stood = stood_s(seen[index:])

@@ -1,9 +1,9 @@
-"""Plant, robot and operator as Zenoh peers in this process: started, killed, started again."""
+"""Plant, robot and operator as Zenoh peers in this process, each started and killed separately."""
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Any, Final
+from typing import Final
 from uuid import uuid4
 
 from plant.model.configuration import noise_of
@@ -16,7 +16,6 @@ from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Mode, Network
-from protocol.bus.publisher import Publisher
 from protocol.topics import (
     CYCLE,
     OPERATOR,
@@ -43,39 +42,43 @@ from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock
 from runtime.timing import PERIOD_NS
+from verification.harness.bus_calls import await_subscribers
 
 FRAME_S: Final = 5.0
-TOLD: Final = "cycle report at the ground"
+REPORTED: Final = "cycle report at the ground"
 MAILBOXES: Final = (SONAR, WHEELS, OPERATOR, TELEOP)
-"""Of the robot: to all else it listens only so that arrivals can be counted."""
+"""Topics that the robot reads; it subscribes to the others only to count their arrivals."""
 
 
 class Arrivals:
-    """Counts what arrives on a bus and lets others wait for it, with a deadline."""
+    """Counts the samples that arrive on a bus and waits for them with a deadline."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._counts: dict[str, int] = {}
 
-    def take(self, key: str) -> None:
+    def record(self, key: str) -> None:
+        """Count a sample."""
         with self._changed:
             self._counts[key] = self._counts.get(key, 0) + 1
             self._changed.notify_all()
 
     def count(self, key: str) -> int:
+        """Return how many samples of a key have arrived."""
         return self._counts.get(key, 0)
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        """Raises RuntimeError when it does not come true in time."""
+        """Wait for a condition on the counts; RuntimeError when it does not hold in time."""
         with self._changed:
             if not self._changed.wait_for(condition, FRAME_S):
                 raise RuntimeError(f"{what} did not arrive")
 
 
 class Peers:
-    """Who is on the bus; `operator` is whether the operator's heartbeat goes out.
+    """The processes of a stack and their buses.
 
-    `enforced`: a robot that loses time is held to its budget, in simulated time.
+    With `operator`, the operator's heartbeat is sent. With `enforced`, a robot that loses
+    time is held to its budget, in simulated time.
     """
 
     def __init__(
@@ -111,12 +114,13 @@ class Peers:
         self.plant: PlantProcess | None = None
 
     def start(self, name: str) -> None:
+        """Start the robot, the plant or the ground."""
         {"robot": self._start_robot, "plant": self._start_plant, "ground": self._start_ground}[
             name
         ]()
 
     def kill(self, name: str) -> None:
-        """As SIGKILL would: it is gone from the bus, without a last word."""
+        """Remove a process from the bus without notice, as SIGKILL does."""
         self._scopes[name].close()
         if name == "robot":
             self.robot = None
@@ -138,48 +142,48 @@ class Peers:
         bus.announce()
         for topic in TOPICS:
             if topic not in MAILBOXES:
-                bus.stream(topic, nothing)
-        bus.line.after = self._arrivals.take
+                bus.stream(topic, ignore)
+        bus.line.after = self._arrivals.record
 
     def _start_plant(self) -> None:
         bus = self._open("plant", Role.PLANT)
         plant = Plant(self.world, self._seed, self._noise, at_ns=self.clock.now_ns())
-        desk = RequestQueue(running=True, world={}, nudge=lambda: None)
-        wires = RobotLink(bus, "r1", 0, nothing, lockstep=True)
-        bus.line.after = lambda key: self._arrivals.take(f"{key} at the plant")
+        requests = RequestQueue(running=True, world={}, nudge=lambda: None)
+        link = RobotLink(bus, "r1", 0, ignore, lockstep=True)
+        bus.line.after = lambda key: self._arrivals.record(f"{key} at the plant")
         for service in (RUN, WORLD):
-            bus.serve(service, lambda asked: desk.ask(0, asked))
+            bus.serve(service, lambda request: requests.ask(0, request))
         bus.announce()
-        self.plant = PlantProcess(plant, [wires], desk, Wake())
-        matched(bus, wires.publishers[-1:])
+        self.plant = PlantProcess(plant, [link], requests, Wake())
+        await_subscribers(bus, link.publishers[-1:], FRAME_S)
 
     def _start_ground(self) -> None:
         self.ground = self._open("ground", Role.GROUND)
         self._status = self.ground.mailbox(STATUS)
         self._report = self.ground.mailbox(CYCLE)
-        self.ground.line.after = self._hear_of
-        self.ground.stream(TEXT, self._hear)
+        self.ground.line.after = self._count_report
+        self.ground.stream(TEXT, self._keep_text)
         self._beat = self.ground.publisher(OPERATOR)
         self.operator = self._listening = True
         self.reconnect()
 
     @property
-    def dialling(self) -> Network:
-        """How a client gets in."""
+    def client_network(self) -> Network:
+        """The network settings of a client of this stack."""
         return Network(mode="client", connect=(self._hub,), prefix=self._prefix)
 
     def join(self, role: Role) -> Bus:
-        """One more on the bus, beside the operator there is."""
+        """Open one more bus in this role."""
         return self._open("ground", role)
 
     def _open(self, name: str, role: Role | None) -> Bus:
-        """The robot is the hub and others dial it; with a router everybody dials that."""
+        """Open a bus: the hub (the router, or the robot without one) listens, others connect."""
         hub = "router" if self._router else "robot"
         if name == hub:
             mode: Mode = "router" if self._router else "peer"
             network = Network(mode=mode, listen=(self._hub,), prefix=self._prefix)
         else:
-            network = self.dialling
+            network = self.client_network
         bus = self._scopes[name].enter_context(open_bus(network, role, "r1", self.clock.now_ns))
         bus.line.by_hand = True
         self.buses[name] = bus
@@ -190,37 +194,32 @@ class Peers:
     def reconnect(self) -> None:
         """Wait until plant and operator have found a robot that was started again."""
         if self.plant is None or self.robot is None:
-            raise RuntimeError("nobody is there to be found")
+            raise RuntimeError("start robot and plant before the ground connects to them")
         publishers = [self.plant.wires[0].publishers[-1], self._beat, self.robot.reports.cycle]
-        matched(self.ground, publishers)
+        await_subscribers(self.ground, publishers, FRAME_S)
 
     def start_all(self) -> None:
+        """Start all processes."""
         if self._router:
             self._open("router", None)
         for name in ("robot", "plant", "ground"):
             self.start(name)
 
     def close_all(self) -> None:
+        """Close all buses."""
         for name in ("ground", "plant", "robot", "router"):
             self._scopes[name].close()
 
-    def _hear_of(self, key: str) -> None:
-        """A cycle report ends a tick; counted as soon as its mailbox has it."""
+    def _count_report(self, key: str) -> None:
+        """Count a cycle report, which ends a tick, as soon as its mailbox has it."""
         if key.endswith(CYCLE.path):
-            self._arrivals.take(TOLD)
+            self._arrivals.record(REPORTED)
 
-    def _hear(self, _key: str, frame: bytes, _arrived_ns: int) -> None:
+    def _keep_text(self, _key: str, frame: bytes, _arrived_ns: int) -> None:
         text = decode(frame).message
         if isinstance(text, Statustext):
             self.texts.append(text.text)
 
 
-def matched(bus: Bus, publishers: Sequence[Publisher[Any]]) -> None:
-    """Wait until each of them has a reader; raises RuntimeError when one has none in time."""
-    missing = bus.await_matched(publishers, FRAME_S)
-    if missing:
-        raise RuntimeError(f"nobody listens to {', '.join(missing)}")
-
-
-def nothing(*_: object) -> None:
-    """Nobody looks."""
+def ignore(*_: object) -> None:
+    """Ignore a sample."""

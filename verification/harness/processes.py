@@ -1,4 +1,4 @@
-"""Our own processes, started for a measurement and ended after it, and free ports for them."""
+"""Processes of the stack for a measurement, free ports and certificates for them."""
 
 import socket
 import subprocess
@@ -7,35 +7,43 @@ import threading
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from plant.model.types import World
+from protocol.bus.network import Network, Tls
+from protocol.wire.goal import start_arguments
+
+ROBOT: Final = "r1"
 
 
 class Started:
-    """A process that has said that it is there; `said` is what it wrote until then.
+    """A process that has reported to be ready; `output` is what it wrote until then.
 
-    What it writes later is read and dropped, so that it never waits for a reader.
+    Later output is read and dropped, so that the process never blocks on a full pipe.
     """
 
     def __init__(self, child: "subprocess.Popen[str]", ready: str) -> None:
         self.pid = child.pid
-        self.said: list[str] = []
+        self.output: list[str] = []
         assert child.stderr is not None
         for line in child.stderr:
-            self.said.append(line.rstrip())
+            self.output.append(line.rstrip())
             if ready in line:
                 break
         else:
-            raise RuntimeError("a process ended before it was ready: " + " ".join(self.said))
+            raise RuntimeError("a process ended before it was ready: " + " ".join(self.output))
         self._reader = threading.Thread(target=deque, args=(child.stderr, 0), daemon=True)
         self._reader.start()
 
     def join(self) -> None:
-        """Wait until it has written its last."""
+        """Wait until the process has closed its output."""
         self._reader.join()
 
 
 @contextmanager
 def sidestep(*arguments: str, ready: str) -> Iterator[Started]:
-    """`sidestep ...`, until the block ends; `ready` is in the line that says it is there."""
+    """Run `sidestep ...` until the block ends; a line with `ready` reports that it is ready."""
     command = [sys.executable, "-m", "sidestep", *arguments]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
         started = None
@@ -48,8 +56,41 @@ def sidestep(*arguments: str, ready: str) -> Iterator[Started]:
                 started.join()
 
 
+class RobotProcess(NamedTuple):
+    """A `sidestep robot` process, and the network settings that reach it."""
+
+    pid: int
+    output: list[str]
+    network: Network
+
+
+@contextmanager
+def robot_process(
+    world: World, *options: str, keys: Path | None = None, client: str = "router"
+) -> Iterator[RobotProcess]:
+    """Run a robot at the start of a world.
+
+    With `keys`, a folder of `sidestep keys new`, access is controlled, and `client` is the role
+    whose certificate `network` has. The router's certificate allows the plant and the operator.
+    """
+    endpoint = f"{'tls' if keys else 'tcp'}/127.0.0.1:{free_port()}"
+    start = start_arguments(world.start.x_m, world.start.y_m, world.start.heading_rad)
+    locked = ("--config", str(keys / f"robot-{ROBOT}.toml")) if keys else ()
+    arguments = ("robot", "--id", ROBOT, "--listen", endpoint, "--start", *start, *options, *locked)
+    with sidestep(*arguments, ready="ready") as robot:
+        tls = tls_of(keys, client) if keys else None
+        network = Network(mode="client", connect=(endpoint,), tls=tls)
+        yield RobotProcess(robot.pid, robot.output, network)
+
+
+def tls_of(keys: Path, role: str) -> Tls:
+    """Return the certificate of a role, out of a folder of `sidestep keys new`."""
+    certificate, key = str(keys / f"{role}.pem"), str(keys / f"{role}.key")
+    return Tls(ca=str(keys / "ca.pem"), certificate=certificate, key=key)
+
+
 def free_port() -> int:
-    """Return a port of loopback that no process uses at the moment."""
+    """Return a loopback port that no process uses at the moment."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]

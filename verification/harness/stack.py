@@ -1,4 +1,4 @@
-"""Plant and robot as processes in lockstep over Zenoh, this one as their ground; hub or router."""
+"""Plant and robot as processes in lockstep over Zenoh, driven to a goal from this process."""
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -12,51 +12,45 @@ from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import COMMAND, RUN, STATUS, Role, Service
 from protocol.wire.codec import decode
-from protocol.wire.enums import AckResult, Command, GoalState, Mode, RunAction
-from protocol.wire.goal import start_words
+from protocol.wire.enums import GoalState, RunAction
+from protocol.wire.goal import start_arguments
 from protocol.wire.message import Message
-from protocol.wire.messages import (
-    CommandAck,
-    CommandRequest,
-    GoalRequest,
-    NavigatorStatus,
-    RunRequest,
-    RunScore,
-)
+from protocol.wire.messages import NavigatorStatus, RunRequest, RunScore
 from robot.core.parameters import DEFAULTS
-from runtime.errors import NoAnswer
 from study.trial.trial import Trial, params_of, wire_goal_of
-from verification.harness.processes import free_port, sidestep
+from verification.harness.bus_calls import arm_request, ask_until_accepted, auto_goal_request
+from verification.harness.processes import ROBOT, free_port, sidestep
 
-ROBOT = "r1"
-ATTEMPTS = 200
-PATIENCE_S = 60.0
+ACCEPTED_S = 100.0
+STATUS_S = 60.0
 
 
 class Run(NamedTuple):
-    """One run to the end of its goal: what the plant scored, and how long it took this machine."""
+    """A run to the end of its goal: the plant's score, and the wall time it took."""
 
     score: RunScore
     wall_s: float
 
     @property
     def digest(self) -> str:
+        """The digest of the true trajectory, in hexadecimal."""
         return bytes(self.score.digest).hex()
 
     @property
     def pace(self) -> float:
-        """x real time."""
+        """Simulated time over wall time."""
         return self.score.ticks * 0.05 / self.wall_s
 
 
 def lockstep_run(file: str, trial: Trial, *, router: bool = False) -> Run:
-    """Do over the bus what the trial does in one process; `file` is where its world was from."""
+    """Run a trial over the bus instead of in one process; `file` names the file of its world."""
     with stack(file, trial, router=router) as bus:
-        return Ground(bus).drive(trial.world)
+        return GoalDriver(bus).drive(trial.world)
 
 
 @contextmanager
 def stack(file: str, trial: Trial, *, router: bool) -> Iterator[Bus]:
+    """Run the processes of a trial and open a bus to them."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with ExitStack() as processes:
         if router:
@@ -70,10 +64,10 @@ def stack(file: str, trial: Trial, *, router: bool) -> Iterator[Bus]:
 
 
 def robot_words(trial: Trial) -> Iterator[str]:
-    """The robot process with the start and the parameters that the trial gives its core."""
+    """Yield the command line of a robot with the start and parameters of a trial."""
     start = trial.world.start
     yield from ("robot", "--id", ROBOT, "--lockstep")
-    yield from ("--start", *start_words(start.x_m, start.y_m, start.heading_rad))
+    yield from ("--start", *start_arguments(start.x_m, start.y_m, start.heading_rad))
     params = params_of(trial)
     for name in params._fields:
         value = getattr(params, name)
@@ -82,14 +76,15 @@ def robot_words(trial: Trial) -> Iterator[str]:
 
 
 def plant_words(file: str, trial: Trial) -> Iterator[str]:
+    """Yield the command line of a plant with the world, seed and noise of a trial."""
     yield from ("plant", "--world", file, "--robots", ROBOT, "--lockstep", "--paused")
     yield from ("--seed", str(trial.seed))
     if trial.noise is not None:
         yield from ("--noise", trial.noise)
 
 
-class Ground:
-    """Gives the goal between tick 0 and tick 1, and waits for its end."""
+class GoalDriver:
+    """Sends the goal between tick 0 and tick 1, and waits for its end."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
@@ -98,39 +93,30 @@ class Ground:
         bus.stream(STATUS, lambda _key, frame, _ns: self._frames.put(frame))
 
     def drive(self, world: World) -> Run:
-        arm = Command.COMPONENT_ARM_DISARM
-        self._until_accepted(
-            COMMAND, lambda n: CommandRequest(request_id=n, param1=1.0, param2=0.0, command=arm)
-        )
-        goal = wire_goal_of(world)._asdict()
-        self._until_accepted(COMMAND, lambda n: GoalRequest(request_id=n, mode=Mode.AUTO, **goal))
+        """Drive to the goal of a world and return its score."""
+        goal = wire_goal_of(world)
+        self._ask(COMMAND, arm_request)
+        self._ask(COMMAND, lambda number: auto_goal_request(number, goal))
         begun_s = perf_counter()
-        start = RunRequest(action=RunAction.START, until_ns=0)
-        self._until_accepted(RUN, lambda _: start)
+        self._ask(RUN, lambda _: RunRequest(action=RunAction.START, until_ns=0))
         ended_ns = self._end_of_goal()
         wall_s = perf_counter() - begun_s
         score = self._bus.ask(RUN, RunRequest(action=RunAction.SCORE, until_ns=ended_ns), 2.0)
         if not isinstance(score, RunScore):
-            raise RuntimeError(f"the plant gives no score: {score!r}")
+            raise RuntimeError(f"the plant returned no score: {score!r}")
         return Run(score, wall_s)
 
     def _end_of_goal(self) -> int:
         while True:
             try:
-                status = decode(self._frames.get(timeout=PATIENCE_S)).message
+                status = decode(self._frames.get(timeout=STATUS_S)).message
             except Empty:
-                raise RuntimeError("the robot says nothing any more") from None
+                raise RuntimeError(f"no status from the robot for {STATUS_S:g} s") from None
             if isinstance(status, NavigatorStatus) and status.goal >= GoalState.REACHED:
                 return status.goal_ended_ns
 
-    def _until_accepted(self, service: Service, request: Callable[[int], Message]) -> None:
-        """Both processes need a moment to find each other; each attempt waits for an answer."""
-        answer: object = None
-        for _ in range(ATTEMPTS):
-            try:
-                answer = self._bus.ask(service, request(next(self._requests)), 0.5)
-            except NoAnswer as error:
-                answer = error
-            if isinstance(answer, CommandAck) and answer.result == AckResult.ACCEPTED:
-                return
-        raise RuntimeError(f"{service.path}: {answer!r}")
+    def _ask(self, service: Service, request: Callable[[int], Message]) -> None:
+        """Repeat a request until it is accepted: the processes need a moment to connect."""
+        ask_until_accepted(
+            self._bus, service, lambda: request(next(self._requests)), ROBOT, ACCEPTED_S
+        )

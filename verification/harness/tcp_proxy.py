@@ -1,4 +1,4 @@
-"""A cable between a client and the hub that can be cut: nothing comes back, not even a no."""
+"""A TCP proxy between a client and the hub whose connection can be cut silently."""
 
 import socket
 import threading
@@ -6,8 +6,8 @@ from contextlib import ExitStack, suppress
 from typing import Self
 
 
-class Cable:
-    """Forwards bytes both ways; once cut it forwards nothing and takes no more calls."""
+class TcpProxy:
+    """Forwards bytes both ways; once cut it forwards nothing and accepts no connections."""
 
     def __init__(self, endpoint: str) -> None:
         protocol = endpoint.partition("/")[0]
@@ -19,20 +19,20 @@ class Cable:
         self._listener = self._listening(0, backlog=5)
         self._port = self._listener.getsockname()[1]
         self.endpoint = f"{protocol}/127.0.0.1:{self._port}"
-        threading.Thread(target=self._take_calls, daemon=True).start()
+        threading.Thread(target=self._accept_connections, daemon=True).start()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._fillers.close()
-        self._shut_listener()
+        close_socket(self._listener)
         self._sockets.close()
 
     def cut(self) -> None:
-        """A full backlog lets the system drop further calls: they run into their time limit."""
+        """Forward nothing from now on; with its backlog full, connection attempts time out."""
         self._whole.clear()
-        self._shut_listener()
+        close_socket(self._listener)
         self._listener = self._listening(self._port, backlog=0)
         for _ in range(4):
             filler = self._fillers.enter_context(socket.socket())
@@ -40,20 +40,18 @@ class Cable:
             with suppress(BlockingIOError):
                 filler.connect(("127.0.0.1", self._port))
 
-    def plug_in(self, endpoint: str) -> None:
-        """Close all connections; from now on connect callers to `endpoint`."""
+    def redirect(self, endpoint: str) -> None:
+        """Close all connections, and connect clients to `endpoint` from now on."""
         self._far = address_of(endpoint)
         self._sockets.close()
 
-    def mend(self) -> None:
+    def restore(self) -> None:
+        """Forward and accept connections again."""
         self._fillers.close()
-        self._shut_listener()
+        close_socket(self._listener)
         self._listener = self._listening(self._port, backlog=5)
         self._whole.set()
-        threading.Thread(target=self._take_calls, daemon=True).start()
-
-    def _shut_listener(self) -> None:
-        hang_up(self._listener)
+        threading.Thread(target=self._accept_connections, daemon=True).start()
 
     @staticmethod
     def _listening(port: int, *, backlog: int) -> socket.socket:
@@ -63,18 +61,18 @@ class Cable:
         listener.listen(backlog)
         return listener
 
-    def _take_calls(self) -> None:
+    def _accept_connections(self) -> None:
         listener = self._listener
         with suppress(OSError):
             while True:
                 near, _ = listener.accept()
                 try:
                     far = socket.create_connection(self._far)
-                except OSError:  # nobody is at home: so hears who calls
-                    hang_up(near)
+                except OSError:  # the far end refuses, so the client is refused too
+                    close_socket(near)
                     continue
                 for end in (near, far):
-                    self._sockets.callback(hang_up, end)
+                    self._sockets.callback(close_socket, end)
                 for pair in ((near, far), (far, near)):
                     threading.Thread(target=self._forward, args=pair, daemon=True).start()
 
@@ -92,8 +90,8 @@ def address_of(endpoint: str) -> tuple[str, int]:
     return host, int(port)
 
 
-def hang_up(end: socket.socket) -> None:
-    """A thread that waits on it is let go."""
+def close_socket(end: socket.socket) -> None:
+    """Close a socket and wake the threads that wait on it."""
     with suppress(OSError):
         end.shutdown(socket.SHUT_RDWR)
     end.close()

@@ -1,6 +1,6 @@
-"""A terminal for a process of ours: a pty of some size that counts what is written to it, and when.
+"""A pseudo-terminal for a process, which records the bytes that are written to it and when.
 
-It may be slow: then it takes no more than so many bytes a second, as a serial line would.
+It can be slow: then it reads at most so many bytes a second, like a serial line.
 """
 
 import os
@@ -20,15 +20,15 @@ CHUNK: Final = 65_536
 SLOW_READ_S: Final = 0.05
 ENDS_WITHIN_S: Final = 10.0
 QUIET: Final = "\x11"
-"""ctrl+q, which leaves the ground station from everywhere."""
+"""ctrl+q, which quits the ground station on every screen."""
 USUAL: Final[Mapping[str, str]] = {"TERM": "xterm-256color", "COLORTERM": "truecolor"}
 
 UNWANTED: Final = ("NO_COLOR", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED")
-"""Set by those who test; not by those who use it."""
+"""Set in test environments, but not by users."""
 
 
 class Reading(NamedTuple):
-    """What a process has cost and written until now."""
+    """CPU time and bytes written by a process until now."""
 
     at_ns: int
     cpu_s: float
@@ -37,7 +37,7 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Spent:
-    """Between two readings."""
+    """CPU load and output rate between two readings."""
 
     cpu_percent: float
     kb_per_s: float
@@ -54,7 +54,7 @@ class Terminal:
         *,
         most_per_s: int | None = None,
     ) -> None:
-        """`size` in columns and rows; `most_per_s` bytes are read of what it writes."""
+        """Set `size` in columns and rows; read at most `most_per_s` bytes a second."""
         self._words, self._size = words, size
         self._environment = {**os.environ, **USUAL, **(environment or {})}
         for name in UNWANTED:
@@ -99,20 +99,22 @@ class Terminal:
 
     @property
     def pid(self) -> int:
+        """The process id."""
         return self._process.pid
 
     def type(self, keys: str) -> int:
-        """Press these; when that was, by the monotonic clock."""
+        """Press keys and return the monotonic time of that in ns."""
         at_ns = monotonic_ns()
         os.write(self._end, keys.encode())
         return at_ns
 
     def reading(self) -> Reading:
+        """Read the CPU time and the number of bytes written."""
         with self._lock:
             return Reading(monotonic_ns(), cpu_s(self.pid), self._written)
 
     def spent(self, seconds: float) -> Spent:
-        """What the next so many seconds cost."""
+        """Return load and output rate over the next so many seconds."""
         before = self.reading()
         Event().wait(seconds)
         after = self.reading()
@@ -123,9 +125,9 @@ class Terminal:
         )
 
     def shown(self, words: str, patience_s: float) -> int:
-        """When the bytes that complete these words were read, since what was forgotten.
+        """Return when the bytes that complete `words` were read, after the last `forget`.
 
-        Raises RuntimeError when they do not come in time.
+        Raise RuntimeError when they do not arrive in time.
         """
         deadline_ns, pause = monotonic_ns() + round(patience_s * NS_PER_S), Event()
         while (found_ns := self._found(words.encode())) is None:
@@ -136,16 +138,17 @@ class Terminal:
 
     @property
     def first_ns(self) -> int:
-        """When it wrote anything at all, since what was forgotten."""
+        """The time at which the first bytes after the last `forget` were read."""
         with self._lock:
             return self._arrivals[0][0]
 
     def text(self) -> str:
+        """Return the output after the last `forget`."""
         with self._lock:
             return self._seen.decode(errors="replace")
 
     def forget(self) -> None:
-        """What was seen until now is looked through no more."""
+        """Forget the output so far."""
         with self._lock:
             self._seen.clear()
             self._arrivals.clear()

@@ -10,7 +10,7 @@ POLL_S: Final = 0.002
 
 
 def until(condition: Callable[[], object], what: str, within_s: float = PATIENCE_S) -> None:
-    """Wait for a condition. Raise RuntimeError, with `what`, when it is not met in time."""
+    """Wait for a condition; RuntimeError with `what` when it does not hold in time."""
     deadline_s, pause = monotonic() + within_s, Event()
     while not condition():
         if monotonic() > deadline_s:

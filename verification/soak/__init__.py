@@ -1,1 +1,1 @@
-"""A fleet driven for a long time while faults happen."""
+"""Drive a fleet for a long time while faults happen; measure growth, latency and losses."""

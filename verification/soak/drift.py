@@ -1,4 +1,4 @@
-"""Does it grow? A slope with its confidence, and the first third against the last."""
+"""Estimate how fast a quantity grows: slope with confidence, first third against last third."""
 
 from collections.abc import Sequence
 from math import inf, sqrt
@@ -6,9 +6,9 @@ from statistics import fmean, median
 from typing import Final, NamedTuple
 
 SETTLE_S: Final = 60.0
-"""A process that has just been started still grows: so much of its life is left out, or a third."""
+"""A new process still grows: this beginning of its life is left out, at most a third of it."""
 BLOCK_S: Final = 30.0
-"""Samples a second apart say much the same: their means over this count as one, or six a life."""
+"""Samples a second apart correlate, so means over blocks count; a life has at least six."""
 TEN_MINUTES_S: Final = 600.0
 
 Life = Sequence[tuple[float, float]]
@@ -16,7 +16,7 @@ Life = Sequence[tuple[float, float]]
 
 
 class Trend(NamedTuple):
-    """Per ten minutes, within 95 %; `margin` is infinite when there was too little to tell."""
+    """A slope per ten minutes with its 95 % margin, which is infinite with too few samples."""
 
     slope: float
     margin: float
@@ -26,7 +26,7 @@ class Trend(NamedTuple):
 
 
 def trend(lives: Sequence[Life]) -> Trend | None:
-    """One slope for all lives of a process, each from a level of its own; None without samples."""
+    """Fit one slope to all lives of a process, each with its own level; None without samples."""
     settled = [one for one in map(settle, lives) if one]
     if not settled:
         return None
@@ -43,6 +43,7 @@ def trend(lives: Sequence[Life]) -> Trend | None:
 
 
 def settle(life: Life) -> Life:
+    """Leave out the beginning of a life."""
     if not life:
         return life
     begin_s, end_s = life[0][0], life[-1][0]
@@ -51,7 +52,7 @@ def settle(life: Life) -> Life:
 
 
 def blocks(life: Life) -> list[tuple[float, float]]:
-    """Means of time and value over pieces of the same length."""
+    """Return the means of time and value over blocks of the same length."""
     begin_s, end_s = life[0][0], life[-1][0]
     length_s = min(BLOCK_S, (end_s - begin_s) / 6) or BLOCK_S
     found: dict[int, list[tuple[float, float]]] = {}
@@ -61,7 +62,7 @@ def blocks(life: Life) -> list[tuple[float, float]]:
 
 
 def common_slope(lives: Sequence[Life]) -> tuple[float, float]:
-    """Least squares within the lives: slope and its 95 % margin, per second."""
+    """Return the least-squares slope within the lives and its 95 % margin, per second."""
     pairs = [pair for life in lives for pair in centred(life)]
     spread = sum(t * t for t, _ in pairs)
     freedom = len(pairs) - len(lives) - 1
@@ -75,10 +76,11 @@ def common_slope(lives: Sequence[Life]) -> tuple[float, float]:
 
 
 def centred(life: Life) -> list[tuple[float, float]]:
+    """Subtract the mean time and value."""
     middle_t, middle_v = fmean(t for t, _ in life), fmean(v for _, v in life)
     return [(t - middle_t, v - middle_v) for t, v in life]
 
 
 def student(freedom: int) -> float:
-    """Student's t at 97.5 %, within 1 % of the tables from 3 degrees of freedom on."""
+    """Return Student's t at 97.5 %, within 1 % of the tables from 3 degrees of freedom on."""
     return 1.96 + 2.37 / freedom + 2.82 / freedom**2 + 2.5 / freedom**3

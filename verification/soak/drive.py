@@ -1,7 +1,7 @@
-"""Keeps a robot driving, whatever happens to it, also where it does not know any more where it is.
+"""Keep a robot driving whatever happens to it, even after it has lost its position.
 
-Each goal is some way from where it believes to be: on when it has reached the last one, else
-elsewhere. So a robot that was started again in the middle of the way goes on like the others.
+Each goal is relative to the estimated position: straight on after a goal was reached, else in
+another direction. So a robot that was restarted on its way continues like the others.
 """
 
 from math import cos, sin
@@ -11,17 +11,18 @@ from ground.client.goal import Destination, goal_request
 from ground.client.requests import RequestIds
 from protocol.bus.bus import Bus
 from protocol.topics import COMMAND
-from protocol.wire.enums import AckResult, Command, GoalState, Mode, Vehicle
+from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.message import Message
-from protocol.wire.messages import CommandAck, CommandRequest, PlanarOdometry
+from protocol.wire.messages import PlanarOdometry
 from runtime.errors import RemoteError
-from verification.soak.fleet_telemetry import Heard
+from verification.harness.bus_calls import arm_request, is_accepted
+from verification.soak.fleet_telemetry import RobotTelemetry
 
 PATIENCE_S: Final = 0.2
 EVERY_NS: Final = 1_000_000_000
 STEP_M: Final = 1.2
 BACK_RAD: Final = 2.6
-"""Not quite back: to and fro between two walls would lead nowhere else."""
+"""Not quite back, so that the robot does not drive to and fro between two walls."""
 LONGEST_NS: Final = 12_000_000_000
 UNDER_WAY: Final = (
     GoalState.ACCEPTED,
@@ -31,8 +32,8 @@ UNDER_WAY: Final = (
 )
 
 
-class Driver:
-    """Gives the next goal when the last has ended or takes too long; arms what was disarmed."""
+class GoalSender:
+    """Sends the next goal when the last has ended or takes too long; arms the robot if needed."""
 
     def __init__(self, bus: Bus, robot: str) -> None:
         self.robot = robot
@@ -43,13 +44,13 @@ class Driver:
         self._given_ns = 0
         self._turn_rad = 0.0
 
-    def poll(self, heard: Heard, now_ns: int) -> None:
-        """At most once a second, and not while the robot is silent."""
-        status, pose = heard.status, heard.pose
+    def poll(self, telemetry: RobotTelemetry, now_ns: int) -> None:
+        """Send a goal if one is due, at most once a second and not while the robot is silent."""
+        status, pose = telemetry.status, telemetry.pose
         if status is None or pose is None or now_ns < self._due_ns:
             return
         self._due_ns = now_ns + EVERY_NS
-        if heard.silent_since(now_ns - EVERY_NS):
+        if telemetry.silent_since(now_ns - EVERY_NS):
             return
         under_way = status.vehicle == Vehicle.ACTIVE and status.goal in UNDER_WAY
         if under_way and now_ns - self._given_ns < LONGEST_NS:
@@ -59,7 +60,7 @@ class Driver:
         self.reached += arrived and not begins
         self._turn_rad = 0.0 if arrived or begins else self._turn_rad + BACK_RAD
         if status.vehicle != Vehicle.ACTIVE:
-            self._command(Command.COMPONENT_ARM_DISARM)
+            self._ask(arm_request(self._ids.next()))
         if self._ask(self._goal(pose)):
             self.goals += 1
             self._given_ns = now_ns
@@ -73,15 +74,9 @@ class Driver:
         )
         return goal_request(there.on_the_wire(), self._ids.next(), Mode.AUTO)
 
-    def _command(self, command: Command) -> None:
-        self._ask(
-            CommandRequest(request_id=self._ids.next(), param1=1.0, param2=0.0, command=command)
-        )
-
     def _ask(self, request: Message) -> bool:
-        """Was it accepted?"""
+        """Send a request and return whether it was accepted."""
         try:
-            answer = self._bus.ask(COMMAND, request, PATIENCE_S, robot=self.robot)
+            return is_accepted(self._bus.ask(COMMAND, request, PATIENCE_S, robot=self.robot))
         except RemoteError:
             return False
-        return isinstance(answer, CommandAck) and answer.result == AckResult.ACCEPTED

@@ -1,4 +1,4 @@
-"""The fleet that is soaked: what `up` starts, with two operators and a recorder; some on cables."""
+"""The fleet of a soak: the processes of `up`, two operators and a recorder; some behind proxies."""
 
 import os
 from contextlib import ExitStack, suppress
@@ -22,9 +22,9 @@ from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
 from runtime.clock import Clock
-from verification.flood.attack import Attack, Door
-from verification.harness.tcp_proxy import Cable
-from verification.soak.faults import CUT, Fault
+from verification.flood.attack import Access, Attack
+from verification.harness.tcp_proxy import TcpProxy
+from verification.soak.faults import CUT, SoakFault
 from verification.soak.supervised import Supervised
 
 LISTENS_S: Final = 15.0
@@ -32,7 +32,7 @@ PAGE_MB: Final = os.sysconf("SC_PAGESIZE") / 1e6
 
 
 class Size(NamedTuple):
-    """What the kernel says a process has: resident memory, open files, threads."""
+    """The resident memory, open files and threads of a process, from the kernel."""
 
     rss_mb: float
     files: float
@@ -40,7 +40,7 @@ class Size(NamedTuple):
 
 
 class Fleet:
-    """`up` with a router, without its recorders; who ends is started again as `up` does it."""
+    """The processes of `up` with a router; those that end are restarted as `up` restarts them."""
 
     def __init__(self, world: str, robots: int, seed: int, folder: Path, clock: Clock) -> None:
         words = ["up", "--headless", "--router", "--world", world, "--robots", str(robots)]
@@ -52,7 +52,7 @@ class Fleet:
         self._folder = folder
         self._clock = clock
         self._scope = ExitStack()
-        self._cables: dict[str, Cable] = {}
+        self._proxies: dict[str, TcpProxy] = {}
         self._words: dict[str, list[str]] = {}
 
     def __enter__(self) -> Self:
@@ -75,40 +75,43 @@ class Fleet:
 
     @property
     def roles(self) -> list[str]:
+        """The names of the processes."""
         return list(self._words)
 
     @property
     def given_up(self) -> list[str]:
-        """What is said of those that ended too often."""
+        """The messages about processes that ended too often."""
         return list(self._upkeep.schedule.given_up.values())
 
     def look_after(self) -> None:
-        """Start again who has ended."""
+        """Restart the processes that have ended."""
         self._upkeep.round(self._clock.now_ns())
 
-    def do(self, fault: Fault) -> None:
+    def do(self, fault: SoakFault) -> None:
+        """Begin a fault."""
         if fault.flood_hz:
             self._attack(fault.flood_hz)
         elif fault.first is None:
-            self._cables[fault.role].cut()
+            self._proxies[fault.role].cut()
         else:
             self._children.send(fault.role, fault.first)
 
-    def undo(self, fault: Fault) -> None:
+    def undo(self, fault: SoakFault) -> None:
+        """End a fault."""
         if fault.flood_hz:
             self._attacks.close()
         elif fault.first is None:
-            self._cables[fault.role].mend()
+            self._proxies[fault.role].restore()
         elif fault.then is not None:
             self._children.send(fault.role, fault.then)
 
     def _attack(self, rate_hz: float) -> None:
-        with suppress(RuntimeError):  # nobody let it in
-            attack = self._attacks.enter_context(Attack("frames", Door(self.endpoint), rate_hz))
+        with suppress(RuntimeError):  # it could not connect
+            attack = self._attacks.enter_context(Attack("frames", Access(self.endpoint), rate_hz))
             attack.go()
 
     def sizes(self) -> dict[tuple[str, int], Size]:
-        """By role and process id; who is just ending is left out."""
+        """Return sizes by role and process id, without processes that have just ended."""
         found = {}
         children = zip(self._children.roles, self._children.pids, strict=True)
         for role, pid in (*children, *self._supervised.pids.items()):
@@ -124,9 +127,10 @@ class Fleet:
         for robot in self.scenario.robots[:2]:
             words[f"ground {robot}"] = ["ground", "--plain", *dials, robot]
         for role in CUT:
-            cable = self._cables[role] = self._scope.enter_context(Cable(self.endpoint))
-            place = words[role].index(self.endpoint)
-            words[role] = [*words[role][:place], cable.endpoint, *words[role][place + 1 :]]
+            proxy = self._proxies[role] = self._scope.enter_context(TcpProxy(self.endpoint))
+            words[role] = [
+                proxy.endpoint if word == self.endpoint else word for word in words[role]
+            ]
         return words
 
     def _again(self, role: str, cause: str) -> list[str]:
@@ -135,7 +139,7 @@ class Fleet:
 
 
 def size_of(pid: int) -> Size | None:
-    """None when it has ended, or is not ours to look at."""
+    """Return the size of a process; None if it has ended or belongs to another user."""
     place = Path(f"/proc/{pid}")
     try:
         pages = int((place / "statm").read_text().split()[1])

@@ -1,8 +1,7 @@
-"""What the fleet says of itself: how soon commands follow senses, ticks missed, who is silent."""
+"""Telemetry of the fleet: delay from senses to commands, missed ticks, silent robots."""
 
 from collections import deque
 from contextlib import suppress
-from functools import partial
 from typing import Final
 
 from protocol.bus.bus import Bus
@@ -22,8 +21,8 @@ from runtime.units import NS_PER_S
 REMEMBERED: Final = 64
 
 
-class Heard:
-    """One robot, as its streams arrive at one place; filled in the bus's thread."""
+class RobotTelemetry:
+    """The streams of one robot as they arrive; filled in the bus's thread."""
 
     def __init__(self, began_ns: int) -> None:
         self._began_ns = began_ns
@@ -31,21 +30,22 @@ class Heard:
         self._tick: CycleReport | None = None
         self.status: NavigatorStatus | None = None
         self.pose: PlanarOdometry | None = None
-        self.heard_ns = {SonarScan: 0, NavigatorStatus: 0}
+        self._arrived_ns = {SonarScan: 0, NavigatorStatus: 0}
         self.delays_ms: list[tuple[float, float]] = []
-        """When a command came, in s from the beginning, and how long after its scan."""
+        """Arrival of a command in s from the beginning, and its delay after the scan."""
         self.ticks: list[tuple[float, int]] = []
-        """When a report came, and how many ticks had been missed since the one before it."""
+        """Arrival of a report, and the ticks missed since the report before."""
 
-    def take(self, _key: str, frame: bytes, at_ns: int) -> None:
+    def record(self, _key: str, frame: bytes, at_ns: int) -> None:
+        """Record a frame; unreadable frames are ignored."""
         with suppress(RemoteError):
-            self._take(decode(frame).message, at_ns)
+            self._record(decode(frame).message, at_ns)
 
-    def _take(self, message: Message, at_ns: int) -> None:
+    def _record(self, message: Message, at_ns: int) -> None:
         at_s = (at_ns - self._began_ns) / NS_PER_S
         if isinstance(message, SonarScan):
             self._scans.append((message.seq, at_ns))
-            self.heard_ns[SonarScan] = at_ns
+            self._arrived_ns[SonarScan] = at_ns
         elif isinstance(message, WheelCommand):
             self.delays_ms += [
                 (at_s, (at_ns - scan_ns) / 1e6)
@@ -60,17 +60,17 @@ class Heard:
             self.pose = message
         elif isinstance(message, NavigatorStatus):
             self.status = message
-            self.heard_ns[NavigatorStatus] = at_ns
+            self._arrived_ns[NavigatorStatus] = at_ns
 
     def silent_since(self, at_ns: int) -> bool:
-        """Has it, or its senses, not been heard after that?"""
-        return min(self.heard_ns.values()) <= at_ns
+        """Return whether no status or no scan has arrived since then."""
+        return min(self._arrived_ns.values()) <= at_ns
 
 
-def listen(bus: Bus, robots: tuple[str, ...], began_ns: int) -> dict[str, Heard]:
-    found = {}
-    for robot in robots:
-        heard = found[robot] = Heard(began_ns)
+def subscribe(bus: Bus, robots: tuple[str, ...], began_ns: int) -> dict[str, RobotTelemetry]:
+    """Record the telemetry of all robots from now on."""
+    found = {robot: RobotTelemetry(began_ns) for robot in robots}
+    for robot, telemetry in found.items():
         for topic in (SONAR, DRIVE, CYCLE, STATUS, ODOMETRY):
-            bus.stream(topic, partial(Heard.take, heard), robot)
+            bus.stream(topic, telemetry.record, robot)
     return found

@@ -1,11 +1,13 @@
-"""A fleet driven to and fro for a long time while things are done to it: what grows, what is lost.
+"""Drive a fleet to and fro for a long time while faults happen; report growth and losses.
 
-Judged are processes that lived for five minutes and more; beside the fleet there is a supervisor
-in a process of its own, with a plant that is left alone. Memory may grow by 1 MB in ten minutes,
-open files and threads by one. From the scan to the wheel command, both heard at one place, the last
-third of the run may take half as much again as the first, and one tick in a hundred may be missed;
-for both, what is within five seconds of something that was done does not count. Then all robots and
-their senses must be heard again within ten seconds, and the recorder lack no event of robot r1.
+Only processes that lived for at least five minutes are judged. Beside the fleet runs a supervisor
+in a process of its own, with a plant that is never killed. Limits per ten minutes: 1 MB of memory,
+one open file, one thread.
+
+Scan and wheel command are timed at one place: in the last third of the run the delay may be at most
+1.5 times that of the first. At most one tick in a hundred may be missed. Both exclude the five
+seconds after a fault. After a fault, all robots and their senses must be received again within ten
+seconds. The recorder must have every event of robot r1.
 """
 
 import argparse
@@ -21,27 +23,30 @@ from runtime.cli.terminal import CLEAR_LINE, steer
 from runtime.clock import Clock, WallClock
 from runtime.units import NS_PER_S
 from verification.harness.figures import Report
-from verification.soak.drive import Driver
-from verification.soak.faults import Fault, faults, schedule
+from verification.soak.drive import GoalSender
+from verification.soak.faults import SoakFault, faults, schedule
 from verification.soak.fleet import Fleet
-from verification.soak.fleet_telemetry import Heard, listen
-from verification.soak.report import Course, report_of
+from verification.soak.fleet_telemetry import subscribe
+from verification.soak.report import HEALED_S, Course, report_of
 
 STEP_NS: Final = 100_000_000
 SAMPLE_NS: Final = 1_000_000_000
 READY_NS: Final = 20 * NS_PER_S
-TOLD_S: Final = 60.0
+SHOWN_S: Final = 60.0
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `bench soak`."""
     parser.add_argument("--minutes", type=float, default=30.0, metavar="N", help="(30)")
     parser.add_argument("--robots", type=int, default=3, metavar="K", help="(3)")
     parser.add_argument("--world", default="open", metavar="W", help="(open)")
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of what is done when (0)")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="of the order of faults (0)"
+    )
 
 
 def measure(options: argparse.Namespace) -> Report:
-    """Ctrl-C or SIGTERM ends it early; the report is of what there was until then."""
+    """Run the soak; Ctrl-C or SIGTERM ends it early, with a report of what was measured."""
     clock = WallClock()
     with TemporaryDirectory(prefix="sidestep-soak-") as folder, interruptible():
         course = Course(robots=options.robots)
@@ -59,7 +64,7 @@ def measure(options: argparse.Namespace) -> Report:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Also where a shell that started it in the background has it ignore Ctrl-C."""
+    """Let Ctrl-C interrupt the run even if a shell started it in the background."""
     ends = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(number, signal.default_int_handler) for number in ends]
     try:
@@ -70,23 +75,23 @@ def interruptible() -> Iterator[None]:
 
 
 def progress() -> Callable[[float, str], None]:
-    """A live line on a terminal; elsewhere a line a minute."""
-    told_s = 0.0
+    """Return a function that shows a live line on a terminal, elsewhere a line a minute."""
+    shown_s = 0.0
 
-    def tell(at_s: float, words: str) -> None:
-        nonlocal told_s
+    def show(at_s: float, words: str) -> None:
+        nonlocal shown_s
         if sys.stderr.isatty():
             steer(sys.stderr, CLEAR_LINE)
             print(words, end="", file=sys.stderr, flush=True)
-        elif at_s - told_s >= TOLD_S:
-            told_s = at_s
+        elif at_s - shown_s >= SHOWN_S:
+            shown_s = at_s
             print(words, file=sys.stderr, flush=True)
 
-    return tell
+    return show
 
 
 class Soak:
-    """One run: looks ten times a second, samples once a second."""
+    """A run: it checks the fleet ten times a second and samples it once a second."""
 
     def __init__(
         self, fleet: Fleet, course: Course, clock: Clock, seconds: float, seed: int
@@ -97,38 +102,47 @@ class Soak:
         self._seconds = seconds
         self._plan = schedule(faults(fleet.roles), seconds, seed)
         self._next = next(self._plan, None)
-        self._begun: tuple[Fault, float] | None = None
+        self._begun: tuple[SoakFault, float] | None = None
         self._waits_ns: int | None = None
         self._began_ns = clock.now_ns()
         self._sample_ns = 0
 
-    def run(self, tell: Callable[[float, str], None]) -> None:
+    def run(self, show: Callable[[float, str], None]) -> None:
+        """Drive, disturb and sample the fleet until the time is over."""
         robots = self._fleet.scenario.robots
-        self._course.heard = heard = listen(self._fleet.bus, robots, self._began_ns)
-        drivers = [Driver(self._fleet.bus, robot) for robot in robots]
-        self._await_all(heard)
+        telemetry = subscribe(self._fleet.bus, robots, self._began_ns)
+        self._course.telemetry = telemetry
+        drivers = [GoalSender(self._fleet.bus, robot) for robot in robots]
+        self._await_all()
         self._course.ready_s = self._now_s()
-        while self._now_s() < self._seconds:
+        while not self._is_over():
             due_ns = self._clock.now_ns() + STEP_NS
             self._fleet.look_after()
             self._disturb()
-            self._look_for_the_healed(heard)
+            self._check_recovery()
             self._sample()
             for driver in drivers:
-                driver.poll(heard[driver.robot], self._clock.now_ns())
+                driver.poll(telemetry[driver.robot], self._clock.now_ns())
             self._course.seconds = self._now_s()
             self._course.goals = sum(driver.goals for driver in drivers)
             self._course.reached = sum(driver.reached for driver in drivers)
-            tell(self._course.seconds, self._line())
+            show(self._course.seconds, self._line())
             self._clock.sleep_until(due_ns)
+
+    def _is_over(self) -> bool:
+        """Return whether the time is up, and the fleet recovered or had the time to recover."""
+        if self._now_s() < self._seconds:
+            return False
+        since_ns = self._waits_ns
+        return since_ns is None or self._clock.now_ns() - since_ns > HEALED_S * NS_PER_S
 
     def _now_s(self) -> float:
         return (self._clock.now_ns() - self._began_ns) / NS_PER_S
 
-    def _await_all(self, heard: dict[str, Heard]) -> None:
-        while any(one.silent_since(0) for one in heard.values()):
+    def _await_all(self) -> None:
+        while self._course.any_silent_since(0):
             if self._clock.now_ns() - self._began_ns > READY_NS:
-                raise RuntimeError("the fleet does not come up: " + "; ".join(self._fleet.given_up))
+                raise RuntimeError("the fleet did not start: " + "; ".join(self._fleet.given_up))
             self._fleet.look_after()
             self._clock.sleep_until(self._clock.now_ns() + STEP_NS)
 
@@ -146,12 +160,12 @@ class Soak:
             self._fleet.do(self._next[1])
             self._next = next(self._plan, None)
 
-    def _look_for_the_healed(self, heard: dict[str, Heard]) -> None:
-        """All of them, from the end of what was done; when the next begins it has not healed."""
+    def _check_recovery(self) -> None:
+        """Note when all robots are received again, unless the next fault has begun."""
         since_ns = self._waits_ns
         if since_ns is None or self._begun is not None:
             return
-        if not any(one.silent_since(since_ns) for one in heard.values()):
+        if not self._course.any_silent_since(since_ns):
             healed_s = (self._clock.now_ns() - since_ns) / NS_PER_S
             self._course.healed.append((self._course.done[-1][0], healed_s))
             self._waits_ns = None

@@ -1,4 +1,4 @@
-"""The course of a soak, and what is said of it: figures with their limits, and a table."""
+"""The course of a soak, and its report: figures with limits, and a table."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -7,13 +7,13 @@ from pathlib import Path
 from statistics import median
 from typing import Final
 
-from ground.recording.log_reader import open_log
+from ground.recording.log_reader import opened
 from protocol.topics import ANSWERED, COMMANDED, TEXT, path_of
 from protocol.wire.codec import decode
 from verification.harness.figures import Figure, Report, digits, percentile
 from verification.soak.drift import Trend, trend
 from verification.soak.fleet import Size
-from verification.soak.fleet_telemetry import Heard
+from verification.soak.fleet_telemetry import RobotTelemetry
 
 JUDGED_S: Final = 300.0
 AFTERMATH_S: Final = 5.0
@@ -30,14 +30,14 @@ EVENTS: Final = (TEXT.path, COMMANDED.path, ANSWERED.path)
 
 @dataclass(kw_only=True)
 class Course:
-    """What happened; times are in seconds from the beginning."""
+    """The events and samples of a soak; times are in seconds from the beginning."""
 
     robots: int
     seconds: float = 0.0
     ready_s: float = 0.0
     goals: int = 0
     reached: int = 0
-    heard: dict[str, Heard] = field(default_factory=dict)
+    telemetry: dict[str, RobotTelemetry] = field(default_factory=dict)
     done: list[tuple[str, float, float]] = field(default_factory=list)
     healed: list[tuple[str, float]] = field(default_factory=list)
     given_up: list[str] = field(default_factory=list)
@@ -47,14 +47,15 @@ class Course:
     events_missing: int = 0
 
     def sample(self, at_s: float, found: Mapping[tuple[str, int], Size]) -> None:
+        """Add the sizes of all processes."""
         for (role, pid), size in found.items():
             self.sizes.setdefault(role, {}).setdefault(pid, []).append((at_s, size))
 
     def read_log(self, folder: Path) -> None:
-        """Count the events of the one robot that was recorded, and the gaps between them."""
+        """Count the events of the recorded robot, and the gaps between them."""
         last: dict[str, int] = {}
         for file in sorted(folder.glob("*.mcap")):
-            for one in open_log(file):
+            for one in opened(file):
                 path = path_of(one.key)
                 if path in EVENTS:
                     sequence = decode(one.frame).sequence
@@ -64,13 +65,18 @@ class Course:
                     last[path] = sequence
 
     def quiet(self, at_s: float) -> bool:
-        """Was nothing done then, or shortly before?"""
+        """Return whether no fault happened then or shortly before."""
         return at_s >= self.ready_s + AFTERMATH_S and not any(
             begun_s <= at_s <= ended_s + AFTERMATH_S for _, begun_s, ended_s in self.done
         )
 
+    def any_silent_since(self, at_ns: int) -> bool:
+        """Return whether a robot or its senses have not been received since then."""
+        return any(one.silent_since(at_ns) for one in self.telemetry.values())
+
 
 def report_of(course: Course) -> Report:
+    """Return the report of a soak."""
     figures = [*growths(course), *delays(course), *ticks(course), *healing(course)]
     notes = [
         f"{course.seconds / 60.0:.1f} min, {course.robots} robots, {course.goals} goals given,"
@@ -83,11 +89,13 @@ def report_of(course: Course) -> Report:
 
 
 def counted(course: Course) -> str:
+    """Return the faults with their numbers."""
     names = [name for name, _, _ in course.done]
     return ", ".join(f"{names.count(name)} x {name}" for name in dict.fromkeys(names)) or "none"
 
 
 def trends(course: Course) -> Iterator[tuple[str, str, Trend]]:
+    """Yield the trend of each quantity of each process."""
     for role, lives in course.sizes.items():
         for name in GROWTH:
             found = trend([[(t, getattr(s, name)) for t, s in life] for life in lives.values()])
@@ -96,7 +104,7 @@ def trends(course: Course) -> Iterator[tuple[str, str, Trend]]:
 
 
 def growths(course: Course) -> Iterator[Figure]:
-    """Of who lived long enough; the others are in the table."""
+    """Yield the growth of processes that lived long enough; the table has the others."""
     for role, name, found in trends(course):
         if found.longest_s >= JUDGED_S:
             unit, at_most = GROWTH[name]
@@ -109,7 +117,7 @@ def growths(course: Course) -> Iterator[Figure]:
 
 
 def table(course: Course) -> Iterator[str]:
-    """Each process and quantity: first third, last third, slope with its confidence."""
+    """Yield first third, last third and slope with confidence, per process and quantity."""
     for role, name, found in trends(course):
         unit, _ = GROWTH[name]
         margin = f" +- {found.margin:.2f}" if isfinite(found.margin) else ""
@@ -121,10 +129,10 @@ def table(course: Course) -> Iterator[str]:
 
 
 def delays(course: Course) -> Iterator[Figure]:
-    """Of all robots together, in quiet times."""
+    """Yield the delays of all robots together, in quiet times."""
     values = sorted(
         sample
-        for one in course.heard.values()
+        for one in course.telemetry.values()
         for sample in one.delays_ms
         if course.quiet(sample[0])
     )
@@ -136,7 +144,7 @@ def delays(course: Course) -> Iterator[Figure]:
     for name, part in (("first third", first), ("last third", last)):
         for share in (0.5, 0.99):
             yield Figure(
-                name=f"scan to command heard, p{share * 100:.0f}, {name}",
+                name=f"scan to command received, p{share * 100:.0f}, {name}",
                 unit="ms",
                 values=(percentile(part, share),),
             )
@@ -149,8 +157,9 @@ def delays(course: Course) -> Iterator[Figure]:
 
 
 def ticks(course: Course) -> Iterator[Figure]:
-    for robot, heard in course.heard.items():
-        missed = [count for at_s, count in heard.ticks if course.quiet(at_s)]
+    """Yield the share of missed ticks of each robot, in quiet times."""
+    for robot, telemetry in course.telemetry.items():
+        missed = [count for at_s, count in telemetry.ticks if course.quiet(at_s)]
         if missed:
             percent = 100.0 * sum(missed) / (sum(missed) + len(missed))
             yield Figure(
@@ -162,15 +171,16 @@ def ticks(course: Course) -> Iterator[Figure]:
 
 
 def healing(course: Course) -> Iterator[Figure]:
+    """Yield recovery times, lost events and processes that were given up."""
     if course.healed:
         yield Figure(
-            name="until all were heard again, worst",
+            name="until all were received again, worst",
             unit="s",
             values=(max(seconds for _, seconds in course.healed),),
             at_most=HEALED_S,
         )
     yield Figure(
-        name="faults after which somebody stayed silent",
+        name="faults after which a robot stayed silent",
         unit="",
         values=(len(course.done) - len(course.healed),),
         at_most=0.0,

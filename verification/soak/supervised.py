@@ -1,8 +1,8 @@
-"""A supervisor in a process of its own: does it grow, and does a plant that lives through all?
+"""A supervisor in a process of its own, to measure its growth and that of its plant.
 
-`python -m verification.soak.supervised PARENT WORLD` starts a robot and a plant as `up` does, tells
-the plant's process id on its standard output, kills the robot now and then, and keeps both running
-until its own standard input ends. In the fleet the plant itself is killed too often to be judged.
+`python -m verification.soak.supervised PARENT WORLD` starts a robot and a plant as `up` does,
+prints the plant's process id, kills the robot once a minute, and restarts it until its standard
+input ends. The plant of the fleet is killed too often to be judged.
 """
 
 import json
@@ -31,7 +31,7 @@ VICTIM: Final = "robot r1"
 
 
 class Supervised:
-    """That process, as its parent sees it; `pids` are by what is said of them."""
+    """The supervisor process as its parent sees it; `pids` has the ids by name."""
 
     def __init__(self, world: str) -> None:
         words = [sys.executable, "-m", "verification.soak.supervised", str(os.getpid()), world]
@@ -52,7 +52,7 @@ class Supervised:
 
 
 def supervise(upkeep: Supervisor, children: Children, clock: Clock, over: threading.Event) -> None:
-    """Keep all running, and give the supervisor something to do."""
+    """Restart what ends, and kill the robot once a minute."""
     killed_ns = clock.now_ns()
     while not over.wait(ROUND_S):
         now_ns = clock.now_ns()
@@ -64,11 +64,13 @@ def supervise(upkeep: Supervisor, children: Children, clock: Clock, over: thread
 
 
 def await_end(over: threading.Event) -> None:
+    """Set `over` when standard input ends."""
     sys.stdin.read()
     over.set()
 
 
 def main(arguments: Sequence[str]) -> int:
+    """Supervise a robot and a plant until standard input ends; return the exit code."""
     parent, world = arguments
     if not die_with_parent(int(parent)):
         return 1

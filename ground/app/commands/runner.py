@@ -9,15 +9,15 @@ from typing import Final
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import ChangeLease, Operation, Session, SetMode, StopNow
-from ground.client.operations.teleop import Stick
-from ground.client.results import Outcome as Result
+from ground.client.operations.teleop import TeleopSender
+from ground.client.results import Outcome
 from ground.console import AppCommand, History, complete, help_text, line_of, read
 from ground.console.aliases import unfolded
 from ground.console.app_commands import ShowHelp
 from ground.console.tokenizer import words_of
 from ground.map import Target
 from ground.missions.draft import Draft, Edit
-from ground.station import Outcome, Station
+from ground.station import JobResult, Station
 from ground.station.robot.mission_items import target_of
 from protocol.bus.bus import Bus
 from protocol.options import DEFAULT_ENDPOINT
@@ -44,7 +44,7 @@ class CommandRunner:
         self._station_now = station
         self._bus, self._common, self._clock = bus, common, clock
         self._history = history
-        self._stick: Stick | None = None
+        self._stick: TeleopSender | None = None
         self.local: Callable[[AppCommand], str] = refuse
         self.draft = Draft()
         self.last = ""
@@ -65,7 +65,7 @@ class CommandRunner:
             return
         self.perform(command, line)
 
-    def perform(self, command: Operation[Result] | AppCommand, line: str = "") -> None:
+    def perform(self, command: Operation[Outcome] | AppCommand, line: str = "") -> None:
         """Do what a key, a choice or a typed line means; `line` as it was typed."""
         line = line or line_of(command)
         self._history.add(line)
@@ -106,9 +106,9 @@ class CommandRunner:
         if self._bus is None:
             self._station.note(REPLAYED, Severity.WARNING)
             return False
-        manual, stick = SetMode(mode=Mode.MANUAL), Stick(self._link())
+        manual, stick = SetMode(mode=Mode.MANUAL), TeleopSender(self._link())
 
-        def begin() -> Outcome:
+        def begin() -> JobResult:
             outcome = self._done(manual)
             if outcome.ok:
                 stick.stop()
@@ -127,10 +127,10 @@ class CommandRunner:
         self._stick = None
         self.perform(SetMode(mode=Mode.HOLD))
 
-    def _done(self, operation: Operation[Result]) -> Outcome:
+    def _done(self, operation: Operation[Outcome]) -> JobResult:
         """In a thread of its own, over a link of its own: request ids are never shared."""
         outcome = operation.perform(Session(self._link(), attended=True))
-        return Outcome(outcome.ok, outcome.text)
+        return JobResult(outcome.ok, outcome.text)
 
     def _locally(self, command: AppCommand) -> None:
         severity = Severity.INFO

@@ -5,13 +5,13 @@ from math import isfinite
 from typing import Any, Final
 
 from ground.app.widgets.rows import Span
-from ground.client.telemetry import Age, Seen
+from ground.client.telemetry import Age, AgedMessage
 from runtime.units import NS_PER_S
 
 MISSING: Final = "--"
 
 
-def aged(seen: Seen, words: Callable[[Any], str], role: str = "text") -> Span:
+def aged(seen: AgedMessage, words: Callable[[Any], str], role: str = "text") -> Span:
     """The words of the newest message, in the role while it is live."""
     if seen.message is None or seen.age_ns is None:
         return Span(MISSING, "faint")
@@ -20,12 +20,12 @@ def aged(seen: Seen, words: Callable[[Any], str], role: str = "text") -> Span:
     return Span(words(seen.message), role if seen.age is Age.LIVE else "faint")
 
 
-def live(seen: Seen) -> Any:
+def live(seen: AgedMessage) -> Any:
     """The message unless it is too old to be shown; None then."""
     return None if seen.age is Age.GONE else seen.message
 
 
-def role_of(seen: Seen, role: str = "text") -> str:
+def role_of(seen: AgedMessage, role: str = "text") -> str:
     return role if seen.age is Age.LIVE else "faint"
 
 

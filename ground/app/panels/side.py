@@ -7,7 +7,7 @@ from ground.app.panels.aged import MISSING, aged, live, number, role_of
 from ground.app.widgets.bars import EIGHTHS, bar
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row
 from ground.client.status_line import doing
-from ground.client.telemetry import Seen
+from ground.client.telemetry import AgedMessage
 from ground.station.station import Station
 from ground.text.wording import SONARS
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS
@@ -90,7 +90,7 @@ def why_words(status: NavigatorStatus | None) -> str:
     return reason_text(reason) if reason else ""
 
 
-def state_spans(status: Seen, decision: Seen) -> list[Span]:
+def state_spans(status: AgedMessage, decision: AgedMessage) -> list[Span]:
     """The state as a word, and by how much the way is turned from that to the goal."""
     turned: AvoidanceDecision | None = live(decision)
     spans = [aged(status, lambda status: f"{doing(status).upper():<10}", state_role(status))]
@@ -100,7 +100,7 @@ def state_spans(status: Seen, decision: Seen) -> list[Span]:
     return spans
 
 
-def state_role(seen: Seen) -> str:
+def state_role(seen: AgedMessage) -> str:
     status: NavigatorStatus | None = live(seen)
     if status is None:
         return "faint"
@@ -149,7 +149,7 @@ def range_of(scan: SonarScan, index: int) -> float | None:
 
 
 def echo_spans(
-    range_m: float | None, zone_m: float, stop_m: float, longest_m: float, seen: Seen
+    range_m: float | None, zone_m: float, stop_m: float, longest_m: float, seen: AgedMessage
 ) -> list[Span]:
     if range_m is None:
         return [faint("·" * BAR), faint(f"   {MISSING}")]
@@ -171,7 +171,7 @@ def parameter(station: Station, name: str, otherwise: float) -> float:
     return otherwise
 
 
-def cycle_rows(seen: Seen, report: CycleReport | None) -> list[Row]:
+def cycle_rows(seen: AgedMessage, report: CycleReport | None) -> list[Row]:
     """What the dearest control cycle of the last second cost against its budget, and each stage's
     share in microseconds."""
     if live(seen) is None or report is None:

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 from ground.app.panels.aged import MISSING, aged, live, number, role_of
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row, width_of
 from ground.client.status_line import name_of
-from ground.client.telemetry import Age, Seen
+from ground.client.telemetry import Age, AgedMessage
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.station.station import Station
 from protocol.topics import HEARTBEAT, STATUS
@@ -58,7 +58,7 @@ def parts_of(station: Station, setting: Setting) -> list[Row]:
     ]
 
 
-def state_parts(status: Seen) -> list[Row]:
+def state_parts(status: AgedMessage) -> list[Row]:
     """Mode, vehicle and navigator; of what is too old its age, once."""
     if live(status) is None:
         return [row(aged(status, mode_words))]

@@ -12,7 +12,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from ground.app.widgets.paint import styles_of
-from ground.map import LAYERS, ROLES, Canvas, Scene, View, draw_moving, draw_standing, standing
+from ground.map import LAYERS, ROLES, Canvas, Scene, View, draw_moving, draw_static, static_parts
 from ground.map.view import Point
 
 WHEEL_FACTOR = 1.25
@@ -192,11 +192,11 @@ class MapWidget(Widget):
     def _draw(self) -> None:
         self._look()
         before, scene, view = self._canvas, self.scene, self._view
-        drawn = (view, self._shown, self._ascii_only, *standing(scene))
+        drawn = (view, self._shown, self._ascii_only, *static_parts(scene))
         if drawn != self._drawn:
             self._drawn = drawn
             self._ground = Canvas(view.columns, view.rows, self._ascii_only)
-            draw_standing(scene, view, self._ground, self._shown)
+            draw_static(scene, view, self._ground, self._shown)
         self._canvas = self._ground.copy()
         draw_moving(scene, view, self._canvas, self._shown)
         self._repaint(before)
@@ -208,7 +208,7 @@ class MapWidget(Widget):
             self._strips.clear()
             self.refresh()
             return
-        rows = canvas.changed(before)
+        rows = canvas.changed_rows(before)
         for row in rows:
             self._strips.pop(row, None)
         if rows:

@@ -6,7 +6,7 @@ from typing import Final
 
 from ground.cli.options import common_of
 from ground.client.goal import Destination, destination
-from ground.client.link import Link, linked
+from ground.client.link import Link, open_link
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.ghost.branch_point import BranchPoint, driving
 from ground.ghost.ghost import Ghost
@@ -17,7 +17,7 @@ from ground.ghost.recorded_ghost import GhostRecording, changed_in, side_of
 from ground.grammar.looking import moment
 from ground.grammar.words import add_common, seconds
 from ground.recording.log_index import LogIndex
-from ground.recording.log_reader import open_log
+from ground.recording.log_reader import opened
 from ground.reports.explain import instant_ns
 from ground.text.output import Output
 from ground.text.status_parts import Part
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace, says: Output) -> int:
     if options.file is not None:
         return of_a_recording(options, says)
     refuse_without_a_recording(options)
-    with linked(common_of(options)) as link:
+    with open_link(common_of(options)) as link:
         return act(options, link, says)
 
 
@@ -85,12 +85,12 @@ def refuse_without_a_recording(options: argparse.Namespace) -> None:
 
 
 def of_a_recording(options: argparse.Namespace, says: Output) -> int:
-    log_index = LogIndex(open_log(Path(options.file), options.id))
-    if log_index.damage:
-        says.note(f"{options.file}: DAMAGED: {log_index.damage}")
-    footage = GhostRecording(log_index)
+    reel = LogIndex(opened(Path(options.file), options.id))
+    if reel.damage:
+        says.note(f"{options.file}: DAMAGED: {reel.damage}")
+    footage = GhostRecording(reel)
     at_s: float | None = options.at
-    at_ns = footage.beginning_ns() if at_s is None else instant_ns(options.file, log_index, at_s)
+    at_ns = footage.beginning_ns() if at_s is None else instant_ns(options.file, reel, at_s)
     instant = footage.instant(at_ns, options.world, goal_in(options))
     parameters = driving(changed_in(footage.facts.get("parameters", "")))
     status = footage.status_at(at_ns)

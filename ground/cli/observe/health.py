@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from ground.client.link import Link, Unanswered
-from ground.client.presence import crew_of
+from ground.client.presence import present_processes
 from ground.grammar.words import add_common
 from ground.text.output import Output
 from ground.web.address import Address, address_of
@@ -70,7 +70,7 @@ def listen(role: str, link: Link) -> None:
     if not signs:
         return
     limit_ns = max(topic.stale_after_ns for topic in signs)
-    with link.hearing(*signs) as telemetry:
+    with link.subscribed(*signs) as telemetry:
         link.wait(lambda: all(map(telemetry.latest, signs)), limit_ns + GRACE_NS)
         for topic in signs:
             if telemetry.latest(topic) is None:
@@ -86,7 +86,7 @@ def unheard(role: str, topic: Topic[Any], rejection: str, link: Link) -> str:
     what = f"nothing on {topic.path} of {link.robot} within {within_ms} ms"
     if role != Role.PLANT.value:
         return f"{what}: {link.diagnosis()}"
-    carried = crew_of(link.bus.present()).has(link.robot, Role.PLANT)
+    carried = present_processes(link.bus.present()).has(link.robot, Role.PLANT)
     return f"{what}: {'the plant hangs or is paused' if carried else 'no plant carries it'}"
 
 

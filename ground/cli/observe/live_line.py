@@ -6,12 +6,12 @@ from contextlib import suppress
 from typing import Final
 
 from ground.client.connection import Common
-from ground.client.link import LISTEN_NS, Link, linked
-from ground.client.requests import BEAT_NS, Pace
+from ground.client.link import LISTEN_NS, Link, open_link
+from ground.client.requests import BEAT_NS, HeartbeatTimer
 from ground.client.status_line import watch_line
 from ground.client.telemetry import Telemetry
 from ground.text.output import Output
-from ground.text.statustext import Texts, aged
+from ground.text.statustext import StatustextAssembler, aged
 from protocol.topics import HEARTBEAT, STATUS, TEXT
 from protocol.wire.codec import decode
 from runtime.errors import RemoteError
@@ -25,12 +25,12 @@ MAX_WAITING: Final = 1000
 
 def follow(common: Common) -> int:
     """Show it until a signal ends it. The lines are the result: they go to standard output."""
-    with linked(common) as link:
-        Lookout(link, Output(as_json=False, err=sys.stdout), beats=False).run()
+    with open_link(common) as link:
+        LiveStatus(link, Output(as_json=False, err=sys.stdout), beats=False).run()
     return 0
 
 
-class Lookout:
+class LiveStatus:
     """Shows the state until a signal ends it; with `beats` it is also the operator."""
 
     def __init__(self, link: Link, says: Output, *, beats: bool) -> None:
@@ -38,9 +38,9 @@ class Lookout:
         self._says = says
         self._beats = beats
         self._telemetry = Telemetry(link.bus, link.robot, notify=link.pulse.beat)
-        self._texts = Texts()
+        self._texts = StatustextAssembler()
         self._frames: deque[tuple[bytes, int]] = deque(maxlen=MAX_WAITING)
-        self._pace = Pace()
+        self._pace = HeartbeatTimer()
         self._silent = False
         self._began_ns = link.clock.now_ns()
         link.bus.stream(TEXT, lambda _key, *told: self._frames.append(told), link.robot)

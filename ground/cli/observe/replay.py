@@ -19,7 +19,7 @@ from ground.launch.child_command import command
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.text.output import Output
 from ground.text.status_parts import in_words
-from ground.text.statustext import Texts
+from ground.text.statustext import StatustextAssembler
 from protocol.options import finite
 from protocol.topics import TEXT
 from protocol.wire.codec import decode
@@ -96,7 +96,7 @@ def show_lines(options: argparse.Namespace, says: Output, clock: Clock) -> int:
 
 def lines(bus: ReplayBus, begin_s: float, every_s: float) -> Iterator[tuple[float, str]]:
     """Time and words: what the robot said and how it stood, once in so many seconds."""
-    telemetry, texts = Telemetry(bus, bus.robot), Texts()
+    telemetry, texts = Telemetry(bus, bus.robot), StatustextAssembler()
     said: list[tuple[float, str]] = []
 
     def take(_key: str, frame: bytes, arrived_ns: int) -> None:
@@ -105,7 +105,7 @@ def lines(bus: ReplayBus, begin_s: float, every_s: float) -> Iterator[tuple[floa
         except RemoteError:
             return
         if text:
-            said.append(((arrived_ns - bus.log_index.start_ns) / NS_PER_S, f"robot: {text}"))
+            said.append(((arrived_ns - bus.reel.start_ns) / NS_PER_S, f"robot: {text}"))
 
     bus.stream(TEXT, take)
     end_s = bus.timeline.duration_ns / NS_PER_S
@@ -127,10 +127,10 @@ def summary(bus: ReplayBus, file: str) -> dict[str, object]:
     return {
         "file": file,
         "robot": bus.robot,
-        "frames": len(bus.log_index),
+        "frames": len(bus.reel),
         "duration_s": bus.timeline.duration_ns / NS_PER_S,
         "marks": [mark._asdict() for mark in bus.marks],
-        "facts": sorted(bus.log_index.facts),
+        "facts": sorted(bus.reel.facts),
         "damage": bus.damage,
     }
 
@@ -138,4 +138,4 @@ def summary(bus: ReplayBus, file: str) -> dict[str, object]:
 def in_few_words(bus: ReplayBus) -> str:
     seconds = bus.timeline.duration_ns / NS_PER_S
     damage = f"; DAMAGED: {bus.damage}" if bus.damage else ""
-    return f"{len(bus.log_index)} frames of {bus.robot} in {seconds:.1f} s{damage}"
+    return f"{len(bus.reel)} frames of {bus.robot} in {seconds:.1f} s{damage}"

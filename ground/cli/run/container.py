@@ -17,9 +17,9 @@ from typing import Any, Final, NamedTuple
 from ground.launch.child_command import command
 from ground.launch.scenario import world_facts, world_query
 from ground.text.output import Output
-from protocol.bus.network import MOST_ROBOTS
+from protocol.bus.network import MAX_ROBOTS
 from protocol.options import whole
-from protocol.wire.goal import start_words
+from protocol.wire.goal import start_arguments
 from runtime.calibration import settings_of
 from runtime.errors import UserError
 
@@ -60,7 +60,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", metavar="S", default="0", help="(0)")
     parser.add_argument(
         "--robots",
-        type=whole(1, MOST_ROBOTS),
+        type=whole(1, MAX_ROBOTS),
         default=1,
         metavar="K",
         help="how many there are (1)",
@@ -141,11 +141,11 @@ def place_of(options: argparse.Namespace, lookup: Addresses) -> Place:
 def number_of(stem: str, lookup: Addresses) -> int:
     """Which of the names STEM1, STEM2 and so on leads here; UserError when none does."""
     here = lookup(socket.gethostname())
-    for number in range(1, MOST_ROBOTS + 1):
+    for number in range(1, MAX_ROBOTS + 1):
         if here & lookup(f"{stem}{number}"):
             return number
     raise UserError(
-        f"--replica {stem}: none of {stem}1 to {stem}{MOST_ROBOTS} leads to this container; "
+        f"--replica {stem}: none of {stem}1 to {stem}{MAX_ROBOTS} leads to this container; "
         "is it on a network of its own, and are there no more robots than that?"
     )
 
@@ -219,7 +219,7 @@ def as_robot(options: argparse.Namespace, place: Place) -> Iterator[str]:
     facts = facts_of(options, place)
     start = facts["starts"][place.number - 1]
     heading_rad = radians(start["heading_deg"])
-    yield from ("--start", *start_words(start["x_m"], start["y_m"], heading_rad))
+    yield from ("--start", *start_arguments(start["x_m"], start["y_m"], heading_rad))
     level = options.noise or str(facts["noise"].get("level", "default"))
     for name, value in settings_of(facts["robot"], level, calibrated=True).items():
         yield from ("--param", f"{name}={value!r}")

@@ -7,9 +7,9 @@ from ground.app.appearance import add_looks
 from ground.app.input.keymap import as_toml
 from ground.app.start import has_screen, keymap_of
 from ground.app.start import run as run_app
-from ground.cli.observe.live_line import Lookout
+from ground.cli.observe.live_line import LiveStatus
 from ground.cli.options import common_of
-from ground.client.link import Link, linked
+from ground.client.link import Link, open_link
 from ground.grammar.words import add_common
 from ground.launch.recording_session import (
     RecordingSession,
@@ -40,7 +40,7 @@ def run_ground(options: argparse.Namespace, says: Output) -> int:
         return 0
     if options.web is not None:
         return web.serve(options, says)
-    with linked(common_of(options)) as link:
+    with open_link(common_of(options)) as link:
         return act_ground(options, link, says)
 
 
@@ -50,7 +50,7 @@ def act_ground(options: argparse.Namespace, link: Link, says: Output) -> int:
         return run_recorded(options, link)
     link.bus.announce()
     says.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and GUIDED with it")
-    Lookout(link, says, beats=True).run()
+    LiveStatus(link, says, beats=True).run()
     return 0
 
 

@@ -32,7 +32,7 @@ from ground.launch.tls_configs import ground_file
 from ground.text.output import Output
 from ground.text.status_parts import Part
 from protocol.bus.bus import Bus, open_bus
-from protocol.bus.network import MOST_ROBOTS
+from protocol.bus.network import MAX_ROBOTS
 from protocol.options import finite, whole
 from protocol.outcome import Outcome
 from protocol.topics import Role
@@ -65,7 +65,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--robots",
-        type=whole(1, MOST_ROBOTS),
+        type=whole(1, MAX_ROBOTS),
         default=1,
         metavar="K",
         help="how many drive, side by side, each to the goal shifted as its start is, or, where it"

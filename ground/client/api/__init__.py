@@ -17,10 +17,10 @@ from ground.client.link import Unanswered
 from ground.client.operations import (
     DriveEnded,
     GoalEnded,
-    Judged,
     MissionEnded,
     ParameterChanged,
     Stopped,
+    TransferOutcome,
 )
 from ground.client.parameter import Parameter
 from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
@@ -46,7 +46,6 @@ __all__ = [
     "GoalChanged",
     "GoalEnded",
     "GoalState",
-    "Judged",
     "LeaseChanged",
     "Mission",
     "MissionChanged",
@@ -68,6 +67,7 @@ __all__ = [
     "Stopped",
     "Stream",
     "TextReceived",
+    "TransferOutcome",
     "Unanswered",
     "UserError",
     "Vehicle",

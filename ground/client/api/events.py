@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, Self, TypeAlias, TypeVar
 
-from ground.client.api.streams import QUEUE, Hub, Stream
-from ground.text.statustext import Texts
+from ground.client.api.streams import QUEUE, Stream, TopicStreams
+from ground.text.statustext import StatustextAssembler
 from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
 from protocol.wire.enums import (
     GoalState,
@@ -31,7 +31,7 @@ from runtime.sequence import MAX_LATE_NS, Order, SequenceTracker
 
 E = TypeVar("E", bound=IntEnum)
 M = TypeVar("M", bound=Message)
-TOLD_BY: Final[tuple[Topic[Any], ...]] = (STATUS, LEASE, MISSION, TEXT)
+EVENT_TOPICS: Final[tuple[Topic[Any], ...]] = (STATUS, LEASE, MISSION, TEXT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class EventDetector:
 
     def __init__(self, operator: str) -> None:
         self._operator = operator
-        self._texts = Texts()
+        self._texts = StatustextAssembler()
         self._known: dict[type[object], Event] = {}
         self._stamps = SequenceTracker(MAX_LATE_NS)
 
@@ -143,12 +143,12 @@ class EventStream:
     counts them.
     """
 
-    def __init__(self, hub: Hub, operator: str, size: int) -> None:
+    def __init__(self, hub: TopicStreams, operator: str, size: int) -> None:
         self._hub = hub
         self._detector = EventDetector(operator)
         self._found: deque[Event] = deque()
         self._messages: Stream[Message] = Stream(size, self._unsubscribe)
-        for topic in TOLD_BY:
+        for topic in EVENT_TOPICS:
             hub.add(topic, self._messages)
 
     @property
@@ -168,14 +168,14 @@ class EventStream:
         self._messages.close()
 
     def _unsubscribe(self) -> None:
-        for topic in TOLD_BY:
+        for topic in EVENT_TOPICS:
             self._hub.remove(topic, self._messages)
 
 
 class Telemetry:
     """The telemetry of one robot; each call is a stream of its own, from now on."""
 
-    def __init__(self, hub: Hub, identity: str) -> None:
+    def __init__(self, hub: TopicStreams, identity: str) -> None:
         self.hub = hub
         self._identity = identity
 

@@ -23,11 +23,11 @@ from typing import Any, Final, TypeVar
 from ground.client.api import threads
 from ground.client.api.events import Telemetry
 from ground.client.api.services import Fences, Leases, Missions, Parameters
-from ground.client.api.streams import Hub
+from ground.client.api.streams import TopicStreams
 from ground.client.connection import Common, common
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
-from ground.client.link import ALIVE, Link, linked
+from ground.client.link import ALIVE, Link, open_link
 from ground.client.operations import (
     Abort,
     Arm,
@@ -50,8 +50,8 @@ from ground.client.operations import (
 from ground.client.operations.commands import STOP_S
 from ground.client.operations.goals import abort, send_goal
 from ground.client.operations.leases import ask_lease, give_back, operator_name
-from ground.client.operations.teleop import Stick, hold, take_manual, taken_away
-from ground.client.requests import GoalEnd, GoalWatch, Pace
+from ground.client.operations.teleop import TeleopSender, hold, take_manual, taken_away
+from ground.client.requests import GoalEnd, GoalWatch, HeartbeatTimer
 from ground.client.results import Answer, Outcome, Refused
 from protocol.bus.publisher import Publisher
 from protocol.topics import LEASE, MISSION, OPERATOR, STATUS, STOP
@@ -86,7 +86,7 @@ async def connect(
     """
     where, called = common(endpoint, robot, config), operator_name(name)
     async with AsyncExitStack() as stack:
-        link_opened = linked(where)
+        link_opened = open_link(where)
         link = await asyncio.to_thread(link_opened.__enter__)
         stack.push_async_callback(asyncio.to_thread, link_opened.__exit__, None, None, None)
         found = Robot(link, where, called)
@@ -105,7 +105,7 @@ class Robot(Telemetry):
     """
 
     def __init__(self, link: Link, common: Common, operator: str) -> None:
-        super().__init__(Hub(link.bus, link.robot), link.bus.operator or "")
+        super().__init__(TopicStreams(link.bus, link.robot), link.bus.operator or "")
         self.name = link.robot
         self.parameters = Parameters(self)
         self.mission = Missions(self)
@@ -122,7 +122,7 @@ class Robot(Telemetry):
         self._taking = asyncio.Lock()
         self._holds_lease = False
         self._taken_ns = 0
-        self._pace = Pace()
+        self._pace = HeartbeatTimer()
         self._beating: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
@@ -185,7 +185,7 @@ class Robot(Telemetry):
         session, name = self.session(), self._operator
         if action is LeaseAction.RELEASE:
             self._holds_lease = False
-        answer = await self.run(lambda: session.answer(ask_lease(session.link, action, name)))
+        answer = await self.run(lambda: session.with_holder(ask_lease(session.link, action, name)))
         if answer.ok and action is not LeaseAction.RELEASE:
             self._taken_ns, self._holds_lease = self.clock.now_ns(), True
             self._heart.put(ALIVE)
@@ -279,7 +279,7 @@ class Robot(Telemetry):
         if (refused := await self.lead()) is not None:
             return refused
         session = self.session()
-        stick = Stick(session.link)
+        stick = TeleopSender(session.link)
         taking = self.run(partial(take_manual, session))
         try:
             answer = await asyncio.shield(taking)
@@ -293,7 +293,7 @@ class Robot(Telemetry):
         await threads.finish(self._stand(taking, stick))
         return DriveEnded(why)
 
-    async def _steer(self, asked: DriveByHand, stick: Stick) -> str:
+    async def _steer(self, asked: DriveByHand, stick: TeleopSender) -> str:
         """Return why it ended early; empty when the time was up."""
         began_ns, turn_rad_s = self.clock.now_ns(), radians(asked.turn_deg_s)
         while True:
@@ -306,7 +306,7 @@ class Robot(Telemetry):
             stick.drive(asked.speed_m_s, turn_rad_s)
             await asyncio.sleep(TICK_S)
 
-    async def _stand(self, taking: "asyncio.Future[Any]", stick: Stick) -> None:
+    async def _stand(self, taking: "asyncio.Future[Any]", stick: TeleopSender) -> None:
         """After MANUAL was asked for: the other way round the robot would stay in it."""
         await threads.settled(taking)
         await self.run(stick.stop)

@@ -5,14 +5,13 @@ from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
 from ground.client.api import threads
-from ground.client.api.streams import Hub
+from ground.client.api.streams import TopicStreams
 from ground.client.operations import (
     ClearFence,
     ClearMission,
     FenceShown,
     FetchMission,
     Hold,
-    Judged,
     JumpTo,
     LeaseShown,
     LoadParameters,
@@ -33,6 +32,7 @@ from ground.client.operations import (
     ShowMissionStatus,
     ShowParameters,
     StartMission,
+    TransferOutcome,
     UploadMission,
 )
 from ground.client.parameter import Parameter
@@ -54,11 +54,11 @@ BEGUN_NS: Final = 1_000_000_000
 UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
 
 
-class Performs(Protocol):
+class OperationRunner(Protocol):
     """The client of a robot, as its parts need it."""
 
     @property
-    def hub(self) -> Hub: ...
+    def hub(self) -> TopicStreams: ...
     @property
     def clock(self) -> Clock: ...
     async def perform(self, operation: Operation[Out]) -> Out | Refused: ...
@@ -68,7 +68,7 @@ class Performs(Protocol):
 class Parameters:
     """The robot's parameters, each in its own unit."""
 
-    def __init__(self, robot: Performs) -> None:
+    def __init__(self, robot: OperationRunner) -> None:
         self._robot = robot
 
     async def list(self, pattern: str = "*") -> tuple[Parameter, ...]:
@@ -104,10 +104,10 @@ class Parameters:
 class Missions:
     """The robot's mission: waypoints in metres, in its own frame, headings in degrees."""
 
-    def __init__(self, robot: Performs) -> None:
+    def __init__(self, robot: OperationRunner) -> None:
         self._robot = robot
 
-    async def upload(self, mission: Mission | str | Path) -> Judged | Refused:
+    async def upload(self, mission: Mission | str | Path) -> TransferOutcome | Refused:
         """Give the robot a mission or that of a file, whole or not at all, with its fence if any.
 
         MissionError names all that is wrong with a file.
@@ -121,7 +121,7 @@ class Missions:
         found = await self._robot.perform(FetchMission())
         if isinstance(found, MissionFetched):
             return found.mission
-        if isinstance(found, Judged) and found.is_none:
+        if isinstance(found, TransferOutcome) and found.is_none:
             return None
         raise RemoteError(found.text)
 
@@ -157,7 +157,7 @@ class Missions:
         """Go on with another item, from 1."""
         return await self._robot.perform(JumpTo(item=item))
 
-    async def clear(self) -> Judged | Refused:
+    async def clear(self) -> TransferOutcome | Refused:
         """Delete it from the robot."""
         return await self._robot.perform(ClearMission())
 
@@ -191,14 +191,14 @@ class Missions:
 class Fences:
     """The circle or polygon that the robot must not leave."""
 
-    def __init__(self, robot: Performs) -> None:
+    def __init__(self, robot: OperationRunner) -> None:
         self._robot = robot
 
-    async def set(self, fence: Fence) -> Judged | Refused:
+    async def set(self, fence: Fence) -> TransferOutcome | Refused:
         """Keep the robot inside of a `Circle` or `Polygon` (metres, in its own frame)."""
         return await self._robot.perform(SetFence(fence=fence))
 
-    async def clear(self) -> Judged | Refused:
+    async def clear(self) -> TransferOutcome | Refused:
         """Take the fence away."""
         return await self._robot.perform(ClearFence())
 
@@ -213,7 +213,7 @@ class Fences:
 class Leases:
     """The right of one operator to command the robot."""
 
-    def __init__(self, robot: Performs) -> None:
+    def __init__(self, robot: OperationRunner) -> None:
         self._robot = robot
 
     async def take(self) -> Answer:

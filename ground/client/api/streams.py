@@ -67,7 +67,7 @@ class Stream(Generic[T]):
             self._on_close()
 
 
-class Hears(Protocol):
+class TopicSource(Protocol):
     """The part of a bus that topics are heard by."""
 
     def mailbox(
@@ -79,10 +79,10 @@ class Hears(Protocol):
     def forget(self, mailbox: Mailbox[Any]) -> None: ...
 
 
-class Hub:
+class TopicStreams:
     """The topics of one robot, each subscribed once, for as many streams as there are."""
 
-    def __init__(self, bus: Hears, robot: str) -> None:
+    def __init__(self, bus: TopicSource, robot: str) -> None:
         self._bus = bus
         self._robot = robot
         self._boxes: dict[str, Mailbox[Any]] = {}

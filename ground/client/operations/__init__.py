@@ -29,7 +29,6 @@ from ground.client.operations.missions import (
     ClearMission,
     DownloadMission,
     FetchMission,
-    Judged,
     JumpTo,
     MissionEnded,
     MissionFetched,
@@ -37,6 +36,7 @@ from ground.client.operations.missions import (
     MissionWritten,
     ShowMissionStatus,
     StartMission,
+    TransferOutcome,
     UploadMission,
 )
 from ground.client.operations.parameters import (
@@ -85,7 +85,6 @@ __all__ = [
     "GoalEnded",
     "Goto",
     "Hold",
-    "Judged",
     "JumpTo",
     "LeaseShown",
     "LoadParameters",
@@ -118,5 +117,6 @@ __all__ = [
     "StartMission",
     "StopNow",
     "Stopped",
+    "TransferOutcome",
     "UploadMission",
 ]

@@ -38,7 +38,7 @@ class PlainCommand:
     def perform(self, session: Session) -> Answer:
         link = session.link
         patience = patience_ns(self.timeout_s)
-        return session.answer(link.ask(link.command(*self.wire()), patience_ns=patience))
+        return session.with_holder(link.ask(link.command(*self.wire()), patience_ns=patience))
 
     def wire(self) -> Parts:
         return self.parts
@@ -173,7 +173,7 @@ class StopNow:
 
     def perform(self, session: Session) -> Stopped:
         link = session.link
-        with link.hearing(STATUS) as telemetry:
+        with link.subscribed(STATUS) as telemetry:
             publisher = link.bus.publisher(STOP, link.robot)
             stop = EmergencyStop(
                 link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)

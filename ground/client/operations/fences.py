@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ground.client.operations.missions import Judged, fetch, judged, send, send_fence
+from ground.client.operations.missions import TransferOutcome, fetch, judged, send, send_fence
 from ground.client.operations.session import Session
 from ground.missions.mission import Circle, Fence
 from ground.missions.transfer import Clear, Verdict
@@ -22,7 +22,7 @@ class SetFence:
     def verb(self) -> str:
         return f"fence {'circle' if isinstance(self.fence, Circle) else 'polygon'}"
 
-    def perform(self, session: Session) -> Judged:
+    def perform(self, session: Session) -> TransferOutcome:
         verdict = send_fence(session.link, self.fence)
         return judged(session.link, verdict, f"ok, {self.fence}")
 
@@ -34,7 +34,7 @@ class ClearFence:
     verb: ClassVar[str] = "fence off"
     moves: ClassVar[bool] = True
 
-    def perform(self, session: Session) -> Judged:
+    def perform(self, session: Session) -> TransferOutcome:
         link = session.link
         verdict = send(link, Clear(MissionType.FENCE, link.clock.now_ns()))
         return judged(link, verdict, "ok, there is no fence")
@@ -71,7 +71,7 @@ class ShowFence:
     verb: ClassVar[str] = "fence show"
     moves: ClassVar[bool] = False
 
-    def perform(self, session: Session) -> FenceShown | Judged:
+    def perform(self, session: Session) -> FenceShown | TransferOutcome:
         found = fetch(session.link, MissionType.FENCE)
         if isinstance(found, Verdict):
             return judged(session.link, found, "no fence")

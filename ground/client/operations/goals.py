@@ -7,7 +7,7 @@ from ground.client.goal import Destination, from_robot, goal_request
 from ground.client.link import Link
 from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
-from ground.client.requests import BEAT_NS, Answered, Asking, GoalEnd, GoalWatch
+from ground.client.requests import BEAT_NS, CommandExchange, GoalEnd, GoalWatch
 from ground.client.results import Accepted, Refused
 from ground.client.status_line import goal_line
 from ground.client.telemetry import Telemetry
@@ -75,7 +75,7 @@ class Goto:
     def perform(self, session: Session) -> Accepted | Refused | GoalEnded:
         if self.timeout_s is not None and (not self.wait or session.attended):
             raise UserError("--timeout is for whoever waits for the end; nobody does")
-        with session.link.hearing(STATUS, ODOMETRY, DECISION) as telemetry:
+        with session.link.subscribed(STATUS, ODOMETRY, DECISION) as telemetry:
             drive = _Drive(session, telemetry)
             goal = drive.placed(self.goal) if self.seen_by_robot else self.goal
             if not self.wait or session.attended:
@@ -135,7 +135,7 @@ class _Drive:
             if newest is not None:
                 watch.receive(*newest)
             now_ns = clock.now_ns()
-            for _ in watch.due(now_ns):
+            if watch.due(now_ns):
                 self._link.beat()
             over = watch.end is not None
             if now_ns - last_shown_ns >= every_ns or (over and self._progress.live):
@@ -165,14 +165,16 @@ def send_goal(
     def request() -> GoalRequest:
         return goal_request(goal.on_the_wire(), session.link.ids.next(), mode)
 
-    return session.insist(request, beats=mode == Mode.GUIDED)
+    return session.ask_until_accepted(request, beats=mode == Mode.GUIDED)
 
 
 def abort(link: Link) -> str:
     """Abort once and briefly, and say what came of it; a robot that is gone stops by itself."""
     request, now_ns = link.command(Command.SIDESTEP_ABORT_GOAL), link.clock.now_ns()
-    asking = Asking(request, now_ns, attempts=1, patience_ns=ABORT_NS)
-    link.talk(asking, COMMAND)
-    if isinstance(asking.outcome, Answered):
-        return "goal aborted, the robot stops" if asking.outcome.ok else asking.outcome.text
-    return "the robot could not be told; without an operator it stops by itself"
+    asking = CommandExchange(request, now_ns, attempts=1, patience_ns=ABORT_NS)
+    link.exchange(asking, COMMAND)
+    if isinstance(asking.outcome, Accepted):
+        return "goal aborted, the robot stops"
+    if isinstance(asking.outcome, Refused):
+        return f"abort refused: {asking.outcome.words}"
+    return "no answer to the abort; without an operator's heartbeat the robot stops by itself"

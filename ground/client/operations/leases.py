@@ -10,10 +10,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from ground.client.lease_holder import lease_status, words_of
+from ground.client.lease_holder import holder_name, lease_status
 from ground.client.link import Link
 from ground.client.operations.session import Session
-from ground.client.requests import BEAT_NS, Answered, Asking
+from ground.client.requests import BEAT_NS, CommandExchange
 from ground.client.results import Answer, RefusedError
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction
@@ -43,7 +43,8 @@ def operator_name(name: str | None) -> str:
     return name
 
 
-def ask_lease(link: Link, action: LeaseAction, name: str) -> Answered:
+def ask_lease(link: Link, action: LeaseAction, name: str) -> Answer:
+    """Ask the robot for the lease, or give it back, under an operator's name."""
     request = LeaseRequest(request_id=link.ids.next(), action=action, name=name)
     return link.ask(request, service=LEASE_SERVICE)
 
@@ -67,7 +68,7 @@ class ChangeLease:
 
     def perform(self, session: Session) -> Answer:
         link, name = session.link, operator_name(self.name)
-        answer = session.answer(ask_lease(link, self.action, name))
+        answer = session.with_holder(ask_lease(link, self.action, name))
         if not answer.ok or self.action is LeaseAction.RELEASE or session.attended:
             return answer
         session.progress.note(f"{name} commands {link.robot}; Ctrl-C gives the lease back")
@@ -94,7 +95,7 @@ class LeaseShown:
     def text(self) -> str:
         if not self.status.held:
             return "nobody holds the lease"
-        who = f"{words_of(self.status)}{' (this is you)' if self.ours else ''}"
+        who = f"{holder_name(self.status)}{' (this is you)' if self.ours else ''}"
         left_s = self.status.lapses_ms / 1000
         return f"{who} commands {self.robot}, for {left_s:.1f} s more unless heard"
 
@@ -128,7 +129,7 @@ class ShowLease:
 @contextmanager
 def leased(session: Session, name: str | None = None) -> Iterator[None]:
     """Hold the lease meanwhile, and give it back; RefusedError when another operator holds it."""
-    answer = session.answer(ask_lease(session.link, LeaseAction.TAKE, operator_name(name)))
+    answer = session.with_holder(ask_lease(session.link, LeaseAction.TAKE, operator_name(name)))
     if not answer.ok:
         raise RefusedError(answer.text)
     try:
@@ -150,4 +151,6 @@ def give_back(link: Link) -> None:
     """Release once, and ignore a lost answer: without a heartbeat the lease lapses by itself."""
     request = LeaseRequest(request_id=link.ids.next(), action=LeaseAction.RELEASE, name="")
     now_ns = link.clock.now_ns()
-    link.talk(Asking(request, now_ns, attempts=1, patience_ns=RELEASE_NS), LEASE_SERVICE)
+    link.exchange(
+        CommandExchange(request, now_ns, attempts=1, patience_ns=RELEASE_NS), LEASE_SERVICE
+    )

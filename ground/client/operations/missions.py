@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Final
 
-from ground.client.lease_holder import who_refuses
+from ground.client.lease_holder import refusing_holder
 from ground.client.link import Link
 from ground.client.operations.session import Session
 from ground.client.requests import GaveUp
@@ -48,7 +48,7 @@ def fetch(link: Link, kind: MissionType) -> Downloaded | Verdict:
 
 def carried(link: Link, transfer: Transfer) -> Downloaded | Verdict:
     """Put the questions until it is over; Unanswered when the robot is gone."""
-    link.talk(transfer, MISSION_SERVICE)
+    link.exchange(transfer, MISSION_SERVICE)
     outcome = transfer.outcome
     if outcome is None or isinstance(outcome, GaveUp):
         raise link.unanswered(outcome)
@@ -61,7 +61,7 @@ def mission_status(link: Link) -> MissionStatus | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class TransferOutcome:
     """The robot's verdict on a mission or a fence; `done` is the text of a success.
 
     `item` counts from 1, None: no item in particular. `what` says what the verdict is about.
@@ -108,10 +108,10 @@ class Judged:
         }
 
 
-def judged(link: Link, verdict: Verdict, done: str, what: str = "") -> Judged:
+def judged(link: Link, verdict: Verdict, done: str, what: str = "") -> TransferOutcome:
     """The verdict with the lease holder's name when the robot refused for the lease."""
-    holder = who_refuses(link, verdict.reason)
-    return Judged(verdict=verdict, done=done, what=what, holder=holder)
+    holder = refusing_holder(link, verdict.reason)
+    return TransferOutcome(verdict=verdict, done=done, what=what, holder=holder)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +126,7 @@ class UploadMission:
     mission: Mission
     dropped: tuple[str, ...] = ()
 
-    def perform(self, session: Session) -> Judged:
+    def perform(self, session: Session) -> TransferOutcome:
         link, mission = session.link, self.mission
         for what in self.dropped:
             session.progress.note(f"left out: {what}")
@@ -170,7 +170,7 @@ class FetchMission:
     verb: ClassVar[str] = "mission list"
     moves: ClassVar[bool] = False
 
-    def perform(self, session: Session) -> MissionFetched | Judged:
+    def perform(self, session: Session) -> MissionFetched | TransferOutcome:
         link = session.link
         found = fetch(link, MissionType.MISSION)
         fence = fetch(link, MissionType.FENCE)
@@ -213,10 +213,10 @@ class DownloadMission:
     file: Path
     home: Home | None = None
 
-    def perform(self, session: Session) -> MissionWritten | Judged:
+    def perform(self, session: Session) -> MissionWritten | TransferOutcome:
         files.ending_of(self.file)  # refused before anything is asked
         found = FetchMission().perform(session)
-        if isinstance(found, Judged):
+        if isinstance(found, TransferOutcome):
             return found
         mission = replace(found.mission, home=self.home)
         return MissionWritten(self.file, mission, files.write(self.file, mission))
@@ -239,7 +239,7 @@ class StartMission:
         def request() -> CommandRequest:
             return session.link.command(Command.MISSION_START, float(first))
 
-        return session.insist(request, beats=False)[0]
+        return session.ask_until_accepted(request, beats=False)[0]
 
 
 def first_of(link: Link) -> int:
@@ -260,7 +260,7 @@ class JumpTo:
     def perform(self, session: Session) -> Answer:
         link = session.link
         request = link.command(Command.DO_SET_MISSION_CURRENT, float(self.item - 1))
-        return session.answer(link.ask(request))
+        return session.with_holder(link.ask(request))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -270,7 +270,7 @@ class ClearMission:
     verb: ClassVar[str] = "mission clear"
     moves: ClassVar[bool] = True
 
-    def perform(self, session: Session) -> Judged:
+    def perform(self, session: Session) -> TransferOutcome:
         link = session.link
         verdict = send(link, Clear(MissionType.MISSION, link.clock.now_ns()))
         return judged(link, verdict, "ok, the robot has none")

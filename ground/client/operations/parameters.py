@@ -67,7 +67,7 @@ class ParameterExchange(Exchange[Message | bytes]):
 def ask(link: Link, request: ParamSet | None) -> Message | bytes:
     """Return the robot's answer; Unanswered says what is missing when there is none."""
     exchange = ParameterExchange(request, link.clock.now_ns())
-    link.talk(exchange, PARAMETERS if request is None else PARAMETER)
+    link.exchange(exchange, PARAMETERS if request is None else PARAMETER)
     outcome = exchange.outcome
     if outcome is None or isinstance(outcome, GaveUp):
         why = "no answer" if outcome is None else outcome.why
@@ -124,7 +124,7 @@ class ShowParameters:
         found = fetch(session.link)
         chosen = tuple(one for one in found if fnmatchcase(one.name, self.pattern))
         if self.only_changed:
-            return ParameterTable(tuple(one for one in chosen if not one.is_usual))
+            return ParameterTable(tuple(one for one in chosen if not one.is_default))
         if not chosen:
             raise UserError(f"no parameter matches {self.pattern!r}: sidestep param list")
         return ParameterTable(chosen, self.wide)

@@ -1,12 +1,13 @@
 """What every operation works with: the link, where progress is shown, and who attends the robot."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
-from ground.client.lease_holder import who_refuses
+from ground.client.lease_holder import refusing_holder
 from ground.client.link import Link
-from ground.client.requests import ATTEMPTS, BEAT_NS, PATIENCE_NS, Answered, Request
-from ground.client.results import Accepted, Answer, Refused
+from ground.client.requests import ATTEMPTS, BEAT_NS, PATIENCE_NS, Request
+from ground.client.results import Accepted, Answer
 from ground.text.status_parts import Part
 from protocol.topics import STATUS
 from protocol.wire.enums import Command, Vehicle
@@ -14,7 +15,7 @@ from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S
 
 R = TypeVar("R", bound=Request)
-INSIST_NS: Final = 2_000_000_000
+RETRY_NS: Final = 2_000_000_000
 STATUS_NS: Final = 1_000_000_000
 
 
@@ -56,33 +57,35 @@ class Session:
         self.progress: Progress = progress or NoProgress()
         self.attended = attended
 
-    def answer(self, answered: Answered) -> Answer:
-        """Return the robot's answer, with the lease holder's name when it refused for the lease."""
-        if answered.ok:
-            return Accepted(answered.took_ns)
-        holder = who_refuses(self.link, answered.reason)
-        return Refused(answered.reason, answered.took_ns, holder)
+    def with_holder(self, answer: Answer) -> Answer:
+        """Return an answer, with the lease holder's name when it is a refusal for the lease."""
+        if isinstance(answer, Accepted):
+            return answer
+        return replace(answer, holder=refusing_holder(self.link, answer.reason))
 
-    def insist(self, request: Callable[[], R], *, beats: bool) -> tuple[Answer, R]:
+    def ask_until_accepted(self, request: Callable[[], R], *, beats: bool) -> tuple[Answer, R]:
         """Ask until the robot agrees or nothing more can be done; the answer and its request.
 
         Arms a robot that stands by, never one in a failsafe or an emergency stop. With `beats`,
         sends the operator's heartbeat when the robot misses it.
         """
-        deadline_ns = self.link.clock.now_ns() + INSIST_NS
+        deadline_ns = self.link.clock.now_ns() + RETRY_NS
         while True:
             asked = request()
-            answered = self.link.ask(asked)
-            late = self.link.clock.now_ns() > deadline_ns
-            if answered.ok or late or not self._remedied(answered.reason, beats=beats):
-                return self.answer(answered), asked
+            answer = self.link.ask(asked)
+            if isinstance(answer, Accepted):
+                return answer, asked
+            is_late = self.link.clock.now_ns() > deadline_ns
+            if is_late or not self._remedied(answer.reason, beats=beats):
+                return self.with_holder(answer), asked
 
     def arm_if_standing_by(self) -> bool:
         """Arm a robot in STANDBY; return whether it was armed now."""
         newest = self.link.newest(STATUS, STATUS_NS)
         if newest is None or newest.vehicle != Vehicle.STANDBY:
             return False
-        answer = self.answer(self.link.ask(self.link.command(Command.COMPONENT_ARM_DISARM, 1.0)))
+        request = self.link.command(Command.COMPONENT_ARM_DISARM, 1.0)
+        answer = self.with_holder(self.link.ask(request))
         self.progress.note("armed" if answer.ok else f"arming was {answer.text}")
         return answer.ok
 

@@ -9,7 +9,7 @@ from ground.client.connection import within
 from ground.client.link import Link
 from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
-from ground.client.requests import Pace
+from ground.client.requests import HeartbeatTimer
 from ground.client.results import Answer
 from protocol.bus.publisher import Publisher
 from protocol.topics import STATUS, TELEOP
@@ -28,7 +28,7 @@ HOLD_NS: Final = 300_000_000
 SETTLE_NS: Final = 500_000_000
 
 
-class Stick:
+class TeleopSender:
     """Sends the speeds an operator wants; send them again before they run out."""
 
     def __init__(self, link: Link) -> None:
@@ -107,18 +107,18 @@ class DriveByHand:
         answer = take_manual(session)
         if not answer.ok:
             return answer
-        stick = Stick(link)
+        stick = TeleopSender(link)
         try:
             return DriveEnded(self._keep_driving(link, stick))
         finally:
             stick.stop()
             hold(link)
 
-    def _keep_driving(self, link: Link, stick: Stick) -> str:
+    def _keep_driving(self, link: Link, stick: TeleopSender) -> str:
         """Return why it ended early; empty when its time was up."""
-        pace, began_ns = Pace(), link.clock.now_ns()
+        pace, began_ns = HeartbeatTimer(), link.clock.now_ns()
         until_ns = None if self.for_s is None else began_ns + round(self.for_s * NS_PER_S)
-        with link.hearing(STATUS) as telemetry:
+        with link.subscribed(STATUS) as telemetry:
             for _ in ticks(link.clock, RATE_HZ):
                 now_ns = link.clock.now_ns()
                 if until_ns is not None and now_ns >= until_ns:
@@ -135,7 +135,7 @@ class DriveByHand:
 def take_manual(session: Session) -> Answer:
     """Choose MANUAL, and arm a robot that stands by."""
     link = session.link
-    answer, _ = session.insist(lambda: set_mode(link, Mode.MANUAL), beats=True)
+    answer, _ = session.ask_until_accepted(lambda: set_mode(link, Mode.MANUAL), beats=True)
     if answer.ok:
         session.arm_if_standing_by()
     return answer

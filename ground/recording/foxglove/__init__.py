@@ -1,1 +1,1 @@
-"""Build messages that Foxglove and Lichtblick draw."""
+"""Messages that Foxglove and Lichtblick draw."""

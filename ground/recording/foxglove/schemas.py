@@ -1,4 +1,7 @@
-"""Define the schemas of well-known messages that Foxglove and Lichtblick draw."""
+"""Schemas of the well-known messages that Foxglove and Lichtblick draw by themselves.
+
+Names are those of https://docs.foxglove.dev/docs/sdk/schemas.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -21,7 +24,7 @@ COLOUR: Final = record("foxglove.Color", r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
 
 
 def solid(name: str, **sizes: Json) -> Json:
-    """Return the schema of a primitive with a pose and one colour."""
+    """Something of one colour that stands somewhere."""
     return record(f"foxglove.{name}Primitive", pose=POSE, **sizes, color=COLOUR)
 
 

@@ -1,1 +1,1 @@
-"""Read and write MCAP files."""
+"""MCAP files: read and written."""

@@ -1,4 +1,4 @@
-"""Build JSON schemas of the contents of a recording; those of messages follow from their layout."""
+"""JSON schemas of what a recording holds: ours follow from the layout of each message."""
 
 import json
 from functools import cache
@@ -18,7 +18,7 @@ class Schema(NamedTuple):
 
 
 def record(title: str, **properties: Json) -> Json:
-    """Return the schema of an object with all of these properties."""
+    """An object that has all of these."""
     return {
         "title": title,
         "type": "object",
@@ -28,18 +28,16 @@ def record(title: str, **properties: Json) -> Json:
 
 
 def many(items: Json) -> Json:
-    """Return the schema of an array."""
     return {"type": "array", "items": items}
 
 
 def named(content: Json) -> Schema:
-    """Return a schema under its title."""
     return Schema(str(content["title"]), json.dumps(content).encode())
 
 
 @cache
 def schema_of(message: type[Message]) -> Schema:
-    """Return the schema of a message; floating-point values may be null."""
+    """Of one of our messages; a number that may be infinite, or none, may also be null."""
     layout = LAYOUT[message.__name__]
     fields = {field.name: _field(field) for field in layout.fields}
     return named(record(f"sidestep.{message.__name__}", **fields))

@@ -1,1 +1,1 @@
-"""Play a recording in place of a live bus."""
+"""A recording in the place of a live bus."""

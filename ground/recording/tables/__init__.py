@@ -1,1 +1,1 @@
-"""Turn recordings into tables and figures."""
+"""Recordings as tables and figures."""

@@ -1,4 +1,4 @@
-"""Write a table as CSV, or as Parquet if pyarrow is installed."""
+"""Where a table goes: CSV text, or Parquet if pyarrow is there."""
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,7 +13,7 @@ GROUP: Final = 10_000
 
 
 def write_csv(target: TextIO, columns: Sequence[Column], rows: Iterable[Row]) -> int:
-    """Write rows as CSV and return their number; an empty cell is an empty text."""
+    """How many rows there were; an empty cell is empty."""
     table = csv.writer(target, lineterminator="\n")
     table.writerow([column.name for column in columns])
     count = 0
@@ -24,7 +24,7 @@ def write_csv(target: TextIO, columns: Sequence[Column], rows: Iterable[Row]) ->
 
 
 def parquet() -> Any:
-    """Return pyarrow; the UserError without it names the command that installs it."""
+    """pyarrow, which only this needs; UserError says how to get it."""
     try:
         import pyarrow
         import pyarrow.parquet
@@ -35,7 +35,7 @@ def parquet() -> Any:
 
 
 def write_parquet(path: Path, columns: Sequence[Column], rows: Iterable[Row]) -> int:
-    """Write rows as Parquet, return their number; numbers have 64 bits, empty is null."""
+    """How many rows there were; an empty cell is null, numbers are 64 bits wide."""
     arrow = parquet()
     types = {
         "text": arrow.string(),

@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 from ground.client.telemetry import Age, Telemetry, age_of
 from ground.station.history.inbox import Arrival
 from protocol.topics import Role, Topic
-from protocol.wire.codec import framed
+from protocol.wire.codec import is_frame
 from runtime.units import NS_PER_S
 
 WINDOW_NS: Final = 5 * NS_PER_S
@@ -44,7 +44,7 @@ class Counter:
         self._last: tuple[int, int] | None = None
 
     def take(self, frame: bytes, arrived_ns: int) -> None:
-        if not framed(frame):
+        if not is_frame(frame):
             return
         if self._last is not None and arrived_ns < self._last[1]:
             self._fetched(self._last[1])

@@ -12,14 +12,14 @@ from runtime.errors import LocalError, RemoteError
 LOG = logging.getLogger(__name__)
 
 
-class Outcome(NamedTuple):
+class JobResult(NamedTuple):
     """How a request ended, in one or more lines: `ok 14 ms`, or the robot's reason."""
 
     ok: bool
     text: str
 
 
-Job: TypeAlias = Callable[[], Outcome]
+Job: TypeAlias = Callable[[], JobResult]
 
 
 class RequestWorker(Protocol):
@@ -28,7 +28,7 @@ class RequestWorker(Protocol):
     @property
     def busy(self) -> bool: ...
     def start(self, job: Job) -> bool: ...
-    def done(self) -> Outcome | None: ...
+    def done(self) -> JobResult | None: ...
     def close(self, deadline_s: float) -> None: ...
 
 
@@ -38,7 +38,7 @@ class RequestThread:
     def __init__(self, name: str) -> None:
         self.busy = False
         self._jobs: SimpleQueue[Job | None] = SimpleQueue()
-        self._outcomes: SimpleQueue[Outcome] = SimpleQueue()
+        self._outcomes: SimpleQueue[JobResult] = SimpleQueue()
         self._thread = Thread(target=self._work, name=name, daemon=True)
         self._closed = False
 
@@ -52,7 +52,7 @@ class RequestThread:
         self._jobs.put(job)
         return True
 
-    def done(self) -> Outcome | None:
+    def done(self) -> JobResult | None:
         """What came of the job, once; then there may be another."""
         try:
             outcome = self._outcomes.get_nowait()
@@ -73,12 +73,12 @@ class RequestThread:
             self._outcomes.put(outcome_of(job))
 
 
-def outcome_of(job: Job) -> Outcome:
+def outcome_of(job: Job) -> JobResult:
     """Do it; whatever goes wrong comes back in words."""
     try:
         return job()
     except (RemoteError, LocalError) as error:
-        return Outcome(False, str(error))
+        return JobResult(False, str(error))
     except Exception as error:
         LOG.exception("a request has failed")
-        return Outcome(False, f"this is a fault of the ground station: {error!r}")
+        return JobResult(False, f"this is a fault of the ground station: {error!r}")

@@ -4,15 +4,17 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final, NamedTuple
 
-from ground.client.link import converse
-from ground.client.requests import Answered, Asking, RequestIds
-from ground.station.bus_protocols import Hears
-from ground.station.robot.background_requests import Job, Outcome, RequestWorker, outcome_of
+from ground.client.link import run_exchange
+from ground.client.requests import CommandExchange, RequestIds
+from ground.client.results import Accepted, Refused
+from ground.station.bus_protocols import ReadableBus
+from ground.station.robot.background_requests import Job, JobResult, RequestWorker, outcome_of
 from ground.station.robot.lease_holding import LeaseHolding
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction, Severity
 from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseRequest
+from protocol.wire.reasons import reason_text
 from runtime.clock import Clock
 from runtime.units import NS_PER_MS
 
@@ -48,7 +50,7 @@ class CommandQueue:
     """`last` is what was last asked and what came of it."""
 
     def __init__(
-        self, bus: Hears, clock: Clock, lane: RequestWorker, tell: Tell, name: str
+        self, bus: ReadableBus, clock: Clock, lane: RequestWorker, tell: Tell, name: str
     ) -> None:
         self.last = ""
         self._bus = bus
@@ -92,7 +94,7 @@ class CommandQueue:
     def request(self, action: LeaseAction) -> LeaseRequest:
         return LeaseRequest(request_id=self._ids.next(), action=action, name=self._name)
 
-    def last_release(self, robot: str, tenure: LeaseHolding) -> Outcome:
+    def last_release(self, robot: str, tenure: LeaseHolding) -> JobResult:
         """Give the lease back at the end, once, here and now; call it in a thread."""
         tenure.given_up(self._clock.now_ns())
         request = self.request(LeaseAction.RELEASE)
@@ -133,7 +135,7 @@ class CommandQueue:
         elif pending.tenure.settled(now_ns) and pending.job is not None:
             self._run(pending._replace(stage=CommandStage.RUNNING), pending.job)
 
-    def _ended(self, pending: Pending, outcome: Outcome, now_ns: int) -> None:
+    def _ended(self, pending: Pending, outcome: JobResult, now_ns: int) -> None:
         if pending.stage is CommandStage.RUNNING:
             self.last = f"{pending.words}: {outcome.text}"
             several = "\n" in outcome.text.strip()
@@ -147,25 +149,25 @@ class CommandQueue:
             self._told(outcome)
             self._pending = pending._replace(stage=CommandStage.SETTLING)
         else:
-            self._told(Outcome(False, f"not sent: {pending.words}: {outcome.text}"))
+            self._told(JobResult(False, f"not sent: {pending.words}: {outcome.text}"))
 
-    def _told(self, outcome: Outcome, *, loud: bool = False) -> None:
+    def _told(self, outcome: JobResult, *, loud: bool = False) -> None:
         usual = Severity.WARNING if loud else Severity.INFO
         for line in outcome.text.splitlines():
             self._tell(line, usual if outcome.ok else Severity.WARNING)
 
 
 def ask_lease(
-    bus: Hears, clock: Clock, robot: str, request: LeaseRequest, attempts: int = ATTEMPTS
-) -> Outcome:
+    bus: ReadableBus, clock: Clock, robot: str, request: LeaseRequest, attempts: int = ATTEMPTS
+) -> JobResult:
     """Take, release or seize; the same request again when there is no answer."""
-    asking = Asking(request, clock.now_ns(), attempts=attempts, patience_ns=PATIENCE_NS)
-    converse(bus, clock, robot, asking, LEASE_SERVICE)
-    answered = asking.outcome
-    if not isinstance(answered, Answered):
-        why = "no answer" if answered is None else answered.why
-        return Outcome(False, f"lease of {robot}: {why}")
-    if not answered.ok:
-        return Outcome(False, f"lease of {robot} refused: {answered.text}")
-    took = f"{answered.took_ns / NS_PER_MS:.0f} ms"
-    return Outcome(True, f"lease of {robot} {DONE[LeaseAction(request.action)]} ({took})")
+    asking = CommandExchange(request, clock.now_ns(), attempts=attempts, patience_ns=PATIENCE_NS)
+    run_exchange(bus, clock, robot, asking, LEASE_SERVICE)
+    answer = asking.outcome
+    if isinstance(answer, Refused):
+        return JobResult(False, f"lease of {robot} refused: {reason_text(answer.reason)}")
+    if not isinstance(answer, Accepted):
+        why = "no answer" if answer is None else answer.why
+        return JobResult(False, f"lease of {robot}: {why}")
+    took = f"{answer.took_ns / NS_PER_MS:.0f} ms"
+    return JobResult(True, f"lease of {robot} {DONE[LeaseAction(request.action)]} ({took})")

@@ -3,8 +3,8 @@
 from typing import Final
 
 from ground.client.link import ALIVE
-from ground.client.requests import Pace
-from ground.station.bus_protocols import Puts
+from ground.client.requests import HeartbeatTimer
+from ground.station.bus_protocols import MessagePublisher
 from ground.station.robot.lease_state import UNKNOWN, lease_in
 from protocol.wire.messages import Heartbeat, LeaseStatus
 from runtime.units import NS_PER_MS
@@ -25,7 +25,7 @@ class LeaseHolding:
         self.lease = UNKNOWN
         self.ours = False
         self._zid = zid
-        self._pace = Pace()
+        self._pace = HeartbeatTimer()
         self._changed_ns = 0
         self._beaten_ns: int | None = None
 
@@ -56,7 +56,7 @@ class LeaseHolding:
         """Has the robot had time to hear that its operator is there?"""
         return self._beaten_ns is not None and now_ns - self._beaten_ns >= SETTLED_NS
 
-    def beat(self, heart: Puts[Heartbeat], now_ns: int, stamp_ns: int) -> None:
+    def beat(self, heart: MessagePublisher[Heartbeat], now_ns: int, stamp_ns: int) -> None:
         """Beat if it is time to; only an operator has a heart."""
         if not self.ours or not self._pace.due(now_ns, stamp_ns):
             return

@@ -8,7 +8,7 @@ from ground.map import Disc, Outline, Shape, Target
 from ground.missions.mission import Circle, Fence, Waypoint
 from ground.missions.transfer import MAX_ITEMS, Download, Downloaded
 from ground.missions.wire import fence_of, waypoints_of
-from ground.station.bus_protocols import Hears
+from ground.station.bus_protocols import ReadableBus
 from protocol.topics import MISSION_SERVICE
 from protocol.wire.enums import MissionType
 from protocol.wire.messages import MissionClearAll, MissionCount, MissionItemInt, MissionVerdict
@@ -78,7 +78,7 @@ def target_of(waypoint: Waypoint) -> Target:
     )
 
 
-def downloaded(bus: Hears, clock: Clock, robot: str, kind: MissionType) -> Items:
+def downloaded(bus: ReadableBus, clock: Clock, robot: str, kind: MissionType) -> Items:
     """All items, none when the robot has none; RemoteError at the first question unanswered."""
     transfer = Download(kind, clock.now_ns())
     while not transfer.over:

@@ -6,7 +6,7 @@ from typing import Final
 
 from ground.client.parameter import Parameter
 from ground.client.telemetry import Telemetry
-from ground.station.bus_protocols import Hears, Token
+from ground.station.bus_protocols import ReadableBus, Token
 from ground.station.history.decision_history import Moments
 from ground.station.history.inbox import Arrival, Inbox
 from ground.station.history.telemetry_history import TelemetryHistory
@@ -14,7 +14,7 @@ from ground.station.link.presence_log import PresenceLog
 from ground.station.link.restarts import RestartNotice, Restarts
 from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import MissionItems
-from ground.text.statustext import Texts, aged
+from ground.text.statustext import StatustextAssembler, aged
 from protocol.topics import ANSWERED, COMMANDED, CYCLE, SONAR, TEXT, TOPICS, Role
 from protocol.wire.codec import decode
 from protocol.wire.enums import Severity
@@ -32,7 +32,9 @@ Tell = Callable[[str, str, int], None]
 class RobotModel:
     """Everything of one robot that can be looked at without saying a word to it."""
 
-    def __init__(self, bus: Hears, robot: str, now_ns: int, tell: Tell, own: str = "") -> None:
+    def __init__(
+        self, bus: ReadableBus, robot: str, now_ns: int, tell: Tell, own: str = ""
+    ) -> None:
         """`own`: our own identity on the bus."""
         self.robot = robot
         self.began_ns = self.gone_ns = now_ns
@@ -50,7 +52,7 @@ class RobotModel:
         self.tokens: dict[Role, str] = {}
         self.charts = MissionItems()
         self._comings = PresenceLog(robot, own)
-        self._texts = Texts()
+        self._texts = StatustextAssembler()
         self._tell = tell
 
     def poll(self, now_ns: int, present: Collection[Token]) -> set[Role]:

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 
 from ground.client.emergency_stop import EmergencyStop, outcome_words
-from ground.station.bus_protocols import Puts, Speaks
+from ground.station.bus_protocols import LiveBus, MessagePublisher
 from ground.station.link.link_monitor import LinkMonitor
 from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader
-from ground.station.robot.background_requests import Outcome, RequestWorker
+from ground.station.robot.background_requests import JobResult, RequestWorker
 from ground.station.robot.lease_holding import LeaseHolding
 from ground.station.robot.robot_model import RobotModel, Tell
 from protocol.topics import LEASE, OPERATOR, STATUS, STOP, Role
@@ -21,7 +21,7 @@ class RobotSession:
 
     def __init__(
         self,
-        bus: Speaks,
+        bus: LiveBus,
         watched: RobotModel,
         clock: Clock,
         lanes: Callable[[str], RequestWorker],
@@ -37,8 +37,8 @@ class RobotSession:
         self._clock = clock
         self._tell = tell
         self._reader = reader
-        self._heart: Puts[Heartbeat] = bus.publisher(OPERATOR, robot)
-        self._stops: Puts[CommandRequest] = bus.publisher(STOP, robot)
+        self._heart: MessagePublisher[Heartbeat] = bus.publisher(OPERATOR, robot)
+        self._stops: MessagePublisher[CommandRequest] = bus.publisher(STOP, robot)
         self._stop: EmergencyStop | None = None
         self._over = False
         bus.announce(robot)
@@ -83,9 +83,9 @@ class RobotSession:
         stop.press()
         self._lanes[1].start(lambda: self._repeat(stop))
 
-    def _repeat(self, stop: EmergencyStop) -> Outcome:
+    def _repeat(self, stop: EmergencyStop) -> JobResult:
         outcome = stop.run(lambda: self._over)
-        return Outcome(outcome.acknowledged, outcome_words(outcome, stop.robot))
+        return JobResult(outcome.acknowledged, outcome_words(outcome, stop.robot))
 
     @property
     def stopping(self) -> str:

@@ -100,7 +100,7 @@ class Attacker:
 @contextmanager
 def attacked(world: str = "open") -> Iterator[tuple[Stack, Attacker]]:
     """A stack, and somebody on its bus."""
-    with Stack(world) as stack, Attacker(stack.dialling) as attacker:
+    with Stack(world) as stack, Attacker(stack.client_network) as attacker:
         yield stack, attacker
 
 

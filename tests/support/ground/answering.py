@@ -5,7 +5,8 @@ from io import StringIO
 from typing import Any, cast
 
 from ground.client.link import Link
-from ground.client.requests import Answered, RequestIds
+from ground.client.requests import RequestIds
+from ground.client.results import Accepted, Answer, Refused
 from ground.text.output import Output
 from protocol.wire.enums import Command
 from protocol.wire.message import Message
@@ -39,11 +40,11 @@ class AnsweringLink:
             request_id=self.ids.next(), param1=param1, param2=param2, command=command
         )
 
-    def ask(self, request: Message, **_: Any) -> Answered:
+    def ask(self, request: Message, **_: Any) -> Answer:
         self.asked.append(request)
         self.clock.advance(ANSWER_NS)
         reason = self.answers.pop(0) if self.answers else Reason.NONE
-        return Answered(reason, reason is Reason.NONE, ANSWER_NS)
+        return Accepted(ANSWER_NS) if reason is Reason.NONE else Refused(reason, ANSWER_NS)
 
     def beat(self) -> None:
         self.beats += 1

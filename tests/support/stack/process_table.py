@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ground.recording.tlog import TlogReader
+from ground.recording.tlog import Reader
 from protocol.wire.codec import decode
 
 
@@ -29,7 +29,7 @@ def cmdline(pid: int) -> str:
 def frames_in(folder: Path) -> int:
     (log,) = folder.glob("*.tlog")
     with log.open("rb") as source:
-        reader = TlogReader(source)
+        reader = Reader(source)
         for record in reader:
             decode(record.frame)
     assert reader.lost_bytes < 300, "more than the record that was being written is lost"

@@ -92,6 +92,7 @@ class Crew:
     def __init__(self, *, router: bool = False) -> None:
         self.endpoint = free_endpoint()
         self._router = router
+        self._plants: list[Running] = []
         self._scope = ExitStack()
 
     def __enter__(self) -> Self:
@@ -136,14 +137,21 @@ class Crew:
         start = self.dialling if self._router else self.listening
         robot = start("robot", "--start", "0.6", "2", "0", *words)
         robot.says("ready")
+        self._in_real_time(robot)
         return robot
 
     def plant(self, *, waits: bool = True) -> Running:
         """Dials until the robot is there; ready, too, unless nobody waits for it."""
         plant = self.dialling("plant", "--world", "open", "--noise", "none")
+        self._plants.append(plant)
         if waits:
             plant.says("plant: world")
+            self._in_real_time(plant)
         return plant
+
+    def _in_real_time(self, *ready: Running) -> None:
+        for running in (*ready, *self._plants):
+            real_time(running.process.pid)
 
     def run(self, *words: str) -> tuple[int, str]:
         """A verb to its end, again if its hub was too busy: exit code and all that it said."""
@@ -251,9 +259,19 @@ def arrives(crew: Crew, witness: Witness, *words: str) -> Running:
 
 
 def prefer(pid: int) -> None:
-    """Let a session run before others, if this user may: what else a machine does is no test."""
+    """Let a session run before others, if this user may: other load is not under test."""
     with suppress(OSError):
         Path(f"/proc/{pid}/autogroup").write_text("-10")
+
+
+def real_time(pid: int) -> None:
+    """Schedule all threads of a started process in real time, if this user may.
+
+    While it still starts it must not be: its imports would delay the other robots.
+    """
+    with suppress(OSError):
+        for thread in os.listdir(f"/proc/{pid}/task"):
+            os.sched_setscheduler(int(thread), os.SCHED_RR, os.sched_param(1))
 
 
 def departs(crew: Crew, witness: Witness, *words: str) -> Running:

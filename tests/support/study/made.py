@@ -1,4 +1,4 @@
-"""Small studies for tests: a bare floor, its tasks, rows without a drive."""
+"""Small studies for tests: simple worlds, their tasks, and rows without a drive."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,7 @@ CODE = CodeVersion(commit="c0ffee", dirty=False, version="0.1.0", digest="d1")
 
 
 def floor(name: str = "floor", *, far_m: float = 0.4, family: str | None = "open") -> World:
-    """A goal straight ahead, a second or two away."""
+    """Return a world with the goal straight ahead, a second or two away."""
     return World(
         name=name,
         size_m=(4.0, 3.0),
@@ -28,7 +28,7 @@ def floor(name: str = "floor", *, far_m: float = 0.4, family: str | None = "open
 
 
 def boxed(name: str = "disc") -> World:
-    """A disc in the way, so that the robot has something to avoid."""
+    """Return a world with a disc in the way, so that the robot has to avoid it."""
     world = floor(name, far_m=2.4, family="disc")
     return replace(world, obstacles=(Circle(x_m=2.2, y_m=1.0, radius_m=0.2),))
 
@@ -51,7 +51,7 @@ def tasks(*worlds: World, **changed: Any) -> list[TrialTask]:
 
 
 def rows(count: int, start: int = 0, **changed: Any) -> list[TrialRow]:
-    """Rows of different trials, none of them driven."""
+    """Return rows of different trials, none of them driven."""
     one, context = tasks(floor())[0], context_of(floor())
     made = [
         failed(replace(one, trial_id=f"{number:032x}"), context, "never begun")
@@ -61,13 +61,13 @@ def rows(count: int, start: int = 0, **changed: Any) -> list[TrialRow]:
 
 
 def ids(found: Any) -> list[str]:
-    """Of a table, in its order."""
+    """Return the trial ids of a table in its order."""
     names: list[str] = found["trial_id"].to_pylist()
     return names
 
 
 def spoil(file: Path) -> None:
-    """As a disk does that lost the end of a file."""
+    """Truncate a file, as a failing disk does."""
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 2])
 

@@ -1,4 +1,4 @@
-"""A drive in this process, recorded as the robot's process would have it recorded."""
+"""A simulated drive, recorded as the robot process would record it."""
 
 import json
 from collections.abc import Sequence
@@ -45,31 +45,31 @@ ARM = CommandRequest(request_id=1, param1=1.0, param2=0.0, command=Command.COMPO
 
 
 @dataclass
-class Drive:
-    """`said` is every frame with its key; a test may take some away, or change one."""
+class ScriptedDrive:
+    """A drive whose `frames`, with their keys, a test may remove or change."""
 
     world: World = field(default_factory=boxed)
     params: Params = DEFAULTS
-    said: list[tuple[str, bytes]] = field(default_factory=list)
+    frames: list[tuple[str, bytes]] = field(default_factory=list)
     _encoders: dict[str, Encoder] = field(default_factory=dict)
     _requests: int = 0
 
-    def say(self, topic: Topic[Message], message: Message) -> None:
+    def add(self, topic: Topic[Message], message: Message) -> None:
         sender = Encoder(*sender_of(topic.publisher, "r1"))
         frame = self._encoders.setdefault(topic.path, sender).encode(message)
-        self.said.append((topic.key("r1"), frame))
+        self.frames.append((topic.key("r1"), frame))
 
-    def on(self, topic: Topic[Message]) -> list[int]:
-        """Places of a topic's frames in `said`."""
-        return [place for place, (key, _) in enumerate(self.said) if key == topic.key("r1")]
+    def places_of(self, topic: Topic[Message]) -> list[int]:
+        """Return the places of a topic's frames in `frames`."""
+        return [place for place, (key, _) in enumerate(self.frames) if key == topic.key("r1")]
 
-    def ask(self, vehicle: Vehicle, request: Message, now_ns: int) -> None:
-        self.tell(request, vehicle.receive(request, now_ns))
+    def send(self, vehicle: Vehicle, request: Message, now_ns: int) -> None:
+        self.add_request(request, vehicle.receive(request, now_ns))
 
-    def tell(self, request: Message, answer: Message) -> None:
+    def add_request(self, request: Message, answer: Message) -> None:
         self._requests += 1
-        self.say(COMMANDED, request)
-        self.say(ANSWERED, answer)
+        self.add(COMMANDED, request)
+        self.add(ANSWERED, answer)
 
     def goal(self) -> GoalRequest:
         goal = wire_goal_of(self.world)._asdict()
@@ -81,19 +81,21 @@ class Drive:
         wait: int = 4,
         store: Store | None = None,
         asked: Sequence[Message] = (),
-    ) -> "Drive":
-        """It stands for some ticks before it is armed and given the world's goal; `asked`: of it
-        after the first of them."""
+    ) -> "ScriptedDrive":
+        """Drive: after `wait` ticks at rest the robot is armed and given the world's goal.
+
+        The requests in `asked` are sent in the second tick.
+        """
         plant = Plant(self.world, 0, LEVELS["default"])
         vehicle = Vehicle(self.params, store or Store(None), start_of(self.world))
         for request, answer in vehicle.restore():
-            self.tell(request, answer)
+            self.add_request(request, answer)
         for tick in range(ticks):
             for one in asked if tick == 1 else ():
-                self.ask(vehicle, one, plant.now_ns)
+                self.send(vehicle, one, plant.now_ns)
             if tick == wait:
-                self.ask(vehicle, ARM, plant.now_ns)
-                self.ask(vehicle, self.goal(), plant.now_ns + 3 * NS_PER_MS)
+                self.send(vehicle, ARM, plant.now_ns)
+                self.send(vehicle, self.goal(), plant.now_ns + 3 * NS_PER_MS)
             self._tick(plant, vehicle, tick)
             plant.advance()
         return self
@@ -103,13 +105,13 @@ class Drive:
         wheels, scan = plant.senses()
         assert wheels is not None
         assert scan is not None
-        self.say(WHEELS, wheels)
-        self.say(SONAR, scan)
+        self.add(WHEELS, wheels)
+        self.add(SONAR, scan)
         inputs = Inputs(now_ms_of(now_ns), wheels_of(wheels), scan_of(scan, 0), None)
         outputs = vehicle.step(inputs, lambda _stage: None)
         left, right = outputs.left_mrad_s, outputs.right_mrad_s
         plant.command(0, left, right, MAX_WHEEL_TTL_MS)
-        told = WheelCommand(
+        command = WheelCommand(
             time_ns=now_ns,
             seq=tick,
             sense_seq=scan.seq,
@@ -117,16 +119,16 @@ class Drive:
             right_mrad_s=right,
             ttl_ms=MAX_WHEEL_TTL_MS,
         )
-        self.say(DRIVE, told)
-        self.say(ODOMETRY, telemetry.odometry(vehicle.state, now_ns))
+        self.add(DRIVE, command)
+        self.add(ODOMETRY, telemetry.odometry(vehicle.state, now_ns))
         goal_id = vehicle.commands.goal_id
-        self.say(STATUS, telemetry.status(vehicle.state, goal_id, now_ns, inputs.now_ms))
-        self.say(DECISION, telemetry.decision(outputs, vehicle.zone_m, now_ns))
+        self.add(STATUS, telemetry.status(vehicle.state, goal_id, now_ns, inputs.now_ms))
+        self.add(DECISION, telemetry.decision(outputs, vehicle.zone_m, now_ns))
         given = CoreInputs(wheels.seq, scan.seq, 0, self._requests, 0)
-        self.say(INPUTS, telemetry.tick_inputs(inputs, given, None, tick, now_ns))
+        self.add(INPUTS, telemetry.tick_inputs(inputs, given, None, tick, now_ns))
 
-    def written(self, path: Path, **facts: str) -> Path:
-        """As an .mcap, with the parameters and the start that the robot had."""
+    def write(self, path: Path, **facts: str) -> Path:
+        """Write an .mcap with the robot's parameters and start."""
         form = McapFormat("r1", {})
         start = self.world.start
         place = {"x_m": start.x_m, "y_m": start.y_m, "heading_deg": start.heading_rad * 180.0 / pi}
@@ -136,8 +138,8 @@ class Drive:
         }
         for name, text in (usual | facts).items():
             if text:
-                form.add_fact(name, text)
-        for number, (key, frame) in enumerate(self.said):
+                form.know(name, text)
+        for number, (key, frame) in enumerate(self.frames):
             form.add(key, frame, UTC_US + number * 5000)
         path.write_bytes(form.end())
         return path

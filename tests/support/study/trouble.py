@@ -1,4 +1,4 @@
-"""Worlds that are trouble for whoever drives in them, in another process than the test's."""
+"""Worlds that raise or kill the worker process that runs them."""
 
 import multiprocessing
 import os
@@ -13,7 +13,7 @@ from tests.support.study.made import floor
 
 
 class Deadly(dict[str, float]):
-    """Settings whose reading kills the process, as often as said; each time leaves a mark."""
+    """Settings that kill the process that reads them, a number of times; each leaves a mark."""
 
     def __init__(self, marks: Path, times: int) -> None:
         super().__init__()
@@ -28,17 +28,17 @@ class Deadly(dict[str, float]):
         return super().keys()
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.keys())  # or dict() would not ask
+        return iter(self.keys())  # otherwise dict() would bypass keys()
 
 
 class Faulty(dict[str, float]):
-    """Settings that cannot be read."""
+    """Settings that raise when read."""
 
     def keys(self) -> Any:
         raise RuntimeError("the floor gave way")
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.keys())  # or dict() would not ask
+        return iter(self.keys())  # otherwise dict() would bypass keys()
 
 
 def deadly(marks: Path, times: int, name: str = "deadly") -> World:

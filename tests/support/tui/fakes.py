@@ -5,18 +5,18 @@ from typing import Any
 
 from ground.client.operations import Operation
 from ground.client.parameter import Parameter
-from ground.client.presence import Crew
-from ground.client.results import Outcome as Result
-from ground.client.telemetry import Seen, Telemetry
+from ground.client.presence import PresentProcesses
+from ground.client.results import Outcome
+from ground.client.telemetry import AgedMessage, Telemetry
 from ground.console import AppCommand, line_of
 from ground.map import Scene, Target
 from ground.station import (
     History,
+    JobResult,
     Lease,
     Log,
     Loss,
     Moment,
-    Outcome,
     Station,
     StreamRow,
     WorldFacts,
@@ -102,12 +102,12 @@ class FakeStation(Station):
     def telemetry(self) -> Telemetry:
         return self._telemetry
 
-    def seen(self, topic: Topic[Any]) -> Seen:
+    def seen(self, topic: Topic[Any]) -> AgedMessage:
         return self._telemetry.seen(topic, self.now_ns)
 
     @property
-    def crew(self) -> Crew:
-        return Crew(frozenset({("r1", "robot"), ("r1", "plant"), ("r1", "ground")}))
+    def crew(self) -> PresentProcesses:
+        return PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant"), ("r1", "ground")}))
 
     def streams(self) -> list[StreamRow]:
         return self.streams_now
@@ -195,7 +195,7 @@ class FakeStation(Station):
     def refusal(self, *, moves: bool = True) -> str:
         return "" if self.ready_now or not moves else "nothing is heard of r1"
 
-    def submit(self, words: str, job: Callable[[], Outcome], *, moves: bool = True) -> bool:
+    def submit(self, words: str, job: Callable[[], JobResult], *, moves: bool = True) -> bool:
         self.asked.append(words)
         why = self.refusal(moves=moves)
         self.note(f"{words}: {why or job().text}")
@@ -242,7 +242,7 @@ class FakeOrders:
         self.given.append(line)
         self.last = f"sidestep {line}"
 
-    def perform(self, command: Operation[Result] | AppCommand) -> None:
+    def perform(self, command: Operation[Outcome] | AppCommand) -> None:
         self.give(line_of(command))
 
     def is_local(self, line: str) -> bool:

@@ -64,7 +64,7 @@ class FakeStack(Stack):
     def scenario_in(self, world: str, faults: Any = ()) -> Scenario:
         return self.scenario_of(" ".join([world, *(str(fault["kind"]) for fault in faults)]))
 
-    def inject_fault(self, role: str, what: str) -> str:
+    def trouble(self, role: str, what: str) -> str:
         self.done.append((role, what))
         return f"{what} {role}"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ground.text.statustext import Texts
+from ground.text.statustext import StatustextAssembler
 from protocol.wire.enums import Severity
 from protocol.wire.statustext import PIECE_BYTES
 from robot.change_log import ChangeLog
@@ -20,7 +20,7 @@ def news() -> ChangeLog:
 def test_a_text_of_any_length_is_whole_with_its_last_piece_and_not_before(length: int) -> None:
     words = "".join(chr(97 + at % 26) for at in range(length))
     pieces = news().text(Severity.INFO, words)
-    texts = Texts()
+    texts = StatustextAssembler()
     assert [texts.receive(piece) for piece in pieces] == [""] * (len(pieces) - 1) + [words]
     assert len(pieces) == (1 if length <= PIECE_BYTES else length // PIECE_BYTES + 1)
     assert {piece.id for piece in pieces} == {0 if length <= PIECE_BYTES else 1}

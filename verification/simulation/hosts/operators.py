@@ -15,8 +15,9 @@ from ground.client.goal import destination, goal_request
 from ground.client.link import Link
 from ground.client.operations import COMMANDS
 from ground.client.operations.leases import ask_lease
-from ground.client.operations.teleop import Stick
-from ground.client.requests import BEAT_NS, Answered, is_saving
+from ground.client.operations.teleop import TeleopSender
+from ground.client.requests import BEAT_NS, is_saving
+from ground.client.results import Answer, Refused
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict
 from ground.missions.wire import fence_items_of, items_of
@@ -163,13 +164,13 @@ class Operator:
         asked.answered, asked.reason = answered, reason
         return bool(answered)
 
-    def _ask(self, action: str, request: Any, ask: Callable[[], Answered]) -> bool:
+    def _ask(self, action: str, request: Any, ask: Callable[[], Answer]) -> bool:
         asked = self._begin(action, request)
         try:
-            answered = ask()
+            answer = ask()
         except (RemoteError, LocalError):
             return self._end(asked, None)
-        return self._end(asked, answered.ok, answered.reason)
+        return self._end(asked, answer.ok, answer.reason if isinstance(answer, Refused) else 0)
 
     def command(self, link: Link, action: str, request: Any) -> bool:
         return self._ask(action, request, lambda: link.ask(request))
@@ -177,7 +178,7 @@ class Operator:
     def _stop(self) -> None:
         """Press the station's emergency stop."""
         link = self._linked()
-        with link.hearing(STATUS) as telemetry:
+        with link.subscribed(STATUS) as telemetry:
             publisher = link.bus.publisher(STOP, link.robot)
             stop = EmergencyStop(
                 link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)
@@ -189,7 +190,7 @@ class Operator:
     def take(self, link: Link, how: str) -> bool:
         action = LeaseAction[how]
 
-        def ask() -> Answered:
+        def ask() -> Answer:
             return ask_lease(link, action, self.name)
 
         ok = self._ask(f"lease {how}", None, ask)
@@ -213,7 +214,7 @@ class Operator:
         if not self.mode(link, "MANUAL"):
             return False
         self.order(link, "arm")
-        stick, until_ns = Stick(link), link.clock.now_ns() + round(for_s * NS_PER_S)
+        stick, until_ns = TeleopSender(link), link.clock.now_ns() + round(for_s * NS_PER_S)
         while link.clock.now_ns() < until_ns:
             stick.drive(speed_m_s, yaw_rad_s)
             link.clock.sleep_until(link.clock.now_ns() + STEER_NS)
@@ -271,7 +272,7 @@ class Operator:
         now_ns = link.clock.now_ns()
         talk = Upload(items, kind, now_ns) if items else Clear(kind, now_ns)
         asked = self._begin(action, None, kind, items)
-        link.talk(talk, MISSION_SERVICE)
+        link.exchange(talk, MISSION_SERVICE)
         outcome = talk.outcome
         if isinstance(outcome, Verdict):
             return self._end(asked, outcome.ok, outcome.reason)

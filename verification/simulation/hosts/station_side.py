@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.station import Outcome, Station
+from ground.station import JobResult, Station
 from protocol.bus.bus import open_bus
 from protocol.topics import Role
 from verification.simulation.events import Argument
@@ -56,8 +56,8 @@ class StationOperator(Operator):
                 station.take_lease(seize=arguments[0] == "SEIZE")
             return
 
-        def job() -> Outcome:
-            return Outcome(ACTIONS[action](self, link, *arguments), action)
+        def job() -> JobResult:
+            return JobResult(ACTIONS[action](self, link, *arguments), action)
 
         station.submit(action, job, moves=action not in STILL)
 

@@ -1,4 +1,4 @@
-"""Scenes of a small room, as plain as they can be and with everything there is."""
+"""Scenes of a small room: a plain one, and one with everything."""
 
 from dataclasses import replace
 from math import inf, pi

@@ -1,4 +1,4 @@
-"""Scenes of any content, for properties that every picture has."""
+"""Random scenes for property tests."""
 
 from hypothesis import strategies as st
 

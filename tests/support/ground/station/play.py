@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Self
 
-from ground.station import Outcome, Station, WorldFacts
+from ground.station import JobResult, Station, WorldFacts
 from ground.station.robot.background_requests import Job, outcome_of
 from protocol.bus.network import Hub
 from protocol.topics import (
@@ -58,7 +58,7 @@ class Inline:
         self.busy = False
         self.waits = waits
         self._job: Job | None = None
-        self._outcome: Outcome | None = None
+        self._outcome: JobResult | None = None
 
     def start(self, job: Job) -> bool:
         if self.busy:
@@ -72,7 +72,7 @@ class Inline:
         if self._job is not None:
             self._outcome, self._job = outcome_of(self._job), None
 
-    def done(self) -> Outcome | None:
+    def done(self) -> JobResult | None:
         outcome, self._outcome = self._outcome, None
         if outcome is not None:
             self.busy = False

@@ -22,7 +22,7 @@ def test_every_frame_has_500_segments_and_14_obstacles() -> None:
 def test_in_the_hard_scene_nearly_every_row_changes_and_in_a_drive_few_do() -> None:
     for scenes, least, most in ((whirl(2), 30, 40), (drive(2), 1, 15)):
         one, other = (noted(scene, *benchmark.SIZE) for scene in scenes)
-        assert least <= len(one.changed(other)) <= most
+        assert least <= len(one.changed_rows(other)) <= most
 
 
 def test_a_frame_is_what_was_written_for_it() -> None:

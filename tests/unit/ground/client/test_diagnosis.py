@@ -1,4 +1,4 @@
-"""The doctor names what is missing and what to do, and stays silent when nothing is wrong."""
+"""The doctor names each fault with its remedy, and reports nothing on a healthy system."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from ground.client.diagnosis import Observed, Stream, examine, lines
-from ground.client.presence import Crew, why_silent
+from ground.client.presence import PresentProcesses, explain_silence
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
@@ -16,7 +16,7 @@ from runtime.cli.packages import Conflict
 from tests.support.ground.client import CYCLE
 
 MS = 1_000_000
-EVERYBODY = Crew(frozenset({("r1", "robot"), ("r1", "plant")}))
+EVERYBODY = PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant")}))
 STATUS = NavigatorStatus(
     time_ns=1,
     goal_started_ns=0,
@@ -36,13 +36,13 @@ STATUS = NavigatorStatus(
 )
 
 
-def seen(silent: Iterable[Topic[Any]] = (), crew: Crew = EVERYBODY) -> Observed:
-    """A healthy system in wall time, but for the topics that are silent."""
+def seen(silent: Iterable[Topic[Any]] = (), crew: PresentProcesses = EVERYBODY) -> Observed:
+    """Return a healthy system in wall time, except for the topics in `silent`."""
     quiet = [*silent, OPERATOR, CLOCK, TEXT]
     streams = tuple(Stream(topic, None if topic in quiet else 20 * MS) for topic in TOPICS)
     endpoint = "tcp/127.0.0.1:7447"
     return Observed(
-        robot="r1", endpoint=endpoint, crew=crew, streams=streams, status=STATUS, cycle=CYCLE
+        robot="r1", endpoint=endpoint, processes=crew, streams=streams, status=STATUS, cycle=CYCLE
     )
 
 
@@ -65,8 +65,8 @@ def test_a_healthy_system_has_no_findings() -> None:
     assert report.findings == []
 
 
-def test_an_empty_bus_says_which_processes_to_start() -> None:
-    report = examine(seen(TOPICS, Crew(frozenset())))
+def test_empty_bus_names_the_processes_to_start() -> None:
+    report = examine(seen(TOPICS, PresentProcesses(frozenset())))
     said = lines(report.findings)
     assert not report.healthy
     assert "sidestep robot --id r1" in said
@@ -74,10 +74,10 @@ def test_an_empty_bus_says_which_processes_to_start() -> None:
     assert len(report.findings) == 2, "what absent processes do not send is no finding of its own"
 
 
-def test_a_robot_that_hangs_is_told_from_one_that_is_not_there() -> None:
+def test_hanging_robot_differs_from_absent_robot() -> None:
     said = lines(examine(seen(of(Role.ROBOT))).findings)
     assert "hangs" in said
-    gone = Crew(frozenset({("r1", "plant")}))
+    gone = PresentProcesses(frozenset({("r1", "plant")}))
     assert "only its plant is" in lines(examine(seen(of(Role.ROBOT), gone)).findings)
 
 
@@ -87,7 +87,7 @@ def test_a_silent_stream_of_a_process_that_is_there_is_named() -> None:
     assert "plant" in said
 
 
-def test_a_slow_stream_is_not_missed_by_who_listens_for_less_than_its_period() -> None:
+def test_slow_stream_is_not_reported_within_its_period() -> None:
     observed = seen([MISSION])
     assert "nothing on tlm/mission" in lines(examine(observed).findings)
     assert examine(replace(observed, listened_ns=600 * MS)).healthy
@@ -103,29 +103,29 @@ def test_an_old_stream_is_named_with_its_age() -> None:
     assert "sense/sonar is 9000 ms old" in lines(examine(replace(observed, streams=old)).findings)
 
 
-def test_a_foreign_dialect_and_garbage_are_told_apart() -> None:
+def test_foreign_dialect_differs_from_garbage() -> None:
     observed = seen()
     foreign = Stream(SONAR, 1, 3, "speaks sidestep@9, this is sidestep@2")
-    garbage = Stream(HEARTBEAT, 1, 9, "7 bytes are too few for a frame")
+    garbage = Stream(HEARTBEAT, 1, 9, "frame of 7 bytes is too short")
     report = examine(replace(observed, streams=(*observed.streams, foreign, garbage)))
     first, second = report.findings
     assert "speaks sidestep@9" in first.what
     assert "same version" in first.do
-    assert "9 unreadable on tlm/heartbeat" in second.what
+    assert "9 unreadable messages on tlm/heartbeat" in second.what
 
 
 def test_a_heart_that_cannot_be_read_is_no_hanging_robot() -> None:
     spoken = Stream(HEARTBEAT, None, 5, "speaks sidestep@9, this is sidestep@2")
     others = tuple(stream for stream in seen().streams if stream.topic is not HEARTBEAT)
     (finding,) = examine(replace(seen(), streams=(spoken, *others))).findings
-    assert "5 unreadable on tlm/heartbeat" in finding.what
+    assert "5 unreadable messages on tlm/heartbeat" in finding.what
     assert "same version" in finding.do
 
 
 def test_a_robot_without_senses_is_not_healthy() -> None:
     report = examine(replace(seen(), status=_status(Vehicle.BOOT, Reason.NONE)))
     assert not report.healthy
-    assert "no senses" in lines(report.findings)
+    assert "no sensor data" in lines(report.findings)
 
 
 def _status(vehicle: Vehicle, reason: Reason) -> NavigatorStatus:
@@ -149,7 +149,7 @@ def test_a_stopped_robot_is_healthy_but_mentioned(
     assert words in lines(report.findings)
 
 
-def test_missed_ticks_rejected_frames_and_deaf_services_are_mentioned() -> None:
+def test_missed_ticks_rejected_frames_dead_services_are_found() -> None:
     fields = {name: getattr(CYCLE, name) for name in CYCLE.__struct_fields__}
     cycle = CycleReport(**{**fields, "missed": 3, "rejected": 5})
     answers = (("srv/command", "no answer within 0.5 s"),)
@@ -157,20 +157,22 @@ def test_missed_ticks_rejected_frames_and_deaf_services_are_mentioned() -> None:
     said = lines(report.findings)
     assert not report.healthy
     assert "3 of 101 ticks" in said
-    assert "5 frames" in said
+    assert "rejected 5 unreadable frames" in said
     assert "srv/command does not answer" in said
 
 
 @pytest.mark.parametrize(
-    ("there", "beats", "words"),
+    ("there", "is_beating", "words"),
     [
-        (set(), False, "no robot at tcp/h:1, though somebody answers there"),
-        ({("r2", "robot")}, False, "there is r2: use --id"),
+        (set(), False, "no robot at tcp/h:1, though a process listens there"),
+        ({("r2", "robot")}, False, "only r2: use --id"),
         ({("r1", "plant")}, False, "only its plant is"),
         ({("r1", "robot")}, False, "it has no plant"),
         ({("r1", "robot"), ("r1", "plant")}, False, "hangs"),
-        ({("r1", "robot"), ("r1", "plant")}, True, "its heart beats, but it does not answer"),
+        ({("r1", "robot"), ("r1", "plant")}, True, "sends its heartbeat, but does not answer"),
     ],
 )
-def test_silence_has_six_causes(there: set[tuple[str, str]], beats: bool, words: str) -> None:
-    assert words in why_silent(Crew(frozenset(there)), "r1", "tcp/h:1", beats=beats)
+def test_silence_has_six_causes(there: set[tuple[str, str]], is_beating: bool, words: str) -> None:
+    assert words in explain_silence(
+        PresentProcesses(frozenset(there)), "r1", "tcp/h:1", is_beating=is_beating
+    )

@@ -1,4 +1,4 @@
-"""The emergency stop is repeated until the robot's status shows it, or given up loudly."""
+"""The emergency stop is repeated until the robot's status shows it, or given up with a warning."""
 
 from collections.abc import Callable
 
@@ -32,7 +32,7 @@ def stopped(stop_id: int) -> NavigatorStatus:
 
 
 class Pressing:
-    """A press whose robot shows what the test says once it has been pressed often enough."""
+    """A stop whose robot shows a given status after a number of tries."""
 
     def __init__(self, until: int = 1, show: Callable[[int], NavigatorStatus] = stopped) -> None:
         self.clock = ManualClock()
@@ -111,7 +111,7 @@ def test_stop_held_for_a_second_of_repeats_is_acknowledged() -> None:
 
 @pytest.mark.parametrize("answer", [None, BUSY, b"{}"])
 def test_late_statuses_of_an_older_stop_are_no_acknowledgement(answer: Message | bytes) -> None:
-    """Statuses that are 4 s late show a stop of before, while this one is still on its way."""
+    """Ignore statuses that are 4 s late: they show an earlier stop, not this one."""
     acknowledgement = Acknowledgement(5)
     if answer is not None:
         acknowledgement.answered(answer)

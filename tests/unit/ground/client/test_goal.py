@@ -1,4 +1,4 @@
-"""What a person types becomes a goal of the wire, or is refused with the number that is wrong."""
+"""A typed goal becomes integers of the wire, or is refused with the number that is wrong."""
 
 import argparse
 from math import dist, inf, nan, pi
@@ -77,7 +77,7 @@ def test_a_goal_fits_the_wire_or_is_refused(
 
 
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-3.1, 3.1), st.floats(-50, 50))
-def test_what_lies_ahead_of_the_robot_is_as_far_away_in_the_world(
+def test_body_frame_goal_keeps_its_distance_in_the_world(
     x_m: float, y_m: float, heading_rad: float, ahead_m: float
 ) -> None:
     there = from_robot(destination([ahead_m, 0.0]), x_m, y_m, heading_rad)

@@ -1,4 +1,4 @@
-"""A file of parameters: what differs is written, what a robot cannot have is refused by name."""
+"""A parameter file holds the changed values; names a robot does not have are refused."""
 
 import tomllib
 from pathlib import Path
@@ -27,8 +27,8 @@ def test_what_is_not_as_by_default_is_written_and_reads_back(tmp_path: Path) -> 
     [
         ("", "parameters: is missing; write"),
         ("[parameters]\nd_obs = 1", "parameters.d_obs: unknown key; did you mean 'd_obs_m'"),
-        ("[parameters]\nd_obs_m = 'far'", "parameters.d_obs_m: is no number"),
-        ("[parameters]\nd_obs_m = true", "parameters.d_obs_m: is no number"),
+        ("[parameters]\nd_obs_m = 'far'", "parameters.d_obs_m: is not a number"),
+        ("[parameters]\nd_obs_m = true", "parameters.d_obs_m: is not a number"),
         ("[parameters]\nd_obs_m = 9", "9 is out of range; give 0.05 to 3 m"),
         ("[parameters]\nd_obs_m = nan", "nan is out of range"),
         ("[parameters", "correct the TOML syntax"),
@@ -41,11 +41,11 @@ def test_what_the_robot_cannot_have_is_refused_by_name(tmp_path: Path, text: str
         parameter_file.read(path, ROWS)
 
 
-def test_a_place_that_cannot_be_written_says_so(tmp_path: Path) -> None:
+def test_unwritable_path_is_named(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no such file"):
         parameter_file.write(tmp_path / "no" / "p.toml", ROWS)
 
 
 def test_single_precision_makes_no_difference() -> None:
-    assert Parameter(name="a", value=0.30000001192, default=0.3).is_usual
-    assert Parameter(name="a", value=5).is_usual
+    assert Parameter(name="a", value=0.30000001192, default=0.3).is_default
+    assert Parameter(name="a", value=5).is_default

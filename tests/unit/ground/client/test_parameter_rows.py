@@ -1,4 +1,4 @@
-"""The robot's list of parameters: bounded, typed, printable, and written as nothing else."""
+"""The robot's parameter list is bounded, typed, printable, and safe to write to a file."""
 
 import json
 import tomllib
@@ -37,21 +37,24 @@ def answer(**more: object) -> bytes:
         (answer(name="a = 1\n[network]\nb"), "has no name"),
         (answer(name="x" * 17), "has no name"),
         (answer(name=["a"]), "has no name"),
-        (answer(value="0.3"), "has no value"),
-        (answer(value=True), "has no value"),
-        (answer(value=float("nan")), "has no value"),
-        (answer(value=1e999), "has no value"),
+        (answer(value="0.3"), "no finite number as its value"),
+        (answer(value=True), "no finite number as its value"),
+        (answer(value=float("nan")), "no finite number as its value"),
+        (answer(value=1e999), "no finite number as its value"),
         (answer(default={}), "has a default"),
         (answer(minimum="low"), "has a minimum"),
         (answer(doc=["a"]), "has a doc"),
         (answer(unit=3), "has a unit"),
-        (answer(**{f"k{i}": 1 for i in range(50)}), "is no table"),
-        (b"[3]", "is no table"),
-        (b"{}", "no list"),
-        (json.dumps([{"name": "a", "value": 1}] * (MAX_ROWS + 1)).encode(), "no list of at most"),
-        (json.dumps([{"name": "a", "value": 1}] * 2).encode(), "there twice"),
+        (answer(**{f"k{i}": 1 for i in range(50)}), "is not a table"),
+        (b"[3]", "is not a table"),
+        (b"{}", "not a list"),
+        (
+            json.dumps([{"name": "a", "value": 1}] * (MAX_ROWS + 1)).encode(),
+            "not a list of at most",
+        ),
+        (json.dumps([{"name": "a", "value": 1}] * 2).encode(), "duplicate name"),
         (b"[" * 100_000, "nested too deeply"),
-        (b"\xff", "cannot be read"),
+        (b"\xff", "cannot read the parameter list"),
     ],
 )
 def test_a_malformed_list_is_refused(found: bytes, why: str) -> None:
@@ -74,13 +77,13 @@ def test_texts_are_one_printable_line_of_bounded_length() -> None:
 def test_a_saved_list_holds_parameters_and_nothing_else(
     tmp_path: Path, listed: list[dict[str, object]]
 ) -> None:
-    """A hostile robot could add tables such as [network] to the file."""
+    """Keep a hostile robot from adding tables such as [network] to the file."""
     path = tmp_path / "p.toml"
     try:
         found = parameters_in(json.dumps(listed))
     except RemoteError:
         return
-    unlike = {one.name: one.value for one in found if not one.is_usual}
+    unlike = {one.name: one.value for one in found if not one.is_default}
     names = parameter_file.write(path, found)
     assert tomllib.loads(path.read_text(encoding="utf-8")) == {"parameters": unlike}
     assert sorted(unlike) == sorted(names)

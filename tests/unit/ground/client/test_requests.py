@@ -11,15 +11,14 @@ from hypothesis import strategies as st
 
 from ground.client.requests import (
     BEAT_NS,
-    Answered,
-    Asking,
-    Beat,
+    Attempt,
+    CommandExchange,
     GaveUp,
     GoalEnd,
     GoalWatch,
     RequestIds,
-    Send,
 )
+from ground.client.results import Accepted, Refused
 from protocol.wire.enums import AckResult, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
 from protocol.wire.reasons import Reason
@@ -59,8 +58,8 @@ def ack(result: AckResult, reason: Reason) -> CommandAck:
     return CommandAck(command=193, result=result, result_param2=reason)
 
 
-def run_out(asking: Asking, clock: ManualClock) -> list[Send]:
-    sent: list[Send] = []
+def run_out(asking: CommandExchange, clock: ManualClock) -> list[Attempt]:
+    sent: list[Attempt] = []
     while asking.outcome is None:
         clock.sleep_until(asking.next_ns)
         sent += asking.due(clock.now_ns())
@@ -74,9 +73,9 @@ def test_request_ids_cannot_be_guessed() -> None:
     assert all(abs(after - before) > 1 << 40 for before, after in pairwise(drawn))
 
 
-def test_an_unanswered_command_is_sent_three_times_with_one_id_and_given_up() -> None:
+def test_unanswered_command_is_sent_three_times_with_one_id() -> None:
     clock = ManualClock()
-    asking = Asking(HOLD, clock.now_ns())
+    asking = CommandExchange(HOLD, clock.now_ns())
     asking.unanswered("nobody serves it")
     sent = run_out(asking, clock)
     assert [send.request for send in sent] == [HOLD] * 3
@@ -84,28 +83,26 @@ def test_an_unanswered_command_is_sent_three_times_with_one_id_and_given_up() ->
     assert asking.outcome == GaveUp("nobody serves it")
 
 
-def test_an_answer_ends_the_asking_and_says_how_long_it_took() -> None:
+def test_answer_ends_the_exchange_with_its_duration() -> None:
     clock = ManualClock()
-    asking = Asking(HOLD, clock.now_ns())
+    asking = CommandExchange(HOLD, clock.now_ns())
     asking.due(clock.now_ns())
     clock.advance(14 * MS)
     asking.receive(ack(AckResult.ACCEPTED, Reason.NONE), clock.now_ns())
-    assert asking.outcome == Answered(Reason.NONE, ok=True, took_ns=14 * MS)
+    assert asking.outcome == Accepted(14 * MS)
     assert asking.due(clock.now_ns() + 9_000 * MS) == []
 
 
-def test_a_refusal_carries_its_reason_and_a_late_second_answer_changes_nothing() -> None:
-    asking = Asking(HOLD, 0)
+def test_refusal_is_final_and_carries_its_reason() -> None:
+    asking = CommandExchange(HOLD, 0)
     asking.due(0)
     asking.receive(ack(AckResult.DENIED, Reason.NOT_ARMED), 1)
     asking.receive(ack(AckResult.ACCEPTED, Reason.NONE), 2)
-    assert isinstance(asking.outcome, Answered)
-    assert not asking.outcome.ok
-    assert asking.outcome.text == "not armed: arm first"
+    assert asking.outcome == Refused(Reason.NOT_ARMED, took_ns=1)
 
 
 def test_nothing_is_sent_before_its_time() -> None:
-    asking = Asking(HOLD, 100)
+    asking = CommandExchange(HOLD, 100)
     assert asking.due(99) == []
     assert len(asking.due(100)) == 1
     assert asking.due(100 + 499 * MS) == []
@@ -123,25 +120,25 @@ def test_nothing_is_sent_before_its_time() -> None:
     ],
 )
 def test_answer_to_another_command_or_no_look_is_no_answer(answer: CommandAck) -> None:
-    asking = Asking(HOLD, 0)
+    asking = CommandExchange(HOLD, 0)
     asking.due(0)
     asking.receive(answer, 1)
     assert asking.outcome is None
     assert asking.due(500 * MS)
     asking.receive(ack(AckResult.ACCEPTED, Reason.NONE), 500 * MS)
-    assert asking.outcome == Answered(Reason.NONE, ok=True, took_ns=500 * MS)
+    assert asking.outcome == Accepted(500 * MS)
 
 
 def test_refusal_that_names_no_command_ends_the_asking() -> None:
-    asking = Asking(HOLD, 0)
+    asking = CommandExchange(HOLD, 0)
     asking.due(0)
     asking.receive(CommandAck(command=0, result=AckResult.DENIED, result_param2=16), 1)
-    assert asking.outcome == Answered(Reason.MALFORMED, ok=False, took_ns=1)
+    assert asking.outcome == Refused(Reason.MALFORMED, took_ns=1)
 
 
 @dataclass
 class Drive:
-    """A goal under way: `hear` a status or let time `pass_`, collect what happens."""
+    """A goal that is being driven to: `receive` a status or let time `pass_`."""
 
     timeout_ns: int | None = None
     clock: ManualClock = field(default_factory=ManualClock)
@@ -153,9 +150,9 @@ class Drive:
 
     def pass_(self, ns: int) -> None:
         self.clock.advance(ns)
-        self.beats += sum(isinstance(act, Beat) for act in self.watch.due(self.clock.now_ns()))
+        self.beats += self.watch.due(self.clock.now_ns())
 
-    def hear(self, message: NavigatorStatus) -> None:
+    def receive(self, message: NavigatorStatus) -> None:
         self.watch.receive(message, self.clock.now_ns())
         self.pass_(0)
 
@@ -164,7 +161,7 @@ def test_the_heart_beats_five_times_a_second() -> None:
     drive = Drive()
     for n in range(100):
         drive.pass_(20 * MS)
-        drive.hear(status(n * 20 * MS))
+        drive.receive(status(n * 20 * MS))
     assert drive.beats == 11
 
 
@@ -172,7 +169,7 @@ def test_the_heart_keeps_pace_with_simulated_time() -> None:
     drive = Drive()
     for n in range(100):
         drive.pass_(MS // 10)
-        drive.hear(status(n * 50 * MS))
+        drive.receive(status(n * 50 * MS))
     assert drive.beats == pytest.approx(100 * 50 * MS / BEAT_NS, abs=2)
 
 
@@ -185,27 +182,27 @@ def test_the_heart_keeps_pace_with_simulated_time() -> None:
         (GoalState.REFUSED, Reason.NOT_ARMED, GoalEnd("aborted", "not armed: arm first")),
     ],
 )
-def test_a_goal_ends_as_the_robot_says(state: GoalState, reason: Reason, end: GoalEnd) -> None:
+def test_goal_ends_as_its_status_reports(state: GoalState, reason: Reason, end: GoalEnd) -> None:
     drive = Drive()
-    drive.hear(status(0))
+    drive.receive(status(0))
     assert drive.watch.end is None
-    drive.hear(status(1, state, reason))
+    drive.receive(status(1, state, reason))
     assert drive.watch.end == end
 
 
 def test_the_end_of_an_earlier_goal_is_not_taken_for_ours() -> None:
     drive = Drive()
-    drive.hear(status(0, GoalState.REACHED, goal_id=MINE - 1))
+    drive.receive(status(0, GoalState.REACHED, goal_id=MINE - 1))
     assert drive.watch.end is None
-    drive.hear(status(1))
-    drive.hear(status(2, GoalState.REACHED))
+    drive.receive(status(1))
+    drive.receive(status(2, GoalState.REACHED))
     assert drive.watch.end == GoalEnd("reached", "reached")
 
 
 def test_a_newer_goal_ends_ours() -> None:
     drive = Drive()
-    drive.hear(status(0))
-    drive.hear(status(1, goal_id=MINE + 1))
+    drive.receive(status(0))
+    drive.receive(status(1, goal_id=MINE + 1))
     assert drive.watch.end == GoalEnd("aborted", "replaced by a new goal")
 
 
@@ -214,55 +211,55 @@ def test_a_newer_goal_ends_ours() -> None:
 )
 def test_a_restarted_robot_is_not_waited_for(restarted: NavigatorStatus) -> None:
     drive = Drive()
-    drive.hear(status(5_000 * MS))
-    drive.hear(restarted)
+    drive.receive(status(5_000 * MS))
+    drive.receive(restarted)
     assert drive.watch.end is not None
     assert "restarted" in drive.watch.end.reason
 
 
 def test_a_status_that_was_overtaken_on_its_way_ends_nothing() -> None:
     drive = Drive()
-    drive.hear(status(5_000 * MS))
-    drive.hear(status(4_950 * MS, GoalState.NONE, goal_id=0))
+    drive.receive(status(5_000 * MS))
+    drive.receive(status(4_950 * MS, GoalState.NONE, goal_id=0))
     assert drive.watch.end is None
 
 
-def test_a_robot_that_never_heard_of_the_goal_is_found_out() -> None:
+def test_goal_unknown_to_the_robot_is_aborted() -> None:
     drive = Drive()
     for n in range(40):
         drive.pass_(100 * MS)
-        drive.hear(status(n * 100 * MS, GoalState.NONE, goal_id=0))
+        drive.receive(status(n * 100 * MS, GoalState.NONE, goal_id=0))
     assert drive.watch.end is not None
     assert drive.watch.end.outcome == "aborted"
 
 
 def test_silence_ends_the_wait_and_tries_to_stop_the_robot() -> None:
     drive = Drive()
-    drive.hear(status(0))
+    drive.receive(status(0))
     drive.pass_(2_900 * MS)
     assert drive.watch.end is None
     drive.pass_(200 * MS)
     assert drive.watch.end is not None
     assert (drive.watch.end.outcome, drive.watch.end.abort) == ("aborted", True)
-    assert "silent" in drive.watch.end.reason
+    assert "no message" in drive.watch.end.reason
 
 
 def by_our_clock(drive: Drive) -> None:
     for _ in range(10):
         drive.pass_(1_000 * MS)
-        drive.hear(status(0))
+        drive.receive(status(0))
 
 
 def by_the_robots_clock(drive: Drive) -> None:
-    drive.hear(status(5_000 * MS))
-    drive.hear(status(15_000 * MS))
+    drive.receive(status(5_000 * MS))
+    drive.receive(status(15_000 * MS))
 
 
 @pytest.mark.parametrize("passes", [by_our_clock, by_the_robots_clock])
 def test_the_time_limit_goes_by_whichever_clock_is_ahead(passes: Callable[[Drive], None]) -> None:
     drive = Drive(timeout_ns=10_000 * MS)
     passes(drive)
-    assert drive.watch.end == GoalEnd("timeout", "not there after 10 s", abort=True)
+    assert drive.watch.end == GoalEnd("timeout", "goal not reached within 10 s", abort=True)
 
 
 @given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 255), st.integers(0, 99))))
@@ -281,6 +278,6 @@ def test_an_end_is_final_whatever_comes_after(heard: list[tuple[int, int, int]])
             goal_reason=reason,
             goal_id=goal_id,
         )
-        drive.hear(message)
+        drive.receive(message)
         first_end = first_end or drive.watch.end
         assert drive.watch.end is first_end

@@ -1,10 +1,10 @@
-"""What is shown is live or said to be old; never an old number as if it were new."""
+"""A displayed value is live or shown with its age."""
 
 from math import inf, nan
 
 import pytest
 
-from ground.client.requests import Pace
+from ground.client.requests import HeartbeatTimer
 from ground.client.status_line import (
     doing,
     echo_of,
@@ -89,7 +89,7 @@ DECISION_NOW = AvoidanceDecision(
 )
 
 
-def test_the_goal_line_says_what_matters_first(air: Air, telemetry: Telemetry) -> None:
+def test_goal_line_begins_with_state_and_distance(air: Air, telemetry: Telemetry) -> None:
     air.put(STATUS, status(), 0)
     air.put(ODOMETRY, ODOMETRY_NOW, 0)
     air.put(DECISION, DECISION_NOW, 0)
@@ -109,14 +109,14 @@ def test_forty_columns_are_enough_for_all_but_the_reason(air: Air, telemetry: Te
 def test_a_status_of_the_goal_before_is_not_shown(air: Air, telemetry: Telemetry) -> None:
     air.put(STATUS, status(GoalState.REACHED), 0)
     assert "reached" in in_words(goal_line(telemetry, 0, 0, goal_id=1))
-    assert in_words(goal_line(telemetry, 0, 0, goal_id=2)) == "waiting for the robot to set off"
+    assert in_words(goal_line(telemetry, 0, 0, goal_id=2)) == "waiting for the robot to start"
 
 
 def test_an_old_number_is_not_shown(air: Air, telemetry: Telemetry) -> None:
     air.put(STATUS, status(), 0)
     air.put(ODOMETRY, ODOMETRY_NOW, 0)
     assert in_words(watch_line(telemetry, 2_000 * MS)) == (
-        "state -- (2.0 s)  pose -- (2.0 s)  goal -- (2.0 s)  echo --  cycle --  heart --"
+        "state -- (2.0 s)  pose -- (2.0 s)  goal -- (2.0 s)  echo --  cycle --  heartbeat --"
     )
 
 
@@ -128,12 +128,12 @@ def test_a_fading_number_has_its_age_and_a_live_one_has_not(air: Air, telemetry:
     assert (goal.text, goal.age_s) == ("goal 3.25 m", 0.14)
 
 
-def test_silence_is_said_with_its_length(telemetry: Telemetry) -> None:
-    assert in_words(goal_line(telemetry, 0, 1_500 * MS)) == "nothing heard of the robot for 1.5 s"
+def test_silence_is_shown_with_its_duration(telemetry: Telemetry) -> None:
+    assert in_words(goal_line(telemetry, 0, 1_500 * MS)) == "no message from the robot for 1.5 s"
     assert in_words(goal_line(telemetry, 0, 0)) == "waiting for the robot's status"
 
 
-def test_one_of_several_is_told_by_name(air: Air, telemetry: Telemetry) -> None:
+def test_line_of_several_robots_has_names(air: Air, telemetry: Telemetry) -> None:
     assert short_line(telemetry, "r2", 0).text == "r2 --"
     air.put(STATUS, status(), 0)
     assert short_line(telemetry, "r2", 0)[:2] == ("r2 driving 3.25 m", "r2 3.25 m")
@@ -154,7 +154,7 @@ def test_a_stream_fades_and_an_event_stays() -> None:
     assert age_of(TEXT, 10**15) is Age.LIVE
 
 
-def test_seen_tells_message_age_and_trust(air: Air, telemetry: Telemetry) -> None:
+def test_seen_returns_message_and_age(air: Air, telemetry: Telemetry) -> None:
     assert telemetry.seen(STATUS, 5).age is Age.GONE
     assert telemetry.fresh(STATUS, 5) is None
     air.put(STATUS, status(), 0)
@@ -173,7 +173,7 @@ def test_no_number_is_missing_and_infinity_is_no_echo() -> None:
 
 
 def test_a_beat_is_due_at_once_and_then_by_the_faster_clock() -> None:
-    pace = Pace()
+    pace = HeartbeatTimer()
     assert pace.due(0, 0)
     assert not pace.due(199 * MS, 0)
     assert pace.due(200 * MS, 0)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from ground.client.goal import Destination, destination
 from ground.ghost.branch_point import BranchPoint, driving, trial_words, world_bytes
 from protocol.options import numbers_kept
-from protocol.wire.goal import told_heading_rad
+from protocol.wire.goal import rounded_heading_rad
 from robot.core.parameters import DEFAULTS
 from study.cli.trial import goal_of, parser, start_of
 
@@ -37,7 +37,7 @@ def test_start_time_and_goal_arrive_as_they_were(
     assert place is not None
     assert (found.x_m, found.y_m, options.at) == (*start[:2], at_s)
     assert abs(found.heading_rad - start[2]) < 1e-10
-    assert told_heading_rad(found.heading_rad) == told_heading_rad(start[2])
+    assert rounded_heading_rad(found.heading_rad) == rounded_heading_rad(start[2])
     again = Destination(
         x_m=place.x_m,
         y_m=place.y_m,

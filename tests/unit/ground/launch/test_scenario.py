@@ -25,7 +25,7 @@ from plant.cli.worlds import main as worlds
 from plant.model.configuration import body_of
 from plant.placement.start_positions import starts
 from plant.world.file import load
-from protocol.outcome import Asked
+from protocol.outcome import RunSettings
 from protocol.wire.goal import wire_goal
 from robot.cli import parser as robot_parser
 from runtime.calibration import calibration_of
@@ -48,7 +48,7 @@ def scenario(*words: str, **changes: object) -> Scenario:
     return scenario_of(options, {**facts(options), **changes})
 
 
-def task_of(found: Scenario) -> Asked:
+def task_of(found: Scenario) -> RunSettings:
     return found.asked(found.scenario_robots[0].goal)
 
 

@@ -1,4 +1,4 @@
-"""Dots, lines and text in character cells, drawn out as they look."""
+"""Test dots, lines and text in character cells."""
 
 from itertools import pairwise
 
@@ -14,7 +14,7 @@ FAR = st.integers(-(10**12), 10**12)
 
 
 def dots_of(canvas: Canvas) -> set[tuple[int, int]]:
-    """Read back from the braille, so that it is what a person sees."""
+    """Return the dots as read from the braille text."""
     found = set()
     for row, text in enumerate(canvas.to_rows()):
         for column, character in enumerate(text):
@@ -33,7 +33,7 @@ def line_dots(
     return dots_of(canvas)
 
 
-def test_every_dot_has_its_place_in_the_character() -> None:
+def test_each_dot_has_its_place_in_the_character() -> None:
     for x in range(2):
         for y in range(4):
             canvas = Canvas(1, 1)
@@ -41,7 +41,7 @@ def test_every_dot_has_its_place_in_the_character() -> None:
             assert dots_of(canvas) == {(x, y)}
 
 
-def test_a_drawing_is_text() -> None:
+def test_canvas_becomes_braille_text() -> None:
     canvas = Canvas(8, 3)
     canvas.line(0, 0, 15, 0, "wall")
     canvas.line(0, 0, 0, 11, "wall")
@@ -53,7 +53,7 @@ def test_a_drawing_is_text() -> None:
     ]
 
 
-def test_the_same_drawing_without_braille() -> None:
+def test_canvas_becomes_ascii_text() -> None:
     canvas = Canvas(8, 3, ascii_only=True)
     canvas.line(0, 1, 15, 1, "wall")
     canvas.line(0, 0, 0, 11, "wall")
@@ -73,9 +73,7 @@ def test_a_line_sets_the_same_dots_from_either_end(x0: int, y0: int, x1: int, y1
 
 @given(NUMBERS, NUMBERS, NUMBERS, NUMBERS)
 @settings(deadline=None)
-def test_a_clipped_line_is_the_whole_line_where_the_canvas_is(
-    x0: int, y0: int, x1: int, y1: int
-) -> None:
+def test_clipped_line_equals_the_visible_part(x0: int, y0: int, x1: int, y1: int) -> None:
     shift = 40
     ends = (x0 + shift, y0 + shift, x1 + shift, y1 + shift)
     whole = {(x - shift, y - shift) for x, y in line_dots(*ends, columns=60, rows=30)}
@@ -84,7 +82,7 @@ def test_a_clipped_line_is_the_whole_line_where_the_canvas_is(
 
 @given(NUMBERS, NUMBERS, NUMBERS, NUMBERS)
 @settings(deadline=None)
-def test_a_line_is_in_one_piece_and_never_thick(x0: int, y0: int, x1: int, y1: int) -> None:
+def test_line_is_connected_and_one_dot_wide(x0: int, y0: int, x1: int, y1: int) -> None:
     shift = 40
     ends = (x0 + shift, y0 + shift, x1 + shift, y1 + shift)
     dots = line_dots(*ends, columns=60, rows=30)
@@ -94,13 +92,13 @@ def test_a_line_is_in_one_piece_and_never_thick(x0: int, y0: int, x1: int, y1: i
 
 @given(FAR, FAR, FAR, FAR)
 @settings(deadline=None)
-def test_ends_as_far_as_the_moon_cost_nothing(x0: int, y0: int, x1: int, y1: int) -> None:
+def test_distant_ends_are_clipped(x0: int, y0: int, x1: int, y1: int) -> None:
     assert len(line_dots(x0, y0, x1, y1)) <= 20
 
 
 @given(st.lists(st.tuples(NUMBERS, NUMBERS), max_size=12))
 @settings(deadline=None)
-def test_a_polyline_is_its_lines(points: list[tuple[int, int]]) -> None:
+def test_polyline_equals_its_lines(points: list[tuple[int, int]]) -> None:
     canvas, other = Canvas(10, 5), Canvas(10, 5)
     canvas.polyline(points, "trail")
     other.dots(points, "trail")
@@ -116,21 +114,21 @@ def test_the_role_drawn_last_has_the_cell() -> None:
     assert canvas.strip(0) == [("wall", "⠉"), ("robot", "⢉")]
 
 
-def test_a_blank_belongs_to_the_run_before_it_and_the_first_ones_to_the_run_after() -> None:
+def test_blank_cells_belong_to_the_run_before_them() -> None:
     canvas = Canvas(5, 2)
     canvas.dots([(2, 0), (8, 0)], "wall")
     assert canvas.strip(0) == [("wall", " ⠁  ⠁")]
     assert canvas.strip(1) == [("", "     ")]
 
 
-def test_text_stands_above_dots_whoever_is_drawn_later() -> None:
+def test_text_covers_dots_drawn_later() -> None:
     canvas = Canvas(4, 1)
     canvas.text(0, 0, "ab", "goal")
     canvas.line(0, 0, 7, 0, "robot")
     assert canvas.strip(0) == [("goal", "ab"), ("robot", "⠉⠉")]
 
 
-def test_text_that_would_run_out_is_moved_in_and_what_is_too_long_is_cut() -> None:
+def test_text_is_moved_onto_the_canvas_or_cut() -> None:
     canvas = Canvas(6, 2)
     canvas.text(4, 0, "goal", "text")
     canvas.text(3, 1, "simulation", "text")
@@ -138,7 +136,7 @@ def test_text_that_would_run_out_is_moved_in_and_what_is_too_long_is_cut() -> No
 
 
 @pytest.mark.parametrize("name", ["a\x1b[31m", "日本", "e\u0301", "a\nb", "\u202etxt"])
-def test_a_name_from_the_wire_takes_one_plain_cell_per_character(name: str) -> None:
+def test_received_name_takes_one_cell_per_character(name: str) -> None:
     canvas = Canvas(10, 1)
     canvas.text(0, 0, name, "text")
     assert len(canvas.to_rows()[0]) == 10
@@ -146,7 +144,7 @@ def test_a_name_from_the_wire_takes_one_plain_cell_per_character(name: str) -> N
     assert "?" in canvas.to_rows()[0]
 
 
-def test_ascii_only_is_ascii_only() -> None:
+def test_ascii_canvas_has_ascii_only() -> None:
     canvas = Canvas(12, 1, ascii_only=True)
     canvas.mark(0, 0, "goal", "goal")
     canvas.heading(2, 0, 2, "robot")
@@ -154,7 +152,7 @@ def test_ascii_only_is_ascii_only() -> None:
     assert canvas.to_rows() == ["O ^ ??a     "]
 
 
-def test_a_canvas_without_a_cell_takes_everything_and_shows_nothing() -> None:
+def test_canvas_without_cells_accepts_any_drawing() -> None:
     for columns, rows in ((0, 0), (-3, 4), (5, 0)):
         canvas = Canvas(columns, rows)
         canvas.line(0, 0, 9, 9, "wall")
@@ -164,13 +162,13 @@ def test_a_canvas_without_a_cell_takes_everything_and_shows_nothing() -> None:
         assert canvas.strip(0) == [("", " " * 5)] * bool(canvas.columns)
 
 
-def test_rows_that_look_the_same_have_not_changed() -> None:
+def test_only_rows_that_differ_are_changed() -> None:
     canvas = Canvas(6, 4)
     canvas.line(0, 0, 11, 0, "wall")
     twin = canvas.copy()
-    assert canvas.changed(twin) == []
+    assert canvas.changed_rows(twin) == []
     twin.dots([(0, 5)], "wall")
     twin.text(0, 2, "x", "text")
     twin.line(0, 0, 0, 0, "robot")
-    assert canvas.changed(twin) == [0, 1, 2]
+    assert canvas.changed_rows(twin) == [0, 1, 2]
     assert canvas.to_rows()[1].strip() == ""

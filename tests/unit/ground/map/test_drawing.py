@@ -1,4 +1,4 @@
-"""Scenes drawn out as they look, and scenes that no robot would send."""
+"""Test the drawing of scenes, random ones included."""
 
 from dataclasses import replace
 from math import inf, nan, pi
@@ -16,8 +16,8 @@ from ground.map import (
     View,
     draw,
     draw_moving,
-    draw_standing,
-    standing,
+    draw_static,
+    static_parts,
 )
 from ground.map.ellipse import ellipse
 from tests.support.ground.map.rooms import EVERYTHING, ROOM
@@ -27,7 +27,7 @@ from tests.support.ground.map.scenes import ANY, SCENES
 @given(SCENES, st.integers(0, 60), st.integers(0, 20), st.booleans())
 @example(Scene(robot=Robot(0.0, 0.0, 1.5e308)), 9, 9, False)
 @settings(max_examples=120, deadline=None)
-def test_no_scene_can_not_be_drawn(scene: Scene, columns: int, rows: int, plain: bool) -> None:
+def test_any_scene_can_be_drawn(scene: Scene, columns: int, rows: int, plain: bool) -> None:
     canvas = Canvas(columns, rows, ascii_only=plain)
     draw(scene, View.fit(scene.box(), columns, rows), canvas)
     assert [len(row) for row in canvas.to_rows()] == [columns] * rows
@@ -64,18 +64,18 @@ def test_each_layer_draws_its_own_and_nothing_else(layer: str) -> None:
     assert roles - {""} == ROLES_OF[layer]
 
 
-def test_a_scene_drawn_in_two_goes_is_the_scene() -> None:
+def test_static_and_moving_layers_make_the_whole_scene() -> None:
     view = View.fit(EVERYTHING.box(), 80, 24)
     whole, ground = Canvas(80, 24), Canvas(80, 24)
     draw(EVERYTHING, view, whole)
-    draw_standing(EVERYTHING, view, ground)
+    draw_static(EVERYTHING, view, ground)
     both = ground.copy()
     draw_moving(EVERYTHING, view, both)
-    assert both.changed(whole) == []
-    assert standing(replace(EVERYTHING, robot=None)) == standing(EVERYTHING)
+    assert both.changed_rows(whole) == []
+    assert static_parts(replace(EVERYTHING, robot=None)) == static_parts(EVERYTHING)
 
 
-def test_nobody_is_drawn_where_nobody_knows() -> None:
+def test_robot_without_a_position_is_not_drawn() -> None:
     unknown = replace(ROOM, size_m=None, obstacles=(), trail=(), goal=None)
     for robot in (None, Robot(nan, 1.0, 0.0), Robot(1.0, inf, 0.0)):
         canvas = Canvas(40, 5)
@@ -83,7 +83,7 @@ def test_nobody_is_drawn_where_nobody_knows() -> None:
         assert "".join(canvas.to_rows()).strip() == ""
 
 
-def test_a_trail_has_a_gap_where_a_place_is_missing() -> None:
+def test_trail_has_a_gap_at_a_missing_position() -> None:
     canvas = Canvas(20, 1)
     scene = Scene(trail=((-0.9, 0.0), (-0.6, 0.0), (nan, 0.0), (0.6, 0.0), (0.9, 0.0)))
     draw(scene, View(20, 1, 0.0, 0.0, 0.05), canvas)
@@ -97,7 +97,7 @@ def test_old_echoes_are_not_drawn() -> None:
     assert not roles & {"cone", "echo"}
 
 
-def test_a_world_as_large_as_a_country_takes_no_longer() -> None:
+def test_a_huge_world_is_drawn_as_fast() -> None:
     huge = replace(ROOM, size_m=(1e7, 1e7), zone_m=1e6, trail=((0.0, 0.0), (1e300, 1e300)))
     for view in (View.fit(huge.box(), 100, 40), View(100, 40, 1.9, 2.0, 1e-4)):
         begun_s = thread_time()
@@ -107,13 +107,13 @@ def test_a_world_as_large_as_a_country_takes_no_longer() -> None:
 
 @given(ANY, ANY, ANY)
 @settings(deadline=None)
-def test_an_ellipse_is_one_or_none(xx: float, xy: float, yy: float) -> None:
+def test_ellipse_axes_are_ordered_for_any_covariance(xx: float, xy: float, yy: float) -> None:
     axes = ellipse((xx, xy, yy))
     if axes is not None:
         assert axes[0] >= axes[1] >= 0.0
 
 
-def test_the_ellipse_is_the_one_of_95_percent() -> None:
+def test_ellipse_contains_95_percent() -> None:
     long_m, short_m, turn_rad = ellipse((0.04, 0.0, 0.01)) or (0.0, 0.0, 0.0)
     assert (long_m, short_m, turn_rad) == pytest.approx((0.48954, 0.24477, 0.0), abs=1e-4)
     turned = ellipse((0.01, 0.0, 0.04)) or (0.0, 0.0, 0.0)

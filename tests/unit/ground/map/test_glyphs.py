@@ -1,4 +1,4 @@
-"""One character per cell, whatever the terminal can show."""
+"""Test the characters for dots and marks."""
 
 from unicodedata import east_asian_width
 
@@ -13,7 +13,7 @@ def bits(*dots: tuple[int, int]) -> int:
     return sum(DOTS[2 * y + x] for x, y in dots)
 
 
-def test_every_pattern_has_its_braille_and_none_is_a_plain_blank() -> None:
+def test_each_pattern_has_its_braille_character() -> None:
     assert len(set(braille(EVERY))) == len(braille(EVERY)) == 256
     assert braille(EVERY)[0] == " "
     assert braille(EVERY)[bits((0, 0), (0, 1), (0, 2), (0, 3))] == "⡇"
@@ -37,11 +37,11 @@ def test_every_pattern_has_its_braille_and_none_is_a_plain_blank() -> None:
         ("#", tuple((x, y) for x in range(2) for y in range(4))),
     ],
 )
-def test_a_stroke_looks_like_its_dots(character: str, dots: tuple[tuple[int, int], ...]) -> None:
+def test_stroke_resembles_its_dots(character: str, dots: tuple[tuple[int, int], ...]) -> None:
     assert stroke(bits(*dots)) == character
 
 
-def test_a_pattern_and_its_mirror_are_mirrored_strokes() -> None:
+def test_mirrored_patterns_have_mirrored_strokes() -> None:
     mirrored = {"/": "\\", "\\": "/"}
     for pattern in range(256):
         dots = [(at % 2, at // 2) for at, bit in enumerate(DOTS) if pattern & bit]
@@ -50,13 +50,13 @@ def test_a_pattern_and_its_mirror_are_mirrored_strokes() -> None:
         assert ascii_art(EVERY)[mirror] == mirrored.get(drawn, drawn)
 
 
-def test_a_cell_with_a_dot_is_never_blank_and_ascii_is_ascii() -> None:
+def test_cell_with_a_dot_is_never_blank() -> None:
     for table in (braille(EVERY), ascii_art(EVERY)):
         assert all(character.strip() for character in table[1:])
     assert "".join(ascii_art(EVERY)).isascii()
 
 
-def test_marks_take_one_cell_and_have_an_ascii_twin() -> None:
+def test_marks_take_one_cell_also_in_ascii() -> None:
     for rich, plain in (
         *MARKS.values(),
         *zip(*HEADINGS, strict=True),
@@ -68,5 +68,5 @@ def test_marks_take_one_cell_and_have_an_ascii_twin() -> None:
         assert plain.isprintable()
 
 
-def test_who_is_there_is_told_from_what_is_out_there() -> None:
+def test_headings_and_pointers_differ() -> None:
     assert not set(HEADINGS[0]) & set(POINTERS[0])

@@ -1,16 +1,16 @@
-"""What stands under the map."""
+"""Test the scale bar and the legend below the map."""
 
 from dataclasses import replace
 
 import pytest
 
 from ground.map import Canvas, Scene, View, draw
-from ground.map.drawing import LOST, TRUTH, metres, words
+from ground.map.drawing import NOT_LIVE, TRUTH, legend_text, length_text
 from tests.support.ground.map.rooms import ROOM
 
 
 @pytest.mark.parametrize(
-    ("length_m", "said"),
+    ("length_m", "text"),
     [
         (0.0005, "0.5 mm"),
         (0.002, "2 mm"),
@@ -21,31 +21,31 @@ from tests.support.ground.map.rooms import ROOM
         (5000.0, "5 km"),
     ],
 )
-def test_a_length_is_said_as_people_say_it(length_m: float, said: str) -> None:
-    assert metres(length_m) == said
+def test_length_is_shown_in_a_fitting_unit(length_m: float, text: str) -> None:
+    assert length_text(length_m) == text
 
 
-def test_the_more_important_word_is_kept_when_there_is_little_room() -> None:
+def test_legend_keeps_the_most_important_parts() -> None:
     lost = replace(ROOM, live=False, note="replay")
-    assert words(lost, 80) == f"{LOST}, {TRUTH}, replay"
-    assert words(lost, 20) == f"{LOST}, replay"
-    assert words(lost, 8) == LOST
-    assert words(lost, 3) == ""
+    assert legend_text(lost, 80) == f"{NOT_LIVE}, {TRUTH}, replay"
+    assert legend_text(lost, 20) == f"{NOT_LIVE}, replay"
+    assert legend_text(lost, 8) == NOT_LIVE
+    assert legend_text(lost, 3) == ""
 
 
-def test_truth_is_only_claimed_of_walls_that_are_drawn() -> None:
-    assert words(ROOM, 80) == TRUTH
-    assert words(Scene(), 80) == ""
-    assert words(replace(ROOM, truth=False), 80) == ""
+def test_legend_names_truth_only_with_walls_drawn() -> None:
+    assert legend_text(ROOM, 80) == TRUTH
+    assert legend_text(Scene(), 80) == ""
+    assert legend_text(replace(ROOM, truth=False), 80) == ""
 
 
 @pytest.mark.parametrize("m_per_dot", [1e-4, 0.0123, 0.05, 1.0, 1e6])
-def test_the_bar_is_as_long_as_it_says(m_per_dot: float) -> None:
+def test_scale_bar_has_its_stated_length(m_per_dot: float) -> None:
     canvas, view = Canvas(100, 8), View(100, 8, 0.0, 0.0, m_per_dot)
     draw(Scene(), view, canvas)
     row = canvas.to_rows()[-1]
     length_m, cells = view.scale_bar(100 // 6)
-    assert row.startswith("├" + "─" * (cells - 2) + "┤ " + metres(length_m))
+    assert row.startswith("├" + "─" * (cells - 2) + "┤ " + length_text(length_m))
     assert cells * 2 * m_per_dot == pytest.approx(length_m, rel=0.15)
 
 

@@ -1,4 +1,4 @@
-"""Marks, labels and curves where they belong, in metres."""
+"""Test marks, labels and curves drawn in metres."""
 
 from math import hypot, inf, nan, pi
 
@@ -14,7 +14,7 @@ ANY = st.floats(allow_nan=True, allow_infinity=True)
 
 
 def pen(columns: int = 20, rows: int = 5) -> Pen:
-    """0 0 is in the middle, a cell is 0.2 m wide and 0.4 m high."""
+    """Return a pen with 0 0 in the middle and cells of 0.2 m x 0.4 m."""
     return Pen(Canvas(columns, rows), View(columns, rows, 0.0, 0.0, 0.1))
 
 
@@ -22,13 +22,13 @@ def rows(drawn: Pen) -> list[str]:
     return [row.rstrip() for row in drawn.canvas.to_rows()]
 
 
-def test_a_label_stands_to_the_right_of_its_mark() -> None:
+def test_label_is_to_the_right_of_its_mark() -> None:
     drawn = pen()
     drawn.mark((0.05, 0.0), "goal", "goal", "goal")
     assert rows(drawn)[2] == "          ◎ goal"
 
 
-def test_a_label_that_would_cover_another_goes_elsewhere() -> None:
+def test_labels_do_not_cover_each_other() -> None:
     drawn = pen()
     drawn.mark((0.05, 0.0), "goal", "goal", "one")
     drawn.mark((0.05, 0.0), "goal", "goal", "two")
@@ -36,19 +36,19 @@ def test_a_label_that_would_cover_another_goes_elsewhere() -> None:
     assert rows(drawn)[2:4] == ["      two ◎ one", "          red"]
 
 
-def test_a_label_at_the_right_rim_stands_on_the_left() -> None:
+def test_label_at_the_right_edge_is_on_the_left() -> None:
     drawn = pen()
     drawn.mark((1.9, 0.0), "goal", "goal", "goal")
     assert rows(drawn)[2] == "              goal ◎"
 
 
-def test_a_label_may_be_wanted_on_the_left() -> None:
+def test_label_can_be_requested_on_the_left() -> None:
     drawn = pen()
     drawn.mark((0.05, 0.0), "goal", "goal", "goal", to_left=True)
     assert rows(drawn)[2] == "     goal ◎"
 
 
-def test_a_mark_outside_has_no_label_inside() -> None:
+def test_mark_off_the_map_has_no_label() -> None:
     drawn = pen()
     drawn.mark((9.0, 0.0), "goal", "goal", "goal")
     drawn.mark((nan, 0.0), "goal", "goal", "goal")
@@ -74,7 +74,7 @@ def test_a_pointer_shows_the_way_out_of_the_map(at: tuple[float, float], arrow: 
     assert "goal" in text
 
 
-def test_what_is_on_the_map_or_nowhere_has_no_pointer() -> None:
+def test_only_finite_places_off_the_map_have_a_pointer() -> None:
     drawn = pen()
     for at in ((0.0, 0.0), (1.9, -0.9), (nan, 0.0), (inf, 0.0)):
         drawn.off_map(at, "goal", "goal")
@@ -89,7 +89,7 @@ def test_a_pointer_is_always_on_the_map(x_m: float, y_m: float) -> None:
     marks = sum(character in "→↗↑↖←↙↓↘" for character in "".join(rows(drawn)))
     at = drawn.view.to_dots(x_m, y_m)
     nowhere = not all(-inf < value < inf for value in at)
-    assert marks == (0 if nowhere or drawn.inside((x_m, y_m)) else 1)
+    assert marks == (0 if nowhere or drawn.shows((x_m, y_m)) else 1)
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_a_heading_is_the_nearest_of_eight(heading_rad: float, arrow: str) -> No
     assert "".join(rows(drawn)).strip() == arrow
 
 
-def test_nobody_looks_nowhere() -> None:
+def test_heading_that_is_not_finite_is_not_drawn() -> None:
     drawn = pen()
     drawn.heading((0.0, 0.0), nan, "robot")
     drawn.heading((0.0, 0.0), inf, "robot")
@@ -119,7 +119,7 @@ def test_a_curve_keeps_to_its_radius(radius_m: float, begun_rad: float, turn_rad
         assert hypot(x_m - 1.0, y_m - 2.0) == pytest.approx(radius_m)
 
 
-def test_a_curve_has_as_many_chords_as_show() -> None:
+def test_number_of_chords_follows_the_scale() -> None:
     small, large = (len(pen().curve((0.0, 0.0), r, r)) for r in (0.1, 2.0))
     assert small < large < 100
     assert len(pen().curve((0.0, 0.0), 1e6, 1e6)) <= 241
@@ -127,7 +127,7 @@ def test_a_curve_has_as_many_chords_as_show() -> None:
     assert pen().curve((0.0, 0.0), -1.0, 1.0) == ()
 
 
-def test_a_dotted_line_has_a_dot_at_each_end_and_few_between() -> None:
+def test_dotted_line_has_dots_at_its_ends() -> None:
     drawn = pen()
     drawn.dotted((-1.5, 0.0), (1.5, 0.0), "virtual", 10)
     assert rows(drawn)[2] == "  ⠠    ⠠    ⠠    ⠠"
@@ -139,7 +139,7 @@ def test_a_circle_is_closed() -> None:
     assert rows(drawn) == ["", "  ⢠⠊⠉⠉⠒⢄", "  ⡇    ⠈⡆", "  ⠘⢄⣀⣀⠤⠊", ""]
 
 
-def test_a_disc_is_solid_and_one_of_no_size_is_none() -> None:
+def test_disc_is_solid_and_needs_a_finite_size() -> None:
     drawn = pen(10, 5)
     drawn.disc((0.0, 0.0), 0.4, "robot")
     assert rows(drawn) == ["", "    ⣀⣄⡀", "   ⢼⣿⣿⣿⠄", "   ⠈⠛⠟⠋", ""]

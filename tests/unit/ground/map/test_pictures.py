@@ -1,4 +1,4 @@
-"""The map as it looks. What a picture should show is in the name above it."""
+"""Compare whole maps with pictures, named by their tests."""
 
 from dataclasses import replace
 from math import pi
@@ -20,11 +20,11 @@ def fitted(scene: Scene, columns: int, rows: int, ascii_only: bool = False) -> s
 
 
 def expected(text: str) -> str:
-    """As far to the left as the code that it stands in."""
+    """Remove the indent of the code."""
     return "\n".join(line.removeprefix("    ") for line in text.split("\n")[1:-1])
 
 
-def test_one_sees_where_the_robot_is_what_it_sees_and_where_it_goes() -> None:
+def test_picture_of_robot_sonars_and_goal() -> None:
     assert fitted(ROOM, 50, 16) == expected("""
         ⡤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⡄
         ⡇            ⠢⠤⠤⠤⣀                  ⡇     ⡇
@@ -45,7 +45,7 @@ def test_one_sees_where_the_robot_is_what_it_sees_and_where_it_goes() -> None:
     """)
 
 
-def test_one_sees_it_without_braille_too() -> None:
+def test_picture_in_ascii() -> None:
     assert fitted(ROOM, 50, 16, ascii_only=True) == expected(r"""
         /-----------------------------------------|
         |            \---_                  |     |
@@ -66,7 +66,7 @@ def test_one_sees_it_without_braille_too() -> None:
     """)
 
 
-def test_a_robot_that_is_not_heard_is_a_question_mark_and_words_say_so() -> None:
+def test_picture_of_a_robot_that_is_not_live() -> None:
     assert fitted(replace(ROOM, live=False, goal=None), 40, 9) == expected("""
              ⢠⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⢤
              ⢸                    ⢸
@@ -80,7 +80,7 @@ def test_a_robot_that_is_not_heard_is_a_question_mark_and_words_say_so() -> None
     """)
 
 
-def test_close_up_the_robot_is_true_to_scale_and_the_goal_a_pointer_on_the_edge() -> None:
+def test_picture_close_up_with_a_pointer_to_the_goal() -> None:
     assert picture(ROOM, View(40, 12, 1.9, 2.0, 0.008)) == expected("""
                         ⡁   ⠐
                         ⠄  ⡀⠁              ⢀
@@ -97,7 +97,7 @@ def test_close_up_the_robot_is_true_to_scale_and_the_goal_a_pointer_on_the_edge(
     """)
 
 
-def test_what_only_the_robot_saw_is_not_called_truth() -> None:
+def test_legend_does_not_call_seen_points_truth() -> None:
     assert fitted(
         replace(ROOM, size_m=None, obstacles=(), truth=False, seen=SEEN), 40, 9
     ) == expected("""
@@ -113,7 +113,7 @@ def test_what_only_the_robot_saw_is_not_called_truth() -> None:
     """)
 
 
-def test_everything_at_once_is_crowded_but_not_lost() -> None:
+def test_picture_of_everything_at_once() -> None:
     assert fitted(EVERYTHING, 80, 24) == expected("""
            ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄
            ⠂                       ⡀⠠ ⠂⠐ ⠁⠈ ⠁⠁⠈ ⠂⠐ ⠄⢀                        ⠂
@@ -142,7 +142,7 @@ def test_everything_at_once_is_crowded_but_not_lost() -> None:
     """)
 
 
-def test_a_few_cells_still_have_the_robot() -> None:
+def test_picture_in_a_few_cells_has_the_robot() -> None:
     assert fitted(ROOM, 8, 3) == expected("""
      goal⠤◎⡄
      ⡇▶⠶⡧⠤ ⡇
@@ -150,7 +150,7 @@ def test_a_few_cells_still_have_the_robot() -> None:
     """)
 
 
-def test_a_draft_is_told_from_the_mission_without_any_colour() -> None:
+def test_draft_and_mission_differ_without_colours() -> None:
     ways = (Target(1.0, 1.0), Target(3.0, 1.0, pi / 2.0))
     sent = fitted(Scene(size_m=(4.0, 2.0), mission=ways), 40, 9, ascii_only=True)
     made = fitted(Scene(size_m=(4.0, 2.0), draft=ways), 40, 9, ascii_only=True)

@@ -2,10 +2,10 @@
 
 import pytest
 
-from ground.text.statustext import Texts
+from ground.text.statustext import StatustextAssembler
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
-from protocol.wire.statustext import MOST_PIECES, PIECE_BYTES, pieces_of
+from protocol.wire.statustext import MAX_PIECES, PIECE_BYTES, pieces_of
 from tests.support.ground.client import CYCLE
 
 
@@ -14,50 +14,50 @@ def piece(text: str, id: int = 0, chunk_seq: int = 0) -> Statustext:
 
 
 def test_a_short_text_is_shown_at_once() -> None:
-    assert Texts().receive(piece("mode AUTO")) == "mode AUTO"
+    assert StatustextAssembler().receive(piece("mode AUTO")) == "mode AUTO"
 
 
 @pytest.mark.parametrize("number", [0, 7])
 def test_a_text_is_one_printable_line(number: int) -> None:
     """A line break would let a robot write lines of somebody else's."""
-    text = Texts().receive(piece("a\nr2: b\x1b]0;c\x07\u202e", number))
+    text = StatustextAssembler().receive(piece("a\nr2: b\x1b]0;c\x07\u202e", number))
     assert text == "a?r2: b?]0;c??"
 
 
 def test_pieces_are_put_together() -> None:
-    texts = Texts()
+    texts = StatustextAssembler()
     assert texts.receive(piece("a" * 50, 7, 0)) == ""
     assert texts.receive(piece("b" * 50, 7, 1)) == ""
     assert texts.receive(piece("end", 7, 2)) == "a" * 50 + "b" * 50 + "end"
 
 
 def test_a_text_whose_beginning_was_missed_is_shown_as_far_as_it_came() -> None:
-    texts = Texts()
+    texts = StatustextAssembler()
     assert texts.receive(piece("end", 7, 2)) == "end"
     texts.receive(piece("a" * 50, 8, 0))
     assert texts.receive(piece("other", 9, 0)) == "other"
 
 
 def test_pieces_without_end_are_shown_before_memory_runs_out() -> None:
-    texts = Texts()
+    texts = StatustextAssembler()
     shown = [texts.receive(piece("x" * 50, 1, seq)) for seq in range(20)]
     assert len(shown[-1]) == 1000
 
 
 def test_anything_else_is_no_text() -> None:
-    assert Texts().receive(CYCLE) == ""
+    assert StatustextAssembler().receive(CYCLE) == ""
 
 
 @pytest.mark.parametrize("text", ["x", "Größe", "a" * 50, "b" * 51, "c" * 150, "d" * 999])
 def test_what_is_taken_to_pieces_comes_together_again(text: str) -> None:
-    texts = Texts()
+    texts = StatustextAssembler()
     *before, last = [texts.receive(piece) for piece in pieces_of(text, 7, Severity.NOTICE)]
     assert not any(before)
     assert last == text
 
 
 def test_a_text_too_long_for_all_pieces_is_cut_and_still_ends() -> None:
-    texts = Texts()
+    texts = StatustextAssembler()
     *before, last = [texts.receive(piece) for piece in pieces_of("x" * 100_000, 7, Severity.ERROR)]
     assert not any(before)
-    assert last == "x" * (MOST_PIECES * PIECE_BYTES - 1)
+    assert last == "x" * (MAX_PIECES * PIECE_BYTES - 1)

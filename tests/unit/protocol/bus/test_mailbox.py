@@ -134,7 +134,7 @@ def test_a_clock_that_stands_still_is_heard_all_the_time() -> None:
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
-        (Sample(ENCODING, b"garbage"), "7 bytes are too few for a frame"),
+        (Sample(ENCODING, b"garbage"), "frame of 7 bytes is too short"),
         (sample(SCAN), "carries SonarScan, not WheelTicks"),
         (sample(encoding=f"{ENCODING_FAMILY};sidestep@9"), f"speaks sidestep@9, this is {DIALECT}"),
         (sample(encoding=ENCODING_FAMILY), f"is encoded as {ENCODING_FAMILY}, not as {ENCODING}"),

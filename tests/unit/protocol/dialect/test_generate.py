@@ -87,7 +87,7 @@ def test_a_limit_is_the_number_that_the_xml_says() -> None:
     enums = DIALECT.enums | {lost.name: lost._replace(entries=tuple(entries))}
     messages = (
         message._replace(
-            fields=tuple(f._replace(most="900" if f.most else "") for f in message.fields)
+            fields=tuple(f._replace(maximum="900" if f.maximum else "") for f in message.fields)
         )
         for message in DIALECT.messages
     )

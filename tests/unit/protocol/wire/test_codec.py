@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from protocol.wire.codec import CHECKSUM_SIZE, LARGEST_FRAME, Encoder, decode, framed
+from protocol.wire.codec import CHECKSUM_SIZE, LARGEST_FRAME, Encoder, decode, is_frame
 from protocol.wire.layout import LAYOUT
 from protocol.wire.message import Message
 from protocol.wire.messages import MESSAGES, GroundTruth, Statustext, WheelCommand
@@ -112,24 +112,24 @@ def test_zeros_at_the_end_are_left_out_and_read_back(text: str, chunk_seq: int) 
 
 def test_the_outer_form_of_a_frame_is_told_without_reading_it() -> None:
     frame = Encoder(1, 1).encode(COMMAND)
-    assert framed(frame)
-    assert framed(frame[:-1] + bytes([frame[-1] ^ 1])), "the checksum is not looked at"
+    assert is_frame(frame)
+    assert is_frame(frame[:-1] + bytes([frame[-1] ^ 1])), "the checksum is not looked at"
     for bad in (b"", frame[:-1], frame + b"\0", b"\xfe" + frame[1:], b"\xfd\0" + b"\0" * 10):
-        assert not framed(bad)
+        assert not is_frame(bad)
 
 
 def test_a_refusal_says_what_is_wrong() -> None:
     frame = Encoder(1, 1).encode(COMMAND)
-    stories = {
-        b"": "too few",
+    causes = {
+        b"": "too short",
         b"\xfe" + frame[1:]: "not with 0xfd",
         frame[:-1]: "announces",
-        frame.ljust(LARGEST_FRAME + 1): f"more than {LARGEST_FRAME} bytes",
-        frame[:2] + b"\x01" + frame[3:]: "not supported",
+        frame.ljust(LARGEST_FRAME + 1): f"longer than {LARGEST_FRAME} bytes",
+        frame[:2] + b"\x01" + frame[3:]: "unsupported",
         frame[:7] + b"\xff\xff\xff" + frame[10:]: "16777215 is not in the dialect",
         frame[:-CHECKSUM_SIZE] + b"\0\0": "checksum of WHEEL_COMMAND",
     }
-    for bad, words in stories.items():
+    for bad, words in causes.items():
         with pytest.raises(RemoteError, match=words):
             decode(bad)
 

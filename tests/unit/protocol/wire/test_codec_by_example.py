@@ -6,7 +6,7 @@
 import pytest
 from fastcrc.crc16 import mcrf4xx
 
-from protocol.wire.codec import LARGEST_FRAME, SMALLEST_FRAME, Encoder, Frame, decode, framed
+from protocol.wire.codec import LARGEST_FRAME, SMALLEST_FRAME, Encoder, Frame, decode, is_frame
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, Statustext, WheelCommand
 from runtime.errors import LocalError, RemoteError
@@ -99,18 +99,18 @@ def test_message_that_does_not_fit_is_named_and_takes_no_number() -> None:
 
 
 REFUSED = {
-    "empty": (b"", "0 bytes are too few for a frame"),
-    "too short": (b"\xfd" + bytes(SMALLEST_FRAME - 2), "12 bytes are too few for a frame"),
-    "shortest": (bytes(SMALLEST_FRAME), "starts with 0x00, not with 0xfd of MAVLink 2"),
-    "longest": (bytes(LARGEST_FRAME), "starts with 0x00, not with 0xfd of MAVLink 2"),
-    "too long": (bytes(LARGEST_FRAME + 1), "more than 267 bytes are too few for a frame"),
+    "empty": (b"", "frame of 0 bytes is too short"),
+    "too short": (b"\xfd" + bytes(SMALLEST_FRAME - 2), "frame of 12 bytes is too short"),
+    "shortest": (bytes(SMALLEST_FRAME), "frame starts with 0x00, not with 0xfd of MAVLink 2"),
+    "longest": (bytes(LARGEST_FRAME), "frame starts with 0x00, not with 0xfd of MAVLink 2"),
+    "too long": (bytes(LARGEST_FRAME + 1), "frame is longer than 267 bytes"),
     "MAVLink 1": (
         b"\xfe" + COMMAND_BYTES[1:],
-        "starts with 0xfe, not with 0xfd of MAVLink 2",
+        "frame starts with 0xfe, not with 0xfd of MAVLink 2",
     ),
-    "cut off": (COMMAND_BYTES[:-1], "announces 29 bytes of payload in a frame of 40"),
-    "with more": (COMMAND_BYTES + b"\0", "announces 29 bytes of payload in a frame of 42"),
-    "signed": (sealed(b"\x06", b"\1\0"), "needs features that are not supported (flags 0x01)"),
+    "cut off": (COMMAND_BYTES[:-1], "frame of 40 bytes announces 29 bytes of payload"),
+    "with more": (COMMAND_BYTES + b"\0", "frame of 42 bytes announces 29 bytes of payload"),
+    "signed": (sealed(b"\x06", b"\1\0"), "frame needs unsupported features (flags 0x01)"),
     "unknown": (
         COMMAND_BYTES[:7] + b"\x01\x02\x03" + COMMAND_BYTES[10:],
         f"message id {0x030201} is not in the dialect",
@@ -164,9 +164,9 @@ def test_payload_of_a_newer_dialect_is_read_as_far_as_it_is_known() -> None:
 
 
 def test_outer_form_is_told_without_reading_the_frame() -> None:
-    assert framed(COMMAND_BYTES)
-    assert framed(COMMAND_BYTES[:-1] + b"\0"), "the checksum is not looked at"
-    assert framed(b"\xfd\x01".ljust(SMALLEST_FRAME, b"\0"))
+    assert is_frame(COMMAND_BYTES)
+    assert is_frame(COMMAND_BYTES[:-1] + b"\0"), "the checksum is not looked at"
+    assert is_frame(b"\xfd\x01".ljust(SMALLEST_FRAME, b"\0"))
     for bad in (
         b"",
         COMMAND_BYTES[:-1],
@@ -174,4 +174,4 @@ def test_outer_form_is_told_without_reading_the_frame() -> None:
         b"\xfe" + COMMAND_BYTES[1:],
         b"\xfd\0".ljust(SMALLEST_FRAME - 1, b"\0"),
     ):
-        assert not framed(bad)
+        assert not is_frame(bad)

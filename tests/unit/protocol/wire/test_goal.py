@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.wire.goal import start_words, told_heading_rad, wire_goal
+from protocol.wire.goal import rounded_heading_rad, start_arguments, wire_goal
 from robot.core.perception.from_messages import goal_of
 
 metres = st.floats(-100.0, 100.0)
@@ -46,6 +46,6 @@ def test_the_core_gets_the_goal_within_half_a_millimetre(
 @given(metres, metres, st.integers(-360_000, 360_000))
 def test_a_start_told_in_words_arrives_to_the_last_bit(x: float, y: float, mdeg: int) -> None:
     heading_rad = radians(mdeg / 1000)
-    words = start_words(x, y, heading_rad)
+    words = start_arguments(x, y, heading_rad)
     assert (float(words[0]), float(words[1])) == (x, y)
-    assert radians(float(words[2])) == told_heading_rad(heading_rad) == heading_rad
+    assert radians(float(words[2])) == rounded_heading_rad(heading_rad) == heading_rad

@@ -1,4 +1,4 @@
-"""`sidestep study` from its command line: what is refused, what is run, what goes on."""
+"""The command line of `sidestep study`: refusals, runs and continued runs."""
 
 import importlib.util
 import json
@@ -21,19 +21,19 @@ SMALL = ("--worlds", "open", "--noise", "none", "default", "--navigators", "vgm"
 
 
 def study(place: Path, *words: str, small: tuple[str, ...] = SMALL) -> int:
-    """Its exit code."""
+    """Run the verb and return its exit code."""
     return sidestep.main(["study", *small, "--no-report", "--output", str(place), *words])
 
 
-def said(capsys: pytest.CaptureFixture[str]) -> Any:
+def summary_printed(capsys: pytest.CaptureFixture[str]) -> Any:
     return json.loads(capsys.readouterr().out)
 
 
-def test_a_study_writes_results_with_what_made_them(
+def test_results_contain_their_provenance(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert study(tmp_path / "s", "--json") == 0
-    summary = said(capsys)
+    summary = summary_printed(capsys)
     assert (summary["trials"], summary["outcomes"]) == (2, {"reached": 2})
     assert 0.0 < summary["cpu_s_per_simulated_h"] < 3600.0
     metadata = pq.read_schema(tmp_path / "s" / RESULTS).metadata
@@ -43,16 +43,16 @@ def test_a_study_writes_results_with_what_made_them(
     assert set(read(tmp_path / "s")["study"].to_pylist()) == {"s"}
 
 
-def test_the_same_again_runs_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_repeated_command_runs_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study(tmp_path)
     before = read(tmp_path)
     capsys.readouterr()
     assert study(tmp_path, "--json") == 0
-    assert said(capsys)["run_now"] == 0
+    assert summary_printed(capsys)["run_now"] == 0
     assert read(tmp_path).equals(before)
 
 
-def test_a_shard_that_was_spoilt_is_told_and_only_its_trials_run_again(
+def test_trials_of_a_damaged_shard_are_run_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     study(tmp_path)
@@ -63,26 +63,24 @@ def test_a_shard_that_was_spoilt_is_told_and_only_its_trials_run_again(
     spoil(bad)
     capsys.readouterr()
     assert study(tmp_path, "--json") == 0
-    told = capsys.readouterr()
-    assert f"{bad}: cannot be read" in told.err
-    assert json.loads(told.out)["run_now"] == 1
+    printed = capsys.readouterr()
+    assert f"{bad}: cannot be read" in printed.err
+    assert json.loads(printed.out)["run_now"] == 1
     assert ids(read(tmp_path)) == ids(whole)
     assert read(tmp_path)["digest"].equals(whole["digest"])
 
 
-def test_more_seeds_in_the_same_place_need_a_word(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_changed_settings_require_mixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study(tmp_path)
     assert study(tmp_path, "--seeds", "2") == 2
     assert "seeds was 1, is 2" in capsys.readouterr().err
     assert study(tmp_path, "--seeds", "2", "--mixed", "--json") == 0
-    told = capsys.readouterr()
-    assert "--mixed: going on although seeds was 1, is 2" in told.err
-    assert json.loads(told.out)["run_now"] == 1
+    printed = capsys.readouterr()
+    assert "--mixed: continuing although seeds was 1, is 2" in printed.err
+    assert json.loads(printed.out)["run_now"] == 1
 
 
-def test_the_results_name_every_command_that_made_them_once(tmp_path: Path) -> None:
+def test_results_list_each_command_once(tmp_path: Path) -> None:
     study(tmp_path)
     for _ in range(2):
         assert study(tmp_path, "--seeds", "2", "--mixed") == 0
@@ -92,7 +90,7 @@ def test_the_results_name_every_command_that_made_them_once(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
         (("--navigators", "vmg"), "did you mean 'vgm'"),
         (("--noise", "harch"), "did you mean 'harsh'"),
@@ -103,11 +101,11 @@ def test_the_results_name_every_command_that_made_them_once(tmp_path: Path) -> N
         (("--worlds", "nowhere.toml"), "nowhere.toml"),
     ],
 )
-def test_what_is_not_there_is_refused_before_anything_runs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
+def test_unknown_names_are_refused_before_any_trial(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], message: str
 ) -> None:
     assert study(tmp_path / "s", *words) == 2
-    assert says in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not (tmp_path / "s").exists()
 
 
@@ -123,13 +121,13 @@ def test_what_is_not_there_is_refused_before_anything_runs(
         ("--unheard-of",),
     ],
 )
-def test_wrong_usage_ends_with_two(tmp_path: Path, words: tuple[str, ...]) -> None:
+def test_wrong_usage_is_exit_code_2(tmp_path: Path, words: tuple[str, ...]) -> None:
     with pytest.raises(SystemExit) as ended:
         study(tmp_path, *words)
     assert ended.value.code == 2
 
 
-def test_without_the_extra_it_says_how_to_get_it(
+def test_missing_extra_is_reported_with_its_command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     there = importlib.util.find_spec
@@ -143,7 +141,7 @@ def test_without_the_extra_it_says_how_to_get_it(
 
 
 @pytest.mark.parametrize(("words", "seeds"), [(("--quick",), 5), ((), 20)])
-def test_a_quick_study_drives_the_paper_s_figures_with_fewer_seeds(
+def test_quick_study_uses_fewer_paper_seeds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], seeds: int
 ) -> None:
     asked: list[int] = []
@@ -157,29 +155,29 @@ def test_a_quick_study_drives_the_paper_s_figures_with_fewer_seeds(
     assert asked == [seeds]
 
 
-def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(
+def test_ctrl_c_prints_how_to_continue(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(study_run, "work", stopped)
+    monkeypatch.setattr(study_run, "run_tasks", stopped)
     assert study(tmp_path) == 130
-    told = capsys.readouterr().err
-    assert "stopped; 0 of 2 trials are in" in told
-    assert f"sidestep study {' '.join(SMALL)}" in told
+    printed = capsys.readouterr().err
+    assert "stopped; 0 of 2 trials are in" in printed
+    assert f"sidestep study {' '.join(SMALL)}" in printed
 
 
-def test_a_study_with_a_failed_trial_ends_with_one(
+def test_failed_trial_is_exit_code_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
 
-    monkeypatch.setattr(study_run, "work", lambda *_: write_shard(tmp_path, rows(1)))
+    monkeypatch.setattr(study_run, "run_tasks", lambda *_: write_shard(tmp_path, rows(1)))
     assert study(tmp_path) == 1
     assert "1 failed" in capsys.readouterr().out
 
 
-def test_quick_is_all_navigators_in_the_committed_worlds() -> None:
+def test_quick_runs_all_navigators_in_fixed_worlds() -> None:
     options = parser().parse_args(["--quick"])
     made = study_run.prepare(options, ["--quick"])
     assert len(made.worlds) == 36

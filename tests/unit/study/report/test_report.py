@@ -196,7 +196,7 @@ def test_the_commands_that_made_a_study_are_read_from_its_results(tmp_path: Path
 
 
 @pytest.mark.parametrize("wrong", [["--failures", "99"], ["--jobs", "0"], ["--jobs", "x"], []])
-def test_wrong_usage_ends_with_two(wrong: list[str], tmp_path: Path) -> None:
+def test_wrong_usage_is_exit_code_2(wrong: list[str], tmp_path: Path) -> None:
     with pytest.raises(SystemExit) as ended:
         main([str(tmp_path), *wrong] if wrong else [])
     assert ended.value.code == 2

@@ -1,4 +1,4 @@
-"""What is done is on the disk soon, and what is on the disk is not run again."""
+"""Rows are written to disk soon, and stored trials are not run again."""
 
 import errno
 import os
@@ -20,9 +20,9 @@ from study.runner.conduct import (
     Collector,
     collect,
     finish,
-    finished,
-    open_tasks,
+    missing_tasks,
     recover,
+    stored_rows,
 )
 from study.runner.plan import TrialTask
 from study.runner.progress import StudyProgress
@@ -38,7 +38,7 @@ def shards(directory: Path) -> int:
     return len(list((directory / store.SHARDS).glob("*.parquet")))
 
 
-def test_rows_are_written_every_few_seconds_and_at_the_end(tmp_path: Path) -> None:
+def test_rows_are_written_at_intervals_and_at_the_end(tmp_path: Path) -> None:
     watch, seen = Watch(), []
 
     def coming() -> Iterator[TrialRow | None]:
@@ -52,7 +52,7 @@ def test_rows_are_written_every_few_seconds_and_at_the_end(tmp_path: Path) -> No
     assert len(ids(store.read(tmp_path))) == 6
 
 
-def test_while_nothing_comes_what_came_is_written_too(tmp_path: Path) -> None:
+def test_buffered_rows_are_written_while_idle(tmp_path: Path) -> None:
     watch = Watch()
 
     def coming() -> Iterator[TrialRow | None]:
@@ -66,7 +66,7 @@ def test_while_nothing_comes_what_came_is_written_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("after", [False, True])
-def test_interrupted_write_loses_no_row_and_counts_none_twice(
+def test_interrupted_write_keeps_each_row_once(
     after: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(directory: Path, rows: list[TrialRow]) -> Path:
@@ -88,20 +88,18 @@ def test_interrupted_write_loses_no_row_and_counts_none_twice(
     assert len(ids(store.read(tmp_path))) == 1
 
 
-def test_a_long_study_writes_more_seldom_but_never_waits_long(tmp_path: Path) -> None:
+def test_write_interval_grows_up_to_its_limit(tmp_path: Path) -> None:
     watch = Watch()
     collector = Collector(tmp_path, watch)
     for row in rows(1000):
         watch.now_s += 3.6
         collector.add(row)
-        collector.look()
+        collector.flush_if_due()
     assert 3600.0 / MAX_FLUSH_S * 0.8 <= shards(tmp_path) <= 700
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, UserError, RuntimeError])
-def test_whatever_breaks_it_off_what_came_is_written(
-    tmp_path: Path, error: type[BaseException]
-) -> None:
+def test_rows_are_written_on_any_exception(tmp_path: Path, error: type[BaseException]) -> None:
     def coming() -> Iterator[TrialRow | None]:
         yield from rows(3)
         raise error
@@ -111,7 +109,7 @@ def test_whatever_breaks_it_off_what_came_is_written(
     assert len(ids(store.read(tmp_path))) == 3
 
 
-def test_on_a_full_disk_it_ends_with_a_clear_word_and_what_was_written(
+def test_full_disk_ends_the_study_and_keeps_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     watch = Watch()
@@ -137,36 +135,36 @@ def numbered(count: int) -> list[TrialTask]:
     return [replace(one, trial_id=f"{number:032x}") for number in range(count)]
 
 
-def test_only_what_is_not_there_is_open(tmp_path: Path) -> None:
-    assert open_tasks(numbered(4), finished(tmp_path)) == numbered(4)
+def test_stored_trials_are_not_run_again(tmp_path: Path) -> None:
+    assert missing_tasks(numbered(4), stored_rows(tmp_path)) == numbered(4)
     store.write_shard(tmp_path, rows(2, start=1))
-    left = open_tasks(numbered(4), finished(tmp_path))
+    left = missing_tasks(numbered(4), stored_rows(tmp_path))
     assert [int(task.trial_id, 16) for task in left] == [0, 3]
 
 
-def test_the_trials_of_a_shard_that_was_spoilt_are_open_again(tmp_path: Path) -> None:
+def test_trials_of_a_damaged_shard_are_missing(tmp_path: Path) -> None:
     store.write_shard(tmp_path, rows(2))
     bad = store.write_shard(tmp_path, rows(2, start=2))
     spoil(bad)
-    said = list(recover(tmp_path))
-    assert len(said) == 1
-    assert str(bad) in said[0]
-    assert "run again" in said[0]
-    left = open_tasks(numbered(4), finished(tmp_path))
+    messages = list(recover(tmp_path))
+    assert len(messages) == 1
+    assert str(bad) in messages[0]
+    assert "run again" in messages[0]
+    left = missing_tasks(numbered(4), stored_rows(tmp_path))
     assert [int(task.trial_id, 16) for task in left] == [2, 3]
     assert list(recover(tmp_path)) == []
 
 
-def test_spoilt_results_are_set_aside_like_a_shard(tmp_path: Path) -> None:
+def test_damaged_results_are_set_aside(tmp_path: Path) -> None:
     store.write_shard(tmp_path, rows(2))
     results = finish(tmp_path, {})
     spoil(results)
     assert str(results) in next(recover(tmp_path))
-    assert finished(tmp_path) is None
+    assert stored_rows(tmp_path) is None
     assert (tmp_path / store.ASIDE / store.RESULTS).exists()
 
 
-def test_what_a_killed_writer_left_is_removed(tmp_path: Path) -> None:
+def test_unfinished_files_are_removed(tmp_path: Path) -> None:
     store.write_shard(tmp_path, rows(1))
     left = [
         tmp_path / store.SHARDS / f"000002.parquet{store.UNFINISHED}",
@@ -181,15 +179,15 @@ def test_what_a_killed_writer_left_is_removed(tmp_path: Path) -> None:
 
 @tuned(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=12, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 9), st.integers(1, 4), st.booleans()), max_size=6))
-def test_however_it_is_broken_off_in_the_end_each_trial_is_there_once(
+def test_any_interruptions_end_with_each_trial_once(
     tmp_path: Path, calls: list[tuple[int, int, bool]]
 ) -> None:
-    """Each call writes some of what is open; some are compacted, some lose their last shard."""
+    """Write some missing trials per call; damage the last shard of some calls."""
     directory = tmp_path / str(len(list(tmp_path.iterdir())))
     directory.mkdir()
     for _, count, spoilt in calls:
         list(recover(directory))
-        left = open_tasks(numbered(12), finished(directory))
+        left = missing_tasks(numbered(12), stored_rows(directory))
         made = [rows(1, start=int(task.trial_id, 16))[0] for task in left[:count]]
         if made:
             shard = store.write_shard(directory, made)
@@ -198,7 +196,7 @@ def test_however_it_is_broken_off_in_the_end_each_trial_is_there_once(
                 continue
             finish(directory, {})
     list(recover(directory))
-    for row in open_tasks(numbered(12), finished(directory)):
+    for row in missing_tasks(numbered(12), stored_rows(directory)):
         store.write_shard(directory, rows(1, start=int(row.trial_id, 16)))
     finish(directory, {})
     assert [int(name, 16) for name in ids(store.read(directory))] == list(range(12))

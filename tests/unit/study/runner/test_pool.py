@@ -1,4 +1,4 @@
-"""Worker processes give the same rows however many they are, and may die."""
+"""Worker processes give the same rows whatever their number, and may die."""
 
 import subprocess
 import sys
@@ -19,7 +19,7 @@ from tests.support.study.trouble import deadly, faulty
 
 
 def run(jobs: int, made: Sequence[TrialTask], *worlds: World) -> dict[str, TrialRow]:
-    """The rows by trial; fails when one comes twice."""
+    """Return the rows by trial; fail when a trial comes twice."""
     with Pool(jobs, context_of(*worlds)) as pool:
         rows = [row for row in pool.run(made) if row is not None]
     found = {row.trial_id: row for row in rows}
@@ -27,7 +27,7 @@ def run(jobs: int, made: Sequence[TrialTask], *worlds: World) -> dict[str, Trial
     return found
 
 
-def test_the_digests_are_equal_for_one_worker_and_for_three() -> None:
+def test_digests_do_not_depend_on_worker_count() -> None:
     worlds = (floor(), boxed())
     made = tasks(*worlds, noise=("none", "harsh"), seeds=3, navigators=("vgm:left", "bug:right"))
     one, three = run(1, made, *worlds), run(3, made, *worlds)
@@ -37,7 +37,7 @@ def test_the_digests_are_equal_for_one_worker_and_for_three() -> None:
     }
 
 
-def test_a_worker_that_dies_is_replaced_and_its_trials_run_again(tmp_path: Path) -> None:
+def test_dead_worker_is_replaced_and_its_trials_rerun(tmp_path: Path) -> None:
     worlds = (floor(), deadly(tmp_path / "marks", times=1))
     made = tasks(*worlds, noise=("default",), seeds=3)
     rows = run(1, made, *worlds)
@@ -46,7 +46,7 @@ def test_a_worker_that_dies_is_replaced_and_its_trials_run_again(tmp_path: Path)
     assert {row.outcome for row in rows.values()} == {"reached"}
 
 
-def test_a_trial_that_kills_its_worker_twice_has_failed_and_the_others_have_not(
+def test_trial_that_kills_two_workers_fails_alone(
     tmp_path: Path,
 ) -> None:
     worlds = (deadly(tmp_path / "marks", times=2), floor(), boxed())
@@ -55,19 +55,19 @@ def test_a_trial_that_kills_its_worker_twice_has_failed_and_the_others_have_not(
     assert len(rows) == 3
     bad = [row for row in rows.values() if row.outcome == FAILED]
     assert [row.world for row in bad] == ["deadly"]
-    assert bad[0].reason == "its worker process died 2 times, at last killed by SIGKILL"
+    assert bad[0].reason == "its worker process died 2 times, last killed by SIGKILL"
 
 
-def test_a_trial_that_raises_is_a_row_among_the_others() -> None:
+def test_raising_trial_does_not_affect_others() -> None:
     worlds = (faulty(), floor())
     rows = run(2, tasks(*worlds), *worlds)
     assert sorted(row.outcome for row in rows.values()) == [FAILED, "reached"]
 
 
-def test_workers_that_cannot_begin_are_an_error_and_no_endless_attempt(
+def test_workers_that_cannot_start_raise_an_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(pools, "work", int)  # a worker whose work is over at once
+    monkeypatch.setattr(pools, "run_worker", int)  # a worker whose work is over at once
     made = tasks(floor())
     with (
         Pool(1, context_of(floor())) as pool,
@@ -76,7 +76,7 @@ def test_workers_that_cannot_begin_are_an_error_and_no_endless_attempt(
         list(pool.run(made))
 
 
-def test_leaving_the_pool_ends_the_workers_at_once() -> None:
+def test_leaving_the_pool_kills_its_workers() -> None:
     made = tasks(boxed(), noise=("default",), seeds=4)
     with Pool(2, context_of(boxed())) as pool:
         next(pool.run(made))
@@ -85,7 +85,7 @@ def test_leaving_the_pool_ends_the_workers_at_once() -> None:
     assert not any(process.is_alive() for process in processes)
 
 
-def test_no_more_workers_than_trials() -> None:
+def test_pool_starts_no_more_workers_than_trials() -> None:
     made = tasks(floor())
     with Pool(8, context_of(floor())) as pool:
         rows = pool.run(made)
@@ -110,8 +110,8 @@ with Pool(2, context_of(floor())) as pool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc here")
-def test_ctrl_c_is_not_for_the_workers_nor_for_the_first_of_them() -> None:
-    """In a process of its own, for Python starts a helper with the first worker that unmasks it."""
+def test_workers_block_interrupt_signals() -> None:
+    """Run in a new process: Python starts a helper with the first worker that unmasks signals."""
     ran = subprocess.run(
         [sys.executable, "-c", BLOCKED], check=True, capture_output=True, text=True, timeout=60
     )
@@ -125,8 +125,8 @@ def test_ctrl_c_is_not_for_the_workers_nor_for_the_first_of_them() -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "says"),
+    ("code", "message"),
     [(-9, "killed by SIGKILL"), (-99, "killed by signal 99"), (3, "ended with exit code 3")],
 )
-def test_how_a_worker_ended_is_said_in_words(code: int, says: str) -> None:
-    assert pools._end_of(code) == says
+def test_exit_codes_are_described(code: int, message: str) -> None:
+    assert pools._exit_text(code) == message

@@ -1,4 +1,4 @@
-"""Whoever waits sees how far it is and how long it will take."""
+"""The progress line shows how far a study is and how long it will take."""
 
 from io import StringIO
 
@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.runner.progress import StudyProgress, in_words
+from study.runner.progress import StudyProgress, duration_text
 from tests.support.study.made import Watch, rows
 
 
@@ -15,51 +15,43 @@ class Terminal(StringIO):
         return True
 
 
-def test_trials_rate_and_time_left_are_told() -> None:
+def test_line_shows_trials_rate_and_time_left() -> None:
     watch, file = Watch(), StringIO()
     progress = StudyProgress(100, 10, file, watch)
     for row in rows(30, time_s=120.0):
         progress.add(row)
     watch.now_s += 60.0
-    progress.show()
+    progress.show_if_due()
     assert file.getvalue() == ("40/100 trials (40 %), 1.0 simulated h/min, 2 min left, 30 failed\n")
 
 
-def test_before_the_first_trial_nothing_is_guessed() -> None:
+def test_no_time_left_before_the_first_trial() -> None:
     file = StringIO()
-    StudyProgress(5, 0, file, Watch()).show()
+    StudyProgress(5, 0, file, Watch()).show_if_due()
     assert file.getvalue() == "0/5 trials (0 %)\n"
 
 
-def test_a_terminal_has_one_line_that_is_written_over() -> None:
+def test_terminal_line_is_overwritten() -> None:
     watch, file = Watch(), Terminal()
     progress = StudyProgress(5, 0, file, watch)
     for _ in range(4):
         watch.now_s += 1.0
-        progress.show()
+        progress.show_if_due()
     progress.close()
     assert file.getvalue().count("\n") == 1
     assert file.getvalue().count("\r") == 5
 
 
-def test_elsewhere_lines_are_sparse() -> None:
+def test_log_lines_are_sparse() -> None:
     watch, file = Watch(), StringIO()
     progress = StudyProgress(5, 0, file, watch)
     for _ in range(600):
         watch.now_s += 0.1
-        progress.show()
+        progress.show_if_due()
     assert 2 <= file.getvalue().count("\n") <= 3
 
 
-def test_something_said_in_between_does_not_mix_with_the_line() -> None:
-    file = Terminal()
-    progress = StudyProgress(5, 0, file, Watch())
-    progress.show()
-    progress.say("a worker died")
-    assert "\x1b[Ka worker died\n" in file.getvalue()
-
-
-def test_a_failed_trial_without_a_time_spoils_no_sum() -> None:
+def test_failed_trial_does_not_change_simulated_time() -> None:
     progress = StudyProgress(5, 0, StringIO(), Watch())
     for row in rows(3):
         progress.add(row)
@@ -70,12 +62,12 @@ def test_a_failed_trial_without_a_time_spoils_no_sum() -> None:
     ("span_s", "words"),
     [(0.0, "0 s"), (89.4, "89 s"), (90.0, "2 min"), (3600.0, "60 min"), (11_100.0, "3 h 05 min")],
 )
-def test_a_span_is_said_as_a_person_says_it(span_s: float, words: str) -> None:
-    assert in_words(span_s) == words
+def test_durations_are_formatted_by_magnitude(span_s: float, words: str) -> None:
+    assert duration_text(span_s) == words
 
 
 @given(st.integers(0, 50), st.integers(0, 50), st.floats(0.0, 1e6))
-def test_the_line_can_always_be_written(before: int, now: int, elapsed_s: float) -> None:
+def test_line_is_valid_for_any_progress(before: int, now: int, elapsed_s: float) -> None:
     watch = Watch()
     progress = StudyProgress(before + now + 1, before, StringIO(), watch)
     for row in rows(now):

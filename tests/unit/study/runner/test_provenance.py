@@ -1,4 +1,4 @@
-"""A row can be traced to the code that made it; what no trial runs is not part of that."""
+"""A row can be traced to the code that produced it."""
 
 import subprocess
 from pathlib import Path
@@ -25,21 +25,21 @@ def tree(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     "name", ["robot/core/brain.py", "plant/new.py", "runtime/calibrations/none.toml"]
 )
-def test_what_decides_a_trial_changes_the_digest(tree: Path, name: str) -> None:
+def test_digest_covers_files_that_a_trial_runs(tree: Path, name: str) -> None:
     before = code_digest(tree)
     (tree / name).write_text("otherwise")
     assert code_digest(tree) != before
 
 
 @pytest.mark.parametrize("name", ["README.md", "study/report.py", "plant/worlds_of_others.toml"])
-def test_what_decides_no_trial_does_not(tree: Path, name: str) -> None:
+def test_digest_ignores_other_files(tree: Path, name: str) -> None:
     before = code_digest(tree)
     (tree / name).parent.mkdir(exist_ok=True)
     (tree / name).write_text("otherwise")
     assert code_digest(tree) == before
 
 
-def test_moving_a_line_from_one_file_to_another_is_a_change(tree: Path) -> None:
+def test_moving_a_line_between_files_changes_the_digest(tree: Path) -> None:
     (tree / "plant/a.py").write_text("x")
     (tree / "plant/b.py").write_text("")
     before = code_digest(tree)
@@ -49,7 +49,7 @@ def test_moving_a_line_from_one_file_to_another_is_a_change(tree: Path) -> None:
 
 
 @pytest.mark.skipif(which("git") is None, reason="no git on this machine")
-def test_the_commit_is_that_of_the_checkout() -> None:
+def test_commit_is_that_of_the_checkout() -> None:
     answer = subprocess.run(
         ["git", "-C", str(ROOT), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
     )
@@ -57,6 +57,6 @@ def test_the_commit_is_that_of_the_checkout() -> None:
     assert len(code().digest) == len(CODE.digest) * 32
 
 
-def test_of_the_machine_everything_is_known() -> None:
+def test_machine_info_is_complete() -> None:
     assert "unknown" not in machine()
     assert all(machine())

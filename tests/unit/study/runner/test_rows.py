@@ -1,4 +1,4 @@
-"""A row and its columns say the same, nulls and numbers that are none included."""
+"""Rows and columns hold the same values, including nulls and NaN."""
 
 from dataclasses import fields, replace
 from math import inf, isnan, nan
@@ -14,11 +14,11 @@ from tests.support.study.made import rows
 FLOATS = st.floats(allow_nan=False) | st.sampled_from([inf, -inf])
 
 
-def test_the_columns_are_the_fields_in_their_order() -> None:
+def test_columns_are_the_fields_in_order() -> None:
     assert tuple(SCHEMA.names) == COLUMNS == tuple(field.name for field in fields(TrialRow))
 
 
-def test_only_what_may_be_unknown_may_be_null() -> None:
+def test_only_optional_values_are_nullable() -> None:
     nullable = {field.name for field in SCHEMA if field.nullable}
     assert nullable == {"shortest_path_m", "reachable", "heading_error_rad"}
 
@@ -31,7 +31,7 @@ def test_only_what_may_be_unknown_may_be_null() -> None:
     seed=st.integers(0, 2**62),
     reason=st.text(),
 )
-def test_a_row_comes_back_as_it_went_in(
+def test_rows_survive_a_round_trip(
     length_m: float | None,
     error_rad: float | None,
     reachable: bool | None,
@@ -50,7 +50,7 @@ def _encodable(text: str) -> str:
     return text.encode("utf-8", "replace").decode()
 
 
-def test_a_nan_stays_a_nan_and_is_no_null() -> None:
+def test_nan_is_not_stored_as_null() -> None:
     row = replace(rows(1)[0], path_m=nan, heading_error_rad=nan)
     (back,) = rows_of(table_of([row]))
     assert isnan(back.path_m)
@@ -59,7 +59,7 @@ def test_a_nan_stays_a_nan_and_is_no_null() -> None:
 
 
 @pytest.mark.parametrize("column", ["world", "seed", "dirty", "path_m"])
-def test_a_missing_value_where_one_must_be_is_refused(column: str) -> None:
+def test_missing_required_value_is_refused(column: str) -> None:
     missing: dict[str, Any] = {column: None}
     with pytest.raises(ValueError, match=column):
         table_of(rows(1, **missing))

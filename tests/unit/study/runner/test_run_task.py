@@ -1,4 +1,4 @@
-"""A row says what the trial was, how it ended and what produced it, also when it failed."""
+"""A row holds the trial, its outcome and its provenance, also of a failed trial."""
 
 import sys
 from dataclasses import replace
@@ -20,7 +20,7 @@ from tests.support.study.trouble import faulty
 FINITE = st.floats(-10.0, 10.0)
 
 
-def test_the_row_of_a_drive_says_what_the_drive_said() -> None:
+def test_row_holds_the_values_of_the_outcome() -> None:
     world = boxed()
     (task,) = tasks(world, noise=("default",))
     row = row_of(task, context_of(world))
@@ -36,7 +36,7 @@ def test_the_row_of_a_drive_says_what_the_drive_said() -> None:
     )
 
 
-def test_the_ticks_of_a_drive_are_spent_in_its_branches() -> None:
+def test_ticks_are_split_by_branch() -> None:
     world = boxed()
     (task,) = tasks(world)
     row = row_of(task, context_of(world))
@@ -45,7 +45,7 @@ def test_the_ticks_of_a_drive_are_spent_in_its_branches() -> None:
     assert 0 < spent + row.ticks_aligning <= row.ticks + 1
 
 
-def test_a_row_can_be_driven_again_to_the_same_digest() -> None:
+def test_row_reproduces_its_digest() -> None:
     world = boxed()
     (task,) = tasks(world, noise=("harsh",), parameters={"d_obs_m": 0.31})
     row = row_of(task, context_of(world))
@@ -53,7 +53,7 @@ def test_a_row_can_be_driven_again_to_the_same_digest() -> None:
     assert run_trial(trial_of(stored, world)).digest == row.digest
 
 
-def test_a_row_says_what_produced_it() -> None:
+def test_row_holds_its_provenance() -> None:
     world = floor()
     row = row_of(tasks(world)[0], context_of(world, study="night"))
     assert (row.study, row.commit, row.dirty, row.version) == ("night", "c0ffee", False, "0.1.0")
@@ -65,7 +65,7 @@ def test_a_row_says_what_produced_it() -> None:
     assert CODE.digest not in row.commit
 
 
-def test_a_trial_that_raises_is_a_row_that_says_so() -> None:
+def test_raising_trial_is_a_failed_row() -> None:
     row = row_of(tasks(floor("faulty"))[0], context_of(faulty()))
     assert (row.outcome, row.reason) == (FAILED, "RuntimeError: the floor gave way")
     assert isnan(row.time_s)
@@ -73,12 +73,12 @@ def test_a_trial_that_raises_is_a_row_that_says_so() -> None:
     assert row.goal_state == states.NONE
 
 
-def test_a_failed_row_fits_into_the_table() -> None:
-    row = failed(tasks(floor())[0], context_of(floor()), "nobody was there")
-    assert table_of([row])["reason"].to_pylist() == ["nobody was there"]
+def test_failed_row_fits_the_schema() -> None:
+    row = failed(tasks(floor())[0], context_of(floor()), "not reached")
+    assert table_of([row])["reason"].to_pylist() == ["not reached"]
 
 
-def test_a_start_in_an_obstacle_has_an_outcome_with_a_reason() -> None:
+def test_start_in_an_obstacle_is_aborted_with_reason() -> None:
     stuck = replace(boxed(), start=replace(floor().start, x_m=2.2))
     row = row_of(tasks(stuck)[0], context_of(stuck))
     assert row.outcome == "aborted"
@@ -87,20 +87,18 @@ def test_a_start_in_an_obstacle_has_an_outcome_with_a_reason() -> None:
 
 
 @given(FINITE, FINITE, st.floats(0.01, 5.0))
-def test_of_equal_spreads_the_distance_counts_standard_deviations(
-    x_m: float, y_m: float, sigma_m: float
-) -> None:
+def test_mahalanobis_counts_standard_deviations(x_m: float, y_m: float, sigma_m: float) -> None:
     found = mahalanobis2(x_m, y_m, (sigma_m**2, 0.0, sigma_m**2))
     assert found == pytest.approx((x_m**2 + y_m**2) / sigma_m**2, abs=1e-9)
 
 
 @given(FINITE, FINITE, st.floats(0.1, 5.0), st.floats(0.1, 5.0), st.floats(-0.9, 0.9))
-def test_the_distance_is_never_negative(
+def test_mahalanobis_is_never_negative(
     x_m: float, y_m: float, xx: float, yy: float, correlation: float
 ) -> None:
     assert mahalanobis2(x_m, y_m, (xx, correlation * (xx * yy) ** 0.5, yy)) >= -1e-9
 
 
 @pytest.mark.parametrize("spread", [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (nan, 0.0, 1.0)])
-def test_a_covariance_without_an_inverse_gives_none(spread: tuple[float, float, float]) -> None:
+def test_singular_covariance_gives_nan(spread: tuple[float, float, float]) -> None:
     assert isnan(mahalanobis2(0.1, 0.1, spread))

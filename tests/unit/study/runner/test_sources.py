@@ -1,4 +1,4 @@
-"""The worlds of a study: found by name, directory or family, and made again from their source."""
+"""The worlds of a study are found by name, directory or family and made again from their source."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +25,7 @@ def names(found: list[ListedWorld]) -> list[str]:
 
 @pytest.fixture
 def own(tmp_path: Path) -> Path:
-    """A directory with two worlds of somebody's own."""
+    """Make a directory with two world files."""
     place = tmp_path / "mine"
     place.mkdir()
     for file, world in (("a: 1", floor("a", family=None)), ("b", boxed("b"))):
@@ -34,23 +34,23 @@ def own(tmp_path: Path) -> Path:
     return place
 
 
-def test_the_corpus_has_so_many_worlds_of_every_family() -> None:
+def test_corpus_has_the_requested_worlds_per_family() -> None:
     found = listed(wanted("corpus", families=["box", "open"], per_family=3))
     assert [one.world.family for one in found] == ["box"] * 3 + ["open"] * 3
     assert len(listed(wanted("corpus"))) == len(FAMILIES)
 
 
-def test_the_committed_worlds_are_two_of_every_family() -> None:
+def test_fixed_worlds_are_two_per_family() -> None:
     families = [one.world.family for one in listed(wanted("fixed"))]
     assert sorted(map(str, families)) == sorted([*FAMILIES, *FAMILIES])
 
 
-def test_shipped_worlds_come_by_name_or_all_together() -> None:
+def test_shipped_worlds_are_listed_by_name_or_all() -> None:
     assert names(listed(wanted("box", "u_trap"))) == ["box", "u_trap"]
     assert len(listed(wanted("shipped"))) == len(shipped())
 
 
-def test_anyones_directory_will_do_and_gives_its_name_to_worlds_without_a_family(
+def test_directory_names_the_family_of_its_worlds(
     own: Path,
 ) -> None:
     found = listed(wanted(str(own)))
@@ -58,25 +58,25 @@ def test_anyones_directory_will_do_and_gives_its_name_to_worlds_without_a_family
     assert [one.world.family for one in found] == ["mine", "disc"]
 
 
-def test_the_shortest_path_is_known_of_every_world() -> None:
+def test_every_listed_world_has_a_shortest_path() -> None:
     for one in listed(wanted("fixed", "box")):
         unreachable = one.world.family == "unreachable"
         assert one.world.reachable is not unreachable
         assert (one.world.shortest_path_m is None) == unreachable
 
 
-def test_a_world_that_is_asked_for_twice_is_there_once(own: Path) -> None:
+def test_repeated_world_is_listed_once(own: Path) -> None:
     found = listed(wanted("box", str(own), "box", str(own / "a: 1.toml")))
     assert names(found) == ["box", "a", "b"]
 
 
-def test_two_worlds_of_one_name_are_refused(own: Path) -> None:
+def test_different_worlds_of_one_name_are_refused(own: Path) -> None:
     (own / "c.toml").write_text(dumps(boxed("a")))
     with pytest.raises(UserError, match="both named 'a' and differ"):
         listed(wanted(str(own)))
 
 
-def test_every_world_is_the_same_again_from_its_source(own: Path, tmp_path: Path) -> None:
+def test_source_reproduces_the_world(own: Path, tmp_path: Path) -> None:
     families = ["box", "unreachable", "disc", "mine", "shipped", "maze"]
     found = [
         *listed(wanted("corpus", families=["box", "maze"])),
@@ -90,7 +90,7 @@ def test_every_world_is_the_same_again_from_its_source(own: Path, tmp_path: Path
         assert digest_of(world_of(one.source, tmp_path)) == one.digest
 
 
-def test_a_file_is_kept_once_and_not_written_again(own: Path, tmp_path: Path) -> None:
+def test_kept_file_is_written_once(own: Path, tmp_path: Path) -> None:
     found = listed(wanted(str(own)))
     keep(found, tmp_path)
     before = [file.stat().st_ino for file in sorted((tmp_path / sources.KEPT).iterdir())]
@@ -100,14 +100,14 @@ def test_a_file_is_kept_once_and_not_written_again(own: Path, tmp_path: Path) ->
     assert len(before) == 2
 
 
-def test_the_digest_is_of_what_a_trial_can_notice() -> None:
+def test_digest_covers_what_affects_a_trial() -> None:
     world = load("box")
     assert digest_of(replace(world, family="other", shortest_path_m=9.0)) == digest_of(world)
     moved = replace(world, goal=replace(world.goal, x_m=world.goal.x_m + 1e-9))
     assert digest_of(moved) != digest_of(world)
 
 
-def test_all_bad_files_are_told_at_once_in_their_order(own: Path) -> None:
+def test_all_bad_files_are_reported_in_order(own: Path) -> None:
     (own / "0.toml").write_text("size_m = [")
     (own / "z.toml").write_text('name = "z"\nsize_m = [4.0, -1.0]\n')
     with pytest.raises(WorldError) as refused:
@@ -118,31 +118,31 @@ def test_all_bad_files_are_told_at_once_in_their_order(own: Path) -> None:
     assert len(lines) >= 2
 
 
-def test_a_directory_without_worlds_is_named(tmp_path: Path) -> None:
+def test_directory_without_worlds_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"no \.toml file"):
         listed(wanted(str(tmp_path)))
 
 
 @pytest.mark.parametrize(
-    ("place", "says"), [("u_trab", "did you mean 'u_trap'"), ("corpsu", "did you mean 'corpus'")]
+    ("place", "message"), [("u_trab", "did you mean 'u_trap'"), ("corpsu", "did you mean 'corpus'")]
 )
-def test_an_unknown_world_is_told_with_what_was_meant(place: str, says: str) -> None:
-    with pytest.raises(UserError, match=says):
+def test_unknown_world_is_refused_with_suggestion(place: str, message: str) -> None:
+    with pytest.raises(UserError, match=message):
         listed(wanted(place))
 
 
-def test_a_file_that_is_not_there_is_told() -> None:
+def test_missing_file_is_refused() -> None:
     with pytest.raises(WorldError, match=r"nowhere\.toml: file: cannot be read"):
         listed(wanted("nowhere.toml"))
 
 
 @pytest.mark.parametrize("place", ["corpus", "fixed", "box"])
-def test_an_unknown_family_is_told_with_what_there_is(place: str) -> None:
+def test_unknown_family_is_refused(place: str) -> None:
     with pytest.raises(UserError, match="--families: no such family: 'boxx'"):
         listed(wanted(place, families=["boxx"]))
 
 
 @pytest.mark.parametrize("source", ["", "moon:box", "corpus:box", "corpus:x:1:1", "kept"])
-def test_a_source_of_another_version_is_told(source: str, tmp_path: Path) -> None:
+def test_source_of_another_version_is_refused(source: str, tmp_path: Path) -> None:
     with pytest.raises(UserError, match="world_source"):
         world_of(source, tmp_path)

@@ -1,4 +1,4 @@
-"""A study's directory is of one study: whatever differs is named and refused, or let in aloud."""
+"""A directory belongs to one study: differences are refused, or accepted with a message."""
 
 import json
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ import pytest
 
 from runtime.errors import UserError
 from study.runner.provenance import machine
-from study.runner.study_settings import FILE, alone, settings_of, settle
+from study.runner.study_settings import FILE, check_settings, exclusive, settings_of
 from tests.support.study.made import CODE, boxed, floor, list_of, settings
 
 WORLDS = list_of(floor(), boxed())
@@ -20,16 +20,16 @@ def usual() -> dict[str, Any]:
 
 
 def settled(directory: Path, wanted: Mapping[str, Any], *, mixed: bool = False) -> list[str]:
-    return settle(directory, wanted, CODE, mixed=mixed)
+    return check_settings(directory, wanted, CODE, mixed=mixed)
 
 
-def test_the_same_settings_go_on(tmp_path: Path) -> None:
+def test_equal_settings_are_accepted(tmp_path: Path) -> None:
     assert settled(tmp_path, usual()) == []
     assert settled(tmp_path, usual()) == []
 
 
 @pytest.mark.parametrize(
-    ("changed", "says"),
+    ("changed", "message"),
     [
         ({"seeds": 3}, "seeds was 1, is 3"),
         ({"noise": ["none", "harsh"]}, "noise was none, is none harsh"),
@@ -41,24 +41,24 @@ def test_the_same_settings_go_on(tmp_path: Path) -> None:
         ({"worlds": {"floor": "another"}}, "2 worlds were, 1 are (disc, floor)"),
     ],
 )
-def test_what_differs_is_named_and_refused(
-    tmp_path: Path, changed: dict[str, Any], says: str
+def test_different_settings_are_refused_by_name(
+    tmp_path: Path, changed: dict[str, Any], message: str
 ) -> None:
     settled(tmp_path, usual())
     with pytest.raises(UserError) as refused:
         settled(tmp_path, usual() | changed)
-    assert says in str(refused.value)
+    assert message in str(refused.value)
     assert "--mixed" in str(refused.value)
     assert settled(tmp_path, usual()) == []
 
 
-def test_mixed_goes_on_and_says_what_differs_once(tmp_path: Path) -> None:
+def test_mixed_reports_the_difference_once(tmp_path: Path) -> None:
     settled(tmp_path, usual())
     assert settled(tmp_path, usual() | {"seeds": 3}, mixed=True) == ["seeds was 1, is 3"]
     assert settled(tmp_path, usual() | {"seeds": 3}) == []
 
 
-def test_of_many_other_worlds_only_some_are_named(tmp_path: Path) -> None:
+def test_message_lists_a_few_of_many_worlds(tmp_path: Path) -> None:
     settled(tmp_path, usual())
     many = {f"w{number:02}": "x" for number in range(40)}
     with pytest.raises(UserError, match=r"2 worlds were, 40 are \(disc, floor, w00 and 39 more\)"):
@@ -66,35 +66,33 @@ def test_of_many_other_worlds_only_some_are_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["", "{", "[1]", "\x00"])
-def test_settings_that_cannot_be_read_are_named_with_what_to_do(
-    tmp_path: Path, content: str
-) -> None:
+def test_unreadable_settings_are_reported_with_advice(tmp_path: Path, content: str) -> None:
     (tmp_path / FILE).write_text(content)
     with pytest.raises(UserError, match=r"settings\.json: .*remove it"):
         settled(tmp_path, usual())
 
 
-def test_the_settings_are_stored_with_the_commit(tmp_path: Path) -> None:
+def test_settings_are_stored_with_the_commit(tmp_path: Path) -> None:
     settled(tmp_path, usual())
     assert json.loads((tmp_path / FILE).read_text())["commit"] == "c0ffee"
 
 
-def test_two_studies_do_not_write_into_one_directory(tmp_path: Path) -> None:
+def test_second_study_in_a_directory_is_refused(tmp_path: Path) -> None:
     with (
-        alone(tmp_path / "new"),
-        pytest.raises(UserError, match="another study writes there"),
-        alone(tmp_path / "new"),
+        exclusive(tmp_path / "new"),
+        pytest.raises(UserError, match="another study is writing there"),
+        exclusive(tmp_path / "new"),
     ):
         raise AssertionError("both are in")
 
 
-def test_the_directory_is_free_again_afterwards(tmp_path: Path) -> None:
+def test_lock_is_released_at_the_end(tmp_path: Path) -> None:
     for _ in range(2):
-        with alone(tmp_path / "new"):
+        with exclusive(tmp_path / "new"):
             assert (tmp_path / "new").is_dir()
 
 
-def test_a_file_in_the_place_of_the_directory_is_told(tmp_path: Path) -> None:
+def test_file_as_output_directory_is_refused(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
-    with pytest.raises(UserError, match=r"--output .*taken"), alone(tmp_path / "taken"):
+    with pytest.raises(UserError, match=r"--output .*taken"), exclusive(tmp_path / "taken"):
         raise AssertionError("a file is no directory")

@@ -1,4 +1,4 @@
-"""What is added up while a robot drives is what it did."""
+"""Driving statistics agree with what the robot did."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -21,7 +21,7 @@ LEFT, RIGHT, GOAL, ALIGN = states.PASS_LEFT, states.PASS_RIGHT, states.TO_GOAL, 
 
 
 class Still:
-    """A plant of which only heading and clearance are asked."""
+    """A plant that only returns heading and clearance."""
 
     def __init__(self) -> None:
         self.seen = (0.0, 1.0)
@@ -30,8 +30,8 @@ class Still:
         return self.seen
 
 
-def shown(branches: list[int | None], headings: list[float] | None = None) -> Behaviour:
-    """A behaviour that has watched these ticks."""
+def statistics_of(branches: list[int | None], headings: list[float] | None = None) -> Behaviour:
+    """Return the statistics after these ticks."""
     watch, plant = Behaviour(), Still()
     for number, branch in enumerate(branches):
         plant.seen = (headings[number] if headings else 0.0, 1.0 + number)
@@ -56,39 +56,39 @@ def shown(branches: list[int | None], headings: list[float] | None = None) -> Be
         ([LEFT, states.GIVE_UP], 1, 0),
     ],
 )
-def test_avoidances_and_changes_of_side(
+def test_counts_avoidances_and_side_changes(
     branches: list[int | None], avoidances: int, changes: int
 ) -> None:
-    watch = shown(branches)
+    watch = statistics_of(branches)
     assert (watch.avoidances, watch.side_changes) == (avoidances, changes)
 
 
 @given(st.lists(st.sampled_from([None, *range(states.GIVE_UP + 1)])))
-def test_every_tick_is_counted_in_one_branch_and_sides_change_between_avoidances(
+def test_every_tick_counts_in_exactly_one_branch(
     branches: list[int | None],
 ) -> None:
-    watch = shown(branches)
+    watch = statistics_of(branches)
     assert sum(watch.ticks_of.values()) == watch.ticks == len(branches)
     sides = [branch for branch in branches if branch in (LEFT, RIGHT)]
     assert watch.side_changes == sum(a != b for a, b in pairwise(sides))
     assert watch.avoidances <= len(sides)
 
 
-def test_turning_through_south_is_not_a_whole_turn() -> None:
-    watch = shown([GOAL] * 3, [pi - 0.1, -pi + 0.1, pi - 0.1])
+def test_heading_wrap_is_not_a_full_turn() -> None:
+    watch = statistics_of([GOAL] * 3, [pi - 0.1, -pi + 0.1, pi - 0.1])
     assert watch.turned_rad == pytest.approx(0.4)
 
 
-def test_turning_to_and_fro_adds_up() -> None:
-    assert shown([GOAL] * 4, [1.0, 1.5, 1.0, 1.5]).turned_rad == pytest.approx(1.5)
+def test_turns_in_both_directions_add_up() -> None:
+    assert statistics_of([GOAL] * 4, [1.0, 1.5, 1.0, 1.5]).turned_rad == pytest.approx(1.5)
 
 
-def test_the_mean_clearance_is_of_all_ticks_and_nothing_without_any() -> None:
-    assert shown([GOAL] * 3).mean_clearance_m == 2.0
-    assert isnan(shown([]).mean_clearance_m)
+def test_mean_clearance_is_over_all_ticks() -> None:
+    assert statistics_of([GOAL] * 3).mean_clearance_m == 2.0
+    assert isnan(statistics_of([]).mean_clearance_m)
 
 
-def test_of_a_drive_past_a_disc_everything_fits_what_the_plant_says() -> None:
+def test_statistics_of_a_drive_agree_with_the_plant() -> None:
     watch, truths = Behaviour(), list[Any]()
 
     def both(plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
@@ -106,6 +106,6 @@ def test_of_a_drive_past_a_disc_everything_fits_what_the_plant_says() -> None:
     )
 
 
-def test_watching_changes_nothing() -> None:
+def test_behaviour_does_not_change_the_trial() -> None:
     trial = Trial(world=replace(floor(), walls=False), noise="default", seed=3)
     assert run_trial(trial, Behaviour()).digest == run_trial(trial).digest

@@ -1,4 +1,4 @@
-"""The core in a trial gets what the robot process would give it, also when a sense stays away."""
+"""The core in a trial receives the same inputs as in the robot process, also without samples."""
 
 from protocol.wire.goal import WireGoal
 from protocol.wire.messages import SonarScan, WheelTicks
@@ -34,17 +34,17 @@ def driving() -> CoreLoop:
     return onboard
 
 
-def test_before_the_first_senses_no_goal_is_taken() -> None:
+def test_goal_is_refused_before_the_first_samples() -> None:
     assert CoreLoop(DEFAULTS, ORIGIN).go(AHEAD) == reasons.NO_SENSES
 
 
-def test_after_one_tick_with_senses_it_arms_and_drives_off() -> None:
+def test_core_drives_after_one_tick_with_samples() -> None:
     outputs = driving().step(PERIOD_NS, ticks(1), scan(1))
     assert outputs.left_mrad_s > 0
     assert outputs.right_mrad_s > 0
 
 
-def test_ticks_that_stay_away_stop_the_robot_after_150_ms_and_not_before() -> None:
+def test_lost_wheel_ticks_stop_the_robot_after_150_ms() -> None:
     onboard = driving()
     vehicles = []
     for k in range(1, 5):
@@ -54,7 +54,7 @@ def test_ticks_that_stay_away_stop_the_robot_after_150_ms_and_not_before() -> No
     assert onboard.state.machine.vehicle_reason == reasons.TICKS_LOST
 
 
-def test_a_scan_that_stays_away_stops_the_robot_after_250_ms_and_not_before() -> None:
+def test_lost_scan_stops_the_robot_after_250_ms() -> None:
     onboard = driving()
     vehicles = []
     for k in range(1, 7):
@@ -65,7 +65,7 @@ def test_a_scan_that_stays_away_stops_the_robot_after_250_ms_and_not_before() ->
     assert (outputs.left_mrad_s, outputs.right_mrad_s) == (0, 0)
 
 
-def test_a_refused_goal_says_why() -> None:
+def test_refused_goal_returns_its_reason() -> None:
     onboard = CoreLoop(DEFAULTS, ORIGIN)
     onboard.step(0, ticks(0), scan(0))
     far = AHEAD._replace(x_mm=200_000)

@@ -1,4 +1,4 @@
-"""A run without a bus: plant and core in one process, the same every time."""
+"""A trial without a bus: plant and core in one process, bit-identical each time."""
 
 from dataclasses import replace
 
@@ -29,8 +29,8 @@ WALLED_IN = replace(
 )
 
 
-class Recorder:
-    """Sees every tick of a run."""
+class TickRecorder:
+    """Record every tick of a trial."""
 
     def __init__(self) -> None:
         self.stamps_ns: list[int] = []
@@ -45,7 +45,7 @@ class Recorder:
         self.truths.append(plant.truth())
 
 
-def test_it_reaches_a_goal_in_the_open_and_stands_there() -> None:
+def test_reaches_a_goal_in_the_open() -> None:
     outcome = run_trial(Trial(world=NEAR, noise="none"))
     assert (outcome.outcome, outcome.reason, outcome.contacts) == ("reached", "ok", 0)
     assert outcome.position_error_m < 0.06
@@ -55,8 +55,8 @@ def test_it_reaches_a_goal_in_the_open_and_stands_there() -> None:
     assert outcome.time_s * 20 == pytest.approx(outcome.ticks)
 
 
-def test_tick_0_stands_still_and_the_goal_is_known_from_it_on() -> None:
-    recorder = Recorder()
+def test_goal_is_accepted_in_tick_0_without_motion() -> None:
+    recorder = TickRecorder()
     run_trial(Trial(world=NEAR), recorder)
     assert recorder.stamps_ns[:3] == [0, 50_000_000, 100_000_000]
     assert recorder.goals[0] == states.ACCEPTED
@@ -66,32 +66,34 @@ def test_tick_0_stands_still_and_the_goal_is_known_from_it_on() -> None:
     assert recorder.truths[-1].x_m > 1.3
 
 
-def test_the_last_tick_seen_is_the_one_at_which_the_goal_ended() -> None:
-    recorder = Recorder()
+def test_last_tick_is_the_one_that_ends_the_goal() -> None:
+    recorder = TickRecorder()
     outcome = run_trial(Trial(world=NEAR), recorder)
     assert recorder.goals[-1] == states.REACHED
     assert states.REACHED not in recorder.goals[:-1]
     assert len(recorder.stamps_ns) == outcome.ticks + 1
 
 
-def test_the_same_run_is_the_same_to_the_last_bit_and_another_seed_is_another_run() -> None:
+def test_equal_trials_are_bit_identical_and_seeds_differ() -> None:
     world = load("disc")
     first, second = run_trial(Trial(world=world, seed=3)), run_trial(Trial(world=world, seed=3))
     assert replace(first, wall_s=0.0) == replace(second, wall_s=0.0)
     assert run_trial(Trial(world=world, seed=4)).digest != first.digest
 
 
-def test_being_watched_changes_nothing() -> None:
-    assert run_trial(Trial(world=NEAR), Recorder()).digest == run_trial(Trial(world=NEAR)).digest
+def test_watching_does_not_change_the_trial() -> None:
+    assert (
+        run_trial(Trial(world=NEAR), TickRecorder()).digest == run_trial(Trial(world=NEAR)).digest
+    )
 
 
-def test_time_runs_out_and_the_run_says_so() -> None:
+def test_timeout_is_an_outcome_with_reason() -> None:
     outcome = run_trial(Trial(world=NEAR, timeout_s=1.0))
     assert (outcome.outcome, outcome.reason) == ("timeout", "not there after 1 s")
     assert (outcome.time_s, outcome.ticks) == (1.0, 20)
 
 
-def test_a_goal_behind_a_wall_ends_stuck_with_a_reason() -> None:
+def test_goal_behind_a_wall_ends_stuck_with_reason() -> None:
     trial = Trial(world=WALLED_IN, noise="none", parameters={"progress_ms": 5000})
     outcome = run_trial(trial)
     assert outcome.outcome == "stuck"
@@ -99,18 +101,18 @@ def test_a_goal_behind_a_wall_ends_stuck_with_a_reason() -> None:
     assert outcome.shortest_path_m is None
 
 
-def test_goal_and_estimate_are_places_of_the_world_wherever_the_robot_starts() -> None:
+def test_goal_and_estimate_are_in_the_world_frame() -> None:
     turned = replace(NEAR, start=Start(x_m=1.4, y_m=0.3, heading_rad=1.5707963))
     goal = wire_goal_of(turned)
     assert (goal.x_mm, goal.y_mm, goal.heading_urad) == (1400, 1000, 0)
-    recorder = Recorder()
+    recorder = TickRecorder()
     outcome = run_trial(Trial(world=turned, noise="none"), recorder)
     assert outcome.reached
     assert outcome.position_error_m < 0.06
     assert outcome.estimated_position_error_m < 0.05
 
 
-def test_a_robot_of_another_size_is_another_robot_for_both() -> None:
+def test_robot_size_applies_to_core_and_plant() -> None:
     wide = replace(NEAR, robot={"track_m": 0.16, "max_speed_m_s": 0.2})
     params = params_of(Trial(world=wide))
     assert (params.track_m, params.v_max_m_s) == (0.16, 0.2)
@@ -119,7 +121,7 @@ def test_a_robot_of_another_size_is_another_robot_for_both() -> None:
     assert outcome.position_error_m < 0.06
 
 
-def test_what_was_asked_for_comes_last() -> None:
+def test_requested_parameters_override_all_others() -> None:
     wide = replace(NEAR, robot={"max_speed_m_s": 0.2})
     trial = Trial(world=wide, navigator="bug", side="right", parameters={"v_max_m_s": 0.1})
     params = params_of(trial)
@@ -132,20 +134,18 @@ def test_what_was_asked_for_comes_last() -> None:
     ("name", "value", "error"),
     [("v_maxx", 1.0, Unknown), ("v_max_m_s", float("nan"), OutOfRange), ("side", 0.0, OutOfRange)],
 )
-def test_a_parameter_that_cannot_be_is_refused(
-    name: str, value: float, error: type[Exception]
-) -> None:
+def test_invalid_parameter_is_refused(name: str, value: float, error: type[Exception]) -> None:
     with pytest.raises(error, match=name):
         run_trial(Trial(world=NEAR, parameters={name: value}))
 
 
-def test_lost_senses_stop_the_robot_with_their_reason() -> None:
+def test_lost_samples_abort_with_their_reason() -> None:
     world = replace(NEAR, faults=({"kind": "scan_stopped", "start_s": 1.0},))
     outcome = run_trial(Trial(world=world))
     assert (outcome.outcome, outcome.reason) == ("aborted", "no fresh sonar scan for 250 ms")
 
 
-def test_a_robot_is_calibrated_for_the_noise_of_its_run_unless_it_shall_not_be() -> None:
+def test_robot_is_calibrated_for_its_noise_by_default() -> None:
     harsh = replace(NEAR, noise={"level": "harsh", "range_sigma_m": 0.0})
     for trial in (Trial(world=harsh), Trial(world=NEAR, noise="harsh")):
         assert trial.level == "harsh"

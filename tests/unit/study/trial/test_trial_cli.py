@@ -1,4 +1,4 @@
-"""`sidestep trial` as a person or a script meets it: output, exit codes, refusals."""
+"""The output, exit codes and refusals of `sidestep trial`."""
 
 import csv
 import json
@@ -32,26 +32,24 @@ def near(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_json_is_one_object_on_standard_output(
-    near: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_json_prints_one_object(near: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--world", near, "--json"]) == 0
-    said = capsys.readouterr()
-    outcome = json.loads(said.out)
+    printed = capsys.readouterr()
+    outcome = json.loads(printed.out)
     assert (outcome["world"], outcome["outcome"], outcome["noise"]) == (
         "near",
         "reached",
         "default",
     )
-    assert said.err == ""
+    assert printed.err == ""
 
 
-def test_a_person_is_told_in_words(near: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_outcome_is_printed_as_text(near: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--world", near, "--navigator", "bug", "--noise", "none"]) == 0
     assert "reached the goal of near with bug in " in capsys.readouterr().out
 
 
-def test_every_way_to_drive_uses_the_robot_s_own_navigator_unless_told() -> None:
+def test_all_verbs_default_to_the_robots_navigator() -> None:
     usual = "vgm_memory"
     assert NAVIGATORS[usual] == DEFAULTS.navigator
     assert ground_cli.parse(["up"]).navigator == usual
@@ -59,14 +57,12 @@ def test_every_way_to_drive_uses_the_robot_s_own_navigator_unless_told() -> None
     assert Trial(world=load("box")).navigator == usual
 
 
-def test_a_goal_that_is_not_reached_is_exit_code_1(
-    near: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_goal_not_reached_is_exit_code_1(near: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--world", near, "--timeout", "0.5", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["outcome"] == "timeout"
 
 
-def test_a_parameter_of_the_robot_is_taken(near: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_param_option_changes_the_trial(near: str, capsys: pytest.CaptureFixture[str]) -> None:
     main(["--world", near, "--json"])
     usual = json.loads(capsys.readouterr().out)
     main(["--world", near, "--json", "--param", "v_max_m_s=0.1"])
@@ -74,7 +70,7 @@ def test_a_parameter_of_the_robot_is_taken(near: str, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize("word", ["v_maxx=1", "v_max_m_s=99"])
-def test_a_parameter_that_cannot_be_is_a_users_error(near: str, word: str) -> None:
+def test_invalid_param_option_is_a_user_error(near: str, word: str) -> None:
     with pytest.raises(UserError, match=word.partition("=")[0]):
         main(["--world", near, "--param", word])
 
@@ -107,26 +103,24 @@ def test_wrong_usage_is_exit_code_2(near: str, more: list[str]) -> None:
     assert refused.value.code == 2
 
 
-def test_errors_of_a_world_file_come_as_they_are(tmp_path: Path) -> None:
+def test_world_errors_are_passed_on(tmp_path: Path) -> None:
     path = tmp_path / "bad.toml"
     path.write_text(WORLD.replace("x_m = 0.6", "x_cm = 60"), encoding="utf-8")
     with pytest.raises(WorldError, match=r"bad\.toml"):
         main(["--world", str(path)])
 
 
-def test_through_the_executable_refusals_are_one_line_and_exit_code_2(
-    near: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_refusal_is_one_line_and_exit_code_2(near: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert sidestep(["trial", "--world", "nowhere"]) == 2
     assert sidestep(["trial", "--world", near, "--param", "v_maxx=1"]) == 2
     assert sidestep(["trial", "--world", near, "--trace", "/nowhere/at/all.csv"]) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert len(said.err.splitlines()) == 3
-    assert "v_maxx" in said.err
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert len(printed.err.splitlines()) == 3
+    assert "v_maxx" in printed.err
 
 
-def test_a_trace_has_a_line_for_every_tick_and_ends_at_the_goal(
+def test_trace_has_a_line_per_tick(
     near: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "trace.csv"
@@ -147,7 +141,7 @@ def rows_of(text: str) -> list[dict[str, str]]:
     return list(csv.DictReader(text.splitlines()))
 
 
-def test_a_trace_on_standard_output_is_followed_by_the_outcome(
+def test_trace_on_stdout_precedes_the_outcome(
     near: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["--world", near, "--json", "--trace", "-"]) == 0
@@ -156,7 +150,7 @@ def test_a_trace_on_standard_output_is_followed_by_the_outcome(
     assert rows_of("\n".join(lines))[0]["time_s"] == "0.0"
 
 
-def test_start_goal_and_time_may_be_others_than_the_world_s(
+def test_start_goal_and_time_options_override_the_world(
     near: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["--start", "2.4", "1.4", "180", "--goal", "0.5", "0.5", "--at", "7.5"]
@@ -172,7 +166,7 @@ def test_start_goal_and_time_may_be_others_than_the_world_s(
     assert outcome["position_error_m"] < 0.06
 
 
-def test_said_at_length_the_world_s_own_start_goal_and_time_change_nothing(
+def test_explicit_defaults_do_not_change_the_digest(
     near: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     main(["--world", near, "--json"])
@@ -182,16 +176,14 @@ def test_said_at_length_the_world_s_own_start_goal_and_time_change_nothing(
     assert json.loads(capsys.readouterr().out)["digest"] == usual["digest"]
 
 
-def test_the_time_limit_counts_from_the_start(
-    near: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_timeout_counts_from_the_start(near: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--world", near, "--json", "--at", "60", "--timeout", "0.5"]) == 1
     outcome = json.loads(capsys.readouterr().out)
     assert (outcome["outcome"], outcome["time_s"], outcome["ticks"]) == ("timeout", 0.5, 10)
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "printed"),
     [
         (["--start", "9", "1", "0"], "outside"),
         (["--start", "0.05", "1", "0"], "the outer wall"),
@@ -202,8 +194,8 @@ def test_the_time_limit_counts_from_the_start(
         (["--goal", "-1e3", "1"], "outside"),
     ],
 )
-def test_a_start_or_a_goal_that_cannot_be_is_refused_with_the_reason(
-    near: str, words: list[str], said: str
+def test_invalid_start_or_goal_is_refused_with_reason(
+    near: str, words: list[str], printed: str
 ) -> None:
-    with pytest.raises(UserError, match=said):
+    with pytest.raises(UserError, match=printed):
         main(["--world", near, *words])

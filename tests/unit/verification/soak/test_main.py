@@ -1,4 +1,4 @@
-"""What the soak says of growth and losses follows from what was sampled, and from nothing else."""
+"""The soak: trends, the schedule of faults, the report and its interruption."""
 
 import argparse
 import os
@@ -23,7 +23,7 @@ from verification.soak import supervised
 from verification.soak.drift import SETTLE_S, student, trend
 from verification.soak.faults import CUT, KILLED, STOPPED, faults, schedule
 from verification.soak.fleet import Size, size_of
-from verification.soak.fleet_telemetry import Heard
+from verification.soak.fleet_telemetry import RobotTelemetry
 from verification.soak.report import Course, report_of
 from verification.soak.supervised import KILL_NS
 
@@ -39,20 +39,20 @@ def life(
     return [(t, level + per_s * (t - begin_s) + random.gauss(0.0, noise)) for t in times]
 
 
-def test_a_slope_is_found_with_its_confidence() -> None:
+def test_slope_is_estimated_within_its_margin() -> None:
     found = trend([life(0, HALF_AN_HOUR_S, 2.0 / 600.0, noise=0.5)])
     assert found is not None
     assert abs(found.slope - 2.0) < found.margin < 0.3
     assert found.last - found.first == pytest.approx(4.0, abs=0.4)
 
 
-def test_noise_alone_is_no_growth() -> None:
+def test_noise_has_no_significant_slope() -> None:
     found = trend([life(0, HALF_AN_HOUR_S, 0.0, noise=1.0)])
     assert found is not None
     assert abs(found.slope) < found.margin < 0.5
 
 
-def test_lives_of_other_levels_have_one_slope() -> None:
+def test_lives_at_different_levels_share_one_slope() -> None:
     lives = [
         life(0, 400, 3.0 / 600.0, 40.0),
         life(400, 900, 3.0 / 600.0, 60.0),
@@ -64,14 +64,14 @@ def test_lives_of_other_levels_have_one_slope() -> None:
     assert found.longest_s == pytest.approx(500 - SETTLE_S, abs=2.0)
 
 
-def test_the_growth_of_a_start_does_not_count() -> None:
+def test_growth_after_start_is_left_out() -> None:
     grows = life(0, 60, 0.5, 10.0) + life(60, 900, 0.0, 40.0)
     found = trend([grows])
     assert found is not None
     assert found.slope == pytest.approx(0.0)
 
 
-def test_of_too_little_nothing_is_claimed() -> None:
+def test_too_few_samples_give_infinite_margin() -> None:
     assert trend([]) is None
     assert trend([[]]) is None
     one = trend([[(5.0, 1.0)]])
@@ -82,11 +82,11 @@ def test_of_too_little_nothing_is_claimed() -> None:
 @pytest.mark.parametrize(
     ("freedom", "table"), [(3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042), (1000, 1.962)]
 )
-def test_students_t_is_that_of_the_tables(freedom: int, table: float) -> None:
+def test_student_t_matches_tables(freedom: int, table: float) -> None:
     assert student(freedom) == pytest.approx(table, rel=0.01)
 
 
-def test_everything_is_done_once_in_each_round_and_the_same_for_the_same_seed() -> None:
+def test_schedule_has_each_fault_once_per_round_by_seed() -> None:
     plan = list(schedule(faults(ROLES), HALF_AN_HOUR_S, 4))
     assert plan == list(schedule(faults(ROLES), HALF_AN_HOUR_S, 4))
     assert plan != list(schedule(faults(ROLES), HALF_AN_HOUR_S, 5))
@@ -97,7 +97,7 @@ def test_everything_is_done_once_in_each_round_and_the_same_for_the_same_seed() 
     assert plan[-1][0] + plan[-1][1].lasts_s < HALF_AN_HOUR_S - 20
 
 
-def test_a_short_run_has_some_too_and_who_is_not_there_is_left_alone() -> None:
+def test_short_run_has_faults_of_present_roles_only() -> None:
     assert len(list(schedule(faults(ROLES), 30.0, 0))) >= 3
     assert {fault.role for fault in faults(["router", "robot r1"])} == {"router", "robot r1"}
 
@@ -114,7 +114,7 @@ def figure(course: Course, name: str) -> Figure:
     return next(one for one in report_of(course).figures if one.name == name)
 
 
-def test_growth_is_judged_of_who_lived_for_five_minutes() -> None:
+def test_growth_is_judged_after_five_minutes() -> None:
     assert figure(grown(600.0, 0.9), "router, MB in 10 min").met
     assert figure(grown(600.0, 1.1), "router, MB in 10 min").met is False
     names = [one.name for one in report_of(grown(200.0, 9.0)).figures]
@@ -122,19 +122,19 @@ def test_growth_is_judged_of_who_lived_for_five_minutes() -> None:
     assert any("router: 41" in note for note in report_of(grown(200.0, 9.0)).notes)
 
 
-def test_what_was_not_heard_again_fails_and_so_does_who_is_given_up() -> None:
+def test_silent_robot_and_given_up_process_fail() -> None:
     course = Course(robots=1, seconds=60.0)
     course.done = [("plant killed", 10.0, 10.1), ("router killed", 30.0, 30.1)]
     course.healed = [("plant killed", 3.0)]
     course.given_up = ["GIVEN UP: the router process"]
     assert not report_of(course).met
     missed = [one.name for one in report_of(course).figures if one.met is False]
-    assert missed == ["faults after which somebody stayed silent", "processes given up"]
+    assert missed == ["faults after which a robot stayed silent", "processes given up"]
     assert "2 faults: 1 x plant killed, 1 x router killed" in report_of(course).notes[0]
 
 
-def test_commands_are_timed_from_their_own_scan_and_restarts_miss_no_ticks() -> None:
-    heard = Heard(0)
+def test_delay_is_from_own_scan_and_restart_misses_no_tick() -> None:
+    telemetry = RobotTelemetry(0)
     encoder = Encoder(1, 1)
     for number in range(3):
         at_ns = number * 50_000_000
@@ -144,13 +144,13 @@ def test_commands_are_timed_from_their_own_scan_and_restarts_miss_no_ticks() -> 
         command = WheelCommand(
             time_ns=0, seq=9, sense_seq=number, left_mrad_s=0, right_mrad_s=0, ttl_ms=150
         )
-        heard.take("", encoder.encode(scan), at_ns)
-        heard.take("", encoder.encode(command), at_ns + 4_000_000)
-    assert [delay for _, delay in heard.delays_ms] == [4.0, 4.0, 4.0]
+        telemetry.record("", encoder.encode(scan), at_ns)
+        telemetry.record("", encoder.encode(command), at_ns + 4_000_000)
+    assert [delay for _, delay in telemetry.delays_ms] == [4.0, 4.0, 4.0]
     for tick, missed in ((7, 1), (8, 3), (1, 0), (2, 0)):
-        heard.take("", encoder.encode(cycle(tick, missed)), tick)
-    assert [missed for _, missed in heard.ticks] == [2, 0]
-    heard.take("", b"noise", 0)
+        telemetry.record("", encoder.encode(cycle(tick, missed)), tick)
+    assert [missed for _, missed in telemetry.ticks] == [2, 0]
+    telemetry.record("", b"noise", 0)
 
 
 def cycle(tick: int, missed: int) -> CycleReport:
@@ -160,7 +160,7 @@ def cycle(tick: int, missed: int) -> CycleReport:
     )  # fmt: skip
 
 
-def test_events_missing_in_the_log_are_counted_by_their_numbers(tmp_path: Path) -> None:
+def test_missing_events_are_counted_by_sequence_number(tmp_path: Path) -> None:
     form, encoder = McapFormat("r1", {}), Encoder(1, 1)
     frames = [
         encoder.encode(Statustext(severity=Severity.INFO, text=f"{number}")) for number in range(9)
@@ -173,7 +173,7 @@ def test_events_missing_in_the_log_are_counted_by_their_numbers(tmp_path: Path) 
     assert (course.events, course.events_missing) == (6, 3)
 
 
-def test_our_own_process_has_a_size_and_a_process_that_is_gone_has_none() -> None:
+def test_only_existing_process_has_a_size() -> None:
     size = size_of(os.getpid())
     assert size is not None
     assert size.rss_mb > 10
@@ -182,7 +182,7 @@ def test_our_own_process_has_a_size_and_a_process_that_is_gone_has_none() -> Non
 
 
 class NoFleet:
-    """Nothing is started."""
+    """A fleet without processes."""
 
     roles: tuple[str, ...] = ()
     given_up: tuple[str, ...] = ()
@@ -201,10 +201,10 @@ class NoFleet:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_gives_the_report_of_what_there_was(
+def test_signal_ends_soak_with_a_report(
     number: signal.Signals, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(self: soak.Soak, _tell: object) -> None:
+    def interrupted(self: soak.Soak, _show: object) -> None:
         self._course.seconds = 42.0
         signal.raise_signal(number)
 
@@ -215,8 +215,8 @@ def test_ctrl_c_gives_the_report_of_what_there_was(
     assert "ended by a signal after 42 s" in report.text()
 
 
-class Sent:
-    """Children that are only told what is done to them; the loop ends after the second."""
+class RecordedSignals:
+    """Children that record signals; the loop ends after the second one."""
 
     def __init__(self, over: Event) -> None:
         self.killed: list[str] = []
@@ -230,12 +230,12 @@ class Sent:
 
     def round(self, _now_ns: int) -> None: ...
 
-    def news(self) -> str:
+    def next_event(self) -> str:
         return ""
 
 
-class Leaping:
-    """A clock on which half a minute goes by between two looks."""
+class HalfMinuteClock:
+    """A clock that advances by half a minute at each call."""
 
     def __init__(self) -> None:
         self._now_ns = 0
@@ -245,13 +245,13 @@ class Leaping:
         return self._now_ns
 
 
-def test_the_supervisor_that_is_watched_has_a_robot_to_start_again_each_minute(
+def test_supervised_robot_is_killed_every_minute(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(supervised, "ROUND_S", 0.0)
     over = Event()
-    sent: Any = Sent(over)
-    clock: Any = Leaping()
+    sent: Any = RecordedSignals(over)
+    clock: Any = HalfMinuteClock()
     supervised.supervise(sent, sent, clock, over)
     assert sent.killed == ["robot r1", "robot r1"]
     assert clock.now_ns() == 3 * KILL_NS

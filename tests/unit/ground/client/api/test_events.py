@@ -1,4 +1,4 @@
-"""Events are made of what changes, and of nothing that was reordered on its way."""
+"""Events report changes, and ignore reordered messages."""
 
 import asyncio
 from typing import Any
@@ -12,7 +12,7 @@ from ground.client.api.events import (
     TextReceived,
     VehicleChanged,
 )
-from ground.client.api.streams import Hub, Stream
+from ground.client.api.streams import Stream, TopicStreams
 from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import LeaseStatus, MissionStatus, Statustext
@@ -23,7 +23,7 @@ from tests.support.ground.client import ScriptedBus, lease_of, status
 S = 1_000_000_000
 
 
-def test_first_status_is_told_whole_and_the_same_again_not_at_all() -> None:
+def test_first_status_emits_all_events_a_repeat_none() -> None:
     detector = EventDetector("open/0a")
     first = detector.receive(status(time_ns=S))
     assert first[:2] == [VehicleChanged(Vehicle.ACTIVE, ""), ModeChanged(Mode.GUIDED)]
@@ -31,7 +31,7 @@ def test_first_status_is_told_whole_and_the_same_again_not_at_all() -> None:
     assert detector.receive(status(time_ns=2 * S, goal_distance_m=0.5)) == []
 
 
-def test_changes_are_told_with_their_reason() -> None:
+def test_change_events_carry_their_reason() -> None:
     detector = EventDetector("open/0a")
     detector.receive(status(time_ns=S))
     failed = status(Vehicle.FAILSAFE, time_ns=2 * S, vehicle_reason=Reason.NO_OPERATOR)
@@ -47,7 +47,7 @@ def test_changes_are_told_with_their_reason() -> None:
     assert detector.receive(reached) == [GoalChanged(7, GoalState.REACHED, "", 1.5)]
 
 
-def test_reordered_status_changes_nothing_and_a_restarted_robot_does() -> None:
+def test_reordered_status_emits_nothing_a_restart_does() -> None:
     detector = EventDetector("open/0a")
     detector.receive(status(time_ns=60 * S))
     assert detector.receive(status(Vehicle.STANDBY, time_ns=60 * S - 50_000_000)) == []
@@ -99,7 +99,7 @@ def test_stream_wakes_its_reader_from_another_thread() -> None:
 def test_topic_is_subscribed_once_for_all_its_streams() -> None:
     async def story() -> None:
         bus: Any = ScriptedBus(ManualClock(), [])
-        hub = Hub(bus, "r1")
+        hub = TopicStreams(bus, "r1")
         first, second = hub.stream(STATUS), hub.stream(STATUS)
         assert list(bus.boxes) == [STATUS.path]
         await first.aclose()

@@ -125,7 +125,7 @@ def test_stop_is_repeated_until_the_status_shows_it() -> None:
     assert [key for key, _ in stage.bus.sent] == [STOP.path] * 2
 
 
-def test_stop_that_nobody_shows_is_given_up_loudly() -> None:
+def test_unacknowledged_stop_is_given_up_with_a_warning() -> None:
     stage = Stage()
     stage.bus.says(STATUS, status(Vehicle.ACTIVE))
     outcome = StopNow(timeout_s=0.2).perform(stage.session)
@@ -135,7 +135,7 @@ def test_stop_that_nobody_shows_is_given_up_loudly() -> None:
     assert len(stage.bus.sent) >= 4
 
 
-def test_mark_says_when_nothing_records_it() -> None:
+def test_mark_reports_that_no_recorder_runs() -> None:
     stage = Stage()
     assert Mark(remark="it turned").perform(stage.session).text == "marked: it turned"
     stage.bus.heard_by = False

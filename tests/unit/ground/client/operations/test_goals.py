@@ -1,4 +1,4 @@
-"""A goal: sent, attended to its end, and aborted by whatever interrupts it."""
+"""A goal is sent, followed to its end, and aborted by every interruption."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ def name_of(request: Message) -> str:
 
 
 def following(stage: Stage, *ends: Any) -> None:
-    """The robot publishes these statuses of the goal, one at each look."""
+    """Let the robot publish these statuses of the goal, one at each poll."""
     waiting, pulse = list(ends), stage.link.pulse
 
     def publish() -> None:
@@ -114,7 +114,7 @@ def test_goal_that_takes_too_long_is_aborted() -> None:
     assert (outcome.ok, outcome.outcome, outcome.reason) == (
         False,
         "timeout",
-        "not there after 1 s",
+        "goal not reached within 1 s",
     )
     assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "RELEASE"]
 
@@ -123,7 +123,7 @@ def test_silent_robot_ends_the_goal() -> None:
     outcome = Goto(goal=GOAL).perform(Stage().session)
     assert isinstance(outcome, GoalEnded)
     assert outcome.outcome == "aborted"
-    assert "silent" in outcome.reason
+    assert "no message" in outcome.reason
 
 
 def test_attended_goal_ends_with_the_answer() -> None:
@@ -139,7 +139,7 @@ def test_goal_that_needs_no_operator_is_in_auto() -> None:
 
 
 @pytest.mark.parametrize(("wait", "attended"), [(False, False), (True, True)])
-def test_time_limit_is_for_those_who_wait(wait: bool, attended: bool) -> None:
+def test_timeout_is_refused_without_waiting(wait: bool, attended: bool) -> None:
     stage = Stage(attended=attended)
     with pytest.raises(UserError, match="--timeout"):
         Goto(goal=GOAL, wait=wait, timeout_s=3.0).perform(stage.session)

@@ -1,4 +1,4 @@
-"""The lease is given back whatever happens, and a drive by hand ends in HOLD."""
+"""The lease is always given back, and a drive by hand ends in HOLD."""
 
 from math import nan
 
@@ -55,7 +55,7 @@ def test_lease_goes_back_when_the_work_under_it_fails() -> None:
         raise AssertionError("the lease is another operator's")
 
 
-def test_lease_is_shown_as_the_robot_tells_it() -> None:
+def test_lease_status_is_shown() -> None:
     stage = Stage()
     stage.bus.says(LEASE, lease_of("anna"))
     shown = ShowLease().perform(stage.session)

@@ -1,4 +1,4 @@
-"""Missions and fences: given whole, fetched, started, refused with the item that is wrong."""
+"""Missions and fences: uploaded whole, fetched, started, refused with the item that is wrong."""
 
 from pathlib import Path
 
@@ -11,7 +11,6 @@ from ground.client.operations import (
     ClearMission,
     DownloadMission,
     FetchMission,
-    Judged,
     JumpTo,
     MissionFetched,
     MissionProgress,
@@ -20,6 +19,7 @@ from ground.client.operations import (
     ShowFence,
     ShowMissionStatus,
     StartMission,
+    TransferOutcome,
     UploadMission,
 )
 from ground.client.operations.missions import state_name
@@ -118,15 +118,15 @@ def test_mission_is_fetched_with_its_fence_and_written(tmp_path: Path) -> None:
     assert (path.exists(), written.lost) == (True, ())
 
 
-def test_robot_without_a_mission_says_so(tmp_path: Path) -> None:
+def test_robot_without_a_mission_is_reported(tmp_path: Path) -> None:
     nothing = [MissionCount(count=0, mission_type=kind) for kind in MissionType]
     for operation in (FetchMission(), DownloadMission(file=tmp_path / "m.toml")):
         outcome = operation.perform(Stage(*nothing).session)
-        assert isinstance(outcome, Judged)
+        assert isinstance(outcome, TransferOutcome)
         assert outcome.reason == Reason.NO_MISSION
 
 
-def test_file_of_another_kind_is_refused_before_anything_is_asked() -> None:
+def test_wrong_file_type_is_refused_before_any_request() -> None:
     stage = Stage()
     with pytest.raises(UserError, match="ends in"):
         DownloadMission(file=Path("m.txt")).perform(stage.session)
@@ -187,7 +187,7 @@ def test_fence_is_set_shown_and_taken_away(fence: Circle | Polygon) -> None:
     assert (empty.text, empty.as_json("fence show", "r1")["fence"]) == ("no fence", None)
 
 
-def test_failed_mission_and_unknown_state_are_told() -> None:
+def test_failed_mission_and_unknown_state_are_shown() -> None:
     failed = msgspec.structs.replace(progress(MissionState.FAILED), hold_left_ms=0)
     failed = msgspec.structs.replace(failed, reason=Reason.NO_PROGRESS)
     words = "failed, item 3 of 5: has come no closer for too long"

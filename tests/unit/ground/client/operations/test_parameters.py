@@ -1,4 +1,4 @@
-"""Parameters: typed rows, single values and files; what the robot would have taken is said."""
+"""Parameters: typed rows, single values and files; a refusal shows the allowed values."""
 
 import json
 from pathlib import Path
@@ -42,7 +42,7 @@ def test_parameters_are_typed_and_keep_what_was_listed() -> None:
     outcome = ShowParameters().perform(Stage(LIST).session)
     first, second = outcome.parameters
     assert (first.name, first.value, first.default, first.unit) == ("d_obs_m", 0.4, 0.3, "m")
-    assert (first.is_usual, second.is_usual) == (False, True)
+    assert (first.is_default, second.is_default) == (False, True)
     assert (second.saved, second.minimum, second.integer) == (False, None, True)
     assert outcome.as_json("param list", "r1") == {"parameters": ROWS}
     assert "0.4 *" in outcome.text
@@ -93,7 +93,7 @@ def test_robot_that_lists_nothing_leaves_saved_unknown() -> None:
         ("side", Reason.PARAMETER_OUT_OF_RANGE, "range"),
     ],
 )
-def test_refusal_says_what_would_be_taken(name: str, reason: Reason, words: str) -> None:
+def test_refusal_shows_the_allowed_values(name: str, reason: Reason, words: str) -> None:
     stage = Stage(denied(reason), LIST)
     outcome = SetParameter(name=name, value=9.0).perform(stage.session)
     assert (outcome.ok, outcome.now) == (False, None)
@@ -102,7 +102,7 @@ def test_refusal_says_what_would_be_taken(name: str, reason: Reason, words: str)
     assert "saved" not in outcome.as_json("", "r1")
 
 
-def test_name_that_cannot_be_one_is_refused_before_anything_is_sent() -> None:
+def test_invalid_parameter_name_is_refused_before_sending() -> None:
     for name in ("", "a" * 17, "ü"):
         with pytest.raises(UserError, match="cannot be a parameter"):
             SetParameter(name=name, value=1.0)
@@ -159,14 +159,14 @@ def test_file_with_an_impossible_value_sets_nothing(tmp_path: Path) -> None:
     assert len(stage.bus.asked) == 1
 
 
-def test_without_a_file_the_robot_s_own_saving_is_told() -> None:
+def test_save_without_a_file_lists_the_saved_parameters() -> None:
     outcome = SaveParameters().perform(Stage(LIST).session)
     assert outcome.text == "nothing to do: saved on the robot: d_obs_m"
     none = json.dumps([ROWS[1]]).encode()
     assert not SaveParameters().perform(Stage(none).session).ok
 
 
-def test_refused_change_is_told_as_json() -> None:
+def test_refused_change_as_json() -> None:
     refused = ParameterChanged(name="a", asked=1.0, now=None, refusal="no")
     row = {"verb": "param set", "robot": "r1", "name": "a", "ok": False, "value": None}
     assert refused.as_json("param set", "r1") == row | {"reason": "no"}

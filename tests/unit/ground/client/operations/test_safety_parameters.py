@@ -1,4 +1,4 @@
-"""What `param` tells of the parameters that guard and failsafes rest on."""
+"""The verb `param` shows limits and directions of safety parameters."""
 
 import json
 from typing import Any
@@ -25,14 +25,14 @@ LINK: Any = None
         ("track_m", "; configured: 0.2 m, within a tenth of that"),
     ],
 )
-def test_refusal_as_less_safe_tells_what_is_allowed(
+def test_refusal_as_less_safe_shows_the_limit(
     name: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(parameters, "fetch", lambda _: ROWS)
     assert parameters.hint(LINK, name, Reason.LESS_SAFE_THAN_CONFIGURED) == words
 
 
-def test_list_tells_which_way_is_safer() -> None:
+def test_list_shows_the_safer_direction() -> None:
     lines = {line.split()[0]: line.split() for line in parameters.table(ROWS).splitlines()}
     assert lines["name"][6] == "safer"
     assert lines["op_lost_ms"][:8] == [

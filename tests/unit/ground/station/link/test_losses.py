@@ -6,7 +6,7 @@ from typing import NamedTuple
 import pytest
 
 from ground.client.telemetry import Age
-from ground.station import LossKind, Outcome
+from ground.station import JobResult, LossKind
 from protocol.bus.network import Hub
 from protocol.topics import ODOMETRY, SONAR, STATUS
 from protocol.wire.enums import Command, GoalState
@@ -146,9 +146,9 @@ def test_what_moves_is_refused_with_the_reason_and_never_sent(lost: Lost) -> Non
     play, row = lost
     sent: list[str] = []
 
-    def job() -> Outcome:
+    def job() -> JobResult:
         sent.append("sent")
-        return Outcome(True, "ok")
+        return JobResult(True, "ok")
 
     assert row.what in play.station.refusal()
     assert not play.station.submit("goal 9 7", job)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from ground.station import Outcome
+from ground.station import JobResult
 from ground.station.robot.background_requests import Job
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import AckResult, LeaseAction, Severity
@@ -26,9 +26,9 @@ def told_of() -> list[str]:
 
 
 def job(done: list[str], text: str = "ok 14 ms", ok: bool = True) -> Job:
-    def run() -> Outcome:
+    def run() -> JobResult:
         done.append(text)
-        return Outcome(ok, text)
+        return JobResult(ok, text)
 
     return run
 
@@ -206,7 +206,7 @@ def test_a_refusal_of_the_robot_is_a_warning_with_its_reason() -> None:
 
 
 def raises(error: Exception) -> Job:
-    def run() -> Outcome:
+    def run() -> JobResult:
         raise error
 
     return run

@@ -208,10 +208,10 @@ def test_the_name_of_an_operator_comes_from_its_certificate() -> None:
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("open", "every operator of an open bus is called so"),
-        ("ground", "the certificate `ground` is called so"),
+        ("open", "it is the name of every operator on an open bus"),
+        ("ground", "the holder of the certificate `ground`"),
         *(
-            (role, "a role is called so")
+            (role, "it is the name of a role")
             for role in ("router", "plant", "robot", "viewer", "recorder")
         ),
         ("Ada", "use 1 to 16 of the characters"),

@@ -1,4 +1,4 @@
-"""What moves with every frame: the robot, what it sees, where it goes, and who else is there."""
+"""Draw what changes with every frame: the robot, its sonars, its goal, and other moving things."""
 
 from itertools import pairwise
 from math import cos, inf, isfinite, pi, sin
@@ -7,21 +7,23 @@ from typing import Final
 from ground.map.ellipse import ellipse
 from ground.map.pen import Pen
 from ground.map.scene import BEAM_RAD, Robot, Scene
-from ground.map.standing import apart_m, draw_heading, looks_right
+from ground.map.static_layers import distance_m, draw_heading, heads_right
 from ground.map.view import Point
 
-CONE_EVERY: Final = 3
-WAY_EVERY: Final = 4
+CONE_SPACING: Final = 3
+LINE_SPACING: Final = 4
 NOSE_DOTS: Final = 5.0
 SOLID_DOTS: Final = 6.0
-NO_ECHO: Final = -1.0
+NOT_DRAWN: Final = -1.0
 
 
 def draw_trail(pen: Pen, scene: Scene) -> None:
+    """Draw the way that the robot has driven."""
     pen.path(scene.trail, "trail")
 
 
 def draw_ellipse(pen: Pen, scene: Scene) -> None:
+    """Draw the uncertainty of the robot's position."""
     robot, covariance = scene.robot, scene.covariance
     axes = ellipse(covariance) if covariance is not None else None
     if robot is not None and axes is not None:
@@ -29,16 +31,16 @@ def draw_ellipse(pen: Pen, scene: Scene) -> None:
 
 
 def draw_zone(pen: Pen, scene: Scene) -> None:
-    """The ring within which it avoids."""
+    """Draw the ring within which the robot avoids obstacles."""
     robot, zone_m = scene.robot, scene.zone_m
     if robot is not None and zone_m is not None and zone_m > 0.0:
         pen.circle((robot.x_m, robot.y_m), robot.radius_m + zone_m, "zone")
 
 
 def draw_sonars(pen: Pen, scene: Scene) -> None:
-    """Of each echo the arc on which it must lie, and the cone that it came through.
+    """Draw for each echo the arc on which the obstacle must lie, and the edges of its cone.
 
-    Old echoes are worse than none: somebody may walk where there was nobody.
+    Nothing is drawn when the robot is not live: old echoes may no longer be true.
     """
     robot = scene.robot
     if robot is None or not (scene.live and isfinite(robot.heading_rad)):
@@ -46,41 +48,42 @@ def draw_sonars(pen: Pen, scene: Scene) -> None:
     at, rim_m = (robot.x_m, robot.y_m), robot.radius_m
     echoes_m = [_echo_m(range_m) for range_m in scene.ranges_m]
     first_rad = robot.heading_rad - len(echoes_m) / 2.0 * BEAM_RAD
-    for edge, sides_m in enumerate(pairwise((NO_ECHO, *echoes_m, NO_ECHO))):
+    for edge, sides_m in enumerate(pairwise((NOT_DRAWN, *echoes_m, NOT_DRAWN))):
         edge_rad = first_rad + edge * BEAM_RAD
-        if max(sides_m) > NO_ECHO:
-            rim, end = towards(at, edge_rad, rim_m), towards(at, edge_rad, rim_m + max(sides_m))
-            pen.dotted(rim, end, "cone", CONE_EVERY)
+        if max(sides_m) > NOT_DRAWN:
+            rim, end = point_at(at, edge_rad, rim_m), point_at(at, edge_rad, rim_m + max(sides_m))
+            pen.dotted(rim, end, "cone", CONE_SPACING)
     for sonar, echo_m in enumerate(echoes_m):
         begun_rad = first_rad + sonar * BEAM_RAD
-        if echo_m > NO_ECHO:
+        if echo_m > NOT_DRAWN:
             pen.arc(at, rim_m + echo_m, (begun_rad, begun_rad + BEAM_RAD), "echo")
 
 
 def draw_virtual(pen: Pen, scene: Scene) -> None:
-    """Where it steers now, if that is not the goal itself, and the way there."""
+    """Draw the virtual goal and a line to it, unless it is the goal itself."""
     at, robot = scene.virtual_goal, scene.robot
-    if at is None or (scene.goal and apart_m(at, (scene.goal.x_m, scene.goal.y_m)) < 1e-6):
+    if at is None or (scene.goal and distance_m(at, (scene.goal.x_m, scene.goal.y_m)) < 1e-6):
         return
     if robot is not None:
-        pen.dotted((robot.x_m, robot.y_m), at, "virtual", WAY_EVERY)
+        pen.dotted((robot.x_m, robot.y_m), at, "virtual", LINE_SPACING)
     pen.mark(at, "virtual", "virtual", "virtual")
     pen.off_map(at, "virtual", "virtual")
 
 
 def draw_goal(pen: Pen, scene: Scene) -> None:
+    """Draw the goal; when it is off the map, an arrow with its distance in metres."""
     goal = scene.goal
     if goal is None:
         return
     at, robot = (goal.x_m, goal.y_m), scene.robot
     draw_heading(pen, goal, "goal")
-    pen.mark(at, "goal", "goal", "goal", looks_right(goal))
-    away_m = None if robot is None else apart_m((robot.x_m, robot.y_m), at)
+    pen.mark(at, "goal", "goal", "goal", heads_right(goal))
+    away_m = None if robot is None else distance_m((robot.x_m, robot.y_m), at)
     pen.off_map(at, "goal", "goal" if away_m is None else f"goal {away_m:.1f} m")
 
 
 def draw_others(pen: Pen, scene: Scene) -> None:
-    """Whoever else moves: walkers as the simulation knows them, other robots by name."""
+    """Draw moving obstacles from the simulation truth, and other robots with their names."""
     for mover in scene.movers:
         pen.shape(mover, "truth")
         pen.mark((mover.x_m, mover.y_m), "mover", "truth")
@@ -90,7 +93,7 @@ def draw_others(pen: Pen, scene: Scene) -> None:
 
 
 def draw_robot(pen: Pen, scene: Scene) -> None:
-    """True to scale, with a pointer that is seen however small that is."""
+    """Draw the robot true to scale, and a mark that stays visible at any scale."""
     robot = scene.robot
     if robot is None:
         return
@@ -104,18 +107,20 @@ def draw_robot(pen: Pen, scene: Scene) -> None:
 
 
 def draw_cursor(pen: Pen, scene: Scene) -> None:
+    """Draw the cursor with its position in metres."""
     if scene.cursor is not None:
         words = f"{scene.cursor[0]:.2f} {scene.cursor[1]:.2f}"
         pen.mark(scene.cursor, "cursor", "cursor", words)
         pen.off_map(scene.cursor, "cursor", words)
 
 
-def towards(at: Point, bearing_rad: float, length_m: float) -> Point:
+def point_at(at: Point, bearing_rad: float, length_m: float) -> Point:
+    """Return the point at a bearing (radians) and distance from `at`."""
     return at[0] + length_m * cos(bearing_rad), at[1] + length_m * sin(bearing_rad)
 
 
 def _body(pen: Pen, robot: Robot, role: str) -> None:
-    """Solid where it is small, so that it is not taken for an obstacle."""
+    """Draw a robot's outline and nose; fill it when small, to differ from an obstacle."""
     at = robot.x_m, robot.y_m
     dot_m = pen.view.m_per_dot
     if robot.radius_m < SOLID_DOTS * dot_m:
@@ -123,9 +128,9 @@ def _body(pen: Pen, robot: Robot, role: str) -> None:
     pen.circle(at, robot.radius_m, role)
     if isfinite(robot.heading_rad):
         nose_m = robot.radius_m + NOSE_DOTS * dot_m
-        pen.path((at, towards(at, robot.heading_rad % (2.0 * pi), nose_m)), role)
+        pen.path((at, point_at(at, robot.heading_rad % (2.0 * pi), nose_m)), role)
 
 
 def _echo_m(range_m: float | None) -> float:
-    """A missing one and what is no range is no echo here: neither is drawn."""
-    return range_m if range_m is not None and 0.0 <= range_m < inf else NO_ECHO
+    """Return the range of an echo; NOT_DRAWN for a missing, infinite or invalid range."""
+    return range_m if range_m is not None and 0.0 <= range_m < inf else NOT_DRAWN

@@ -1,4 +1,4 @@
-"""What the attackers of `bench flood` send: replayed, broken, forged and oversized samples."""
+"""The payloads of `bench flood`: replayed, broken, forged and oversized samples and queries."""
 
 from collections.abc import Iterable
 from random import Random
@@ -20,12 +20,12 @@ from protocol.topics import (
     Topic,
 )
 from protocol.wire.codec import Encoder
-from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, LeaseAction, Mode
+from protocol.wire.enums import Command, LeaseAction
+from protocol.wire.goal import wire_goal
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,
     GoalRequest,
-    Heartbeat,
     LeaseRequest,
     ParamSet,
     SonarScan,
@@ -33,24 +33,24 @@ from protocol.wire.messages import (
     WheelCommand,
     WheelTicks,
 )
+from runtime.timing import UINT32
+from verification.harness.bus_calls import OPERATOR_BEAT, auto_goal_request
 
 OVERSIZED: Final = 2_000_000
 GOOD_FOR_NS: Final = 1_000_000_000
-UINT32: Final = 2**32 - 1
+
 FULL_MRAD_S: Final = 9000
 SCAN: Final = SonarScan(
     time_ns=1_000_000, seq=1, range_mm=(50,) * 8, ping_age_us=(9,) * 8, valid=255, echo=255
 )
 TICKS: Final = WheelTicks(time_ns=1_000_000, seq=1, left=7, right=-9, bumper=7, expired=0)
 STEER: Final = Teleop(time_ns=1, seq=1, speed_mm_s=300, yaw_rate_mrad_s=0, ttl_ms=500)
-BEAT: Final = Heartbeat(
-    type=TYPE_GCS, autopilot=AUTOPILOT_INVALID, base_mode=0, custom_mode=0, system_status=4
-)
-SAID: Final[tuple[tuple[Topic[Any], Message], ...]] = (
+
+SAMPLES: Final[tuple[tuple[Topic[Any], Message], ...]] = (
     (SONAR, SCAN),
     (WHEELS, TICKS),
     (TELEOP, STEER),
-    (OPERATOR, BEAT),
+    (OPERATOR, OPERATOR_BEAT),
 )
 COMMANDS: Final = (
     Command.COMPONENT_ARM_DISARM,
@@ -64,95 +64,88 @@ COMMANDS: Final = (
 )
 
 
-class Shot(NamedTuple):
-    """Something to put or to ask; `path` is the key below the robot's.
+class Payload(NamedTuple):
+    """A sample to publish or a query to send; `path` is the key below the robot's.
 
     `stamped`: with the robot's time, of now for a sample, of a second from now for a request.
     """
 
     path: str
-    payload: bytes
+    content: bytes
     encoding: str = ENCODING
     stamped: bool = False
 
     def attachment(self, ahead_ns: int = 0) -> bytes | None:
-        """Return the time of sending; one machine has one monotonic clock."""
+        """Return the time of sending, if stamped; one machine has one monotonic clock."""
         return time_bytes(monotonic_ns() + ahead_ns) if self.stamped else None
 
 
 def named(topic: Topic[Any] | Service, operator: str) -> str:
-    """Return the path on which an operator says or asks something."""
+    """Return the path on which an operator publishes or asks."""
     return f"{topic.path}/{operator}" if topic.of_operators and operator else topic.path
 
 
 def names_of(operator: str) -> tuple[str, ...]:
-    """Return what an attacker calls itself: nothing, itself, or what is no operator."""
+    """Return the operator names of an attacker: none, its own, a forged and a malformed one."""
     return "", operator, "eve/0123456789abcdef", "Not an/identity/at all"
 
 
-def frames(operator: str) -> list[Shot]:
-    """What was sent before, once more; what is broken; what is no frame; what is far too large."""
+def frames(operator: str) -> list[Payload]:
+    """Return frames that are replayed, corrupted, cut, random or of another protocol version."""
     random, found = Random(1), []
-    for topic, message in SAID:
+    for topic, message in SAMPLES:
         frame = Encoder(1, 25).encode(message)
         bad = frame[:-1] + bytes([frame[-1] ^ 1])
         others = (frame[:-3], frame + b"\0", random.randbytes(60), b"", b"\xfd" * 300)
         for path in dict.fromkeys(named(topic, name) for name in names_of(operator)):
-            found += [Shot(path, one, stamped=True) for one in (frame, bad, *others)]
-            found.append(Shot(path, frame, "application/mavlink2;sidestep@1"))
+            found += [Payload(path, one, stamped=True) for one in (frame, bad, *others)]
+            found.append(Payload(path, frame, "application/mavlink2;sidestep@1"))
     return found
 
 
-def questions(operator: str) -> list[Shot]:
-    """Commands of somebody who may not command, and what is no question."""
+def questions(operator: str) -> list[Payload]:
+    """Return commands that need the lease, malformed queries and an oversized one."""
     random, found = Random(2), []
     encoder = Encoder(255, 190)
     for service, message in forbidden():
         frame = encoder.encode(message)
         for name in names_of(operator):
             path = named(service, name)
-            found.append(Shot(path, frame, stamped=True))
-            found.append(Shot(path, frame))
-            found.append(Shot(path, frame[:-1], stamped=True))
-            found.append(Shot(path, random.randbytes(40), ""))
-    found.append(Shot(PARAMETERS.path, b"", ""))
-    found.append(Shot(named(COMMAND, operator), b"\xfd" * OVERSIZED))
+            found.append(Payload(path, frame, stamped=True))
+            found.append(Payload(path, frame))
+            found.append(Payload(path, frame[:-1], stamped=True))
+            found.append(Payload(path, random.randbytes(40), ""))
+    found.append(Payload(PARAMETERS.path, b"", ""))
+    found.append(Payload(named(COMMAND, operator), b"\xfd" * OVERSIZED))
     return found
 
 
 def forbidden() -> list[tuple[Service, Message]]:
-    """Requests that only the holder of the lease may make."""
-    found: list[tuple[Service, Message]] = [(COMMAND, order(n, n)) for n in COMMANDS]
+    """Return requests that only the holder of the lease may send."""
+    found: list[tuple[Service, Message]] = [(COMMAND, forged_command(n, n)) for n in COMMANDS]
     return [
         *found,
-        (COMMAND, goal(99)),
+        (COMMAND, forged_goal(99)),
         (PARAMETER, ParamSet(param_id="v_max_m_s", param_value=0.01, param_type=9)),
         (LEASE_SERVICE, LeaseRequest(request_id=98, action=LeaseAction.TAKE, name="mallory")),
         (LEASE_SERVICE, LeaseRequest(request_id=97, action=LeaseAction.RELEASE, name="mallory")),
     ]
 
 
-def order(request_id: int, command: int, param1: float = 1.0) -> CommandRequest:
+def forged_command(request_id: int, command: int, param1: float = 1.0) -> CommandRequest:
+    """Return a command of an attacker."""
     return CommandRequest(request_id=request_id, param1=param1, param2=4.0, command=command)
 
 
-def goal(request_id: int) -> GoalRequest:
-    return GoalRequest(
-        request_id=request_id,
-        x_mm=0,
-        y_mm=0,
-        heading_urad=0,
-        position_tolerance_mm=50,
-        heading_tolerance_urad=9999,
-        heading_free=1,
-        mode=Mode.AUTO,
-    )
+def forged_goal(request_id: int) -> GoalRequest:
+    """Return a goal of an attacker."""
+    return auto_goal_request(request_id, wire_goal(0.0, 0.0, None, 0.05, 0.009999))
 
 
 def wheels(answered: int) -> Iterable[WheelCommand]:
-    """Full speed, said to answer senses of the future, of the past, and the newest ones.
+    """Yield wheel commands at full speed in answer to future, newest and past senses.
 
-    `answered`: the newest senses there are.
+    `answered` is the newest sequence number of the senses.
     """
     for sense_seq in (UINT32, UINT32 - 1, answered + 100, answered + 1, answered, 0):
         for ttl_ms in (65_535, 150):

@@ -1,4 +1,4 @@
-"""What the app of each browser is started with, and an address that is taken."""
+"""Test the command line of each browser's app, and addresses that are in use."""
 
 import socket
 from contextlib import closing
@@ -22,14 +22,14 @@ from runtime.errors import UserError
         ["--no-record"],
     ],
 )
-def test_every_browser_gets_the_options_of_the_command_line(words: list[str]) -> None:
+def test_browsers_get_the_options_of_the_command_line(words: list[str]) -> None:
     wanted = parse(["ground", *words])
     given = parse(words_of(parse(["ground", "--web", "9000", "--token-file", "t", *words])))
     assert vars(given) == vars(wanted)
     assert given.web is None
 
 
-def test_no_option_is_forgotten_without_being_meant() -> None:
+def test_every_other_option_is_passed_on() -> None:
     own = {"verb", "web", "token_file", "json", "plain"}
     words = ["--connect", "c", "--id", "i", "--config", "f", "--record", "d", "--theme", "dark"]
     full = parse(["ground", "--web", "1", *words, "--hz", "2", "--keys", "k", "--ascii"])
@@ -38,7 +38,7 @@ def test_no_option_is_forgotten_without_being_meant() -> None:
     assert again.keys == Path("k")
 
 
-def test_an_address_that_is_taken_is_refused_and_a_free_one_is_not() -> None:
+def test_address_in_use_is_refused() -> None:
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

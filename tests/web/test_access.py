@@ -1,4 +1,4 @@
-"""Nobody comes in without the token, and no page of another site with it."""
+"""Test that requests need the token, and that pages of other sites are refused."""
 
 import asyncio
 from asyncio.subprocess import Process
@@ -9,9 +9,9 @@ import pytest
 from aiohttp import CookieJar, web
 from aiohttp.test_utils import TestClient, TestServer
 
-from ground.web.access import MAX_SESSIONS, REFUSAL, WebAccess, from_here
+from ground.web.access import MAX_SESSIONS, REFUSAL, WebAccess, is_same_origin
 from ground.web.address import Address
-from ground.web.server import MOST_SESSIONS, WebServer
+from ground.web.server import MAX_BROWSERS, WebServer
 from tests.support.until import PATIENCE_S
 
 TOKEN = "0123456789abcdefgh"
@@ -22,22 +22,22 @@ Client = TestClient[web.Request, web.Application]
 def with_client(
     story: Callable[[Client, WebServer], Awaitable[None]], command: str = "true"
 ) -> None:
-    """Tell the story to a server of our own in this process."""
+    """Run the story with a server in this process."""
 
-    async def tell() -> None:
+    async def run() -> None:
         server = WebServer(command, Address("127.0.0.1", 8770), TOKEN, lambda: None)
         server.initialize_logging()
         app = await server._make_app()
-        jar = CookieJar(unsafe=True)  # cookies of addresses that are numbers
+        jar = CookieJar(unsafe=True)  # accept cookies from numeric addresses
         async with TestClient(TestServer(app), cookie_jar=jar) as client:
             await story(client, server)
 
-    asyncio.run(tell())
+    asyncio.run(run())
 
 
 @pytest.mark.parametrize("path", ["/", "/ws", "/static/js/textual.js", "/download/x", "/nowhere"])
 @pytest.mark.parametrize("query", ["", "?token=", "?token=wrong", "?token=0123456789abcdefgh1"])
-def test_without_the_token_nothing_is_shown(path: str, query: str) -> None:
+def test_requests_without_the_token_are_refused(path: str, query: str) -> None:
     async def story(client: Client, server: WebServer) -> None:
         answer = await client.get(path + query)
         assert answer.status == 403
@@ -46,11 +46,11 @@ def test_without_the_token_nothing_is_shown(path: str, query: str) -> None:
     with_client(story)
 
 
-def test_with_the_token_the_page_comes_and_the_address_forgets_it() -> None:
+def test_token_opens_the_page_and_leaves_the_address() -> None:
     async def story(client: Client, server: WebServer) -> None:
         first = await client.get(f"/?token={TOKEN}", allow_redirects=False)
         assert (first.status, first.headers["Location"]) == (303, "/")
-        cookie = first.cookies[server.door.cookie]
+        cookie = first.cookies[server.access.cookie]
         assert (cookie["httponly"], cookie["samesite"]) == (True, "Strict")
         assert TOKEN not in cookie.value
         assert len(cookie.value) >= 32
@@ -67,16 +67,16 @@ def test_with_the_token_the_page_comes_and_the_address_forgets_it() -> None:
     with_client(story)
 
 
-def test_each_browser_has_a_session_of_its_own_and_the_oldest_end() -> None:
-    """The cookie goes to every service on this host: it must not be the token."""
+def test_each_browser_has_its_session_and_the_oldest_ends() -> None:
+    """Browsers send the cookie to every service on this host, so it must not be the token."""
 
     async def story(client: Client, server: WebServer) -> None:
         sessions = []
         for _ in range(MAX_SESSIONS + 1):
             answer = await client.get(f"/?token={TOKEN}", allow_redirects=False)
-            sessions.append(answer.cookies[server.door.cookie].value)
+            sessions.append(answer.cookies[server.access.cookie].value)
         assert len(set(sessions)) == len(sessions)
-        allowed = [server.door.has_let_in(one) for one in sessions]
+        allowed = [server.access.is_session(one) for one in sessions]
         assert allowed == [False] + [True] * MAX_SESSIONS
         client.session.cookie_jar.clear()
         assert (await client.get("/", headers=cookie(server, TOKEN))).status == 403
@@ -86,20 +86,20 @@ def test_each_browser_has_a_session_of_its_own_and_the_oldest_end() -> None:
 
 
 def cookie(server: WebServer, value: str) -> dict[str, str]:
-    return {"Cookie": f"{server.door.cookie}={value}"}
+    return {"Cookie": f"{server.access.cookie}={value}"}
 
 
 @pytest.mark.parametrize("sent", [b"\xe4\xff", b"\xc3\xa4", b"\x80" * 40, b'"\xff'])
 @pytest.mark.parametrize("place", ["cookie", "token"])
-def test_bytes_that_are_no_text_are_refused_without_an_error(sent: bytes, place: str) -> None:
-    """They were an internal error, before any token was asked for."""
+def test_undecodable_bytes_are_refused_without_an_error(sent: bytes, place: str) -> None:
+    """Such bytes must not cause an internal error (status 500)."""
 
     async def story(client: Client, server: WebServer) -> None:
         reader, writer = await asyncio.open_connection(client.host, client.port)
         query = b"?token=" + sent if place == "token" else b""
-        crumb = f"{server.door.cookie}=".encode() + sent if place == "cookie" else b"a=b"
+        cookie = f"{server.access.cookie}=".encode() + sent if place == "cookie" else b"a=b"
         head = b"GET /%b HTTP/1.1\r\nHost: here\r\nCookie: %b\r\nConnection: close\r\n\r\n"
-        writer.write(head % (query, crumb))
+        writer.write(head % (query, cookie))
         status = await reader.readline()
         assert status.split()[1] in (b"400", b"403")
         writer.close()
@@ -108,7 +108,7 @@ def test_bytes_that_are_no_text_are_refused_without_an_error(sent: bytes, place:
     with_client(story)
 
 
-def test_a_page_of_another_site_cannot_open_the_web_socket() -> None:
+def test_page_of_another_site_cannot_open_a_web_socket() -> None:
     async def story(client: Client, server: WebServer) -> None:
         await client.get(f"/?token={TOKEN}")
         answer = await client.get("/ws", headers={"Origin": "http://evil.example"})
@@ -119,10 +119,10 @@ def test_a_page_of_another_site_cannot_open_the_web_socket() -> None:
     with_client(story)
 
 
-def test_only_so_many_browsers_are_served() -> None:
+def test_number_of_browsers_is_limited() -> None:
     async def story(client: Client, server: WebServer) -> None:
         await client.get(f"/?token={TOKEN}")
-        others = {asyncio.create_task(asyncio.sleep(60.0)) for _ in range(MOST_SESSIONS)}
+        others = {asyncio.create_task(asyncio.sleep(60.0)) for _ in range(MAX_BROWSERS)}
         server.sessions |= others
         answer = await client.get("/ws")
         assert answer.status == 503
@@ -132,7 +132,7 @@ def test_only_so_many_browsers_are_served() -> None:
     with_client(story)
 
 
-def test_a_browser_that_leaves_is_counted_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_browser_that_leaves_frees_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
     apps: list[Process] = []
     begin = asyncio.create_subprocess_shell
 
@@ -150,23 +150,23 @@ def test_a_browser_that_leaves_is_counted_out(monkeypatch: pytest.MonkeyPatch) -
         async with asyncio.timeout(PATIENCE_S):
             while server.sessions:
                 await asyncio.sleep(0.01)
-        for app in apps:  # it heeds no word, and is not to outlive the loop
+        for app in apps:  # ignores its input; must not outlive the loop
             app.kill()
             await app.communicate()
 
     with_client(story, command="exec cat")
 
 
-def test_tokens_are_compared_as_a_whole() -> None:
-    door: Any = WebAccess(TOKEN, 1)
-    assert door.knows(TOKEN)
-    assert not door.knows(None)
-    assert not door.knows("")
-    assert not door.knows(TOKEN[:-1])
-    assert not door.knows("\u00e4" * 20)
-    assert not door.knows("\udce4" * 20)
-    assert not door.has_let_in(None)
-    assert not door.has_let_in(TOKEN)
+def test_tokens_are_compared_in_full() -> None:
+    access: Any = WebAccess(TOKEN, 1)
+    assert access.is_token(TOKEN)
+    assert not access.is_token(None)
+    assert not access.is_token("")
+    assert not access.is_token(TOKEN[:-1])
+    assert not access.is_token("\u00e4" * 20)
+    assert not access.is_token("\udce4" * 20)
+    assert not access.is_session(None)
+    assert not access.is_session(TOKEN)
 
 
 @pytest.mark.parametrize(
@@ -179,5 +179,5 @@ def test_tokens_are_compared_as_a_whole() -> None:
         ("", "127.0.0.1:80", False),
     ],
 )
-def test_where_a_request_comes_from(origin: str | None, host: str, fits: bool) -> None:
-    assert from_here(origin, host) is fits
+def test_origin_of_a_request(origin: str | None, host: str, fits: bool) -> None:
+    assert is_same_origin(origin, host) is fits

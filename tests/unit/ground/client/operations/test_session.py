@@ -1,9 +1,9 @@
-"""A robot that only stands by is armed; one that was stopped for a reason is left alone."""
+"""A request is repeated after a remedy: a robot in standby is armed, a stopped robot is not."""
 
 import pytest
 
 from ground.client.operations import Session
-from ground.client.operations.session import INSIST_NS
+from ground.client.operations.session import RETRY_NS
 from ground.client.results import Refused
 from protocol.topics import STATUS
 from protocol.wire.enums import Command, Vehicle
@@ -16,28 +16,28 @@ ARM = Command.COMPONENT_ARM_DISARM
 START = Command.MISSION_START
 
 
-def insisted(link: AnsweringLink, *, beats: bool = False) -> tuple[int, str]:
-    """The last reason, and what was said on the way."""
+def asked_until_accepted(link: AnsweringLink, *, beats: bool = False) -> tuple[int, str]:
+    """Return the last reason and the notes."""
 
     def request() -> CommandRequest:
         return link.command(START)
 
     notes = Notes()
-    answer, _ = Session(link.as_link(), notes).insist(request, beats=beats)
+    answer, _ = Session(link.as_link(), notes).ask_until_accepted(request, beats=beats)
     reason = answer.reason if isinstance(answer, Refused) else Reason.NONE
     return reason, "".join(f"{note}\n" for note in notes.notes)
 
 
 def test_what_the_robot_does_at_once_is_asked_once() -> None:
     link = AnsweringLink()
-    assert insisted(link) == (Reason.NONE, "")
+    assert asked_until_accepted(link) == (Reason.NONE, "")
     assert link.commands == [START]
 
 
-def test_a_robot_that_stands_by_is_armed_and_asked_again_with_a_new_id() -> None:
+def test_standby_robot_is_armed_and_request_repeated() -> None:
     link = AnsweringLink(Reason.NOT_ARMED)
     link.says_now[STATUS.path] = status(Vehicle.STANDBY)
-    assert insisted(link) == (Reason.NONE, "armed\n")
+    assert asked_until_accepted(link) == (Reason.NONE, "armed\n")
     assert link.commands == [START, ARM, START]
     ids = [one.request_id for one in link.asked if isinstance(one, CommandRequest)]
     assert len(set(ids)) == 3
@@ -47,45 +47,45 @@ def test_a_robot_that_stands_by_is_armed_and_asked_again_with_a_new_id() -> None
 def test_a_robot_that_was_stopped_for_a_reason_is_never_armed(vehicle: Vehicle) -> None:
     link = AnsweringLink(Reason.NOT_ARMED)
     link.says_now[STATUS.path] = status(vehicle)
-    assert insisted(link) == (Reason.NOT_ARMED, "")
+    assert asked_until_accepted(link) == (Reason.NOT_ARMED, "")
     assert ARM not in link.commands
 
 
-def test_a_robot_that_says_nothing_is_not_armed_either() -> None:
+def test_silent_robot_is_not_armed() -> None:
     link = AnsweringLink(Reason.NOT_ARMED)
-    assert insisted(link)[0] == Reason.NOT_ARMED
+    assert asked_until_accepted(link)[0] == Reason.NOT_ARMED
     assert ARM not in link.commands
 
 
-def test_a_refused_arming_is_told_and_ends_it() -> None:
+def test_refused_arming_is_reported_and_final() -> None:
     link = AnsweringLink(Reason.NOT_ARMED, Reason.NO_SENSES)
     link.says_now[STATUS.path] = status(Vehicle.STANDBY)
-    reason, said = insisted(link)
+    reason, said = asked_until_accepted(link)
     assert reason == Reason.NOT_ARMED
     assert said.startswith("arming was refused: ")
     assert "sidestep doctor" in said
 
 
-def test_a_robot_that_misses_its_operator_hears_one_and_is_asked_again() -> None:
+def test_missing_operator_is_remedied_by_a_heartbeat() -> None:
     link = AnsweringLink(Reason.NO_OPERATOR, Reason.NO_OPERATOR)
-    assert insisted(link, beats=True)[0] == Reason.NONE
+    assert asked_until_accepted(link, beats=True)[0] == Reason.NONE
     assert link.beats == 2
 
 
-def test_nobody_beats_who_is_no_operator() -> None:
+def test_no_heartbeat_is_sent_without_beats() -> None:
     link = AnsweringLink(Reason.NO_OPERATOR)
-    assert insisted(link)[0] == Reason.NO_OPERATOR
+    assert asked_until_accepted(link)[0] == Reason.NO_OPERATOR
     assert link.beats == 0
 
 
 def test_it_is_not_asked_for_ever() -> None:
     link = AnsweringLink(*[Reason.NO_OPERATOR] * 10_000)
-    assert insisted(link, beats=True)[0] == Reason.NO_OPERATOR
-    assert INSIST_NS <= link.clock.now_ns() < 2 * INSIST_NS
+    assert asked_until_accepted(link, beats=True)[0] == Reason.NO_OPERATOR
+    assert RETRY_NS <= link.clock.now_ns() < 2 * RETRY_NS
 
 
 @pytest.mark.parametrize("reason", [Reason.OUTSIDE_FENCE, Reason.LEASE_HELD, Reason.NO_MISSION])
 def test_what_nothing_remedies_is_the_answer(reason: Reason) -> None:
     link = AnsweringLink(reason)
-    assert insisted(link, beats=True)[0] == reason
+    assert asked_until_accepted(link, beats=True)[0] == reason
     assert link.commands == [START]

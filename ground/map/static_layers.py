@@ -1,4 +1,4 @@
-"""What does not move with the robot: walls, fence, mission and its draft, other runs."""
+"""Draw what does not move with the robot: walls, fence, mission and its draft, ghosts."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -10,13 +10,13 @@ from ground.map.pen import Pen
 from ground.map.scene import Disc, Outline, Scene, Shape, Target, floor
 from ground.map.view import Point
 
-EDGE_EVERY: Final = 3
+EDGE_SPACING: Final = 3
 HEADING_DOTS: Final = 9.0
-MARKED_ENDS: Final = ("reached", "collided", "stuck")
+MARKED_OUTCOMES: Final = ("reached", "collided", "stuck")
 
 
 def draw_walls(pen: Pen, scene: Scene) -> None:
-    """What stands there, and the edge of the floor: dotted where no wall is on it."""
+    """Draw the obstacles, and the edge of the floor as dots where it has no wall."""
     role = "truth" if scene.truth else "wall"
     if scene.size_m is not None:
         dotted(pen, Outline(floor(scene.size_m)), role)
@@ -25,27 +25,28 @@ def draw_walls(pen: Pen, scene: Scene) -> None:
 
 
 def draw_seen(pen: Pen, scene: Scene) -> None:
+    """Draw the points where the robot has seen obstacles."""
     pen.dots(scene.seen, "seen")
 
 
 def draw_fence(pen: Pen, scene: Scene) -> None:
-    """Dotted, so that it is no wall without colour either."""
+    """Draw the fence as dots, so that it differs from a wall without colours, too."""
     if scene.fence is not None:
         dotted(pen, scene.fence, "fence")
 
 
 def draw_ghosts(pen: Pen, scene: Scene) -> None:
-    """Another run's way, and at its end how it ended."""
+    """Draw the path of each ghost, with its outcome at the end."""
     for ghost in scene.ghosts:
         pen.path(ghost.path_m, "ghost")
         if ghost.path_m:
             label = " ".join(word for word in (ghost.label, ghost.outcome) if word)
-            end = ghost.outcome if ghost.outcome in MARKED_ENDS else "ended"
+            end = ghost.outcome if ghost.outcome in MARKED_OUTCOMES else "ended"
             pen.mark(ghost.path_m[-1], end, "ghost", label)
 
 
-def draw_marks(pen: Pen, scene: Scene) -> None:
-    """Where the boundary of an obstacle was met and left."""
+def draw_hit_points(pen: Pen, scene: Scene) -> None:
+    """Draw where the robot met and left the boundary of an obstacle."""
     for at in scene.hits:
         pen.mark(at, "hit", "hit")
     for at in scene.leaves:
@@ -53,24 +54,24 @@ def draw_marks(pen: Pen, scene: Scene) -> None:
 
 
 def draw_mission(pen: Pen, scene: Scene) -> None:
-    """Items from 1 on; the one under way is marked as such."""
+    """Draw the items of the mission, counted from 1; a `>` marks the one under way."""
     numbers = [f"{number}" for number in range(1, len(scene.mission) + 1)]
     if scene.current is not None and 0 <= scene.current < len(numbers):
         numbers[scene.current] = f">{numbers[scene.current]}"
-    draw_legs(pen, scene.mission, "mission", 2 * EDGE_EVERY)
+    draw_legs(pen, scene.mission, "mission", 2 * EDGE_SPACING)
     for number, item in zip(numbers, scene.mission, strict=True):
-        pen.mark((item.x_m, item.y_m), "waypoint", "mission", number, looks_right(item))
+        pen.mark((item.x_m, item.y_m), "waypoint", "mission", number, heads_right(item))
 
 
 def draw_draft(pen: Pen, scene: Scene) -> None:
-    """What is only planned: hollow marks, numbers with a `d`, and fewer dots between them."""
-    draw_legs(pen, scene.draft, "draft", 4 * EDGE_EVERY)
+    """Draw the draft of a mission with hollow marks, numbers with a `d`, and fewer dots."""
+    draw_legs(pen, scene.draft, "draft", 4 * EDGE_SPACING)
     for number, item in enumerate(scene.draft, start=1):
-        pen.mark((item.x_m, item.y_m), "draft", "draft", f"d{number}", looks_right(item))
+        pen.mark((item.x_m, item.y_m), "draft", "draft", f"d{number}", heads_right(item))
 
 
 def draw_legs(pen: Pen, items: Sequence[Target], role: str, every: int) -> None:
-    """From place to place, and how to arrive at each."""
+    """Draw dotted lines from item to item, and the heading at each."""
     for a, b in pairwise([(item.x_m, item.y_m) for item in items]):
         pen.dotted(a, b, role, every)
     for item in items:
@@ -78,7 +79,7 @@ def draw_legs(pen: Pen, items: Sequence[Target], role: str, every: int) -> None:
 
 
 def draw_heading(pen: Pen, target: Target, role: str) -> None:
-    """The tolerance, where it is large enough to see, and the heading to arrive with."""
+    """Draw the tolerance, where it is large enough to see, and the heading on arrival."""
     at: Point = (target.x_m, target.y_m)
     if target.tolerance_m > DOTS_WIDE * pen.view.m_per_dot:
         pen.circle(at, target.tolerance_m, role)
@@ -88,21 +89,22 @@ def draw_heading(pen: Pen, target: Target, role: str) -> None:
         pen.path((at, tip), role)
 
 
-def looks_right(target: Target) -> bool:
-    """Where a label would be: then that is on the left."""
+def heads_right(target: Target) -> bool:
+    """Return whether the heading is drawn to the right, where the label would be."""
     heading_rad = target.heading_rad
     return heading_rad is not None and isfinite(heading_rad) and cos(heading_rad) > 0.5
 
 
 def dotted(pen: Pen, shape: Shape, role: str) -> None:
-    """The edge of a shape, every so many dots of it."""
+    """Draw the edge of a shape as dots."""
     if isinstance(shape, Disc):
         points = pen.curve((shape.x_m, shape.y_m), shape.radius_m, shape.radius_m)
     else:
         points = (*shape.points_m, *shape.points_m[:1])
     for a, b in pairwise(points):
-        pen.dotted(a, b, role, EDGE_EVERY)
+        pen.dotted(a, b, role, EDGE_SPACING)
 
 
-def apart_m(a: Point, b: Point) -> float:
+def distance_m(a: Point, b: Point) -> float:
+    """Return the distance between two points."""
     return hypot(b[0] - a[0], b[1] - a[1])
