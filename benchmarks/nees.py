@@ -12,7 +12,7 @@ from functools import partial
 from os import cpu_count
 
 from plant.model.noise import LEVELS
-from study.statistics.consistency import KINDS, Array, Consistency, drive, judged
+from study.statistics.consistency import KINDS, Array, Consistency, consistency_of, drive
 from verification.harness.figures import Figure, Report
 
 DRIVES = 400
@@ -39,12 +39,12 @@ def measure(options: argparse.Namespace) -> Report:
                 ended = list(pool.map(run, range(first, first + each), chunksize=8))
                 errors += ended
                 notes.append(noted(level, kind, ended))
-            figures += figures_of(level, judged(errors))
+            figures += figures_of(level, consistency_of(errors))
     return Report(benchmark="nees", figures=tuple(figures), notes=tuple(notes))
 
 
 def noted(level: str, kind: str, ended: Sequence[tuple[Array, Array]]) -> str:
-    found = judged(ended)
+    found = consistency_of(ended)
     return (
         f"{level}, {kind}: pose {found.pose:.2f}, position {found.position:.2f},"
         f" {100.0 * found.inside:.1f} % inside, {found.drives} drives"

@@ -1,0 +1,1 @@
+"""Calibration of odometry with UMBmark squares."""

@@ -1,4 +1,4 @@
-"""`sidestep calibrate`: wheels, track and slip of a robot from squares driven both ways round."""
+"""`sidestep calibrate`: find wheels, track and slip of a robot from squares driven both ways."""
 
 import argparse
 import json
@@ -17,28 +17,28 @@ from robot.parameters.table import OutOfRange, adjusted, with_values
 from runtime.cli.verb_table import VERBS
 from runtime.errors import UserError
 from study.calibration import log, plot
-from study.calibration.fit import fitted
-from study.calibration.result import Result, as_toml, store
-from study.calibration.runs import Run
+from study.calibration.fit import fit_parameters
+from study.calibration.result import CalibrationResult, as_toml, store
+from study.calibration.runs import SquareRun
 from study.calibration.squares import drive
 from study.calibration.umbmark import umbmark
 
 RUNS = 20
-MOST_RUNS = 1000
-SHORTEST_M, LONGEST_M = 0.5, 50.0
-"""Of the side of a square."""
+MAX_RUNS = 1000
+MIN_SIDE_M, MAX_SIDE_M = 0.5, 50.0
+"""Limits of the side of a square."""
 SIDE_M = 4.0
 PLOTS = (".svg", ".png")
 DETAILS = (
     "Drives UMBmark squares in the plant, or reads a log of them, and finds wheel_ratio, track_m,"
-    " k_r_m and k_l_m.\nA value is set only when it differs for sure.\n"
+    " k_r_m and k_l_m.\nA value is set only when it differs significantly.\n"
 )
 
 
 def main(argv: Sequence[str]) -> int:
-    """0, or 2 for wrong usage (argparse) or a log that cannot be used (raised)."""
+    """Return 0, or 2 for wrong usage (argparse); raise ConfigError or UserError for a bad log."""
     options = parser().parse_args(list(argv))
-    judge(options)
+    check_options(options)
     params = adjusted(DEFAULTS, dict(options.param), "--param")
     result = from_log(options, params) if options.log else from_plant(options, params)
     try:
@@ -49,19 +49,19 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def from_plant(options: argparse.Namespace, params: Params) -> Result:
-    """Drive, find, and drive again with what was found."""
+def from_plant(options: argparse.Namespace, params: Params) -> CalibrationResult:
+    """Drive squares, fit the parameters, and drive again with the fitted ones."""
     noise, side_m = LEVELS[options.noise], options.side
     first = drive(noise, params, options.runs, 2 * options.seed, side_m)
-    fit = fitted(first, params)
+    fit = fit_parameters(first, params)
     after = with_values(params, fit.adopted(params))
     even = replace(noise, slip_variance_m=0.0)
     before_m, after_m = (
         umbmark(drive(even, which, 1, 0, side_m), which, side_m).largest_m
         for which in (params, after)
     )
-    return Result(
-        source=f"{options.runs} squares of {side_m:g} m each way round in the plant,"
+    return CalibrationResult(
+        source=f"{options.runs} squares of {side_m:g} m in each direction in the plant,"
         f" noise {options.noise}, seed {options.seed}",
         side_m=side_m,
         before=params,
@@ -72,18 +72,21 @@ def from_plant(options: argparse.Namespace, params: Params) -> Result:
     )
 
 
-def from_log(options: argparse.Namespace, params: Params) -> Result:
-    """The runs of a real robot; what comes after is the same runs, judged anew."""
-    runs: list[Run] = log.read(Path(options.log))
+def from_log(options: argparse.Namespace, params: Params) -> CalibrationResult:
+    """Fit the runs of a real robot; the result evaluates the same runs before and after.
+
+    Raises UserError for runs that no robot can have driven.
+    """
+    runs: list[SquareRun] = log.read(Path(options.log))
     try:
-        fit = fitted(runs, params)
+        fit = fit_parameters(runs, params)
         with_values(params, fit.adopted(params))
     except (OutOfRange, LinAlgError) as error:
         raise UserError(
-            f"{options.log}: these runs fit no robot ({error}); look at the measured poses, at"
-            " left and right, and with --param at m_per_tick"
+            f"{options.log}: these runs fit no robot ({error}); check the measured poses, whether"
+            " left and right are swapped, and m_per_tick (--param)"
         ) from error
-    return Result(
+    return CalibrationResult(
         source=f"{len(runs)} squares of {options.side:g} m from {options.log}; after: the same",
         side_m=options.side,
         before=params,
@@ -93,8 +96,8 @@ def from_log(options: argparse.Namespace, params: Params) -> Result:
     )
 
 
-def save(options: argparse.Namespace, result: Result, command: str) -> None:
-    """Whatever files were asked for. Raises OSError."""
+def save(options: argparse.Namespace, result: CalibrationResult, command: str) -> None:
+    """Write the files that the options name; raise OSError."""
     if options.save_log:
         log.write(Path(options.save_log), result.first)
     if options.output:
@@ -105,10 +108,10 @@ def save(options: argparse.Namespace, result: Result, command: str) -> None:
         plot.write(Path(options.plot), result)
 
 
-def judge(options: argparse.Namespace) -> None:
-    """What argparse cannot see, before minutes are spent."""
+def check_options(options: argparse.Namespace) -> None:
+    """Raise UserError for options that argparse cannot check, before the drives begin."""
     if options.log and options.save_log:
-        raise UserError("--save-log: there is nothing to save from --log; leave one of them out")
+        raise UserError("--save-log saves driven runs, not those of --log; leave one of them out")
     if options.plot and Path(options.plot).suffix not in PLOTS:
         raise UserError(f"--plot {options.plot}: name a file that ends in {' or '.join(PLOTS)}")
     if options.plot and find_spec("matplotlib") is None:
@@ -116,6 +119,7 @@ def judge(options: argparse.Namespace) -> None:
 
 
 def parser() -> argparse.ArgumentParser:
+    """Return the parser of the verb."""
     made = argparse.ArgumentParser(
         prog="sidestep calibrate",
         description=VERBS["calibrate"].summary,
@@ -123,33 +127,34 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     made.add_argument("--noise", choices=LEVELS, default="default", help="of the plant (default)")
-    made.add_argument("--seed", type=whole(0), default=0, help="of everything random (0)")
+    made.add_argument("--seed", type=whole(0), default=0, help="of the random numbers (0)")
     made.add_argument(
         "--runs",
-        type=whole(2, MOST_RUNS),
+        type=whole(2, MAX_RUNS),
         default=RUNS,
         metavar="N",
-        help=f"squares each way round ({RUNS})",
+        help=f"squares in each direction ({RUNS})",
     )
     made.add_argument(
         "--side", type=length, default=SIDE_M, metavar="M", help=f"of the square ({SIDE_M:g})"
     )
-    add_param_option(made, "what the robot believes before, as often as needed")
-    made.add_argument("--log", metavar="FILE", help="use the runs in this file, see below")
+    add_param_option(made, "the robot's present parameters, as often as needed")
+    made.add_argument("--log", metavar="FILE", help="use the runs in this file (see below)")
     made.add_argument("--save-log", metavar="FILE", help="write the runs to such a file")
     made.add_argument("--output", metavar="FILE", help="TOML for `sidestep robot --config`")
     made.add_argument("--state", metavar="DIR", help="save for `sidestep robot --state DIR`")
     made.add_argument("--plot", metavar="FILE", help="return errors before and after, .svg or .png")
-    made.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    made.add_argument("--json", action="store_true", help="print one JSON object")
     return made
 
 
 def length(text: str) -> float:
+    """Parse the side of a square in m; raise ArgumentTypeError outside the limits."""
     try:
         value = float(text)
     except ValueError:
         value = float("nan")
-    if not SHORTEST_M <= value <= LONGEST_M:
-        limits = f"{SHORTEST_M:g} to {LONGEST_M:g} m"
-        raise argparse.ArgumentTypeError(f"{text!r} is not a length from {limits}")
+    if not MIN_SIDE_M <= value <= MAX_SIDE_M:
+        limits = f"{MIN_SIDE_M:g} to {MAX_SIDE_M:g} m"
+        raise argparse.ArgumentTypeError(f"{text!r} is not a length of {limits}")
     return value

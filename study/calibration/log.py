@@ -1,9 +1,9 @@
-"""The log of a calibration drive: a CSV file that a real robot can write as well as the plant.
+"""The log of a calibration drive: a CSV file from a real robot or from the plant.
 
 One line per control period (50 ms): `run,direction,left,right,x_m,y_m,heading_deg`. `run` is the
-number of the run, `direction` cw or ccw, `left` and `right` are the encoder counters. The last line
-of a run, and no other, carries the pose measured at its end, as the robot stood at its start:
-x forward, y to the left, heading counter-clockwise.
+number of the run, `direction` cw or ccw, `left` and `right` are the encoder counters. Only the last
+line of a run carries the pose measured at its end, relative to the robot's start: x forward, y to
+the left, heading counter-clockwise.
 """
 
 import csv
@@ -16,16 +16,16 @@ from typing import Final, NamedTuple
 from robot.core.geometry import wrap
 from robot.core.values import Pose
 from runtime.errors import ConfigError
-from study.calibration.runs import DIRECTIONS, Run
+from study.calibration.runs import DIRECTIONS, SquareRun
 
 COLUMNS: Final = ("run", "direction", "left", "right", "x_m", "y_m", "heading_deg")
 MEASURED: Final = COLUMNS[4:]
-FEWEST_TICKS: Final = 2
-FEWEST_RUNS: Final = 2
+MIN_TICKS: Final = 2
+MIN_RUNS: Final = 2
 
 
-class Line(NamedTuple):
-    """One line of the file, by its number."""
+class LogLine(NamedTuple):
+    """One line of the file."""
 
     number: int
     run: str
@@ -34,7 +34,8 @@ class Line(NamedTuple):
     measured: Pose | None
 
 
-def write(path: Path, runs: Iterable[Run]) -> None:
+def write(path: Path, runs: Iterable[SquareRun]) -> None:
+    """Write a log; raise OSError."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
@@ -46,25 +47,25 @@ def write(path: Path, runs: Iterable[Run]) -> None:
             writer.writerow((number, run.direction, *run.ticks[-1], *end))
 
 
-def read(path: Path) -> list[Run]:
-    """Raises ConfigError that names the file, the line, what is wrong and what to do."""
+def read(path: Path) -> list[SquareRun]:
+    """Read a log; raise ConfigError that names file, line, fault and remedy."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             lines = list(_lines(path, csv.reader(file)))
     except OSError as error:
         raise _refusal(path, "", str(error.strerror).lower(), "check the path") from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise _refusal(path, "", "is not CSV text in UTF-8", "save it as that") from error
+        raise _refusal(path, "", "is not CSV text in UTF-8", "save it so") from error
     runs = [_run(path, list(group)) for _, group in groupby(lines, lambda line: line.run)]
     for direction in DIRECTIONS:
         count = sum(run.direction == direction for run in runs)
-        if count < FEWEST_RUNS:
-            fix = f"drive at least {FEWEST_RUNS} each way, better 20"
+        if count < MIN_RUNS:
+            fix = f"drive at least {MIN_RUNS}, better 20, in each direction"
             raise _refusal(path, "", f"has {count} runs {direction}", fix)
     return runs
 
 
-def _lines(path: Path, rows: Iterator[list[str]]) -> Iterator[Line]:
+def _lines(path: Path, rows: Iterator[list[str]]) -> Iterator[LogLine]:
     head = next(rows, [])
     if tuple(name.strip() for name in head) != COLUMNS:
         fix = f"begin with {','.join(COLUMNS)}"
@@ -76,12 +77,12 @@ def _lines(path: Path, rows: Iterator[list[str]]) -> Iterator[Line]:
         run, direction, left, right, *end = (field.strip() for field in row)
         if direction not in DIRECTIONS:
             fix = f"write {' or '.join(DIRECTIONS)}"
-            raise _refusal(path, f"{where}: direction", f"{direction!r} is no way round", fix)
+            raise _refusal(path, f"{where}: direction", f"{direction!r} is not a direction", fix)
         ticks = (_whole(path, where, "left", left), _whole(path, where, "right", right))
-        yield Line(number, run, direction, ticks, _measured(path, where, end))
+        yield LogLine(number, run, direction, ticks, _measured(path, where, end))
 
 
-def _run(path: Path, lines: Sequence[Line]) -> Run:
+def _run(path: Path, lines: Sequence[LogLine]) -> SquareRun:
     last = lines[-1]
     where = f"line {last.number}"
     if last.measured is None:
@@ -89,14 +90,14 @@ def _run(path: Path, lines: Sequence[Line]) -> Run:
         raise _refusal(path, where, f"ends run {last.run} without a measured pose", fix)
     for line in lines[:-1]:
         if line.measured is not None:
-            fix = "give it on the last line only, and a number of its own to each run"
+            fix = "give it on the last line only, and give each run its own number"
             raise _refusal(path, f"line {line.number}", "has a pose in the middle of a run", fix)
-    if len(lines) < FEWEST_TICKS or lines[0].ticks == last.ticks:
+    if len(lines) < MIN_TICKS or lines[0].ticks == last.ticks:
         raise _refusal(path, where, f"ends run {last.run}, which did not move", "leave it out")
     if any(line.direction != last.direction for line in lines):
-        fix = "give a number of its own to each run"
-        raise _refusal(path, where, f"run {last.run} goes both ways round", fix)
-    return Run(
+        fix = "give each run its own number"
+        raise _refusal(path, where, f"run {last.run} has both directions", fix)
+    return SquareRun(
         direction=last.direction,
         ticks=[line.ticks for line in lines],
         measured=last.measured,
@@ -122,7 +123,7 @@ def _whole(path: Path, where: str, name: str, text: str) -> int:
     try:
         return int(text)
     except ValueError:
-        fix = "write the encoder's counter"
+        fix = "write the encoder counter"
         raise _refusal(path, f"{where}: {name}", f"{text!r} is not a whole number", fix) from None
 
 

@@ -1,14 +1,14 @@
-"""The return errors of both ways round before and after, with their centres of gravity."""
+"""Plot the return errors of both directions before and after, with their centres of gravity."""
 
 from pathlib import Path
 
-from study.calibration.result import Result
+from study.calibration.result import CalibrationResult
 from study.calibration.runs import CCW, CW, errors_of
 
 
-def write(path: Path, result: Result) -> None:
-    """An SVG or PNG file, by its name. Raises OSError, or ValueError for another kind of file."""
-    from matplotlib.figure import Figure  # slow, and wanted only here
+def write(path: Path, result: CalibrationResult) -> None:
+    """Write an SVG or PNG file; raise OSError, or ValueError for another suffix."""
+    from matplotlib.figure import Figure  # slow import, needed only here
 
     figure = Figure(figsize=(9.0, 4.5), layout="constrained")
     was, now = figure.subplots(1, 2)
@@ -28,7 +28,7 @@ def write(path: Path, result: Result) -> None:
         axes.axvline(0.0, color="0.7", linewidth=0.8)
         axes.set(title=title, xlabel="return error x, m", ylabel="y, m")
         axes.set_aspect("equal", adjustable="box")
-    was.legend(title="way round (+ centre)")
+    was.legend(title="direction (+ centre)")
     most = max(
         float(abs(errors_of(result.first, result.before)[:, :2]).max()),
         float(abs(errors_of(result.second, result.after)[:, :2]).max()),

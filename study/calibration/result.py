@@ -1,4 +1,4 @@
-"""What a calibration found, as a table, as parameters in a file and as JSON."""
+"""The result of a calibration as a table, as parameters in a file and as JSON."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,42 +10,45 @@ from robot.core.parameters import Params
 from robot.parameters.table import with_values
 from robot.storage.files import Store
 from study.calibration.fit import Fit
-from study.calibration.runs import CCW, CW, Run, errors_of
+from study.calibration.runs import CCW, CW, SquareRun, errors_of
 from study.calibration.umbmark import Umbmark, umbmark
 
 UNITS: Final = {"wheel_ratio": "", "track_m": " m", "k_r_m": " m", "k_l_m": " m"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Result:
-    """`first`: the runs it was found with; `second`: runs after it, or the first judged anew.
+class CalibrationResult:
+    """The fit, the runs it was found with (`first`), and runs with it (`second`).
 
-    `unslipped` is E_max,syst before and after on wheels that do not slip, which only the plant has.
+    `second` may be the same runs. `unslipped` is E_max,syst before and after on wheels without
+    slip, known in the plant only.
     """
 
     source: str
     side_m: float
     before: Params
     fit: Fit
-    first: Sequence[Run]
-    second: Sequence[Run]
+    first: Sequence[SquareRun]
+    second: Sequence[SquareRun]
     unslipped: tuple[float, float] | None = None
 
     @property
     def values(self) -> dict[str, float]:
+        """The parameters that change."""
         return self.fit.adopted(self.before)
 
     @property
     def after(self) -> Params:
+        """All parameters after the calibration."""
         return with_values(self.before, self.values)
 
     def marks(self) -> tuple[Umbmark, Umbmark]:
-        """UMBmark by the old parameters, and by the new ones."""
+        """Return UMBmark with the old parameters and with the new ones."""
         was = umbmark(self.first, self.before, self.side_m)
         return was, umbmark(self.second, self.after, self.side_m)
 
     def chance_m(self) -> float:
-        """Standard error of a centre of gravity of `second`: what of E_max,syst may be chance."""
+        """Return the standard error of a centre of gravity of `second`, the noise of E_max,syst."""
         largest = 0.0
         for direction in (CW, CCW):
             errors = errors_of(
@@ -56,13 +59,14 @@ class Result:
         return largest
 
     def text(self) -> str:
+        """Return the result as a table."""
         was, now = self.marks()
         rows = [
             ("", "before", "after"),
-            ("centre cw, m", place(was.cw_m), place(now.cw_m)),
-            ("centre ccw, m", place(was.ccw_m), place(now.ccw_m)),
+            ("centre cw, m", point_text(was.cw_m), point_text(now.cw_m)),
+            ("centre ccw, m", point_text(was.ccw_m), point_text(now.ccw_m)),
             ("E_max,syst, m", f"{was.largest_m:.4f}", f"{now.largest_m:.4f}"),
-            ("  of it chance", "", f"{self.chance_m():.4f}"),
+            ("  of that chance", "", f"{self.chance_m():.4f}"),
             ("E_d (wheels)", f"{was.wheel_ratio:.6f}", f"{now.wheel_ratio:.6f}"),
             ("E_b (track)", f"{was.track_ratio:.6f}", f"{now.track_ratio:.6f}"),
         ]
@@ -73,16 +77,17 @@ class Result:
         return "\n".join([*lines, *self.findings()])
 
     def findings(self) -> list[str]:
-        """One line per parameter: what it was, is, and how surely."""
+        """Return one line per parameter: old value, new value and standard error."""
         lines = []
         for name, value in self.fit.value.items():
             old, unit = getattr(self.before, name), UNITS[name]
             found = f"{value:.6g} +- {self.fit.error[name]:.2g}{unit}"
-            told = "set" if name in self.values else "no different for sure: kept"
-            lines.append(f"{name:<12} {old:.6g} -> {found}: {told}")
+            decision = "set" if name in self.values else "not significantly different: kept"
+            lines.append(f"{name:<12} {old:.6g} -> {found}: {decision}")
         return lines
 
     def as_json(self) -> dict[str, Any]:
+        """Return the result under the keys of the JSON output."""
         was, now = self.marks()
         return {
             "source": self.source,
@@ -99,12 +104,13 @@ class Result:
         }
 
 
-def place(point_m: tuple[float, float]) -> str:
+def point_text(point_m: tuple[float, float]) -> str:
+    """Format a point in m."""
     return f"{point_m[0]:.4f}, {point_m[1]:.4f}"
 
 
-def as_toml(result: Result, command: str) -> str:
-    """A file for `sidestep robot --config`; its comment says how it was made and what it did."""
+def as_toml(result: CalibrationResult, command: str) -> str:
+    """Return a file for `sidestep robot --config`, with the command and the result as comments."""
     comments = [
         f"# {line}".rstrip() for line in (f"Made by: {command}", *result.text().split("\n"))
     ]
@@ -113,7 +119,7 @@ def as_toml(result: Result, command: str) -> str:
 
 
 def store(directory: Path, params: Params, values: Mapping[str, float]) -> None:
-    """Beside what an operator has saved there, where a robot's `--state` finds it. OSError."""
+    """Save values where a robot's `--state` finds them; raise OSError."""
     kept = Store(directory)
     kept.load(params)
     for name, value in values.items():

@@ -1,7 +1,7 @@
-"""Whether the robot knows how wrong it is: normalised estimation error squared over many drives.
+"""Consistency of the estimated covariance: normalised estimation error squared over many drives.
 
 The error of the pose at the end of a drive, measured in its own covariance, must be distributed as
-chi-square; so the mean over the drives lies within known bounds (Bar-Shalom, Li and Kirubarajan,
+chi-square. So the mean over the drives lies within known bounds (Bar-Shalom, Li and Kirubarajan,
 Estimation with Applications to Tracking and Navigation, 5.4.2).
 """
 
@@ -27,7 +27,7 @@ from robot.core.values import Outputs, Pose
 from robot.parameters.table import with_values
 from runtime.calibration import settings_of
 from study.calibration.runs import covariance_of
-from study.statistics.intervals import CHI2_2, SURE
+from study.statistics.intervals import CHI2_2, Z_TWO_SIDED
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 
@@ -51,13 +51,14 @@ class Consistency(NamedTuple):
 
     @property
     def consistent(self) -> bool:
+        """True if both means lie within their bounds."""
         low, high = self.pose_bounds
         least, most = self.position_bounds
         return low <= self.pose <= high and least <= self.position <= most
 
 
-def judged(errors: Sequence[tuple[Array, Array]]) -> Consistency:
-    """From the error and the covariance of each drive: x, y, heading."""
+def consistency_of(errors: Sequence[tuple[Array, Array]]) -> Consistency:
+    """Evaluate the error (x, y, heading) and the covariance of each drive."""
     pose = [float(e @ np.linalg.solve(p, e)) for e, p in errors]
     position = [float(e[:2] @ np.linalg.solve(p[:2, :2], e[:2])) for e, p in errors]
     count = len(errors)
@@ -72,15 +73,18 @@ def judged(errors: Sequence[tuple[Array, Array]]) -> Consistency:
 
 
 def bounds(degrees_of_freedom: int, count: int) -> tuple[float, float]:
-    """Where most means of so many chi-squares lie (Wilson and Hilferty's approximation)."""
+    """Return the confidence bounds of a mean of chi-squares (Wilson and Hilferty)."""
     total = degrees_of_freedom * count
-    spread = SURE * sqrt(2.0 / (9.0 * total))
+    spread = Z_TWO_SIDED * sqrt(2.0 / (9.0 * total))
     low, high = ((1.0 - 2.0 / (9.0 * total) + sign * spread) ** 3 for sign in (-1.0, 1.0))
     return degrees_of_freedom * low, degrees_of_freedom * high
 
 
 def drive(kind: str, level: str, seed: int) -> tuple[Array, Array]:
-    """Error and covariance at the end of one drive of a calibrated robot; no two slip alike."""
+    """Return error and covariance at the end of one drive of a calibrated robot.
+
+    The random numbers of all kinds and seeds differ.
+    """
     seed = len(KINDS) * seed + KINDS.index(kind)
     random = np.random.default_rng(seed)
     if kind == "obstacles":
@@ -89,7 +93,7 @@ def drive(kind: str, level: str, seed: int) -> tuple[Array, Array]:
 
 
 def speeds_of(kind: str, random: np.random.Generator) -> Iterator[Speeds]:
-    """Left and right wheel in m/s, tick by tick, with a stand at the end."""
+    """Yield left and right wheel speed in m/s per tick; the last ticks are at rest."""
     if kind == "straight":
         speed_m_s = random.uniform(0.15, 0.30)
         yield from [(speed_m_s, speed_m_s)] * int(
@@ -110,7 +114,7 @@ def speeds_of(kind: str, random: np.random.Generator) -> Iterator[Speeds]:
 def on_open_floor(
     speeds: Sequence[Speeds], level: str, seed: int, random: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Wheels told by a script, so that only the odometry of the core runs."""
+    """Drive scripted wheel speeds, so that only the odometry of the core runs."""
     half_m = 0.5 * FLOOR_M
     start = Start(x_m=half_m, y_m=half_m, heading_rad=random.uniform(-3.0, 3.0))
     goal = GoalPose(x_m=half_m + 1.0, y_m=half_m)
@@ -120,20 +124,21 @@ def on_open_floor(
     odometry.pose = Pose(start.x_m, start.y_m, start.heading_rad)
     scale = 1000.0 / params.wheel_radius_m
     for left_m_s, right_m_s in (*speeds, (0.0, 0.0)):
-        feel(odometry, plant, params)
+        update_odometry(odometry, plant, params)
         plant.command(0, int(left_m_s * scale), int(right_m_s * scale), MAX_WHEEL_TTL_MS)
         plant.advance()
-    feel(odometry, plant, params)
+    update_odometry(odometry, plant, params)
     return error_of(plant, odometry), covariance_of(odometry)
 
 
-def feel(odometry: Odometry, plant: Plant, params: Params) -> None:
+def update_odometry(odometry: Odometry, plant: Plant, params: Params) -> None:
+    """Update the odometry with the plant's wheel ticks."""
     ticks, _ = plant.senses()
     odometries.update(odometry, None if ticks is None else wheels_of(ticks), params)
 
 
 def among_obstacles(level: str, seed: int, random: np.random.Generator) -> tuple[Array, Array]:
-    """A whole trial through a small forest; however it ends, the error must fit the covariance."""
+    """Run a trial in a small forest; the error must fit the covariance for any outcome."""
     size_m = (random.uniform(5.0, 8.0), random.uniform(4.0, 7.0))
     start = Start(x_m=0.6, y_m=random.uniform(1.0, size_m[1] - 1.0))
     goal = GoalPose(x_m=size_m[0] - 0.6, y_m=random.uniform(1.0, size_m[1] - 1.0))
@@ -154,11 +159,12 @@ def among_obstacles(level: str, seed: int, random: np.random.Generator) -> tuple
 
 
 def params_of(level: str) -> Params:
+    """Return the parameters of a robot calibrated for this noise."""
     return with_values(DEFAULTS, settings_of({}, level, calibrated=True))
 
 
 def error_of(plant: Plant, odometry: Odometry) -> Array:
-    """True minus believed."""
+    """Return true minus estimated pose."""
     truth, pose = plant.truth(), odometry.pose
     turn_rad = wrap(truth.heading_rad - pose.heading_rad)
     return np.array([truth.x_m - pose.x_m, truth.y_m - pose.y_m, turn_rad])

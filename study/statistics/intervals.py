@@ -1,6 +1,6 @@
-"""Intervals and tests for trials: exact where counting is cheap, and the same for the same numbers.
+"""Intervals and tests for trials, exact where counting is cheap, and deterministic.
 
-No bootstrap: the intervals of quantiles come from order statistics, which need no seed.
+The intervals of quantiles come from order statistics: unlike a bootstrap they need no seed.
 """
 
 from collections.abc import Sequence
@@ -16,43 +16,47 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 OUTSIDE: Final = 0.05
-"""Share of the cases that intervals and ellipses leave out."""
+"""Share of the cases outside intervals and ellipses."""
 
 CONFIDENCE: Final = 1.0 - OUTSIDE
 CONFIDENT: Final = f"{100.0 * CONFIDENCE:g} %"
 CHI2_2: Final = -2.0 * log(OUTSIDE)
-"""A squared Mahalanobis distance in the plane is mostly below this (chi square, 2)."""
+"""Quantile of a squared Mahalanobis distance in the plane (chi-square, 2 degrees of freedom)."""
 
-SURE: Final = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2.0)
-"""A deviation is mostly less than so many standard deviations (normal, both sides)."""
+Z_TWO_SIDED: Final = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2.0)
+"""Two-sided quantile of the normal distribution in standard deviations."""
 
 EXACT_RANKS: Final = 40
-"""Up to so many pairs the signed-rank test adds up every pattern of signs."""
+"""Up to this number of pairs the signed-rank test enumerates all sign patterns."""
 
 
 class Interval(NamedTuple):
+    """Lower and upper bound."""
+
     low: float
     high: float
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """`count` of `of`; its interval is Wilson's."""
+    """A proportion, `count` of `of`."""
 
     count: int
     of: int
 
     @property
     def rate(self) -> float:
+        """The proportion; NaN of nothing."""
         return self.count / self.of if self.of else nan
 
     @property
     def interval(self) -> Interval:
+        """Wilson's interval."""
         return wilson(self.count, self.of)
 
 
 def wilson(count: int, of: int, confidence: float = CONFIDENCE) -> Interval:
-    """The score interval of a proportion (Wilson 1927); everything when nothing was counted."""
+    """Return the score interval of a proportion (Wilson 1927); (0, 1) of nothing."""
     if of == 0:
         return Interval(0.0, 1.0)
     z = NormalDist().inv_cdf(0.5 + confidence / 2.0)
@@ -64,7 +68,7 @@ def wilson(count: int, of: int, confidence: float = CONFIDENCE) -> Interval:
 
 
 def binomial_two_sided(count: int, of: int) -> float:
-    """How likely a fair coin falls at least as unevenly: the sign test."""
+    """Return the two-sided p-value of the sign test for `count` of `of`."""
     if of == 0:
         return 1.0
     fewer = min(count, of - count)
@@ -72,21 +76,21 @@ def binomial_two_sided(count: int, of: int) -> float:
     for k in range(fewer):
         term = term * (of - k) // (k + 1)
         total += term
-    # The numbers may have thousands of digits: no float holds them before they are divided.
+    # The numbers may have thousands of digits, too many for a float: divide by shifting.
     shift = max(0, total.bit_length() - 64)
     return min(1.0, ldexp(total >> shift, shift - of + 1))
 
 
 def mcnemar(only_first: int, only_second: int) -> float:
-    """The exact test (McNemar 1947) on the pairs in which just one of two succeeded."""
+    """Return the p-value of the exact test (McNemar 1947) on pairs with one success."""
     return binomial_two_sided(only_first, only_first + only_second)
 
 
 def signed_rank(differences: Sequence[float] | Floats) -> float:
-    """Wilcoxon's signed-rank test, two-sided; zeros are left out, ties share their rank.
+    """Return the two-sided p-value of Wilcoxon's signed-rank test.
 
-    Exact up to `EXACT_RANKS` pairs, ties included; above, normal with corrections for ties and
-    continuity.
+    Zeros are left out and ties share their rank. The test is exact up to `EXACT_RANKS` pairs, ties
+    included; above, it is normal with corrections for ties and continuity.
     """
     values = np.asarray(differences, dtype=np.float64)
     values = values[np.isfinite(values) & (values != 0.0)]
@@ -105,7 +109,7 @@ def signed_rank(differences: Sequence[float] | Floats) -> float:
 
 
 def _doubled_ranks(sizes: Floats) -> NDArray[np.int64]:
-    """Twice the rank of each, so that the mean ranks of ties are whole numbers."""
+    """Return twice the rank of each value, so that mean ranks of ties are whole numbers."""
     _, group, counts = np.unique(sizes, return_inverse=True, return_counts=True)
     last = np.cumsum(counts)
     doubled = 2 * last - counts + 1
@@ -114,7 +118,7 @@ def _doubled_ranks(sizes: Floats) -> NDArray[np.int64]:
 
 
 def _spread(ways: list[int], rank: int) -> list[int]:
-    """In how many ways each sum comes about once one more rank may be in it or not."""
+    """Return the number of ways to reach each sum with one more rank in it or not."""
     found = ways + [0] * rank
     for total, count in enumerate(ways):
         found[total + rank] += count
@@ -122,7 +126,7 @@ def _spread(ways: list[int], rank: int) -> list[int]:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Adjusted for being one of several questions asked (Holm 1979), in the order given."""
+    """Return p-values adjusted for multiple tests (Holm 1979), in the order given."""
     order = sorted(range(len(p_values)), key=lambda index: p_values[index])
     stepped = (p_values[index] * (len(order) - place) for place, index in enumerate(order))
     adjusted = dict(zip(order, accumulate(stepped, max), strict=True))
@@ -130,7 +134,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def quantile(values: Sequence[float] | Floats, at: float) -> float:
-    """Interpolated between neighbours; nan of nothing."""
+    """Return the quantile, interpolated between neighbours; NaN of nothing."""
     found = _finite(values)
     return float(np.quantile(found, at)) if len(found) else nan
 
@@ -138,9 +142,9 @@ def quantile(values: Sequence[float] | Floats, at: float) -> float:
 def quantile_interval(
     values: Sequence[float] | Floats, at: float, confidence: float = CONFIDENCE
 ) -> Interval:
-    """From order statistics, whatever the distribution (David & Nagaraja 7.1).
+    """Return a distribution-free interval by order statistics (David & Nagaraja 7.1).
 
-    An end is infinite where there are too few values to bound it.
+    A bound is infinite where there are too few values.
     """
     found = np.sort(_finite(values))
     count = len(found)
@@ -157,9 +161,9 @@ def _finite(values: Sequence[float] | Floats) -> Floats:
 
 
 def _binomial_quantile(probability: float, of: int, rate: float) -> int:
-    """The smallest k with P(count <= k) >= probability."""
+    """Return the smallest k with P(count <= k) >= probability."""
     total = 0.0
-    # What lies farther out than ten standard deviations has no weight in a float.
+    # Terms beyond ten standard deviations are zero in a float.
     for k in range(max(0, int(of * rate - 10.0 * sqrt(of)) - 1), of + 1):
         total += _binomial(k, of, rate)
         if total >= probability:

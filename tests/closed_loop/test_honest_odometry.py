@@ -19,7 +19,7 @@ from runtime.calibration import settings_of
 from study.calibration.runs import covariance_of
 from study.calibration.squares import drive as squares
 from study.calibration.umbmark import umbmark
-from study.statistics.consistency import KINDS, drive, error_of, judged
+from study.statistics.consistency import KINDS, consistency_of, drive, error_of
 from study.statistics.intervals import CHI2_2
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
@@ -30,14 +30,14 @@ EACH = 25
 @pytest.mark.parametrize("level", ["default", "lossy", "harsh"])
 def test_over_a_hundred_drives_the_error_is_as_large_as_the_covariance_says(level: str) -> None:
     first = 100_000 * list(LEVELS).index(level)
-    found = judged([drive(kind, level, first + k) for kind in KINDS for k in range(EACH)])
+    found = consistency_of([drive(kind, level, first + k) for kind in KINDS for k in range(EACH)])
     assert found.drives == 100
     assert found.consistent, found
     assert 0.92 <= found.inside <= 0.98
 
 
 def test_without_noise_fractions_of_ticks_are_what_the_robot_is_unsure_of() -> None:
-    found = judged([drive("obstacles", "none", k) for k in range(40)])
+    found = consistency_of([drive("obstacles", "none", k) for k in range(40)])
     assert found.inside >= 0.90
     assert 1.0 < found.position < 3.0
 

@@ -1,4 +1,4 @@
-"""`sidestep calibrate` as a person meets it: table, files, refusals."""
+"""`sidestep calibrate` writes its table and files, and refuses what it cannot use."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     return capsys.readouterr().err.strip()
 
 
-def test_a_wrong_belief_is_mended_and_told_before_and_after(
+def test_wrong_track_is_corrected_and_stored(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files = {name: tmp_path / name for name in ("found.toml", "runs.csv", "state", "plot.svg")}
@@ -40,7 +40,7 @@ def test_a_wrong_belief_is_mended_and_told_before_and_after(
     assert "<svg" in files["plot.svg"].read_text(encoding="utf-8")
 
 
-def test_a_log_gives_what_the_drive_gave_and_json_is_one_object(
+def test_log_gives_the_same_result_as_the_drive(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "runs.csv"
@@ -56,7 +56,7 @@ def test_a_log_gives_what_the_drive_gave_and_json_is_one_object(
     assert read["unslipped_before_m"] is None
 
 
-def test_the_same_seed_finds_the_same_and_another_another(
+def test_result_depends_on_the_seed_only(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     def found(seed: str) -> str:
@@ -67,7 +67,7 @@ def test_the_same_seed_finds_the_same_and_another_another(
     assert found("1") == found("1") != found("2")
 
 
-def test_what_cannot_be_is_refused_before_minutes_are_spent(
+def test_invalid_options_are_refused_before_driving(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     missing = tmp_path / "nothing.csv"
@@ -77,14 +77,14 @@ def test_what_cannot_be_is_refused_before_minutes_are_spent(
     assert "there is no parameter «trak»" in refused(capsys, "--param", "trak=1")
 
 
-def test_a_folder_that_is_not_there_is_named(
+def test_missing_output_folder_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "no" / "found.toml"
     assert f"{file}: cannot be written" in refused(capsys, *QUICK[1:], "--output", str(file))
 
 
-def test_runs_that_fit_no_robot_are_refused_with_what_to_look_at(
+def test_impossible_runs_are_refused_with_advice(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "runs.csv"

@@ -7,66 +7,66 @@ from hypothesis import strategies as st
 
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import OutOfRange, with_values
-from study.calibration.fit import Fit, fitted, least, likeliest_k, spreads_of
-from study.calibration.runs import Run, believed, covariance_of
+from study.calibration.fit import Fit, covariance_parts_of, fit_parameters, minimum, most_likely_k
+from study.calibration.runs import SquareRun, believed, covariance_of
 from tests.support.study.calibration_runs import squares
 
 
 @given(st.floats(-20.0, 5.0))
-def test_the_least_of_a_valley_is_found(bottom: float) -> None:
-    found = least(lambda x: (log(x) - bottom) ** 2, 1e-10, 1e4)
+def test_minimum_of_a_unimodal_function_is_found(bottom: float) -> None:
+    found = minimum(lambda x: (log(x) - bottom) ** 2, 1e-10, 1e4)
     assert log(found) == pytest.approx(bottom, abs=1e-5)
 
 
-def test_without_slip_wheels_and_track_are_found_exactly() -> None:
+def test_fit_is_exact_without_slip() -> None:
     truth = {"wheel_ratio": 1.005, "track_m": 0.202}
-    fit = fitted(squares(truth, 2), DEFAULTS)
+    fit = fit_parameters(squares(truth, 2), DEFAULTS)
     assert fit.value["wheel_ratio"] == pytest.approx(1.005, abs=1e-7)
     assert fit.value["track_m"] == pytest.approx(0.202, abs=1e-7)
     assert fit.value["k_r_m"] == fit.value["k_l_m"] == 0.0
 
 
-def test_with_slip_they_are_found_within_their_own_errors() -> None:
+def test_fit_with_slip_is_within_its_errors() -> None:
     truth = {"wheel_ratio": 1.005, "track_m": 0.201}
-    fit = fitted(squares(truth, 15, slip_m=2e-5, seed=4), DEFAULTS)
+    fit = fit_parameters(squares(truth, 15, slip_m=2e-5, seed=4), DEFAULTS)
     for name, value in (*truth.items(), ("k_r_m", 2e-5), ("k_l_m", 2e-5)):
         assert abs(fit.value[name] - value) < 3.0 * fit.error[name]
     assert fit.error["wheel_ratio"] < 5e-4
     assert set(fit.adopted(DEFAULTS)) >= {"wheel_ratio", "k_r_m", "k_l_m"}
 
 
-def test_what_does_not_differ_for_sure_is_kept() -> None:
-    fit = fitted(squares({}, 15, slip_m=2e-6, seed=2), DEFAULTS)
+def test_insignificant_changes_are_not_adopted() -> None:
+    fit = fit_parameters(squares({}, 15, slip_m=2e-6, seed=2), DEFAULTS)
     assert fit.adopted(DEFAULTS) == {}
 
 
 @pytest.mark.parametrize("k_m", [1e-7, 2e-6, 3e-5])
-def test_errors_as_the_core_expects_them_have_its_k(k_m: float) -> None:
-    spreads = spreads_of(squares({}, 20), DEFAULTS)
+def test_most_likely_k_matches_simulated_errors(k_m: float) -> None:
+    spreads = covariance_parts_of(squares({}, 20), DEFAULTS)
     rng = np.random.default_rng(8)
     drawn = [rng.multivariate_normal(np.zeros(3), one) for one in spreads.covariance(k_m)]
-    assert likeliest_k(np.array(drawn), spreads) == pytest.approx(k_m, rel=0.3)
+    assert most_likely_k(np.array(drawn), spreads) == pytest.approx(k_m, rel=0.3)
 
 
-def test_the_spreads_add_up_to_what_the_core_says() -> None:
+def test_covariance_parts_add_up_to_that_of_the_core() -> None:
     runs = squares({}, 1)
-    covariance = spreads_of(runs, DEFAULTS).covariance(3e-6)
+    covariance = covariance_parts_of(runs, DEFAULTS).covariance(3e-6)
     params = with_values(DEFAULTS, {"k_r_m": 3e-6, "k_l_m": 3e-6})
     for one, run in zip(covariance, runs, strict=True):
         assert one == pytest.approx(covariance_of(believed(run, params)), rel=2e-3, abs=1e-9)
 
 
-def test_runs_that_no_robot_drives_are_refused() -> None:
+def test_impossible_runs_raise_an_error() -> None:
     runs = [
-        Run(direction=run.direction, ticks=run.ticks, measured=run.measured._replace(x_m=9e3))
+        SquareRun(direction=run.direction, ticks=run.ticks, measured=run.measured._replace(x_m=9e3))
         for run in squares({}, 2)
     ]
     with pytest.raises(OutOfRange):
-        fitted(runs, DEFAULTS)
+        fit_parameters(runs, DEFAULTS)
 
 
 @pytest.mark.parametrize(("k_m", "set_"), [(1.4e-6, False), (1.1e-6, True), (3.5e-6, True)])
-def test_a_k_is_changed_only_when_the_present_one_could_not_look_so(k_m: float, set_: bool) -> None:
+def test_k_changes_only_when_significantly_different(k_m: float, set_: bool) -> None:
     relative = 0.13
     value = {"wheel_ratio": 1.0, "track_m": 0.2, "k_r_m": k_m, "k_l_m": k_m}
     error = {"wheel_ratio": 1e-4, "track_m": 1e-4, "k_r_m": relative * k_m, "k_l_m": relative * k_m}

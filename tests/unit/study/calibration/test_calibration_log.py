@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from robot.core.values import Pose
 from runtime.errors import ConfigError
 from study.calibration import log
-from study.calibration.runs import CCW, CW, Run
+from study.calibration.runs import CCW, CW, SquareRun
 
 HEAD = "run,direction,left,right,x_m,y_m,heading_deg\n"
 GOOD = "".join(
@@ -23,7 +23,7 @@ def written(tmp_path: Path, text: str) -> Path:
     return file
 
 
-def test_a_log_is_read(tmp_path: Path) -> None:
+def test_log_is_read(tmp_path: Path) -> None:
     runs = log.read(written(tmp_path, HEAD + GOOD))
     assert [run.direction for run in runs] == [CW, CW, CCW, CCW]
     assert runs[0].ticks == [(0, 0), (100, 100)]
@@ -35,7 +35,7 @@ places = st.floats(-50.0, 50.0)
 
 
 @given(st.lists(counters, min_size=2, max_size=6), places, places, st.floats(-3.1, 3.1))
-def test_what_is_written_is_read(
+def test_written_log_is_read_back(
     tmp_path_factory: pytest.TempPathFactory,
     ticks: list[tuple[int, int]],
     x_m: float,
@@ -45,7 +45,7 @@ def test_what_is_written_is_read(
     file = tmp_path_factory.mktemp("log") / "runs.csv"
     ticks[-1] = (ticks[0][0] ^ 1, ticks[-1][1])
     runs = [
-        Run(direction=way, ticks=ticks, measured=Pose(x_m, y_m, heading_rad))
+        SquareRun(direction=way, ticks=ticks, measured=Pose(x_m, y_m, heading_rad))
         for way in (CW, CW, CCW, CCW)
     ]
     log.write(file, runs)
@@ -55,33 +55,31 @@ def test_what_is_written_is_read(
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("", "line 1: has the columns none; begin with run,direction,left"),
         ("a,b\n1,2\n", "line 1: has the columns a,b"),
-        (HEAD, "has 0 runs cw; drive at least 2 each way"),
+        (HEAD, "has 0 runs cw; drive at least 2, better 20, in each direction"),
         (HEAD + "1,cw,0\n", "line 2: has 3 fields; write 7"),
-        (HEAD + "1,left,0,0,,,\n", "line 2: direction: 'left' is no way round; write cw or ccw"),
+        (HEAD + "1,left,0,0,,,\n", "line 2: direction: 'left' is not a direction; write cw or ccw"),
         (HEAD + "1,cw,0,1.5,,,\n", "line 2: right: '1.5' is not a whole number"),
         (HEAD + "1,cw,0,0,,,\n1,cw,9,9,0,,1\n", "line 3: y_m: '' is not a number"),
         (HEAD + "1,cw,0,0,,,\n1,cw,9,9,0,nan,1\n", "line 3: y_m: 'nan' is not a number"),
         (HEAD + "1,cw,0,0,,,\n1,cw,9,9,,,\n", "line 3: ends run 1 without a measured pose"),
         (HEAD + "1,cw,0,0,0,0,0\n1,cw,9,9,0,0,0\n", "line 2: has a pose in the middle of a run"),
         (HEAD + "1,cw,5,5,0,0,0\n", "line 2: ends run 1, which did not move"),
-        (HEAD + "1,cw,0,0,,,\n1,ccw,9,9,0,0,0\n", "line 3: run 1 goes both ways round"),
+        (HEAD + "1,cw,0,0,,,\n1,ccw,9,9,0,0,0\n", "line 3: run 1 has both directions"),
         (HEAD + GOOD.partition("4,ccw")[0], "has 1 runs ccw"),
     ],
 )
-def test_a_bad_log_is_refused_by_line_and_with_what_to_do(
-    tmp_path: Path, text: str, told: str
-) -> None:
+def test_bad_log_is_refused_with_line_and_advice(tmp_path: Path, text: str, message: str) -> None:
     file = written(tmp_path, text)
     with pytest.raises(ConfigError) as refusal:
         log.read(file)
-    assert str(refusal.value).startswith(f"{file}: {told}")
+    assert str(refusal.value).startswith(f"{file}: {message}")
 
 
-def test_a_log_that_is_not_there_or_no_text_is_refused(tmp_path: Path) -> None:
+def test_missing_or_binary_log_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no such file"):
         log.read(tmp_path / "none.csv")
     file = tmp_path / "noise.csv"

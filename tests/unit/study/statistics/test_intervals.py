@@ -1,4 +1,4 @@
-"""The statistics against published values, and what must hold whatever the numbers."""
+"""The statistics agree with published values and hold their invariants."""
 
 from itertools import product
 from math import inf, isinf, isnan, nan
@@ -34,33 +34,31 @@ NUMBERS = st.floats(-1e6, 1e6) | st.sampled_from([nan, inf, -inf, 0.0])
         (1, 29, 0.0061, 0.1718),
     ],
 )
-def test_wilson_gives_the_intervals_of_newcombe_1998(
-    count: int, of: int, low: float, high: float
-) -> None:
+def test_wilson_agrees_with_newcombe_1998(count: int, of: int, low: float, high: float) -> None:
     assert wilson(count, of) == pytest.approx((low, high), abs=5e-5)
 
 
-def test_of_nothing_a_share_is_unknown_and_may_be_anything() -> None:
+def test_share_of_nothing_has_the_full_interval() -> None:
     assert isnan(Share(0, 0).rate)
     assert Share(0, 0).interval == (0.0, 1.0)
 
 
 @given(st.integers(1, 5000), st.data())
-def test_a_share_lies_in_its_interval_which_mirrors(of: int, data: st.DataObject) -> None:
+def test_interval_contains_the_share_and_is_symmetric(of: int, data: st.DataObject) -> None:
     count = data.draw(st.integers(0, of))
     low, high = Share(count, of).interval
     assert 0.0 <= low <= count / of <= high <= 1.0
     assert wilson(of - count, of) == pytest.approx((1.0 - high, 1.0 - low), abs=1e-9)
 
 
-def test_the_exact_mcnemar_test_agrees_with_published_values() -> None:
+def test_mcnemar_agrees_with_published_values() -> None:
     # Fay, "Exact McNemar's Test" (R package exact2x2): 9 against 2 of 11.
     assert mcnemar(9, 2) == pytest.approx(0.06543, abs=5e-6)
     # Agresti, Categorical Data Analysis, table 10.1: 150 against 86, z = 4.17.
     assert mcnemar(150, 86) == pytest.approx(3.72e-5, rel=0.01)
 
 
-def test_one_coin_toss_says_nothing_and_ten_thousand_equal_ones_say_all() -> None:
+def test_sign_test_agrees_with_the_binomial() -> None:
     assert binomial_two_sided(0, 0) == binomial_two_sided(1, 1) == 1.0
     assert binomial_two_sided(5, 10) == 1.0
     assert binomial_two_sided(0, 10) == 2 / 1024
@@ -68,14 +66,14 @@ def test_one_coin_toss_says_nothing_and_ten_thousand_equal_ones_say_all() -> Non
     assert 0.9 < binomial_two_sided(4_999, 10_000) <= 1.0
 
 
-def test_the_signed_ranks_of_darwins_maize_agree_with_the_published_value() -> None:
+def test_signed_rank_agrees_with_darwins_maize() -> None:
     # Darwin 1876 (Fisher 1935, chapter 3), in eighths of an inch; exact p as R's wilcox.test.
     maize = [6, 8, 14, 16, 23, 24, 28, 29, 41, -48, 49, 56, 60, -67, 75]
     assert signed_rank(maize) == pytest.approx(0.04126, abs=5e-6)
 
 
 @given(st.lists(st.integers(-4, 4), min_size=1, max_size=9))
-def test_few_signed_ranks_are_those_of_every_pattern_of_signs(values: list[int]) -> None:
+def test_exact_signed_rank_agrees_with_enumeration(values: list[int]) -> None:
     sizes = [abs(value) for value in values if value]
     ranks = [sum(o < s for o in sizes) + (sum(o == s for o in sizes) + 1) / 2 for s in sizes]
     half = sum(ranks) / 2
@@ -85,7 +83,7 @@ def test_few_signed_ranks_are_those_of_every_pattern_of_signs(values: list[int])
     assert signed_rank(values) == pytest.approx(expected)
 
 
-def test_many_signed_ranks_go_over_smoothly_into_the_normal_law() -> None:
+def test_signed_rank_approaches_the_normal_law() -> None:
     values = [((index * 37) % 101 - 44) / 10 for index in range(intervals.EXACT_RANKS)]
     exact = signed_rank(values)
     with pytest.MonkeyPatch.context() as patch:
@@ -95,44 +93,44 @@ def test_many_signed_ranks_go_over_smoothly_into_the_normal_law() -> None:
 
 
 @given(st.lists(NUMBERS, max_size=60))
-def test_a_signed_rank_test_is_total_and_does_not_care_who_is_first(values: list[float]) -> None:
+def test_signed_rank_is_symmetric(values: list[float]) -> None:
     p = signed_rank(values)
     assert 0.0 < p <= 1.0
     assert signed_rank([-value for value in values]) == p
 
 
-def test_holm_adjusts_as_r_does() -> None:
+def test_holm_agrees_with_r() -> None:
     assert holm([0.01, 0.04, 0.03, 0.02]) == pytest.approx([0.04, 0.06, 0.06, 0.06])
     assert holm([]) == []
 
 
 @given(st.lists(st.floats(0.0, 1.0), max_size=30))
-def test_holm_never_makes_anything_surer_and_keeps_the_order(p_values: list[float]) -> None:
+def test_holm_never_lowers_a_p_value(p_values: list[float]) -> None:
     adjusted = holm(p_values)
     assert all(p <= q <= 1.0 for p, q in zip(p_values, adjusted, strict=True))
     pairs = sorted(zip(p_values, adjusted, strict=True))
     assert [q for _, q in pairs] == sorted(adjusted)
 
 
-def test_the_interval_of_a_median_has_the_published_ranks() -> None:
+def test_median_interval_has_the_published_ranks() -> None:
     # Conover, Practical Nonparametric Statistics 3.2: of 16 the 4th and the 13th.
     assert quantile_interval([float(rank) for rank in range(1, 17)], 0.5) == (4.0, 13.0)
 
 
-def test_too_few_values_bound_nothing_and_nan_is_left_out() -> None:
+def test_few_values_give_unbounded_interval() -> None:
     assert quantile_interval([1.0, 2.0, nan], 0.5) == (-inf, inf)
     assert isnan(quantile([nan, inf], 0.5))
     assert quantile([3.0, nan, 1.0], 0.5) == 2.0
 
 
 @given(st.lists(NUMBERS, max_size=200), st.floats(0.05, 0.95))
-def test_a_quantile_lies_within_its_interval(values: list[float], at: float) -> None:
+def test_quantile_lies_within_its_interval(values: list[float], at: float) -> None:
     low, high = quantile_interval(values, at)
     middle = quantile(values, at)
     assert isnan(middle) or low <= middle <= high
 
 
-def test_the_intervals_hold_as_often_as_they_say() -> None:
+def test_quantile_interval_has_its_coverage() -> None:
     random = np.random.default_rng(5)
     drawn = random.exponential(size=(2000, 80))
     held = 0
@@ -143,7 +141,7 @@ def test_the_intervals_hold_as_often_as_they_say() -> None:
 
 
 @pytest.mark.parametrize("of", [59, 61, 3000])
-def test_the_ranks_are_the_same_for_many_values_as_for_few(of: int) -> None:
+def test_interval_ranks_agree_for_few_and_many_values(of: int) -> None:
     low, high = quantile_interval(np.arange(1.0, of + 1.0), 0.5)
     half = 0.98 * of**0.5
     assert low == pytest.approx(of / 2 - half, abs=1.5)
@@ -151,6 +149,6 @@ def test_the_ranks_are_the_same_for_many_values_as_for_few(of: int) -> None:
     assert not isinf(low)
 
 
-def test_a_plane_ellipse_of_95_percent_has_the_size_in_the_tables() -> None:
+def test_ellipse_size_agrees_with_tables() -> None:
     assert pytest.approx(5.9915, abs=5e-5) == CHI2_2
     assert Interval(1.0, 2.0).low == 1.0

@@ -1,4 +1,4 @@
-"""The generated table of outcomes: what it says of a run, and that the shipped one is whole."""
+"""The generated table of outcomes describes a run, and the committed one is complete."""
 
 from collections import Counter
 from itertools import product
@@ -13,14 +13,14 @@ TABLE = Path(__file__).parents[4] / "docs" / "evidence" / "outcomes.md"
 NAMES = ("bug, left", "bug, right", "vgm", "bug1", "bug2", "distbug", "vgm_memory")
 
 
-def test_a_world_gets_a_row_per_navigator_and_noise_with_all_seeds_counted() -> None:
+def test_world_has_a_row_per_navigator_and_noise() -> None:
     rows = rows_of("open", 2)
     assert [(row.navigator, row.noise) for row in rows] == list(product(NAMES, ("none", "default")))
     assert [row.ends.total() for row in rows] == [1, 2] * len(NAMES)
     assert {row.run.seed for row in rows} == {0}
 
 
-def test_a_failure_is_written_down_with_its_reason_and_without_a_path_ratio() -> None:
+def test_failure_has_a_reason_and_no_path_ratio() -> None:
     (row, *_) = rows_of("open", 1)
     stuck = row.run.__class__(**{**row.run.as_json(), "outcome": "stuck", "reason": "blocked"})  # type: ignore[arg-type]
     text = document([[row._replace(run=stuck, ends=Counter(stuck=3, collided=2))]], 5)
@@ -30,23 +30,21 @@ def test_a_failure_is_written_down_with_its_reason_and_without_a_path_ratio() ->
     assert "| bug, left | none | 5 | 0 | 2 | 3 | 0 | 0 |" in text
 
 
-def test_it_writes_the_file_it_is_told_to(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_main_writes_the_given_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "table.md"
     assert main(["--worlds", "open", "--seeds", "1", "--jobs", "1", "--output", str(path)]) == 0
     assert path.read_text(encoding="utf-8").count("\n| open | ") == 2 * len(NAMES)
     assert "1 worlds" in capsys.readouterr().err
 
 
-def test_only_the_summary_of_a_page_is_renewed() -> None:
+def test_only_the_summary_of_a_page_is_replaced() -> None:
     text = document([rows_of("open", 1)], 1)
     page = "# Page\n\n| navigator | noise | runs | old |\n|---|\n| vgm | none | 9 |\n\n| other |\n"
-    summary = text.partition("## In sum\n\n")[2].partition("\n\n")[0]
+    summary = text.partition("## Summary\n\n")[2].partition("\n\n")[0]
     assert with_summary(page, text) == f"# Page\n\n{summary}\n\n| other |\n"
     assert with_summary("no table", text) == "no table"
 
 
 @pytest.mark.parametrize("world", shipped())
-def test_the_table_in_the_docs_has_every_shipped_world(world: str) -> None:
+def test_committed_table_has_every_shipped_world(world: str) -> None:
     assert TABLE.read_text(encoding="utf-8").count(f"\n| {world} | ") == 2 * len(NAMES)
