@@ -95,9 +95,9 @@ class Nobody:
     """Takes no command line."""
 
     last = ""
-    drafted: tuple[Target, ...] = ()
+    draft_items: tuple[Target, ...] = ()
 
-    def give(self, line: str) -> None:
+    def run_line(self, line: str) -> None:
         """Nothing comes of it."""
 
     def perform(self, command: object) -> None:
@@ -112,13 +112,13 @@ class Nobody:
     def recall(self, text: str, step: int) -> str:
         return text
 
-    def take_hand(self) -> bool:
+    def begin_teleop(self) -> bool:
         return False
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
         """Nothing moves."""
 
-    def drop_hand(self) -> None:
+    def end_teleop(self) -> None:
         """Nothing was held."""
 
 

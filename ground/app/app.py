@@ -21,11 +21,11 @@ from ground.app.commands.command_sink import CommandSink
 from ground.app.commands.robot_keys import RobotKeys
 from ground.app.frame_rate import Drawable, FrameRate
 from ground.app.input.bindings import bindings_of
-from ground.app.input.key_table import Key, Layer
+from ground.app.input.key_table import KeyBinding, Layer
 from ground.app.input.keymap import Keymap
-from ground.app.panels.status import Setting
+from ground.app.panels.status import SessionInfo
 from ground.app.screens import SCREENS, screen_of
-from ground.app.screens.sheet import Action, AppScreen
+from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.themes import THEMES
 from ground.app.widgets.printable import Printable
 from ground.client.operations import Operation
@@ -51,9 +51,9 @@ SETTLED_S: Final = 0.2
 
 def palette() -> "type[Provider]":
     """Imported when it is opened."""
-    from ground.app.commands.palette import Commands
+    from ground.app.commands.palette import CommandPalette
 
-    return Commands
+    return CommandPalette
 
 
 class GroundApp(App[int]):
@@ -68,9 +68,9 @@ class GroundApp(App[int]):
     def __init__(
         self,
         station: Station | None,
-        orders: CommandSink,
+        commands: CommandSink,
         keymap: Keymap | None = None,
-        looks: Appearance | None = None,
+        appearance: Appearance | None = None,
         stack: "Stack | None" = None,
         player: "Player | None" = None,
         recording: "RecordingSession | None" = None,
@@ -81,27 +81,27 @@ class GroundApp(App[int]):
         super().__init__(ansi_color=True if os.environ.get("NO_COLOR") else None)
         self.player = player
         self.recording = recording
-        self.looks = looks or Appearance()
-        self._station, self._orders = station, orders
+        self.appearance = appearance or Appearance()
+        self._station, self._commands = station, commands
         self._keymap_in_force = keymap or Keymap()
         self._bindings = bindings_of(self._keymap_in_force)
         self._stack = stack
-        self._aside = BackgroundJobs(self.say)
-        self._pace = FrameRate(self.looks.hz)
+        self._jobs = BackgroundJobs(self.note)
+        self._frame_rate = FrameRate(self.appearance.hz)
         self._settling: Timer | None = None
         self._printable = Printable()
-        self._helm = RobotKeys(self)
+        self._robot_keys = RobotKeys(self)
         for theme in THEMES:
             self.register_theme(theme)
-        self.theme = self.looks.theme
+        self.theme = self.appearance.theme
         for name in SCREENS:
             self.add_mode(name, partial(screen_of, name, self))
-        self.set_class(self.looks.ascii_only, "-ascii")
+        self.set_class(self.appearance.ascii_only, "-ascii")
 
     def on_mount(self) -> None:
         if self._station is None:
             self.switch_mode("replay")
-        if self.looks.hz:
+        if self.appearance.hz:
             self.set_interval(1.0 / POLL_HZ, self.sample)
 
     # As screens see it (Deck).
@@ -119,69 +119,69 @@ class GroundApp(App[int]):
 
     @property
     def ascii_only(self) -> bool:
-        return self.looks.ascii_only
+        return self.appearance.ascii_only
 
     @property
-    def setting(self) -> Setting:
+    def session_info(self) -> SessionInfo:
         if self._station is None:
-            return Setting(kind="REPLAY")
+            return SessionInfo(kind="REPLAY")
         kind = "SIM" if self._station.world is not None else "REAL"
         words = "" if self.recording is None else self.recording.words
-        return Setting(kind=kind, factor=self._pace.factor, recording=words)
+        return SessionInfo(kind=kind, factor=self._frame_rate.factor, recording=words)
 
     @property
     def stack(self) -> "Stack | None":
         return self._stack
 
-    def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
-        self._aside.begin(job, done)
+    def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+        self._jobs.begin(job, done)
 
-    def give(self, line: str) -> None:
-        self._orders.give(line)
+    def run_line(self, line: str) -> None:
+        self._commands.run_line(line)
 
     @property
     def perform(self) -> Callable[[Operation[Outcome] | AppCommand], None]:
         """What does a typed operation; the key calls it directly."""
-        return self._orders.perform
+        return self._commands.perform
 
     @property
     def last(self) -> str:
-        return self._orders.last
+        return self._commands.last
 
     def is_local(self, line: str) -> bool:
-        return self._orders.is_local(line)
+        return self._commands.is_local(line)
 
     @property
-    def drafted(self) -> tuple[Target, ...]:
-        return self._orders.drafted
+    def draft_items(self) -> tuple[Target, ...]:
+        return self._commands.draft_items
 
     def complete(self, text: str) -> list[str]:
-        return self._orders.complete(text)
+        return self._commands.complete(text)
 
     def recall(self, text: str, step: int) -> str:
-        return self._orders.recall(text, step)
+        return self._commands.recall(text, step)
 
-    def take_hand(self) -> bool:
-        return self._orders.take_hand()
+    def begin_teleop(self) -> bool:
+        return self._commands.begin_teleop()
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
-        self._orders.steer(speed_m_s, yaw_rate_rad_s)
+        self._commands.steer(speed_m_s, yaw_rate_rad_s)
 
-    def drop_hand(self) -> None:
-        self._orders.drop_hand()
+    def end_teleop(self) -> None:
+        self._commands.end_teleop()
 
-    def say(self, text: str) -> None:
+    def note(self, text: str) -> None:
         self.station.note(text)
 
     def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
-        from ground.app.screens.choose import Choose  # seldom needed, so not at the start
+        from ground.app.screens.choice import ChoiceScreen  # seldom needed, so not at the start
 
         def take(choice: str | None) -> None:
             if choice:
                 done(choice)
-            self.look()
+            self.redraw()
 
-        self.push_screen(Choose(title, choices), take)
+        self.push_screen(ChoiceScreen(title, choices), take)
 
     def open_replay(self, path: Path) -> None:
         """Show a recording; UserError when it cannot be played."""
@@ -209,9 +209,9 @@ class GroundApp(App[int]):
         return [*super().get_line_filters(), self._printable]
 
     def get_driver_class(self) -> type[Driver]:
-        from ground.app.input.driver import steady  # not where nobody has a terminal
+        from ground.app.input.driver import with_robust_input  # not where nobody has a terminal
 
-        return steady(super().get_driver_class())
+        return with_robust_input(super().get_driver_class())
 
     # The round.
 
@@ -219,17 +219,17 @@ class GroundApp(App[int]):
         """Poll, and draw when it is time to."""
         if self._station is not None:
             self._station.poll()
-            self._pace.heard(self._station)
+            self._frame_rate.measure_time_factor(self._station)
         if self.player is not None:
             self.player.poll()
         self._look_after_recording()
-        self._aside.poll()
+        self._jobs.poll()
         if self._stack is not None and (news := self._stack.next_event()):
             self.station.note(news, Severity.ERROR)
-        if self.sheet is not None:
-            self.sheet.poll()
-        if self._pace.due(monotonic_ns()):
-            self.look()
+        if self.base_screen is not None:
+            self.base_screen.poll()
+        if self._frame_rate.due(monotonic_ns()):
+            self.redraw()
 
     def _look_after_recording(self) -> None:
         if self.recording is None or self._station is None:
@@ -239,17 +239,17 @@ class GroundApp(App[int]):
             loud = words.startswith("RECORDING")
             self._station.note(words, Severity.CRITICAL if loud else Severity.WARNING)
 
-    def paced_by(self, terminal: Drawable) -> None:
+    def limit_frame_rate(self, terminal: Drawable) -> None:
         """Draw no more than this takes."""
-        self._pace.terminal = terminal
+        self._frame_rate.terminal = terminal
 
-    def look(self) -> None:
-        sheet = self.sheet
+    def redraw(self) -> None:
+        sheet = self.base_screen
         if sheet is not None:
-            sheet.look()
+            sheet.redraw()
 
     @property
-    def sheet(self) -> AppScreen | None:
+    def base_screen(self) -> AppScreen | None:
         """The screen below whatever is open above it."""
         sheets = (screen for screen in reversed(self.screen_stack) if isinstance(screen, AppScreen))
         return next(sheets, None)
@@ -261,10 +261,10 @@ class GroundApp(App[int]):
         self._settling = self.set_timer(SETTLED_S, self.refresh)
 
     def on_app_blur(self, event: events.AppBlur) -> None:
-        self._pace.watched = False
+        self._frame_rate.focused = False
 
     def on_app_focus(self, event: events.AppFocus) -> None:
-        self._pace.watched = True
+        self._frame_rate.focused = True
 
     # Keys.
 
@@ -273,22 +273,22 @@ class GroundApp(App[int]):
         own = sheet.key_layers() if isinstance(sheet, AppScreen) else ()
         return (Layer.ALWAYS, *own)
 
-    def keys_now(self) -> list[Key]:
+    def keys_now(self) -> list[KeyBinding]:
         """What keys do on the screen below, for the help and the palette above it."""
-        doable, sheet = self.doable(), self.sheet
+        doable, sheet = self.doable(), self.base_screen
         layers = () if sheet is None else sheet.key_layers()
         keys = self._keymap_in_force.of(Layer.ALWAYS, *layers)
         return [key for key in keys if key.id in doable]
 
     def begin_line(self, text: str) -> None:
         """Let a command be typed on."""
-        if self.sheet is not None:
-            self.sheet.ask("", text, self.sheet.deck.give)
+        if self.base_screen is not None:
+            self.base_screen.ask("", text, self.base_screen.interface.run_line)
 
     def doable(self) -> Mapping[str, Action]:
         """What can be done here, by id."""
-        sheet = self.sheet
-        return {**self._helm.actions(), **(sheet.actions() if sheet is not None else {})}
+        sheet = self.base_screen
+        return {**self._robot_keys.actions(), **(sheet.actions() if sheet is not None else {})}
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action != "do":
@@ -299,4 +299,4 @@ class GroundApp(App[int]):
 
     def action_do(self, id: str) -> None:
         self.doable()[id]()
-        self.look()
+        self.redraw()

@@ -34,7 +34,7 @@ class AppOptions(Protocol):
     keys: Path | None
 
 
-def add_looks(parser: argparse.ArgumentParser) -> None:
+def add_appearance_options(parser: argparse.ArgumentParser) -> None:
     """Options of whatever opens the app."""
     group = parser.add_argument_group("on a terminal")
     group.add_argument("--theme", choices=THEMES, help="(dark; mono with NO_COLOR)")
@@ -45,15 +45,15 @@ def add_looks(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--keys", type=Path, metavar="FILE", help="a TOML file with other keys")
 
 
-def looks_of(options: AppOptions, environment: Mapping[str, str] = os.environ) -> Appearance:
+def appearance_of(options: AppOptions, environment: Mapping[str, str] = os.environ) -> Appearance:
     return Appearance(
-        theme=options.theme or usual_theme(environment),
-        ascii_only=options.ascii or speaks_ascii_only(environment),
+        theme=options.theme or default_theme(environment),
+        ascii_only=options.ascii or is_ascii_terminal(environment),
         hz=options.hz,
     )
 
 
-def usual_theme(environment: Mapping[str, str]) -> str:
+def default_theme(environment: Mapping[str, str]) -> str:
     """What the terminal asks for: no colour at all (no-color.org), sixteen, or dark."""
     if environment.get("NO_COLOR"):
         return "mono"
@@ -62,7 +62,7 @@ def usual_theme(environment: Mapping[str, str]) -> str:
     return "ansi" if environment.get("TERM", "") in FEW_COLOURS else "dark"
 
 
-def speaks_ascii_only(environment: Mapping[str, str]) -> bool:
+def is_ascii_terminal(environment: Mapping[str, str]) -> bool:
     """A console without braille, or a locale that promises nothing but ASCII."""
     if in_browser(environment):
         return False

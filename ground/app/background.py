@@ -14,7 +14,7 @@ class BackgroundJobs:
     """What comes of a job is handed over at `poll`, in the thread that polls."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
-        self._say = say
+        self._note = say
         self._ready: SimpleQueue[Callable[[], None]] = SimpleQueue()
 
     def begin(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
@@ -25,7 +25,7 @@ class BackgroundJobs:
                 found = job()
             except (LocalError, RemoteError, OSError) as error:
                 words = str(error)
-                self._ready.put(lambda: self._say(words))
+                self._ready.put(lambda: self._note(words))
                 return
             self._ready.put(lambda: done(found))
 

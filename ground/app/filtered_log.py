@@ -8,7 +8,7 @@ from ground.app.widgets.rows import Row
 from ground.station.history.event_log import Line, Log
 
 
-class Part(NamedTuple):
+class LogRow(NamedTuple):
     """One row of a line: the text's piece of that number."""
 
     line: Line
@@ -28,11 +28,11 @@ class FilteredLog:
 
     def __init__(self) -> None:
         self.lines: list[Line] = []
-        self.parts: list[Part] = []
+        self.parts: list[LogRow] = []
         self._asked: LogFilter | None = None
         self._total = 0
 
-    def look(self, log: Log, worst: int, width: int) -> None:
+    def update(self, log: Log, worst: int, width: int) -> None:
         """Lines at least as bad as that; what has come since the last look, when it was alike."""
         asked = LogFilter(log, worst, width)
         if asked != self._asked:
@@ -51,10 +51,10 @@ class FilteredLog:
         gone = sum(len(self._parts(line, asked.width)) for line in self.lines[:surplus])
         del self.lines[:surplus], self.parts[:gone]
 
-    def _parts(self, line: Line, width: int) -> list[Part]:
-        return [Part(line, number) for number in range(len(pieces_of(line, width)))]
+    def _parts(self, line: Line, width: int) -> list[LogRow]:
+        return [LogRow(line, number) for number in range(len(pieces_of(line, width)))]
 
-    def paint(self, part: Part, at: Line | None) -> Row:
+    def paint(self, part: LogRow, at: Line | None) -> Row:
         """A row; all those of the line `at` are marked as found."""
         width = 0 if self._asked is None else self._asked.width
         return log_rows(part.line, width, found=part.line is at)[part.number]

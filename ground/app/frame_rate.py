@@ -7,9 +7,9 @@ from protocol.topics import STATUS
 from runtime.units import NS_PER_S
 
 SLOW_HZ: Final = 2.0
-MOST_SLOWER: Final = 16
+MAX_DIVISOR: Final = 16
 """To one frame in 1.6 s, of ten a second."""
-TRUSTED_NS: Final = 20 * NS_PER_S
+RECOVERY_NS: Final = 20 * NS_PER_S
 """So long after it was too slow a terminal is tried at twice the rate."""
 WINDOW_NS: Final = 2 * NS_PER_S
 SLACK_NS: Final = 25_000_000
@@ -32,10 +32,10 @@ class FrameRate:
 
     def __init__(self, hz: float) -> None:
         self.hz = hz
-        self.watched = True
+        self.focused = True
         self.terminal: Drawable | None = None
         self.factor: float | None = None
-        self.slower = 1
+        self.divisor = 1
         self._changed_ns = 0
         self._late = False
         self._drawn_ns: int | None = None
@@ -43,8 +43,8 @@ class FrameRate:
 
     @property
     def period_ns(self) -> int:
-        hz = self.hz / self.slower
-        hz = hz if self.watched else min(hz, SLOW_HZ)
+        hz = self.hz / self.divisor
+        hz = hz if self.focused else min(hz, SLOW_HZ)
         return round(NS_PER_S / hz) if hz else 0
 
     def due(self, now_ns: int) -> bool:
@@ -55,8 +55,8 @@ class FrameRate:
         if self.terminal is not None and self.terminal.busy:
             self._too_fast(now_ns)
             return False
-        if self.slower > 1 and now_ns - self._changed_ns > TRUSTED_NS:
-            self.slower, self._changed_ns = self.slower // 2, now_ns
+        if self.divisor > 1 and now_ns - self._changed_ns > RECOVERY_NS:
+            self.divisor, self._changed_ns = self.divisor // 2, now_ns
         self._drawn_ns, self._late = now_ns, False
         return True
 
@@ -64,9 +64,9 @@ class FrameRate:
         """Once for each frame: half the rate from now on."""
         if not self._late:
             self._late, self._changed_ns = True, now_ns
-            self.slower = min(2 * self.slower, MOST_SLOWER)
+            self.divisor = min(2 * self.divisor, MAX_DIVISOR)
 
-    def heard(self, station: Station) -> None:
+    def measure_time_factor(self, station: Station) -> None:
         """The robot's stamps against our own clock, over two seconds."""
         newest = station.telemetry.latest(STATUS)
         if newest is None:

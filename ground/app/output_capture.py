@@ -32,7 +32,7 @@ class TerminalText(TextIOWrapper):
 
 
 @contextmanager
-def quiet(log: Path) -> Iterator[TerminalText]:
+def capture_output(log: Path) -> Iterator[TerminalText]:
     """Libraries that are not Python's write to the file descriptors: these are exchanged.
 
     Textual draws through `sys.__stderr__` and asks `sys.__stdout__` for the terminal's size (and a
@@ -42,7 +42,7 @@ def quiet(log: Path) -> Iterator[TerminalText]:
     sys.stderr.flush()
     kept = {number: os.dup(number) for number in OUTPUTS}
     before = sys.__stdout__, sys.__stderr__
-    sink = opened(log)
+    sink = open_log(log)
     screens = [TerminalText(os.dup(kept[number])) for number in OUTPUTS]
     for number in OUTPUTS:
         os.dup2(sink, number)
@@ -61,7 +61,7 @@ def quiet(log: Path) -> Iterator[TerminalText]:
         os.close(sink)
 
 
-def opened(log: Path) -> int:
+def open_log(log: Path) -> int:
     """The file, begun anew when it has grown too long; nowhere, when it cannot be written."""
     try:
         log.parent.mkdir(parents=True, exist_ok=True)

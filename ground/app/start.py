@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import Thread, Timer
 from typing import TYPE_CHECKING, Final
 
-from ground.app.appearance import AppOptions, in_browser, looks_of
+from ground.app.appearance import AppOptions, appearance_of, in_browser
 from ground.app.input.keymap import Keymap, load
 from ground.client.connection import Common
 from ground.client.link import Link
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EXIT_SIGNAL: Final = 128
-LOOK_S: Final = 1.0
+CHECK_S: Final = 1.0
 CLOSING_S: Final = 3.0
-STEADY_S: Final = 3.0
+FREEZE_AFTER_S: Final = 3.0
 """Then all is there that stays. Later a full collection would keep a key waiting for 60 ms."""
 FOLDER: Final = "sidestep"
 
@@ -45,37 +45,37 @@ def run(
 
     With a `stack` the processes are ours: they are looked after, and may be started anew.
     """
-    keymap, looks = keymap_of(options), looks_of(options)
+    keymap, appearance = keymap_of(options), appearance_of(options)
     # Textual is for whoever has a screen.
     from ground.app.app import GroundApp
-    from ground.app.commands.app_commands import Words
+    from ground.app.commands.local_commands import LocalCommands
     from ground.app.commands.runner import CommandRunner
-    from ground.app.output_capture import quiet
+    from ground.app.output_capture import capture_output
     from ground.console import History
     from ground.station import Station
 
     clock = WallClock()
     station = Station(link.bus, link.robot, clock, name=operator_name())
     common = replace(common, robot=link.robot)
-    history = History(folder() / "history")
-    orders = CommandRunner(lambda: station, link.bus, common, clock, history)
-    app = GroundApp(station, orders, keymap, looks, stack, recording=recording)
-    orders.local = Words(app).do_command
+    history = History(state_folder() / "history")
+    commands = CommandRunner(lambda: station, link.bus, common, clock, history)
+    app = GroundApp(station, commands, keymap, appearance, stack, recording=recording)
+    commands.local = LocalCommands(app).do_command
     try:
-        with quiet(folder() / "ground.log") as terminal:
-            app.paced_by(terminal)
-            return show(app)
+        with capture_output(state_folder() / "ground.log") as terminal:
+            app.limit_frame_rate(terminal)
+            return run_app(app)
     finally:
-        in_time(station.close)
+        run_with_timeout(station.close)
 
 
 def run_replay(options: AppOptions, path: Path, robot: str | None, at_s: float) -> int:
     """The same over a recording: nothing can be commanded. UserError when it cannot be played."""
-    keymap, looks = keymap_of(options), looks_of(options)
+    keymap, appearance = keymap_of(options), appearance_of(options)
     from ground.app.app import GroundApp
-    from ground.app.commands.app_commands import Words
+    from ground.app.commands.local_commands import LocalCommands
     from ground.app.commands.runner import CommandRunner
-    from ground.app.output_capture import quiet
+    from ground.app.output_capture import capture_output
     from ground.app.playback.player import Player
     from ground.console import History
 
@@ -83,16 +83,16 @@ def run_replay(options: AppOptions, path: Path, robot: str | None, at_s: float) 
     player = Player(path, clock, robot)
     player.seek(at_s)
     common = Common(network=Network(), robot=player.bus.robot)
-    history = History(folder() / "history")
-    orders = CommandRunner(lambda: player.station, None, common, clock, history)
-    app = GroundApp(None, orders, keymap, looks, player=player)
-    orders.local = Words(app).do_command
-    with quiet(folder() / "ground.log") as terminal:
-        app.paced_by(terminal)
-        return show(app)
+    history = History(state_folder() / "history")
+    commands = CommandRunner(lambda: player.station, None, common, clock, history)
+    app = GroundApp(None, commands, keymap, appearance, player=player)
+    commands.local = LocalCommands(app).do_command
+    with capture_output(state_folder() / "ground.log") as terminal:
+        app.limit_frame_rate(terminal)
+        return run_app(app)
 
 
-def show(app: "GroundApp") -> int:
+def run_app(app: "GroundApp") -> int:
     """Until the operator leaves, or a signal ends it as it ends every verb; a defect is raised.
 
     A signal whose handler raises would only cancel Textual's tasks, and those go on.
@@ -101,10 +101,10 @@ def show(app: "GroundApp") -> int:
     async def shown() -> int:
         loop = asyncio.get_running_loop()
         for number in SIGNALS:
-            loop.add_signal_handler(number, leave, app, number)
+            loop.add_signal_handler(number, exit_on_signal, app, number)
         if sys.__stdin__ is not None and sys.__stdin__.isatty():
-            keep_looking(loop, app, sys.__stdin__.fileno())
-        loop.call_later(STEADY_S, freeze_heap)
+            watch_terminal(loop, app, sys.__stdin__.fileno())
+        loop.call_later(FREEZE_AFTER_S, freeze_heap)
         code = await app.run_async() or 0
         if app.defect is not None:
             raise app.defect
@@ -113,17 +113,17 @@ def show(app: "GroundApp") -> int:
     return asyncio.run(shown())
 
 
-def keep_looking(loop: asyncio.AbstractEventLoop, app: "GroundApp", terminal: int) -> None:
+def watch_terminal(loop: asyncio.AbstractEventLoop, app: "GroundApp", terminal: int) -> None:
     """A terminal may be gone without a signal: then nobody looks, and nobody is the operator."""
     try:
         termios.tcgetattr(terminal)
     except termios.error:
-        leave(app, signal.SIGHUP)
+        exit_on_signal(app, signal.SIGHUP)
         return
-    loop.call_later(LOOK_S, keep_looking, loop, app, terminal)
+    loop.call_later(CHECK_S, watch_terminal, loop, app, terminal)
 
 
-def leave(app: "GroundApp", number: int) -> None:
+def exit_on_signal(app: "GroundApp", number: int) -> None:
     """In order; by force when the terminal that is gone holds it up."""
     app.exit(EXIT_SIGNAL + number)
     late = Timer(CLOSING_S, os._exit, (EXIT_SIGNAL + number,))
@@ -133,11 +133,11 @@ def leave(app: "GroundApp", number: int) -> None:
 
 def keymap_of(options: AppOptions) -> Keymap:
     """The file that was named, or that of the user, if there is one."""
-    usual_place = folder() / "keys.toml"
+    usual_place = state_folder() / "keys.toml"
     return load(options.keys or (usual_place if usual_place.exists() else None))
 
 
-def folder() -> Path:
+def state_folder() -> Path:
     """Where history, keys and the app's own log are kept."""
     state = os.environ.get("XDG_STATE_HOME")
     return (Path(state) if state else Path.home() / ".local" / "state") / FOLDER
@@ -159,7 +159,7 @@ def has_screen() -> bool:
     return on_terminal or in_browser(os.environ)
 
 
-def in_time(close: Callable[[], None]) -> None:
+def run_with_timeout(close: Callable[[], None]) -> None:
     """Done within a few seconds, or left to the end of the process: leaving never hangs."""
     thread = Thread(target=close, daemon=True)
     thread.start()

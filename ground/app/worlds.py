@@ -15,12 +15,12 @@ COLUMNS: Final = 10
 Reached = dict[str, dict[str, int]]
 
 
-def ask_worlds(*words: str) -> dict[str, Any]:
+def query_worlds(*words: str) -> dict[str, Any]:
     """What `sidestep worlds` says; UserError with its words when it refuses."""
     return world_facts(command(["worlds", *words, "--json"], os.getpid()))
 
 
-def reached_in(path: Path = OUTCOMES) -> Reached:
+def read_reached_counts(path: Path = OUTCOMES) -> Reached:
     """By world and navigator, how many of ten seeds reached the goal with the usual noise.
 
     Empty where the sources, and with them what the study found, are not there.
@@ -33,11 +33,11 @@ def reached_in(path: Path = OUTCOMES) -> Reached:
     for line in lines:
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if len(cells) == COLUMNS and cells[2] == NOISE:
-            found.setdefault(cells[0], {})[cells[1].replace(",", "")] = reached_of(cells[-1])
+            found.setdefault(cells[0], {})[cells[1].replace(",", "")] = reached_count(cells[-1])
     return found
 
 
-def reached_of(ends: str) -> int:
+def reached_count(ends: str) -> int:
     """`7 reached, 3 stuck` is 7."""
     counts = (end.partition(" ") for end in ends.split(", "))
     return sum(int(count) for count, _, how in counts if how == "reached")

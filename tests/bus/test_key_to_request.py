@@ -58,8 +58,8 @@ def test_key_reaches_the_bus_in_fifteen_calls(monkeypatch: pytest.MonkeyPatch) -
         assert isinstance(bus, Bus)
         common = Common(network=bus.network, robot="r1")
         clock = WallClock()
-        orders = CommandRunner(lambda: seen.station, bus, common, clock, History())
-        app = GroundApp(seen.station, orders, None, Appearance(hz=0.0))
+        commands = CommandRunner(lambda: seen.station, bus, common, clock, History())
+        app = GroundApp(seen.station, commands, None, Appearance(hz=0.0))
 
         async def press() -> None:
             async with app.run_test() as pilot, asyncio.timeout(PATIENCE_S):

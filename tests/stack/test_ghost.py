@@ -53,16 +53,16 @@ def test_played_in_the_app_it_can_be_haunted_from_any_of_its_instants(recording:
     """The recording holds its world, so the map has walls, and a ghost knows where it drives."""
     player = Player(recording, ManualClock())
     player.seek(4.0)
-    haunting = GhostRunner(lambda: player.station)
-    haunting.begin("bug")
+    ghost_runner = GhostRunner(lambda: player.station)
+    ghost_runner.begin("bug")
 
     def over() -> bool:
-        haunting.poll()
-        return not haunting.busy
+        ghost_runner.poll()
+        return not ghost_runner.busy
 
     until(over, 30.0)
     player.seek(1.0)
-    (trail,) = haunting.trails()
+    (trail,) = ghost_runner.trails()
     assert trail.outcome in ("reached", "collided", "stuck", "aborted")
     assert len(trail.path_m) > 20
     assert len(player.station.scene().obstacles) > 0

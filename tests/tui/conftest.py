@@ -22,7 +22,7 @@ def worlds(monkeypatch: pytest.MonkeyPatch) -> None:
             return {"worlds": [{"name": name, "says": what} for name, what in says.items()]}
         return FAULTS if words == ("faults",) else {**WORLD, "name": words[1]}
 
-    monkeypatch.setattr("ground.app.screens.worlds.ask_worlds", ask)
-    monkeypatch.setattr("ground.app.screens.faults.ask_worlds", ask)
+    monkeypatch.setattr("ground.app.screens.worlds.query_worlds", ask)
+    monkeypatch.setattr("ground.app.screens.faults.query_worlds", ask)
     reached = {"wall": {"bug left": 0, "vgm": 7, "vgm_memory": 10}}
-    monkeypatch.setattr("ground.app.screens.worlds.reached_in", lambda: reached)
+    monkeypatch.setattr("ground.app.screens.worlds.read_reached_counts", lambda: reached)

@@ -8,7 +8,7 @@ from threading import Event
 import pytest
 
 from ground.app.background import BackgroundJobs
-from ground.app.output_capture import quiet
+from ground.app.output_capture import capture_output
 from runtime.errors import UserError
 from tests.support.until import until
 
@@ -43,14 +43,14 @@ def test_an_error_that_is_meant_for_people_is_said() -> None:
     said: list[str] = []
     there = Event()
 
-    def say(words: str) -> None:
+    def note(words: str) -> None:
         said.append(words)
         there.set()
 
     def job() -> int:
         raise UserError("no such world")
 
-    aside = BackgroundJobs(say)
+    aside = BackgroundJobs(note)
     aside.begin(job, lambda _: None)
     polled(aside, there)
     assert said == ["no such world"]
@@ -61,7 +61,7 @@ def test_what_others_write_goes_to_a_file_and_the_terminal_comes_back(
 ) -> None:
     log = tmp_path / "sub" / "ground.log"
     before = sys.__stdout__, sys.__stderr__
-    with quiet(log):
+    with capture_output(log):
         os.write(1, b"from a library\n")
         os.write(2, b"panicked at src/lib.rs\n")
         screen = sys.__stderr__
@@ -78,6 +78,6 @@ def test_a_log_that_cannot_be_written_is_no_reason_to_fail(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").write_text("")
-    with quiet(tmp_path / "file" / "ground.log"):
+    with capture_output(tmp_path / "file" / "ground.log"):
         os.write(2, b"lost")
     assert capfd.readouterr().err == ""

@@ -3,7 +3,7 @@
 import os
 from threading import Thread
 
-from ground.app.frame_rate import MOST_SLOWER, TRUSTED_NS, FrameRate
+from ground.app.frame_rate import MAX_DIVISOR, RECOVERY_NS, FrameRate
 from ground.app.output_capture import TerminalText
 from tests.support.until import until
 
@@ -47,7 +47,7 @@ def test_a_late_frame_halves_the_rate_once_however_late_it_is() -> None:
     pace.due(0)
     line.busy = True
     drawn(pace, ROUND_NS, 100)
-    assert pace.slower == 2
+    assert pace.divisor == 2
     line.busy = False
     assert drawn(pace, 101 * ROUND_NS, 40) == 10
 
@@ -61,7 +61,7 @@ def test_it_does_not_fall_below_a_frame_now_and_then() -> None:
         line.busy = True
         drawn(pace, at_ns + 40 * ROUND_NS, 40)
         at_ns += 80 * ROUND_NS
-    assert pace.slower == MOST_SLOWER
+    assert pace.divisor == MAX_DIVISOR
     line.busy = False
     assert drawn(pace, at_ns, 32) >= 1
 
@@ -72,8 +72,8 @@ def test_a_terminal_that_keeps_up_is_trusted_again_step_by_step() -> None:
     line.busy = True
     drawn(pace, ROUND_NS, 4)
     line.busy = False
-    assert drawn(pace, TRUSTED_NS + 10 * ROUND_NS, 40) >= 19
-    assert pace.slower == 1
+    assert drawn(pace, RECOVERY_NS + 10 * ROUND_NS, 40) >= 19
+    assert pace.divisor == 1
 
 
 def test_text_is_busy_until_somebody_has_read_it() -> None:

@@ -12,7 +12,7 @@ from ground.station import Lease, Loss, LossKind, StreamRow
 from protocol.topics import HEARTBEAT, Role
 from protocol.wire.enums import Severity
 from tests.support.hostile import LETTERS, OWNED, TEXT, raw_in
-from tests.support.tui.fakes import MS, FakeOrders, FakeStation
+from tests.support.tui.fakes import MS, FakeCommandSink, FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.underway import driving, parameter
 
@@ -53,14 +53,14 @@ def worlds(monkeypatch: pytest.MonkeyPatch) -> None:
         fault = {"kind": f"k{TEXT}", "targets": [TEXT], "unit": TEXT, "says": TEXT}
         return {"faults": [fault]}
 
-    monkeypatch.setattr("ground.app.screens.worlds.ask_worlds", ask)
-    monkeypatch.setattr("ground.app.screens.faults.ask_worlds", ask)
-    monkeypatch.setattr("ground.app.screens.worlds.reached_in", dict)
+    monkeypatch.setattr("ground.app.screens.worlds.query_worlds", ask)
+    monkeypatch.setattr("ground.app.screens.faults.query_worlds", ask)
+    monkeypatch.setattr("ground.app.screens.worlds.read_reached_counts", dict)
 
 
 @pytest.mark.usefixtures("worlds")
 def test_no_screen_shows_a_control_character(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(FakeOrders, "complete", lambda _self, _text: [f"g{TEXT}"])
+    monkeypatch.setattr(FakeCommandSink, "complete", lambda _self, _text: [f"g{TEXT}"])
 
     async def story() -> None:
         async with staged((120, 40), station=hostile()) as stage:

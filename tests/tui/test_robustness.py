@@ -5,7 +5,7 @@ from textual import events
 from textual.filter import NoColor
 from textual.geometry import Size
 
-from ground.app.appearance import speaks_ascii_only, usual_theme
+from ground.app.appearance import default_theme, is_ascii_terminal
 from ground.app.screens import SCREENS
 from ground.app.widgets.command_line import CommandLine, printable
 from ground.app.widgets.lines import Lines
@@ -29,7 +29,7 @@ GARBAGE = (
 
 async def resize(stage: Stage, width: int, height: int) -> None:
     stage.app.post_message(events.Resize(Size(width, height), Size(width, height)))
-    await stage.look()
+    await stage.redraw()
 
 
 @pytest.mark.parametrize("size", TINY, ids=lambda size: f"{size[0]}x{size[1]}")
@@ -71,7 +71,7 @@ def test_a_storm_of_sizes_ends_with_the_right_picture() -> None:
                 size = Size(1 + step * 7 % 190, 1 + step * 5 % 60)
                 stage.app.post_message(events.Resize(size, size))
                 if step % 10 == 0:
-                    stage.app.look()
+                    stage.app.redraw()
             await resize(stage, 80, 24)
             assert stage.words("status").startswith("● r1")
             assert stage.app.screen.query_one("#side", Lines).size.width == 30
@@ -85,14 +85,14 @@ def test_garbage_that_is_pasted_is_plain_text_and_does_nothing(text: str) -> Non
         async with staged() as stage:
             await stage.press("colon")
             stage.app.post_message(events.Paste(text))
-            await stage.look()
+            await stage.redraw()
             value = stage.app.screen.query_one(CommandLine).value
             assert value.isprintable() or value == ""
             assert len(value) <= 400
-            assert stage.orders.given == []
+            assert stage.commands.given == []
             assert stage.station.stops == 0
             await stage.press("enter")
-            assert all(line.isprintable() for line in stage.orders.given)
+            assert all(line.isprintable() for line in stage.commands.given)
 
     play(story)
 
@@ -101,8 +101,8 @@ def test_a_paste_on_the_map_presses_no_keys() -> None:
     async def story() -> None:
         async with staged() as stage:
             stage.app.post_message(events.Paste("h x R 5"))
-            await stage.look()
-            assert stage.orders.given == []
+            await stage.redraw()
+            assert stage.commands.given == []
 
     play(story)
 
@@ -127,13 +127,13 @@ def test_without_colours_nothing_has_any(theme: str, monkeypatch: pytest.MonkeyP
 
 
 def test_the_terminal_chooses_theme_and_letters() -> None:
-    assert usual_theme({"NO_COLOR": "1", "TERM": "xterm-256color"}) == "mono"
-    assert usual_theme({"NO_COLOR": "", "TERM": "xterm-256color"}) == "dark"
-    assert usual_theme({"TERM": "linux"}) == "ansi"
-    assert speaks_ascii_only({"TERM": "linux", "LANG": "de_DE.UTF-8"})
-    assert speaks_ascii_only({"LC_ALL": "C", "LANG": "de_DE.UTF-8"})
-    assert not speaks_ascii_only({"LANG": "C.UTF-8"})
-    assert not speaks_ascii_only({})
+    assert default_theme({"NO_COLOR": "1", "TERM": "xterm-256color"}) == "mono"
+    assert default_theme({"NO_COLOR": "", "TERM": "xterm-256color"}) == "dark"
+    assert default_theme({"TERM": "linux"}) == "ansi"
+    assert is_ascii_terminal({"TERM": "linux", "LANG": "de_DE.UTF-8"})
+    assert is_ascii_terminal({"LC_ALL": "C", "LANG": "de_DE.UTF-8"})
+    assert not is_ascii_terminal({"LANG": "C.UTF-8"})
+    assert not is_ascii_terminal({})
 
 
 def test_in_ascii_not_one_letter_is_anything_else() -> None:

@@ -24,6 +24,6 @@ class Shown:
 
 def test_no_full_collection_stalls_an_app_that_is_open(monkeypatch: pytest.MonkeyPatch) -> None:
     app = Shown()
-    monkeypatch.setattr(start, "STEADY_S", 0.0)
+    monkeypatch.setattr(start, "FREEZE_AFTER_S", 0.0)
     monkeypatch.setattr(start, "freeze_heap", app.frozen.set)
-    assert start.show(cast(GroundApp, app)) == 0
+    assert start.run_app(cast(GroundApp, app)) == 0

@@ -16,10 +16,10 @@ class CommandSink(Protocol):
         """The last line as a command for a shell; empty when there was none."""
 
     @property
-    def drafted(self) -> tuple[Target, ...]:
+    def draft_items(self) -> tuple[Target, ...]:
         """The waypoints of the mission that is being made."""
 
-    def give(self, line: str) -> None:
+    def run_line(self, line: str) -> None:
         """Do it off this thread; refusals and outcomes are lines in the log."""
 
     def perform(self, command: Operation[Outcome] | AppCommand) -> None:
@@ -34,11 +34,11 @@ class CommandSink(Protocol):
     def recall(self, text: str, step: int) -> str:
         """An earlier command line (step -1) or a later one (1)."""
 
-    def take_hand(self) -> bool:
+    def begin_teleop(self) -> bool:
         """Begin to drive by hand; False, with the reason in the log, when that may not be."""
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
         """Drive like this for a moment."""
 
-    def drop_hand(self) -> None:
+    def end_teleop(self) -> None:
         """Stand, and hold."""

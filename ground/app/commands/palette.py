@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from ground.app.app import GroundApp
 
 
-class Entry(NamedTuple):
+class PaletteEntry(NamedTuple):
     text: str
     does: Callable[[], object]
     help: str
 
 
-class Commands(Provider):
+class CommandPalette(Provider):
     """Lists only what can be done here and now."""
 
     async def search(self, query: str) -> Hits:
@@ -35,15 +35,15 @@ class Commands(Provider):
         for entry in self.entries():
             yield DiscoveryHit(entry.text, entry.does, help=entry.help)
 
-    def entries(self) -> Iterator[Entry]:
+    def entries(self) -> Iterator[PaletteEntry]:
         app = ground_app(self.app)
         for key in app.keys_now():
             if key.id != "palette":
-                yield Entry(key.says, partial(app.action_do, key.id), shown(key.keys))
+                yield PaletteEntry(key.says, partial(app.action_do, key.id), shown(key.keys))
         for name in THEMES:
-            yield Entry(f"theme {name}", partial(app.perform, SetTheme(name)), "colours")
+            yield PaletteEntry(f"theme {name}", partial(app.perform, SetTheme(name)), "colours")
         for word, says in says_of().items():
-            yield Entry(f": {word}", partial(app.begin_line, f"{word} "), says)
+            yield PaletteEntry(f": {word}", partial(app.begin_line, f"{word} "), says)
 
 
 def ground_app(app: object) -> "GroundApp":

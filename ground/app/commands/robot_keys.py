@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
 from ground.app.screens import SCREENS
-from ground.app.screens.sheet import Action
+from ground.app.screens.app_screen import Action
 from ground.client.operations import (
     Abort,
     Arm,
@@ -83,7 +83,7 @@ class RobotKeys:
             self._app.perform(ClearEmergencyStop())
             return
         self._clear_asked_s = now_s
-        self._app.say("press again to release the emergency stop")
+        self._app.note("press again to release the emergency stop")
 
     def choose_mode(self) -> None:
         modes = {mode.name.lower(): mode for mode in Mode}
@@ -121,7 +121,7 @@ class RobotKeys:
         station = self._app.station
         robots = station.robots()
         if len(robots) < 2:
-            self._app.say("there is no other robot")
+            self._app.note("there is no other robot")
             return
         at = robots.index(station.robot) if station.robot in robots else 0
         station.select(robots[(at + step) % len(robots)])
@@ -136,15 +136,15 @@ class RobotKeys:
         self._app.choose("screen", names, lambda choice: self.go(choice.split()[1]))
 
     def help(self) -> None:
-        from ground.app.screens.help import Help  # seldom needed, so not at the start
+        from ground.app.screens.help import HelpScreen  # seldom needed, so not at the start
 
-        self._app.push_screen(Help(self._app.keys_now()))
+        self._app.push_screen(HelpScreen(self._app.keys_now()))
 
     def copy(self) -> None:
         line = self._app.last
         if line:
             self._app.copy_to_clipboard(line)
-        self._app.say(f"copied: {line}" if line else "nothing has been asked yet")
+        self._app.note(f"copied: {line}" if line else "nothing has been asked yet")
 
     def shoot(self) -> None:
         """An SVG in the working directory."""
@@ -152,9 +152,9 @@ class RobotKeys:
         try:
             path.write_text(self._app.export_screenshot(), encoding="utf-8")
         except OSError as error:
-            self._app.say(f"{path}: {error.strerror}")
+            self._app.note(f"{path}: {error.strerror}")
             return
-        self._app.say(f"saved {path}")
+        self._app.note(f"saved {path}")
 
     def next_theme(self) -> None:
         at = THEMES.index(self._app.theme) if self._app.theme in THEMES else -1

@@ -53,7 +53,7 @@ class CommandRunner:
     def _station(self) -> Station:
         return self._station_now()
 
-    def give(self, line: str) -> None:
+    def run_line(self, line: str) -> None:
         """Do what a line that was typed means."""
         if not line:
             return
@@ -89,7 +89,7 @@ class CommandRunner:
             return True  # it is only said to be wrong
 
     @property
-    def drafted(self) -> tuple[Target, ...]:
+    def draft_items(self) -> tuple[Target, ...]:
         return tuple(map(target_of, self.draft.mission.waypoints))
 
     def complete(self, text: str) -> list[str]:
@@ -101,7 +101,7 @@ class CommandRunner:
 
     # By hand.
 
-    def take_hand(self) -> bool:
+    def begin_teleop(self) -> bool:
         """MANUAL first; only what the robot then hears moves it."""
         if self._bus is None:
             self._station.note(REPLAYED, Severity.WARNING)
@@ -122,7 +122,7 @@ class CommandRunner:
         if self._stick is not None:
             self._stick.drive(speed_m_s, yaw_rate_rad_s)
 
-    def drop_hand(self) -> None:
+    def end_teleop(self) -> None:
         self.steer(0.0, 0.0)
         self._stick = None
         self.perform(SetMode(mode=Mode.HOLD))

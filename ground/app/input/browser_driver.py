@@ -8,20 +8,20 @@ from ground.app.input.driver import InputReader
 TYPED = "D"
 
 
-class Browser(WebDriver):
+class BrowserDriver(WebDriver):
     """What the server sends is in packets: what was typed or pasted, or news of the window."""
 
     def run_input_thread(self) -> None:
         """Until the server says that it is over."""
-        hearing, stream = InputReader(self.process_message), ByteStream()
+        reader, stream = InputReader(self.process_message), ByteStream()
         try:
             for data in self._input_reader:
                 for kind, payload in stream.feed(data) if data else ():
                     if kind == TYPED:
-                        hearing.hear(payload)
+                        reader.feed(payload)
                     else:
                         self._on_meta(kind, payload)
-                hearing.tick()
+                reader.tick()
         except _ExitInput:
             pass
         finally:

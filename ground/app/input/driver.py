@@ -14,7 +14,7 @@ from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
 from ground.app.input.escape_sequences import ESCAPE, single
-from ground.app.input.paste_parser import PasteParser, Piece
+from ground.app.input.paste_parser import InputPiece, PasteParser
 
 AT_ONCE: Final = 4096
 MOST_AT_ONCE: Final = 16 * AT_ONCE
@@ -27,19 +27,19 @@ LONGEST_KNOWN: Final = 32
 KEPT: Final = ("last_x", "last_y", "mouse_pixels", "terminal_size", "terminal_pixel_size")
 
 
-class Terminal(LinuxDriver):
+class TerminalDriver(LinuxDriver):
     """Reads as its parent does, and goes on where that would wait for ever or end the app."""
 
     def run_input_thread(self) -> None:
         """Until the app ends, or the terminal is gone."""
-        hearing = InputReader(self.process_message)
+        reader = InputReader(self.process_message)
         while not self.exit_event.is_set():
             if select([self.fileno], [], [], TICK_S)[0]:
                 data = read(self.fileno)
                 if not data:
                     return
-                hearing.hear(data)
-            hearing.tick()
+                reader.feed(data)
+            reader.tick()
 
 
 class InputReader:
@@ -47,15 +47,15 @@ class InputReader:
 
     def __init__(self, process: Callable[[Message], None]) -> None:
         self._process = process
-        self._ears = InputParser()
+        self._parser = InputParser()
         self._decode = getincrementaldecoder("utf-8")("replace").decode
 
-    def hear(self, data: bytes) -> None:
-        self._hand_on(self._ears.feed(self._decode(data), monotonic()))
+    def feed(self, data: bytes) -> None:
+        self._hand_on(self._parser.feed(self._decode(data), monotonic()))
 
     def tick(self) -> None:
         """What has waited long enough for more."""
-        self._hand_on(self._ears.tick(monotonic()))
+        self._hand_on(self._parser.tick(monotonic()))
 
     def _hand_on(self, messages: Iterable[Message]) -> None:
         for message in messages:
@@ -75,13 +75,13 @@ def read(descriptor: int) -> bytes:
     return data
 
 
-def steady(driver: type[Driver]) -> type[Driver]:
+def with_robust_input(driver: type[Driver]) -> type[Driver]:
     """Ours in the place of Textual's, where that reads a terminal or a browser."""
     if driver.__name__ == WEB:
-        from ground.app.input.browser_driver import Browser  # only where there is one
+        from ground.app.input.browser_driver import BrowserDriver  # only where there is one
 
-        return Browser
-    return Terminal if driver is LinuxDriver else driver
+        return BrowserDriver
+    return TerminalDriver if driver is LinuxDriver else driver
 
 
 class InputParser:
@@ -98,7 +98,7 @@ class InputParser:
         """What has waited long enough for more."""
         return self._messages(self._pastes.due(now_s))
 
-    def _messages(self, pieces: Iterable[Piece]) -> Iterator[Message]:
+    def _messages(self, pieces: Iterable[InputPiece]) -> Iterator[Message]:
         for text, pasted in pieces:
             if pasted:
                 yield events.Paste(text)

@@ -24,7 +24,7 @@ class Layer(Enum):
     STATION = "station"
 
 
-class Key(NamedTuple):
+class KeyBinding(NamedTuple):
     """`short`: how the key bar calls it, when it is to be there."""
 
     id: str
@@ -34,11 +34,11 @@ class Key(NamedTuple):
     short: str = ""
 
 
-def _keys(layer: Layer, *rows: tuple[str, str, str, str]) -> tuple[Key, ...]:
-    return tuple(Key(id, tuple(keys.split()), says, layer, short) for id, keys, says, short in rows)
+def _keys(layer: Layer, *rows: tuple[str, str, str, str]) -> tuple[KeyBinding, ...]:
+    return tuple(KeyBinding(row[0], tuple(row[1].split()), row[2], layer, row[3]) for row in rows)
 
 
-KEYS: Final[tuple[Key, ...]] = (
+KEYS: Final[tuple[KeyBinding, ...]] = (
     *_keys(
         Layer.ALWAYS,
         ("estop", "f12 ctrl+space", "emergency stop, until it is acknowledged", ""),

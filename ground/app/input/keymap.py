@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from ground.app.input.key_table import KEYS, Key, Layer
+from ground.app.input.key_table import KEYS, KeyBinding, Layer
 from runtime.config import read_toml, unknown_key
 from runtime.errors import ConfigError
 
@@ -40,23 +40,23 @@ entered on purpose, and left with one key."""
 class Keymap:
     """All keys in force, in the order of the table."""
 
-    def __init__(self, keys: Iterable[Key] = KEYS) -> None:
+    def __init__(self, keys: Iterable[KeyBinding] = KEYS) -> None:
         self.keys = tuple(keys)
         self._by_id = {key.id: key for key in self.keys}
-        self._found: dict[tuple[Layer, ...], tuple[Key, ...]] = {}
+        self._found: dict[tuple[Layer, ...], tuple[KeyBinding, ...]] = {}
 
-    def __getitem__(self, id: str) -> Key:
+    def __getitem__(self, id: str) -> KeyBinding:
         return self._by_id[id]
 
-    def of(self, *layers: Layer) -> list[Key]:
+    def of(self, *layers: Layer) -> list[KeyBinding]:
         """The keys that count when these layers do, the first layer first, each key once."""
         if layers not in self._found:
             self._found[layers] = tuple(self._of(layers))
         return list(self._found[layers])
 
-    def _of(self, layers: Iterable[Layer]) -> list[Key]:
+    def _of(self, layers: Iterable[Layer]) -> list[KeyBinding]:
         taken: set[str] = set()
-        found: list[Key] = []
+        found: list[KeyBinding] = []
         for layer in layers:
             for key in self.keys:
                 free = tuple(word for word in key.keys if word not in taken)
@@ -114,11 +114,11 @@ def _judge(keymap: Keymap, chosen: Iterable[str], file: str) -> None:
             raise ConfigError(file=file, key=f"{TABLE}.{mine.id}", reason=reason, fix=fix)
 
 
-def clashes(keymap: Keymap) -> list[tuple[Key, Key, str]]:
+def clashes(keymap: Keymap) -> list[tuple[KeyBinding, KeyBinding, str]]:
     """Pairs of ids that share a key while both count."""
-    found: dict[tuple[Key, Key, str], None] = {}
+    found: dict[tuple[KeyBinding, KeyBinding, str], None] = {}
     for layers in TOGETHER:
-        owners: dict[str, Key] = {}
+        owners: dict[str, KeyBinding] = {}
         for key in keymap.keys:
             for word in key.keys if key.layer in (Layer.ALWAYS, *layers) else ():
                 first = owners.setdefault(word, key)

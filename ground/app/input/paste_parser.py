@@ -21,7 +21,7 @@ LONGEST_KEY: Final = 32
 """Whoever types sends less at once; what is left of a paste comes in longer pieces."""
 
 
-class Piece(NamedTuple):
+class InputPiece(NamedTuple):
     """Some of what came: whole keys as the terminal sends them, or all that was pasted at once."""
 
     text: str
@@ -38,25 +38,25 @@ class PasteParser:
         self._cut = False
         self._fed_s = self._over_s = 0.0
 
-    def feed(self, text: str, now_s: float) -> list[Piece]:
+    def feed(self, text: str, now_s: float) -> list[InputPiece]:
         self._over_s = min(now_s + SILENT_S, self._over_s + len(text) / SLOWEST_PER_S)
         text, self._held, self._fed_s = self._held + text, "", now_s
-        pieces: list[Piece] = []
+        pieces: list[InputPiece] = []
         while text:
             text = self._keys(text, pieces) if self._pasted is None else self._paste(text, pieces)
         return pieces
 
-    def due(self, now_s: float) -> list[Piece]:
+    def due(self, now_s: float) -> list[InputPiece]:
         """What need not wait any longer for what has not come."""
         if self._pasted is not None and now_s >= self._over_s:
             self._held, self._cut = "", True
             return [self._taken()]
         if self._pasted is None and self._held and now_s - self._fed_s >= HELD_S:
             held, self._held = self._held, ""
-            return [Piece(held)]
+            return [InputPiece(held)]
         return []
 
-    def _keys(self, text: str, pieces: list[Piece]) -> str:
+    def _keys(self, text: str, pieces: list[InputPiece]) -> str:
         """Up to the next paste; what is left of the text."""
         keys, mark, rest = text.partition(START)
         if not mark:
@@ -65,7 +65,7 @@ class PasteParser:
         if self._cut and keys:
             keys = self._after_the_cut(keys)
         if keys:
-            pieces.append(Piece(keys))
+            pieces.append(InputPiece(keys))
         if mark:
             self._pasted, self._room, self._cut = [], MOST, False
             self._over_s = self._fed_s + SILENT_S
@@ -79,7 +79,7 @@ class PasteParser:
         self._cut = False
         return keys if end < 0 else keys[end + len(END) :]
 
-    def _paste(self, text: str, pieces: list[Piece]) -> str:
+    def _paste(self, text: str, pieces: list[InputPiece]) -> str:
         """Up to the last end before another start: what is pasted may hold an end, too."""
         end = text.find(END)
         if end < 0:
@@ -97,9 +97,9 @@ class PasteParser:
             self._pasted.append(text[: self._room])
             self._room -= len(text)
 
-    def _taken(self) -> Piece:
+    def _taken(self) -> InputPiece:
         text, self._pasted = "".join(self._pasted or ()), None
-        return Piece(plain(text), pasted=True)
+        return InputPiece(plain(text), pasted=True)
 
 
 def halved(text: str, mark: str) -> tuple[str, str]:

@@ -28,8 +28,8 @@ WAYS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
 class TeleopKeys:
     """`held` while keys drive."""
 
-    def __init__(self, deck: AppInterface) -> None:
-        self._deck = deck
+    def __init__(self, interface: AppInterface) -> None:
+        self._interface = interface
         self._keys = DeadManSwitch()
         self._since_ns = 0
         self.held = False
@@ -43,29 +43,29 @@ class TeleopKeys:
 
     def take(self) -> bool:
         """False, with the reason in the log, when it may not be."""
-        self.held = self._deck.take_hand()
-        self._keys, self._since_ns = DeadManSwitch(), self._deck.station.now_ns
+        self.held = self._interface.begin_teleop()
+        self._keys, self._since_ns = DeadManSwitch(), self._interface.station.now_ns
         return self.held
 
     def push(self, way: str, *, slow: bool) -> None:
         if self.held:
-            self._keys.press(way, self._deck.station.now_ns, slow=slow)
+            self._keys.press(way, self._interface.station.now_ns, slow=slow)
 
     def poll(self) -> bool:
         """Steer for a moment; False when that is over."""
         if self._taken_away():
             self.drop()
         if self.held:
-            self._deck.steer(*self._keys.twist(self._deck.station.now_ns))
+            self._interface.steer(*self._keys.twist(self._interface.station.now_ns))
         return self.held
 
     def drop(self) -> None:
         self.held = False
-        self._deck.drop_hand()
+        self._interface.end_teleop()
 
     def _taken_away(self) -> bool:
         """The robot does something else: stopped, disarmed, or commanded by somebody else."""
-        station = self._deck.station
+        station = self._interface.station
         status = live(station.seen(STATUS))
         settled = station.now_ns - self._since_ns > SETTLE_NS
         return settled and (status is None or status.mode != Mode.MANUAL)

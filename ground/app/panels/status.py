@@ -19,7 +19,7 @@ NAMES: Final[dict[int, str]] = {number: name for name, number in NAVIGATORS.item
 SIDE_NAMES: Final[dict[int, str]] = {number: name for name, number in SIDES.items()}
 
 
-class Setting(NamedTuple):
+class SessionInfo(NamedTuple):
     """What the status line says beside the robot's own words."""
 
     kind: str = "REAL"
@@ -27,9 +27,9 @@ class Setting(NamedTuple):
     recording: str = ""
 
 
-def status_row(station: Station, setting: Setting, width: int) -> Row:
+def status_row(station: Station, session: SessionInfo, width: int) -> Row:
     """With less between the parts, and then without the last ones, until it fits."""
-    parts = [part for part in parts_of(station, setting) if width_of(part)]
+    parts = [part for part in parts_of(station, session) if width_of(part)]
     gap = GAP
     if _wide(parts, gap) > width:
         gap = TIGHT
@@ -45,15 +45,15 @@ def _wide(parts: list[Row], gap: Span) -> int:
     return sum(map(width_of, parts)) + len(gap.text) * (len(parts) - 1)
 
 
-def parts_of(station: Station, setting: Setting) -> list[Row]:
+def parts_of(station: Station, session: SessionInfo) -> list[Row]:
     status = station.seen(STATUS)
     return [
         row(presence(station), Span(f" {station.robot}", "accent")),
         *state_parts(status),
         link_part(station),
         row(head("t+ "), aged(status, driven_words)) if live(status) else (),
-        kind_part(setting),
-        row(Span(setting.recording, "danger" if setting.recording.endswith("!") else "ok")),
+        kind_part(session),
+        row(Span(session.recording, "danger" if session.recording.endswith("!") else "ok")),
         lease_part(station),
     ]
 
@@ -127,9 +127,9 @@ def driven_words(status: NavigatorStatus) -> str:
     return f"{(until_ns - status.goal_started_ns) / NS_PER_S:.1f} s"
 
 
-def kind_part(setting: Setting) -> Row:
+def kind_part(session: SessionInfo) -> Row:
     """Whether all this is real is a word, not a colour."""
-    if setting.kind == "SIM":
-        factor = "" if setting.factor is None else f" {setting.factor:.1f}x"
+    if session.kind == "SIM":
+        factor = "" if session.factor is None else f" {session.factor:.1f}x"
         return row(Span(f"SIM{factor}", "accent"))
-    return row(Span(setting.kind, "caution"))
+    return row(Span(session.kind, "caution"))

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ground.app.commands.command_sink import CommandSink
-from ground.app.input.key_table import Key
-from ground.app.panels.status import Setting
+from ground.app.input.key_table import KeyBinding
+from ground.app.panels.status import SessionInfo
 from ground.station.station import Station
 
 if TYPE_CHECKING:
@@ -19,11 +19,11 @@ class AppInterface(CommandSink, Protocol):
 
     @property
     def station(self) -> Station: ...
-    def keys_now(self) -> list[Key]:
+    def keys_now(self) -> list[KeyBinding]:
         """What keys do at this moment."""
 
     @property
-    def setting(self) -> Setting: ...
+    def session_info(self) -> SessionInfo: ...
     @property
     def ascii_only(self) -> bool: ...
 
@@ -31,10 +31,10 @@ class AppInterface(CommandSink, Protocol):
     def stack(self) -> "Stack | None":
         """The processes that are ours, when they are."""
 
-    def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+    def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
         """Do something slow in a thread; `done` gets the result, an error goes to the log."""
 
-    def say(self, text: str) -> None:
+    def note(self, text: str) -> None:
         """A line in the log."""
 
     def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, TypeVar
 
-from ground.app.input.key_table import Key
-from ground.app.panels.status import Setting
+from ground.app.input.key_table import KeyBinding
+from ground.app.panels.status import SessionInfo
 from ground.app.playback.player import Player
 from ground.client.operations import Abort, Disarm, Hold, Operation, StopNow
 from ground.client.results import Outcome
@@ -35,12 +35,12 @@ class ReadOnlyApp:
     def station(self) -> Station:
         return self._app.station if self.player is None else self.player.station
 
-    def keys_now(self) -> list[Key]:
+    def keys_now(self) -> list[KeyBinding]:
         return self._app.keys_now()
 
     @property
-    def setting(self) -> Setting:
-        return self._app.setting if self.player is None else Setting(kind="REPLAY")
+    def session_info(self) -> SessionInfo:
+        return self._app.session_info if self.player is None else SessionInfo(kind="REPLAY")
 
     @property
     def ascii_only(self) -> bool:
@@ -50,22 +50,22 @@ class ReadOnlyApp:
     def stack(self) -> Stack | None:
         return self._app.stack
 
-    def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
-        self._app.aside(job, done)
+    def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+        self._app.run_in_background(job, done)
 
-    def give(self, line: str) -> None:
+    def run_line(self, line: str) -> None:
         """Words of the app are done, and what stops the robot that is there; nothing else is."""
         if line and not (self._app.is_local(line) or line.split()[0] in STOPS):
-            self.say(REFUSED)
+            self.note(REFUSED)
             return
-        self._app.give(line)
+        self._app.run_line(line)
 
     def perform(self, command: Operation[Outcome] | AppCommand) -> None:
         """The same for what a key means."""
         if isinstance(command, AppCommand | Hold | Abort | Disarm | StopNow):
             self._app.perform(command)
         else:
-            self.say(REFUSED)
+            self.note(REFUSED)
 
     @property
     def last(self) -> str:
@@ -75,8 +75,8 @@ class ReadOnlyApp:
         return self._app.is_local(line)
 
     @property
-    def drafted(self) -> tuple[Target, ...]:
-        return self._app.drafted
+    def draft_items(self) -> tuple[Target, ...]:
+        return self._app.draft_items
 
     def complete(self, text: str) -> list[str]:
         return self._app.complete(text)
@@ -84,17 +84,17 @@ class ReadOnlyApp:
     def recall(self, text: str, step: int) -> str:
         return self._app.recall(text, step)
 
-    def take_hand(self) -> bool:
-        self.say(REFUSED)
+    def begin_teleop(self) -> bool:
+        self.note(REFUSED)
         return False
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
         """Nobody is there."""
 
-    def drop_hand(self) -> None:
+    def end_teleop(self) -> None:
         """Nobody is there."""
 
-    def say(self, text: str) -> None:
+    def note(self, text: str) -> None:
         self.station.note(text)
 
     def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:

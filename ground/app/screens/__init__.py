@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from ground.app.playback.app_interface import AppInterface
-    from ground.app.screens.sheet import AppScreen
+    from ground.app.screens.app_screen import AppScreen
 
 SCREENS: Final[Mapping[str, int]] = MappingProxyType(
     {
@@ -24,8 +24,8 @@ SCREENS: Final[Mapping[str, int]] = MappingProxyType(
 """By name, with the number of its key."""
 
 
-def screen_of(name: str, deck: "AppInterface") -> "AppScreen":
+def screen_of(name: str, interface: "AppInterface") -> "AppScreen":
     """The screen of that name: `params` is ParamsScreen in its own module."""
     module = import_module(f"ground.app.screens.{name}")
-    sheet: AppScreen = getattr(module, f"{name.capitalize()}Screen")(deck)
+    sheet: AppScreen = getattr(module, f"{name.capitalize()}Screen")(interface)
     return sheet

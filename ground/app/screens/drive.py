@@ -18,7 +18,7 @@ from ground.app.panels.side import side_rows
 from ground.app.panels.streams import stream_rows
 from ground.app.panels.why import now_rows, turn_rows
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.sheet import Action, AppScreen
+from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import faint, row
@@ -40,17 +40,19 @@ class DriveScreen(AppScreen):
 
     back = 0
 
-    def __init__(self, deck: AppInterface) -> None:
-        super().__init__(deck)
+    def __init__(self, interface: AppInterface) -> None:
+        super().__init__(interface)
         self.why = Why()
-        self.hand = TeleopKeys(deck)
-        self.pointing = MapCursor(lambda: self.map.view, self.robot_place, deck.perform, self.tell)
-        self._haunting: GhostRunner | None = None
-        self._station = deck.station
+        self.teleop = TeleopKeys(interface)
+        self.map_cursor = MapCursor(
+            lambda: self.map.view, self.robot_place, interface.perform, self.tell
+        )
+        self._ghost_runner: GhostRunner | None = None
+        self._station = interface.station
 
-    def middle(self) -> ComposeResult:
+    def compose_content(self) -> ComposeResult:
         with Horizontal(id="upper"):
-            yield MapWidget(ascii_only=self.deck.ascii_only, id="map")
+            yield MapWidget(ascii_only=self.interface.ascii_only, id="map")
             with Vertical(id="second"):
                 yield Lines(id="side")
                 yield Lines(id="why")
@@ -58,7 +60,7 @@ class DriveScreen(AppScreen):
                 yield Lines(id="sparks")
                 yield Lines(id="mission")
                 yield Lines(id="streams")
-                yield MapWidget(ascii_only=self.deck.ascii_only, id="inset")
+                yield MapWidget(ascii_only=self.interface.ascii_only, id="inset")
         yield Lines(id="hint")
         with Vertical(id="lower"):
             yield Lines(id="log")
@@ -70,8 +72,8 @@ class DriveScreen(AppScreen):
         super().on_mount()
 
     def on_unmount(self) -> None:
-        if self._haunting is not None:
-            self._haunting.clear()
+        if self._ghost_runner is not None:
+            self._ghost_runner.clear()
 
     @property
     def map(self) -> MapWidget:
@@ -81,9 +83,9 @@ class DriveScreen(AppScreen):
         for one in self.query(MapWidget):
             one.paint(self.app.theme)
         self.follow_station()
-        if self._haunting is not None:
-            self._haunting.poll()
-        station = self.deck.station
+        if self._ghost_runner is not None:
+            self._ghost_runner.poll()
+        station = self.interface.station
         side, log = self.lines("side"), self.lines("log")
         side.show(side_rows(station, side.size.height, side.size.width))
         log.show(latest_rows(station.log, log.size.height, log.size.width))
@@ -94,21 +96,21 @@ class DriveScreen(AppScreen):
             self.draw_third()
 
     def draw_maps(self) -> None:
-        ghosts = () if self._haunting is None else self._haunting.trails()
-        scene = replace(self.deck.station.scene(), ghosts=ghosts, draft=self.draft())
-        self.map.show(replace(scene, cursor=self.pointing.place))
+        ghosts = () if self._ghost_runner is None else self._ghost_runner.trails()
+        scene = replace(self.interface.station.scene(), ghosts=ghosts, draft=self.draft())
+        self.map.show(replace(scene, cursor=self.map_cursor.place))
         inset = self.query_one("#inset", MapWidget)
         if inset.size:
             inset.show(scene)
 
     def draft(self) -> tuple[Target, ...]:
         """The mission that is being made, until it is what the robot has."""
-        drafted = self.deck.drafted
-        return () if drafted == self.deck.station.mission_items else drafted
+        draft_items = self.interface.draft_items
+        return () if draft_items == self.interface.station.mission_items else draft_items
 
     def draw_why(self) -> None:
         """Where there is room the decision of now, and on demand the last one that changed it."""
-        station = self.deck.station
+        station = self.interface.station
         self.why.look(station)
         now, below = self.lines("why"), self.lines("why-below")
         if now.size:
@@ -117,7 +119,7 @@ class DriveScreen(AppScreen):
             below.show(turn_rows(self.why, self.back, station, below.size.width))
 
     def draw_third(self) -> None:
-        station = self.deck.station
+        station = self.interface.station
         sparks = self.lines("sparks")
         sparks.show(spark_rows(station, max(24, sparks.size.width - 1)))
         mission = [*mission_rows(station), *draft_rows(len(self.draft()))]
@@ -128,28 +130,28 @@ class DriveScreen(AppScreen):
 
     def follow_station(self) -> None:
         """What was learned from another station is not true of this one."""
-        if self._station is not self.deck.station:
-            self._station = self.deck.station
+        if self._station is not self.interface.station:
+            self._station = self.interface.station
             self.why = Why()
 
     def key_layers(self) -> tuple[Layer, ...]:
-        if self.hand.held:
+        if self.teleop.held:
             return (Layer.STOP, Layer.TELEOP)
         above = super().key_layers()
-        return above if self.pointing.cursor is None or self.typing else (Layer.CURSOR, *above)
+        return above if self.map_cursor.cursor is None or self.typing else (Layer.CURSOR, *above)
 
     def actions(self) -> Mapping[str, Action]:
         return {
             **super().actions(),
-            **self.pointing.actions(),
+            **self.map_cursor.actions(),
             "zoom-in": partial(self.map.zoom, ZOOM),
             "zoom-out": partial(self.map.zoom, 1 / ZOOM),
             "fit": self.map.fit,
             "centre": self.centre,
             "follow": self.follow,
             "layers": self.choose_layer,
-            **self.hand.actions(),
-            "teleop": self.take_hand,
+            **self.teleop.actions(),
+            "teleop": self.begin_teleop,
             "explain": self.explain,
             "explain-before": partial(self.look_back, 1),
             "ghost": self.choose_ghost,
@@ -167,54 +169,54 @@ class DriveScreen(AppScreen):
     # Ghosts.
 
     @property
-    def haunting(self) -> "GhostRunner":
+    def ghost_runner(self) -> "GhostRunner":
         """The ghosts on this map; begun when the first is wanted."""
-        if self._haunting is None:
+        if self._ghost_runner is None:
             from ground.ghost.ghost_thread import GhostRunner  # with its recordings, and trials
 
-            self._haunting = GhostRunner(lambda: self.deck.station)
-        return self._haunting
+            self._ghost_runner = GhostRunner(lambda: self.interface.station)
+        return self._ghost_runner
 
     def choose_ghost(self) -> None:
         from ground.ghost.ghost_thread import CHOICES  # seldom needed, so not at the start
 
-        self.deck.choose("a ghost from here on", list(CHOICES), self.try_ghost)
+        self.interface.choose("a ghost from here on", list(CHOICES), self.try_ghost)
 
     def try_ghost(self, navigator: str) -> None:
         try:
-            self.haunt(navigator)
+            self.start_ghost(navigator)
         except UserError as error:
-            self.deck.say(f"no ghost: {error}")
+            self.interface.note(f"no ghost: {error}")
 
-    def haunt(self, navigator: str) -> None:
+    def start_ghost(self, navigator: str) -> None:
         """Another navigator from this instant on; UserError when it cannot be."""
-        self.haunting.begin(navigator)
+        self.ghost_runner.begin(navigator)
 
     # By hand.
 
-    def take_hand(self) -> None:
+    def begin_teleop(self) -> None:
         """From now on keys drive, and any key that does not ends it."""
-        if self.hand.take():
-            self.pointing.hide()
-            self.prompt("by hand, any other key ends it", self.deck.give)
+        if self.teleop.take():
+            self.map_cursor.hide()
+            self.prompt("by hand, any other key ends it", self.interface.run_line)
 
     def poll(self) -> None:
-        if self.hand.held and not self.hand.poll():
-            self.prompt("", self.deck.give)
+        if self.teleop.held and not self.teleop.poll():
+            self.prompt("", self.interface.run_line)
 
     def on_key(self, event: events.Key) -> None:
-        if self.hand.held:
+        if self.teleop.held:
             event.stop()
-            self.hand.drop()
-            self.prompt("", self.deck.give)
+            self.teleop.drop()
+            self.prompt("", self.interface.run_line)
 
     # The map.
 
     def tell(self, words: str) -> None:
         """What Enter would send, where the prompt is; a map that shows a part goes there."""
-        self.prompt(words, self.deck.give)
-        if self.pointing.place is not None:
-            self.map.reveal(*self.pointing.place)
+        self.prompt(words, self.interface.run_line)
+        if self.map_cursor.place is not None:
+            self.map.reveal(*self.map_cursor.place)
 
     def centre(self) -> None:
         place = self.robot_place()
@@ -223,12 +225,12 @@ class DriveScreen(AppScreen):
 
     def follow(self) -> None:
         self.map.following = not self.map.following
-        self.deck.say("the map follows the robot" if self.map.following else "the map stays")
+        self.interface.note("the map follows the robot" if self.map.following else "the map stays")
 
     def choose_layer(self) -> None:
         shown = self.map.shown_layers
         choices = [f"{'hide' if name in shown else 'show'} {name}" for name in LAYERS]
-        self.deck.choose("the map", choices, self.switch_layer)
+        self.interface.choose("the map", choices, self.switch_layer)
 
     def switch_layer(self, choice: str) -> None:
         name = choice.split()[-1]
@@ -236,8 +238,8 @@ class DriveScreen(AppScreen):
 
     def on_map_widget_pointed(self, event: MapWidget.Pointed) -> None:
         self.home()
-        self.pointing.point(event.x_m, event.y_m)
-        self.look()
+        self.map_cursor.point(event.x_m, event.y_m)
+        self.redraw()
 
     def on_map_widget_zoomed(self, event: MapWidget.Zoomed) -> None:
         self.map.zoom(event.factor, (event.x_m, event.y_m))

@@ -6,10 +6,10 @@ from typing import Any, Final, NamedTuple
 
 from ground.app.input.key_table import Layer
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.listed import ListScreen
-from ground.app.screens.sheet import Action
+from ground.app.screens.app_screen import Action
+from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.rows import Row, Span, faint, head, row
-from ground.app.worlds import ask_worlds
+from ground.app.worlds import query_worlds
 from ground.launch.launcher import PROCESS_FAULTS
 from ground.launch.scenario import Scenario
 from runtime.errors import UserError
@@ -18,6 +18,10 @@ USUAL_START_S: Final = 3.0
 
 
 HOW: Final = "TARGET [VALUE] [FROM_S]"
+NOT_OURS: Final = (
+    "this app did not start the processes; put the fault into a world file and start that:"
+    " sidestep up --world FILE"
+)
 
 
 class InjectableFault(NamedTuple):
@@ -63,13 +67,13 @@ def about_rows(one: InjectableFault | None) -> list[Row]:
 class FaultsScreen(ListScreen):
     key_layer = Layer.FAULTS
 
-    def __init__(self, deck: AppInterface) -> None:
-        super().__init__(deck)
+    def __init__(self, interface: AppInterface) -> None:
+        super().__init__(interface)
         self._kinds: list[InjectableFault] = []
 
     def on_mount(self) -> None:
         self.lines("about").styles.height = 4
-        self.deck.aside(partial(ask_worlds, "faults"), self.take_kinds)
+        self.interface.run_in_background(partial(query_worlds, "faults"), self.take_kinds)
         super().on_mount()
 
     def take_kinds(self, found: dict[str, Any]) -> None:
@@ -80,11 +84,11 @@ class FaultsScreen(ListScreen):
             )
             for one in found["faults"]
         ]  # fmt: skip
-        self.look()
+        self.redraw()
 
     def troubles(self) -> list[InjectableFault]:
         """Those of our processes first: they happen at once."""
-        roles = self.deck.stack.roles() if self.deck.stack else []
+        roles = self.interface.stack.roles() if self.interface.stack else []
         ours = [
             InjectableFault(f"{what} {role}", says, role=role)
             for role in roles
@@ -95,11 +99,11 @@ class FaultsScreen(ListScreen):
     @property
     def chosen(self) -> InjectableFault | None:
         found = self.troubles()
-        return found[self.listed.at] if self.listed.at < len(found) else None
+        return found[self.list_view.at] if self.list_view.at < len(found) else None
 
     def draw(self) -> None:
-        self.lines("heading").show([heading_row(self.deck.stack is not None)])
-        self.listed.window(self.troubles(), trouble_row)
+        self.lines("heading").show([heading_row(self.interface.stack is not None)])
+        self.list_view.window(self.troubles(), trouble_row)
         self.lines("about").show(about_rows(self.chosen))
 
     def actions(self) -> Mapping[str, Action]:
@@ -109,29 +113,31 @@ class FaultsScreen(ListScreen):
         one = self.chosen
         if one is None:
             return
-        if self.deck.stack is None:
-            self.deck.say("put it into a world file, and start that: sidestep up --world FILE")
+        if self.interface.stack is None:
+            self.interface.note(NOT_OURS)
         elif one.role:
-            self.deck.say(self.deck.stack.inject_fault(one.role, one.name.split()[0]))
+            self.interface.note(self.interface.stack.inject_fault(one.role, one.name.split()[0]))
         else:
             self.ask(f"{one.kind} {HOW}", f"{one.targets[0]} ".lstrip(), partial(self.begin, one))
 
     def begin(self, one: InjectableFault, words: str) -> None:
         """The same world with this fault in it, started anew."""
-        stack = self.deck.stack
+        stack = self.interface.stack
         if stack is None:
             return
         try:
             fault = fault_of(one, words.split())
         except UserError as error:
-            self.deck.say(f"{one.kind}: {error}")
+            self.interface.note(f"{one.kind}: {error}")
             return
-        self.deck.aside(partial(stack.scenario_in, stack.scenario.world, [fault]), self.start)
+        self.interface.run_in_background(
+            partial(stack.scenario_in, stack.scenario.world, [fault]), self.start
+        )
 
     def start(self, scenario: Scenario) -> None:
-        if self.deck.stack is not None:
-            self.deck.say(f"{scenario.name}: started anew with the fault")
-            self.deck.stack.restarted(scenario)
+        if self.interface.stack is not None:
+            self.interface.note(f"{scenario.name}: started anew with the fault")
+            self.interface.stack.restarted(scenario)
 
 
 def fault_of(one: InjectableFault, words: list[str]) -> dict[str, object]:

@@ -7,7 +7,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen
 
-from ground.app.input.key_table import Key
+from ground.app.input.key_table import KeyBinding
 from ground.app.input.keymap import shown
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, faint, row
@@ -15,7 +15,7 @@ from ground.app.widgets.rows import Row, Span, faint, row
 WIDTH: Final = 72
 
 
-class Help(ModalScreen[None]):
+class HelpScreen(ModalScreen[None]):
     """Any of its own keys, arrows aside, closes it. Space is the e-stop here, too."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -28,7 +28,7 @@ class Help(ModalScreen[None]):
     ]
     AUTO_FOCUS = ""
 
-    def __init__(self, keys: Sequence[Key]) -> None:
+    def __init__(self, keys: Sequence[KeyBinding]) -> None:
         super().__init__()
         self._rows = help_rows(keys)
         self._top = 0
@@ -54,7 +54,7 @@ class Help(ModalScreen[None]):
         self.show()
 
 
-def help_rows(keys: Sequence[Key]) -> list[Row]:
+def help_rows(keys: Sequence[KeyBinding]) -> list[Row]:
     """Grouped by where they count; the arrows scroll."""
     rows: list[Row] = []
     layer = None

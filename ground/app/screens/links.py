@@ -6,7 +6,7 @@ from textual.app import ComposeResult
 
 from ground.app.panels.aged import MISSING, number
 from ground.app.panels.streams import long, long_head
-from ground.app.screens.listed import ScrolledScreen
+from ground.app.screens.list_screen import ScrolledScreen
 from ground.app.widgets.log_view import LogView
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.station.station import Station
@@ -16,19 +16,19 @@ from protocol.topics import Role
 class LinksScreen(ScrolledScreen):
     focus_first: ClassVar[str] = "#lines"
 
-    def middle(self) -> ComposeResult:
+    def compose_content(self) -> ComposeResult:
         yield LogView(id="lines")
 
     def on_mount(self) -> None:
-        self.listed.following = False
+        self.list_view.following = False
         super().on_mount()
 
     @property
-    def listed(self) -> LogView:
+    def list_view(self) -> LogView:
         return self.query_one(LogView)
 
     def draw(self) -> None:
-        self.listed.window(link_rows(self.deck.station), as_it_is)
+        self.list_view.window(link_rows(self.interface.station), as_it_is)
 
 
 def as_it_is(one: Row) -> Row:

@@ -9,8 +9,8 @@ from textual.app import ComposeResult
 from ground.app.filtered_log import FilteredLog
 from ground.app.input.key_table import Layer
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.listed import ScrolledScreen
-from ground.app.screens.sheet import Action
+from ground.app.screens.app_screen import Action
+from ground.app.screens.list_screen import ScrolledScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.log_view import LogView
 from ground.app.widgets.rows import Row, Span, faint, row
@@ -28,33 +28,37 @@ class LogScreen(ScrolledScreen):
     key_layer = Layer.LOG
     focus_first: ClassVar[str] = "#lines"
 
-    def __init__(self, deck: AppInterface) -> None:
-        super().__init__(deck)
-        self._sifted = FilteredLog()
+    def __init__(self, interface: AppInterface) -> None:
+        super().__init__(interface)
+        self._filtered = FilteredLog()
         self._worst = 0
         self._words = ""
         self._at: Line | None = None
 
-    def middle(self) -> ComposeResult:
+    def compose_content(self) -> ComposeResult:
         yield Lines(id="heading")
         yield LogView(id="lines")
 
     @property
-    def listed(self) -> LogView:
+    def list_view(self) -> LogView:
         return self.query_one(LogView)
 
     def draw(self) -> None:
         self.read()
         self.lines("heading").show([self.heading()])
-        self.listed.window(self._sifted.parts, lambda part: self._sifted.paint(part, self._at))
+        self.list_view.window(
+            self._filtered.parts, lambda part: self._filtered.paint(part, self._at)
+        )
 
     def read(self) -> None:
-        self._sifted.look(self.deck.station.log, WORST[self._worst][0], self.listed.size.width)
+        self._filtered.update(
+            self.interface.station.log, WORST[self._worst][0], self.list_view.size.width
+        )
 
     def heading(self) -> Row:
-        follows = Span("following", "ok") if self.listed.following else Span("stays", "caution")
+        follows = Span("following", "ok") if self.list_view.following else Span("stays", "caution")
         found = f"   find {self._words!r}" if self._words else ""
-        counts = f" {len(self._sifted.lines)} lines, {WORST[self._worst][1]}   "
+        counts = f" {len(self._filtered.lines)} lines, {WORST[self._worst][1]}   "
         return row(faint(counts), follows, Span(found, "accent"))
 
     def actions(self) -> Mapping[str, Action]:
@@ -68,7 +72,7 @@ class LogScreen(ScrolledScreen):
         }
 
     def follow(self) -> None:
-        self.listed.following = not self.listed.following
+        self.list_view.following = not self.list_view.following
 
     def filter(self) -> None:
         self._worst = (self._worst + 1) % len(WORST)
@@ -82,11 +86,11 @@ class LogScreen(ScrolledScreen):
     def step(self, step: int) -> None:
         """To the next find, round the end."""
         if not self._words:
-            self.deck.say("find what? press /")
+            self.interface.note("find what? press /")
             return
-        self._at = self._sifted.find(self._words, self._at, step)
+        self._at = self._filtered.find(self._words, self._at, step)
         if self._at is None:
-            self.deck.say(f"nothing found: {self._words!r}")
+            self.interface.note(f"nothing found: {self._words!r}")
             return
-        self.listed.go(self._sifted.row_of(self._at))
-        self.look()
+        self.list_view.go(self._filtered.row_of(self._at))
+        self.redraw()

@@ -8,8 +8,8 @@ from typing import Final
 from ground.app.input.key_table import Layer
 from ground.app.panels.aged import number
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.listed import ListScreen
-from ground.app.screens.sheet import Action
+from ground.app.screens.app_screen import Action
+from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.client.operations import SetParameter
 from ground.client.parameter import Parameter
@@ -21,8 +21,8 @@ ABOUT_ROWS: Final = 3
 class ParamsScreen(ListScreen):
     key_layer = Layer.PARAMS
 
-    def __init__(self, deck: AppInterface) -> None:
-        super().__init__(deck)
+    def __init__(self, interface: AppInterface) -> None:
+        super().__init__(interface)
         self._words = ""
         self._only_different = False
 
@@ -31,7 +31,7 @@ class ParamsScreen(ListScreen):
         wanted = self._words.casefold()
         return [
             one
-            for one in self.deck.station.parameters or ()
+            for one in self.interface.station.parameters or ()
             if wanted in f"{one.name} {one.doc}".casefold()
             and (differs(one) or not self._only_different)
         ]
@@ -39,13 +39,13 @@ class ParamsScreen(ListScreen):
     @property
     def chosen(self) -> Parameter | None:
         found = self.found()
-        return found[self.listed.at] if self.listed.at < len(found) else None
+        return found[self.list_view.at] if self.list_view.at < len(found) else None
 
     def draw(self) -> None:
-        station, found = self.deck.station, self.found()
+        station, found = self.interface.station, self.found()
         heading = heading_row(station, len(found), self._words, self._only_different)
         self.lines("heading").show([heading])
-        self.listed.window(found, parameter_row)
+        self.list_view.window(found, parameter_row)
         about = self.lines("about")
         about.styles.height = ABOUT_ROWS + 1
         about.show(about_rows(self.chosen))
@@ -57,17 +57,17 @@ class ParamsScreen(ListScreen):
             **dict.fromkeys(("param-edit", "row-choose"), self.change),
             "param-default": self.reset,
             "param-diff": self.differing,
-            "param-read": self.deck.station.reread,
+            "param-read": self.interface.station.reread,
         }
 
     def find(self, words: str) -> None:
         """An empty search is one for all."""
         self._words = words.strip()
-        self.listed.at = 0
+        self.list_view.at = 0
 
     def differing(self) -> None:
         self._only_different = not self._only_different
-        self.listed.at = 0
+        self.list_view.at = 0
 
     def change(self) -> None:
         one = self.chosen
@@ -76,12 +76,12 @@ class ParamsScreen(ListScreen):
 
     def set(self, name: str, value: str) -> None:
         if value:
-            self.deck.give(f"set {name} {value}")
+            self.interface.run_line(f"set {name} {value}")
 
     def reset(self) -> None:
         one = self.chosen
         if one is not None and one.default is not None:
-            self.deck.perform(SetParameter(name=one.name, value=one.default))
+            self.interface.perform(SetParameter(name=one.name, value=one.default))
 
 
 def heading_row(station: Station, shown: int, words: str, only_different: bool) -> Row:

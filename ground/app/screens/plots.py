@@ -11,10 +11,10 @@ from textual.containers import Grid
 from ground.app.input.key_table import Layer
 from ground.app.panels.aged import MISSING, number
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.sheet import Action, AppScreen
+from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, faint, head, row
-from ground.app.widgets.sparklines import FIGURES, FRESH_S, Figure
+from ground.app.widgets.sparklines import FRESH_S, SPARKLINES, Sparkline
 from ground.map import Canvas
 from ground.station.station import Station
 
@@ -27,21 +27,21 @@ Point = tuple[float, float]
 class PlotsScreen(AppScreen):
     key_layer = Layer.PLOTS
 
-    def __init__(self, deck: AppInterface) -> None:
-        super().__init__(deck)
+    def __init__(self, interface: AppInterface) -> None:
+        super().__init__(interface)
         self._window = 2
         self._drawn: tuple[object, ...] = ()
 
-    def middle(self) -> ComposeResult:
+    def compose_content(self) -> ComposeResult:
         yield Lines(id="heading")
         with Grid(id="plots"):
-            for figure in FIGURES:
+            for figure in SPARKLINES:
                 yield Lines(id=f"plot-{figure.series.replace('_', '-')}")
 
     def draw(self) -> None:
         """A few times a second: all of it moves, and nobody reads faster."""
-        station, window_s = self.deck.station, WINDOWS_S[self._window]
-        panels = [(figure, self.panel(figure)) for figure in FIGURES]
+        station, window_s = self.interface.station, WINDOWS_S[self._window]
+        panels = [(figure, self.panel(figure)) for figure in SPARKLINES]
         moment = int(station.time_s * DRAWN_HZ)
         state = (moment, self._window, [panel.size for _, panel in panels])
         if state == self._drawn:
@@ -49,9 +49,9 @@ class PlotsScreen(AppScreen):
         self._drawn = state
         self.lines("heading").show([row(faint(f" the last {window_s:g} s"))])
         for figure, panel in panels:
-            panel.show(plot_rows(station, figure, panel.size, window_s, self.deck.ascii_only))
+            panel.show(plot_rows(station, figure, panel.size, window_s, self.interface.ascii_only))
 
-    def panel(self, figure: Figure) -> Lines:
+    def panel(self, figure: Sparkline) -> Lines:
         return self.lines(f"plot-{figure.series.replace('_', '-')}")
 
     def actions(self) -> Mapping[str, Action]:
@@ -66,7 +66,7 @@ class PlotsScreen(AppScreen):
 
 
 def plot_rows(
-    station: Station, figure: Figure, size: tuple[int, int], window_s: float, ascii_only: bool
+    station: Station, figure: Sparkline, size: tuple[int, int], window_s: float, ascii_only: bool
 ) -> list[Row]:
     """`size` in columns and rows, of which the first is the title."""
     columns, rows = size
@@ -87,7 +87,7 @@ def plot_rows(
     ]
 
 
-def title_row(figure: Figure, values: Sequence[Point], now_s: float) -> Row:
+def title_row(figure: Sparkline, values: Sequence[Point], now_s: float) -> Row:
     last = values[-1] if values else None
     fresh = last is not None and now_s - last[0] <= FRESH_S
     words = number(last[1], figure.form) if last is not None and fresh else MISSING

@@ -10,8 +10,8 @@ from textual.app import ComposeResult
 from ground.app.input.key_table import Layer
 from ground.app.playback.player import Player
 from ground.app.playback.read_only_app import ReadOnlyApp
+from ground.app.screens.app_screen import Action
 from ground.app.screens.drive import DriveScreen
-from ground.app.screens.sheet import Action
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row
 from ground.recording.bookmarks import Mark
@@ -33,8 +33,8 @@ class ReplayScreen(DriveScreen):
         super().__init__(ReadOnlyApp(app))
         self._app_below = app
 
-    def middle(self) -> ComposeResult:
-        yield from super().middle()
+    def compose_content(self) -> ComposeResult:
+        yield from super().compose_content()
         yield Lines(id="timeline")
 
     @property
@@ -53,7 +53,7 @@ class ReplayScreen(DriveScreen):
         """Those of the map, but none that would command the robot of the recording."""
         if self.typing:
             return super().key_layers()
-        cursor = () if self.pointing.cursor is None else (Layer.CURSOR,)
+        cursor = () if self.map_cursor.cursor is None else (Layer.CURSOR,)
         return (Layer.STOP, *cursor, Layer.DRIVE, Layer.REPLAY, Layer.STATION)
 
     def actions(self) -> Mapping[str, Action]:
@@ -77,20 +77,20 @@ class ReplayScreen(DriveScreen):
 
     def to_mark(self) -> None:
         if self.player is not None:
-            self.deck.say(self.player.to_mark())
+            self.interface.note(self.player.to_mark())
 
     def choose_recording(self) -> None:
         found = recordings(Path())
         if found:
-            self.deck.choose("a recording", found, self.open)
+            self.interface.choose("a recording", found, self.open)
         else:
-            self.deck.say("there is no .mcap or .tlog in this folder; type: replay FILE")
+            self.interface.note("there is no .mcap or .tlog in this folder; type: replay FILE")
 
     def open(self, name: str) -> None:
         try:
             self._app_below.open_replay(Path(name))
         except UserError as error:
-            self.deck.say(str(error))
+            self.interface.note(str(error))
 
 
 def recordings(folder: Path) -> list[str]:

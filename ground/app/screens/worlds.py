@@ -12,68 +12,69 @@ from textual.containers import Horizontal
 from ground.app.input.key_table import Layer
 from ground.app.panels.aged import number
 from ground.app.playback.app_interface import AppInterface
-from ground.app.screens.listed import ListScreen
-from ground.app.screens.sheet import Action
+from ground.app.screens.app_screen import Action
+from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.lines import Lines
+from ground.app.widgets.list_view import ListView
 from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import Row, Span, faint, head, row
-from ground.app.widgets.table import Table
-from ground.app.worlds import Reached, ask_worlds, reached_in
+from ground.app.worlds import Reached, query_worlds, read_reached_counts
 from ground.launch.scenario import Scenario
 from ground.map import Scene
 from ground.station.scene import preview_of
 from ground.station.world import world_in
 
 REACHED: Final = "reached of 10 seeds: "
+NOT_OURS: Final = "these are not ours to end"
 
 
 class WorldsScreen(ListScreen):
     key_layer = Layer.WORLDS
 
-    def __init__(self, deck: AppInterface) -> None:
-        super().__init__(deck)
+    def __init__(self, interface: AppInterface) -> None:
+        super().__init__(interface)
         self._worlds: list[dict[str, str]] = []
         self._facts: dict[str, Mapping[str, Any]] = {}
         self._scenes: dict[str, Scene] = {}
         self._asked: set[str] = set()
         self._reached: Reached = {}
 
-    def middle(self) -> ComposeResult:
+    def compose_content(self) -> ComposeResult:
         yield Lines(id="heading")
         with Horizontal(id="worlds"):
-            yield Table(id="rows")
-            yield MapWidget(ascii_only=self.deck.ascii_only, id="preview")
+            yield ListView(id="rows")
+            yield MapWidget(ascii_only=self.interface.ascii_only, id="preview")
         yield Lines(id="about")
 
     def on_mount(self) -> None:
-        self.deck.aside(partial(ask_worlds, "list"), self.take_list)
-        self.deck.aside(reached_in, self.take_reached)
+        self.interface.run_in_background(partial(query_worlds, "list"), self.take_list)
+        self.interface.run_in_background(read_reached_counts, self.take_reached)
         super().on_mount()
 
     def take_list(self, found: dict[str, Any]) -> None:
         self._worlds = found["worlds"]
-        self.look()
+        self.redraw()
 
     def take_reached(self, reached: Reached) -> None:
         self._reached = reached
-        self.look()
+        self.redraw()
 
     def take_world(self, found: tuple[dict[str, Any], Scene]) -> None:
         facts, scene = found
         self._facts[facts["name"]], self._scenes[facts["name"]] = facts, scene
-        self.look()
+        self.redraw()
 
     @property
     def chosen(self) -> dict[str, str]:
         """Its name and what it is, both empty while no world is known."""
-        return self._worlds[self.listed.at] if self._worlds else {"name": "", "says": ""}
+        return self._worlds[self.list_view.at] if self._worlds else {"name": "", "says": ""}
 
     def draw(self) -> None:
-        world = self.deck.station.world
+        world = self.interface.station.world
         here = "" if world is None else world.name
-        own = "s ends what runs and starts one" if self.deck.stack else "these are not ours to end"
+        own = "s ends what runs and starts one" if self.interface.stack else NOT_OURS
         self.lines("heading").show([row(f" {len(self._worlds)} worlds", faint(f"   {own}"))])
-        self.listed.window(self._worlds, lambda one, chosen: world_row(one, here, chosen))
+        self.list_view.window(self._worlds, lambda one, chosen: world_row(one, here, chosen))
         self.inquire()
         self.draw_chosen()
 
@@ -95,29 +96,29 @@ class WorldsScreen(ListScreen):
         name = self.chosen["name"]
         if name and name not in self._asked:
             self._asked.add(name)
-            self.deck.aside(partial(looked_up, name), self.take_world)
+            self.interface.run_in_background(partial(looked_up, name), self.take_world)
 
     def actions(self) -> Mapping[str, Action]:
         return {**super().actions(), "world-start": self.begin}
 
     def begin(self) -> None:
-        stack, name = self.deck.stack, self.chosen["name"]
+        stack, name = self.interface.stack, self.chosen["name"]
         if stack is None:
-            self.deck.say(f"not ours to end; in another terminal: sidestep up --world {name}")
+            self.interface.note(f"not ours to end; in another terminal: sidestep up --world {name}")
         elif name:
-            self.deck.say(f"{name}: being read")
-            self.deck.aside(partial(stack.scenario_in, name), self.start)
+            self.interface.note(f"{name}: being read")
+            self.interface.run_in_background(partial(stack.scenario_in, name), self.start)
 
     def start(self, scenario: Scenario) -> None:
-        stack = self.deck.stack
+        stack = self.interface.stack
         if stack is not None:
-            self.deck.say(f"{scenario.name}: the processes are started anew")
+            self.interface.note(f"{scenario.name}: the processes are started anew")
             stack.restarted(scenario)
 
 
 def looked_up(name: str) -> tuple[dict[str, Any], Scene]:
     """The facts of a world, and how it looks; UserError or RemoteError when it cannot be read."""
-    facts = ask_worlds("show", name)
+    facts = query_worlds("show", name)
     return facts, preview_of(world_in(json.dumps(facts)))
 
 

@@ -13,7 +13,7 @@ WINDOW_S: Final = 60.0
 FRESH_S: Final = 1.0
 
 
-class Figure(NamedTuple):
+class Sparkline(NamedTuple):
     """A series of the history, its name for people, its unit and its colour.
 
     `peak`: of what is told together the greatest is shown, so that it does not change each time.
@@ -28,21 +28,21 @@ class Figure(NamedTuple):
     peak: bool = False
 
 
-FIGURES: Final = (
-    Figure("goal_distance", "to go", "m", "virtual"),
-    Figure("speed", "speed", "m/s", "goal"),
-    Figure("nearest_range", "nearest", "m", "echo"),
-    Figure("cycle_us", "cycle", "us", "mission", ".0f", peak=True),
-    Figure("uncertainty_m", "σ pose", "mm", "ellipse", ".0f", 1000.0),
-    Figure("late_us", "late", "us", "mission", ".0f", peak=True),
+SPARKLINES: Final = (
+    Sparkline("goal_distance", "to go", "m", "virtual"),
+    Sparkline("speed", "speed", "m/s", "goal"),
+    Sparkline("nearest_range", "nearest", "m", "echo"),
+    Sparkline("cycle_us", "cycle", "us", "mission", ".0f", peak=True),
+    Sparkline("uncertainty_m", "σ pose", "mm", "ellipse", ".0f", 1000.0),
+    Sparkline("late_us", "late", "us", "mission", ".0f", peak=True),
 )
 
 
 def spark_rows(station: Station, width: int = WIDTH) -> list[Row]:
-    return [one for figure in FIGURES for one in figure_rows(station, figure, width)]
+    return [one for figure in SPARKLINES for one in figure_rows(station, figure, width)]
 
 
-def figure_rows(station: Station, figure: Figure, width: int) -> list[Row]:
+def figure_rows(station: Station, figure: Sparkline, width: int) -> list[Row]:
     series, now_s = station.history[figure.series], station.time_s
     points = series.points(now_s - WINDOW_S)
     values = binned(points, width, now_s, WINDOW_S, peak=figure.peak)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from ground.app.appearance import add_looks
+from ground.app.appearance import add_appearance_options
 from ground.app.start import has_screen, run_replay
 from ground.client.status_line import watch_line
 from ground.client.telemetry import Telemetry
@@ -45,7 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--re-execute", action="store_true", dest="again", help=says)
     says = "with --re-execute: from where on this one would have decided otherwise"
     parser.add_argument("--navigator", choices=NAVIGATORS, help=says)
-    add_looks(parser)
+    add_appearance_options(parser)
     add_json(parser)
 
 

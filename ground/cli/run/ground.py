@@ -3,7 +3,7 @@
 import argparse
 
 from ground import web
-from ground.app.appearance import add_looks
+from ground.app.appearance import add_appearance_options
 from ground.app.input.keymap import as_toml
 from ground.app.start import has_screen, keymap_of
 from ground.app.start import run as run_app
@@ -26,7 +26,7 @@ def ground_arguments(parser: argparse.ArgumentParser) -> None:
         "--plain", action="store_true", help="one line a second, as without a terminal"
     )
     add_recording(parser)
-    add_looks(parser)
+    add_appearance_options(parser)
     parser.add_argument("--print-keys", action="store_true", help="print the keys as such a file")
     web.arguments(parser)
 

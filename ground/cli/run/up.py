@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from ground.app.appearance import add_looks
+from ground.app.appearance import add_appearance_options
 from ground.app.start import has_screen
 from ground.app.start import run as run_app
 from ground.client.connection import Common
@@ -86,7 +86,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--timeout", type=seconds, default=TIMEOUT_S, metavar="S", help="simulated (300)"
     )
     add_recording(parser)
-    add_looks(parser)
+    add_appearance_options(parser)
     parser.add_argument("--router", action="store_true", help="a router between the processes")
     parser.add_argument(
         "--locks", metavar="DIR", help="locked doors, with the certificates of `sidestep keys new`"

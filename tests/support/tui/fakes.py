@@ -226,24 +226,24 @@ class FakeStation(Station):
         self.asked.append("reread")
 
 
-class FakeOrders:
+class FakeCommandSink:
     """Remembers what was given."""
 
     def __init__(self) -> None:
         self.given: list[str] = []
         self.steered: list[tuple[float, float]] = []
-        self.hand = False
+        self.teleop = False
         self.last = ""
-        self.drafted: tuple[Target, ...] = ()
+        self.draft_items: tuple[Target, ...] = ()
 
-    def give(self, line: str) -> None:
+    def run_line(self, line: str) -> None:
         if not line:
             return
         self.given.append(line)
         self.last = f"sidestep {line}"
 
     def perform(self, command: Operation[Outcome] | AppCommand) -> None:
-        self.give(line_of(command))
+        self.run_line(line_of(command))
 
     def is_local(self, line: str) -> bool:
         return line.split()[0] in ("theme", "help", "screen")
@@ -252,15 +252,15 @@ class FakeOrders:
         words = ("goal ", "hold", "help")
         return [word for word in words if text and word.startswith(text)]
 
-    def take_hand(self) -> bool:
-        self.hand = True
+    def begin_teleop(self) -> bool:
+        self.teleop = True
         return True
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
         self.steered.append((speed_m_s, yaw_rate_rad_s))
 
-    def drop_hand(self) -> None:
-        self.hand = False
+    def end_teleop(self) -> None:
+        self.teleop = False
 
     def recall(self, text: str, step: int) -> str:
         return self.given[-1] if self.given and step < 0 else ""

@@ -12,7 +12,7 @@ from ground.app.appearance import Appearance
 from ground.app.input.keymap import Keymap
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import words_of
-from tests.support.tui.fakes import FakeOrders, FakeStation
+from tests.support.tui.fakes import FakeCommandSink, FakeStation
 from tests.support.tui.underway import driving
 from tests.support.until import PATIENCE_S
 
@@ -22,17 +22,19 @@ T = TypeVar("T")
 class Stage:
     """The app with what it stands on."""
 
-    def __init__(self, app: GroundApp, pilot: Pilot[int], station: FakeStation, orders: FakeOrders):
-        self.app, self.pilot, self.station, self.orders = app, pilot, station, orders
+    def __init__(
+        self, app: GroundApp, pilot: Pilot[int], station: FakeStation, commands: FakeCommandSink
+    ):
+        self.app, self.pilot, self.station, self.commands = app, pilot, station, commands
 
     async def press(self, *keys: str) -> None:
         await self.pilot.press(*keys)
-        await self.look()
+        await self.redraw()
 
-    async def look(self) -> None:
+    async def redraw(self) -> None:
         """Draw, and let Textual do what that brings about."""
         await self.pilot.pause()
-        self.app.look()
+        self.app.redraw()
         await self.pilot.pause()
 
     async def until(self, condition: Callable[[], object]) -> None:
@@ -67,11 +69,13 @@ async def staged(
 ) -> AsyncIterator[Stage]:
     """With a robot on its way, unless a station is given."""
     station = station or driving(FakeStation())
-    orders = FakeOrders()
-    app = GroundApp(station, orders, keymap, Appearance(theme=theme, ascii_only=ascii_only, hz=0.0))
+    commands = FakeCommandSink()
+    app = GroundApp(
+        station, commands, keymap, Appearance(theme=theme, ascii_only=ascii_only, hz=0.0)
+    )
     async with app.run_test(size=size) as pilot:
-        stage = Stage(app, pilot, station, orders)
-        await stage.look()
+        stage = Stage(app, pilot, station, commands)
+        await stage.redraw()
         yield stage
 
 

@@ -9,7 +9,7 @@ from ground.app.appearance import Appearance
 from ground.launch.launcher import Stack
 from ground.launch.scenario import Scenario
 from runtime.clock import ManualClock
-from tests.support.tui.fakes import FakeOrders, FakeStation
+from tests.support.tui.fakes import FakeCommandSink, FakeStation
 from tests.support.tui.pilot import Stage
 from tests.support.tui.underway import driving
 
@@ -64,7 +64,7 @@ class FakeStack(Stack):
     def scenario_in(self, world: str, faults: Any = ()) -> Scenario:
         return self.scenario_of(" ".join([world, *(str(fault["kind"]) for fault in faults)]))
 
-    def trouble(self, role: str, what: str) -> str:
+    def inject_fault(self, role: str, what: str) -> str:
         self.done.append((role, what))
         return f"{what} {role}"
 
@@ -72,15 +72,15 @@ class FakeStack(Stack):
 class Prompt(GroundApp):
     """Slow work is done at once, and the plant's side is this test."""
 
-    def aside(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+    def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
         done(job())
 
 
 async def on(screen: str, stack: Stack | None, story: Callable[[Stage], Any]) -> None:
-    station, orders = driving(FakeStation()), FakeOrders()
-    app = Prompt(station, orders, looks=Appearance(hz=0.0), stack=stack)
+    station, commands = driving(FakeStation()), FakeCommandSink()
+    app = Prompt(station, commands, appearance=Appearance(hz=0.0), stack=stack)
     async with app.run_test(size=(100, 28)) as pilot:
-        stage = Stage(app, pilot, station, orders)
+        stage = Stage(app, pilot, station, commands)
         await stage.press(screen)
-        await stage.look()
+        await stage.redraw()
         await story(stage)

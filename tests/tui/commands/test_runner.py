@@ -21,7 +21,7 @@ from tests.support.tui.underway import driving
 ELSEWHERE = "tcp/10.0.0.7:7447"
 
 
-def orders(endpoint: str = DEFAULT_ENDPOINT) -> tuple[CommandRunner, FakeStation]:
+def commands(endpoint: str = DEFAULT_ENDPOINT) -> tuple[CommandRunner, FakeStation]:
     station = driving(FakeStation())
     common = Common(network=Network(mode="client", connect=(endpoint,)), robot="r1")
     return CommandRunner(lambda: station, None, common, ManualClock(), History()), station
@@ -54,36 +54,36 @@ def test_what_can_move_the_robot_needs_it_to_be_ours(line: str, moving: bool) ->
 
 
 def test_the_stop_goes_its_own_way() -> None:
-    taker, station = orders()
-    taker.give("estop")
-    taker.give("stop")
+    taker, station = commands()
+    taker.run_line("estop")
+    taker.run_line("stop")
     assert (station.stops, station.asked) == (2, [])
 
 
 def test_a_word_that_is_none_is_said_to_be_wrong_with_a_hint() -> None:
-    taker, station = orders()
-    taker.give("holdd")
+    taker, station = commands()
+    taker.run_line("holdd")
     assert "did you mean 'hold'" in log(station)
     assert station.asked == []
 
 
 def test_an_empty_line_is_nothing() -> None:
-    taker, station = orders()
-    taker.give("")
+    taker, station = commands()
+    taker.run_line("")
     assert len(station.log) == 0
 
 
 def test_the_last_line_is_a_command_for_a_shell() -> None:
-    taker, station = orders(ELSEWHERE)
+    taker, station = commands(ELSEWHERE)
     station.ready_now = False
     station.robot_now = "r2"
-    taker.give("goal 9 7 90")
+    taker.run_line("goal 9 7 90")
     assert taker.last == f"sidestep goto 9 7 90 --id r2 --connect {ELSEWHERE}"
     assert "nothing is heard of r1" in log(station)
 
 
 def test_words_of_the_app_are_done_at_once_and_help_is_there() -> None:
-    taker, station = orders()
+    taker, station = commands()
     done: list[AppCommand] = []
 
     def local(command: AppCommand) -> str:
@@ -93,9 +93,9 @@ def test_words_of_the_app_are_done_at_once_and_help_is_there() -> None:
         return "light it is"
 
     taker.local = local
-    taker.give("theme light")
-    taker.give("help hold")
-    taker.give("zoom in")
+    taker.run_line("theme light")
+    taker.run_line("help hold")
+    taker.run_line("zoom in")
     assert done == [SetTheme("light")]
     assert "light it is" in log(station)
     assert "hold" in log(station)
@@ -103,18 +103,18 @@ def test_words_of_the_app_are_done_at_once_and_help_is_there() -> None:
 
 
 def test_a_draft_of_a_mission_is_made_line_by_line(tmp_path: Path) -> None:
-    taker, station = orders()
+    taker, station = commands()
     for line in ("wp add 1 2", "wp add 3 4 90", "wp list", f"wp save {tmp_path / 'm.toml'}"):
-        taker.give(line)
-    assert taker.drafted == (Target(1.0, 2.0, None, 0.05), Target(3.0, 4.0, pi / 2.0, 0.05))
+        taker.run_line(line)
+    assert taker.draft_items == (Target(1.0, 2.0, None, 0.05), Target(3.0, 4.0, pi / 2.0, 0.05))
     assert "(3, 4) at 90 deg" in log(station)
     assert (tmp_path / "m.toml").exists()
 
 
 def test_lines_are_remembered_and_completed() -> None:
-    taker, _ = orders()
+    taker, _ = commands()
     for line in ("help goto", "theme"):
-        taker.give(line)
+        taker.run_line(line)
     assert taker.recall("", -1) == "theme"
     assert taker.recall("theme", -1) == "help goto"
     assert taker.recall("help goto", 1) == "theme"
@@ -124,14 +124,14 @@ def test_lines_are_remembered_and_completed() -> None:
 
 
 def test_over_a_recording_nothing_can_be_taken_by_hand() -> None:
-    taker, station = orders()
+    taker, station = commands()
     taker.steer(1.0, 1.0)
-    assert not taker.take_hand()
+    assert not taker.begin_teleop()
     assert "this is a replay" in log(station)
 
 
 def test_what_a_key_means_is_remembered_as_a_line() -> None:
-    taker, station = orders(ELSEWHERE)
+    taker, station = commands(ELSEWHERE)
     taker.perform(StopNow())
     assert station.stops == 1
     station.ready_now = False

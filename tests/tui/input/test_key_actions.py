@@ -38,7 +38,7 @@ def test_a_key_is_its_command_line(id: str) -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press(key_of(id))
-            assert stage.orders.given == [LINES[id]]
+            assert stage.commands.given == [LINES[id]]
 
     play(story)
 
@@ -49,7 +49,7 @@ def test_a_key_that_asks_gives_what_was_chosen(id: str) -> None:
         async with staged() as stage:
             choice, line = CHOICES[id]
             await stage.press(key_of(id), choice)
-            assert stage.orders.given == [line]
+            assert stage.commands.given == [line]
 
     play(story)
 
@@ -58,7 +58,7 @@ def test_escape_chooses_nothing() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("m", "down", "escape")
-            assert stage.orders.given == []
+            assert stage.commands.given == []
 
     play(story)
 
@@ -183,9 +183,9 @@ def test_keys_of_a_users_file_are_in_force_and_shown() -> None:
         async with staged((110, 30), keymap=keymap) as stage:
             assert "P Hold" in stage.words("keybar")
             await stage.press("h", "g")
-            assert stage.orders.given == []
+            assert stage.commands.given == []
             await stage.press("P")
-            assert stage.orders.given == ["hold"]
+            assert stage.commands.given == ["hold"]
 
     play(story)
 
@@ -218,8 +218,8 @@ def test_the_palette_lists_what_counts_now_and_does_it() -> None:
             results = stage.app.screen.query_one(CommandList)
             await stage.until(lambda: first_of(results).startswith("stand still"))
             await stage.press("enter")
-            await stage.until(lambda: stage.orders.given)
-            assert stage.orders.given == ["hold"]
+            await stage.until(lambda: stage.commands.given)
+            assert stage.commands.given == ["hold"]
 
     play(story)
 
@@ -228,7 +228,7 @@ def test_a_word_from_the_palette_is_begun_on_the_command_line() -> None:
     async def story() -> None:
         async with staged() as stage:
             stage.app.begin_line("param ")
-            await stage.look()
+            await stage.redraw()
             assert stage.app.screen.query_one(CommandLine).value == "param "
 
     play(story)

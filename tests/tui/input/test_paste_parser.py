@@ -17,30 +17,30 @@ from ground.app.input.paste_parser import (
     MOST,
     SILENT_S,
     START,
+    InputPiece,
     PasteParser,
-    Piece,
 )
 
 ESC = "\x1b"
 LATER_S = 10.0
 
 
-def told(*parts: str, apart_s: float = 0.0) -> list[Piece]:
+def told(*parts: str, apart_s: float = 0.0) -> list[InputPiece]:
     """What came of these parts, each so long after the one before."""
     pastes = PasteParser()
-    found: list[Piece] = []
+    found: list[InputPiece] = []
     for number, part in enumerate(parts):
         now_s = number * apart_s
         found += [*pastes.due(now_s), *pastes.feed(part, now_s)]
     return [*found, *pastes.due(len(parts) * apart_s + LATER_S)]
 
 
-def joined(pieces: list[Piece]) -> list[Piece]:
+def joined(pieces: list[InputPiece]) -> list[InputPiece]:
     """Neighbouring keys in one piece."""
-    found: list[Piece] = []
+    found: list[InputPiece] = []
     for piece in pieces:
         if found and not piece.pasted and not found[-1].pasted:
-            found[-1] = Piece(found[-1].text + piece.text)
+            found[-1] = InputPiece(found[-1].text + piece.text)
         else:
             found.append(piece)
     return found
@@ -48,7 +48,7 @@ def joined(pieces: list[Piece]) -> list[Piece]:
 
 def test_a_paste_is_one_piece_between_the_keys() -> None:
     assert told(f":{START}goal 1 2{END}\r") == [
-        Piece(":"), Piece("goal 1 2", pasted=True), Piece("\r"),
+        InputPiece(":"), InputPiece("goal 1 2", pasted=True), InputPiece("\r"),
     ]  # fmt: skip
 
 
@@ -60,36 +60,44 @@ def test_it_does_not_matter_how_what_comes_is_cut(places: list[int]) -> None:
 
 
 def test_an_escape_within_a_paste_is_no_key() -> None:
-    assert told(f"{START}{ESC}[31mred{ESC} a{ESC}[A{END}") == [Piece("[31mred a[A", pasted=True)]
+    assert told(f"{START}{ESC}[31mred{ESC} a{ESC}[A{END}") == [
+        InputPiece("[31mred a[A", pasted=True)
+    ]
 
 
 def test_what_steers_a_terminal_is_taken_out_of_a_paste() -> None:
-    assert told(f"{START}a\x00\x07\tb\r\nc\rd\u202e{END}") == [Piece("a b\nc\nd", pasted=True)]
+    assert told(f"{START}a\x00\x07\tb\r\nc\rd\u202e{END}") == [InputPiece("a b\nc\nd", pasted=True)]
 
 
 def test_of_a_long_paste_the_beginning_is_kept_and_its_end_is_found() -> None:
     chunks = ["x" * 4096] * 300
     found = told(START, *chunks, f"y{END}h")
-    assert found == [Piece("x" * MOST, pasted=True), Piece("h")]
+    assert found == [InputPiece("x" * MOST, pasted=True), InputPiece("h")]
 
 
 def test_a_paste_without_an_end_is_over_when_nothing_more_comes() -> None:
     pastes = PasteParser()
     assert pastes.feed(f"{START}abc", 0.0) == []
     assert pastes.due(0.9 * SILENT_S) == []
-    assert pastes.due(SILENT_S) == [Piece("abc", pasted=True)]
-    assert pastes.feed(" ", SILENT_S) == [Piece(" ")]
+    assert pastes.due(SILENT_S) == [InputPiece("abc", pasted=True)]
+    assert pastes.feed(" ", SILENT_S) == [InputPiece(" ")]
 
 
 def test_a_paste_that_pauses_is_not_over() -> None:
     parts = (f"{START}a", "b" * 80, "c" * 80, f"d{END}h")
     pasted = f"a{'b' * 80}{'c' * 80}d"
-    assert told(*parts, apart_s=0.9 * SILENT_S) == [Piece(pasted, pasted=True), Piece("h")]
+    assert told(*parts, apart_s=0.9 * SILENT_S) == [
+        InputPiece(pasted, pasted=True),
+        InputPiece("h"),
+    ]
 
 
 def test_a_slow_line_sends_a_paste_letter_by_letter() -> None:
     parts = [START, *"goal 1 2" * 20, END, "h"]
-    assert told(*parts, apart_s=0.001) == [Piece("goal 1 2" * 20, pasted=True), Piece("h")]
+    assert told(*parts, apart_s=0.001) == [
+        InputPiece("goal 1 2" * 20, pasted=True),
+        InputPiece("h"),
+    ]
 
 
 @pytest.mark.parametrize("key", [" ", f"{ESC}[24~"])
@@ -102,28 +110,32 @@ def test_who_beats_on_the_stop_is_heard_although_a_paste_has_no_end(key: str) ->
 @pytest.mark.parametrize("rest", [f"D D{END}", "D" * (LONGEST_KEY + 1)])
 def test_the_late_rest_of_a_paste_that_was_given_up_presses_no_keys(rest: str) -> None:
     assert told(f"{START}a", rest, "h", apart_s=2 * SILENT_S) == [
-        Piece("a", pasted=True), Piece("h"),
+        InputPiece("a", pasted=True), InputPiece("h"),
     ]  # fmt: skip
 
 
 def test_after_a_paste_without_an_end_another_one_is_whole() -> None:
     found = told(f"{START}a", f"{START}{'b' * 99}{END}h", apart_s=2 * SILENT_S)
-    assert found == [Piece("a", pasted=True), Piece("b" * 99, pasted=True), Piece("h")]
+    assert found == [
+        InputPiece("a", pasted=True),
+        InputPiece("b" * 99, pasted=True),
+        InputPiece("h"),
+    ]
 
 
 def test_an_end_that_is_pasted_too_ends_nothing() -> None:
-    assert told(f"{START}a{END} D D{END}") == [Piece("a[201~ D D", pasted=True)]
+    assert told(f"{START}a{END} D D{END}") == [InputPiece("a[201~ D D", pasted=True)]
     assert told(f"{START}a{END}h{START}b{END}") == [
-        Piece("a", pasted=True), Piece("h"), Piece("b", pasted=True),
+        InputPiece("a", pasted=True), InputPiece("h"), InputPiece("b", pasted=True),
     ]  # fmt: skip
 
 
 def test_half_a_mark_waits_for_the_other_half_and_not_for_ever() -> None:
     pastes = PasteParser()
-    assert pastes.feed("a\x1b[2", 0.0) == [Piece("a")]
-    assert pastes.feed("4~", 0.05) == [Piece("\x1b[24~")]
+    assert pastes.feed("a\x1b[2", 0.0) == [InputPiece("a")]
+    assert pastes.feed("4~", 0.05) == [InputPiece("\x1b[24~")]
     assert pastes.feed(ESC, 1.0) == []
-    assert pastes.due(1.0 + HELD_S) == [Piece(ESC)]
+    assert pastes.due(1.0 + HELD_S) == [InputPiece(ESC)]
 
 
 # As Textual is told.

@@ -25,7 +25,7 @@ def test_every_screen_has_its_number_and_stops_the_robot(name: str) -> None:
             await stage.press("f12")
             await stage.press("space")
             stage.app.post_message(events.Key("ctrl+@", "\x00"))
-            await stage.look()
+            await stage.redraw()
             assert stage.station.stops == 3
 
     play(story)
@@ -42,7 +42,7 @@ def test_the_robot_is_stopped_from_whatever_is_open(name: str, opening: str) -> 
             await stage.press(opening)
             await stage.press("f12")
             stage.app.post_message(events.Key("ctrl+@", "\x00"))
-            await stage.look()
+            await stage.redraw()
             assert stage.station.stops == 2
 
     play(story)
@@ -62,12 +62,12 @@ def test_the_stop_is_released_by_two_presses_only() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("D")
-            assert stage.orders.given == []
+            assert stage.commands.given == []
             stage.station.clock.advance(3_000_000_000)
             await stage.press("D")
-            assert stage.orders.given == []
+            assert stage.commands.given == []
             await stage.press("D")
-            assert stage.orders.given == ["clear-estop"]
+            assert stage.commands.given == ["clear-estop"]
 
     play(story)
 
@@ -77,16 +77,16 @@ def test_teleop_steers_while_keys_repeat_and_ends_with_any_other() -> None:
         async with staged() as stage:
             await stage.press("t", "up")
             drive_of(stage).poll()
-            assert stage.orders.steered[-1] == (0.25, 0.0)
+            assert stage.commands.steered[-1] == (0.25, 0.0)
             await stage.press("A")
             drive_of(stage).poll()
-            assert stage.orders.steered[-1] == (0.08, 0.5)
+            assert stage.commands.steered[-1] == (0.08, 0.5)
             stage.station.clock.advance(700_000_000)
             drive_of(stage).poll()
-            assert stage.orders.steered[-1] == (0.0, 0.0)
-            assert stage.orders.hand
+            assert stage.commands.steered[-1] == (0.0, 0.0)
+            assert stage.commands.teleop
             await stage.press("q")
-            assert not stage.orders.hand
+            assert not stage.commands.teleop
 
     play(story)
 
@@ -98,7 +98,7 @@ def test_teleop_ends_when_the_robot_is_in_another_mode() -> None:
             stage.station.clock.advance(2_000_000_000)
             driving(stage.station)
             drive_of(stage).poll()
-            assert not stage.orders.hand
+            assert not stage.commands.teleop
 
     play(story)
 

@@ -79,7 +79,7 @@ def test_it_is_drawn_less_often_while_nobody_looks() -> None:
     pace = FrameRate(10.0)
     drawn = sum(pace.due(k * 50 * MS) for k in range(40))
     assert drawn == 20
-    pace.watched = False
+    pace.focused = False
     assert sum(pace.due(2 * S + k * 50 * MS) for k in range(40)) == 4
 
 
@@ -87,6 +87,6 @@ def test_how_fast_time_goes_is_seen_from_the_robots_stamps() -> None:
     station, pace = FakeStation(), FrameRate(10.0)
     for _ in range(50):
         driving(station)
-        pace.heard(station)
+        pace.measure_time_factor(station)
         station.clock.advance(100 * MS)
     assert pace.factor == pytest.approx(1.0, abs=0.05)

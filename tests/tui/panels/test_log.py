@@ -47,8 +47,8 @@ def test_rows_are_the_same_whether_lines_come_at_once_or_one_by_one(
     log, slowly, at_once = Log(5), FilteredLog(), FilteredLog()
     for text in texts:
         log.add(line(text))
-        slowly.look(log, Severity.DEBUG, width)
-    at_once.look(log, Severity.DEBUG, width)
+        slowly.update(log, Severity.DEBUG, width)
+    at_once.update(log, Severity.DEBUG, width)
     assert slowly.parts == at_once.parts
     assert slowly.lines == list(log)
 
@@ -57,38 +57,38 @@ def test_only_what_is_bad_enough_is_there() -> None:
     log = filled("well")
     log.add(line("bad", Severity.WARNING))
     log.add(line("worse", Severity.CRITICAL))
-    sifted = FilteredLog()
-    sifted.look(log, Severity.WARNING, 80)
-    assert [one.text for one in sifted.lines] == ["bad", "worse"]
-    sifted.look(log, Severity.ERROR, 80)
-    assert [one.text for one in sifted.lines] == ["worse"]
+    filtered = FilteredLog()
+    filtered.update(log, Severity.WARNING, 80)
+    assert [one.text for one in filtered.lines] == ["bad", "worse"]
+    filtered.update(log, Severity.ERROR, 80)
+    assert [one.text for one in filtered.lines] == ["worse"]
 
 
 def test_a_find_goes_round_and_all_rows_of_the_line_are_marked() -> None:
-    log, sifted = filled("one echo", "nothing", f"two Echo {REFUSAL}", "three"), FilteredLog()
-    sifted.look(log, Severity.DEBUG, 40)
+    log, filtered = filled("one echo", "nothing", f"two Echo {REFUSAL}", "three"), FilteredLog()
+    filtered.update(log, Severity.DEBUG, 40)
     first, _, second, _ = log
-    assert sifted.find("echo", None, -1) is second
-    assert sifted.find("echo", None, 1) is first
-    assert sifted.find("echo", second, 1) is first
-    assert sifted.find("echo", first, -1) is second
-    assert sifted.find("none of it", first, 1) is None
-    assert sifted.row_of(second) == 2
+    assert filtered.find("echo", None, -1) is second
+    assert filtered.find("echo", None, 1) is first
+    assert filtered.find("echo", second, 1) is first
+    assert filtered.find("echo", first, -1) is second
+    assert filtered.find("none of it", first, 1) is None
+    assert filtered.row_of(second) == 2
     marked = [
-        part.line for part in sifted.parts if sifted.paint(part, second)[-1].role == "reverse"
+        part.line for part in filtered.parts if filtered.paint(part, second)[-1].role == "reverse"
     ]
     assert set(marked) == {second}
     assert len(marked) > 3
 
 
 def test_of_two_lines_alike_the_one_that_was_found_is_meant() -> None:
-    log, sifted = Log(), FilteredLog()
+    log, filtered = Log(), FilteredLog()
     for _ in range(3):
         log.add(line("the same"))
-    sifted.look(log, Severity.DEBUG, 80)
+    filtered.update(log, Severity.DEBUG, 80)
     first, second, third = log
-    assert sifted.find("same", second, 1) is third
-    assert sifted.find("same", third, 1) is first
+    assert filtered.find("same", second, 1) is third
+    assert filtered.find("same", third, 1) is first
 
 
 @pytest.mark.parametrize("height", [0, 1, 2, 4, 9])

@@ -8,11 +8,11 @@ from ground.app.input.key_table import Layer
 from ground.app.input.keymap import Keymap
 from ground.app.panels.mission import mission_rows
 from ground.app.panels.side import side_rows, whole
-from ground.app.panels.status import Setting, status_row
-from ground.app.screens.sheet import keybar_row
+from ground.app.panels.status import SessionInfo, status_row
+from ground.app.screens.app_screen import keybar_row
 from ground.app.widgets.bars import bar, binned, spark
 from ground.app.widgets.rows import cut, in_ascii, row, width_of, words_of
-from ground.app.widgets.sparklines import FIGURES, figure_rows
+from ground.app.widgets.sparklines import SPARKLINES, figure_rows
 from ground.map import Target
 from protocol.topics import MISSION
 from protocol.wire.enums import MissionState
@@ -56,7 +56,7 @@ def test_in_little_room_the_sonars_stand_side_by_side() -> None:
 
 @pytest.mark.parametrize("width", [0, 1, 2, 10, 40, 60, 80, 200])
 def test_the_status_line_fits_and_loses_what_matters_least(width: int) -> None:
-    shown = status_row(driving(FakeStation()), Setting(kind="SIM", factor=1.0), width)
+    shown = status_row(driving(FakeStation()), SessionInfo(kind="SIM", factor=1.0), width)
     assert width_of(shown) <= width
     if width >= 80:
         assert "SIM 1.0x" in words_of(shown)
@@ -106,7 +106,7 @@ def test_of_what_is_told_as_a_peak_each_bin_keeps_the_greatest() -> None:
 def test_the_cost_of_a_standing_robot_is_not_drawn_anew_with_each_cycle() -> None:
     station = driving(FakeStation())
     spent_us = (300.0, 412.0, 280.0, 350.0, 411.0)
-    cost = next(figure for figure in FIGURES if figure.series == "cycle_us")
+    cost = next(figure for figure in SPARKLINES if figure.series == "cycle_us")
     shown = []
     for tick, us in enumerate(spent_us):
         station.history["cycle_us"].add(station.time_s + 0.05 * tick, us)

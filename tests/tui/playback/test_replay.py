@@ -11,7 +11,7 @@ from ground.app.screens.replay import ReplayScreen, recordings, timeline_rows
 from ground.app.widgets.rows import width_of, words_of
 from runtime.clock import ManualClock
 from runtime.errors import UserError
-from tests.support.tui.fakes import FakeOrders, FakeStation, S
+from tests.support.tui.fakes import FakeCommandSink, FakeStation, S
 from tests.support.tui.pilot import Stage, play
 from tests.support.tui.recording import recorded
 
@@ -88,11 +88,11 @@ def test_recordings_are_found_here_and_one_folder_below(tmp_path: Path) -> None:
 def test_the_screen_is_driven_by_keys(tmp_path: Path) -> None:
     async def story() -> None:
         shown, _ = player(tmp_path)
-        orders = FakeOrders()
-        app = GroundApp(None, orders, looks=Appearance(hz=0.0), player=shown)
+        commands = FakeCommandSink()
+        app = GroundApp(None, commands, appearance=Appearance(hz=0.0), player=shown)
         async with app.run_test(size=(100, 28)) as pilot:
-            stage = Stage(app, pilot, FakeStation(), orders)
-            await stage.look()
+            stage = Stage(app, pilot, FakeStation(), commands)
+            await stage.redraw()
             assert isinstance(app.screen, ReplayScreen)
             assert "REPLAY" in stage.words("status")
             await stage.press("pagedown")
@@ -102,7 +102,7 @@ def test_the_screen_is_driven_by_keys(tmp_path: Path) -> None:
             await stage.press("p", "home")
             assert shown.position_s == 0.0
             await stage.press("G", "enter")
-            assert orders.given == []
+            assert commands.given == []
             assert "this is a replay" in "\n".join(line.text for line in shown.station.log)
 
     play(story)

@@ -40,7 +40,7 @@ def test_typing_a_goal_triggers_nothing_and_keeps_its_beginning() -> None:
             assert stage.app.screen.query_one(CommandLine).value == "goal "
             await stage.type("9 7")
             await stage.press("enter")
-            assert stage.orders.given == ["goal 9 7"]
+            assert stage.commands.given == ["goal 9 7"]
             assert stage.station.stops == 0
 
     play(story)
@@ -52,8 +52,8 @@ def test_keys_of_one_burst_go_where_the_key_before_has_led() -> None:
             for letter in "g9 7":
                 stage.app.post_message(events.Key(NAMES.get(letter, letter), letter))
             stage.app.post_message(events.Key("enter", None))
-            await stage.look()
-            assert stage.orders.given == ["goal 9 7"]
+            await stage.redraw()
+            assert stage.commands.given == ["goal 9 7"]
             assert stage.station.stops == 0
 
     play(story)
@@ -63,15 +63,15 @@ def test_the_cursor_is_moved_turned_and_becomes_a_goal() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("G")
-            start = drive_of(stage).pointing.cursor
+            start = drive_of(stage).map_cursor.cursor
             assert start is not None
             await stage.press("right", "l", "up", ">", ">")
             assert "goal" in stage.words("prompt")
             await stage.press("enter")
-            step_m = drive_of(stage).pointing.step_m
+            step_m = drive_of(stage).map_cursor.step_m
             x_m, y_m = start.x_m + 2 * step_m, start.y_m + step_m
-            assert stage.orders.given == [f"goal {x_m:g} {y_m:g} -15"]
-            assert drive_of(stage).pointing.cursor is None
+            assert stage.commands.given == [f"goal {x_m:g} {y_m:g} -15"]
+            assert drive_of(stage).map_cursor.cursor is None
 
     play(story)
 
@@ -80,9 +80,9 @@ def test_with_the_cursor_h_is_left_and_without_it_h_holds() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("G", "h")
-            assert stage.orders.given == []
+            assert stage.commands.given == []
             await stage.press("escape", "h")
-            assert stage.orders.given == ["hold"]
+            assert stage.commands.given == ["hold"]
 
     play(story)
 
@@ -92,12 +92,12 @@ def test_a_draft_of_a_mission_is_on_the_map_until_it_is_what_the_robot_has() -> 
         ways = (Target(1.0, 2.0), Target(3.0, 4.0, 0.0))
         async with staged((110, 30)) as stage:
             assert drive_of(stage).map.scene.draft == ()
-            stage.orders.drafted = ways
-            await stage.look()
+            stage.commands.draft_items = ways
+            await stage.redraw()
             assert drive_of(stage).map.scene.draft == ways
             assert "2 waypoints; send: wp upload" in stage.words("mission")
             stage.station.items_now = ways
-            await stage.look()
+            await stage.redraw()
             assert drive_of(stage).map.scene.draft == ()
             assert stage.words("mission") == ""
 
@@ -108,7 +108,7 @@ def test_a_map_that_is_zoomed_goes_with_the_cursor() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("+", "+", "+", "+", "+", "+", "+", "G", "L", "L")
-            shown, cursor = drive_of(stage).map, drive_of(stage).pointing.cursor
+            shown, cursor = drive_of(stage).map, drive_of(stage).map_cursor.cursor
             assert cursor is not None
             assert shown.view.centre_x_m == pytest.approx(cursor.x_m)
             await stage.press("0", "L", "L", "L", "L")
@@ -136,7 +136,7 @@ def test_a_loss_is_named_in_a_line_and_old_values_become_ages() -> None:
             station.loss_now = Loss(
                 LossKind.HUNG, "r1", "no beat", "stops by itself", station.now_ns - 2_900 * MS
             )
-            await stage.look()
+            await stage.redraw()
             assert "ROBOT HUNG r1 2.9 s: no beat; stops by itself" in stage.words("alarm")
             side = stage.words("side")
             assert "4.12" not in side
@@ -149,10 +149,10 @@ def test_a_loss_is_named_in_a_line_and_old_values_become_ages() -> None:
 def test_nothing_is_drawn_again_when_nothing_has_changed() -> None:
     async def story() -> None:
         async with staged((160, 50)) as stage:
-            await stage.look()
+            await stage.redraw()
             before = [line.drawn for line in stage.app.screen.query(Lines)]
             for _ in range(5):
-                await stage.look()
+                await stage.redraw()
             after = [line.drawn for line in stage.app.screen.query(Lines)]
             assert after == before
 
@@ -164,10 +164,10 @@ def test_a_restart_is_told_below_the_status_and_a_loss_comes_first() -> None:
         station = driving(FakeStation())
         async with staged(station=station) as stage:
             station.restarted_now = "r1 has been restarted (1): the one before was killed"
-            await stage.look()
+            await stage.redraw()
             assert station.restarted_now in stage.words("alarm")
             station.loss_now = Loss(LossKind.HUNG, "r1", "no beat", "stops", station.now_ns)
-            await stage.look()
+            await stage.redraw()
             assert "ROBOT HUNG" in stage.words("alarm")
             assert "restarted" not in stage.words("alarm")
 

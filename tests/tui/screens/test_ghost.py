@@ -5,7 +5,7 @@ from threading import Event
 
 import pytest
 
-from ground.app.commands.app_commands import Words
+from ground.app.commands.local_commands import LocalCommands
 from ground.app.screens.drive import DriveScreen
 from ground.console import AppCommand, read
 from plant.model.types import GoalPose, Start, World
@@ -38,8 +38,8 @@ def drive_of(stage: Stage) -> DriveScreen:
 async def ended(stage: Stage) -> None:
     pause = Event()
     for _ in range(1000):
-        await stage.look()
-        if not drive_of(stage).haunting.busy:
+        await stage.redraw()
+        if not drive_of(stage).ghost_runner.busy:
             return
         pause.wait(0.01)
     raise AssertionError("still driving")
@@ -75,7 +75,7 @@ def test_a_ghost_that_cannot_be_says_why_in_the_log() -> None:
 def test_the_typed_word_does_the_same_and_refuses_what_is_no_navigator() -> None:
     async def story() -> None:
         async with staged(station=simulated()) as stage:
-            words = Words(stage.app)
+            words = LocalCommands(stage.app)
 
             def typed(line: str) -> str:
                 command = read(line)
@@ -86,7 +86,7 @@ def test_the_typed_word_does_the_same_and_refuses_what_is_no_navigator() -> None
             await ended(stage)
             assert [ghost.label for ghost in drive_of(stage).map.scene.ghosts] == ["vgm"]
             assert typed("ghost none") == ""
-            await stage.look()
+            await stage.redraw()
             assert drive_of(stage).map.scene.ghosts == []
             with pytest.raises(UserError):
                 typed("ghost vfh")
@@ -98,8 +98,8 @@ def test_nobody_is_left_driving_when_the_app_is_left() -> None:
     async def story() -> None:
         async with staged(station=simulated()) as stage:
             screen = drive_of(stage)
-            screen.haunt("all")
-            assert screen.haunting.busy
-        assert not screen.haunting.busy
+            screen.start_ghost("all")
+            assert screen.ghost_runner.busy
+        assert not screen.ghost_runner.busy
 
     play(story)

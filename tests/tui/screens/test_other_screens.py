@@ -9,11 +9,11 @@ from ground.app.app import GroundApp
 from ground.app.screens.faults import FaultsScreen, InjectableFault, fault_of
 from ground.app.screens.worlds import WorldsScreen, looked_up
 from ground.app.widgets.map import MapWidget
-from ground.app.worlds import ask_worlds, reached_in, reached_of
+from ground.app.worlds import query_worlds, reached_count, read_reached_counts
 from ground.client.parameter import Parameter
 from protocol.topics import Role
 from runtime.errors import UserError
-from tests.support.tui.fakes import FakeOrders, FakeStation
+from tests.support.tui.fakes import FakeCommandSink, FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.plant_side import FakeStack, on
 from tests.support.tui.underway import driving, parameter
@@ -41,7 +41,7 @@ def test_parameters_are_all_there_or_their_absence_is_told() -> None:
             assert "3 parameters, 1 changed" in stage.words("heading")
             assert "d_obs_m          *" in stage.words("rows")
             station.parameters_now = None
-            await stage.look()
+            await stage.redraw()
             assert "41 missing: asked 2 times" in stage.words("heading")
             assert stage.words("rows") == ""
 
@@ -59,7 +59,7 @@ def test_a_parameter_is_found_changed_and_set_back() -> None:
             assert stage.words("prompt") == "set track_m:"
             await stage.type("0.25")
             await stage.press("enter", "d")
-            assert stage.orders.given == ["set track_m 0.25", "set track_m 0.2"]
+            assert stage.commands.given == ["set track_m 0.25", "set track_m 0.2"]
             await stage.press("slash", "ctrl+u", "enter")
             assert "radius_m" in stage.words("rows")
 
@@ -83,7 +83,7 @@ def test_nothing_typed_changes_no_parameter() -> None:
     async def story() -> None:
         async with staged(station=with_parameters()) as stage:
             await stage.press("3", "e", "enter")
-            assert stage.orders.given == []
+            assert stage.commands.given == []
 
     play(story)
 
@@ -120,7 +120,7 @@ def test_links_tell_a_restart_and_its_cause() -> None:
             assert "restarted" not in stage.words("lines")
             stage.station.restarts_now = {Role.ROBOT: 1, Role.PLANT: 2}
             stage.station.cause_now = "the one before was killed (signal SIGKILL)"
-            await stage.look()
+            await stage.redraw()
             rows = stage.words("lines").splitlines()
             assert rows[0].endswith("restarted 1 time; the one before was killed (signal SIGKILL)")
             assert rows[1].endswith("restarted 2 times")
@@ -199,8 +199,8 @@ def test_the_plant_tells_its_worlds_as_they_are_previewed() -> None:
 
 
 def test_the_study_has_an_end_for_every_world_and_navigator() -> None:
-    reached = reached_in()
-    assert {one["name"] for one in ask_worlds("list")["worlds"]} == set(reached)
+    reached = read_reached_counts()
+    assert {one["name"] for one in query_worlds("list")["worlds"]} == set(reached)
     assert {len(ends) for ends in reached.values()} == {7}
     assert all(0 <= count <= 10 for ends in reached.values() for count in ends.values())
     assert 10 in reached["box"].values()
@@ -211,11 +211,11 @@ def test_the_study_has_an_end_for_every_world_and_navigator() -> None:
     [("10 reached", 10), ("6 reached, 4 stuck", 6), ("9 stuck, 1 timeout", 0), ("-", 0)],
 )
 def test_of_the_ends_those_at_the_goal_are_counted(ends: str, count: int) -> None:
-    assert reached_of(ends) == count
+    assert reached_count(ends) == count
 
 
 def test_where_the_study_is_not_there_nothing_is_told_of_it(tmp_path: Path) -> None:
-    assert reached_in(tmp_path / "outcomes.md") == {}
+    assert read_reached_counts(tmp_path / "outcomes.md") == {}
 
 
 @pytest.mark.usefixtures("worlds")
@@ -277,7 +277,7 @@ def test_what_is_no_fault_is_refused(words: str) -> None:
 
 
 def test_a_field_that_is_made_before_there_is_a_screen_ends_nothing() -> None:
-    app = GroundApp(FakeStation(), FakeOrders())
+    app = GroundApp(FakeStation(), FakeCommandSink())
     with pytest.raises(ScreenStackError):
         _ = app.screen
     app.clear_selection()  # as Textual's Input calls it, from Python 3.12 on before there is one

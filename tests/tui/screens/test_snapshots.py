@@ -13,7 +13,7 @@ from ground.map import Target
 from ground.station import Loss, LossKind
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
-from tests.support.tui.fakes import MS, FakeOrders, FakeStation, S
+from tests.support.tui.fakes import MS, FakeCommandSink, FakeStation, S
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.plant_side import FakeStack, on
 from tests.support.tui.recording import recorded
@@ -84,7 +84,7 @@ def test_the_other_screens(screen: str, size: tuple[int, int], update_screens: b
     async def story() -> None:
         async with staged(size, station=lived()) as stage:
             await stage.press(OTHERS[screen])
-            await stage.look()
+            await stage.redraw()
             check(stage, f"{screen}-{size[0]}x{size[1]}", update=update_screens)
 
     play(story)
@@ -106,8 +106,8 @@ def test_a_loss(update_screens: bool) -> None:
 def test_a_draft_of_a_mission(update_screens: bool) -> None:
     async def story() -> None:
         async with staged(station=lived(), theme="mono") as stage:
-            stage.orders.drafted = (Target(2.0, 6.5), Target(7.5, 6.0, 0.0), Target(7.0, 1.5))
-            await stage.look()
+            stage.commands.draft_items = (Target(2.0, 6.5), Target(7.5, 6.0, 0.0), Target(7.0, 1.5))
+            await stage.redraw()
             check(stage, "draft", update=update_screens)
 
     play(story)
@@ -145,11 +145,11 @@ def test_a_recording(tmp_path: Path, update_screens: bool) -> None:
     async def story() -> None:
         player = Player(recorded(tmp_path), ManualClock())
         player.seek(2.0)
-        orders = FakeOrders()
-        app = GroundApp(None, orders, looks=Appearance(hz=0.0), player=player)
+        commands = FakeCommandSink()
+        app = GroundApp(None, commands, appearance=Appearance(hz=0.0), player=player)
         async with app.run_test(size=(80, 24)) as pilot:
-            stage = Stage(app, pilot, FakeStation(), orders)
-            await stage.look()
+            stage = Stage(app, pilot, FakeStation(), commands)
+            await stage.redraw()
             check(stage, "replay", update=update_screens)
 
     play(story)

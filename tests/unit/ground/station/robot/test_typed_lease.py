@@ -21,23 +21,23 @@ def typing(tmp_path: Path) -> tuple[Play, CommandRunner]:
 
 
 def test_take_and_release_go_through_the_station(typing: tuple[Play, CommandRunner]) -> None:
-    play, orders = typing
-    orders.give("lease take")
+    play, commands = typing
+    commands.run_line("lease take")
     play.forward(1.0)
     assert play.station.lease.ours
     assert play.beats > 1
-    orders.give("lease release")
+    commands.run_line("lease release")
     play.forward(1.0)
     assert not play.station.lease.held
 
 
 def test_seizing_is_possible_while_another_holds_it(typing: tuple[Play, CommandRunner]) -> None:
-    play, orders = typing
+    play, commands = typing
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.forward(1.0)
-    orders.give("lease take")
+    commands.run_line("lease take")
     play.forward(1.0)
     assert play.station.lease.others
-    orders.give("lease seize")
+    commands.run_line("lease seize")
     play.forward(1.0)
     assert play.station.lease.ours

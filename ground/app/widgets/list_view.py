@@ -11,7 +11,7 @@ from ground.app.widgets.rows import Row, cut
 T = TypeVar("T")
 
 
-class Table(Lines, can_focus=True):
+class ListView(Lines, can_focus=True):
     """`at` is the chosen row. What is chosen stays in sight, and in the list."""
 
     def __init__(self, *, id: str | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Words of the command line that concern the screen: done by the app, at once."""
+"""LocalCommands of the command line that concern the screen: done by the app, at once."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 NO_MAP: Final = "that is for the map: go to the Drive screen with 1"
 
 
-class Words:
+class LocalCommands:
     """Does each at once and returns what there is to say."""
 
     def __init__(self, app: "GroundApp") -> None:
@@ -117,13 +117,13 @@ class Words:
         if navigator is None:
             self.do("ghost")
         else:
-            self.map_screen().haunt(navigator.lower())
+            self.map_screen().start_ghost(navigator.lower())
 
     def find_there(self, words: str) -> None:
         from ground.app.screens.log import LogScreen  # imported when it is first shown
 
-        if isinstance(self._app.sheet, LogScreen):
-            self._app.sheet.find(words)
+        if isinstance(self._app.base_screen, LogScreen):
+            self._app.base_screen.find(words)
 
     def do(self, id: str) -> None:
         """What a key does, when it does anything here."""
@@ -136,6 +136,6 @@ class Words:
         """The screen that is shown, when it has a map; UserError when it has none."""
         from ground.app.screens.drive import DriveScreen  # imported when it is first shown
 
-        if not isinstance(self._app.sheet, DriveScreen):
+        if not isinstance(self._app.base_screen, DriveScreen):
             raise UserError(NO_MAP)
-        return self._app.sheet
+        return self._app.base_screen

@@ -9,7 +9,7 @@ from textual.containers import Container, Horizontal
 from textual.screen import Screen
 from textual.widgets import Input
 
-from ground.app.input.key_table import Key, Layer
+from ground.app.input.key_table import KeyBinding, Layer
 from ground.app.input.keymap import shown
 from ground.app.panels.status import status_row
 from ground.app.playback.app_interface import AppInterface
@@ -39,25 +39,25 @@ class AppScreen(Screen[None]):
     focus_first: ClassVar[str] = "#middle"
     key_layer: ClassVar[Layer | None] = None
 
-    def __init__(self, deck: AppInterface) -> None:
+    def __init__(self, interface: AppInterface) -> None:
         super().__init__()
         self.HORIZONTAL_BREAKPOINTS = list(WIDTHS)
         self.VERTICAL_BREAKPOINTS = list(HEIGHTS)
-        self.deck = deck
+        self.interface = interface
         self._prompt = ""
-        self._then: Callable[[str], None] = deck.give
+        self._then: Callable[[str], None] = interface.run_line
 
     def compose(self) -> ComposeResult:
         yield Lines(id="status")
         yield Lines(id="alarm")
         with Container(id="middle"):
-            yield from self.middle()
+            yield from self.compose_content()
         with Horizontal(id="typing"):
             yield Lines(id="prompt")
-            yield CommandLine(self.deck.complete)
+            yield CommandLine(self.interface.complete)
         yield Lines(id="keybar")
 
-    def middle(self) -> ComposeResult:
+    def compose_content(self) -> ComposeResult:
         """What is between the alarm and the command line."""
         yield from ()
 
@@ -68,7 +68,7 @@ class AppScreen(Screen[None]):
         """At every round, also when nothing is drawn."""
 
     def on_mount(self) -> None:
-        self.prompt("", self.deck.give)
+        self.prompt("", self.interface.run_line)
         self.home()
 
     def home(self) -> None:
@@ -76,21 +76,21 @@ class AppScreen(Screen[None]):
         self.set_focus(next(iter(self.query(self.focus_first)), None))
 
     def on_screen_resume(self) -> None:
-        self.look()
+        self.redraw()
 
-    def look(self) -> None:
+    def redraw(self) -> None:
         """Draw what has changed since the last look."""
         if not self.is_mounted or not self.size:
             return
-        station, width = self.deck.station, self.size.width
-        self.lines("status").show([status_row(station, self.deck.setting, width)])
+        station, width = self.interface.station, self.size.width
+        self.lines("status").show([status_row(station, self.interface.session_info, width)])
         alarm = self.lines("alarm")
         rows = alarm_rows(station, width)
         alarm.show(rows)
         alarm.display, alarm.styles.height = bool(rows), max(1, len(rows))
         self.draw()
         self.draw_prompt()
-        self.lines("keybar").show([keybar_row(self.deck.keys_now(), width)])
+        self.lines("keybar").show([keybar_row(self.interface.keys_now(), width)])
 
     def lines(self, id: str) -> Lines:
         return self.query_one(f"#{id}", Lines)
@@ -114,11 +114,11 @@ class AppScreen(Screen[None]):
         line = self.command_line
         return {
             "complete": line.complete,
-            "history-back": lambda: line.begin(self.deck.recall(line.value, -1)),
-            "history-on": lambda: line.begin(self.deck.recall(line.value, 1)),
+            "history-back": lambda: line.begin(self.interface.recall(line.value, -1)),
+            "history-on": lambda: line.begin(self.interface.recall(line.value, 1)),
             "leave-line": self.leave_line,
-            "command": lambda: self.ask("", "", self.deck.give),
-            "goal": lambda: self.ask("", "goal ", self.deck.give),
+            "command": lambda: self.ask("", "", self.interface.run_line),
+            "goal": lambda: self.ask("", "goal ", self.interface.run_line),
             "next-panel": self.focus_next,
             "panel-before": self.focus_previous,
         }
@@ -136,14 +136,14 @@ class AppScreen(Screen[None]):
         self.draw_prompt()
 
     def draw_prompt(self) -> None:
-        shown = self._prompt or self.deck.station.robot
+        shown = self._prompt or self.interface.station.robot
         panel = self.lines("prompt")
         panel.show([row(Span(f"{shown}:", "accent"))])
         panel.styles.width = len(shown) + 2
 
     def leave_line(self) -> None:
         self.command_line.value = ""
-        self.prompt("", self.deck.give)
+        self.prompt("", self.interface.run_line)
         self.home()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
@@ -151,7 +151,7 @@ class AppScreen(Screen[None]):
         then, text = self._then, event.value.strip()
         self.leave_line()
         then(text)
-        self.look()
+        self.redraw()
 
 
 def alarm_rows(station: Station, width: int) -> list[Row]:
@@ -176,7 +176,7 @@ def across(words: str, role: str, width: int) -> list[Row]:
     return [cut(row(Span(f" {line}".ljust(width), role)), width) for line in lines]
 
 
-def keybar_row(keys: Sequence[Key], width: int) -> Row:
+def keybar_row(keys: Sequence[KeyBinding], width: int) -> Row:
     """As many as there is room for; the way to all the others keeps its place at the end."""
     named = sorted((key for key in keys if key.short and key.keys), key=place)
     tail = [span for key in named if key.id in LAST for span in button(key)]
@@ -192,12 +192,12 @@ def keybar_row(keys: Sequence[Key], width: int) -> Row:
     return cut(row(*spans, Span(" " * gap), *tail), width)
 
 
-def place(key: Key) -> int:
+def place(key: KeyBinding) -> int:
     if key.id in STOPS:
         return -2
     return ORDER.index(key.id) if key.id in ORDER else -1
 
 
-def button(key: Key) -> Row:
+def button(key: KeyBinding) -> Row:
     role = "alarm" if key.id in STOPS else "key"
     return row(" ", Span(shown(key.keys[:1]), role), Span(f" {key.short} "))

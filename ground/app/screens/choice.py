@@ -11,7 +11,7 @@ from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, faint, row
 
 
-class Choose(ModalScreen[str]):
+class ChoiceScreen(ModalScreen[str]):
     """Ends with the choice, or with nothing after Escape. Space is the e-stop here, too."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

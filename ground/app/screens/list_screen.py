@@ -8,10 +8,10 @@ from typing import ClassVar, Final
 from textual.app import ComposeResult
 
 from ground.app.input.key_table import Layer
-from ground.app.screens.sheet import Action, AppScreen
+from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines
+from ground.app.widgets.list_view import ListView
 from ground.app.widgets.log_view import LogView
-from ground.app.widgets.table import Table
 
 TO_THE_END: Final = 1_000_000
 
@@ -19,7 +19,7 @@ TO_THE_END: Final = 1_000_000
 class ScrolledScreen(AppScreen):
     @property
     @abstractmethod
-    def listed(self) -> Table | LogView:
+    def list_view(self) -> ListView | LogView:
         """What the keys move through."""
 
     def key_layers(self) -> tuple[Layer, ...]:
@@ -27,7 +27,7 @@ class ScrolledScreen(AppScreen):
         return above if self.typing else (Layer.LIST, *above)
 
     def actions(self) -> Mapping[str, Action]:
-        move, page = self.listed.move, max(1, self.listed.size.height - 1)
+        move, page = self.list_view.move, max(1, self.list_view.size.height - 1)
         return {
             **super().actions(),
             "row-up": partial(move, -1),
@@ -44,11 +44,11 @@ class ListScreen(ScrolledScreen):
 
     focus_first: ClassVar[str] = "#rows"
 
-    def middle(self) -> ComposeResult:
+    def compose_content(self) -> ComposeResult:
         yield Lines(id="heading")
-        yield Table(id="rows")
+        yield ListView(id="rows")
         yield Lines(id="about")
 
     @property
-    def listed(self) -> Table:
-        return self.query_one(Table)
+    def list_view(self) -> ListView:
+        return self.query_one(ListView)
