@@ -22,17 +22,19 @@ class Turn(NamedTuple):
 class Recorded:
     """The decisions of a recording; status and cost go with the decision of the same tick."""
 
-    def __init__(self, reel: LogIndex) -> None:
+    def __init__(self, log_index: LogIndex) -> None:
         found = [
-            (at_ns, one) for at_ns, one in reel.on(DECISION.path) if type(one) is AvoidanceDecision
+            (at_ns, one)
+            for at_ns, one in log_index.on(DECISION.path)
+            if type(one) is AvoidanceDecision
         ]
         self._times_ns = [at_ns for at_ns, _ in found]
         self._decisions = [decision for _, decision in found]
         self._statuses = {
-            one.time_ns: one for _, one in reel.on(STATUS.path) if type(one) is NavigatorStatus
+            one.time_ns: one for _, one in log_index.on(STATUS.path) if type(one) is NavigatorStatus
         }
         self._cycles = {
-            one.time_ns: one for _, one in reel.on(CYCLE.path) if type(one) is CycleReport
+            one.time_ns: one for _, one in log_index.on(CYCLE.path) if type(one) is CycleReport
         }
 
     def at(self, at_ns: int) -> tuple[int, Explanation] | None:

@@ -54,31 +54,31 @@ class GhostRecording:
     In lockstep all stamps are of one clock: they say what belongs together, arrival does not quite.
     """
 
-    def __init__(self, reel: LogIndex) -> None:
-        begun_ns = lockstep_ns(reel)
+    def __init__(self, log_index: LogIndex) -> None:
+        begun_ns = lockstep_ns(log_index)
 
         def when(at_ns: int, stamp_ns: int) -> int:
             return at_ns if begun_ns is None else stamp_ns - begun_ns
 
         self.statuses = [
             (when(at_ns, one.time_ns), one)
-            for at_ns, one in reel.on(STATUS.path)
+            for at_ns, one in log_index.on(STATUS.path)
             if type(one) is NavigatorStatus
         ]
         truths = [
             Place(when(at_ns, one.time_ns), pose_of(one), one.time_ns)
-            for at_ns, one in reel.on(TRUTH.path)
+            for at_ns, one in log_index.on(TRUTH.path)
             if type(one) is GroundTruth
         ]
         self.places = truths or [
             Place(when(at_ns, one.time_ns), pose_of(one), None)
-            for at_ns, one in reel.on(ODOMETRY.path)
+            for at_ns, one in log_index.on(ODOMETRY.path)
             if type(one) is PlanarOdometry
         ]
         self.goals = [
-            (at_ns, one) for at_ns, one in reel.on(COMMANDED.path) if type(one) is GoalRequest
+            (at_ns, one) for at_ns, one in log_index.on(COMMANDED.path) if type(one) is GoalRequest
         ]
-        self.facts = reel.facts
+        self.facts = log_index.facts
 
     def beginning_ns(self) -> int:
         """When the first goal was there. Raises UserError when none ever was."""
@@ -159,9 +159,9 @@ def begun_ns(at_ns: int, status: NavigatorStatus) -> int:
     return at_ns - (status.time_ns - status.goal_started_ns)
 
 
-def lockstep_ns(reel: LogIndex) -> int | None:
+def lockstep_ns(log_index: LogIndex) -> int | None:
     """When the plant's clock began to be recorded; None when the run was not in lockstep."""
-    clocks = (one for _, one in reel.on(CLOCK.path) if type(one) is SystemTime)
+    clocks = (one for _, one in log_index.on(CLOCK.path) if type(one) is SystemTime)
     first = next(clocks, None)
     return None if first is None else first.time_unix_usec * NS_PER_US
 

@@ -176,7 +176,7 @@ class RecordingSession:
         """Delete old recordings here: the recorder's own messages would not be shown."""
         retention = Retention(self._folder, byte_limit(self._folder, self._keep))
         with suppress(OSError):  # a folder that is not there yet is made by the recorder
-            self._messages += filter(None, (retention.tidy(), retention.warning()))
+            self._messages += filter(None, (retention.delete_oldest(), retention.warning()))
 
     def _size_now(self) -> int:
         """Return the file's size; search for a newer file only when this one does not grow."""

@@ -1,1 +1,1 @@
-"""Recordings: what is written besides the `.tlog`, and everything that is read from either."""
+"""Write `.tlog` and `.mcap` recordings, and read either of them."""

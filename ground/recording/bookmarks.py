@@ -1,4 +1,4 @@
-"""The instants of a run that somebody will want to go to: goals, outcomes, failsafes, remarks."""
+"""Find the bookmarks of a run: goals, outcomes, failsafes and the operator's marks."""
 
 from collections.abc import Iterable
 from typing import Final, NamedTuple
@@ -16,23 +16,23 @@ STOPPED: Final = (Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP)
 
 
 class Mark(NamedTuple):
-    """`kind` is goal, outcome, failsafe or mark."""
+    """An instant to jump to; `kind` is goal, outcome, failsafe or mark."""
 
     time_s: float
     kind: str
     text: str
 
 
-def marks_of(reel: LogIndex) -> tuple[Mark, ...]:
-    """All of them, in the order of time."""
+def marks_in(log_index: LogIndex) -> tuple[Mark, ...]:
+    """Return all bookmarks in order of time."""
     texts = StatustextAssembler()
-    remarks = ((time_ns, texts.receive(message)) for time_ns, message in reel.on(MARK.path))
+    remarks = ((time_ns, texts.receive(message)) for time_ns, message in log_index.on(MARK.path))
     said = [Mark(time_ns / NS_PER_S, "mark", words) for time_ns, words in remarks if words]
-    return tuple(sorted([*changes(reel.on(STATUS.path)), *said]))
+    return tuple(sorted([*changes(log_index.on(STATUS.path)), *said]))
 
 
 def changes(statuses: Iterable[tuple[int, Message]]) -> list[Mark]:
-    """What the statuses of a run tell, each with its time in ns."""
+    """Return the bookmarks that status messages, each with its time in ns, imply."""
     found: list[Mark] = []
     goal_id, goal, vehicle = 0, int(GoalState.NONE), int(Vehicle.BOOT)
     for time_ns, status in statuses:
@@ -53,6 +53,7 @@ def changes(statuses: Iterable[tuple[int, Message]]) -> list[Mark]:
 
 
 def outcome(status: NavigatorStatus) -> str:
+    """Return the goal state of a status with its reason."""
     try:
         name = GoalState(status.goal).name
     except ValueError:

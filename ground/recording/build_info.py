@@ -1,4 +1,4 @@
-"""Which build recorded: its version, and the commit where it runs from a checkout."""
+"""Identify the build that records: its version, and the commit when it runs from a checkout."""
 
 import os
 import subprocess
@@ -10,11 +10,11 @@ from protocol.topics import DIALECT
 
 ROOT: Final = Path(__file__).parents[2]
 UNKNOWN: Final = "unknown"
-GIT_PATIENCE_S: Final = 10.0
+GIT_TIMEOUT_S: Final = 10.0
 
 
 def build() -> dict[str, str]:
-    """Texts for the head of a recording."""
+    """Return version, commit and dialect for the header of a recording."""
     return {"version": version_of("sidestep"), "commit": _commit(), "dialect": DIALECT}
 
 
@@ -27,7 +27,7 @@ def version_of(package: str) -> str:
 
 
 def _commit() -> str:
-    """A `+` at its end: something that git knows has been changed since."""
+    """Return the commit; a `+` at its end means that tracked files have changes."""
     if not (ROOT / ".git").exists():
         return UNKNOWN
     commit = git("rev-parse", "HEAD")
@@ -36,13 +36,13 @@ def _commit() -> str:
 
 
 def git(*words: str) -> str | None:
-    """Return what git answers; None when it does not know, or is not there."""
+    """Return the output of git, or None when git fails or is not installed."""
     try:
         run = subprocess.run(
             ["git", "-C", str(ROOT), *words],
             capture_output=True,
             text=True,
-            timeout=GIT_PATIENCE_S,
+            timeout=GIT_TIMEOUT_S,
             check=True,
             env={**os.environ, "GIT_OPTIONAL_LOCKS": "0"},
         )

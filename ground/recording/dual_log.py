@@ -1,4 +1,4 @@
-"""One run, written to two files at once: the `.tlog` that every MAVLink tool reads, and MCAP."""
+"""Write one run to two files: a `.tlog`, which every MAVLink tool reads, and an MCAP file."""
 
 import threading
 from collections.abc import Sequence
@@ -8,42 +8,44 @@ from pathlib import Path
 from typing import Self
 
 from ground.recording.build_info import build
-from ground.recording.log_writer import Recorder, beside, new_log
+from ground.recording.log_writer import LogWriter, new_log, sibling
 from ground.recording.mcap.writer import McapFormat
 
 TLOG_EVERY = 1
 MCAP_EVERY = 2
-"""Rounds between two batches: a chunk of MCAP is better for being longer."""
+"""Number of rounds between two batches; longer MCAP chunks compress better."""
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """One of the files."""
+    """One of the two files."""
 
     path: Path
-    recorder: Recorder
+    writer: LogWriter
     every: int
 
 
 class SyncThread:
-    """Has the disk keep what was written, in a thread of its own: a slow disk holds up no batch,
-    and what was written survives the end of this process."""
+    """Flush files to the disk in a separate thread, so that a slow disk delays no batch.
 
-    def __init__(self, recorders: Sequence[Recorder]) -> None:
+    Data written before the end of this process are therefore kept.
+    """
+
+    def __init__(self, recorders: Sequence[LogWriter]) -> None:
         self._recorders = recorders
         self._due = threading.Event()
         self._ending = False
         self._thread: threading.Thread | None = None
 
-    def ask(self) -> None:
-        """As soon as it has done with the last time."""
+    def request(self) -> None:
+        """Request a flush; it starts when the previous one has ended."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="sync", daemon=True)
             self._thread.start()
         self._due.set()
 
     def close(self) -> None:
-        """No more, so that the files can be closed."""
+        """End the thread, so that the files can be closed."""
         self._ending = True
         self._due.set()
         if self._thread is not None:
@@ -52,72 +54,76 @@ class SyncThread:
     def _run(self) -> None:
         while self._due.wait():
             self._due.clear()
-            if self._ending:  # looked at last: what was set before it is not waited for again
+            if self._ending:  # checked last: close() may have set the event before clear()
                 return
             for recorder in self._recorders:
                 recorder.sync()
 
 
 class DualLog:
-    """Takes frames from any thread, writes them from one. Each file has its own trouble."""
+    """Accept frames from any thread and write them from one; each file has its own errors."""
 
     def __init__(self, tracks: tuple[Track, ...]) -> None:
         self.tracks = tracks
-        self._taking = threading.Lock()
+        self._lock = threading.Lock()
         self._closing = False
-        self._syncing = SyncThread([track.recorder for track in tracks])
+        self._sync_thread = SyncThread([track.writer for track in tracks])
 
     @classmethod
     def new(cls, folder: Path, robot: str, started: datetime, utc_offset_ns: int) -> Self:
-        """Two fresh files of one name; OSError when one of them cannot be made."""
+        """Create two files of the same name; OSError when one of them cannot be created."""
         log = new_log(folder, robot, started)
         form = McapFormat(robot, build())
-        mcap = beside(log, ".mcap")
+        mcap = sibling(log, ".mcap")
         began_us = round(started.timestamp() * 1e6)
-        as_tlog = Recorder(log, utc_offset_ns, began_us=began_us)
-        as_mcap = Recorder(mcap, utc_offset_ns, form=form, began_us=began_us)
+        as_tlog = LogWriter(log, utc_offset_ns, began_us=began_us)
+        as_mcap = LogWriter(mcap, utc_offset_ns, form=form, began_us=began_us)
         return cls((Track(log.path, as_tlog, TLOG_EVERY), Track(mcap.path, as_mcap, MCAP_EVERY)))
 
     @property
     def path(self) -> Path:
+        """Path of the `.tlog`."""
         return self.tracks[0].path
 
     @property
-    def trouble(self) -> str:
-        """What ails the first file that ails; empty when none does."""
-        return next((t.recorder.trouble for t in self.tracks if t.recorder.trouble), "")
+    def error(self) -> str:
+        """First error of a file; empty when there is none."""
+        return next((t.writer.error for t in self.tracks if t.writer.error), "")
 
     @property
     def dropped(self) -> int:
-        """Frames that one of the files has not got."""
-        return max(track.recorder.dropped for track in self.tracks)
+        """Number of frames missing in the worse of the files."""
+        return max(track.writer.dropped for track in self.tracks)
 
     @property
-    def why_dropped(self) -> str:
-        return next((t.recorder.why_dropped for t in self.tracks if t.recorder.dropped), "")
+    def drop_reason(self) -> str:
+        """Reason for the missing frames; empty when none is missing."""
+        return next((t.writer.drop_reason for t in self.tracks if t.writer.dropped), "")
 
-    def take(self, key: str, frame: bytes, told_ns: int) -> None:
-        """In all files or, once they are being closed, in none."""
-        with self._taking:
+    def take(self, key: str, frame: bytes, published_ns: int) -> None:
+        """Add a frame to all files; ignore it once the files are being closed."""
+        with self._lock:
             if not self._closing:
                 for track in self.tracks:
-                    track.recorder.take(key, frame, told_ns)
+                    track.writer.take(key, frame, published_ns)
 
-    def know(self, name: str, text: str) -> None:
+    def add_fact(self, name: str, text: str) -> None:
+        """Add a fact, such as the world, to the files that can hold it."""
         for track in self.tracks:
-            track.recorder.know(name, text)
+            track.writer.add_fact(name, text)
 
     def flush(self, round_number: int, sync_every: int) -> None:
-        """Write what is due in this round, and have the disk keep it every so many rounds."""
+        """Write the files that are due; flush them to the disk every `sync_every` rounds."""
         for track in self.tracks:
             if round_number % track.every == 0:
-                track.recorder.flush()
+                track.writer.flush()
         if round_number % sync_every == 0:
-            self._syncing.ask()
+            self._sync_thread.request()
 
     def close(self) -> bool:
-        with self._taking:
+        """Write the rest and close the files; return whether every frame is in them."""
+        with self._lock:
             self._closing = True
-        self._syncing.close()
-        complete = [track.recorder.close() for track in self.tracks]
+        self._sync_thread.close()
+        complete = [track.writer.close() for track in self.tracks]
         return all(complete)

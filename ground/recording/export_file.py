@@ -1,4 +1,4 @@
-"""Files that an operator has asked for: written whole, or refused with the reason."""
+"""Write files that an operator asked for: complete, or not at all with a reason."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from runtime.errors import UserError
 
 
 def replace(path: Path, text: str) -> None:
-    """UserError, with the reason, when it cannot be written; then what was there still is."""
+    """Replace a file; on UserError the previous content is kept."""
     try:
         atomic_file.replace(path, text)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""The path of the topic that a frame was published on, as far as message and sender tell."""
+"""Derive the topic path of a frame from its message and its sender."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -16,11 +16,11 @@ PATH_OF: Final[Mapping[tuple[int, int], str]] = MappingProxyType(
         for message in topic.messages
     }
 )
-"""Message id and component that sends it, to the path of its topic; the first topic wins."""
+"""Map from message id and sending component to topic path; the first topic wins."""
 
 
 def path_in(frame: bytes) -> str:
-    """The path of a whole frame; under `unknown` when no topic has it."""
+    """Return the path of a whole frame; it starts with `unknown` when no topic has the message."""
     number = int.from_bytes(frame[HEADER_SIZE - 3 : HEADER_SIZE], "little")
     path = PATH_OF.get((number, frame[HEADER_SIZE - 4]))
     if path is None:

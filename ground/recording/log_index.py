@@ -1,7 +1,7 @@
-"""A whole recording in memory, closely packed, so that any instant of it is found at once.
+"""Hold a whole recording in compact form in memory, so that any instant is found at once.
 
-Its time begins at 0 with the first frame. In wall time it goes by arrival; in lockstep, where the
-machine ran as fast as it could, by the stamps of the plant's clock.
+Time starts at 0 with the first frame. It is the time of arrival in wall time. In lockstep, which
+runs as fast as the machine can, it is the stamp of the plant's clock.
 """
 
 from array import array
@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import Final, NamedTuple
 
-from ground.recording.log_reader import Frame, Log
+from ground.recording.log_reader import Log, LoggedFrame
 from protocol.topics import CLOCK, path_of
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
@@ -18,12 +18,12 @@ from protocol.wire.messages import SystemTime
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_US
 
-LATEST_NS: Final = 1 << 62
-"""What a damaged time is held back to."""
+MAX_TIME_NS: Final = 1 << 62
+"""Upper limit for a damaged time."""
 
 
 class IndexedFrame(NamedTuple):
-    """One frame at its place on the timeline."""
+    """One frame with its time on the timeline."""
 
     time_ns: int
     key: str
@@ -41,28 +41,28 @@ class LogIndex:
         self._blob = bytearray()
         self._places: dict[str, array[int]] = {}
         self.start_ns = 0
-        """When the first frame arrived, in UTC."""
+        """Time of arrival of the first frame, in UTC."""
         self._fill(log)
         self.robot = log.robot
         self.facts = dict(log.facts)
         self.damage = log.damage()
 
-    def _fill(self, log: Iterable[Frame]) -> None:
+    def _fill(self, log: Iterable[LoggedFrame]) -> None:
         numbers: dict[str, int] = {}
         plant = PlantClock()
         stamps_ns = array("q")
         arrived_ns = 0
         for place, one in enumerate(log):
             self.start_ns = self.start_ns or one.time_ns
-            arrived_ns = min(max(arrived_ns, one.time_ns - self.start_ns), LATEST_NS)
+            arrived_ns = min(max(arrived_ns, one.time_ns - self.start_ns), MAX_TIME_NS)
             self._times_ns.append(arrived_ns)
-            stamps_ns.append(plant.heard(one))
+            stamps_ns.append(plant.update(one))
             self._key_of.append(numbers.setdefault(one.key, len(numbers)))
             self._blob += one.frame
             self._ends.append(len(self._blob))
             self._places.setdefault(one.key, array("Q")).append(place)
         self._keys = list(numbers)
-        if plant.beats:
+        if plant.is_running:
             self._times_ns = stamps_ns
 
     def __len__(self) -> int:
@@ -74,34 +74,36 @@ class LogIndex:
         return IndexedFrame(self._times_ns[place], self._keys[self._key_of[place]], frame)
 
     def key(self, place: int) -> str:
+        """Return the key of the frame at an index."""
         return self._keys[self._key_of[place]]
 
     @property
     def duration_ns(self) -> int:
+        """Time of the last frame in ns."""
         return self._times_ns[-1] if self._times_ns else 0
 
     def after(self, time_ns: int) -> int:
-        """The place of the first frame later than this."""
+        """Return the index of the first frame later than this time."""
         return bisect_right(self._times_ns, time_ns)
 
     def at(self, time_ns: int) -> int:
-        """The place of the first frame not earlier than this."""
+        """Return the index of the first frame not earlier than this time."""
         return bisect_left(self._times_ns, time_ns)
 
     def _newest(self, key: str, before: int) -> IndexedFrame | None:
-        """The last frame of a key in front of a place."""
+        """Return the last frame with a key before an index."""
         places = self._places.get(key)
         found = 0 if places is None else bisect_left(places, before)
         return None if places is None or not found else self[places[found - 1]]
 
     def newest_on(self, path: str, before: int) -> IndexedFrame | None:
-        """Return the last frame on a topic's path, of any operator, in front of a place."""
+        """Return the last frame on a topic path, of any operator, before an index."""
         keys = (key for key in self._places if path_of(key) == path)
         found = [played for key in keys if (played := self._newest(key, before)) is not None]
         return max(found, key=lambda played: played.time_ns, default=None)
 
     def times_ns(self, path: str) -> list[int]:
-        """Of everything on a topic's path, readable or not."""
+        """Return the times of all frames on a topic path, readable or not."""
         return [
             self._times_ns[place]
             for key, places in self._places.items()
@@ -110,7 +112,7 @@ class LogIndex:
         ]
 
     def on(self, path: str) -> Iterator[tuple[int, Message]]:
-        """Time and message of everything readable on a topic's path."""
+        """Yield time and message of all readable frames on a topic path."""
         for key, places in self._places.items():
             if path_of(key) == path:
                 for place in places:
@@ -122,23 +124,23 @@ class LogIndex:
 
 
 class PlantClock:
-    """The plant's clock as its frames tell it, which they do in lockstep only; it begins at 0."""
+    """The plant's clock, whose frames exist in lockstep only; it starts at 0."""
 
     def __init__(self) -> None:
-        self.beats = False
+        self.is_running = False
         self._first_ns = 0
         self._now_ns = 0
 
-    def heard(self, one: Frame) -> int:
-        """The newest stamp when this frame came."""
+    def update(self, one: LoggedFrame) -> int:
+        """Return the newest stamp at the time of this frame."""
         if one.key.endswith(CLOCK.path):
             with suppress(RemoteError):
                 message = decode(one.frame).message
                 if isinstance(message, SystemTime):
-                    self._beat(message.time_unix_usec * NS_PER_US)
+                    self._advance(message.time_unix_usec * NS_PER_US)
         return self._now_ns
 
-    def _beat(self, stamp_ns: int) -> None:
-        if not self.beats:
-            self.beats, self._first_ns = True, stamp_ns
-        self._now_ns = min(max(self._now_ns, stamp_ns - self._first_ns), LATEST_NS)
+    def _advance(self, stamp_ns: int) -> None:
+        if not self.is_running:
+            self.is_running, self._first_ns = True, stamp_ns
+        self._now_ns = min(max(self._now_ns, stamp_ns - self._first_ns), MAX_TIME_NS)

@@ -1,6 +1,6 @@
-"""Every frame of a recording, whatever its kind: when it arrived, on which key, and its bytes.
+"""Read all frames of a recording of either kind: time of arrival, key and bytes.
 
-A file that was cut off anywhere gives the frames before the cut, and `damage` says what is lost.
+A truncated file yields the frames before the cut, and `damage` describes the loss.
 """
 
 import re
@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, Protocol
 
 from ground.recording.frame_paths import path_in
 from ground.recording.mcap.reader import McapFile
-from ground.recording.tlog import Reader
+from ground.recording.tlog import TlogReader
 from protocol.topic import NAME
 from protocol.topics import PREFIX
 from runtime.errors import UserError
@@ -21,8 +21,8 @@ NAMED: Final = re.compile(rf"\d{{8}}T\d{{6}}Z-(?P<robot>{NAME})(\.\d{{1,3}})?\Z"
 USUAL_ROBOT: Final = "r1"
 
 
-class Frame(NamedTuple):
-    """One frame; `time_ns` is when it reached the recorder, in UTC since 1970."""
+class LoggedFrame(NamedTuple):
+    """One frame; `time_ns` is its arrival at the recorder, in UTC since 1970."""
 
     time_ns: int
     key: str
@@ -30,59 +30,71 @@ class Frame(NamedTuple):
 
 
 class Log(Protocol):
-    """A recording, read once from front to back. What it lost is known when it has been read."""
+    """A recording, read once from front to back; losses are complete after reading."""
 
     @property
-    def robot(self) -> str: ...
-    @property
-    def facts(self) -> Mapping[str, str]:
-        """What was recorded beside the frames, as JSON texts: `world` and `parameters`."""
+    def robot(self) -> str:
+        """Name of the robot."""
         ...
 
     @property
-    def records(self) -> int: ...
+    def facts(self) -> Mapping[str, str]:
+        """Facts recorded beside the frames, as JSON texts: `world` and `parameters`."""
+        ...
+
     @property
-    def lost_bytes(self) -> int: ...
-    def __iter__(self) -> Iterator[Frame]: ...
+    def records(self) -> int:
+        """Number of frames read so far."""
+        ...
+
+    @property
+    def lost_bytes(self) -> int:
+        """Number of bytes lost so far."""
+        ...
+
+    def __iter__(self) -> Iterator[LoggedFrame]: ...
     def damage(self) -> str:
-        """What was lost, in words; empty when nothing was."""
+        """Return what was lost, in words; empty when nothing was lost."""
         ...
 
 
 class TlogLog:
-    """A `.tlog`. It has no keys: they follow from what a frame carries and who sent it.
+    """A `.tlog`; its keys are derived from message and sender of each frame.
 
-    It has no place for facts either: they are those of the `.mcap` of the same run beside it.
+    It cannot hold facts: they come from the `.mcap` of the same run beside it.
     """
 
     def __init__(self, path: Path, robot: str) -> None:
         self.robot = robot
-        self.facts = facts_beside(path)
+        self.facts = sibling_facts(path)
         self._path = path
-        self._reader: Reader | None = None
+        self._reader: TlogReader | None = None
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[LoggedFrame]:
         with self._path.open("rb") as source:
-            self._reader = Reader(source)
+            self._reader = TlogReader(source)
             for time_us, frame in self._reader:
-                yield Frame(time_us * NS_PER_US, key_of(frame, self.robot), frame)
+                yield LoggedFrame(time_us * NS_PER_US, key_of(frame, self.robot), frame)
 
     @property
     def records(self) -> int:
+        """Number of frames read."""
         return 0 if self._reader is None else self._reader.records
 
     @property
     def lost_bytes(self) -> int:
+        """Number of bytes that belong to no whole record."""
         return 0 if self._reader is None else self._reader.lost_bytes
 
     def damage(self) -> str:
+        """Return what was lost, in words."""
         return "" if self._reader is None else self._reader.damage()
 
 
 class McapLog:
-    """An `.mcap` of ours; `facts` are the texts that were recorded beside the frames.
+    """An `.mcap` file; `facts` are the texts recorded beside the frames.
 
-    Whatever prefix the keys had on the bus, here they have the usual one.
+    Keys get the standard prefix, whatever prefix they had on the bus.
     """
 
     def __init__(self, path: Path, robot: str) -> None:
@@ -91,22 +103,26 @@ class McapLog:
         self._file = McapFile(path)
         self.facts = self._file.facts
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[LoggedFrame]:
         for time_ns, raw in self._file:
             self.records += 1
             path = raw.key.partition(f"/{self.robot}/")[2]
-            yield Frame(time_ns, f"{PREFIX}/{self.robot}/{path}" if path else raw.key, raw.frame)
+            yield LoggedFrame(
+                time_ns, f"{PREFIX}/{self.robot}/{path}" if path else raw.key, raw.frame
+            )
 
     @property
     def lost_bytes(self) -> int:
+        """Number of bytes that belong to no whole chunk."""
         return self._file.lost_bytes
 
     def damage(self) -> str:
+        """Return what was lost, in words."""
         return self._file.damage()
 
 
-def opened(path: Path, robot: str | None = None) -> Log:
-    """The recording in a file, by what it begins with; UserError when it cannot be opened."""
+def open_log(path: Path, robot: str | None = None) -> Log:
+    """Open a recording; its first bytes decide the kind. UserError when it cannot be opened."""
     try:
         with path.open("rb") as source:
             begin = source.read(len(MCAP_BEGINS))
@@ -117,25 +133,25 @@ def opened(path: Path, robot: str | None = None) -> Log:
     return TlogLog(path, robot or robot_in(path))
 
 
-def facts_beside(path: Path) -> dict[str, str]:
-    """The facts of the `.mcap` of the same name; none when it is not there."""
+def sibling_facts(path: Path) -> dict[str, str]:
+    """Return the facts of the `.mcap` of the same name; empty when there is none."""
     try:
-        return McapFile(path.with_suffix(".mcap")).facts_alone()
+        return McapFile(path.with_suffix(".mcap")).read_facts()
     except OSError:
         return {}
 
 
-def frames(path: Path) -> Iterator[Frame]:
-    """All frames of a recording, in the order in which they arrived."""
-    return iter(opened(path))
+def frames(path: Path) -> Iterator[LoggedFrame]:
+    """Yield all frames of a recording in their order of arrival."""
+    return iter(open_log(path))
 
 
 def robot_in(path: Path) -> str:
-    """The robot that a recording is named after; the usual one when the name does not tell."""
+    """Return the robot in a recording's file name, or the default robot."""
     named = NAMED.match(path.stem)
     return named["robot"] if named else USUAL_ROBOT
 
 
 def key_of(frame: bytes, robot: str) -> str:
-    """The key that a frame was published on, as far as message and sender tell."""
+    """Return the key of a frame, derived from message and sender."""
     return f"{PREFIX}/{robot}/{path_in(frame)}"

@@ -1,9 +1,9 @@
-"""The black box: frames go to the end of a file in whole batches; it never holds up who sent them.
+"""Write frames to the end of a file in whole batches, without delaying the senders.
 
-A batch is one `write`, so a kill leaves whole records and at most one torn tail. While the disk is
-full or hangs the frames wait in bounded memory and the newest are let go, counted, until there is
-room. What was written since the last good synchronisation counts as lost when one fails: the kernel
-may have dropped it, and reports success the next time.
+A batch is one `write`, so a kill leaves whole records and at most one partial record. While the
+disk is full or hangs, frames wait in bounded memory; beyond the limit the newest are dropped and
+counted. When a flush to the disk fails, all data since the last good flush count as lost: the
+kernel may have dropped them, and the next flush reports success.
 """
 
 import fcntl
@@ -15,62 +15,80 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final, Protocol
 
-from ground.recording.tlog import record_bytes, whole
+from ground.recording.tlog import is_whole_frame, record_bytes
 from runtime.units import NS_PER_US
 
-HELD_BYTES: Final = 8 << 20
+MAX_WAITING_BYTES: Final = 8 << 20
 FRAME_COST: Final = 300
-"""Bytes of memory that a waiting frame takes beside its own."""
+"""Memory in bytes that a waiting frame takes besides its content."""
 
 MAX_KEY: Final = 250
-"""Letters of a key, which is in the MCAP with each frame; all of ours are shorter."""
+"""Longest key in characters; MCAP stores the key with each frame."""
 
 TOO_SLOW: Final = "the disk took too long"
 
 
 class LogFormat(Protocol):
-    """How frames are laid out in a file; what `batch` and `end` give is appended as it is.
+    """Layout of frames in a file; the results of `batch` and `end` are appended unchanged.
 
-    `time_us` is when a frame arrived, which never goes back; `told_us` when it was told.
+    `time_us` is the time of arrival, which never decreases; `published_us` is the time of
+    publication.
     """
 
-    def add(self, key: str, frame: bytes, time_us: int, told_us: int) -> None: ...
-    def know(self, name: str, text: str) -> None: ...
-    def batch(self) -> bytes: ...
-    def end(self) -> bytes: ...
+    def add(self, key: str, frame: bytes, time_us: int, published_us: int) -> None:
+        """Add a whole frame."""
+
+    def add_fact(self, name: str, text: str) -> None:
+        """Add a fact."""
+
+    def batch(self) -> bytes:
+        """Return everything since the last batch."""
+        ...
+
+    def end(self) -> bytes:
+        """Return the rest of the file."""
+        ...
 
 
 class TlogFormat:
-    """A `.tlog`: one record after the other, no place for facts, nor for a second stamp."""
+    """A `.tlog`: one record after the other, without facts and without times of publication."""
 
     def __init__(self) -> None:
         self._records: list[bytes] = []
 
-    def add(self, key: str, frame: bytes, time_us: int, told_us: int) -> None:
+    def add(self, key: str, frame: bytes, time_us: int, published_us: int) -> None:
+        """Add a frame."""
         self._records.append(record_bytes(time_us, frame))
 
-    def know(self, name: str, text: str) -> None:
-        """Only frames have a place in it."""
+    def add_fact(self, name: str, text: str) -> None:
+        """Ignore a fact: a `.tlog` holds frames only."""
 
     def batch(self) -> bytes:
+        """Return the records since the last batch."""
         batch = b"".join(self._records)
         self._records.clear()
         return batch
 
     def end(self) -> bytes:
+        """Return the rest."""
         return self.batch()
 
 
 class Sink(Protocol):
-    """Where batches go. `append` writes all of it or raises OSError and leaves nothing of it."""
+    """Target of batches. `append` writes all of a batch, or raises OSError and writes nothing."""
 
-    def append(self, batch: bytes) -> None: ...
-    def sync(self) -> None: ...
-    def close(self) -> None: ...
+    def append(self, batch: bytes) -> None:
+        """Append a whole batch or nothing."""
+
+    def sync(self) -> None:
+        """Flush the data to the disk."""
+
+    def close(self) -> None:
+        """Close the target."""
 
 
 class LogFile:
-    """A new file that only grows, and only by whole batches."""
+    """A new file that grows by whole batches only."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -80,46 +98,50 @@ class LogFile:
             fcntl.flock(self._fd, fcntl.LOCK_EX)  # shows that it is being written
 
     def append(self, batch: bytes) -> None:
+        """Append a whole batch, or raise OSError and leave the file unchanged."""
         try:
             rest = memoryview(batch)
             while rest:
                 rest = rest[os.write(self._fd, rest) :]
         except OSError:
-            # What a full disk took of the batch would be a torn record in the middle of the log.
+            # A full disk may have taken a part of the batch: a partial record in the middle of the
+            # log.
             os.ftruncate(self._fd, self._size)
             os.lseek(self._fd, self._size, os.SEEK_SET)
             raise
         self._size += len(batch)
 
     def sync(self) -> None:
+        """Flush the data to the disk."""
         os.fdatasync(self._fd)
 
     def close(self) -> None:
+        """Close the file."""
         os.close(self._fd)
 
 
-class Recorder:
-    """Takes frames from any thread, writes them from one. Frames are stamped in UTC."""
+class LogWriter:
+    """Accepts frames from any thread and writes them from one; stamps are in UTC."""
 
     def __init__(
         self,
         sink: Sink,
         utc_offset_ns: int,
-        held_bytes: int = HELD_BYTES,
+        max_waiting_bytes: int = MAX_WAITING_BYTES,
         form: LogFormat | None = None,
         began_us: int = 0,
     ) -> None:
-        """`utc_offset_ns` is what must be added to a frame's time of arrival to get UTC.
+        """Create a writer; `utc_offset_ns` is added to a time of arrival to get UTC.
 
-        What was told before `began_us` (UTC), and is fetched, arrives then.
+        A cached sample published before `began_us` (UTC) gets `began_us` as its time of arrival.
         """
         self._sink = sink
         self._utc_offset_ns = utc_offset_ns
-        self._held_bytes = held_bytes
+        self._held_bytes = max_waiting_bytes
         self._form: LogFormat = TlogFormat() if form is None else form
         self._arrived: deque[tuple[str, bytes, int]] = deque()
         self._arrived_bytes = 0
-        self._arriving = threading.Lock()
+        self._lock = threading.Lock()
         self._overflowed = 0  # changed under the lock
         self._dropped = 0  # changed by the thread that writes
         self._synced = self._unsynced = 0  # changed by the thread that synchronises
@@ -128,55 +150,55 @@ class Recorder:
         self._newest_us = began_us
         self.written = 0
         self.rejected = 0
-        self.trouble = ""
-        self.why_dropped = ""
+        self.error = ""
+        self.drop_reason = ""
 
     @property
     def dropped(self) -> int:
-        """Frames that are not in the file, or may not be on the disk."""
+        """Number of frames that are not in the file or may not be on the disk."""
         return self._overflowed + self._dropped + self._unsynced
 
-    def take(self, key: str, frame: bytes, told_ns: int) -> None:
-        """Called by the bus: keeps a reference, no more, and no more than so many bytes."""
-        with self._arriving:
+    def take(self, key: str, frame: bytes, published_ns: int) -> None:
+        """Store a frame by reference, up to a limit in bytes; called by the bus."""
+        with self._lock:
             if self._arrived_bytes > self._held_bytes:
                 self._overflowed += 1
-                self.why_dropped = TOO_SLOW
+                self.drop_reason = TOO_SLOW
                 return
             self._arrived_bytes += len(frame) + len(key) + FRAME_COST
-            self._arrived.append((key, frame, told_ns))
+            self._arrived.append((key, frame, published_ns))
 
-    def know(self, name: str, text: str) -> None:
-        """A fact beside the frames, where the form has a place for it."""
-        self._form.know(name, text)
+    def add_fact(self, name: str, text: str) -> None:
+        """Add a fact, if the format can hold it."""
+        self._form.add_fact(name, text)
 
     def flush(self) -> bool:
-        """Write what has arrived; False, and `trouble`, when the file would not take it."""
+        """Write what has arrived; return False and set `error` when the file rejects it."""
         self._collect()
         self._waiting += self._form.batch()
         return self._append()
 
     def sync(self) -> None:
-        """Ask the disk to have it too; a disk that cannot is named in `trouble`.
+        """Flush the file to the disk; a failure is stored in `error`.
 
-        What was written since the last good one is counted as dropped then, once and for all.
+        Frames written since the last good flush then count as dropped, permanently.
         """
         written = self.written
         try:
             self._sink.sync()
         except OSError as error:
-            self.trouble = self.why_dropped = error.strerror or str(error)
+            self.error = self.drop_reason = error.strerror or str(error)
             self._unsynced += written - self._synced
         self._synced = written
 
     def close(self) -> bool:
-        """Write the rest and close; did everything get in?"""
+        """Write the rest and close; return whether every frame is in the file."""
         self._collect()
         self._waiting += self._form.end()
         complete = self._append()
         if not complete:
             self._dropped += self._waiting_frames
-            self.why_dropped = self.trouble
+            self.drop_reason = self.error
         self.sync()
         self._sink.close()
         return complete and not self.dropped
@@ -187,33 +209,33 @@ class Recorder:
         try:
             self._sink.append(bytes(self._waiting))
         except OSError as error:
-            self.trouble = error.strerror or str(error)
+            self.error = error.strerror or str(error)
             return False
         self.written += self._waiting_frames
         self._waiting.clear()
         self._waiting_frames = 0
-        self.trouble = ""
+        self.error = ""
         return True
 
     def _collect(self) -> None:
-        with self._arriving:
+        with self._lock:
             arrived, self._arrived = self._arrived, deque()
             self._arrived_bytes = 0
-        for key, frame, told_ns in arrived:
-            if not whole(frame) or len(key) > MAX_KEY:
-                self.rejected += 1  # written, it would put a reader out of step
+        for key, frame, published_ns in arrived:
+            if not is_whole_frame(frame) or len(key) > MAX_KEY:
+                self.rejected += 1  # it would break the framing of the file
             elif len(self._waiting) > self._held_bytes:
                 self._dropped += 1
-                self.why_dropped = self.trouble
+                self.drop_reason = self.error
             else:
-                told_us = (told_ns + self._utc_offset_ns) // NS_PER_US
-                self._newest_us = max(self._newest_us, told_us)
-                self._form.add(key, frame, self._newest_us, told_us)
+                published_us = (published_ns + self._utc_offset_ns) // NS_PER_US
+                self._newest_us = max(self._newest_us, published_us)
+                self._form.add(key, frame, self._newest_us, published_us)
                 self._waiting_frames += 1
 
 
 def new_log(folder: Path, robot: str, started: datetime) -> LogFile:
-    """A fresh file in the folder, which is made if need be; OSError when it cannot be."""
+    """Create a file in the folder, and the folder if needed; OSError on failure."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = f"{started.astimezone(UTC):%Y%m%dT%H%M%SZ}-{robot}"
     for number in range(1000):
@@ -222,6 +244,6 @@ def new_log(folder: Path, robot: str, started: datetime) -> LogFile:
     raise FileExistsError("a thousand logs of this second exist already")
 
 
-def beside(log: LogFile, suffix: str) -> LogFile:
-    """Another file of the same run, of the same name but for its suffix."""
+def sibling(log: LogFile, suffix: str) -> LogFile:
+    """Create another file of the same run with another suffix."""
     return LogFile(log.path.with_suffix(suffix))

@@ -1,4 +1,4 @@
-"""What a recording should say beside its frames: the world and the parameters, once each."""
+"""Request what a recording holds besides frames: the world and the parameters, once each."""
 
 from typing import Final
 
@@ -13,7 +13,7 @@ LONGEST_PAUSE_NS: Final = 5_000_000_000
 
 
 class MetadataReader:
-    """Asks for what is still missing, ever more seldom: who knows it may come later."""
+    """Requests missing facts at growing intervals, as the plant may start later."""
 
     def __init__(self, bus: ServiceCaller, robot: str) -> None:
         self._bus = bus
@@ -22,8 +22,8 @@ class MetadataReader:
         self._due_ns = 0
         self._pause_ns = FIRST_PAUSE_NS
 
-    def learned(self, now_ns: int) -> dict[str, str]:
-        """What has been answered now: JSON texts by name."""
+    def poll(self, now_ns: int) -> dict[str, str]:
+        """Return newly received facts as JSON texts by name; request those that are due."""
         if not self._missing or now_ns < self._due_ns:
             return {}
         self._due_ns = now_ns + self._pause_ns

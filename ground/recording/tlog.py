@@ -1,6 +1,6 @@
-"""A .tlog file: eight bytes of big-endian microseconds, then one MAVLink frame, over and over.
+"""Read a `.tlog`: records of a big-endian time in us (8 bytes) and one MAVLink frame.
 
-A file that was cut off anywhere is read up to the cut, and the reader says how much was lost.
+A truncated file is read up to the cut; the reader reports the loss.
 """
 
 from collections.abc import Iterator
@@ -24,30 +24,31 @@ EPOCH_2200_US: Final = 7_258_118_400_000_000
 
 
 class Record(NamedTuple):
-    """One frame and when it arrived, microseconds since 1970 in UTC."""
+    """One frame and its time of arrival, microseconds since 1970 in UTC."""
 
     time_us: int
     frame: bytes
 
 
 def record_bytes(time_us: int, frame: bytes) -> bytes:
+    """Return the bytes of a record."""
     return STAMP.pack(time_us) + frame
 
 
 def frame_size(head: bytes) -> int:
-    """Size of the frame that begins with these (at least three) bytes; 0 when none does."""
+    """Return the size of a frame from its first three bytes or more; 0 for no frame."""
     if len(head) < 3 or head[0] != MAGIC:
         return 0
     return HEADER_SIZE + head[1] + CHECKSUM_SIZE + (SIGNATURE_SIZE if head[2] & SIGNED else 0)
 
 
-def whole(frame: bytes) -> bool:
-    """Is this exactly one frame, by its own account of its size?"""
+def is_whole_frame(frame: bytes) -> bool:
+    """Return whether the bytes are exactly one frame, by the frame's own size."""
     return len(frame) > 0 and frame_size(frame) == len(frame)
 
 
-class Reader:
-    """Reads a log once, front to back; `lost_bytes` are those that belong to no whole record."""
+class TlogReader:
+    """Reads a log once from front to back; `lost_bytes` belong to no whole record."""
 
     def __init__(self, source: BinaryIO) -> None:
         self._source = source
@@ -68,7 +69,7 @@ class Reader:
                 self._skip()
 
     def _available(self, size: int) -> bool:
-        """Have `size` bytes ready, or what is left of the file; False at its end."""
+        """Buffer `size` bytes or the rest of the file; return False at its end."""
         if len(self._buffer) - self._at < size and not self._ended:
             del self._buffer[: self._at]
             self._at = 0
@@ -80,19 +81,19 @@ class Reader:
         return self._at < len(self._buffer)
 
     def _record_size(self) -> int:
-        """Size of the whole record at the present place, 0 when there is none."""
+        """Return the size of the whole record at the present position, 0 when there is none."""
         size = self._claimed_size(self._at)
         end = self._at + size
         if not size or end > len(self._buffer):
             return 0
         if _decodes(bytes(self._buffer[self._at + STAMP.size : end])):
             return size
-        # A frame of a newer dialect cannot be checked; it is believed if its neighbour fits.
+        # A frame of a newer dialect cannot be checked; accept it if another record follows.
         followed = end == len(self._buffer) or self._claimed_size(end)
         return size if self._in_step and followed else 0
 
     def _claimed_size(self, at: int) -> int:
-        """Size of the record that seems to begin there; 0 when nothing of the kind does."""
+        """Return the size that a record at a position claims; 0 when there is no record."""
         head = bytes(self._buffer[at : at + STAMP.size + 3])
         if len(head) < STAMP.size + 3:
             return 0
@@ -109,7 +110,7 @@ class Reader:
         return Record(time_us, frame)
 
     def _skip(self) -> None:
-        """On to the next byte at which a record may begin."""
+        """Move to the next byte at which a record may begin."""
         self.gaps += self._in_step
         self._in_step = False
         magic = self._buffer.find(MAGIC, self._at + 1 + STAMP.size)
@@ -119,17 +120,17 @@ class Reader:
         self._at = place
 
     def damage(self) -> str:
-        """What was lost, in words; empty when nothing was."""
+        """Return what was lost, in words; empty when nothing was lost."""
         if not self.lost_bytes:
             return ""
         places = "one place" if self.gaps == 1 else f"{self.gaps} places"
-        return f"{self.lost_bytes} bytes in {places} belong to no whole record and were left out"
+        return f"{self.lost_bytes} bytes in {places} belong to no whole record and were skipped"
 
 
 def read(path: Path) -> Iterator[Record]:
-    """The whole records of a file."""
+    """Yield the whole records of a file."""
     with path.open("rb") as source:
-        yield from Reader(source)
+        yield from TlogReader(source)
 
 
 def _decodes(frame: bytes) -> bool:

@@ -1,4 +1,4 @@
-"""A world's facts, as they were asked for and recorded: what of it can be drawn, and where."""
+"""Extract from a world's recorded facts what can be drawn, and where."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -12,13 +12,13 @@ from runtime.json_reader import value_in
 HEIGHT_M: Final = 0.3
 SKIN_M: Final = 0.02
 FAINT: Final = 0.4
-USUAL_RADIUS_M: Final = 0.12
+DEFAULT_RADIUS_M: Final = 0.12
 BEARINGS_RAD: Final = tuple(radians((sonar - 3.5) * 22.5) for sonar in range(8))
-"""Where the sonars look, from right to left, seen from the robot's middle."""
+"""Bearings of the sonars from right to left, seen from the robot's centre."""
 
 
 def facts_of(text: str) -> dict[str, Any]:
-    """What the plant said of its world; empty when that cannot be read."""
+    """Return the plant's description of its world; empty when it is malformed."""
     try:
         facts: dict[str, Any] = value_in(text)
         radius_of(facts)
@@ -30,18 +30,19 @@ def facts_of(text: str) -> dict[str, Any]:
 
 
 def radius_of(facts: dict[str, Any]) -> float:
-    """The robot's; a world names it only where it is not the usual one."""
-    return float(facts.get("robot", {}).get("radius_m", USUAL_RADIUS_M))
+    """Return the robot's radius in m; a world names it only if it differs from the default."""
+    return float(facts.get("robot", {}).get("radius_m", DEFAULT_RADIUS_M))
 
 
 def start_of(facts: dict[str, Any]) -> Iterator[tuple[Point, float]]:
+    """Yield the start position and heading in rad, if any."""
     start = facts.get("start")
     if start:
         yield (start["x_m"], start["y_m"]), radians(start["heading_deg"])
 
 
 def outlines(facts: dict[str, Any]) -> Iterator[tuple[list[Point], float]]:
-    """Every line of walls and polygons, with its thickness; closed lines end where they begin."""
+    """Yield points and thickness of each wall and polygon; closed lines end where they begin."""
     if facts.get("walls") and "size_m" in facts:
         wide_m, high_m = facts["size_m"]
         corners = [(0.0, 0.0), (wide_m, 0.0), (wide_m, high_m), (0.0, high_m), (0.0, 0.0)]
@@ -55,7 +56,7 @@ def outlines(facts: dict[str, Any]) -> Iterator[tuple[list[Point], float]]:
 
 
 def discs(facts: dict[str, Any]) -> Iterator[tuple[Point, float, list[Point]]]:
-    """Centre, radius, and the path of one that moves: where it is then, no log tells."""
+    """Yield centre, radius and path of each disc; recordings lack moving positions."""
     for obstacle in facts.get("obstacles", ()):
         if "circle_m" in obstacle:
             circle = obstacle["circle_m"]
@@ -64,7 +65,7 @@ def discs(facts: dict[str, Any]) -> Iterator[tuple[Point, float, list[Point]]]:
 
 
 def solids(facts: dict[str, Any], tint: Colour) -> tuple[list[Json], list[Json]]:
-    """Cubes and cylinders of all that stands there; what moves is faint, at its start."""
+    """Return cubes and cylinders of all obstacles; moving ones are pale, at their start."""
     cubes = [
         _side(a, b, thickness_m, tint)
         for points, thickness_m in outlines(facts)

@@ -10,7 +10,7 @@ from ground.client.telemetry import Telemetry
 from ground.explain.explanation import Explanation, explain
 from ground.explain.from_recording import Recorded, Turn
 from ground.recording.log_index import LogIndex
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from ground.reports.report import Report
 from protocol.topics import CYCLE, DECISION, STATUS
 from runtime.errors import UserError
@@ -69,35 +69,37 @@ def of_a_robot(link: Link, telemetry: Telemetry) -> Report:
 
 def of_a_recording(asked: ExplainRecording, progress: Progress) -> Report:
     """UserError when nothing was decided so far; `ok` unless the recording is damaged."""
-    reel = LogIndex(opened(Path(asked.file), asked.robot))
-    if reel.damage:
-        progress.note(f"{asked.file}: DAMAGED: {reel.damage}")
-    recorded = Recorded(reel)
+    log_index = LogIndex(open_log(Path(asked.file), asked.robot))
+    if log_index.damage:
+        progress.note(f"{asked.file}: DAMAGED: {log_index.damage}")
+    recorded = Recorded(log_index)
     turns = list(recorded.turns())
     if asked.turns:
         return turns_of(asked, turns)
-    at_ns = chosen_ns(asked, reel, turns)
+    at_ns = chosen_ns(asked, log_index, turns)
     told = recorded.at(at_ns)
     if told is None:
         raise UserError(f"{asked.file}: no decision is recorded up to {at_ns / NS_PER_S:g} s")
     decided_ns, found = told
     at_s = decided_ns / NS_PER_S
     row = {"file": asked.file, "ok": True, "at_s": at_s, **as_json(found)}
-    return Report(not reel.damage, f"at {at_s:.2f} s it {found.text()}", row)
+    return Report(not log_index.damage, f"at {at_s:.2f} s it {found.text()}", row)
 
 
-def chosen_ns(asked: ExplainRecording, reel: LogIndex, turns: list[Turn]) -> int:
+def chosen_ns(asked: ExplainRecording, log_index: LogIndex, turns: list[Turn]) -> int:
     """The instant asked for, else the last turning point, else the end."""
     if asked.at_s is not None:
-        return instant_ns(asked.file, reel, asked.at_s)
-    return turns[-1].at_ns if turns else reel.duration_ns
+        return instant_ns(asked.file, log_index, asked.at_s)
+    return turns[-1].at_ns if turns else log_index.duration_ns
 
 
-def instant_ns(file: str, reel: LogIndex, at_s: float) -> int:
+def instant_ns(file: str, log_index: LogIndex, at_s: float) -> int:
     """On the timeline of the recording; UserError when that ends before."""
     at_ns = round(at_s * NS_PER_S)
-    if at_ns > reel.duration_ns:
-        raise UserError(f"{file} ends at {reel.duration_ns / NS_PER_S:.2f} s, before {at_s:g} s")
+    if at_ns > log_index.duration_ns:
+        raise UserError(
+            f"{file} ends at {log_index.duration_ns / NS_PER_S:.2f} s, before {at_s:g} s"
+        )
     return at_ns
 
 

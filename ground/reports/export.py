@@ -9,13 +9,13 @@ from typing import ClassVar, Final, NamedTuple, TextIO
 
 from ground.client.connection import within
 from ground.client.operations import Progress, Session
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from ground.recording.tables.files import parquet, write_csv, write_parquet
 from ground.recording.tables.rows import LONG, Column, Row, long_rows, wide_columns, wide_rows
-from ground.recording.tables.time_axis import Axis
+from ground.recording.tables.time_axis import TimeAxis
 from runtime.errors import UserError
 
-USUAL_RATE_HZ: Final = 20.0
+DEFAULT_RATE_HZ: Final = 20.0
 LOWEST_HZ: Final = 0.01
 HIGHEST_HZ: Final = 1000.0
 
@@ -115,16 +115,16 @@ def same_file(one: str, other: str) -> bool:
     return False
 
 
-def axis_of(asked: Export) -> Axis:
-    return Axis(opened(Path(asked.file)), asked.begin_s, asked.end_s)
+def axis_of(asked: Export) -> TimeAxis:
+    return TimeAxis(open_log(Path(asked.file)), asked.begin_s, asked.end_s)
 
 
-def table_of(asked: Export, axis: Axis) -> tuple[list[Column], Iterable[Row]]:
+def table_of(asked: Export, axis: TimeAxis) -> tuple[list[Column], Iterable[Row]]:
     """Wide is read twice: first for its columns."""
     if asked.shape == "long":
         return list(LONG), long_rows(axis)
     columns = wide_columns(axis_of(asked))
-    return columns, wide_rows(axis, columns, asked.rate_hz or USUAL_RATE_HZ)
+    return columns, wide_rows(axis, columns, asked.rate_hz or DEFAULT_RATE_HZ)
 
 
 def write(asked: Export, columns: list[Column], rows: Iterable[Row]) -> int:

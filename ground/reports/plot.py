@@ -8,10 +8,10 @@ from typing import Any, ClassVar, Final
 from ground.client.operations import Progress, Session
 from ground.launch.child_command import command
 from ground.launch.scenario import world_facts
-from ground.recording.log_reader import Log, opened
+from ground.recording.log_reader import Log, open_log
 from ground.recording.tables import figure
-from ground.recording.tables.series import gathered
-from ground.recording.tables.time_axis import Axis
+from ground.recording.tables.series import collect_series
+from ground.recording.tables.time_axis import TimeAxis
 from ground.recording.world_metadata import facts_of, radius_of
 from ground.reports.report import Report
 from runtime.errors import UserError
@@ -39,7 +39,7 @@ class Plot:
         target = Path(self.out) if self.out else source.with_suffix(".png")
         if target.suffix not in KINDS:
             raise UserError(f"--out {target}: end it in .png or .svg")
-        log = opened(source)
+        log = open_log(source)
         if not sum(1 for _ in log):  # all of it: the facts may stand anywhere
             raise UserError(f"{source}: holds no frame{damaged(log)}")
         facts = facts_in(self.world, log)
@@ -54,8 +54,8 @@ class Plot:
 
 def draw(asked: Plot, target: Path, robot: str, facts: dict[str, Any]) -> None:
     source = Path(asked.file)
-    found = gathered(Axis(opened(source), asked.begin_s, asked.end_s), radius_of(facts))
-    if not (found.believed or found.true):
+    found = collect_series(TimeAxis(open_log(source), asked.begin_s, asked.end_s), radius_of(facts))
+    if not (found.estimated or found.true):
         raise UserError(f"{source}: there is no pose in that time, so there is nothing to draw")
     where = f" in {facts['name']}" if "name" in facts else ""
     try:

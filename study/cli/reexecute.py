@@ -9,7 +9,7 @@ from pathlib import Path
 from struct import pack
 from typing import Any
 
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from ground.recording.tables.message_fields import shortest_single
 from protocol.wire.goal import rounded_heading_rad
 from protocol.wire.messages import PlanarOdometry
@@ -27,7 +27,7 @@ from study.trial.trial import NAVIGATORS
 def main(argv: Sequence[str]) -> int:
     """Return 0 without a difference, 1 with differing or missing data, 2 if impossible."""
     options = parser().parse_args(argv)
-    recorded = RecordedDrive(opened(Path(options.file), options.id))
+    recorded = RecordedDrive(open_log(Path(options.file), options.id))
     refuse_unless_whole(recorded)
     params = params_of(recorded)
     other = options.navigator is not None

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import main
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from ground.recording.log_writer import LogFile
 from ground.recording.tlog import read
 from ground.text.statustext import StatustextAssembler
@@ -49,7 +49,7 @@ def test_every_frame_is_kept_and_what_is_no_frame_is_not(
     frames = [decode(frame).message for frame in kept]
     assert told["frames"] == len(frames)
     assert told["rejected"] > 0
-    log = opened(Path(told["mcap"]))
+    log = open_log(Path(told["mcap"]))
     assert [one.frame for one in log] == kept
     assert log.damage() == ""
     assert "d_obs_m" in log.facts["parameters"]

@@ -9,7 +9,7 @@ import pytest
 
 from ground.client.connection import Common
 from ground.launch.recording_session import RecordingSession
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from protocol.bus.network import Network
 from runtime.clock import WallClock
 from runtime.errors import UserError
@@ -50,7 +50,7 @@ def test_it_is_begun_and_ended(recording: RecordingSession) -> None:
     file = Path(recording.end())
     assert recording.words == ""
     for path in (file, file.with_suffix(".mcap")):
-        log = opened(path)
+        log = open_log(path)
         assert len(list(log)) > 0
         assert log.damage() == ""
 

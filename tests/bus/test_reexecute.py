@@ -3,7 +3,7 @@
 from pathlib import Path
 from threading import Lock
 
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from ground.recording.mcap.writer import McapFormat
 from protocol.topics import INPUTS, SONAR, WHEELS
 from study.cli.reexecute import params_of, start_of
@@ -24,7 +24,7 @@ def test_goals_missions_fences_teleop_leases_and_lost_senses_are_had_again(tmp_p
 
     with Stack("box", noise="default", seed=4) as stack:
         stack.ground.stream(stack.ground.key("**"), take)
-        form.know("parameters", stack.vehicle.tuning.described().decode())
+        form.add_fact("parameters", stack.vehicle.tuning.described().decode())
         prefix = stack.ground.network.prefix
         needed = {topic.key("r1", prefix) for topic in (WHEELS, SONAR, INPUTS)}
         stack.until(lambda: needed <= heard, within_s=1.0)
@@ -32,7 +32,7 @@ def test_goals_missions_fences_teleop_leases_and_lost_senses_are_had_again(tmp_p
         drive_about(stack)
     with lock:
         path.write_bytes(form.end())
-    recorded = RecordedDrive(opened(path))
+    recorded = RecordedDrive(open_log(path))
     refuse_unless_whole(recorded)
     start, _ = start_of(recorded)
     verdict = reexecute(recorded, params_of(recorded), start)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from protocol.wire.codec import decode
 from protocol.wire.enums import GoalState
 from tests.support.stack.processes import (
@@ -47,7 +47,7 @@ def recorded(folder: Path) -> Iterator[tuple[Crew, Witness, Running]]:
 
 def stamps_in(log: Path) -> tuple[list[int], int]:
     """Plant's time of each status in the log, and how many bytes of it are of no use."""
-    recording = opened(log)
+    recording = open_log(log)
     messages = [decode(one.frame).message for one in recording]
     kinds = Counter(type(message).__name__ for message in messages)
     assert kinds["SonarScan"] > 5

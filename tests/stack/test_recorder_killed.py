@@ -14,7 +14,7 @@ from typing import Final
 
 import pytest
 
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import WHEELS, Role
@@ -32,7 +32,7 @@ EVERY_S: Final = 0.02
 LOST_AT_MOST_S: Final = 1.0
 
 
-class Speaker:
+class TopicEncoder:
     """Says a number fifty times a second, and remembers when it said which."""
 
     def __init__(self, network: Network) -> None:
@@ -51,7 +51,7 @@ class Speaker:
             self.said_s.append(time.monotonic())
 
     @contextmanager
-    def speaking(self) -> Iterator["Speaker"]:
+    def speaking(self) -> Iterator["TopicEncoder"]:
         with self.bus:
             self._thread.start()
             try:
@@ -62,7 +62,7 @@ class Speaker:
 
 
 def numbers_in(path: Path) -> list[int]:
-    messages = [decode(one.frame).message for one in opened(path)]
+    messages = [decode(one.frame).message for one in open_log(path)]
     return [one.seq for one in messages if isinstance(one, WheelTicks)]
 
 
@@ -72,11 +72,11 @@ def logs_in(folder: Path) -> tuple[Path, Path]:
 
 
 @contextmanager
-def stage() -> Iterator[tuple[Crew, Speaker]]:
+def stage() -> Iterator[tuple[Crew, TopicEncoder]]:
     """Nobody but who speaks; recorders dial it."""
     with Crew() as crew:
         network = Network(mode="peer", listen=(crew.endpoint,))
-        with Speaker(network).speaking() as speaker:
+        with TopicEncoder(network).speaking() as speaker:
             yield crew, speaker
 
 
@@ -107,7 +107,7 @@ def recorded(folder: Path) -> bool:
     return sum(path.stat().st_size > 4000 for path in folder.glob("*.*")) == 2
 
 
-def lost(path: Path, speaker: Speaker, killed_s: float) -> float:
+def lost(path: Path, speaker: TopicEncoder, killed_s: float) -> float:
     """How long before the kill the first frame was said that is not there; nothing else lacks."""
     numbers = numbers_in(path)
     assert numbers == list(range(numbers[0], numbers[-1] + 1))
@@ -135,6 +135,6 @@ def test_a_disk_that_was_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
         numbers = numbers_in(path)
         assert numbers == list(range(numbers[0], numbers[-1] + 1))
         assert numbers[-1] > said
-        log = opened(path)
+        log = open_log(path)
         assert len(list(log)) == len(numbers)
         assert log.damage() == ""

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.recording.tlog import Reader
+from ground.recording.tlog import TlogReader
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
 from tests.support.stack.process_table import ROOT, alive, children_of, cmdline, frames_in
@@ -97,7 +97,7 @@ def test_without_its_robot_there_is_no_trial_but_the_other_one_goes_on(tmp_path:
 def texts_in(log: Path) -> str:
     """All that the robot said, its pieces put together."""
     with log.open("rb") as source:
-        messages = [decode(record.frame).message for record in Reader(source)]
+        messages = [decode(record.frame).message for record in TlogReader(source)]
     return "".join(one.text for one in messages if isinstance(one, Statustext))
 
 

@@ -17,12 +17,12 @@ from ground.explain.from_recording import Recorded as Decided
 from ground.ghost.recorded_ghost import GhostRecording, changed_in
 from ground.map import Canvas, View, draw
 from ground.recording.log_index import LogIndex
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
 from ground.recording.mcap.writer import McapFormat
 from ground.recording.playback.playback_bus import ReplayBus
-from ground.recording.tables.series import gathered
-from ground.recording.tables.time_axis import Axis
+from ground.recording.tables.series import collect_series
+from ground.recording.tables.time_axis import TimeAxis
 from ground.recording.tlog import record_bytes
 from ground.recording.world_metadata import discs, facts_of, outlines, radius_of, start_of
 from ground.reports.export import Export
@@ -158,7 +158,7 @@ def mcaps() -> tuple[bytes, ...]:
     """As our recorder writes it; and plain, so that changed bytes get through."""
     form = McapFormat("r1", {})
     for name, text in facts().items():
-        form.know(name, text)
+        form.add_fact(name, text)
     for time_us, key, frame in timed(spoken()[0]):
         form.add(key, frame, time_us)
     recorded = form.batch() + form.end()
@@ -251,9 +251,9 @@ def play(path: Path) -> None:
 def tell(path: Path) -> None:
     bus = ReplayBus(path, ManualClock())
     list(lines(bus, 0.0, max(1.0, bus.timeline.duration_ns / 5e9)))
-    decided = Decided(bus.reel)
+    decided = Decided(bus.log_index)
     list(decided.turns())
-    found = decided.at(bus.reel.duration_ns)
+    found = decided.at(bus.log_index.duration_ns)
     if found is not None:
         found[1].text()
 
@@ -265,30 +265,30 @@ def tabulate(path: Path) -> None:
 
 
 def gather(path: Path) -> None:
-    log = opened(path)
+    log = open_log(path)
     frames = list(log)
     text = log.facts.get("world", "")
     known = facts_of(text)
-    gathered(Axis(opened(path)), radius_of(known))
+    collect_series(TimeAxis(open_log(path)), radius_of(known))
     list(start_of(known)), list(outlines(known)), list(discs(known))
     form = McapFormat("r1", {})
-    form.know("world", text)
+    form.add_fact("world", text)
     for frame in frames:
         form.add(frame.key, frame.frame, frame.time_ns // 1000)
     form.end()
 
 
 def haunt(path: Path) -> None:
-    reel = LogIndex(opened(path))
-    changed_in(reel.facts.get("parameters", ""))
-    footage = GhostRecording(reel)
+    log_index = LogIndex(open_log(path))
+    changed_in(log_index.facts.get("parameters", ""))
+    footage = GhostRecording(log_index)
     at_ns = footage.beginning_ns()
     footage.rest(at_ns)
     footage.instant(at_ns, None, None)
 
 
 def again(path: Path) -> None:
-    recorded = RecordedDrive(opened(path))
+    recorded = RecordedDrive(open_log(path))
     refuse_unless_whole(recorded)
     start, _ = started_at(recorded)
     reexecute(recorded, params_of(recorded), start, other=False)

@@ -7,7 +7,7 @@ from pathlib import Path
 from statistics import median
 from typing import Final
 
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from protocol.topics import ANSWERED, COMMANDED, TEXT, path_of
 from protocol.wire.codec import decode
 from verification.harness.figures import Figure, Report, digits, percentile
@@ -55,7 +55,7 @@ class Course:
         """Count the events of the recorded robot, and the gaps between them."""
         last: dict[str, int] = {}
         for file in sorted(folder.glob("*.mcap")):
-            for one in opened(file):
+            for one in open_log(file):
                 path = path_of(one.key)
                 if path in EVENTS:
                     sequence = decode(one.frame).sequence

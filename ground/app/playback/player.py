@@ -81,7 +81,7 @@ class Player:
 
     def to_mark(self) -> str:
         """To the next mark, or from the last one to the first; what it says."""
-        mark = self.bus.mark_after(self.position_s) or self.bus.mark_after(-1.0)
+        mark = self.bus.next_mark(self.position_s) or self.bus.next_mark(-1.0)
         if mark is None:
             return "there are no marks"
         self.seek(mark.time_s)

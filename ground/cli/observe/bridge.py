@@ -12,7 +12,7 @@ from ground.grammar.words import add_common
 from ground.recording.log_writer import MAX_KEY
 from ground.recording.mcap.channels import ChannelMessage, ChannelSplitter
 from ground.recording.metadata import MetadataReader
-from ground.recording.tlog import whole
+from ground.recording.tlog import is_whole_frame
 from ground.text.output import Output
 from runtime.clock import Clock
 from runtime.errors import UserError
@@ -94,7 +94,7 @@ class Bridge:
     def __init__(self, link: Link, prefix: str) -> None:
         self._link = link
         self._offset_ns = time_ns() - link.clock.now_ns()
-        self._spread = ChannelSplitter(link.robot)
+        self._splitter = ChannelSplitter(link.robot)
         self._facts = MetadataReader(link.bus, link.robot)
         self._arrived: deque[tuple[str, bytes, int]] = deque(maxlen=MOST_WAITING)
         self._channels: dict[str, Any] = {}
@@ -108,13 +108,13 @@ class Bridge:
 
     def round(self, now_ns: int) -> None:
         """Everything that has come; and what is told seldom, when it is time to."""
-        for name, text in self._facts.learned(now_ns).items():
-            self._tell(self._spread.know(name, text, now_ns + self._offset_ns), now_ns)
+        for name, text in self._facts.poll(now_ns).items():
+            self._tell(self._splitter.draw_fact(name, text, now_ns + self._offset_ns), now_ns)
         for _ in range(len(self._arrived)):
             key, frame, arrived_ns = self._arrived.popleft()
-            if whole(frame):
+            if is_whole_frame(frame):
                 time_ns = arrived_ns + self._offset_ns
-                self._tell(self._spread.add(key, frame, time_ns), arrived_ns)
+                self._tell(self._splitter.add(key, frame, time_ns), arrived_ns)
         if now_ns >= self._again_ns:
             self._again_ns = now_ns + AGAIN_NS
             self._tell(list(self._once.values()), now_ns)

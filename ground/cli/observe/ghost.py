@@ -17,7 +17,7 @@ from ground.ghost.recorded_ghost import GhostRecording, changed_in, side_of
 from ground.grammar.looking import moment
 from ground.grammar.words import add_common, seconds
 from ground.recording.log_index import LogIndex
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from ground.reports.explain import instant_ns
 from ground.text.output import Output
 from ground.text.status_parts import Part
@@ -85,12 +85,12 @@ def refuse_without_a_recording(options: argparse.Namespace) -> None:
 
 
 def of_a_recording(options: argparse.Namespace, says: Output) -> int:
-    reel = LogIndex(opened(Path(options.file), options.id))
-    if reel.damage:
-        says.note(f"{options.file}: DAMAGED: {reel.damage}")
-    footage = GhostRecording(reel)
+    log_index = LogIndex(open_log(Path(options.file), options.id))
+    if log_index.damage:
+        says.note(f"{options.file}: DAMAGED: {log_index.damage}")
+    footage = GhostRecording(log_index)
     at_s: float | None = options.at
-    at_ns = footage.beginning_ns() if at_s is None else instant_ns(options.file, reel, at_s)
+    at_ns = footage.beginning_ns() if at_s is None else instant_ns(options.file, log_index, at_s)
     instant = footage.instant(at_ns, options.world, goal_in(options))
     parameters = driving(changed_in(footage.facts.get("parameters", "")))
     status = footage.status_at(at_ns)

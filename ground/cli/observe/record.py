@@ -12,7 +12,7 @@ from ground.grammar.words import add_common
 from ground.launch.child_processes import defer_signals
 from ground.launch.recording_session import add_keep, byte_limit
 from ground.recording.dual_log import DualLog, Track
-from ground.recording.log_writer import Recorder
+from ground.recording.log_writer import LogWriter
 from ground.recording.metadata import MetadataReader
 from ground.recording.retention import Retention
 from ground.text.output import Output
@@ -36,20 +36,20 @@ def run(options: argparse.Namespace, says: Output) -> int:
     common = common_of(options)
     with open_link(common) as link:
         folder = Path(options.folder)
-        tape = tape_in(folder, link)
-        link.bus.everything(tape.take)
-        says.note(f"recording {link.robot} to {tape.path} and .mcap")
+        dual_log = dual_log_in(folder, link)
+        link.bus.everything(dual_log.take)
+        says.note(f"recording {link.robot} to {dual_log.path} and .mcap")
         shelf = Retention(folder, byte_limit(folder, options.keep))
         note(says, shelf.warning())
         try:
-            keep_writing(link, tape, MetadataReader(link.bus, link.robot), shelf, says)
+            keep_writing(link, dual_log, MetadataReader(link.bus, link.robot), shelf, says)
         except KeyboardInterrupt:
             with defer_signals():
-                complete = tape.close()
-        return tell(says, tape, complete=complete)
+                complete = dual_log.close()
+        return tell(says, dual_log, complete=complete)
 
 
-def tape_in(folder: Path, link: Link) -> DualLog:
+def dual_log_in(folder: Path, link: Link) -> DualLog:
     offset_ns = time_ns() - link.clock.now_ns()
     try:
         return DualLog.new(folder, link.robot, datetime.now(UTC), offset_ns)
@@ -58,7 +58,7 @@ def tape_in(folder: Path, link: Link) -> DualLog:
 
 
 def keep_writing(
-    link: Link, tape: DualLog, facts: MetadataReader, shelf: Retention, says: Output
+    link: Link, dual_log: DualLog, facts: MetadataReader, shelf: Retention, says: Output
 ) -> None:
     """Four rounds a second, one of them down to the disk; trouble is told at once and again."""
     alarms = Alarms(says)
@@ -66,13 +66,13 @@ def keep_writing(
     while True:
         due_ns = link.clock.now_ns() + FLUSH_NS
         if round_number % TIDY_EVERY == 0:
-            note(says, shelf.tidy())
+            note(says, shelf.delete_oldest())
         round_number += 1
         with defer_signals():  # what a signal cut short would be half a chunk
-            for name, text in facts.learned(link.clock.now_ns()).items():
-                tape.know(name, text)
-            tape.flush(round_number, SYNC_EVERY)
-        alarms.look(tape, due_ns)
+            for name, text in facts.poll(link.clock.now_ns()).items():
+                dual_log.add_fact(name, text)
+            dual_log.flush(round_number, SYNC_EVERY)
+        alarms.look(dual_log, due_ns)
         link.clock.sleep_until(due_ns)
 
 
@@ -85,16 +85,16 @@ class Alarms:
         self._dropped_ns: int | None = None
         self._dropped = 0
 
-    def look(self, tape: DualLog, now_ns: int) -> None:
-        if not tape.trouble and self._trouble_ns is not None:
+    def look(self, dual_log: DualLog, now_ns: int) -> None:
+        if not dual_log.error and self._trouble_ns is not None:
             self._says.note("RECORDING resumed: the log can be written again")
             self._trouble_ns = None
-        elif tape.trouble and is_due(self._trouble_ns, now_ns):
-            self._says.note(f"RECORDING IN TROUBLE: {tape.trouble}; the robot drives on")
+        elif dual_log.error and is_due(self._trouble_ns, now_ns):
+            self._says.note(f"RECORDING IN TROUBLE: {dual_log.error}; the robot drives on")
             self._trouble_ns = now_ns
-        if tape.dropped > self._dropped and is_due(self._dropped_ns, now_ns):
-            self._dropped, self._dropped_ns = tape.dropped, now_ns
-            self._says.note(f"RECORDING HAS LOST {tape.dropped} frames: {tape.why_dropped}")
+        if dual_log.dropped > self._dropped and is_due(self._dropped_ns, now_ns):
+            self._dropped, self._dropped_ns = dual_log.dropped, now_ns
+            self._says.note(f"RECORDING HAS LOST {dual_log.dropped} frames: {dual_log.drop_reason}")
 
 
 def is_due(told_ns: int | None, now_ns: int) -> bool:
@@ -107,25 +107,25 @@ def note(says: Output, words: str) -> None:
         says.note(words)
 
 
-def tell(says: Output, tape: DualLog, *, complete: bool) -> int:
-    tlog, mcap = tape.tracks
+def tell(says: Output, dual_log: DualLog, *, complete: bool) -> int:
+    tlog, mcap = dual_log.tracks
     found: dict[str, object] = {"file": str(tlog.path), "mcap": str(mcap.path), "ok": complete}
-    found |= account(tlog.recorder) | {"mcap_dropped": mcap.recorder.dropped}
-    says.result(found, "\n".join(in_words(track) for track in tape.tracks))
+    found |= account(tlog.writer) | {"mcap_dropped": mcap.writer.dropped}
+    says.result(found, "\n".join(in_words(track) for track in dual_log.tracks))
     return 0 if complete else 1
 
 
-def account(recorder: Recorder) -> dict[str, object]:
+def account(writer: LogWriter) -> dict[str, object]:
     return {
-        "frames": recorder.written,
-        "dropped": recorder.dropped,
-        "rejected": recorder.rejected,
-        "reason": recorder.trouble or recorder.why_dropped,
+        "frames": writer.written,
+        "dropped": writer.dropped,
+        "rejected": writer.rejected,
+        "reason": writer.error or writer.drop_reason,
     }
 
 
 def in_words(track: Track) -> str:
-    recorder = track.recorder
-    lost = f", {recorder.dropped} LOST ({recorder.why_dropped})" if recorder.dropped else ""
-    odd = f", {recorder.rejected} no frames and left out" if recorder.rejected else ""
-    return f"{track.path}: {recorder.written} frames{odd}{lost}"
+    writer = track.writer
+    lost = f", {writer.dropped} LOST ({writer.drop_reason})" if writer.dropped else ""
+    odd = f", {writer.rejected} no frames and left out" if writer.rejected else ""
+    return f"{track.path}: {writer.written} frames{odd}{lost}"

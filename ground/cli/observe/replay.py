@@ -105,7 +105,7 @@ def lines(bus: ReplayBus, begin_s: float, every_s: float) -> Iterator[tuple[floa
         except RemoteError:
             return
         if text:
-            said.append(((arrived_ns - bus.reel.start_ns) / NS_PER_S, f"robot: {text}"))
+            said.append(((arrived_ns - bus.log_index.start_ns) / NS_PER_S, f"robot: {text}"))
 
     bus.stream(TEXT, take)
     end_s = bus.timeline.duration_ns / NS_PER_S
@@ -127,10 +127,10 @@ def summary(bus: ReplayBus, file: str) -> dict[str, object]:
     return {
         "file": file,
         "robot": bus.robot,
-        "frames": len(bus.reel),
+        "frames": len(bus.log_index),
         "duration_s": bus.timeline.duration_ns / NS_PER_S,
         "marks": [mark._asdict() for mark in bus.marks],
-        "facts": sorted(bus.reel.facts),
+        "facts": sorted(bus.log_index.facts),
         "damage": bus.damage,
     }
 
@@ -138,4 +138,4 @@ def summary(bus: ReplayBus, file: str) -> dict[str, object]:
 def in_few_words(bus: ReplayBus) -> str:
     seconds = bus.timeline.duration_ns / NS_PER_S
     damage = f"; DAMAGED: {bus.damage}" if bus.damage else ""
-    return f"{len(bus.reel)} frames of {bus.robot} in {seconds:.1f} s{damage}"
+    return f"{len(bus.log_index)} frames of {bus.robot} in {seconds:.1f} s{damage}"

@@ -1,1 +1,1 @@
-"""Messages that Foxglove and Lichtblick draw."""
+"""Build messages that Foxglove and Lichtblick draw."""

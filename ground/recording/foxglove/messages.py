@@ -1,4 +1,4 @@
-"""Makers of what Foxglove and Lichtblick draw; metres, radians, x forward and y to the left."""
+"""Build Foxglove primitives; metres, radians, x forward and y to the left."""
 
 from base64 import b64encode
 from collections.abc import Iterable, Sequence
@@ -23,32 +23,35 @@ PRIMITIVES: Final = (
 
 
 def stamp(time_ns: int) -> Json:
+    """Return a Foxglove time."""
     sec, nsec = divmod(time_ns, NS_PER_S)
     return {"sec": sec, "nsec": nsec}
 
 
 def vector(x: float, y: float, z: float = 0.0) -> Json:
-    """To a tenth of a millimetre: finer digits are noise, and half of the file."""
+    """Return a vector in m, rounded to 0.1 mm: more digits are noise and double the file."""
     return {"x": round(x, DIGITS), "y": round(y, DIGITS), "z": round(z, DIGITS)}
 
 
 def turn(angle_rad: float) -> Json:
-    """A rotation about the upright axis."""
+    """Return the quaternion of a rotation about the vertical axis."""
     along, upright = round(cos(angle_rad / 2.0), DIGITS), round(sin(angle_rad / 2.0), DIGITS)
     return {"x": 0.0, "y": 0.0, "z": upright, "w": along}
 
 
 def pose(x_m: float, y_m: float, heading_rad: float = 0.0, z_m: float = 0.0) -> Json:
+    """Return a pose on the ground plane, or `z_m` above it."""
     return {"position": vector(x_m, y_m, z_m), "orientation": turn(heading_rad)}
 
 
 def colour(tint: Colour) -> Json:
+    """Return a colour from its red, green, blue and alpha parts in 0 to 1."""
     red, green, blue, alpha = tint
     return {"r": red, "g": green, "b": blue, "a": alpha}
 
 
 def entity(name: str, frame: str, time_ns: int, **primitives: Sequence[Json]) -> Json:
-    """Something to be seen until one of the same name on the same topic takes its place."""
+    """Return an entity; it is drawn until another one of the same name on the topic replaces it."""
     return {
         "timestamp": stamp(time_ns),
         "frame_id": frame,
@@ -61,11 +64,12 @@ def entity(name: str, frame: str, time_ns: int, **primitives: Sequence[Json]) ->
 
 
 def scene(*entities: Json) -> Json:
+    """Return an update of the scene with these entities."""
     return {"deletions": [], "entities": list(entities)}
 
 
 def disc(centre: Point, radius_m: float, height_m: float, tint: Colour) -> Json:
-    """An upright cylinder that stands on the floor."""
+    """Return a vertical cylinder on the floor."""
     return {
         "pose": pose(*centre, z_m=height_m / 2.0),
         "size": vector(2.0 * radius_m, 2.0 * radius_m, height_m),
@@ -76,6 +80,7 @@ def disc(centre: Point, radius_m: float, height_m: float, tint: Colour) -> Json:
 
 
 def ball(centre: Point, radius_m: float, tint: Colour) -> Json:
+    """Return a sphere on the floor."""
     size_m = 2.0 * radius_m
     return {
         "pose": pose(*centre, z_m=radius_m),
@@ -85,6 +90,7 @@ def ball(centre: Point, radius_m: float, tint: Colour) -> Json:
 
 
 def arrow(tail: Point, heading_rad: float, length_m: float, tint: Colour) -> Json:
+    """Return a horizontal arrow."""
     return {
         "pose": pose(*tail, heading_rad, z_m=0.1),
         "shaft_length": 0.7 * length_m,
@@ -96,6 +102,7 @@ def arrow(tail: Point, heading_rad: float, length_m: float, tint: Colour) -> Jso
 
 
 def line(kind: int, points: Iterable[Point], thickness_m: float, tint: Colour) -> Json:
+    """Return a line of the given kind through the points."""
     return {
         "type": kind,
         "pose": pose(0.0, 0.0),
@@ -109,6 +116,7 @@ def line(kind: int, points: Iterable[Point], thickness_m: float, tint: Colour) -
 
 
 def cloud(frame: str, time_ns: int, points: Sequence[Point]) -> Json:
+    """Return a cloud of points 0.1 m above the floor."""
     packed = b"".join(pack("<fff", x_m, y_m, 0.1) for x_m, y_m in points)
     fields = [
         {"name": name, "offset": 4 * place, "type": FLOAT32} for place, name in enumerate("xyz")

@@ -1,7 +1,7 @@
-"""What a run looks like: each message turned into what a viewer draws of it.
+"""Draw a run: turn each message into the messages that a viewer draws.
 
-Places are those of the frame `world`: a robot is told where it starts. Only what is finite is
-drawn: what is missing has no place.
+All poses are in the frame `world`, because the robot knows its start pose. Values that are not
+finite are not drawn.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ from ground.recording.foxglove.messages import (
 from ground.recording.mcap.json_schemas import Json
 from ground.recording.world_metadata import (
     BEARINGS_RAD,
-    USUAL_RADIUS_M,
+    DEFAULT_RADIUS_M,
     facts_of,
     radius_of,
     solids,
@@ -52,7 +52,7 @@ WORLD: Final = "world"
 ROBOT: Final = "robot"
 TRAIL_STEP_M: Final = 0.05
 TRAIL_EVERY_NS: Final = 1_000_000_000
-MOST_POSES: Final = 400
+MAX_POSES: Final = 400
 RING: Final = tuple((cos(radians(a)), sin(radians(a))) for a in range(0, 360, 15))
 BLUE = (0.2, 0.5, 1.0, 1.0)
 GREEN = (0.1, 0.7, 0.3, 1.0)
@@ -70,7 +70,7 @@ MAX_SENDERS: Final = 64
 
 
 class ViewerMessage(NamedTuple):
-    """A message for a viewer: its topic, the name of its kind, its content."""
+    """A message for a viewer: topic, name of its schema, content."""
 
     topic: str
     shape: str
@@ -78,10 +78,10 @@ class ViewerMessage(NamedTuple):
 
 
 class SceneDrawer:
-    """Remembers what it needs to draw the next message: the trail, the goal, the robot's size."""
+    """Draws messages; keeps what later drawings need: the trail, the goal, the robot's size."""
 
     def __init__(self) -> None:
-        self._radius_m = USUAL_RADIUS_M
+        self._radius_m = DEFAULT_RADIUS_M
         self._trail: list[tuple[float, float, float]] = []
         self._step_m = TRAIL_STEP_M
         self._trail_due_ns = 0
@@ -89,21 +89,22 @@ class SceneDrawer:
         self._virtual: Point | None = None
         self._texts: dict[str, StatustextAssembler] = {}
         self._draws: dict[type[Message], Callable[[Any, int], list[ViewerMessage]]] = {
-            PlanarOdometry: self._belief,
+            PlanarOdometry: self._odometry,
             GroundTruth: self._truth,
             SonarScan: self._sonar,
             NavigatorStatus: self._status,
             AvoidanceDecision: self._decision,
         }
 
-    def see(self, key: str, message: Message, time_ns: int) -> list[ViewerMessage]:
+    def draw(self, key: str, message: Message, time_ns: int) -> list[ViewerMessage]:
+        """Return the drawings of a message."""
         if isinstance(message, Statustext):
             return self._text(key, message, time_ns)
         draw = self._draws.get(type(message))
         return [] if draw is None else draw(message, time_ns)
 
-    def know(self, name: str, text: str, time_ns: int) -> list[ViewerMessage]:
-        """Draw a fact: the world with the robot in it. One that cannot be read draws nothing."""
+    def draw_fact(self, name: str, text: str, time_ns: int) -> list[ViewerMessage]:
+        """Draw a fact, which is the world with the robot; a malformed one draws nothing."""
         if name != WORLD:
             return []
         try:
@@ -125,12 +126,12 @@ class SceneDrawer:
             ViewerMessage("/robot/body", schemas.SCENE_UPDATE, scene(robot)),
         ]
 
-    def _belief(self, odometry: PlanarOdometry, time_ns: int) -> list[ViewerMessage]:
+    def _odometry(self, odometry: PlanarOdometry, time_ns: int) -> list[ViewerMessage]:
         place = (odometry.x_m, odometry.y_m, odometry.heading_rad)
         if not all(map(isfinite, place)):
             return []
         found = [_transform(place, time_ns), _pose("/robot/pose", place, time_ns)]
-        self._walk(*place)
+        self._extend_trail(*place)
         if time_ns >= self._trail_due_ns:
             self._trail_due_ns = time_ns + TRAIL_EVERY_NS
             poses = [pose(*known) for known in self._trail]
@@ -138,14 +139,14 @@ class SceneDrawer:
             found.append(ViewerMessage("/robot/trail", schemas.POSES_IN_FRAME, content))
         return found
 
-    def _walk(self, x_m: float, y_m: float, heading_rad: float) -> None:
-        """Keep a bounded trail: when it is full, every other pose is let go."""
+    def _extend_trail(self, x_m: float, y_m: float, heading_rad: float) -> None:
+        """Keep a bounded trail: when it is full, drop every other pose."""
         if self._trail:
             last_x_m, last_y_m, _ = self._trail[-1]
             if (x_m - last_x_m) ** 2 + (y_m - last_y_m) ** 2 < self._step_m**2:
                 return
         self._trail.append((x_m, y_m, heading_rad))
-        if len(self._trail) > MOST_POSES:
+        if len(self._trail) > MAX_POSES:
             self._trail = self._trail[::2]
             self._step_m *= 2.0
 
@@ -154,7 +155,7 @@ class SceneDrawer:
         return [_pose("/truth/pose", place, time_ns)] if all(map(isfinite, place)) else []
 
     def _sonar(self, scan: SonarScan, time_ns: int) -> list[ViewerMessage]:
-        """The echoes as points, and a ray to each; where no echo came there is nothing."""
+        """Draw each echo as a point with a ray; draw nothing for a sonar without echo."""
         points: list[Point] = []
         rays: list[Point] = []
         for sonar, bearing_rad in enumerate(BEARINGS_RAD):
@@ -171,7 +172,7 @@ class SceneDrawer:
         ]
 
     def _status(self, status: NavigatorStatus, time_ns: int) -> list[ViewerMessage]:
-        """The goal, whenever it is another one."""
+        """Draw the goal when it has changed."""
         goal = (status.goal_x_m, status.goal_y_m, status.goal_heading_rad)
         if not (isfinite(goal[0]) and isfinite(goal[1])) or str(goal) == str(self._goal):
             return []
@@ -183,7 +184,7 @@ class SceneDrawer:
         return [ViewerMessage("/goal", schemas.SCENE_UPDATE, scene(mark))]
 
     def _decision(self, decision: AvoidanceDecision, time_ns: int) -> list[ViewerMessage]:
-        """The virtual goal and the avoidance zone; an empty entity where there is none."""
+        """Draw the virtual goal and the avoidance zone; an empty entity clears them."""
         spot = (decision.virtual_x_m, decision.virtual_y_m)
         virtual = spot if isfinite(spot[0]) and isfinite(spot[1]) else None
         if virtual == self._virtual:
@@ -200,14 +201,14 @@ class SceneDrawer:
         return [ViewerMessage("/goal/virtual", schemas.SCENE_UPDATE, scene(spheres, zone))]
 
     def _texts_of(self, key: str) -> StatustextAssembler:
-        """Those of one sender; beyond so many senders the oldest are forgotten."""
+        """Return the text assembler of one sender; drop the oldest beyond the limit."""
         texts = self._texts.setdefault(key, StatustextAssembler())
         if len(self._texts) > MAX_SENDERS:
             del self._texts[next(iter(self._texts))]
         return texts
 
     def _text(self, key: str, text: Statustext, time_ns: int) -> list[ViewerMessage]:
-        """What the robot says, and remarks: their pieces may come between each other."""
+        """Draw a text of the robot or an operator; pieces of several texts may interleave."""
         words = self._texts_of(key).receive(text)
         if not words:
             return []

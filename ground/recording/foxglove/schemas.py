@@ -1,7 +1,4 @@
-"""Schemas of the well-known messages that Foxglove and Lichtblick draw by themselves.
-
-Names are those of https://docs.foxglove.dev/docs/sdk/schemas.
-"""
+"""Define the schemas of well-known messages that Foxglove and Lichtblick draw."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -24,7 +21,7 @@ COLOUR: Final = record("foxglove.Color", r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
 
 
 def solid(name: str, **sizes: Json) -> Json:
-    """Something of one colour that stands somewhere."""
+    """Return the schema of a primitive with a pose and one colour."""
     return record(f"foxglove.{name}Primitive", pose=POSE, **sizes, color=COLOUR)
 
 

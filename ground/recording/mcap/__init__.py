@@ -1,1 +1,1 @@
-"""MCAP files: read and written."""
+"""Read and write MCAP files."""

@@ -1,4 +1,4 @@
-"""JSON schemas of what a recording holds: ours follow from the layout of each message."""
+"""Build JSON schemas of the contents of a recording; those of messages follow from their layout."""
 
 import json
 from functools import cache
@@ -18,7 +18,7 @@ class Schema(NamedTuple):
 
 
 def record(title: str, **properties: Json) -> Json:
-    """An object that has all of these."""
+    """Return the schema of an object with all of these properties."""
     return {
         "title": title,
         "type": "object",
@@ -28,16 +28,18 @@ def record(title: str, **properties: Json) -> Json:
 
 
 def many(items: Json) -> Json:
+    """Return the schema of an array."""
     return {"type": "array", "items": items}
 
 
 def named(content: Json) -> Schema:
+    """Return a schema under its title."""
     return Schema(str(content["title"]), json.dumps(content).encode())
 
 
 @cache
 def schema_of(message: type[Message]) -> Schema:
-    """Of one of our messages; a number that may be infinite, or none, may also be null."""
+    """Return the schema of a message; floating-point values may be null."""
     layout = LAYOUT[message.__name__]
     fields = {field.name: _field(field) for field in layout.fields}
     return named(record(f"sidestep.{message.__name__}", **fields))

@@ -1,9 +1,9 @@
-"""The frames in an MCAP file that may have been cut off, or damaged, anywhere.
+"""Read the frames of an MCAP file that may be truncated or damaged anywhere.
 
-Whole records are found by their own lengths, so that it is known how much could not be used. A
-frame lies in its channel as it was on the bus. Its key follows from message and sender, as in a
-`.tlog`; where it does not, it stands in a channel of its own, just before the frame. Recordings
-made earlier have key and frame in one JSON text.
+Whole records are found by their own lengths, so the size of the loss is known. A frame lies in its
+channel as it was on the bus. Its key follows from message and sender, as in a `.tlog`; where it
+does not, the key precedes the frame in a separate channel. Older recordings hold key and frame in
+one JSON text.
 """
 
 import os
@@ -29,7 +29,7 @@ from protocol.wire.codec import HEADER_SIZE
 RAW_TOPIC: Final = "/mavlink"
 KEY_TOPIC: Final = "/mavlink/key"
 KEYS: Final = "keys"
-"""What the keys of a channel of frames begin with, in its metadata."""
+"""Metadata key of a channel; its value is the common prefix of the frames' keys."""
 MAGIC: Final = b"\x89MCAP0\r\n"
 FACT: Final = "json"
 RECORD: Final = struct.Struct("<BQ")
@@ -39,31 +39,31 @@ UNREADABLE: Final = (
     *(McapError, zstandard.ZstdError, struct.error),
     *(ValueError, OverflowError, RuntimeError, MemoryError),
 )
-LARGEST: Final = 1 << 24
-MOST_DENSE: Final = 200
-"""Times its size. Our own chunks unpack to ten times theirs."""
+MAX_UNPACKED: Final = 1 << 24
+MAX_RATIO: Final = 200
+"""Largest ratio of unpacked to packed size; own chunks unpack to ten times their size."""
 SLACK: Final = 1 << 16
 
 
 class Raw(msgspec.Struct, frozen=True, gc=False):
-    """A frame as it was on the bus; in the JSON of earlier recordings its bytes are base64."""
+    """A frame as it was on the bus; older recordings hold its bytes in base64."""
 
     key: str
     frame: bytes
 
 
-class Key(msgspec.Struct, frozen=True, gc=False):
+class FrameKey(msgspec.Struct, frozen=True, gc=False):
     """The key of the frame that follows."""
 
     key: str
 
 
 RAW_IN: Final = msgspec.json.Decoder(Raw)
-KEY_IN: Final = msgspec.json.Decoder(Key)
+KEY_IN: Final = msgspec.json.Decoder(FrameKey)
 
 
 class McapFile:
-    """Reads a file once, front to back; `facts` grow as they are met."""
+    """Reads a file once from front to back; `facts` grow while reading."""
 
     def __init__(self, path: Path) -> None:
         self.facts: dict[str, str] = {}
@@ -78,7 +78,7 @@ class McapFile:
         with self._path.open("rb") as source:
             size = self._path.stat().st_size
             if source.read(len(MAGIC)) != MAGIC:
-                self._lose(size)
+                self._count_loss(size)
                 return
             for opcode, content in self._records(source, size):
                 if opcode == Opcode.CHUNK:
@@ -89,14 +89,14 @@ class McapFile:
                     self._closed = True
                     return
 
-    def facts_alone(self) -> dict[str, str]:
-        """Only the facts: what lies between them is skipped, not read."""
+    def read_facts(self) -> dict[str, str]:
+        """Return the facts and skip everything else."""
         for content in self._metadata():
             self._fact(content)
         return self.facts
 
     def robot(self) -> str:
-        """The name of the robot in the head of the file; empty when there is none."""
+        """Return the robot's name in the header of the file, or an empty text."""
         for content in self._metadata():
             with suppress(*UNREADABLE, KeyError):
                 return str(Metadata.read(ReadDataStream(BytesIO(content))).metadata["robot"])
@@ -117,25 +117,25 @@ class McapFile:
                     source.seek(length, os.SEEK_CUR)
 
     def _records(self, source: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
-        """Opcode and content of each whole record."""
+        """Yield opcode and content of each whole record."""
         while head := source.read(RECORD.size):
             left = size - source.tell()
             if len(head) < RECORD.size:
-                self._lose(len(head))
+                self._count_loss(len(head))
                 return
             opcode, length = RECORD.unpack(head)
             if length > min(left, LARGEST_RECORD):
-                self._lose(len(head) + left)
+                self._count_loss(len(head) + left)
                 return
             yield opcode, source.read(length)
 
     def _chunk(self, content: bytes) -> Iterator[tuple[int, Raw]]:
-        """All or nothing: a chunk whose checksum does not match is left out."""
+        """Yield the frames of a chunk; skip the whole chunk when it is damaged."""
         try:
             chunk = Chunk.read(ReadDataStream(BytesIO(content)))
             found = list(self._messages(unpacked(chunk)))
         except UNREADABLE:
-            self._lose(RECORD.size + len(content))
+            self._count_loss(RECORD.size + len(content))
             return
         yield from found
 
@@ -157,14 +157,14 @@ class McapFile:
             at += length
 
     def _raw(self, channel: Channel, body: bytes) -> Raw | None:
-        """The frame in a message; None for the key of the next one."""
+        """Return the frame in a message, or None for the key of the next frame."""
         if channel.topic == KEY_TOPIC:
             self._key = KEY_IN.decode(body).key
             return None
         if not channel.message_encoding.startswith(ENCODING_FAMILY):
             return RAW_IN.decode(body)
         if len(body) < HEADER_SIZE:
-            raise ValueError(f"{len(body)} bytes are no frame")
+            raise ValueError(f"{len(body)} bytes are too few for a frame")
         key, self._key = self._key, ""
         return Raw(key or f"{channel.metadata.get(KEYS, PREFIX)}/{path_in(body)}", body)
 
@@ -172,38 +172,38 @@ class McapFile:
         try:
             fact = Metadata.read(ReadDataStream(BytesIO(content)))
         except UNREADABLE:
-            self._lose(RECORD.size + len(content))
+            self._count_loss(RECORD.size + len(content))
             return
         if FACT in fact.metadata:
             self.facts[fact.name] = fact.metadata[FACT]
 
-    def _lose(self, size: int) -> None:
+    def _count_loss(self, size: int) -> None:
         self.lost_bytes += size
         self._places += 1
         self._key = ""
 
     def damage(self) -> str:
-        """What was lost, in words; a file that was never closed may have lost its very end."""
+        """Return what was lost, in words; a file that was not closed may lack its last frames."""
         if self.lost_bytes:
             places = "one place" if self._places == 1 else f"{self._places} places"
-            return f"{self.lost_bytes} bytes in {places} belong to no whole chunk and were left out"
+            return f"{self.lost_bytes} bytes in {places} belong to no whole chunk and were skipped"
         if not self._closed:
             return "it was not closed: the last half second may be missing"
         return ""
 
 
 def unpacked(chunk: Chunk) -> bytes:
-    """Raises McapError, ZstdError or ValueError for what cannot be had, or is no log."""
-    most = min(LARGEST, MOST_DENSE * len(chunk.data) + SLACK)
+    """Return the content of a chunk; McapError, ZstdError or ValueError if damaged."""
+    limit = min(MAX_UNPACKED, MAX_RATIO * len(chunk.data) + SLACK)
     if chunk.compression == "zstd":
         with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
-            data = reader.read(most + 1)
+            data = reader.read(limit + 1)
     elif chunk.compression:
         raise UnsupportedCompressionError(chunk.compression)
     else:
         data = chunk.data
-    if len(data) > most:
-        raise ValueError(f"a chunk unpacks to more than {most} bytes")
+    if len(data) > limit:
+        raise ValueError(f"a chunk unpacks to more than {limit} bytes")
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
         raise ValueError("the checksum of a chunk does not match")
     return data

@@ -1,6 +1,6 @@
-"""Frames as an MCAP file: as on the bus, decoded as JSON, and drawn for Foxglove and Lichtblick.
+"""Write frames to an MCAP file: raw, decoded as JSON, and drawn for Foxglove and Lichtblick.
 
-What a viewer shows is made here; what replay and re-execution need is the raw frame alone.
+Viewers show the drawings; replay and re-execution need the raw frames only.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,8 +19,8 @@ from runtime.units import NS_PER_US
 
 LIBRARY: Final = "sidestep"
 NO_SCHEMA: Final = 0
-ENTRIES: Final = "_Writer__chunk_indices"
-"""Where the writer collects the index that it writes at the end."""
+INDEX_ATTRIBUTE: Final = "_Writer__chunk_indices"
+"""Attribute in which the library's writer collects the index for the end of the file."""
 FRAME_CHANNELS: Final = (
     ChannelMessage(KEY_TOPIC, KEY_SCHEMA, b""),
     ChannelMessage(RAW_TOPIC, None, b"", ENCODING),
@@ -28,16 +28,18 @@ FRAME_CHANNELS: Final = (
 
 
 class OutputBuffer(BytesIO):
-    """What has been written and not yet been taken; tells its place in the file as a whole."""
+    """Buffers data until they are taken; positions count from the start of the whole file."""
 
     def __init__(self) -> None:
         super().__init__()
         self._taken = 0
 
     def tell(self) -> int:
+        """Return the position in the whole file."""
         return self._taken + super().tell()
 
     def take(self) -> bytes:
+        """Return the buffered data and clear the buffer."""
         data = self.getvalue()
         self._taken += len(data)
         self.seek(0)
@@ -45,8 +47,8 @@ class OutputBuffer(BytesIO):
         return data
 
 
-class Entry:
-    """One chunk's entry in the index, as its bytes: a fifth of what the writer would hold."""
+class IndexEntry:
+    """Index entry of one chunk as bytes, a fifth of the size of the library's object."""
 
     __slots__ = ("_record",)
 
@@ -56,6 +58,7 @@ class Entry:
         self._record: bytes = builder.end()
 
     def write(self, out: Any) -> None:
+        """Write the entry."""
         out.write(self._record)
 
 
@@ -63,9 +66,9 @@ class McapFormat:
     """Turns frames into chunks, one for each batch."""
 
     def __init__(self, robot: str, build: Mapping[str, str]) -> None:
-        self._outbox = OutputBuffer()
-        self._writer: Any = Writer(self._outbox, compression=CompressionType.ZSTD)
-        self._spread = ChannelSplitter(robot)
+        self._buffer = OutputBuffer()
+        self._writer: Any = Writer(self._buffer, compression=CompressionType.ZSTD)
+        self._splitter = ChannelSplitter(robot)
         self._keys = f"{PREFIX}/{robot}"
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
@@ -73,50 +76,50 @@ class McapFormat:
         self._newest_ns = 0
         self._writer.start(library=LIBRARY)
         self._writer.add_metadata(LIBRARY, {"robot": robot, **build})
-        # In the first chunk, so that no other one has to be whole for a frame and its key.
+        # The first chunk holds these channels, so a frame and its key depend on no other chunk.
         self._channels.update({piece.topic: self._channel(piece) for piece in FRAME_CHANNELS})
 
-    def add(self, key: str, frame: bytes, time_us: int, told_us: int | None = None) -> None:
-        """A whole frame; its publish time is when it was told, None: as it arrived."""
+    def add(self, key: str, frame: bytes, time_us: int, published_us: int | None = None) -> None:
+        """Add a whole frame; without `published_us` it was published when it arrived."""
         self._newest_ns = time_us * NS_PER_US
-        pieces = self._spread.add(key, frame, self._newest_ns)
-        self._write(pieces, self._newest_ns if told_us is None else told_us * NS_PER_US)
+        pieces = self._splitter.add(key, frame, self._newest_ns)
+        self._write(pieces, self._newest_ns if published_us is None else published_us * NS_PER_US)
 
-    def know(self, name: str, text: str) -> None:
-        """A fact as JSON text, such as the world; it may come at any time, and again."""
+    def add_fact(self, name: str, text: str) -> None:
+        """Add a fact as JSON text, such as the world; repeated facts are allowed at any time."""
         self._writer.add_metadata(name, {FACT: text})
-        self._write(self._spread.know(name, text, self._newest_ns), self._newest_ns)
+        self._write(self._splitter.draw_fact(name, text, self._newest_ns), self._newest_ns)
 
     def batch(self) -> bytes:
-        """Everything since the last batch; whole chunks, so that it can be appended as it is."""
+        """Return everything since the last batch in whole chunks, ready to be appended."""
         self._writer.flush()
-        self._pack()
-        return self._outbox.take()
+        self._compact_index()
+        return self._buffer.take()
 
     def end(self) -> bytes:
-        """The rest, with the index that makes opening it fast."""
+        """Return the rest with the index that makes opening fast."""
         self._writer.finish()
-        return self._outbox.take()
+        return self._buffer.take()
 
-    def _pack(self) -> None:
-        """Two chunks a second over days are many entries; what there is of new ones is made small.
+    def _compact_index(self) -> None:
+        """Replace new index entries by compact ones: two chunks a second add up over days.
 
-        With a writer that keeps them elsewhere they only stay as large as they were.
+        If the library keeps its entries elsewhere, they keep their size.
         """
-        entries: list[Any] = getattr(self._writer, ENTRIES, [])
+        entries: list[Any] = getattr(self._writer, INDEX_ATTRIBUTE, [])
         place = len(entries) - 1
         while place >= 0 and isinstance(entries[place], ChunkIndex):
-            entries[place] = Entry(entries[place])
+            entries[place] = IndexEntry(entries[place])
             place -= 1
 
-    def _write(self, pieces: Iterable[ChannelMessage], told_ns: int) -> None:
+    def _write(self, pieces: Iterable[ChannelMessage], published_ns: int) -> None:
         for piece in pieces:
             channel = self._channels.get(piece.topic)
             if channel is None:
                 channel = self._channels[piece.topic] = self._channel(piece)
             count = self._counts.get(channel, 0)
             self._counts[channel] = (count + 1) & 0xFFFFFFFF
-            self._writer.add_message(channel, self._newest_ns, piece.data, told_ns, count)
+            self._writer.add_message(channel, self._newest_ns, piece.data, published_ns, count)
 
     def _channel(self, piece: ChannelMessage) -> int:
         schema = NO_SCHEMA if piece.schema is None else self._schema(piece.schema)

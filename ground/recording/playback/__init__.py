@@ -1,1 +1,1 @@
-"""A recording in the place of a live bus."""
+"""Play a recording in place of a live bus."""

@@ -1,7 +1,7 @@
-"""A recording that can be listened to like a live bus, on a timeline of its own.
+"""Play a recording through the interface of a bus, on its own timeline.
 
-Whoever shows it polls `advance`; frames are handed on in the caller's thread. Nothing can be asked
-of a robot that is not there: only what was recorded is answered.
+The caller polls `advance`; frames are delivered in the caller's thread. Requests to the robot fail:
+only recorded facts are answered.
 """
 
 import json
@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 from ground.client.parameter_rows import rows_in
-from ground.recording.bookmarks import Mark, marks_of
+from ground.recording.bookmarks import Mark, marks_in
 from ground.recording.log_index import LogIndex
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from ground.recording.playback.playback_clock import Timeline
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import (
@@ -41,17 +41,17 @@ from runtime.units import NS_PER_S
 
 M = TypeVar("M", bound=Message)
 Handler = Callable[[str, bytes, int], None]
-THERE_NS: Final = 3 * NS_PER_S
+PRESENCE_NS: Final = 3 * NS_PER_S
 SLICE_NS: Final = NS_PER_S // 5
 WHOLE_NS: Final = 60 * NS_PER_S
-MOST_SLICES: Final = 1000
-HEARD_ON: Final = ((Role.ROBOT, HEARTBEAT), (Role.PLANT, WHEELS), (Role.GROUND, OPERATOR))
+MAX_SLICES: Final = 1000
+PRESENCE_TOPICS: Final = ((Role.ROBOT, HEARTBEAT), (Role.PLANT, WHEELS), (Role.GROUND, OPERATOR))
 EVENTS: Final = frozenset(topic.path for topic in TOPICS if not topic.rate_hz)
 RECORDED: Final = {WORLD.path: "world", PARAMETERS.path: "parameters"}
 
 
-class Present(NamedTuple):
-    """Somebody who was heard in the recording shortly before."""
+class RecordedPeer(NamedTuple):
+    """A process that sent a message shortly before the present position of the recording."""
 
     robot: str
     role: str
@@ -59,27 +59,26 @@ class Present(NamedTuple):
 
 
 class ReplayBus:
-    """Plays one recording. `clock` is the real one; `timeline` is the clock of those who listen."""
+    """Plays one recording. `clock` is the real one; `timeline` is the clock of the subscribers."""
 
     def __init__(self, path: Path, clock: Clock, robot: str | None = None) -> None:
-        """UserError when there is nothing to play."""
-        self.reel = LogIndex(opened(path, robot))
-        if not len(self.reel):
+        """Open a recording; UserError when it holds no frame."""
+        self.log_index = LogIndex(open_log(path, robot))
+        if not len(self.log_index):
             why = f" ({self.damage})" if self.damage else ""
             raise UserError(f"{path}: holds no frame{why}")
         self.path = path
-        self.robot = self.reel.robot
-        self.timeline = Timeline(clock, self.reel.start_ns, self.reel.duration_ns)
-        self.marks: tuple[Mark, ...] = marks_of(self.reel)
+        self.robot = self.log_index.robot
+        self.timeline = Timeline(clock, self.log_index.start_ns, self.log_index.duration_ns)
+        self.marks: tuple[Mark, ...] = marks_in(self.log_index)
         self._ticks = self._tick_times()
         self._next = 0
         self._handlers: dict[str, list[Handler]] = {}
 
     @property
     def damage(self) -> str:
-        return self.reel.damage
-
-    # What a bus can do.
+        """Description of what the recording has lost."""
+        return self.log_index.damage
 
     def mailbox(
         self,
@@ -89,6 +88,7 @@ class ReplayBus:
         *,
         take: Handler | None = None,
     ) -> Mailbox[M]:
+        """Return a mailbox that receives a topic."""
         box = Mailbox(topic, notify)
 
         def store(key: str, frame: bytes, arrived_ns: int) -> None:
@@ -100,19 +100,19 @@ class ReplayBus:
         return box
 
     def stream(self, source: Topic[Any] | str, handler: Handler, robot: str | None = None) -> None:
-        """Every frame of a topic, or of a key that may end in `/**`."""
+        """Subscribe to all frames of a topic, or of a key that may end in `/**`."""
         key = source if isinstance(source, str) else source.key(robot or self.robot)
         if not isinstance(source, str) and source.of_operators:
             key = f"{key}/**"
         self._handlers.setdefault(key, []).append(handler)
 
-    def present(self) -> list[Present]:
-        """Who was heard in the three seconds before."""
+    def present(self) -> list[RecordedPeer]:
+        """Return the processes that sent a message in the three seconds before."""
         found = []
-        for role, topic in HEARD_ON:
-            newest = self.reel.newest_on(topic.path, self._next)
-            if newest and self.timeline.position_ns - newest.time_ns <= THERE_NS:
-                found.append(Present(self.robot, role.value))
+        for role, topic in PRESENCE_TOPICS:
+            newest = self.log_index.newest_on(topic.path, self._next)
+            if newest and self.timeline.position_ns - newest.time_ns <= PRESENCE_NS:
+                found.append(RecordedPeer(self.robot, role.value))
         return found
 
     def ask(
@@ -122,78 +122,76 @@ class ReplayBus:
         timeout_s: float = 0.5,
         robot: str | None = None,
     ) -> Message | bytes:
-        """World and parameters as they were then; NoAnswer for all that needs a robot."""
+        """Return the recorded world or parameters; raise NoAnswer for any other request."""
         name = RECORDED.get(service.path)
         if name is None:
-            raise NoAnswer("this is a recording: nobody is there to be asked")
-        if name not in self.reel.facts:
+            raise NoAnswer("a recording cannot answer requests to a robot")
+        if name not in self.log_index.facts:
             raise NoAnswer(f"the recording does not hold the {name}")
-        text = self.reel.facts[name]
+        text = self.log_index.facts[name]
         return (self._parameters_now(text) if service is PARAMETERS else text).encode()
 
-    # What a timeline can do.
-
     def advance(self) -> int:
-        """Hand on all that has become due; how many frames that were."""
+        """Deliver all frames that are due; return their number."""
         return self._deliver(self.timeline.position_ns)
 
     def seek(self, time_s: float, look: Callable[[], None] = lambda: None) -> None:
-        """Go on to a later instant; `look` is called often on the way, so that it sees the way.
+        """Move to a later instant; `look` is called often, so that it sees intermediate states.
 
-        Of what is farther back than the last minute it sees every event, but of streams only
-        samples: an hour is gone through in about a second. LocalError when it is earlier:
-        `rewind` first, and listen anew.
+        More than a minute before the target, it delivers every event but only samples of streams:
+        an hour takes about a second. Raises LocalError for an earlier instant: call `rewind` and
+        subscribe again.
         """
-        goal_ns = self.timeline.held(round(time_s * NS_PER_S))
+        goal_ns = self.timeline.clamped(round(time_s * NS_PER_S))
         here_ns = self.timeline.position_ns
         if goal_ns < here_ns:
-            raise LocalError(f"{time_s:g} s is behind us: rewind first")
+            raise LocalError(f"{time_s:g} s is earlier than the present position: rewind first")
         whole_ns = max(here_ns, goal_ns - WHOLE_NS)
-        thin_ns = max(SLICE_NS, (whole_ns - here_ns) // MOST_SLICES)
+        thin_ns = max(SLICE_NS, (whole_ns - here_ns) // MAX_SLICES)
         while here_ns < goal_ns:
-            thinned = here_ns < whole_ns
-            here_ns = min(whole_ns, here_ns + thin_ns) if thinned else here_ns + SLICE_NS
+            is_sampled = here_ns < whole_ns
+            here_ns = min(whole_ns, here_ns + thin_ns) if is_sampled else here_ns + SLICE_NS
             here_ns = min(here_ns, goal_ns)
             self.timeline.move_to(here_ns)
-            self._deliver(here_ns, thinned=thinned)
+            self._deliver(here_ns, is_sampled=is_sampled)
             look()
         self._deliver(goal_ns)
 
     def rewind(self) -> None:
-        """To the beginning, paused. Who listened is forgotten: what was seen is not yet so."""
+        """Return to the beginning, paused, and drop all subscriptions."""
         self.timeline.pause()
         self.timeline.move_to(0)
         self._handlers.clear()
         self._next = 0
 
     def tick_after(self, time_s: float, ticks: int = 1) -> float:
-        """When the tick so many ticks later (or, below zero, earlier) has been heard in full."""
+        """Return the time in s at which the tick `ticks` later has been delivered completely."""
         if not self._ticks:
-            return self.timeline.held(round(time_s * NS_PER_S)) / NS_PER_S
+            return self.timeline.clamped(round(time_s * NS_PER_S)) / NS_PER_S
         here = bisect_right(self._ticks, round(time_s * NS_PER_S)) - 1
         place = min(max(here + ticks, 0), len(self._ticks) - 1)
         return self._ticks[place] / NS_PER_S
 
-    def mark_after(self, time_s: float, *, back: bool = False) -> Mark | None:
-        """The next mark, or the one before."""
+    def next_mark(self, time_s: float, *, back: bool = False) -> Mark | None:
+        """Return the next bookmark, or the previous one."""
         if back:
             return next((one for one in reversed(self.marks) if one.time_s < time_s - 1e-9), None)
         return next((one for one in self.marks if one.time_s > time_s + 1e-9), None)
 
-    def _deliver(self, until_ns: int, *, thinned: bool = False) -> int:
-        end = self.reel.after(until_ns)
+    def _deliver(self, until_ns: int, *, is_sampled: bool = False) -> int:
+        end = self.log_index.after(until_ns)
         begin, self._next = self._next, max(self._next, end)
-        for place in self._sampled(begin, end) if thinned else range(begin, end):
-            played = self.reel[place]
+        for place in self._sampled(begin, end) if is_sampled else range(begin, end):
+            played = self.log_index[place]
             for handler in self._listeners(played.key):
-                handler(played.key, played.frame, self.reel.start_ns + played.time_ns)
+                handler(played.key, played.frame, self.log_index.start_ns + played.time_ns)
         return max(0, end - begin)
 
     def _sampled(self, begin: int, end: int) -> list[int]:
-        """Every event, and of each stream the newest."""
+        """Return the indices of every event and of the newest frame of each stream."""
         found, seen = [], set()
         for place in range(end - 1, begin - 1, -1):
-            key = self.reel.key(place)
+            key = self.log_index.key(place)
             if key not in seen or path_of(key) in EVENTS:
                 found.append(place)
                 seen.add(key)
@@ -205,15 +203,15 @@ class ReplayBus:
         return [*self._handlers.get(key, ()), *found]
 
     def _tick_times(self) -> list[int]:
-        """The last instant of each tick: just before the robot's next wheel command."""
-        begins = self.reel.times_ns(DRIVE.path) or self.reel.times_ns(STATUS.path)
+        """Return the last instant of each tick, just before the robot's next wheel command."""
+        begins = self.log_index.times_ns(DRIVE.path) or self.log_index.times_ns(STATUS.path)
         ends = [max(0, time_ns - 1) for time_ns in begins[1:]]
-        return [*ends, self.reel.duration_ns] if begins else []
+        return [*ends, self.log_index.duration_ns] if begins else []
 
     def _parameters_now(self, text: str) -> str:
-        """The list as recorded, with the values that were set since; RemoteError: it is none."""
+        """Return the recorded list with values set since; RemoteError when it is malformed."""
         rows = rows_in(text)
-        for time_ns, answer in self.reel.on(ANSWERED.path):
+        for time_ns, answer in self.log_index.on(ANSWERED.path):
             if isinstance(answer, ParamValue) and time_ns <= self.timeline.position_ns:
                 value = float(f"{answer.param_value:.7g}")  # float32 carries seven digits
                 for row in rows:

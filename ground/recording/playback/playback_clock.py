@@ -1,4 +1,4 @@
-"""Where in a recording somebody is: it stands, or it runs at a speed. Also their clock."""
+"""Position in a recording, stopped or moving at a speed, which also serves as a clock."""
 
 from typing import Final
 
@@ -23,43 +23,48 @@ class Timeline:
 
     @property
     def position_ns(self) -> int:
-        """It stops at the end by itself."""
+        """Position in ns; playing stops at the end."""
         if not self.playing:
             return self._anchor_ns
         passed_ns = self._clock.now_ns() - self._since_ns
-        position_ns = self.held(self._anchor_ns + round(passed_ns * self.speed))
+        position_ns = self.clamped(self._anchor_ns + round(passed_ns * self.speed))
         if position_ns >= self.duration_ns:
             self._anchor_ns, self.playing = self.duration_ns, False
         return position_ns
 
     @property
     def position_s(self) -> float:
+        """Position in s."""
         return self.position_ns / NS_PER_S
 
     def play(self, speed: float | None = None) -> None:
-        """Run from here on; a speed beyond what can be followed is held back."""
+        """Play from the present position; the speed is limited to the supported range."""
         self.move_to(self.position_ns)
         if speed is not None:
             self.speed = min(max(speed, SLOWEST), FASTEST)
         self.playing = True
 
     def pause(self) -> None:
+        """Stop at the present position."""
         self.move_to(self.position_ns)
         self.playing = False
 
     def move_to(self, position_ns: int) -> None:
-        self._anchor_ns = self.held(position_ns)
+        """Move to a position in ns."""
+        self._anchor_ns = self.clamped(position_ns)
         self._since_ns = self._clock.now_ns()
 
-    def held(self, position_ns: int) -> int:
-        """The nearest place that is on it."""
+    def clamped(self, position_ns: int) -> int:
+        """Return the nearest position inside the recording."""
         return min(max(position_ns, 0), self.duration_ns)
 
     def now_ns(self) -> int:
+        """Return the position in UTC."""
         return self._start_ns + self.position_ns
 
     def cpu_ns(self) -> int:
+        """Return the processor time of the real clock."""
         return self._clock.cpu_ns()
 
     def sleep_until(self, deadline_ns: int) -> None:
-        """Nobody waits for a recording: it is polled."""
+        """Return at once: a recording is polled."""

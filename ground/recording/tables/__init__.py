@@ -1,1 +1,1 @@
-"""Recordings as tables and figures."""
+"""Turn recordings into tables and figures."""

@@ -1,4 +1,4 @@
-"""A run as a picture: its way over the world, and ranges, speeds and uncertainty over time."""
+"""Draw a run: its path over the world, and ranges, speeds and uncertainty over time."""
 
 from collections.abc import Iterable
 from math import cos, degrees, isfinite, sin
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from ground.map.ellipse import ellipse
-from ground.recording.tables.series import Place, Run, Series
+from ground.recording.tables.series import Place, RunSeries, TimedValues
 from ground.recording.world_metadata import discs, outlines
 from runtime.errors import UserError
 
@@ -23,13 +23,13 @@ WARM: Final = "#d55e00"
 COOL: Final = "#3a9bd9"
 KINDS: Final = {"goal": GOAL, "outcome": INK, "failsafe": WARM, "mark": TRUE}
 ELLIPSES: Final = 8
-MOST_ECHOES: Final = 4000
+MAX_ECHOES: Final = 4000
 SIZE_INCHES: Final = (12.0, 7.0)
 DPI: Final = 120
 
 
-def write(path: Path, run: Run, facts: dict[str, Any], title: str) -> None:
-    """A PNG or SVG, by its name. UserError when matplotlib is not there or knows no such kind."""
+def write(path: Path, run: RunSeries, facts: dict[str, Any], title: str) -> None:
+    """Write a PNG or SVG. UserError when matplotlib is missing or rejects the file's suffix."""
     try:
         from matplotlib.figure import Figure  # slow, and wanted only here
     except ImportError:
@@ -43,28 +43,28 @@ def write(path: Path, run: Run, facts: dict[str, Any], title: str) -> None:
     draw_map(figure.add_subplot(grid[:, 0]), run, facts)
     draw_ranges(ranges, run)
     draw_speeds(speeds, run)
-    draw_doubts(doubts, run)
+    draw_uncertainty(doubts, run)
     for axes in (ranges, speeds, doubts):
         draw_marks(axes, run)
     figure.suptitle(title, fontsize=11, color=INK)
     figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
-def draw_map(axes: "Axes", run: Run, facts: dict[str, Any]) -> None:
-    """The world in grey, the true way solid, the believed one dotted, with what it doubted."""
+def draw_map(axes: "Axes", run: RunSeries, facts: dict[str, Any]) -> None:
+    """Draw the world in grey, the true path solid, the estimate dotted with its uncertainty."""
     draw_world(axes, facts)
-    step = max(1, len(run.echoes) // MOST_ECHOES)
+    step = max(1, len(run.echoes) // MAX_ECHOES)
     _dots(axes, run.echoes[::step])
-    _way(axes, run.true, "-", "true way", TRUE)
-    _way(axes, run.believed, ":" if run.true else "-", "believed", INK)
+    _path(axes, run.true, "-", "true path", TRUE)
+    _path(axes, run.estimated, ":" if run.true else "-", "estimated path", INK)
     draw_ellipses(axes, run)
     for x_m, y_m, heading_rad in run.goals:
         axes.plot([x_m], [y_m], "o", mfc="none", mec=GOAL, ms=11, mew=1.6)
         if isfinite(heading_rad):
             end = (x_m + 0.25 * cos(heading_rad), y_m + 0.25 * sin(heading_rad))
             axes.annotate("", end, (x_m, y_m), arrowprops={"arrowstyle": "->", "color": GOAL})
-    if run.believed:
-        axes.plot(*zip(run.believed[0][:2], strict=True), "s", color=INK, ms=5, label="start")
+    if run.estimated:
+        axes.plot(*zip(run.estimated[0][:2], strict=True), "s", color=INK, ms=5, label="start")
     axes.set_aspect("equal", adjustable="datalim" if "size_m" not in facts else "box")
     axes.set(xlabel="x, m", ylabel="y, m")
     axes.grid(color=RULE, linewidth=0.5)
@@ -74,6 +74,7 @@ def draw_map(axes: "Axes", run: Run, facts: dict[str, Any]) -> None:
 
 
 def draw_world(axes: "Axes", facts: dict[str, Any]) -> None:
+    """Draw walls and obstacles; a dashed line is the path of a moving one."""
     from matplotlib.patches import Circle
 
     for points, thickness_m in outlines(facts):
@@ -89,17 +90,17 @@ def draw_world(axes: "Axes", facts: dict[str, Any]) -> None:
 
 
 def _rim(points: list[tuple[float, float]], facts: dict[str, Any]) -> bool:
-    """Is this the outer wall, which is drawn and not filled?"""
+    """Return whether this is the outer wall, which is drawn but not filled."""
     return bool(facts.get("walls")) and points[2] == tuple(facts.get("size_m", ()))
 
 
-def draw_ellipses(axes: "Axes", run: Run) -> None:
+def draw_ellipses(axes: "Axes", run: RunSeries) -> None:
     """Draw the ellipses that contain the true position with probability 1 - `ellipse.OUTSIDE`."""
     from matplotlib.patches import Ellipse
 
-    step = max(1, len(run.believed) // ELLIPSES)
+    step = max(1, len(run.estimated) // ELLIPSES)
     for (x_m, y_m, _), covariance in zip(
-        run.believed[::step], run.covariances[::step], strict=True
+        run.estimated[::step], run.covariances[::step], strict=True
     ):
         if (axes_of := ellipse(covariance)) is None:
             continue
@@ -108,33 +109,42 @@ def draw_ellipses(axes: "Axes", run: Run) -> None:
         axes.add_patch(Ellipse((x_m, y_m), *size_m, angle=turned_deg, fill=False, ec=INK, lw=0.8))
 
 
-def draw_ranges(axes: "Axes", run: Run) -> None:
+def draw_ranges(axes: "Axes", run: RunSeries) -> None:
+    """Draw the nearest echo and the avoidance zone."""
     _line(axes, run.nearest_m, TRUE, "nearest echo")
     _line(axes, run.zone_m, WARM, "avoidance zone", "--")
     _finish(axes, "range, m")
 
 
-def draw_speeds(axes: "Axes", run: Run) -> None:
-    _line(axes, run.wanted_m_s, SOLID, "wanted, m/s")
+def draw_speeds(axes: "Axes", run: RunSeries) -> None:
+    """Draw commanded and driven speeds."""
+    _line(axes, run.commanded_m_s, SOLID, "commanded, m/s")
     _line(axes, run.speed_m_s, TRUE, "driven, m/s")
     _line(axes, run.yaw_rate_rad_s, COOL, "turning, rad/s", linewidth=0.8)
     _finish(axes, "speed")
 
 
-def draw_doubts(axes: "Axes", run: Run) -> None:
-    _line(axes, run.sigma_m, TRUE, "claimed (1 sigma)")
+def draw_uncertainty(axes: "Axes", run: RunSeries) -> None:
+    """Draw the estimated uncertainty and the true error of the position."""
+    _line(axes, run.sigma_m, TRUE, "estimated (1 sigma)")
     _line(axes, run.error_m, WARM, "true error")
-    _finish(axes, "place, m")
-    axes.set_xlabel("time of the robot's stamps, s")
+    _finish(axes, "position error, m")
+    axes.set_xlabel("robot time, s")
 
 
-def draw_marks(axes: "Axes", run: Run) -> None:
+def draw_marks(axes: "Axes", run: RunSeries) -> None:
+    """Draw the bookmarks as vertical lines."""
     for mark in run.marks:
         axes.axvline(mark.time_s, color=KINDS.get(mark.kind, SOFT), linewidth=0.9, linestyle=":")
 
 
 def _line(
-    axes: "Axes", series: Series, colour: str, label: str, style: str = "-", linewidth: float = 1.2
+    axes: "Axes",
+    series: TimedValues,
+    colour: str,
+    label: str,
+    style: str = "-",
+    linewidth: float = 1.2,
 ) -> None:
     if series.times_s:
         axes.plot(
@@ -149,7 +159,7 @@ def _finish(axes: "Axes", what: str) -> None:
         axes.legend(loc="upper left", fontsize=7, framealpha=0.8)
 
 
-def _way(axes: "Axes", places: list[Place], style: str, label: str, colour: str) -> None:
+def _path(axes: "Axes", places: list[Place], style: str, label: str, colour: str) -> None:
     if places:
         xs_m, ys_m, _ = zip(*places, strict=True)
         axes.plot(xs_m, ys_m, style, color=colour, label=label, linewidth=1.6)

@@ -1,4 +1,4 @@
-"""Where a table goes: CSV text, or Parquet if pyarrow is there."""
+"""Write a table as CSV, or as Parquet if pyarrow is installed."""
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,7 +13,7 @@ GROUP: Final = 10_000
 
 
 def write_csv(target: TextIO, columns: Sequence[Column], rows: Iterable[Row]) -> int:
-    """How many rows there were; an empty cell is empty."""
+    """Write rows as CSV and return their number; an empty cell is an empty text."""
     table = csv.writer(target, lineterminator="\n")
     table.writerow([column.name for column in columns])
     count = 0
@@ -24,7 +24,7 @@ def write_csv(target: TextIO, columns: Sequence[Column], rows: Iterable[Row]) ->
 
 
 def parquet() -> Any:
-    """pyarrow, which only this needs; UserError says how to get it."""
+    """Return pyarrow; the UserError without it names the command that installs it."""
     try:
         import pyarrow
         import pyarrow.parquet
@@ -35,7 +35,7 @@ def parquet() -> Any:
 
 
 def write_parquet(path: Path, columns: Sequence[Column], rows: Iterable[Row]) -> int:
-    """How many rows there were; an empty cell is null, numbers are 64 bits wide."""
+    """Write rows as Parquet, return their number; numbers have 64 bits, empty is null."""
     arrow = parquet()
     types = {
         "text": arrow.string(),

@@ -1,4 +1,4 @@
-"""The fields of a message one by one, each with its value as the shortest text that says it."""
+"""List the fields of a message, each with the shortest text of its exact value."""
 
 from collections.abc import Iterator
 from math import isfinite
@@ -9,7 +9,7 @@ from protocol.wire.layout import LAYOUT, Field
 from protocol.wire.message import Message
 
 
-class Cell(NamedTuple):
+class FieldValue(NamedTuple):
     """One value; `kind` is text, integer, unsigned (64 bits) or float."""
 
     name: str
@@ -17,18 +17,19 @@ class Cell(NamedTuple):
     text: str
 
 
-def cells_of(message: Message) -> Iterator[Cell]:
-    """Elements of an array are fields of their own."""
+def fields_of(message: Message) -> Iterator[FieldValue]:
+    """Yield the fields of a message; each element of an array is a field."""
     for field in LAYOUT[type(message).__name__].fields:
         value, kind = getattr(message, field.name), kind_of(field)
         if field.is_text or not field.length:
-            yield Cell(field.name, kind, text_of(field, value))
+            yield FieldValue(field.name, kind, text_of(field, value))
         else:
             for index, element in enumerate(value):
-                yield Cell(f"{field.name}[{index}]", kind, text_of(field, element))
+                yield FieldValue(f"{field.name}[{index}]", kind, text_of(field, element))
 
 
 def kind_of(field: Field) -> str:
+    """Return the kind of a field."""
     if field.is_text:
         return "text"
     if field.limits is None:
@@ -37,14 +38,14 @@ def kind_of(field: Field) -> str:
 
 
 def text_of(field: Field, value: object) -> str:
-    """The shortest text that stands for the value, at the precision the wire has."""
+    """Return the shortest text of a value at the precision of the wire."""
     if field.code == "f" and isinstance(value, float) and isfinite(value):
         return shortest_single(value)
     return repr(value) if isinstance(value, float) else str(value)
 
 
 def shortest_single(value: float) -> str:
-    """0.1 sent as 32 bits comes back as 0.10000000149011612; here it is 0.1 again."""
+    """Return the shortest text of a 32-bit value: 0.1, not 0.10000000149011612."""
     wire = pack("<f", value)
     for digits in range(6, 9):
         text = f"{value:.{digits}g}"

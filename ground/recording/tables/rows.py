@@ -1,16 +1,15 @@
-"""A recording as a table: long, a row for each value that came, or wide, a row for each instant.
+"""Turn a recording into a table: long (a row per value) or wide (a row per instant).
 
-Wide is sampled: at each instant of a fixed grid a column has the last value that had come, unless
-it is older than its topic's stale-after; then it is empty. What is an event, and so never stale,
-is in the one row after it came. Where the stamps leap, as those of a plant that was started again
-do, another grid begins.
+A wide table is sampled on a fixed grid. A column holds the last value that arrived, and is empty
+when that value is older than its topic's stale-after time. An event is in one row only, the next
+one after its arrival. Where stamps jump, as after a restart of the plant, another grid begins.
 """
 
 from collections.abc import Iterable, Iterator
 from math import ceil, floor
 from typing import Final, NamedTuple
 
-from ground.recording.tables.message_fields import Cell, cells_of
+from ground.recording.tables.message_fields import FieldValue, fields_of
 from ground.recording.tables.time_axis import Timed
 from protocol.topics import TOPICS
 from protocol.wire.layout import LAYOUT
@@ -19,15 +18,15 @@ from runtime.units import NS_PER_MS
 
 STALE_S: Final = {topic.path: topic.stale_after_ns / NS_PER_MS / 1000.0 for topic in TOPICS}
 SEVERAL: Final = frozenset(topic.path for topic in TOPICS if len(topic.messages) > 1)
-USUAL_RATE_HZ: Final = 20.0
+DEFAULT_RATE_HZ: Final = 20.0
 EPSILON: Final = 1e-9
-BACK_S: Final = 1.0
-AHEAD_S: Final = 600.0
-"""Farther apart than these, two stamps are of two runs."""
+MAX_BACK_S: Final = 1.0
+MAX_AHEAD_S: Final = 600.0
+"""Limits on the distance of stamps within one run."""
 
 
 class Column(NamedTuple):
-    """`kind` as that of a cell."""
+    """A column; `kind` is that of its values."""
 
     name: str
     kind: str
@@ -48,18 +47,20 @@ TIME: Final = LONG[0]
 
 
 def name_in_dialect(message: Message) -> str:
+    """Return the name of a message in the dialect."""
     return LAYOUT[type(message).__name__].name
 
 
 def long_rows(timed: Iterable[Timed]) -> Iterator[Row]:
+    """Yield a row for each field of each message."""
     for one in timed:
         times = f"{one.time_s:.6f}", f"{one.utc_s:.6f}"
-        for cell in cells_of(one.message):
+        for cell in fields_of(one.message):
             yield [*times, one.path, name_in_dialect(one.message), cell.name, cell.text]
 
 
 def wide_columns(timed: Iterable[Timed]) -> list[Column]:
-    """Time, then a column for each field of whatever occurs, in the order of the topics."""
+    """Return time and a column for each field that occurs, in the order of the topics."""
     order = {topic.path: place for place, topic in enumerate(TOPICS)}
     found: dict[tuple[str, type[Message]], list[Column]] = {}
     for one in timed:
@@ -67,20 +68,20 @@ def wide_columns(timed: Iterable[Timed]) -> list[Column]:
         if kind not in found:
             found[kind] = [
                 Column(name_of(one.path, one.message, cell), cell.kind)
-                for cell in cells_of(one.message)
+                for cell in fields_of(one.message)
             ]
     ranked = sorted(found, key=lambda kind: (order.get(kind[0], len(order)), kind[1].__name__))
     return [TIME, *(column for kind in ranked for column in found[kind])]
 
 
-def name_of(path: str, message: Message, cell: Cell) -> str:
-    """Such as `tlm/odometry.x_m`; the message is named where a topic carries several."""
+def name_of(path: str, message: Message, cell: FieldValue) -> str:
+    """Return a column name such as `tlm/odometry.x_m`, with the message if needed."""
     which = f".{name_in_dialect(message)}" if path in SEVERAL else ""
     return f"{path}{which}.{cell.name}"
 
 
 class _Newest(NamedTuple):
-    """When a value came, until when it may be shown, and its cells by column."""
+    """Time of arrival, end of validity, and the texts by column of a message."""
 
     came_s: float
     until_s: float
@@ -88,14 +89,14 @@ class _Newest(NamedTuple):
 
 
 def wide_rows(
-    timed: Iterable[Timed], columns: list[Column], rate_hz: float = USUAL_RATE_HZ
+    timed: Iterable[Timed], columns: list[Column], rate_hz: float = DEFAULT_RATE_HZ
 ) -> Iterator[Row]:
-    """A row for each instant of the grid from the first to the last that something came in."""
+    """Yield a row for each instant of the grid between the first and the last message."""
     place_of = {column.name: place for place, column in enumerate(columns)}
     newest: dict[tuple[str, type[Message]], _Newest] = {}
     step: int | None = None
     for one in timed:
-        if step is not None and not -BACK_S < one.time_s - step / rate_hz < AHEAD_S:
+        if step is not None and not -MAX_BACK_S < one.time_s - step / rate_hz < MAX_AHEAD_S:
             yield _row(step / rate_hz, newest, len(columns))
             newest.clear()
             step = None
@@ -106,7 +107,7 @@ def wide_rows(
             step += 1
         cells = {
             place_of[name_of(one.path, one.message, cell)]: cell.text
-            for cell in cells_of(one.message)
+            for cell in fields_of(one.message)
         }
         until_s = one.time_s + STALE_S.get(one.path, 0.0)
         if not STALE_S.get(one.path):  # an event: shown in the next row, and in no other

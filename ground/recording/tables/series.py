@@ -1,4 +1,4 @@
-"""A run as series over time, gathered from a recording, ready to be drawn."""
+"""Gather time series of a run from a recording, for plots."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -22,52 +22,53 @@ Place = tuple[float, float, float]
 
 
 @dataclass(slots=True)
-class Series:
+class TimedValues:
     """Values over time; NaN is a gap."""
 
     times_s: list[float] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
 
     def add(self, time_s: float, value: float) -> None:
+        """Append a value."""
         self.times_s.append(time_s)
         self.values.append(value)
 
 
 @dataclass(slots=True)
-class Run:
-    """`error_m` is how far the belief was from the truth, where there is one."""
+class RunSeries:
+    """Series of a run; `error_m` is the error of the estimate where the truth is known."""
 
-    believed: list[Place] = field(default_factory=list)
+    estimated: list[Place] = field(default_factory=list)
     true: list[Place] = field(default_factory=list)
     covariances: list[tuple[float, float, float]] = field(default_factory=list)
     echoes: list[tuple[float, float]] = field(default_factory=list)
     goals: list[Place] = field(default_factory=list)
     marks: tuple[Mark, ...] = ()
-    nearest_m: Series = field(default_factory=Series)
-    zone_m: Series = field(default_factory=Series)
-    speed_m_s: Series = field(default_factory=Series)
-    wanted_m_s: Series = field(default_factory=Series)
-    yaw_rate_rad_s: Series = field(default_factory=Series)
-    sigma_m: Series = field(default_factory=Series)
-    error_m: Series = field(default_factory=Series)
+    nearest_m: TimedValues = field(default_factory=TimedValues)
+    zone_m: TimedValues = field(default_factory=TimedValues)
+    speed_m_s: TimedValues = field(default_factory=TimedValues)
+    commanded_m_s: TimedValues = field(default_factory=TimedValues)
+    yaw_rate_rad_s: TimedValues = field(default_factory=TimedValues)
+    sigma_m: TimedValues = field(default_factory=TimedValues)
+    error_m: TimedValues = field(default_factory=TimedValues)
 
 
-def gathered(timed: Iterable[Timed], radius_m: float) -> Run:
-    """`radius_m`: of the robot, from whose rim the sonars measure."""
-    run = Run()
+def collect_series(timed: Iterable[Timed], radius_m: float) -> RunSeries:
+    """Collect the series; `radius_m` of the robot, as sonars measure from its rim."""
+    run = RunSeries()
     truths: dict[int, tuple[float, float]] = {}
     statuses: list[tuple[int, Message]] = []
     for one in timed:
         message, time_s = one.message, one.time_s
         if isinstance(message, PlanarOdometry):
-            _believe(run, message, time_s)
+            _add_odometry(run, message, time_s)
         elif isinstance(message, GroundTruth):
             run.true.append((message.x_m, message.y_m, message.heading_rad))
             truths[message.time_ns] = (message.x_m, message.y_m)
         elif isinstance(message, SonarScan):
-            _scan(run, message, time_s, radius_m)
+            _add_scan(run, message, time_s, radius_m)
         elif isinstance(message, AvoidanceDecision):
-            run.wanted_m_s.add(time_s, message.speed_m_s)
+            run.commanded_m_s.add(time_s, message.speed_m_s)
             if isfinite(message.zone_m):
                 run.zone_m.add(time_s, message.zone_m)
         elif isinstance(message, NavigatorStatus):
@@ -80,33 +81,33 @@ def gathered(timed: Iterable[Timed], radius_m: float) -> Run:
     return run
 
 
-def _errors(run: Run, truths: dict[int, tuple[float, float]]) -> Series:
-    """How far off the belief was from the truth of the same stamp."""
-    errors = Series()
-    for time_s, (x_m, y_m, _) in zip(run.speed_m_s.times_s, run.believed, strict=True):
+def _errors(run: RunSeries, truths: dict[int, tuple[float, float]]) -> TimedValues:
+    """Return the distance between estimate and truth of the same stamp."""
+    errors = TimedValues()
+    for time_s, (x_m, y_m, _) in zip(run.speed_m_s.times_s, run.estimated, strict=True):
         true = truths.get(round(time_s * NS_PER_S))
         if true is not None:
             errors.add(time_s, sqrt((true[0] - x_m) ** 2 + (true[1] - y_m) ** 2))
     return errors
 
 
-def _believe(run: Run, odometry: PlanarOdometry, time_s: float) -> None:
-    run.believed.append((odometry.x_m, odometry.y_m, odometry.heading_rad))
+def _add_odometry(run: RunSeries, odometry: PlanarOdometry, time_s: float) -> None:
+    run.estimated.append((odometry.x_m, odometry.y_m, odometry.heading_rad))
     run.covariances.append((odometry.cov_xx_m2, odometry.cov_xy_m2, odometry.cov_yy_m2))
     run.speed_m_s.add(time_s, odometry.speed_m_s)
     run.yaw_rate_rad_s.add(time_s, odometry.yaw_rate_rad_s)
     run.sigma_m.add(time_s, sqrt(max(0.0, odometry.cov_xx_m2 + odometry.cov_yy_m2)))
 
 
-def _scan(run: Run, scan: SonarScan, time_s: float, radius_m: float) -> None:
-    """No echo is drawn as a gap, not as a distance."""
+def _add_scan(run: RunSeries, scan: SonarScan, time_s: float, radius_m: float) -> None:
+    """Add a scan; a missing echo is a gap, not a distance."""
     nearest_m = inf
     for sonar, range_mm in enumerate(scan.range_mm):
         if not scan.echo & scan.valid & 1 << sonar:
             continue
         nearest_m = min(nearest_m, range_mm / 1000.0)
-        if run.believed:
-            x_m, y_m, heading_rad = run.believed[-1]
+        if run.estimated:
+            x_m, y_m, heading_rad = run.estimated[-1]
             bearing_rad = heading_rad + BEARINGS_RAD[sonar]
             far_m = radius_m + range_mm / 1000.0
             run.echoes.append((x_m + far_m * cos(bearing_rad), y_m + far_m * sin(bearing_rad)))

@@ -1,24 +1,24 @@
-"""One time for everything that was recorded: seconds of the robot's stamps.
+"""Put all messages of a recording on one time axis: seconds of the robot's stamps.
 
-What carries no stamp of its own happened at the newest stamp before it. An operator's stamps are of
-another clock: they count as none.
+A message without a stamp gets the newest stamp before it. Stamps of operators belong to another
+clock and are ignored.
 """
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
-from ground.recording.log_reader import Frame, Log
+from ground.recording.log_reader import Log, LoggedFrame
 from protocol.topics import TOPICS, Role
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
 
-OF_OPERATORS: Final = tuple(f"/{one.path}" for one in TOPICS if one.publisher is Role.GROUND)
+OPERATOR_PATHS: Final = tuple(f"/{one.path}" for one in TOPICS if one.publisher is Role.GROUND)
 
 
 class Timed(NamedTuple):
-    """A message, its topic's path, its time on the axis, and when it arrived in UTC."""
+    """A message, its topic path, its time on the axis, and its time of arrival in UTC."""
 
     time_s: float
     utc_s: float
@@ -26,8 +26,8 @@ class Timed(NamedTuple):
     message: Message
 
 
-class Axis:
-    """Reads a recording once; what cannot be decoded is counted in `unreadable`."""
+class TimeAxis:
+    """Reads a recording once; messages that cannot be decoded are counted in `unreadable`."""
 
     def __init__(self, log: Log, begin_s: float | None = None, end_s: float | None = None) -> None:
         self.log = log
@@ -41,7 +41,7 @@ class Axis:
                 yield timed
 
     def _all(self) -> Iterator[Timed]:
-        unstamped: list[tuple[Frame, Message]] = []
+        unstamped: list[tuple[LoggedFrame, Message]] = []
         newest_ns: int | None = None
         for frame in self.log:
             try:
@@ -50,7 +50,7 @@ class Axis:
                 self.unreadable += 1
                 continue
             stamp_ns = newest_ns
-            if not frame.key.endswith(OF_OPERATORS):
+            if not frame.key.endswith(OPERATOR_PATHS):
                 stamp_ns = getattr(message, "time_ns", newest_ns)
             if stamp_ns is None:
                 unstamped.append((frame, message))
@@ -63,6 +63,6 @@ class Axis:
         for before in unstamped:
             yield self._timed(*before, 0)
 
-    def _timed(self, frame: Frame, message: Message, stamp_ns: int) -> Timed:
+    def _timed(self, frame: LoggedFrame, message: Message, stamp_ns: int) -> Timed:
         path = frame.key.partition(f"/{self.log.robot}/")[2] or frame.key
         return Timed(stamp_ns / NS_PER_S, frame.time_ns / NS_PER_S, path, message)

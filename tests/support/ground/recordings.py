@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ground.recording.log_reader import Frame
+from ground.recording.log_reader import LoggedFrame
 from ground.recording.tlog import record_bytes
 from plant.sim.simulation import Plant
 from plant.world.file import load
@@ -32,7 +32,7 @@ class Recording:
     """A log as `ground.recording.log_reader` opens one, and a watch that fills it."""
 
     facts: dict[str, str] = field(default_factory=dict)
-    found: list[Frame] = field(default_factory=list)
+    found: list[LoggedFrame] = field(default_factory=list)
     robot: str = ROBOT
     lost_bytes: int = 0
 
@@ -47,7 +47,7 @@ class Recording:
 
     def put(self, topic: Topic[Any], message: Message, at_ns: int) -> None:
         frame = Encoder(1, COMPONENT[topic.publisher]).encode(message)
-        self.found.append(Frame(BEGAN_NS + at_ns, topic.key(ROBOT), frame))
+        self.found.append(LoggedFrame(BEGAN_NS + at_ns, topic.key(ROBOT), frame))
 
     def without(self, *topics: Topic[Any]) -> "Recording":
         keys = {topic.key(ROBOT) for topic in topics}
@@ -57,7 +57,7 @@ class Recording:
     def records(self) -> int:
         return len(self.found)
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[LoggedFrame]:
         return iter(self.found)
 
     def damage(self) -> str:

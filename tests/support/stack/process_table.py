@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ground.recording.tlog import Reader
+from ground.recording.tlog import TlogReader
 from protocol.wire.codec import decode
 
 
@@ -29,7 +29,7 @@ def cmdline(pid: int) -> str:
 def frames_in(folder: Path) -> int:
     (log,) = folder.glob("*.tlog")
     with log.open("rb") as source:
-        reader = Reader(source)
+        reader = TlogReader(source)
         for record in reader:
             decode(record.frame)
     assert reader.lost_bytes < 300, "more than the record that was being written is lost"

@@ -138,7 +138,7 @@ class ScriptedDrive:
         }
         for name, text in (usual | facts).items():
             if text:
-                form.know(name, text)
+                form.add_fact(name, text)
         for number, (key, frame) in enumerate(self.frames):
             form.add(key, frame, UTC_US + number * 5000)
         path.write_bytes(form.end())

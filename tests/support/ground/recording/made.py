@@ -70,7 +70,7 @@ WORLD = {
 WORLD_TEXT = json.dumps(WORLD)
 
 
-class Said(NamedTuple):
+class PublishedFrame(NamedTuple):
     """One frame on its key, at its time."""
 
     key: str
@@ -79,18 +79,18 @@ class Said(NamedTuple):
     message: Message
 
 
-class Speaker:
+class TopicEncoder:
     """Encodes each topic's messages as its publisher does."""
 
     def __init__(self, robot: str = "r1") -> None:
         self.robot = robot
         self._encoders: dict[str, Encoder] = {}
 
-    def say(self, topic: Topic[Message], message: Message, time_us: int) -> Said:
+    def publish(self, topic: Topic[Message], message: Message, time_us: int) -> PublishedFrame:
         encoder = self._encoders.setdefault(
             topic.path, Encoder(*sender_of(topic.publisher, self.robot))
         )
-        return Said(topic.key(self.robot), encoder.encode(message), time_us, message)
+        return PublishedFrame(topic.key(self.robot), encoder.encode(message), time_us, message)
 
 
 def odometry(
@@ -188,57 +188,59 @@ GOAL = GoalRequest(
 )
 
 
-def run(ticks: int = 40, robot: str = "r1") -> Iterator[Said]:
+def run(ticks: int = 40, robot: str = "r1") -> Iterator[PublishedFrame]:
     """A goal is given in tick 10 and reached in the last but five."""
-    speaker = Speaker(robot)
+    encoder = TopicEncoder(robot)
     for tick in range(ticks):
         at_us, at_ns = START_US + tick * PERIOD_US, tick * PERIOD_US * 1000
         x_m = 0.6 + 0.0125 * max(0, tick - 10)
-        yield speaker.say(WHEELS, wheels(at_ns, tick), at_us)
-        yield speaker.say(SONAR, scan(at_ns, tick), at_us + 100)
-        yield speaker.say(TRUTH, truth(at_ns, x_m), at_us + 200)
+        yield encoder.publish(WHEELS, wheels(at_ns, tick), at_us)
+        yield encoder.publish(SONAR, scan(at_ns, tick), at_us + 100)
+        yield encoder.publish(TRUTH, truth(at_ns, x_m), at_us + 200)
         if tick == 10:
-            yield speaker.say(COMMANDED, GOAL, at_us + 250)
+            yield encoder.publish(COMMANDED, GOAL, at_us + 250)
             ack = CommandAck(command=192, result=0, result_param2=0)
-            yield speaker.say(ANSWERED, ack, at_us + 260)
+            yield encoder.publish(ANSWERED, ack, at_us + 260)
         goal = GoalState.NONE if tick < 10 else GoalState.DRIVING
         if tick >= ticks - 5:
             goal = GoalState.REACHED
-        yield speaker.say(ODOMETRY, odometry(at_ns, x_m), at_us + 300)
-        yield speaker.say(STATUS, status(at_ns, goal), at_us + 400)
-        yield speaker.say(DECISION, decision(at_ns, (1.0 + x_m, 2.5)), at_us + 500)
+        yield encoder.publish(ODOMETRY, odometry(at_ns, x_m), at_us + 300)
+        yield encoder.publish(STATUS, status(at_ns, goal), at_us + 400)
+        yield encoder.publish(DECISION, decision(at_ns, (1.0 + x_m, 2.5)), at_us + 500)
         if tick % 4 == 0:
-            yield speaker.say(HEARTBEAT, BEAT, at_us + 600)
-            yield speaker.say(OPERATOR, BEAT, at_us + 700)
+            yield encoder.publish(HEARTBEAT, BEAT, at_us + 600)
+            yield encoder.publish(OPERATOR, BEAT, at_us + 700)
     text = Statustext(severity=Severity.INFO, text="goal reached")
-    yield speaker.say(TEXT, text, START_US + ticks * PERIOD_US)
+    yield encoder.publish(TEXT, text, START_US + ticks * PERIOD_US)
 
 
 def wheels(time_ns: int, tick: int) -> WheelTicks:
     return WheelTicks(time_ns=time_ns, seq=tick, left=tick, right=tick, bumper=0, expired=0)
 
 
-def tlog(path: Path, said: list[Said]) -> Path:
-    path.write_bytes(b"".join(record_bytes(one.time_us, one.frame) for one in said))
+def tlog(path: Path, frames_sent: list[PublishedFrame]) -> Path:
+    path.write_bytes(b"".join(record_bytes(one.time_us, one.frame) for one in frames_sent))
     return path
 
 
-def mcap(path: Path, said: list[Said], every: int = 30, *, closed: bool = True) -> Path:
+def mcap(
+    path: Path, frames_sent: list[PublishedFrame], every: int = 30, *, closed: bool = True
+) -> Path:
     """Chunks of `every` frames; the world is known after the first."""
     form = McapFormat("r1", {"version": "0", "commit": "c0ffee", "dialect": "sidestep@2"})
     data = b""
-    for number, one in enumerate(said, 1):
+    for number, one in enumerate(frames_sent, 1):
         form.add(one.key, one.frame, one.time_us)
         if number % every == 0:
             data += form.batch()
         if number == every:
-            form.know("world", WORLD_TEXT)
+            form.add_fact("world", WORLD_TEXT)
     data += form.end() if closed else form.batch()
     path.write_bytes(data)
     return path
 
 
-def mcap_of_before(path: Path, said: list[Said]) -> Path:
+def mcap_of_before(path: Path, frames_sent: list[PublishedFrame]) -> Path:
     """As earlier versions wrote it: key and frame in one JSON text, the frame in base64."""
     out = BytesIO()
     writer: Any = Writer(out)
@@ -247,7 +249,7 @@ def mcap_of_before(path: Path, said: list[Said]) -> Path:
     channel = writer.register_channel(
         "/mavlink", "json", writer.register_schema("sidestep.MavlinkFrame", "jsonschema", b"{}")
     )
-    for one in said:
+    for one in frames_sent:
         raw = json.dumps({"key": one.key, "frame": b64encode(one.frame).decode()}).encode()
         writer.add_message(channel, one.time_us * 1000, raw, one.time_us * 1000)
     writer.finish()

@@ -1,4 +1,4 @@
-"""A file is replaced as a whole, where it really is, or left alone with the reason."""
+"""A file is replaced completely, or left unchanged with a reason."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ from ground.recording import export_file
 from runtime.errors import UserError
 
 
-def test_a_link_keeps_leading_to_the_file(tmp_path: Path) -> None:
+def test_symbolic_link_is_preserved(tmp_path: Path) -> None:
     real, link = tmp_path / "kept" / "tour.toml", tmp_path / "tour.toml"
     real.parent.mkdir()
     real.write_text("before")
@@ -21,7 +21,7 @@ def test_a_link_keeps_leading_to_the_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["with blank.toml", "-x.toml", "ä\n*?.toml", ".toml", "a" * 240])
-def test_any_name_that_the_disk_takes_will_do(tmp_path: Path, name: str) -> None:
+def test_unusual_file_names_are_accepted(tmp_path: Path, name: str) -> None:
     export_file.replace(tmp_path / name, "text")
     assert [path.name for path in tmp_path.iterdir()] == [name]
     assert (tmp_path / name).read_text() == "text"
@@ -36,13 +36,13 @@ def test_any_name_that_the_disk_takes_will_do(tmp_path: Path, name: str) -> None
         ("a" * 256, "file name too long"),
     ],
 )
-def test_what_cannot_be_written_is_named_with_the_reason_and_leaves_nothing(
+def test_failed_replace_names_the_reason_and_changes_nothing(
     tmp_path: Path, name: str, why: str
 ) -> None:
     (tmp_path / "folder").mkdir()
-    (tmp_path / "file").write_text("there")
+    (tmp_path / "file").write_text("names_in")
     before = sorted(tmp_path.iterdir())
     with pytest.raises(UserError, match=f"{re.escape(name)}: .*{why}"):
         export_file.replace(tmp_path / name, "text")
     assert sorted(tmp_path.iterdir()) == before
-    assert (tmp_path / "file").read_text() == "there"
+    assert (tmp_path / "file").read_text() == "names_in"

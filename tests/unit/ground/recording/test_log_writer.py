@@ -1,4 +1,4 @@
-"""The black box keeps whole records whatever the disk does, and tells what it could not keep."""
+"""The log writer keeps whole records on a failing disk, and counts dropped frames."""
 
 import errno
 import io
@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from ground.recording.log_writer import FRAME_COST, LogFile, Recorder, new_log
-from ground.recording.tlog import Reader, read
+from ground.recording.log_writer import FRAME_COST, LogFile, LogWriter, new_log
+from ground.recording.tlog import TlogReader, read
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import Statustext
 
@@ -22,7 +22,7 @@ NOON = datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC)
 
 
 class Disk:
-    """A sink that is full whenever the test says so."""
+    """A sink that simulates a full or failing disk."""
 
     def __init__(self) -> None:
         self.data = b""
@@ -47,16 +47,16 @@ def frame(text: str) -> bytes:
 
 
 def texts(data: bytes) -> int:
-    return len(list(Reader(io.BytesIO(data))))
+    return len(list(TlogReader(io.BytesIO(data))))
 
 
-def test_frames_are_stamped_in_utc_and_kept_in_order() -> None:
+def test_frames_are_stamped_in_utc_and_ordered() -> None:
     disk = Disk()
-    recorder = Recorder(disk, OFFSET_NS)
+    recorder = LogWriter(disk, OFFSET_NS)
     for n in range(5):
         recorder.take("sidestep/r1/tlm/text", frame(f"n{n}"), n * 1_000_000)
     assert recorder.flush()
-    records = list(Reader(io.BytesIO(disk.data)))
+    records = list(TlogReader(io.BytesIO(disk.data)))
     assert [record.time_us for record in records] == [
         OFFSET_NS // 1000 + n * 1000 for n in range(5)
     ]
@@ -65,20 +65,20 @@ def test_frames_are_stamped_in_utc_and_kept_in_order() -> None:
     assert disk.closed
 
 
-def test_what_was_fetched_later_has_the_time_at_which_it_came() -> None:
-    """Time never goes back in a log; an event of before its beginning is at its beginning."""
+def test_cached_sample_is_logged_when_it_arrives() -> None:
+    """Log times never decrease; an event before the start gets the start time."""
     disk = Disk()
-    recorder = Recorder(disk, OFFSET_NS, began_us=OFFSET_NS // 1000)
+    recorder = LogWriter(disk, OFFSET_NS, began_us=OFFSET_NS // 1000)
     for told_ms in (-60_000, 10, 20, 12, 30):
         recorder.take("k", frame(f"told at {told_ms}"), told_ms * 1_000_000)
     recorder.flush()
-    stamps_us = [record.time_us - OFFSET_NS // 1000 for record in Reader(io.BytesIO(disk.data))]
+    stamps_us = [record.time_us - OFFSET_NS // 1000 for record in TlogReader(io.BytesIO(disk.data))]
     assert stamps_us == [0, 10_000, 20_000, 20_000, 30_000]
 
 
-def test_what_is_no_frame_is_counted_and_not_written() -> None:
+def test_malformed_frame_is_counted_and_not_written() -> None:
     disk = Disk()
-    recorder = Recorder(disk, OFFSET_NS)
+    recorder = LogWriter(disk, OFFSET_NS)
     for junk in (b"", b"\xfd", b"hello", frame("cut short")[:-1]):
         recorder.take("k", junk, 0)
     recorder.take("k", frame("good"), 0)
@@ -87,26 +87,26 @@ def test_what_is_no_frame_is_counted_and_not_written() -> None:
     assert texts(disk.data) == 1
 
 
-def test_a_full_disk_is_named_and_nothing_is_lost_when_room_comes_back() -> None:
+def test_full_disk_is_reported_and_recovers() -> None:
     disk = Disk()
-    recorder = Recorder(disk, OFFSET_NS)
+    recorder = LogWriter(disk, OFFSET_NS)
     disk.full = True
     recorder.take("k", frame("while full"), 0)
     assert not recorder.flush()
-    assert recorder.trouble == "No space left on device"
+    assert recorder.error == "No space left on device"
     recorder.sync()
-    assert recorder.trouble == "Input/output error"
+    assert recorder.error == "Input/output error"
     disk.full = False
     recorder.take("k", frame("after"), 1)
     assert recorder.flush()
-    assert recorder.trouble == ""
+    assert recorder.error == ""
     assert texts(disk.data) == 2
     assert recorder.close()
 
 
-def test_a_disk_that_stays_full_costs_bounded_memory_and_is_admitted() -> None:
+def test_full_disk_bounds_memory_and_counts_drops() -> None:
     disk = Disk()
-    recorder = Recorder(disk, OFFSET_NS, held_bytes=200)
+    recorder = LogWriter(disk, OFFSET_NS, max_waiting_bytes=200)
     disk.full = True
     for n in range(1000):
         recorder.take("k", frame(f"{n}"), n)
@@ -118,9 +118,9 @@ def test_a_disk_that_stays_full_costs_bounded_memory_and_is_admitted() -> None:
 
 
 def test_memory_is_bounded_while_the_disk_hangs() -> None:
-    """The thread that writes does not come back, and frames go on arriving."""
+    """Frames arrive while the writing thread hangs."""
     disk = Disk()
-    recorder = Recorder(disk, OFFSET_NS, held_bytes=100 * (FRAME_COST + 40))
+    recorder = LogWriter(disk, OFFSET_NS, max_waiting_bytes=100 * (FRAME_COST + 40))
     one = frame("while it hangs")
     for n in range(10_000):
         recorder.take("k", one, n)
@@ -128,17 +128,17 @@ def test_memory_is_bounded_while_the_disk_hangs() -> None:
     assert recorder.dropped == 10_000 - len(recorder._arrived)
     kept = len(recorder._arrived)
     assert recorder.flush()
-    assert recorder.why_dropped == "the disk took too long"
+    assert recorder.drop_reason == "the disk took too long"
     recorder.take("k", one, 10_000)
-    assert not recorder.close(), "it is admitted in the end"
+    assert not recorder.close(), "losses are reported at the end"
     assert texts(disk.data) == recorder.written == kept + 1
     assert recorder.dropped == 10_000 - kept
 
 
-def test_long_keys_count_and_are_left_out() -> None:
-    """A key may have 60,000 letters, and comes with each frame."""
+def test_long_keys_are_rejected_and_counted() -> None:
+    """Reject keys of 60,000 characters: the key is stored with each frame."""
     disk = Disk()
-    recorder = Recorder(disk, OFFSET_NS, held_bytes=1_000_000)
+    recorder = LogWriter(disk, OFFSET_NS, max_waiting_bytes=1_000_000)
     one, key = frame("x"), "k" * 60_000
     for n in range(1000):
         recorder.take(key, one, n)
@@ -148,9 +148,9 @@ def test_long_keys_count_and_are_left_out() -> None:
     assert disk.data == b""
 
 
-def test_frames_from_many_threads_are_all_counted_once() -> None:
+def test_frames_of_many_threads_are_counted_once() -> None:
     disk = Disk()
-    recorder = Recorder(disk, OFFSET_NS, held_bytes=50 * FRAME_COST)
+    recorder = LogWriter(disk, OFFSET_NS, max_waiting_bytes=50 * FRAME_COST)
     one = frame("x")
 
     def send() -> None:
@@ -166,10 +166,10 @@ def test_frames_from_many_threads_are_all_counted_once() -> None:
     assert recorder.written + recorder.dropped == 2000
 
 
-def test_a_synchronisation_that_failed_once_has_lost_what_was_written() -> None:
-    """The kernel drops such pages and reports success the next time ("fsyncgate")."""
+def test_failed_flush_counts_its_frames_as_lost() -> None:
+    """Count frames as lost: the kernel drops such pages, then reports success."""
     disk = Disk()
-    recorder = Recorder(disk, OFFSET_NS)
+    recorder = LogWriter(disk, OFFSET_NS)
 
     def written(count: int) -> None:
         for n in range(count):
@@ -186,26 +186,24 @@ def test_a_synchronisation_that_failed_once_has_lost_what_was_written() -> None:
     disk.fails = False
     written(2)
     recorder.sync()
-    assert (recorder.dropped, recorder.trouble) == (5, "")
-    assert recorder.why_dropped == "Input/output error"
+    assert (recorder.dropped, recorder.error) == (5, "")
+    assert recorder.drop_reason == "Input/output error"
     assert not recorder.close()
     assert recorder.dropped == 5
 
 
-def test_what_was_written_last_is_synchronised_before_the_file_is_closed() -> None:
+def test_close_flushes_the_last_frames() -> None:
     disk = Disk()
-    recorder = Recorder(disk, OFFSET_NS)
+    recorder = LogWriter(disk, OFFSET_NS)
     recorder.take("k", frame("last"), 0)
     disk.fails = True
     assert not recorder.close()
     assert (recorder.dropped, disk.closed) == (1, True)
 
 
-def test_a_half_written_batch_is_taken_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_partial_batch_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = LogFile(tmp_path / "a.tlog")
-    recorder = Recorder(log, OFFSET_NS)
+    recorder = LogWriter(log, OFFSET_NS)
     recorder.take("k", frame("before"), 0)
     recorder.flush()
     real_write = os.write
@@ -224,7 +222,7 @@ def test_a_half_written_batch_is_taken_back(
     assert len(list(read(log.path))) == 2
 
 
-def test_the_file_is_named_after_time_and_robot_and_never_overwritten(tmp_path: Path) -> None:
+def test_new_log_never_overwrites_a_file(tmp_path: Path) -> None:
     first = new_log(tmp_path / "deep" / "down", "r1", NOON)
     second = new_log(tmp_path / "deep" / "down", "r1", NOON)
     assert first.path.name == "20260304T120005Z-r1.tlog"
@@ -236,10 +234,10 @@ def test_the_file_is_named_after_time_and_robot_and_never_overwritten(tmp_path: 
 WRITER = """
 import sys
 from pathlib import Path
-from ground.recording.log_writer import LogFile, Recorder
+from ground.recording.log_writer import LogFile, LogWriter
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import Statustext
-recorder = Recorder(LogFile(Path(sys.argv[1])), 1_790_000_000_000_000_000)
+recorder = LogWriter(LogFile(Path(sys.argv[1])), 1_790_000_000_000_000_000)
 encoder, n = Encoder(1, 1), 0
 while True:
     for _ in range(50):
@@ -250,7 +248,7 @@ while True:
 """
 
 
-def test_killed_at_any_moment_the_log_holds_all_that_was_flushed(tmp_path: Path) -> None:
+def test_killed_writer_keeps_flushed_frames(tmp_path: Path) -> None:
     for attempt in range(3):
         path = tmp_path / f"{attempt}.tlog"
         with subprocess.Popen(

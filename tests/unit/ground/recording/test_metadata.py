@@ -1,4 +1,4 @@
-"""The world and the parameters are asked for until somebody tells them, and then no more."""
+"""The world and the parameters are requested until they are answered."""
 
 from ground.recording.metadata import MetadataReader
 from protocol.topics import PARAMETERS, WORLD, Service
@@ -10,11 +10,11 @@ S = 1_000_000_000
 
 
 class Stage:
-    """Answers what the test wants known by now."""
+    """A bus that serves the given answers."""
 
     def __init__(self) -> None:
         self.answers: dict[str, Message | bytes] = {}
-        self.asked: list[str] = []
+        self.requested: list[str] = []
 
     def ask(
         self,
@@ -24,34 +24,34 @@ class Stage:
         robot: str | None = None,
     ) -> Message | bytes:
         assert (message, robot) == (None, "r1")
-        self.asked.append(service.path)
+        self.requested.append(service.path)
         if service.path not in self.answers:
-            raise NoAnswer("nobody serves it")
+            raise NoAnswer("no process answers")
         return self.answers[service.path]
 
 
-def test_each_fact_is_learned_once_however_late_it_can_be_told() -> None:
+def test_each_fact_is_returned_once() -> None:
     stage = Stage()
     facts = MetadataReader(stage, "r1")
-    assert facts.learned(0) == {}
+    assert facts.poll(0) == {}
     stage.answers[PARAMETERS.path] = b"[]"
-    assert facts.learned(1 * S) == {"parameters": "[]"}
+    assert facts.poll(1 * S) == {"parameters": "[]"}
     stage.answers[WORLD.path] = b"{}"
-    assert facts.learned(10 * S) == {"world": "{}"}
-    stage.asked.clear()
-    assert facts.learned(100 * S) == {}
-    assert stage.asked == []
+    assert facts.poll(10 * S) == {"world": "{}"}
+    stage.requested.clear()
+    assert facts.poll(100 * S) == {}
+    assert stage.requested == []
 
 
-def test_it_does_not_ask_at_every_turn() -> None:
+def test_requests_are_rate_limited() -> None:
     stage = Stage()
     facts = MetadataReader(stage, "r1")
     for tick in range(240):
-        facts.learned(tick * S // 4)
-    assert len(stage.asked) < 40
+        facts.poll(tick * S // 4)
+    assert len(stage.requested) < 40
 
 
-def test_an_answer_that_is_no_text_is_no_fact() -> None:
+def test_malformed_answer_is_ignored() -> None:
     stage = Stage()
     stage.answers = {WORLD.path: b"\xff\xfe", PARAMETERS.path: Statustext(severity=1, text="no")}
-    assert MetadataReader(stage, "r1").learned(0) == {}
+    assert MetadataReader(stage, "r1").poll(0) == {}

@@ -13,16 +13,16 @@ import pyarrow.parquet
 import pytest
 
 from ground.cli.main import main
-from tests.support.ground.recording.made import Said, mcap, run, tlog
+from tests.support.ground.recording.made import PublishedFrame, mcap, run, tlog
 
 
 @pytest.fixture
-def said() -> list[Said]:
+def said() -> list[PublishedFrame]:
     return list(run(20))
 
 
 @pytest.fixture
-def log(tmp_path: Path, said: list[Said]) -> str:
+def log(tmp_path: Path, said: list[PublishedFrame]) -> str:
     return str(mcap(tmp_path / "a.mcap", said))
 
 
@@ -31,7 +31,7 @@ def rows_of(text: str) -> list[list[str]]:
 
 
 def test_both_files_of_a_run_give_the_same_table(
-    tmp_path: Path, said: list[Said], log: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, said: list[PublishedFrame], log: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["export", log]) == 0
     from_mcap = capsys.readouterr().out
@@ -82,7 +82,7 @@ def test_a_damaged_file_gives_what_is_left_and_ends_with_1(
     told = json.loads(capsys.readouterr().out)
     assert told["rows"] > 0
     assert told["lost_bytes"] > 0
-    assert "left out" in told["damage"]
+    assert "skipped" in told["damage"]
 
 
 @pytest.mark.parametrize(

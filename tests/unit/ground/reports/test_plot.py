@@ -11,15 +11,15 @@ import pytest
 from ground.cli.main import main
 from ground.client.operations import NoProgress
 from ground.console import read
-from ground.recording.log_reader import opened
-from ground.recording.tables.series import gathered
-from ground.recording.tables.time_axis import Axis
+from ground.recording.log_reader import open_log
+from ground.recording.tables.series import collect_series
+from ground.recording.tables.time_axis import TimeAxis
 from ground.reports.plot import Plot
 from protocol.topics import SONAR, STATUS
 from tests.support.ground.recording.made import (
     START_US,
-    Said,
-    Speaker,
+    PublishedFrame,
+    TopicEncoder,
     mcap,
     run,
     scan,
@@ -29,12 +29,12 @@ from tests.support.ground.recording.made import (
 
 
 @pytest.fixture
-def said() -> list[Said]:
+def said() -> list[PublishedFrame]:
     return list(run(60))
 
 
 def test_a_png_has_the_drawing_in_it(
-    tmp_path: Path, said: list[Said], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, said: list[PublishedFrame], capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = mcap(tmp_path / "a.mcap", said)
     assert main(["plot", str(log), "--json"]) == 0
@@ -45,22 +45,30 @@ def test_a_png_has_the_drawing_in_it(
     assert len({tuple(pixel) for row in image[::7, ::7] for pixel in row}) > 20, "not blank"
 
 
-def test_an_svg_is_well_formed_and_names_what_it_shows(tmp_path: Path, said: list[Said]) -> None:
+def test_an_svg_is_well_formed_and_names_what_it_shows(
+    tmp_path: Path, said: list[PublishedFrame]
+) -> None:
     out = tmp_path / "a.svg"
     assert main(["plot", str(mcap(tmp_path / "a.mcap", said)), "--out", str(out)]) == 0
     text = out.read_text()
     ElementTree.fromstring(text)
-    for words in ("a.mcap: r1 in made", "true way", "believed", "nearest echo", "claimed"):
+    for words in (
+        "a.mcap: r1 in made",
+        "true path",
+        "estimated path",
+        "nearest echo",
+        "estimated (1 sigma)",
+    ):
         assert f"<!-- {words}" in text
 
 
 def test_of_very_many_echoes_a_part_is_drawn(
-    tmp_path: Path, said: list[Said], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, said: list[PublishedFrame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A picture of two hours has to be opened, too."""
     log, drawn = mcap(tmp_path / "a.mcap", said), []
     for most in (4000, 10):
-        monkeypatch.setattr("ground.recording.tables.figure.MOST_ECHOES", most)
+        monkeypatch.setattr("ground.recording.tables.figure.MAX_ECHOES", most)
         out = tmp_path / f"{most}.svg"
         assert main(["plot", str(log), "--out", str(out)]) == 0
         drawn.append(out.read_text().count("<use "))
@@ -68,7 +76,7 @@ def test_of_very_many_echoes_a_part_is_drawn(
 
 
 def test_a_tlog_is_drawn_without_its_world_or_with_one_that_is_named(
-    tmp_path: Path, said: list[Said], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, said: list[PublishedFrame], capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = str(tlog(tmp_path / "a.tlog", said))
     assert main(["plot", log]) == 0
@@ -79,7 +87,7 @@ def test_a_tlog_is_drawn_without_its_world_or_with_one_that_is_named(
 
 
 def test_a_damaged_file_is_drawn_as_far_as_it_goes(
-    tmp_path: Path, said: list[Said], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, said: list[PublishedFrame], capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = mcap(tmp_path / "a.mcap", said)
     whole = log.read_bytes()
@@ -88,7 +96,7 @@ def test_a_damaged_file_is_drawn_as_far_as_it_goes(
     assert "DAMAGED" in capsys.readouterr().out
 
 
-def test_it_can_be_asked_for_in_the_app(tmp_path: Path, said: list[Said]) -> None:
+def test_it_can_be_asked_for_in_the_app(tmp_path: Path, said: list[PublishedFrame]) -> None:
     operation = read(f"plot {mcap(tmp_path / 'a.mcap', said)}")
     assert isinstance(operation, Plot)
     assert operation.run(NoProgress()).ok
@@ -105,7 +113,7 @@ def test_it_can_be_asked_for_in_the_app(tmp_path: Path, said: list[Said]) -> Non
 )
 def test_what_cannot_be_drawn_is_refused_with_the_reason(
     tmp_path: Path,
-    said: list[Said],
+    said: list[PublishedFrame],
     words: list[str],
     why: str,
     capsys: pytest.CaptureFixture[str],
@@ -124,19 +132,21 @@ def test_what_is_no_recording_is_refused(
     assert "holds no frame (DAMAGED: 9 bytes" in capsys.readouterr().err
 
 
-def test_the_error_is_against_the_truth_of_the_same_stamp(tmp_path: Path, said: list[Said]) -> None:
-    found = gathered(Axis(opened(tlog(tmp_path / "a.tlog", said))), 0.15)
-    assert len(found.error_m.values) == len(found.believed) == 60
+def test_the_error_is_against_the_truth_of_the_same_stamp(
+    tmp_path: Path, said: list[PublishedFrame]
+) -> None:
+    found = collect_series(TimeAxis(open_log(tlog(tmp_path / "a.tlog", said))), 0.15)
+    assert len(found.error_m.values) == len(found.estimated) == 60
     assert found.error_m.values == pytest.approx([0.01] * 60, abs=1e-5)
     assert found.sigma_m.values[0] == pytest.approx(0.0005**0.5, abs=1e-6)
     assert [mark.kind for mark in found.marks] == ["goal", "outcome"]
 
 
 def test_no_echo_is_a_gap_and_no_distance(tmp_path: Path) -> None:
-    speaker = Speaker()
-    said = [speaker.say(SONAR, scan(n, n, echo=n % 2), START_US + n) for n in range(4)]
-    said.append(speaker.say(STATUS, status(9), START_US + 9))
-    found = gathered(Axis(opened(tlog(tmp_path / "a.tlog", said))), 0.15)
+    encoder = TopicEncoder()
+    said = [encoder.publish(SONAR, scan(n, n, echo=n % 2), START_US + n) for n in range(4)]
+    said.append(encoder.publish(STATUS, status(9), START_US + 9))
+    found = collect_series(TimeAxis(open_log(tlog(tmp_path / "a.tlog", said))), 0.15)
     assert [isnan(value) for value in found.nearest_m.values] == [True, False, True, False]
     assert found.echoes == [], "without a pose an echo has no place"
     assert [round(goal[0], 3) for goal in found.goals] == [5.4]

@@ -11,10 +11,10 @@ from protocol.wire.message import Message
 from tests.support.ground.station.play import Play
 from tests.support.protocol.made_up import messages_of
 
-Said = tuple[Topic[Any], Message]
+PublishedFrame = tuple[Topic[Any], Message]
 
 
-def said(topic: Topic[Any]) -> st.SearchStrategy[Said]:
+def said(topic: Topic[Any]) -> st.SearchStrategy[PublishedFrame]:
     """Any message that this topic may carry."""
     kinds = st.sampled_from(topic.messages).flatmap(messages_of)
     return kinds.map(lambda message: (topic, message))
@@ -40,7 +40,7 @@ def look_at_all(play: Play) -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(anything)
-def test_no_message_stops_it_or_commands_the_terminal(messages: list[Said]) -> None:
+def test_no_message_stops_it_or_commands_the_terminal(messages: list[PublishedFrame]) -> None:
     play = Play().forward(0.2)
     for topic, message in messages:
         play.bus.say(topic, message)

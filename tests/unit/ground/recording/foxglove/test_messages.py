@@ -1,4 +1,4 @@
-"""Our schemas of the well-known messages have the fields that the maker's own SDK knows."""
+"""The schemas of Foxglove messages have the fields of the official SDK."""
 
 import inspect
 import json
@@ -15,7 +15,7 @@ BASIC = ("time", "duration")
 
 
 def all_in(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Every object in a schema that has a name."""
+    """Yield every named object in a schema."""
     if "properties" in schema and schema.get("title") not in BASIC:
         yield schema
     inside = [*schema.get("properties", {}).values()]
@@ -25,7 +25,7 @@ def all_in(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("name", sorted(SHAPES))
-def test_every_field_has_the_name_that_the_sdk_gives_it(name: str) -> None:
+def test_schema_fields_match_the_sdk(name: str) -> None:
     assert SHAPES[name].name == name
     found = list(all_in(json.loads(SHAPES[name].text)))
     assert found

@@ -1,4 +1,4 @@
-"""What a viewer is given to draw: places in metres, nothing where nothing is known."""
+"""Drawings for viewers: positions in metres, nothing for missing values."""
 
 from base64 import b64decode
 from math import cos, inf, nan, radians
@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from ground.recording.foxglove.scene import MOST_POSES, SceneDrawer, ViewerMessage
+from ground.recording.foxglove.scene import MAX_POSES, SceneDrawer, ViewerMessage
 from protocol.topics import MARK, TEXT
 from protocol.wire.enums import GoalState, Severity
 from protocol.wire.message import Message
@@ -25,15 +25,15 @@ from tests.support.ground.recording.made import (
 S = 1_000_000_000
 
 
-def seen(picture: SceneDrawer, message: Message, time_ns: int = S) -> dict[str, Any]:
-    return {drawn.topic: drawn.content for drawn in picture.see("k", message, time_ns)}
+def seen(drawer: SceneDrawer, message: Message, time_ns: int = S) -> dict[str, Any]:
+    return {drawn.topic: drawn.content for drawn in drawer.draw("k", message, time_ns)}
 
 
-def known(picture: SceneDrawer) -> dict[str, Any]:
-    return {drawn.topic: drawn.content for drawn in picture.know("world", WORLD_TEXT, S)}
+def known(drawer: SceneDrawer) -> dict[str, Any]:
+    return {drawn.topic: drawn.content for drawn in drawer.draw_fact("world", WORLD_TEXT, S)}
 
 
-def test_the_pose_is_drawn_and_moves_the_robots_frame() -> None:
+def test_pose_is_drawn_and_moves_the_robot_frame() -> None:
     drawn = seen(SceneDrawer(), odometry(0, 1.25, 2.5, radians(90.0)), 3 * S + 7)
     pose = drawn["/robot/pose"]
     assert pose["timestamp"] == {"sec": 3, "nsec": 7}
@@ -44,88 +44,90 @@ def test_the_pose_is_drawn_and_moves_the_robots_frame() -> None:
     assert transform["translation"]["x"] == 1.25
 
 
-def test_the_trail_grows_once_a_second_and_stays_bounded() -> None:
-    picture, told = SceneDrawer(), []
+def test_trail_is_sent_once_a_second_and_bounded() -> None:
+    drawer, reported = SceneDrawer(), []
     for tick in range(20_000):
-        drawn = seen(picture, odometry(0, tick * 0.0125), tick * S // 20)
+        drawn = seen(drawer, odometry(0, tick * 0.0125), tick * S // 20)
         if "/robot/trail" in drawn:
-            told.append(len(drawn["/robot/trail"]["poses"]))
-    assert len(told) == 1000
-    assert told[1] > told[0]
-    assert max(told) <= MOST_POSES
-    assert told[-1] > MOST_POSES // 2
+            reported.append(len(drawn["/robot/trail"]["poses"]))
+    assert len(reported) == 1000
+    assert reported[1] > reported[0]
+    assert max(reported) <= MAX_POSES
+    assert reported[-1] > MAX_POSES // 2
 
 
-def test_a_pose_that_is_no_number_is_not_drawn() -> None:
+def test_pose_with_nan_is_not_drawn() -> None:
     assert seen(SceneDrawer(), odometry(0, nan)) == {}
     assert seen(SceneDrawer(), truth(0, inf)) == {}
 
 
-def test_only_echoes_are_points_and_they_begin_at_the_rim() -> None:
-    picture = SceneDrawer()
-    known(picture)
-    cloud = seen(picture, scan(0, 0, echo=0b1000_0001))["/sonar/echoes"]
+def test_echoes_are_points_measured_from_the_rim() -> None:
+    drawer = SceneDrawer()
+    known(drawer)
+    cloud = seen(drawer, scan(0, 0, echo=0b1000_0001))["/sonar/echoes"]
     points = list(iter_unpack("<fff", b64decode(cloud["data"])))
     assert len(points) == 2
     far_m = [(x * x + y * y) ** 0.5 for x, y, _ in points]
     assert far_m == pytest.approx([0.15 + 0.800, 0.15 + 0.807], abs=1e-6)
-    assert points[0][1] < 0 < points[1][1], "sonar 0 looks right, 7 left"
-    assert seen(picture, scan(0, 0, echo=0))["/sonar/echoes"]["data"] == ""
+    assert points[0][1] < 0 < points[1][1], "sonar 0 points right, 7 left"
+    assert seen(drawer, scan(0, 0, echo=0))["/sonar/echoes"]["data"] == ""
 
 
-def test_the_goal_is_drawn_when_it_is_another_one() -> None:
-    picture = SceneDrawer()
-    assert seen(picture, status(0, GoalState.NONE)) == {}
-    (goal,) = seen(picture, status(0))["/goal"]["entities"]
+def test_goal_is_drawn_when_it_changes() -> None:
+    drawer = SceneDrawer()
+    assert seen(drawer, status(0, GoalState.NONE)) == {}
+    (goal,) = seen(drawer, status(0))["/goal"]["entities"]
     assert goal["cylinders"][0]["pose"]["position"]["x"] == 5.4
     assert len(goal["arrows"]) == 1
-    assert seen(picture, status(1)) == {}
+    assert seen(drawer, status(1)) == {}
 
 
-def test_the_virtual_goal_comes_and_goes() -> None:
-    picture = SceneDrawer()
-    virtual, zone = seen(picture, decision(0))["/goal/virtual"]["entities"]
+def test_virtual_goal_is_drawn_and_cleared() -> None:
+    drawer = SceneDrawer()
+    virtual, zone = seen(drawer, decision(0))["/goal/virtual"]["entities"]
     assert len(virtual["spheres"]) == len(zone["lines"]) == 1
-    assert seen(picture, decision(1)) == {}, "it has not moved"
-    virtual, zone = seen(picture, decision(2, (nan, nan)))["/goal/virtual"]["entities"]
+    assert seen(drawer, decision(1)) == {}, "unchanged"
+    virtual, zone = seen(drawer, decision(2, (nan, nan)))["/goal/virtual"]["entities"]
     assert virtual["spheres"] == zone["lines"] == []
 
 
-def test_the_world_is_walls_and_discs_in_their_places() -> None:
+def test_world_is_drawn_as_walls_and_discs() -> None:
     drawn = known(SceneDrawer())
     walls, start = drawn["/world"]["entities"]
     assert len(walls["cubes"]) == 4 + 3 + 2, "outer walls, triangle, a bent wall"
     assert {cube["size"]["x"] for cube in walls["cubes"]} >= {6.0, 4.0, 2.0}
-    assert [disc["color"]["a"] for disc in walls["cylinders"]] == [1.0, 0.4], "what moves is faint"
+    assert [disc["color"]["a"] for disc in walls["cylinders"]] == [1.0, 0.4], (
+        "moving obstacles are pale"
+    )
     assert len(start["arrows"]) == 1
     (robot,) = drawn["/robot/body"]["entities"]
     assert robot["cylinders"][0]["size"]["x"] == 0.3
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"obstacles": [{"wall_m": 3}]}', '{"size_m": 1}'])
-def test_a_world_that_cannot_be_read_is_not_drawn(text: str) -> None:
-    drawn: list[ViewerMessage] = SceneDrawer().know("world", text, 0)
+def test_malformed_world_is_not_drawn(text: str) -> None:
+    drawn: list[ViewerMessage] = SceneDrawer().draw_fact("world", text, 0)
     assert len(drawn) in (0, 2)
-    assert SceneDrawer().know("parameters", WORLD_TEXT, 0) == []
+    assert SceneDrawer().draw_fact("parameters", WORLD_TEXT, 0) == []
 
 
 @pytest.mark.parametrize(
     ("severity", "level"),
     [(Severity.INFO, 2), (Severity.WARNING, 3), (Severity.ERROR, 4), (Severity.EMERGENCY, 5)],
 )
-def test_texts_have_the_viewers_level(severity: Severity, level: int) -> None:
+def test_log_level_follows_severity(severity: Severity, level: int) -> None:
     drawn = seen(SceneDrawer(), Statustext(severity=severity, text="hello"))
     assert (drawn["/log"]["level"], drawn["/log"]["message"]) == (level, "hello")
     assert seen(SceneDrawer(), Statustext(severity=99, text="odd"))["/log"]["level"] == 1
 
 
-def test_pieces_of_what_the_robot_says_and_of_remarks_are_not_mixed() -> None:
-    picture, logged = SceneDrawer(), []
-    said, remark = "the robot says " * 5, "somebody remarks " * 5
-    for pieces in zip(pieces_of(said, 7, 6), pieces_of(remark, 7, 5), strict=True):
+def test_interleaved_texts_are_assembled_per_sender() -> None:
+    drawer, logged = SceneDrawer(), []
+    robot_text, remark = "text of the robot " * 5, "remark of an operator " * 4
+    for pieces in zip(pieces_of(robot_text, 7, 6), pieces_of(remark, 7, 5), strict=True):
         for topic, piece in zip((TEXT, MARK), pieces, strict=True):
-            logged += [one.content for one in picture.see(topic.key("r1"), piece, 0)]
+            logged += [one.content for one in drawer.draw(topic.key("r1"), piece, 0)]
     assert [(one["name"], one["message"]) for one in logged] == [
-        ("robot", said),
+        ("robot", robot_text),
         ("op/mark", remark),
     ]

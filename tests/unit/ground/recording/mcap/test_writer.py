@@ -1,4 +1,4 @@
-"""An MCAP of ours is what its own library reads, and what Foxglove and Lichtblick know."""
+"""The MCAP library reads recordings, and drawings have Foxglove's schemas."""
 
 import gc
 import io
@@ -15,7 +15,7 @@ from protocol.topics import ENCODING
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import AvoidanceDecision, Statustext
 from tests.support.ground.recording.json_schema import problem
-from tests.support.ground.recording.made import Said, decision, mcap, run
+from tests.support.ground.recording.made import PublishedFrame, decision, mcap, run
 
 FOXGLOVE: dict[str, set[str]] = {
     "foxglove.PoseInFrame": {"timestamp", "frame_id", "pose"},
@@ -31,7 +31,7 @@ FOXGLOVE: dict[str, set[str]] = {
         *("point_stride", "fields", "data"),
     },
 }
-"""Names that the viewers ask for: https://docs.foxglove.dev/docs/sdk/schemas."""
+"""Fields that the viewers expect: https://docs.foxglove.dev/docs/sdk/schemas."""
 ENTITY = {
     *("timestamp", "frame_id", "id", "lifetime", "frame_locked", "metadata"),
     *("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models"),
@@ -39,7 +39,7 @@ ENTITY = {
 
 
 class Found:
-    """A file as the MCAP library sees it, checksums included."""
+    """A file as the MCAP library reads it, checksums included."""
 
     def __init__(self, path: Path) -> None:
         reader = make_reader(io.BytesIO(path.read_bytes()), validate_crcs=True)
@@ -63,16 +63,16 @@ class Found:
 
 
 @pytest.fixture
-def said() -> list[Said]:
+def frames_sent() -> list[PublishedFrame]:
     return list(run())
 
 
 @pytest.fixture
-def found(tmp_path: Path, said: list[Said]) -> Found:
-    return Found(mcap(tmp_path / "a.mcap", said))
+def found(tmp_path: Path, frames_sent: list[PublishedFrame]) -> Found:
+    return Found(mcap(tmp_path / "a.mcap", frames_sent))
 
 
-def test_every_message_fits_the_schema_of_its_channel(found: Found) -> None:
+def test_messages_match_the_schema_of_their_channel(found: Found) -> None:
     for topic, messages in found.by_topic.items():
         schema = found.schemas[topic]
         assert schema["title"] == found.names[topic]
@@ -80,7 +80,7 @@ def test_every_message_fits_the_schema_of_its_channel(found: Found) -> None:
         assert problems == [""] * len(messages)
 
 
-def test_the_viewers_find_the_names_that_they_know(found: Found) -> None:
+def test_drawings_use_foxglove_schema_names(found: Found) -> None:
     drawn = {topic: name for topic, name in found.names.items() if name.startswith("foxglove.")}
     assert set(drawn.values()) == set(FOXGLOVE)
     for topic, name in drawn.items():
@@ -89,25 +89,25 @@ def test_the_viewers_find_the_names_that_they_know(found: Found) -> None:
         assert all(set(entity) == ENTITY for entity in update["entities"])
 
 
-def test_every_message_of_ours_is_there_decoded(found: Found, said: list[Said]) -> None:
+def test_every_message_is_also_decoded(found: Found, frames_sent: list[PublishedFrame]) -> None:
     decoded = found.by_topic["/tlm/odometry/PlanarOdometry"]
     assert [one["x_m"] for one in decoded][:2] == [0.6000000238418579, 0.6000000238418579]
-    assert found.frames == [one.frame for one in said]
+    assert found.frames == [one.frame for one in frames_sent]
     (goal,) = found.by_topic["/tlm/commanded/GoalRequest"]
     assert goal["x_mm"] == 5400
 
 
-def test_the_head_names_robot_and_build_and_facts_follow(found: Found) -> None:
+def test_header_names_robot_and_build(found: Found) -> None:
     assert found.metadata["sidestep"]["robot"] == "r1"
     assert found.metadata["sidestep"]["commit"] == "c0ffee"
     assert json.loads(found.metadata["world"]["json"])["name"] == "made"
 
 
-def test_each_batch_is_a_chunk_of_its_own(found: Found, said: list[Said]) -> None:
-    assert len(found.summary.chunk_indexes) == len(said) // 30 + 1
+def test_each_batch_is_one_chunk(found: Found, frames_sent: list[PublishedFrame]) -> None:
+    assert len(found.summary.chunk_indexes) == len(frames_sent) // 30 + 1
 
 
-def test_what_is_not_finite_is_null_in_the_json() -> None:
+def test_json_has_null_for_values_that_are_not_finite() -> None:
     form = McapFormat("r1", {})
     nowhere = decision(0, (float("nan"), float("inf")))
     form.add("sidestep/r1/tlm/decision", Encoder(1, 1).encode(nowhere), 1)
@@ -122,7 +122,7 @@ def test_what_is_not_finite_is_null_in_the_json() -> None:
     assert shown["nearest_range_m"] == pytest.approx(0.8)
 
 
-def test_a_frame_of_a_newer_dialect_is_kept_though_it_cannot_be_shown() -> None:
+def test_unknown_message_is_kept_raw() -> None:
     foreign = bytes([0xFD, 1, 0, 0, 0, 1, 1, 0x11, 0x22, 0x33, 7, 0, 0])
     form = McapFormat("r1", {})
     form.add("sidestep/r1/tlm/new", foreign, 1)
@@ -133,7 +133,7 @@ def test_a_frame_of_a_newer_dialect_is_kept_though_it_cannot_be_shown() -> None:
     ]
 
 
-def test_what_was_fetched_later_says_when_it_was_told() -> None:
+def test_cached_sample_keeps_its_publish_time() -> None:
     form = McapFormat("r1", {})
     frame = Encoder(1, 1).encode(Statustext(severity=6, text="earlier"))
     form.add("sidestep/r1/tlm/text", frame, 5_000_000, 2_000_000)
@@ -142,15 +142,15 @@ def test_what_was_fetched_later_says_when_it_was_told() -> None:
         assert (message.log_time, message.publish_time) == (5_000_000_000, 2_000_000_000)
 
 
-def test_a_recorder_that_runs_for_days_holds_little_of_what_it_has_written(
-    said: list[Said],
+def test_index_entries_stay_small_in_memory(
+    frames_sent: list[PublishedFrame],
 ) -> None:
-    """Half a kilobyte for each batch, which is 3.5 MB an hour."""
+    """Limit the growth to half a kilobyte a batch, which is 3.5 MB an hour."""
     form = McapFormat("r1", {})
 
     def batches(count: int) -> None:
         for _ in range(count):
-            for one in said[:70]:
+            for one in frames_sent[:70]:
                 form.add(one.key, one.frame, one.time_us)
             form.batch()
         gc.collect()
@@ -166,7 +166,7 @@ def test_a_recorder_that_runs_for_days_holds_little_of_what_it_has_written(
     assert (after - before) / 100 < 500
 
 
-def test_messages_of_a_topic_are_numbered_one_after_the_other(tmp_path: Path) -> None:
+def test_messages_of_a_topic_are_numbered(tmp_path: Path) -> None:
     data = mcap(tmp_path / "a.mcap", list(run(20))).read_bytes()
     numbers: dict[str, list[int]] = {}
     for _, channel, message in make_reader(io.BytesIO(data)).iter_messages(log_time_order=False):
@@ -175,12 +175,12 @@ def test_messages_of_a_topic_are_numbered_one_after_the_other(tmp_path: Path) ->
     assert all(found == list(range(len(found))) for found in numbers.values())
 
 
-def test_keys_of_strangers_and_of_many_operators_cost_no_channels() -> None:
-    """Each session of an operator has a key of its own, and anybody may invent others."""
+def test_foreign_keys_create_no_channels() -> None:
+    """Create no channel for keys of operator sessions or of foreign publishers."""
     form = McapFormat("r1", {})
     text = Encoder(1, 1).encode(Statustext(severity=6, text="x"))
     for number in range(500):
         form.add(f"sidestep/r1/op/mark/open/{number:x}", text, number)
         form.add(f"sidestep/r1/strange/{number}", text, number)
     assert len(form._channels) == 4  # raw, its key, the mark, and the log of the viewer
-    assert len(form._spread._picture._texts) <= 64
+    assert len(form._splitter._drawer._texts) <= 64

@@ -1,4 +1,4 @@
-"""A recording is listened to like a live bus: played, paused, stepped, gone through by marks."""
+"""A recording replaces a live bus: play, pause, step, jump to bookmarks."""
 
 import json
 from collections.abc import Callable
@@ -27,8 +27,8 @@ from runtime.errors import LocalError, NoAnswer, UserError
 from tests.support.ground.recording.made import (
     PERIOD_US,
     START_US,
-    Said,
-    Speaker,
+    PublishedFrame,
+    TopicEncoder,
     mcap,
     run,
     status,
@@ -37,7 +37,7 @@ from tests.support.ground.recording.made import (
 )
 
 S = 1_000_000_000
-Opens = Callable[[list[Said]], ReplayBus]
+Opens = Callable[[list[PublishedFrame]], ReplayBus]
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def clock() -> ManualClock:
 
 @pytest.fixture
 def opens(tmp_path: Path, clock: ManualClock) -> Opens:
-    return lambda said: ReplayBus(mcap(tmp_path / "a.mcap", said), clock)
+    return lambda frames_sent: ReplayBus(mcap(tmp_path / "a.mcap", frames_sent), clock)
 
 
 @pytest.fixture
@@ -55,14 +55,14 @@ def bus(opens: Opens) -> ReplayBus:
     return opens(list(run()))
 
 
-def test_it_stands_at_the_beginning_and_gives_only_what_came_first(bus: ReplayBus) -> None:
+def test_playback_starts_paused_at_the_first_frame(bus: ReplayBus) -> None:
     box = bus.mailbox(ODOMETRY)
     assert bus.advance() == 1
     assert box.latest() is None
     assert bus.timeline.now_ns() == START_US * 1000
 
 
-def test_played_it_runs_as_fast_as_it_was(bus: ReplayBus, clock: ManualClock) -> None:
+def test_playback_runs_at_recorded_speed(bus: ReplayBus, clock: ManualClock) -> None:
     box = bus.mailbox(ODOMETRY)
     bus.timeline.play()
     clock.advance(S)
@@ -75,7 +75,7 @@ def test_played_it_runs_as_fast_as_it_was(bus: ReplayBus, clock: ManualClock) ->
     assert box.fresh(bus.timeline.now_ns()) is not None
 
 
-def test_it_can_be_played_faster_and_paused(bus: ReplayBus, clock: ManualClock) -> None:
+def test_playback_speed_and_pause(bus: ReplayBus, clock: ManualClock) -> None:
     bus.timeline.play(4.0)
     clock.advance(S // 4)
     assert bus.timeline.position_s == 1.0
@@ -87,7 +87,7 @@ def test_it_can_be_played_faster_and_paused(bus: ReplayBus, clock: ManualClock) 
     assert bus.timeline.position_s == 1.5
 
 
-def test_at_the_end_it_stops_by_itself(bus: ReplayBus, clock: ManualClock) -> None:
+def test_playback_stops_at_the_end(bus: ReplayBus, clock: ManualClock) -> None:
     bus.timeline.play()
     clock.advance(100 * S)
     bus.advance()
@@ -96,23 +96,23 @@ def test_at_the_end_it_stops_by_itself(bus: ReplayBus, clock: ManualClock) -> No
     assert bus.advance() == 0
 
 
-@pytest.mark.parametrize(("asked", "got"), [(1e9, 64.0), (0.0, 0.0625)])
-def test_a_speed_that_makes_no_sense_is_held(bus: ReplayBus, asked: float, got: float) -> None:
-    bus.timeline.play(asked)
+@pytest.mark.parametrize(("requested", "got"), [(1e9, 64.0), (0.0, 0.0625)])
+def test_playback_speed_is_clamped(bus: ReplayBus, requested: float, got: float) -> None:
+    bus.timeline.play(requested)
     assert bus.timeline.speed == got
 
 
-def test_every_frame_comes_once_and_in_order(bus: ReplayBus, clock: ManualClock) -> None:
-    heard: list[bytes] = []
-    bus.stream("sidestep/r1/**", lambda _key, frame, _at: heard.append(frame))
+def test_frames_are_delivered_once_and_in_order(bus: ReplayBus, clock: ManualClock) -> None:
+    received: list[bytes] = []
+    bus.stream("sidestep/r1/**", lambda _key, frame, _at: received.append(frame))
     bus.timeline.play()
     for _ in range(30):
         clock.advance(S // 9)
         bus.advance()
-    assert heard == [one.frame for one in run()]
+    assert received == [one.frame for one in run()]
 
 
-def test_seeking_forwards_shows_the_way_and_backwards_begins_anew(bus: ReplayBus) -> None:
+def test_seek_forwards_delivers_and_backwards_needs_rewind(bus: ReplayBus) -> None:
     box, looks = bus.mailbox(STATUS), []
     bus.seek(1.5, lambda: looks.append(bus.timeline.position_s))
     assert looks == pytest.approx([0.2 * n for n in range(1, 8)] + [1.5])
@@ -129,32 +129,32 @@ def test_seeking_forwards_shows_the_way_and_backwards_begins_anew(bus: ReplayBus
     assert newest[0].time_ns == int(0.45 * S)
     before = box.latest()
     assert before is not None
-    assert before[0].time_ns == int(1.45 * S), "who is not listening any more hears nothing"
+    assert before[0].time_ns == int(1.45 * S), "a dropped subscription receives nothing"
 
 
-def test_far_back_every_event_is_heard_and_of_streams_enough_to_see_the_way(opens: Opens) -> None:
-    speaker = Speaker()
-    said = []
+def test_long_seek_delivers_events_and_samples_of_streams(opens: Opens) -> None:
+    encoder = TopicEncoder()
+    frames_sent = []
     for tick in range(20 * 300):
         at_us = START_US + tick * PERIOD_US
-        said.append(speaker.say(STATUS, status(tick * PERIOD_US * 1000), at_us))
+        frames_sent.append(encoder.publish(STATUS, status(tick * PERIOD_US * 1000), at_us))
         if tick % 1000 == 0:
             text = Statustext(severity=Severity.INFO, text=f"n{tick}")
-            said.append(speaker.say(TEXT, text, at_us))
-    bus = opens(said)
+            frames_sent.append(encoder.publish(TEXT, text, at_us))
+    bus = opens(frames_sent)
     texts: list[bytes] = []
-    heard: list[int] = []
+    received: list[int] = []
     bus.stream(TEXT, lambda _key, frame, _at: texts.append(frame))
-    bus.stream(STATUS, lambda _key, _frame, at_ns: heard.append(at_ns))
+    bus.stream(STATUS, lambda _key, _frame, at_ns: received.append(at_ns))
     looks: list[int] = []
-    bus.seek(299.0, lambda: looks.append(len(heard)))
+    bus.seek(299.0, lambda: looks.append(len(received)))
     assert len(texts) == 6
-    assert 2000 < len(heard) < 3000, "the last minute whole, of what was before one in four"
-    assert max(later - before for before, later in pairwise(heard)) < S
+    assert 2000 < len(received) < 3000, "the last minute whole, one in four before it"
+    assert max(later - before for before, later in pairwise(received)) < S
     assert len(looks) < 1600
 
 
-def test_a_step_is_a_tick_whole(bus: ReplayBus) -> None:
+def test_step_delivers_one_whole_tick(bus: ReplayBus) -> None:
     box = bus.mailbox(STATUS)
     here_s = 0.0
     for tick in range(1, 5):
@@ -168,46 +168,46 @@ def test_a_step_is_a_tick_whole(bus: ReplayBus) -> None:
     assert bus.tick_after(-5.0, -1) >= 0.0
 
 
-def test_marks_are_goals_and_how_they_ended(bus: ReplayBus) -> None:
+def test_bookmarks_are_goals_and_outcomes(bus: ReplayBus) -> None:
     assert [(mark.kind, mark.text) for mark in bus.marks] == [
         ("goal", "goal 5.40 2.00"),
         ("outcome", "REACHED"),
     ]
-    first = bus.mark_after(0.0)
+    first = bus.next_mark(0.0)
     assert first == bus.marks[0]
     assert first.time_s == pytest.approx(0.5, abs=0.01)
-    assert bus.mark_after(first.time_s) == bus.marks[1]
-    assert bus.mark_after(100.0) is None
-    assert bus.mark_after(100.0, back=True) == bus.marks[1]
-    assert bus.mark_after(first.time_s, back=True) is None
+    assert bus.next_mark(first.time_s) == bus.marks[1]
+    assert bus.next_mark(100.0) is None
+    assert bus.next_mark(100.0, back=True) == bus.marks[1]
+    assert bus.next_mark(first.time_s, back=True) is None
 
 
-def test_a_failsafe_is_a_mark_with_its_reason(opens: Opens) -> None:
-    speaker = Speaker()
+def test_failsafe_is_a_bookmark_with_its_reason(opens: Opens) -> None:
+    encoder = TopicEncoder()
     tripped = status(0, GoalState.ABORTED, Vehicle.FAILSAFE, Reason.BUMPER)
-    bus = opens([*run(4), speaker.say(STATUS, tripped, START_US + 200_000)])
+    bus = opens([*run(4), encoder.publish(STATUS, tripped, START_US + 200_000)])
     assert ("failsafe", "FAILSAFE: bumper contact") in [(m.kind, m.text) for m in bus.marks]
 
 
-def test_world_and_parameters_are_answered_from_the_recording(bus: ReplayBus) -> None:
+def test_recorded_facts_answer_requests(bus: ReplayBus) -> None:
     world = bus.ask(WORLD)
     assert isinstance(world, bytes)
     assert json.loads(world)["name"] == "made"
     with pytest.raises(NoAnswer, match="does not hold the parameters"):
         bus.ask(PARAMETERS)
     stop = CommandRequest(request_id=1, param1=0.0, param2=0.0, command=400)
-    with pytest.raises(NoAnswer, match="this is a recording"):
+    with pytest.raises(NoAnswer, match="a recording cannot answer requests"):
         bus.ask(COMMAND, stop)
 
 
-def test_a_parameter_has_the_value_of_the_moment(bus: ReplayBus, opens: Opens) -> None:
-    said = list(run())
+def test_parameter_has_its_value_at_the_position(bus: ReplayBus, opens: Opens) -> None:
+    frames_sent = list(run())
     value = ParamValue(
         param_id="d_obs_m", param_value=0.4, param_type=9, param_count=1, param_index=0
     )
-    said.insert(100, Speaker().say(ANSWERED, value, said[99].time_us))
-    bus = opens(said)
-    bus.reel.facts["parameters"] = '[{"name": "d_obs_m", "value": 0.3}]'
+    frames_sent.insert(100, TopicEncoder().publish(ANSWERED, value, frames_sent[99].time_us))
+    bus = opens(frames_sent)
+    bus.log_index.facts["parameters"] = '[{"name": "d_obs_m", "value": 0.3}]'
     assert rows_in(bus.ask(PARAMETERS)) == [{"name": "d_obs_m", "value": 0.3}]
     bus.seek(2.0)
     assert rows_in(bus.ask(PARAMETERS)) == [{"name": "d_obs_m", "value": 0.4}]
@@ -218,26 +218,26 @@ def rows_in(answer: object) -> object:
     return json.loads(answer)
 
 
-def test_who_was_heard_is_there(bus: ReplayBus) -> None:
+def test_present_lists_recent_senders(bus: ReplayBus) -> None:
     assert bus.present() == []
     bus.seek(1.0)
     assert sorted(one.role for one in bus.present()) == ["ground", "plant", "robot"]
 
 
-def test_who_fell_silent_is_not(opens: Opens) -> None:
-    late = Speaker().say(STATUS, status(0), START_US + 60 * 1_000_000)
+def test_silent_senders_are_not_present(opens: Opens) -> None:
+    late = TopicEncoder().publish(STATUS, status(0), START_US + 60 * 1_000_000)
     bus = opens([*run(4), late])
     bus.seek(50.0)
     assert bus.present() == []
 
 
-def test_lockstep_is_played_by_its_stamps_not_by_how_fast_it_was_computed(opens: Opens) -> None:
-    speaker, said = Speaker(), []
+def test_lockstep_is_played_by_its_stamps(opens: Opens) -> None:
+    encoder, frames_sent = TopicEncoder(), []
     for tick in range(100):
         at_us = START_US + tick * 100  # 50 ms in a tenth of a millisecond
-        said.append(speaker.say(CLOCK, system_time(tick * PERIOD_US), at_us))
-        said.append(speaker.say(STATUS, status(tick * PERIOD_US * 1000), at_us + 50))
-    bus = opens(said)
+        frames_sent.append(encoder.publish(CLOCK, system_time(tick * PERIOD_US), at_us))
+        frames_sent.append(encoder.publish(STATUS, status(tick * PERIOD_US * 1000), at_us + 50))
+    bus = opens(frames_sent)
     box = bus.mailbox(STATUS)
     assert bus.timeline.duration_ns == 99 * PERIOD_US * 1000
     bus.seek(2.0)
@@ -247,9 +247,7 @@ def test_lockstep_is_played_by_its_stamps_not_by_how_fast_it_was_computed(opens:
     assert box.fresh(bus.timeline.now_ns()) is not None
 
 
-def test_a_tlog_is_played_too_and_says_what_it_does_not_hold(
-    tmp_path: Path, clock: ManualClock
-) -> None:
+def test_tlog_is_played_without_facts(tmp_path: Path, clock: ManualClock) -> None:
     bus = ReplayBus(tlog(tmp_path / "20260304T120005Z-r7.tlog", list(run(8, "r7"))), clock)
     box = bus.mailbox(HEARTBEAT, "r7")
     bus.seek(1.0)
@@ -258,7 +256,7 @@ def test_a_tlog_is_played_too_and_says_what_it_does_not_hold(
         bus.ask(WORLD)
 
 
-def test_what_holds_no_frame_is_refused_with_the_reason(tmp_path: Path, clock: ManualClock) -> None:
+def test_file_without_frames_is_rejected(tmp_path: Path, clock: ManualClock) -> None:
     path = tmp_path / "a.tlog"
     path.write_bytes(b"nothing of the kind")
     with pytest.raises(UserError, match=r"holds no frame .*19 bytes"):

@@ -1,4 +1,4 @@
-"""`replay` as lines: what the robot said and how it stood, in the order of time."""
+"""`replay --plain`: texts and states of the robot in order of time."""
 
 import json
 from pathlib import Path
@@ -13,18 +13,18 @@ from protocol.topics import MARK
 from protocol.wire.enums import Severity
 from protocol.wire.statustext import pieces_of
 from runtime.clock import ManualClock
-from tests.support.ground.recording.made import START_US, Speaker, mcap, run
+from tests.support.ground.recording.made import START_US, TopicEncoder, mcap, run
 
 
 @pytest.fixture
 def log(tmp_path: Path) -> str:
-    said = list(run(60))
+    frames_sent = list(run(60))
     (remark,) = pieces_of("a cart", 1, Severity.NOTICE)
-    said.insert(200, Speaker().say(MARK, remark, said[199].time_us))
-    return str(mcap(tmp_path / "a.mcap", said))
+    frames_sent.insert(200, TopicEncoder().publish(MARK, remark, frames_sent[199].time_us))
+    return str(mcap(tmp_path / "a.mcap", frames_sent))
 
 
-def test_a_line_a_second_with_texts_and_marks_between_them(
+def test_replay_prints_a_line_a_second_with_texts(
     log: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["replay", log, "--plain"]) == 0
@@ -40,7 +40,7 @@ def test_a_line_a_second_with_texts_and_marks_between_them(
     assert last.endswith("frames of r1 in 3.0 s")
 
 
-def test_it_may_begin_later_and_no_value_of_before_is_lost(
+def test_replay_at_an_instant_shows_earlier_values(
     log: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["replay", log, "--plain", "--at", "2.5"]) == 0
@@ -48,17 +48,15 @@ def test_it_may_begin_later_and_no_value_of_before_is_lost(
     assert first.startswith("    2.50  ACTIVE GUIDED DRIVING  pose 1.0")
 
 
-def test_with_json_it_tells_what_there_is(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_replay_json_lists_the_contents(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["replay", log, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["duration_s"] == 3.0
-    assert [mark["kind"] for mark in told["marks"]] == ["goal", "mark", "outcome"]
-    assert told["facts"] == ["world"]
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["duration_s"] == 3.0
+    assert [mark["kind"] for mark in reported["marks"]] == ["goal", "mark", "outcome"]
+    assert reported["facts"] == ["world"]
 
 
-def test_a_speed_makes_it_wait_as_long_as_that_takes(
-    log: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_replay_speed_sets_its_duration(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     clock = ManualClock()
     options = parse(["replay", log, "--plain", "--speed", "2"])
     assert show_lines(options, Output(as_json=False), clock) == 0
@@ -66,7 +64,7 @@ def test_a_speed_makes_it_wait_as_long_as_that_takes(
     capsys.readouterr()
 
 
-def test_a_damaged_file_is_shown_as_far_as_it_goes(
+def test_damaged_file_is_replayed_to_the_damage(
     log: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole = Path(log).read_bytes()
@@ -75,32 +73,28 @@ def test_a_damaged_file_is_shown_as_far_as_it_goes(
     assert "DAMAGED" in capsys.readouterr().out.splitlines()[-1]
 
 
-def test_a_navigator_without_execution_is_refused(
-    log: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_navigator_needs_re_execute(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["replay", log, "--navigator", "bug"]) == 2
     assert "needs --re-execute" in capsys.readouterr().err
 
 
-def test_execution_is_a_process_of_its_own_with_its_own_words(
-    log: str, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_re_execute_runs_in_a_process(log: str, capfd: pytest.CaptureFixture[str]) -> None:
     assert main(["replay", log, "--re-execute"]) == 2
     assert "cannot be re-executed: it holds no inputs of control ticks" in capfd.readouterr().err
 
 
-def test_the_start_of_the_log_is_that_of_its_first_frame(log: str) -> None:
-    assert ReplayBus(Path(log), ManualClock()).reel.start_ns == START_US * 1000
+def test_start_is_the_time_of_the_first_frame(log: str) -> None:
+    assert ReplayBus(Path(log), ManualClock()).log_index.start_ns == START_US * 1000
 
 
-@pytest.mark.parametrize(("large", "said"), [(0, True), (1 << 40, False)])
-def test_a_large_file_is_named_before_it_is_read(
+@pytest.mark.parametrize(("large", "frames_sent"), [(0, True), (1 << 40, False)])
+def test_large_file_is_announced_before_reading(
     log: str,
     large: int,
-    said: bool,
+    frames_sent: bool,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("ground.cli.observe.replay.LARGE_BYTES", large)
     assert main(["replay", log, "--json"]) == 0
-    assert capsys.readouterr().err.startswith(f"reading {log}, ") is said
+    assert capsys.readouterr().err.startswith(f"reading {log}, ") is frames_sent

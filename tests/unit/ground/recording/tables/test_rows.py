@@ -1,4 +1,4 @@
-"""A recording becomes a table, long or wide, on one axis of time."""
+"""Recordings become long or wide tables on one time axis."""
 
 import io
 import tempfile
@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.recording.log_reader import opened
+from ground.recording.log_reader import open_log
 from ground.recording.tables.files import write_csv
-from ground.recording.tables.message_fields import cells_of, shortest_single
+from ground.recording.tables.message_fields import fields_of, shortest_single
 from ground.recording.tables.rows import LONG, long_rows, wide_columns, wide_rows
-from ground.recording.tables.time_axis import Axis
+from ground.recording.tables.time_axis import TimeAxis
 from protocol.topics import COMMANDED, CYCLE, HEARTBEAT, ODOMETRY, TELEOP, TEXT, WHEELS
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CycleReport, Statustext, Teleop
@@ -24,8 +24,8 @@ from tests.support.ground.recording.made import (
     GOAL,
     PERIOD_US,
     START_US,
-    Said,
-    Speaker,
+    PublishedFrame,
+    TopicEncoder,
     decision,
     odometry,
     run,
@@ -54,67 +54,72 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "a.tlog"
 
 
-def long_table(path: Path, said: Sequence[Said], **ends: float) -> list[list[str | None]]:
-    return list(long_rows(Axis(opened(tlog(path, list(said))), **ends)))
+def long_table(
+    path: Path, frames_sent: Sequence[PublishedFrame], **ends: float
+) -> list[list[str | None]]:
+    return list(long_rows(TimeAxis(open_log(tlog(path, list(frames_sent))), **ends)))
 
 
-def wide_table(path: Path, said: Sequence[Said], rate_hz: float) -> list[dict[str, str | None]]:
-    tlog(path, list(said))
-    columns = wide_columns(Axis(opened(path)))
+def wide_table(
+    path: Path, frames_sent: Sequence[PublishedFrame], rate_hz: float
+) -> list[dict[str, str | None]]:
+    tlog(path, list(frames_sent))
+    columns = wide_columns(TimeAxis(open_log(path)))
     names = [column.name for column in columns]
-    rows = wide_rows(Axis(opened(path)), columns, rate_hz)
+    rows = wide_rows(TimeAxis(open_log(path)), columns, rate_hz)
     return [dict(zip(names, row, strict=True)) for row in rows]
 
 
-def test_every_field_is_a_row_and_arrays_are_numbered(path: Path) -> None:
-    rows = long_table(path, [Speaker().say(CYCLE, CYCLE_REPORT, START_US)])
+def test_long_table_has_a_row_per_field_and_element(path: Path) -> None:
+    rows = long_table(path, [TopicEncoder().publish(CYCLE, CYCLE_REPORT, START_US)])
     begin = ["5.000000", "1790000000.000000", "tlm/cycle", "CYCLE_REPORT"]
     assert [*begin, "late_us", "9"] in rows
     assert [*begin, "stage_us[4]", "5"] in rows
     assert {len(row) for row in rows} == {len(LONG)}
 
 
-def test_what_has_no_stamp_happened_at_the_newest_one_before_it(path: Path) -> None:
-    speaker = Speaker()
+def test_message_without_stamp_gets_the_previous_one(path: Path) -> None:
+    encoder = TopicEncoder()
     rows = long_table(
         path,
         [
-            speaker.say(HEARTBEAT, BEAT, START_US),
-            speaker.say(WHEELS, wheels(3_000_000_000, 1), START_US + 1),
-            speaker.say(COMMANDED, GOAL, START_US + 2),
-            speaker.say(WHEELS, wheels(4_000_000_000, 2), START_US + 3),
+            encoder.publish(HEARTBEAT, BEAT, START_US),
+            encoder.publish(WHEELS, wheels(3_000_000_000, 1), START_US + 1),
+            encoder.publish(COMMANDED, GOAL, START_US + 2),
+            encoder.publish(WHEELS, wheels(4_000_000_000, 2), START_US + 3),
         ],
     )
     times = {row[2]: row[0] for row in reversed(rows)}
-    assert times["tlm/heartbeat"] == "3.000000", "the first stamp there is"
+    assert times["tlm/heartbeat"] == "3.000000", "the first stamp of the recording"
     assert times["tlm/commanded"] == "3.000000"
 
 
-def test_a_stamp_of_an_operators_clock_is_no_time_of_the_robot(path: Path) -> None:
-    speaker = Speaker()
-    said = [
-        speaker.say(WHEELS, wheels(3_000_000_000, 1), START_US),
-        speaker.say(TELEOP, STICK, START_US + 1),
-        speaker.say(COMMANDED, GOAL, START_US + 2),
-        speaker.say(WHEELS, wheels(3_050_000_000, 2), START_US + 3),
+def test_operator_stamps_are_ignored(path: Path) -> None:
+    encoder = TopicEncoder()
+    frames_sent = [
+        encoder.publish(WHEELS, wheels(3_000_000_000, 1), START_US),
+        encoder.publish(TELEOP, STICK, START_US + 1),
+        encoder.publish(COMMANDED, GOAL, START_US + 2),
+        encoder.publish(WHEELS, wheels(3_050_000_000, 2), START_US + 3),
     ]
-    assert {row[2]: row[0] for row in long_table(path, said)} == {
+    assert {row[2]: row[0] for row in long_table(path, frames_sent)} == {
         "sense/wheels": "3.050000",
         "op/teleop": "3.000000",
         "tlm/commanded": "3.000000",
     }
-    assert len(wide_table(path, said, rate_hz=20.0)) == 2
+    assert len(wide_table(path, frames_sent, rate_hz=20.0)) == 2
 
 
-def test_a_part_of_the_time_can_be_taken(path: Path) -> None:
+def test_time_range_limits_the_table(path: Path) -> None:
     rows = long_table(path, list(run(40)), begin_s=0.5, end_s=1.0)
     assert {row[0] for row in rows} == {f"{tick * 0.05:.6f}" for tick in range(10, 21)}
 
 
-def test_text_with_commas_quotes_and_line_ends_survives(path: Path) -> None:
+def test_csv_quotes_special_characters(path: Path) -> None:
     nasty = 'a,"b"\nc'
     rows = long_table(
-        path, [Speaker().say(TEXT, Statustext(severity=Severity.INFO, text=nasty), START_US)]
+        path,
+        [TopicEncoder().publish(TEXT, Statustext(severity=Severity.INFO, text=nasty), START_US)],
     )
     target = io.StringIO()
     assert write_csv(target, LONG, rows) == len(rows)
@@ -122,90 +127,94 @@ def test_text_with_commas_quotes_and_line_ends_survives(path: Path) -> None:
 
 
 def test_missing_is_nan_and_no_echo_is_inf() -> None:
-    cells = {cell.name: cell.text for cell in cells_of(decision(0, (nan, inf)))}
+    cells = {cell.name: cell.text for cell in fields_of(decision(0, (nan, inf)))}
     assert isnan(float(cells["virtual_x_m"]))
     assert float(cells["virtual_y_m"]) == inf
     assert cells["zone_m"] == "0.3"
 
 
-def test_wide_has_a_row_for_each_instant_of_the_grid(path: Path) -> None:
+def test_wide_table_has_a_row_per_grid_instant(path: Path) -> None:
     rows = wide_table(path, list(run(40)), rate_hz=10.0)
     assert [row["time_s"] for row in rows] == [f"{n / 10:.6f}" for n in range(21)]
-    assert rows[10]["tlm/odometry.x_m"] == "0.725", "the value of 1.0 s itself"
+    assert rows[10]["tlm/odometry.x_m"] == "0.725", "the value at 1.0 s"
     assert rows[10]["sense/sonar.range_mm[3]"] == "803"
 
 
-def test_between_two_values_the_last_one_holds(path: Path) -> None:
+def test_wide_table_holds_the_last_value(path: Path) -> None:
     rows = wide_table(path, list(run(4)), rate_hz=100.0)
     ticks = [row["sense/wheels.left"] for row in rows]
     assert ticks == ["0"] + ["0"] * 4 + ["1"] * 5 + ["2"] * 5 + ["3"]
 
 
-def test_a_value_that_is_stale_is_not_shown(path: Path) -> None:
-    speaker = Speaker()
-    said = [speaker.say(ODOMETRY, odometry(0, 1.0), START_US)]
-    said += [speaker.say(WHEELS, wheels(n * 50_000_000, n), START_US + n) for n in range(1, 21)]
-    rows = wide_table(path, said, rate_hz=20.0)
+def test_stale_value_is_empty(path: Path) -> None:
+    encoder = TopicEncoder()
+    frames_sent = [encoder.publish(ODOMETRY, odometry(0, 1.0), START_US)]
+    frames_sent += [
+        encoder.publish(WHEELS, wheels(n * 50_000_000, n), START_US + n) for n in range(1, 21)
+    ]
+    rows = wide_table(path, frames_sent, rate_hz=20.0)
     shown = [row["time_s"] for row in rows if row["tlm/odometry.x_m"] is not None]
-    assert shown == [f"{n * 0.05:.6f}" for n in range(6)], "250 ms, and not a row longer"
+    assert shown == [f"{n * 0.05:.6f}" for n in range(6)], "valid for 250 ms"
 
 
-def test_an_event_is_in_one_row_only(path: Path) -> None:
+def test_event_is_in_one_row_only(path: Path) -> None:
     rows = wide_table(path, list(run(40)), rate_hz=50.0)
     name = "tlm/commanded.GOAL_REQUEST.x_mm"
     assert [row["time_s"] for row in rows if row[name] is not None] == ["0.500000"]
 
 
-def test_a_slow_grid_shows_an_event_in_the_row_after_it(path: Path) -> None:
-    speaker = Speaker()
-    said = [
-        speaker.say(WHEELS, wheels(0, 0), START_US),
-        speaker.say(WHEELS, wheels(300_000_000, 1), START_US + 1),
-        speaker.say(COMMANDED, GOAL, START_US + 2),
-        speaker.say(WHEELS, wheels(2_000_000_000, 2), START_US + 3),
+def test_slow_grid_shows_an_event_in_the_next_row(path: Path) -> None:
+    encoder = TopicEncoder()
+    frames_sent = [
+        encoder.publish(WHEELS, wheels(0, 0), START_US),
+        encoder.publish(WHEELS, wheels(300_000_000, 1), START_US + 1),
+        encoder.publish(COMMANDED, GOAL, START_US + 2),
+        encoder.publish(WHEELS, wheels(2_000_000_000, 2), START_US + 3),
     ]
-    rows = wide_table(path, said, rate_hz=1.0)
+    rows = wide_table(path, frames_sent, rate_hz=1.0)
     name = "tlm/commanded.GOAL_REQUEST.mode"
     assert [row[name] for row in rows] == [None, "15", None]
 
 
-def test_a_plant_that_began_anew_begins_another_grid(path: Path) -> None:
-    speaker = Speaker()
+def test_plant_restart_begins_another_grid(path: Path) -> None:
+    encoder = TopicEncoder()
     stamps_ms = (5000, 5050, 0, 50, 100)
-    said = [
-        speaker.say(WHEELS, wheels(at_ms * 1_000_000, n), START_US + n)
+    frames_sent = [
+        encoder.publish(WHEELS, wheels(at_ms * 1_000_000, n), START_US + n)
         for n, at_ms in enumerate(stamps_ms)
     ]
-    rows = wide_table(path, said, rate_hz=20.0)
+    rows = wide_table(path, frames_sent, rate_hz=20.0)
     assert [row["time_s"] for row in rows] == [f"{at_ms / 1000:.6f}" for at_ms in stamps_ms]
     assert [row["sense/wheels.left"] for row in rows] == ["0", "1", "2", "3", "4"]
 
 
-def test_a_stamp_of_another_age_does_not_fill_the_table_with_empty_rows(path: Path) -> None:
-    speaker = Speaker()
+def test_distant_stamp_adds_no_empty_rows(path: Path) -> None:
+    encoder = TopicEncoder()
     stamps_ns = (0, 10**18, 50_000_000)
-    said = [speaker.say(WHEELS, wheels(at, n), START_US + n) for n, at in enumerate(stamps_ns)]
-    assert [row["sense/wheels.left"] for row in wide_table(path, said, rate_hz=20.0)] == [
+    frames_sent = [
+        encoder.publish(WHEELS, wheels(at, n), START_US + n) for n, at in enumerate(stamps_ns)
+    ]
+    assert [row["sense/wheels.left"] for row in wide_table(path, frames_sent, rate_hz=20.0)] == [
         "0",
         "1",
         "2",
     ]
 
 
-def test_columns_come_in_the_order_of_the_topics_whatever_came_first(path: Path) -> None:
-    forwards = wide_columns(Axis(opened(tlog(path, list(run(12))))))
-    backwards = wide_columns(Axis(opened(tlog(path, list(reversed(list(run(12))))))))
+def test_columns_follow_the_order_of_the_topics(path: Path) -> None:
+    forwards = wide_columns(TimeAxis(open_log(tlog(path, list(run(12))))))
+    backwards = wide_columns(TimeAxis(open_log(tlog(path, list(reversed(list(run(12))))))))
     assert forwards == backwards
     assert forwards[0].name == "time_s"
 
 
-def test_an_empty_recording_is_a_table_without_rows(path: Path) -> None:
+def test_empty_recording_gives_no_rows(path: Path) -> None:
     assert wide_table(path, [], 10.0) == []
     assert long_table(path, []) == []
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
-def test_the_shortest_text_is_the_same_number_on_the_wire(value: float) -> None:
+def test_shortest_text_keeps_the_32_bit_value(value: float) -> None:
     assert pack("<f", float(shortest_single(value))) == pack("<f", value)
 
 
@@ -213,16 +222,14 @@ def test_the_shortest_text_is_the_same_number_on_the_wire(value: float) -> None:
     st.lists(st.integers(0, 60), min_size=1, max_size=20),
     st.sampled_from([1.0, 7.0, 20.0, 33.0]),
 )
-def test_no_value_is_ever_shown_before_it_came_or_after_it_is_stale(
-    ticks: list[int], rate_hz: float
-) -> None:
-    speaker = Speaker()
-    said = [
-        speaker.say(WHEELS, wheels(tick * PERIOD_US * 1000, tick), START_US)
+def test_values_are_shown_only_while_valid(ticks: list[int], rate_hz: float) -> None:
+    encoder = TopicEncoder()
+    frames_sent = [
+        encoder.publish(WHEELS, wheels(tick * PERIOD_US * 1000, tick), START_US)
         for tick in sorted(ticks)
     ]
     with tempfile.TemporaryDirectory() as folder:
-        rows = wide_table(Path(folder) / "a.tlog", said, rate_hz)
+        rows = wide_table(Path(folder) / "a.tlog", frames_sent, rate_hz)
     for row in rows:
         shown = row["sense/wheels.seq"]
         if shown is not None:
