@@ -14,7 +14,7 @@ from robot.core.values import Pose
 from tests.support.harness import STOPPING_S, Stack
 from tests.support.until import until
 from verification.faults_matrix.intruders import second_robot
-from verification.faults_matrix.lockstep import Breakable
+from verification.faults_matrix.lockstep import BreakableInProcess
 from verification.faults_matrix.table import FAULTS
 
 
@@ -66,7 +66,7 @@ def leave_fence(stack: Stack) -> None:
     stack.vehicle.state.machine.fence = Fence((pose.x_m,), (pose.y_m,), 0.1)
 
 
-class BreakableStack(Stack, Breakable):
+class BreakableStack(Stack, BreakableInProcess):
     """A stack for whatever has no name in a world file."""
 
 

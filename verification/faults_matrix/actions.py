@@ -1,6 +1,7 @@
-"""What can be done to a running stack, as data; `lockstep` and `wall` each know how."""
+"""The faults that can be caused in a running stack, as data without behaviour."""
 
 from dataclasses import dataclass
+from enum import Enum, auto
 from typing import TypeAlias
 
 from protocol.bus.faults.link_faults import LinkFaults
@@ -8,7 +9,7 @@ from protocol.bus.faults.link_faults import LinkFaults
 
 @dataclass(frozen=True, slots=True)
 class Kill:
-    """SIGKILL. It is started again when the robot stands, or after `again_s`."""
+    """Send SIGKILL; restart the process when the robot has stopped, or after `again_s`."""
 
     role: str
     again_s: float | None = None
@@ -16,7 +17,7 @@ class Kill:
 
 @dataclass(frozen=True, slots=True)
 class Hang:
-    """SIGSTOP, or with `gil` a C call that keeps the lock of its interpreter; then let go."""
+    """Send SIGSTOP, or with `gil` block in a C call that holds the GIL; resume it later."""
 
     role: str
     gil: bool = False
@@ -24,59 +25,44 @@ class Hang:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Nothing passes between these two, until it is mended."""
+    """Drop all frames between two processes."""
 
     one: str
     other: str
 
 
 @dataclass(frozen=True, slots=True)
-class Impersonate:
-    """The robot's cable to its router leads to a process with the key of another robot."""
-
-
-@dataclass(frozen=True, slots=True)
 class Disturb:
-    """A bad network on the way into robot and plant."""
+    """Disturb the network on the way into robot and plant."""
 
     trouble: LinkFaults
 
 
 @dataclass(frozen=True, slots=True)
-class Deafen:
-    """`who` hears nothing of `whom` any more, who still hears `who`."""
+class DropOneWay:
+    """Drop the frames of `sender` at `receiver`, but not those in the other direction."""
 
-    who: str
-    whom: str
+    receiver: str
+    sender: str
 
 
 @dataclass(frozen=True, slots=True)
-class Delay:
-    """The operator's frames come so late from now on, also when the robot has stopped for that."""
+class DelayOperator:
+    """Delay the operator's frames from now on, even after the robot has stopped for that."""
 
     delay_ms: float
 
 
 @dataclass(frozen=True, slots=True)
-class Abandon:
-    """The operator's process ends, whose frames have been late by so much all the time."""
+class KillLateOperator:
+    """Kill the operator's process, whose frames have been delayed all the time."""
 
     late_ms: float
 
 
 @dataclass(frozen=True, slots=True)
-class Double:
-    """A second robot of the same name appears, as when a network that was cut is whole again."""
-
-
-@dataclass(frozen=True, slots=True)
-class Exaggerate:
-    """Frames that can be read, with the least and the greatest values of every field."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sense:
-    """A fault of the robot's body, by the names of a world file's [[fault]]."""
+class BodyFault:
+    """Cause a fault of sensors or wheels, by the names of [[fault]] in a world file."""
 
     kind: str
     target: str = ""
@@ -84,93 +70,74 @@ class Sense:
 
 
 @dataclass(frozen=True, slots=True)
-class Wrap:
-    """Both encoder counters pass the end of their 32 bits on the way."""
-
-
-@dataclass(frozen=True, slots=True)
-class Jump:
-    """The robot's clock jumps."""
+class JumpClock:
+    """Let the robot's clock jump."""
 
     seconds: float
 
 
 @dataclass(frozen=True, slots=True)
-class Break:
-    """The control core raises an exception."""
-
-
-@dataclass(frozen=True, slots=True)
-class EmergencyStop:
-    """The operator's."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fill:
-    """No more room on the disk for this process, while a parameter is set."""
+class FillDisk:
+    """Leave a process no room on the disk, and set a parameter."""
 
     role: str
 
 
 @dataclass(frozen=True, slots=True)
-class Slow:
-    """Each fsync of the robot takes so long from now on.
+class SlowDisk:
+    """Let each fsync of the robot take this long.
 
-    A parameter is set, and a mission and a fence are sent, in turn until the robot has arrived.
+    Meanwhile set a parameter and send a mission and a fence, in turn, until the robot has arrived.
     """
 
     fsync_s: float
 
 
 @dataclass(frozen=True, slots=True)
-class Unplug:
-    """The power is cut while a parameter and the fence are saved, on a disk that reorders."""
-
-
-@dataclass(frozen=True, slots=True)
-class Spoil:
-    """The robot is killed, and its saved fence cannot be read when it is started again."""
-
-
-@dataclass(frozen=True, slots=True)
 class Flood:
-    """An attack of `bench flood`, by its kind; `pressed`: the operator presses the stop in it."""
+    """Attack as `bench flood` does; with `pressed` the operator presses the stop meanwhile."""
 
     kind: str
     pressed: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Squeeze:
-    """The robot gets no more memory than it has."""
+class PlainAct(Enum):
+    """A fault without parameters."""
 
-
-@dataclass(frozen=True, slots=True)
-class Burn:
-    """As many processes as the machine has cores do nothing but use the processor."""
+    IMPERSONATE_ROUTER = auto()
+    """Connect the robot to a process with the key of another robot instead of its router."""
+    SECOND_ROBOT = auto()
+    """Start a second robot of the same name, as when two separate networks are joined again."""
+    EXTREME_FRAMES = auto()
+    """Send readable frames with the least and the greatest value of every field."""
+    WRAP_ENCODERS = auto()
+    """Let both encoder counters pass the end of their 32 bits during the drive."""
+    RAISE_IN_CORE = auto()
+    """Raise an exception in the control core."""
+    EMERGENCY_STOP = auto()
+    """Let the operator request the emergency stop."""
+    POWER_CUT = auto()
+    """Cut the power while a parameter and the fence are saved, on a disk that reorders writes."""
+    UNREADABLE_FENCE = auto()
+    """Kill the robot and restart it with an unreadable fence file."""
+    NO_MEMORY = auto()
+    """Allow the robot no more memory than it has."""
+    BUSY_PROCESSOR = auto()
+    """Run one process per core that does nothing but use the processor."""
 
 
 Act: TypeAlias = (
     Kill
     | Hang
     | Cut
-    | Impersonate
     | Disturb
-    | Deafen
-    | Delay
-    | Abandon
-    | Double
-    | Exaggerate
-    | Sense
-    | Wrap
-    | Jump
-    | Break
-    | EmergencyStop
-    | Fill
-    | Slow
-    | Spoil
-    | Unplug
+    | DropOneWay
+    | DelayOperator
+    | KillLateOperator
+    | BodyFault
+    | JumpClock
+    | FillDisk
+    | SlowDisk
     | Flood
-    | Squeeze
-    | Burn
+    | PlainAct
 )

@@ -1,21 +1,21 @@
-"""What has to be able to happen inside of which process, as `afflicted` reads it."""
+"""The faults that a process must be able to inject into itself, as `fault_hook` reads them."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Final
 
 from verification.faults_matrix.actions import (
-    Abandon,
     Act,
-    Break,
+    BodyFault,
     Cut,
-    Deafen,
-    Delay,
+    DelayOperator,
     Disturb,
+    DropOneWay,
     Hang,
-    Jump,
-    Sense,
-    Slow,
+    JumpClock,
+    KillLateOperator,
+    PlainAct,
+    SlowDisk,
 )
 
 PATHS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -23,32 +23,31 @@ PATHS: Final[Mapping[str, tuple[str, ...]]] = {
     "plant": ("sense/", "truth/"),
     "ground": ("op/",),
 }
-"""What each publishes."""
+"""The topics that each process publishes."""
 ENDS: Final = ("robot", "plant")
 
 
-def afflictions_of(act: Act, seed: int) -> dict[str, Mapping[str, Any]]:
-    """What has to be able to happen inside of which process."""
+def injections_of(act: Act, seed: int) -> dict[str, Mapping[str, Any]]:
+    """Return the injections that an act needs, by role."""
     match act:
         case Hang(role, gil=True):
             return {role: {"hang": {}}}
-        case Break():
+        case PlainAct.RAISE_IN_CORE:
             return {"robot": {"raise": {}}}
-        case Jump(seconds):
+        case JumpClock(seconds):
             return {"robot": {"jump": {"s": seconds}}}
         case Disturb(trouble):
             return {role: {"trouble": asdict(trouble) | {"seed": seed}} for role in ENDS}
-        case Deafen(who, whom):
-            return {who: {"trouble": {"loss": 1.0, "paths": PATHS[whom]}}}
-        case Delay(delay_ms) | Abandon(delay_ms):
+        case DropOneWay(receiver, sender):
+            return {receiver: {"trouble": {"loss": 1.0, "paths": PATHS[sender]}}}
+        case DelayOperator(delay_ms) | KillLateOperator(delay_ms):
             return {"robot": {"trouble": {"delay_ms": delay_ms, "paths": PATHS["ground"]}}}
-        case Slow(fsync_s):
+        case SlowDisk(fsync_s):
             return {"robot": {"fsync": {"s": fsync_s}}}
-        case Sense():
+        case BodyFault():
             return {"plant": {"sense": asdict(act)}}
         case Cut(one, other) if "router" not in (one, other):
-            deaf = ((one, other), (other, one))
-            able = [(role, whom) for role, whom in deaf if role != "ground"]
-            return {role: {"trouble": {"loss": 1.0, "paths": PATHS[whom]}} for role, whom in able}
+            links = [link for link in ((one, other), (other, one)) if link[0] != "ground"]
+            return {to: {"trouble": {"loss": 1.0, "paths": PATHS[source]}} for to, source in links}
         case _:
             return {}

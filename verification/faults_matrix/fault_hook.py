@@ -1,12 +1,11 @@
 """Run a verb and cause a fault in its process on SIGUSR1.
 
-`python -m verification.faults_matrix.fault_hook AFFLICTION VERB ...`
-
-The process is the real one: the same main, in the same way. AFFLICTION is JSON: {"hang": {}} is a
-C call that keeps the interpreter's lock, {"raise": {}} an exception in the main thread, {"jump":
-{"s": 5}} a clock that is ahead from then on, {"trouble": {...}} a bad network, {"sense": {...}} a
-fault of the plant, {"fsync": {"s": 2}} a slow
-disk. What a module looks up when it starts is replaced here before it does.
+`python -m verification.faults_matrix.fault_hook PARENT INJECTION VERB ...` runs the same main as
+the real process. INJECTION is JSON with one entry: {"hang": {}} blocks in a C call that holds the
+GIL, {"raise": {}} raises an exception in the main thread, {"jump": {"s": 5}} sets the clock ahead,
+{"trouble": {...}} disturbs the network, {"sense": {...}} injects a fault into the plant, {"fsync":
+{"s": 2}} slows the disk down. Names that a module looks up at its start are replaced here before it
+starts.
 """
 
 import ctypes
@@ -31,41 +30,46 @@ from runtime.units import NS_PER_S
 FOREVER_S: Final = 1_000_000
 
 
-class Jumping(WallClock):
-    """The monotonic clock, that may jump."""
+class JumpingClock(WallClock):
+    """A monotonic clock that may jump."""
 
     ahead_ns = 0
 
     def now_ns(self) -> int:
+        """Return the monotonic time plus the jump."""
         return super().now_ns() + self.ahead_ns
 
 
 def hang(_: Mapping[str, Any]) -> Callable[[], object]:
-    """Unlike a CDLL, a PyDLL does not let go of the lock: no thread of Python runs any more."""
+    """Block all Python threads: unlike a CDLL, a PyDLL holds the GIL during a call."""
     library = ctypes.PyDLL(None)
     return lambda: library.sleep(FOREVER_S)
 
 
 def fail(_: Mapping[str, Any]) -> Callable[[], object]:
+    """Raise an exception."""
+
     def act() -> None:
         raise ArithmeticError("a defect in the control core")
 
     return act
 
 
-def jump(told: Mapping[str, Any]) -> Callable[[], object]:
-    clocks: list[Jumping] = []
-    keep(robot.run, "WallClock", clocks, Jumping)
+def jump(options: Mapping[str, Any]) -> Callable[[], object]:
+    """Set the clock of the robot ahead."""
+    clocks: list[JumpingClock] = []
+    keep(robot.run, "WallClock", clocks, JumpingClock)
 
     def act() -> None:
         for clock in clocks:
-            clock.ahead_ns = round(told["s"] * NS_PER_S)
+            clock.ahead_ns = round(options["s"] * NS_PER_S)
 
     return act
 
 
-def disturb(told: Mapping[str, Any]) -> Callable[[], object]:
-    trouble = LinkFaults(**{**told, "paths": tuple(told.get("paths", ()))})
+def disturb(options: Mapping[str, Any]) -> Callable[[], object]:
+    """Disturb the network of the process."""
+    trouble = LinkFaults(**{**options, "paths": tuple(options.get("paths", ()))})
     buses: list[Bus] = []
     for module in (plant.process.run, robot.run):
         keep(module, "open_bus", buses)
@@ -77,22 +81,24 @@ def disturb(told: Mapping[str, Any]) -> Callable[[], object]:
     return act
 
 
-def sense(told: Mapping[str, Any]) -> Callable[[], object]:
+def sense(options: Mapping[str, Any]) -> Callable[[], object]:
+    """Inject a fault into the plant."""
     processes: list[Process] = []
     keep(plant.process.run, "Process", processes)
 
     def act() -> None:
         for process in processes:
-            process.plant.inject(Fault(start_s=process.plant.now_ns / NS_PER_S, **told))
+            process.plant.inject(Fault(start_s=process.plant.now_ns / NS_PER_S, **options))
 
     return act
 
 
-def slow(told: Mapping[str, Any]) -> Callable[[], object]:
+def slow(options: Mapping[str, Any]) -> Callable[[], object]:
+    """Slow down each fsync."""
     whole, clock = os.fsync, WallClock()
 
     def fsync(number: int) -> None:
-        clock.sleep_until(clock.now_ns() + round(told["s"] * NS_PER_S))
+        clock.sleep_until(clock.now_ns() + round(options["s"] * NS_PER_S))
         whole(number)
 
     def act() -> None:
@@ -102,7 +108,7 @@ def slow(told: Mapping[str, Any]) -> Callable[[], object]:
 
 
 def keep(module: Any, name: str, into: list[Any], make: Callable[..., Any] | None = None) -> None:
-    """Whatever this name of a module makes from now on is kept in the list, too."""
+    """Replace a factory in a module by one that also appends what it makes to a list."""
     usual = make or getattr(module, name)
 
     def made(*words: Any, **more: Any) -> Any:
@@ -112,7 +118,7 @@ def keep(module: Any, name: str, into: list[Any], make: Callable[..., Any] | Non
     setattr(module, name, made)
 
 
-AFFLICTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Callable[[], object]]]] = {
+INJECTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Callable[[], object]]]] = {
     "hang": hang,
     "raise": fail,
     "jump": jump,
@@ -123,15 +129,15 @@ AFFLICTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Callable[[], objec
 
 
 def main(argv: Sequence[str]) -> int:
-    """The exit code of the verb; it ends with whoever started it."""
-    parent, affliction, *words = argv
+    """Run the verb and return its exit code; the process ends with its parent."""
+    parent, injection, *words = argv
     if not die_with_parent(int(parent)):
         return 1
-    ((name, told),) = json.loads(affliction).items()
-    act = AFFLICTIONS[name](told)
+    ((name, options),) = json.loads(injection).items()
+    act = INJECTIONS[name](options)
     signal.signal(signal.SIGUSR1, lambda *_: act())
     sys.argv[:] = ["sidestep", *words]
-    runpy.run_module("sidestep", run_name="__main__")  # the executable, which nobody imports
+    runpy.run_module("sidestep", run_name="__main__")  # the executable, which no module imports
     return 0
 
 

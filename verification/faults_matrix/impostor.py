@@ -12,13 +12,13 @@ KINDS: Final = (frames, questions, wheels)
 
 
 class Impostor:
-    """Listens as a router does, and keeps to no rules of its own."""
+    """Listens as a router does, without access control of its own."""
 
     def __init__(self, keys: Path) -> None:
         self.endpoint = f"tls/127.0.0.1:{free_port()}"
         network = Network(mode="router", listen=(self.endpoint,), tls=tls_of(keys, NAME))
         self._attacker = Attacker(network, "ground")
-        self._shoots = [prepare(self._attacker) for prepare in KINDS]
+        self._senders = [prepare(self._attacker) for prepare in KINDS]
 
     def __enter__(self) -> Self:
         return self
@@ -26,7 +26,7 @@ class Impostor:
     def __exit__(self, *_: object) -> None:
         self._attacker.close()
 
-    def lie(self) -> None:
-        """Send one of each kind of what could make a robot drive."""
-        for shoot in self._shoots:
-            shoot()
+    def send(self) -> None:
+        """Send one of each kind of payload that could make a robot drive."""
+        for send in self._senders:
+            send()

@@ -1,4 +1,4 @@
-"""Who appears on the bus of a stack in this process: a second robot, somebody who exaggerates."""
+"""Additional participants on the bus: a second robot, and a sender of extreme frames."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -11,15 +11,16 @@ from protocol.topics import OPERATOR, SONAR, STOP, TELEOP, WHEELS, Role, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.layout import LAYOUT, Field
 from protocol.wire.message import Message
+from verification.harness.bus_calls import await_subscribers
 from verification.harness.inprocess import InProcess
 from verification.harness.until import until
 
 Turn: TypeAlias = list[tuple[Topic[Any], bytes]]
-"""What is said within one tick, at most one frame of each topic: the robot reads the newest."""
+"""The frames of one tick, at most one per topic: the robot reads the newest."""
 
 READ: Final[tuple[Topic[Any], ...]] = (SONAR, WHEELS, OPERATOR, TELEOP)
-HEARD: Final[tuple[Topic[Any], ...]] = (*READ, STOP)
-"""What the robot listens to."""
+RECEIVED: Final[tuple[Topic[Any], ...]] = (*READ, STOP)
+"""The topics that the robot subscribes to."""
 
 GREATEST_FLOAT32: Final = 3.4028234e38
 FLOATS: Final = (0.0, -GREATEST_FLOAT32, GREATEST_FLOAT32, nan, inf, -inf)
@@ -27,46 +28,44 @@ MATCHED_S: Final = 5.0
 
 
 def second_robot(stack: InProcess) -> Bus:
-    """Let another robot of this name appear, and wait until the first has it in view."""
+    """Start a second robot of this name, and wait until the first has detected it."""
     second = stack.join(Role.ROBOT)
     second.announce()
     robot = stack.buses["robot"]
-    until(lambda: second.zid in {who.zid for who in robot.present()}, "the robot sees the second")
+    until(lambda: second.zid in {peer.zid for peer in robot.present()}, "the second robot detected")
     return second
 
 
-class Stranger:
-    """Says frames that have, in one field or in all, a value as extreme as it may be."""
+class ExtremeSender:
+    """Sends frames in which one field, or all fields, have an extreme value."""
 
     def __init__(self, bus: Bus) -> None:
-        self._publishers = {topic.path: bus.publisher(topic) for topic in HEARD}
-        missing = bus.await_matched(list(self._publishers.values()), MATCHED_S)
-        if missing:
-            raise RuntimeError(f"nobody listens to {', '.join(missing)}")
+        self._publishers = {topic.path: bus.publisher(topic) for topic in RECEIVED}
+        await_subscribers(bus, list(self._publishers.values()), MATCHED_S)
         self._turns = turns()
         self._turn: Turn = []
 
     def take_turn(self, send: Callable[[str, Callable[[], object]], object]) -> None:
-        """Say the frames of one tick; `send` puts something and waits until the robot has it."""
+        """Send the frames of the next tick; `send` publishes and waits until the robot has them."""
         self._turn = next(self._turns, [])
         self.repeat(send)
 
     def repeat(self, send: Callable[[str, Callable[[], object]], object]) -> None:
-        """Say these frames once more, so that one of them is the newest when the robot reads."""
+        """Send the frames of this tick again, so that one is the newest when the robot reads."""
         for topic, frame in self._turn:
             publisher = self._publishers[topic.path]
             send(publisher.key, partial(publisher.put_frame, frame))
 
 
 def turns() -> Iterator[Turn]:
-    """The stops come last: a robot that is stopped does nothing with the others."""
+    """Yield the frames of each tick, stops last: a stopped robot ignores the other frames."""
     for topics in (READ, (STOP,)):
         for turn in zip_longest(*map(extremes, topics)):
             yield [(topic, frame) for topic, frame in zip(topics, turn, strict=True) if frame]
 
 
 def extremes(topic: Topic[Any]) -> Iterator[bytes]:
-    """Frames of a topic with each field and all of them at each extreme."""
+    """Yield frames of a topic with each field, and all fields, at each extreme."""
     encoder = Encoder(255, 190)
     for kind in topic.messages:
         for message in extremes_of(kind):
@@ -74,7 +73,7 @@ def extremes(topic: Topic[Any]) -> Iterator[bytes]:
 
 
 def extremes_of(kind: type[Message]) -> Iterator[Message]:
-    """Messages with all fields, then with one field, at each of its extremes; the others are 1."""
+    """Yield messages with all fields, then with one field, at each extreme; others are 1."""
     fields = LAYOUT[kind.__name__].fields
     plain = {field.name: shaped(field, 1) for field in fields}
     for pick in (0, -1):
@@ -85,11 +84,12 @@ def extremes_of(kind: type[Message]) -> Iterator[Message]:
 
 
 def values(field: Field) -> tuple[float, ...]:
+    """Return the extreme values of a field."""
     return FLOATS if field.limits is None else field.limits
 
 
 def shaped(field: Field, value: float) -> Any:
-    """As a field has it: a number, or as many as it holds; a text is as long as it may be."""
+    """Return a value in the shape of a field: a number, a tuple, or a text of full length."""
     if field.is_text:
         return "x" * field.length
     return (value,) * field.length if field.length else value

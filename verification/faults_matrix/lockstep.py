@@ -1,8 +1,8 @@
-"""One repetition in simulated time: the whole stack in this process, over real sockets.
+"""Run one repetition in simulated time: the whole stack in this process, over real sockets.
 
-What is random (when the fault comes, in which phase of a period, what noise there is) comes of the
-number of the repetition. A router that dies, and whatever is cut off, is made by the bus's own
-trouble: nothing passes. Processes that hang do not get their turn.
+The number of the repetition seeds the time of the fault, its phase in a control period and the
+noise. A killed router and a cut link are made with the bus's fault injection, which drops all
+frames. Processes that hang are skipped.
 """
 
 from collections.abc import Iterator
@@ -22,60 +22,54 @@ from runtime.units import NS_PER_S
 from verification.faults_matrix import power_cuts
 from verification.faults_matrix.actions import (
     Act,
-    Break,
+    BodyFault,
     Cut,
-    Deafen,
-    Delay,
+    DelayOperator,
     Disturb,
-    Double,
-    EmergencyStop,
-    Exaggerate,
+    DropOneWay,
     Hang,
-    Jump,
+    JumpClock,
     Kill,
-    Sense,
-    Unplug,
-    Wrap,
+    PlainAct,
 )
-from verification.faults_matrix.intruders import Stranger, second_robot
+from verification.faults_matrix.intruders import ExtremeSender, second_robot
 from verification.faults_matrix.results import Repetition, reason_name
-from verification.faults_matrix.table import Fault, Must, Way
+from verification.faults_matrix.table import FaultCase, Must, Way
 from verification.harness import motion
 from verification.harness.inprocess import InProcess
 from verification.harness.motion import PERIOD_S, Seen
 
-STOPPING: Final = (Must.STOP, Must.STAND, Must.SAY)
 SET_OFF_TICKS: Final = (4, 60)
 HEALS_S: Final = 1.0
 WATCHED_S: Final = 1.5
 RUNS_OUT_S: Final = 0.5
-"""For so long wheels may run out that were turning when the plant was stopped."""
+"""Wheels that were turning when the plant was stopped may run on for this long."""
 LONGEST_S: Final = {True: 12.0, False: 300.0}
 BEGIN_NS: Final = 60_000_000_000
 
 GIVEN_UP_TICKS: Final = 40
 WRAPS_AFTER: Final = 2500
-"""Ticks of the encoders, half a metre."""
-HEARS: Final = {
+"""Encoder ticks, half a metre."""
+RECEIVES: Final = {
     ("robot", "plant"): ("sense/",),
     ("robot", "ground"): ("op/",),
     ("plant", "robot"): ("drive/",),
     ("ground", "robot"): ("tlm/", "drive/"),
     ("ground", "plant"): ("sense/", "truth/"),
 }
-"""Who hears what of whom."""
+"""Topics that each process receives from each other."""
 
 
-class Breakable(InProcess):
-    """A stack whose control core can be made to raise an exception, which ends its process."""
+class BreakableInProcess(InProcess):
+    """A stack whose control core can raise an exception, which ends its process."""
 
     breaks = False
-    stranger: Stranger | None = None
+    extreme_sender: ExtremeSender | None = None
 
     def _sense(self) -> None:
         super()._sense()
-        if self.stranger is not None:
-            self.stranger.take_turn(self.send)
+        if self.extreme_sender is not None:
+            self.extreme_sender.take_turn(self.send)
 
     def _think(self) -> None:
         if not self.breaks or self.robot is None:
@@ -86,19 +80,21 @@ class Breakable(InProcess):
         self.vehicle.state.odometry = None  # type: ignore[assignment]
         with suppress(AttributeError):
             self.robot.run(iter((Tick(self._ticks, self.clock.now_ns(), 0, 0),)))
-        self._arrivals.wait(lambda: self._arrivals.count(key) > seen, "its last word")
+        self._arrivals.wait(
+            lambda: self._arrivals.count(key) > seen, "the robot's last wheel command"
+        )
         self.kill("robot")
 
 
-class Drill:
-    """A stack under way, one fault, and what came of it."""
+class LockstepDrill:
+    """A driving stack, one fault, and the observed reaction."""
 
-    def __init__(self, fault: Fault, number: int) -> None:
+    def __init__(self, fault: FaultCase, number: int) -> None:
         self._fault, self._number = fault, number
-        self._stops = fault.must in STOPPING
+        self._stops = fault.must_stop
         self._random = Random(f"{fault.name} {number}")
         world = world_for(fault.act, "corridor" if self._stops else "box")
-        self.stack = Breakable(world, noise="default", seed=number, enforced=True)
+        self.stack = BreakableInProcess(world, noise="default", seed=number, enforced=True)
         self.stack.clock.advance(BEGIN_NS)
         self._seen: list[Seen] = []
         self._known_s: float | None = None
@@ -107,6 +103,7 @@ class Drill:
         self._ended_ticks = 0
 
     def run(self) -> Repetition:
+        """Drive, cause the fault and return the reaction."""
         with self.stack as stack:
             stack.forward(1.0)
             if not self._fault.at_rest:
@@ -132,7 +129,7 @@ class Drill:
         return self._ticks * PERIOD_S
 
     def _note(self) -> None:
-        """After a period: what is known at its begin, and where the robot is at its end."""
+        """Note what is known at the begin of a period and the position at its end."""
         stack = self.stack
         if stack.robot is not None and stack.state != VehicleState.ACTIVE and self._known_s is None:
             self._known_s = self._now_s
@@ -162,10 +159,11 @@ class Drill:
             self.heal(self._fault.act)
 
     def act(self, act: Act) -> None:
+        """Cause the fault."""
         stack = self.stack
         match act:
             case Kill("router") | Hang("router"):
-                self._cut(tuple(HEARS))
+                self._cut(tuple(RECEIVES))
             case Kill(role):
                 stack.kill(role)
             case Hang("ground"):
@@ -174,34 +172,34 @@ class Drill:
                 stack.hanging |= {role}
             case Cut(one, other):
                 self._cut(tuple(links_between(one, other)))
-            case Deafen(who, whom):
-                self._cut(((who, whom),))
+            case DropOneWay(receiver, sender):
+                self._cut(((receiver, sender),))
             case Disturb(trouble):
                 self._disturb(trouble)
-            case Delay(delay_ms):
+            case DelayOperator(delay_ms):
                 self._disturb(LinkFaults(delay_ms=delay_ms, paths=("op/",)))
-            case Double():
+            case PlainAct.SECOND_ROBOT:
                 self._second = second_robot(stack)
-            case Exaggerate():
-                stack.stranger = Stranger(stack.join(Role.GROUND))
-            case Sense(kind, target, value):
+            case PlainAct.EXTREME_FRAMES:
+                stack.extreme_sender = ExtremeSender(stack.join(Role.GROUND))
+            case BodyFault(kind, target, value):
                 stack.inject(kind, target, value)
-            case Jump(seconds):
+            case JumpClock(seconds):
                 stack.clock.advance(round(seconds * NS_PER_S))
-            case Break():
+            case PlainAct.RAISE_IN_CORE:
                 stack.breaks = True
-            case EmergencyStop():
+            case PlainAct.EMERGENCY_STOP:
                 stack.command(Command.DO_FLIGHTTERMINATION, 1)
-            case Wrap():
-                """They wrap by themselves."""
+            case PlainAct.WRAP_ENCODERS:
+                """The world starts with counters that are about to wrap."""
             case _:
-                raise NotImplementedError(f"{act} needs real processes")
+                raise NotImplementedError(f"{act} is only possible with real processes")
 
     def heal(self, act: Act) -> None:
-        """The end of the fault, where it has one."""
+        """End the fault, if it has an end."""
         stack = self.stack
         match act:
-            case Kill("router") | Hang("router") | Cut() | Deafen() | Disturb():
+            case Kill("router") | Hang("router") | Cut() | DropOneWay() | Disturb():
                 for bus in stack.buses.values():
                     bus.line.disturb(None)
             case Kill(role):
@@ -211,12 +209,12 @@ class Drill:
                 stack.operator = True
             case Hang(role):
                 stack.hanging -= {role}
-            case Double():
+            case PlainAct.SECOND_ROBOT:
                 self._second.close()
-            case Sense():
+            case BodyFault():
                 stack.clear_faults()
             case _:
-                """It stays as it is."""
+                """This fault does not end."""
 
     def _disturb(self, trouble: LinkFaults) -> None:
         seeded = replace(trouble, seed=self._number)
@@ -225,7 +223,7 @@ class Drill:
 
     def _cut(self, links: tuple[tuple[str, str], ...]) -> None:
         for role, bus in self.stack.buses.items():
-            paths = sum((HEARS[link] for link in links if link[0] == role), ())
+            paths = sum((RECEIVES[link] for link in links if link[0] == role), ())
             if paths:
                 bus.line.disturb(LinkFaults(loss=1.0, paths=paths))
 
@@ -249,34 +247,34 @@ class Drill:
         )
 
     def _drove_on(self) -> bool:
-        """Of a plant that was gone: does the robot move when it is back?"""
+        """Return whether the robot moves after the plant is back."""
         back_s = LONGEST_S[True] if self._healed_s is None else self._healed_s + RUNS_OUT_S
         return any(not one.still for one in self._seen if one.at_s > back_s)
 
 
 def links_between(one: str, other: str) -> Iterator[tuple[str, str]]:
-    """Both directions; between somebody and the router that is whatever he hears and says."""
-    for link in HEARS:
+    """Yield both directions; for the router, all links of the other process."""
+    for link in RECEIVES:
         if set(link) == {one, other} or ("router" in (one, other) and set(link) & {one, other}):
             yield link
 
 
 def world_for(act: Act, name: str) -> World:
-    """The world as it is, or with encoders that are about to wrap."""
+    """Load a world, with encoders that are about to wrap if the act needs that."""
     world = load(name)
-    if not isinstance(act, Wrap):
+    if act is not PlainAct.WRAP_ENCODERS:
         return world
     ticks = 2**31 - WRAPS_AFTER
     own = dict(world.robot) | {"left_start_ticks": ticks, "right_start_ticks": ticks}
     return replace(world, robot=own)
 
 
-def run(fault: Fault, number: int) -> Repetition:
-    """A repetition that breaks down is told, not lost."""
+def run(fault: FaultCase, number: int) -> Repetition:
+    """Run a repetition; a failure becomes a repetition with `trouble`."""
     try:
-        if fault.act == Unplug():
+        if fault.act is PlainAct.POWER_CUT:
             return power_cuts.run(fault.name, Way.LOCKSTEP.value, number)
-        return Drill(fault, number).run()
+        return LockstepDrill(fault, number).run()
     except Exception as error:
         why = f"{type(error).__name__}: {error}"
         return Repetition(

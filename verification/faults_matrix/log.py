@@ -1,4 +1,4 @@
-"""What a recorder's log lacks of what was sent, by the sequence numbers of each key's frames."""
+"""Find the frames that a recorder's log lacks, by the sequence numbers of each key."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -8,13 +8,13 @@ from ground.recording.log_reader import frames
 from protocol.topics import TOPICS, path_of
 
 SEQUENCE_AT: Final = 4
-"""Of a MAVLink 2 frame: one byte, counted by whoever publishes on the key."""
+"""Position of the sequence byte in a MAVLink 2 frame; each publisher counts its own frames."""
 TURN: Final = 256
 EVENTS: Final = frozenset(topic.path for topic in TOPICS if not topic.rate_hz)
 
 
 class Lost(NamedTuple):
-    """Frames that are in the log, and samples and events that are missing between two of them."""
+    """Numbers of logged frames and of missing samples and events, and the last frame's UTC time."""
 
     logged: int
     samples: int
@@ -23,8 +23,10 @@ class Lost(NamedTuple):
 
 
 def lost_from(path: Path, restarted: tuple[str, ...] = ()) -> Lost:
-    """`restarted` are the beginnings of keys whose senders began to count anew meanwhile; what was
-    lost of them cannot be counted. `last_ns` is the UTC time of the last frame."""
+    """Count what a log lacks, except for keys that begin with one of `restarted`.
+
+    The senders of those keys began a new count, so their losses cannot be counted.
+    """
     sequences: dict[str, list[int]] = {}
     last_ns = count = 0
     for frame in frames(path):
@@ -39,7 +41,7 @@ def lost_from(path: Path, restarted: tuple[str, ...] = ()) -> Lost:
 
 
 def missing(numbers: Iterable[int]) -> int:
-    """How many are not there, of numbers that begin anew after 255 and may come out of order."""
+    """Count the gaps in numbers that wrap after 255 and may be out of order."""
     newest: int | None = None
     there = set()
     for number in numbers:

@@ -1,4 +1,4 @@
-"""Sees the truth at the plant itself, and the rest at the router: what is cut off is still seen."""
+"""An observer of truth at the plant and of other topics at the router, despite cut links."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -27,11 +27,9 @@ from protocol.topics import (
     Topic,
 )
 from protocol.wire.codec import decode
-from protocol.wire.enums import PARAM_TYPE_REAL32, AckResult, Command, Vehicle
+from protocol.wire.enums import PARAM_TYPE_REAL32, Command, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
-    CommandAck,
-    CommandRequest,
     GroundTruth,
     MissionCount,
     MissionItemInt,
@@ -44,35 +42,36 @@ from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
 from runtime.errors import NoAnswer, RemoteError
 from runtime.units import NS_PER_S
+from verification.harness.bus_calls import arm_request, command_request, is_accepted
 from verification.harness.motion import Seen
 
 DIAL_S: Final = 20.0
 GIVE_UP_NS: Final = 10_000_000_000
 ROBOT: Final = "r1"
 CHANGED_S: Final = 4.5
-"""From one change of an operator to the next: a file on the slowest disk takes 4 s."""
+"""Time between two changes of an operator: saving on the slowest disk takes 4 s."""
 
 TUNED: Final = "d_obs_m"
 """A parameter that an operator may set while the robot drives."""
 
 
-class Heard(NamedTuple):
-    """A message and when it arrived, by the monotonic clock."""
+class Received(NamedTuple):
+    """A message and its monotonic arrival time."""
 
     message: Any
     at_ns: int
 
 
-class Witness:
-    """Dials when it is entered; keeps all there is."""
+class BusObserver:
+    """Connects when entered, and keeps all truths, statuses and cycle reports."""
 
     def __init__(self, router: str, truth: str, tls: Tls | None = None) -> None:
         self._endpoints = (router, truth)
         self._tls = tls
         self._scope = ExitStack()
-        self.truths: list[Heard] = []
-        self.statuses: list[Heard] = []
-        self.cycles: list[Heard] = []
+        self.truths: list[Received] = []
+        self.statuses: list[Received] = []
+        self.cycles: list[Received] = []
 
     def __enter__(self) -> Self:
         router, truth = self._endpoints
@@ -86,7 +85,7 @@ class Witness:
         self._scope.close()
 
     def join(self, role: Role) -> Bus:
-        """One more at the router."""
+        """Open one more bus at the router in this role."""
         return self._open(self._endpoints[0], role)
 
     def _open(self, endpoint: str, role: Role) -> Bus:
@@ -95,15 +94,15 @@ class Witness:
         )
         return self._scope.enter_context(open_bus(network, role, ROBOT))
 
-    def _listen(self, endpoint: str, topic: Topic[Any], into: list[Heard]) -> Bus:
+    def _listen(self, endpoint: str, topic: Topic[Any], into: list[Received]) -> Bus:
         bus = self._open(endpoint, Role.GROUND)
         self._stream(bus, topic, into)
         return bus
 
-    def _stream(self, bus: Bus, topic: Topic[Any], into: list[Heard]) -> None:
+    def _stream(self, bus: Bus, topic: Topic[Any], into: list[Received]) -> None:
         def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
             try:
-                into.append(Heard(decode(frame).message, arrived_ns))
+                into.append(Received(decode(frame).message, arrived_ns))
             except RemoteError:
                 return
 
@@ -111,50 +110,47 @@ class Witness:
 
     @property
     def status(self) -> NavigatorStatus | None:
+        """The newest status; None before the first."""
         newest: NavigatorStatus | None = self.statuses[-1].message if self.statuses else None
         return newest
 
     @property
     def speed_m_s(self) -> float:
+        """The newest true speed; 0 before the first sample."""
         return float(self.truths[-1].message.speed_m_s) if self.truths else 0.0
 
     def is_in(self, *vehicle: Vehicle) -> bool:
-        """Does the robot say that it is in one of these states?"""
+        """Return whether the robot reports one of these states."""
         return self.status is not None and self.status.vehicle in vehicle
 
     def known_ns(self, since_ns: int) -> int | None:
-        """When it was first heard, after a moment, that the robot does not drive any more."""
-        heard = (one for one in tuple(self.statuses) if one.at_ns >= since_ns)
-        return next((one.at_ns for one in heard if one.message.vehicle != Vehicle.ACTIVE), None)
+        """Return when the robot first reported, after a time, that it does not drive."""
+        later = (one for one in tuple(self.statuses) if one.at_ns >= since_ns)
+        return next((one.at_ns for one in later if one.message.vehicle != Vehicle.ACTIVE), None)
 
     def seen(self, since_ns: int) -> list[Seen]:
-        """The truth from a moment on and the one before it, by the plant's own stamps: a truth
-        that was long on its way is no later for that."""
-        heard = tuple(self.truths)
-        early = [one for one in heard if one.at_ns < since_ns]
+        """Return the truths after a time and the one before, timed by the plant's stamps.
+
+        A delayed sample is not later for that.
+        """
+        received = tuple(self.truths)
+        early = [one for one in received if one.at_ns < since_ns]
         offset_ns = min((one.at_ns - one.message.time_ns for one in early), default=0)
-        return list(after(heard, offset_ns, since_ns))
+        return list(after(received, offset_ns, since_ns))
 
     def missed_ticks(self, since_ns: int) -> int:
-        """Control periods that the robot has missed since a moment. RuntimeError if unknown."""
+        """Return the control periods missed since a time; RuntimeError without reports."""
         early = [one.message.missed for one in tuple(self.cycles) if one.at_ns < since_ns]
         if not early or self.cycles[-1].at_ns < since_ns:
             raise RuntimeError("the robot did not report its cycles")
         return int(self.cycles[-1].message.missed) - int(early[-1])
 
     def estop(self) -> None:
-        self._ask(
-            COMMAND,
-            CommandRequest(
-                request_id=monotonic_ns(),
-                param1=1.0,
-                param2=0.0,
-                command=Command.DO_FLIGHTTERMINATION,
-            ),
-        )
+        """Request the emergency stop."""
+        self._ask(COMMAND, command_request(monotonic_ns(), Command.DO_FLIGHTTERMINATION, 1.0))
 
     def press(self) -> None:
-        """The app's stop. Raises RuntimeError when it is not acknowledged."""
+        """Press the app's stop; RuntimeError when it is not acknowledged."""
         stop = EmergencyStop(self._bus, self._stop, ROBOT, WallClock(), self._newest)
         outcome = stop.run(give_up_ns=GIVE_UP_NS)
         if not outcome.acknowledged:
@@ -164,29 +160,23 @@ class Witness:
         return self.statuses[-1] if self.statuses else None
 
     def is_refused_arming(self) -> bool:
-        """Try to arm the robot; False while nobody answers. RuntimeError when it is armed."""
-        request = CommandRequest(
-            request_id=monotonic_ns(),
-            param1=1.0,
-            param2=0.0,
-            command=Command.COMPONENT_ARM_DISARM,
-        )
+        """Return whether the robot refuses to arm; RuntimeError when it arms."""
         try:
-            answer = self._bus.ask(COMMAND, request, 2.0)
+            answer = self._bus.ask(COMMAND, arm_request(monotonic_ns()), 2.0)
         except NoAnswer:
             return False
-        if isinstance(answer, CommandAck) and answer.result == AckResult.ACCEPTED:
-            raise RuntimeError("it was armed")
+        if is_accepted(answer):
+            raise RuntimeError("the robot armed without a readable fence")
         return True
 
     def set(self, name: str, value: float) -> bool:
-        """Return whether the value is in force, saved or not yet."""
+        """Set a parameter and return whether it is in force, saved or not yet."""
         request = ParamSet(param_value=value, param_id=name, param_type=PARAM_TYPE_REAL32)
         answer = self._ask(PARAMETER, request)
         return isinstance(answer, ParamValue) or is_saving(answer)
 
     def upload(self, items: Sequence[MissionItemInt]) -> bool:
-        """Return whether a mission or a fence is in force, saved or not yet."""
+        """Send a mission or a fence and return whether it is in force, saved or not yet."""
         kind = items[0].mission_type
         answer = self._ask(MISSION_SERVICE, MissionCount(count=len(items), mission_type=kind))
         for item in items:
@@ -202,19 +192,19 @@ class Witness:
 
 
 class Changes:
-    """What an operator changes while the robot drives: a parameter, the mission, the fence, again.
+    """Changes of parameter, mission and fence while the robot drives, in turn.
 
-    Each change has another value, so that a file is written anew.
+    Each change has a new value, so that each writes a file.
     """
 
-    def __init__(self, witness: Witness, state: Path) -> None:
-        self._witness = witness
+    def __init__(self, observer: BusObserver, state: Path) -> None:
+        self._observer = observer
         self._state = state
         self._count = 0
         self._wanted: dict[str, float] = {}
 
     def make(self, since_s: float) -> None:
-        """Make the next one if it is due. RuntimeError when the robot refuses it."""
+        """Make the next change if it is due; RuntimeError when the robot refuses it."""
         if since_s < self._count * CHANGED_S:
             return
         further_m = self._count / 100
@@ -222,20 +212,20 @@ class Changes:
         self._count += 1
         if name == "parameters":
             self._wanted[name] = 0.31 + further_m / 10
-            done = self._witness.set(TUNED, self._wanted[name])
+            done = self._observer.set(TUNED, self._wanted[name])
         elif name == "mission":
             items = items_of([Waypoint(x_m=1.0 + further_m, y_m=2.0)])
             self._wanted[name] = items[0].x
-            done = self._witness.upload(items)
+            done = self._observer.upload(items)
         else:
             self._wanted[name] = 9.0 + further_m
             fence = Circle(x_m=2.0, y_m=2.0, radius_m=self._wanted[name])
-            done = self._witness.upload(fence_items_of(fence))
+            done = self._observer.upload(fence_items_of(fence))
         if not done:
-            raise RuntimeError(f"the robot refused change {self._count}, of {name}")
+            raise RuntimeError(f"the robot refused change {self._count} of {name}")
 
     def are_saved(self) -> bool:
-        """Return whether the files of the robot have the newest value of each change."""
+        """Return whether the robot's files hold the newest value of each change."""
         return all(
             isclose(self._saved(name), wanted, rel_tol=1e-6)
             for name, wanted in self._wanted.items()
@@ -250,10 +240,10 @@ class Changes:
         return float((found if name == "parameters" else found[0])[key])
 
 
-def after(heard: tuple[Heard, ...], offset_ns: int, since_ns: int) -> Iterator[Seen]:
-    """With the last one before it, for the way since then."""
+def after(received: tuple[Received, ...], offset_ns: int, since_ns: int) -> Iterator[Seen]:
+    """Yield the truths after a time, and the last one before it."""
     last: Seen | None = None
-    for message, _ in heard:
+    for message, _ in received:
         assert isinstance(message, GroundTruth)
         one = Seen((message.time_ns + offset_ns - since_ns) / NS_PER_S, message)
         if one.at_s > 0.0:

@@ -1,4 +1,4 @@
-"""docs/evidence/faults.md: the matrix, with every row that misses its limit named first."""
+"""Write docs/evidence/faults.md: the fault matrix, after a list of the rows that miss a limit."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -7,45 +7,48 @@ from statistics import median
 from typing import Final
 
 from verification.faults_matrix.results import Repetition, Results
-from verification.faults_matrix.table import FAULTS, GROUPS, Fault, Must, Way
+from verification.faults_matrix.table import FAULTS, GROUPS, FaultCase, Must, Way
 
 INTRODUCTION: Final = """\
 # Faults
 
-What the robot does when something breaks, measured by
+This page shows how the robot reacts to faults. It was measured by
 `sidestep bench faults --page docs/evidence/faults.md`
 on {date}
 ({machine}).
-**In lockstep** time is simulated and the whole stack is in one process, over real sockets; moment,
-phase of the control period and noise are drawn from the number of the repetition, so that the same
-run gives the same figures. **In wall time** router, plant, robot, `goto` and recorder are real
-processes on a shared machine. Where one of them is held up for long enough the robot stops for
-that: BUDGET or TICKS_LOST in the place of what was to be seen is the busy machine's.
+**In lockstep**, time is simulated, and the whole stack runs in one process over real sockets. The
+number of the repetition seeds the time of the fault, its phase in the control period and the
+noise, so a run is reproducible. **In wall time**, router, plant, robot, `goto` and recorder are
+real processes on a shared machine. If the machine delays one of them for too long, the robot stops
+with BUDGET or TICKS_LOST instead of the expected reason.
 
-- *known*: from the fault until the robot does not drive any more and gives the reason; *stands*:
-  until its wheels do not turn. Median and worst, in ms. The limit of *known* is that of the row in
-  the failsafe table plus 100 ms: until the next sample would have been due, and the tick that looks
-  for it. The limit of *stands* has 400 ms more, for braking from 0.3 m/s. Whatever becomes of the
-  robot's own process or of its link to the plant, its wheels stand within 200 ms.
-- *way*: how far it came after the fault, the worst. When it had stood the fault was ended (let go,
-  mended, started again), and it had to go on standing.
-- *log*: frames that were sent and that the recorder's log lacks, samples and events, the worst
-  repetition. Where it was cut off from who sent, nobody had them; events come later.
-- Loss, delay, copies and order are made by the bus's own fault injection (`[network.trouble]`), on
-  arrival of each sample: TCP itself hides loss, and shows it as delay. A pair is cut by dropping
-  whatever they publish, or, towards the router, by a cable on which nothing comes back any more.
+- *Known* is the time from the fault until the robot reports why it does not drive; *stopped* is
+  the time until its wheels do not turn. Both are median and worst, in ms. The limit of *known* is
+  that of the failsafe plus 100 ms, for the next sample that would be due and the tick that checks
+  it. The limit of *stopped* adds 400 ms for braking from 0.3 m/s. After a fault of the robot's own
+  process or of its link to the plant, the wheels must stop within 200 ms.
+- *Path* is the longest path after the fault. After the robot had stopped, the fault ended (the
+  process was resumed or restarted, the link restored), and the robot had to stay at rest.
+- *Log* counts the frames that were sent but are missing in the recorder's log, samples and events,
+  for the worst repetition. Samples sent while the link was cut cannot be recorded; events are
+  fetched later.
+- Loss, delay, duplication and reordering are injected by the bus itself (`[network.trouble]`) on
+  arrival of each sample, because TCP turns loss into delay. A link between two processes is cut by
+  dropping all their frames; a link to the router is cut by a TCP proxy that stops forwarding.
   `tests/compose` cuts, pauses and kills real containers.
-- "Router impersonated" is behind locked doors: the process in the router's place has the key of
-  another robot, keeps to no rule, and sends all that could make the robot drive. The cases of a
-  start are in `tests/bus/test_impostor.py`. `sidestep bench flood` attacks behind locked doors.
-- A robot that hangs with the interpreter's lock held, or has been killed, is started again.
+- "Router impersonated" runs with access control: the process in the router's place has the key of
+  another robot, enforces no access rules, and sends everything that could make the robot drive.
+  `tests/bus/test_impostor.py` covers an impostor at the start. `sidestep bench flood` attacks a
+  robot with access control.
+- A robot that hangs with the GIL held, or that was killed, is restarted.
 """
 ROW: Final = re.compile(r"^\| (.+?) \|.*$", re.MULTILINE)
 THEN: Final = re.compile(r"^on (\S+)\n\((.*)\)\.$", re.MULTILINE)
 APART: Final = re.compile(r"^- Apart from the others, on .*\n", re.MULTILINE)
 MISSED: Final = re.compile(r"^- \*\*(.+?)\*\* in .*$", re.MULTILINE)
 HEAD: Final = (
-    "| fault | must | limit | lockstep: known, stands | way | wall: known, stands | way | log |\n"
+    "| fault | must | limit | lockstep: known, stopped | path "
+    "| wall: known, stopped | path | log |\n"
     "|---|---|---|---|---|---|---|---|"
 )
 
@@ -53,9 +56,9 @@ NOT_DONE: Final = {Way.LOCKSTEP: "needs processes", Way.WALL: "needs simulated t
 
 
 def page(results: Results, machine: Mapping[str, object], before: str = "") -> str:
-    """The page as Markdown. What was not measured now is taken from the page there was before.
+    """Return the page in Markdown; faults not measured now keep their rows of the old page.
 
-    Such a row has its misses named, too, and the day and the machine of that page are the page's.
+    The page then keeps the date and machine of the old page, and lists the misses of old rows too.
     """
     old = rows_in(before)
     about = ", ".join(f"{key} {value}" for key, value in machine.items())
@@ -83,12 +86,13 @@ def rows_in(text: str) -> dict[str, str]:
     return {found[1].replace("\\|", "|"): found[0] for found in ROW.finditer(text)}
 
 
-def measured(fault: Fault, results: Results) -> bool:
+def measured(fault: FaultCase, results: Results) -> bool:
+    """Return whether there are results for a fault."""
     return any(results.of(fault, way) for way in fault.ways)
 
 
 def missed(results: Results, before: Sequence[str] = ()) -> Iterable[str]:
-    """The rows that miss, by name and with what was not as it must be."""
+    """Yield the rows that miss a limit, by name and with all misses."""
     yield "## Rows that miss their limit\n"
     found = [*before]
     for faults in GROUPS.values():
@@ -106,7 +110,8 @@ def missed(results: Results, before: Sequence[str] = ()) -> Iterable[str]:
     yield ""
 
 
-def row(fault: Fault, results: Results) -> str:
+def row(fault: FaultCase, results: Results) -> str:
+    """Return the row of a fault."""
     cells = [fault.name, fault.must.value, fault.limit or ""]
     for way in Way:
         found = results.of(fault, way)
@@ -115,13 +120,13 @@ def row(fault: Fault, results: Results) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def times(fault: Fault, found: Sequence[Repetition], way: Way) -> str:
-    """Medians and worst; for a robot that went on, how often it did."""
+def times(fault: FaultCase, found: Sequence[Repetition], way: Way) -> str:
+    """Return median and worst times; for a robot that drives on, how often it arrived."""
     if not found:
         return "" if way in fault.ways else NOT_DONE[way]
     bad = sum(bool(one.misses(fault)) for one in found)
     verdict = f" **{bad} of {len(found)} missed**" if bad else f" ({len(found)})"
-    if fault.must in (Must.STOP, Must.STAND, Must.SAY):
+    if fault.must_stop:
         known = spread(one.known_s for one in found) if fault.within_s is not None else "–"
         return f"{known}, {spread(one.stood_s for one in found)}{verdict}"
     if fault.must is Must.KEEP:
@@ -136,17 +141,19 @@ def times(fault: Fault, found: Sequence[Repetition], way: Way) -> str:
 
 
 def spread(values_s: Iterable[float | None]) -> str:
+    """Return median and worst in ms."""
     found = [value for value in values_s if value is not None]
     return f"{median(found) * 1e3:.0f} / {max(found) * 1e3:.0f}" if found else "–"
 
 
 def way_cm(found: Sequence[Repetition]) -> str:
+    """Return the longest path in cm."""
     ways = [one.distance_m for one in found if one.distance_m is not None]
     return f"{max(ways) * 100:.1f} cm" if ways else ""
 
 
 def log(found: Sequence[Repetition]) -> str:
-    """The worst repetition; what a killed recorder had not written yet."""
+    """Return the log's losses of the worst repetition, and what a killed recorder had not saved."""
     known = [one for one in found if one.lost is not None]
     if not known:
         return ""

@@ -1,8 +1,8 @@
-"""One power cut of a robot that saves: is what it acknowledged there, in whatever order it wrote?
+"""One power cut of a robot that saves: check that acknowledged changes survive it.
 
-The disk is simulated (`verification/power_cut.py`). A parameter and the fence are changed in turn;
-the cut comes after an operation of the disk that the number of the repetition draws. A robot is
-started from each state that a file system which reorders may leave then.
+The disk is simulated (`verification/power_cut.py`). A parameter and the fence are changed in turn.
+The number of the repetition draws the disk operation after which the power is cut. A robot is
+started from each state that a file system which reorders writes may leave then.
 """
 
 from math import nan
@@ -33,21 +33,21 @@ CHANGES: Final = 6
 TUNED: Final = "d_obs_m"
 
 
-class Held(NamedTuple):
-    """What the operator has set: a parameter, and the radius of the fence, 0 for none."""
+class SavedState(NamedTuple):
+    """The operator's settings: a parameter, and the radius of the fence, 0 for none."""
 
     value: float = DEFAULTS.d_obs_m
     radius_m: float = 0.0
 
 
 def run(fault: str, way: str, number: int, disk: Disk | None = None) -> Repetition:
-    """Cut power once; it has `reached` what it must when all that was acknowledged is there."""
+    """Cut the power once; the repetition has `reached` when all acknowledged changes are there."""
     disk, random = disk or Disk(), Random(f"{fault} {number}")
     with patch.object(atomic_file, "os", disk), TemporaryDirectory() as folder:
-        told = told_by(Vehicle(DEFAULTS, Store(HOME)), disk, random)
+        changes = make_changes(Vehicle(DEFAULTS, Store(HOME)), disk, random)
         cut = random.randrange(len(disk.cuts))
-        answered, before = [one for one in told if one[0] <= cut + 1][-1]
-        under_way = next((held for operations, held in told if operations > cut + 1), before)
+        answered, before = [one for one in changes if one[0] <= cut + 1][-1]
+        under_way = next((state for operations, state in changes if operations > cut + 1), before)
         allowed = {before} if answered == cut + 1 else {before, under_way}
         found = {
             found_in(state, Path(folder) / str(index)) for index, state in enumerate(disk.cuts[cut])
@@ -57,26 +57,28 @@ def run(fault: str, way: str, number: int, disk: Disk | None = None) -> Repetiti
     return Repetition(fault=fault, way=way, number=number, reached=not lost, trouble=words)
 
 
-def told_by(vehicle: Vehicle, disk: Disk, random: Random) -> list[tuple[int, Held]]:
-    """Change one thing after the other. What is held, each with the operations until its answer."""
-    held = Held()
-    told = [(1, held)]
+def make_changes(vehicle: Vehicle, disk: Disk, random: Random) -> list[tuple[int, SavedState]]:
+    """Make changes; return each state with the number of disk operations until its answer."""
+    state = SavedState()
+    changes = [(1, state)]
     for change in range(CHANGES):
         drawn = round(random.uniform(0.3, 0.5), 3) if change % 2 else random.randint(2, 9) * 1.0
-        held = held._replace(value=drawn) if change % 2 else held._replace(radius_m=drawn)
-        set_value(vehicle, drawn) if change % 2 else put_up(vehicle, drawn)
-        told.append((len(disk.cuts), held))
-    return told
+        state = state._replace(value=drawn) if change % 2 else state._replace(radius_m=drawn)
+        set_value(vehicle, drawn) if change % 2 else upload_fence(vehicle, drawn)
+        changes.append((len(disk.cuts), state))
+
+    return changes
 
 
 def set_value(vehicle: Vehicle, value: float) -> None:
+    """Set the parameter."""
     answer = vehicle.receive(ParamSet(param_id=TUNED, param_value=value, param_type=9), 0)
     if not isinstance(answer, ParamValue):
-        raise RuntimeError(f"{TUNED} is not set: {answer}")
+        raise RuntimeError(f"the robot did not set {TUNED}: {answer}")
 
 
-def put_up(vehicle: Vehicle, radius_m: float) -> None:
-    """Put up a round fence."""
+def upload_fence(vehicle: Vehicle, radius_m: float) -> None:
+    """Upload a round fence."""
     fence = MissionItemInt(
         seq=0,
         frame=FRAME_LOCAL_FLU,
@@ -93,15 +95,15 @@ def put_up(vehicle: Vehicle, radius_m: float) -> None:
     vehicle.receive(MissionCount(count=1, mission_type=MissionType.FENCE), 0)
     answer = vehicle.receive(fence, 0)
     if not isinstance(answer, MissionVerdict) or answer.reason != Reason.NONE:
-        raise RuntimeError(f"the fence is not put up: {answer}")
+        raise RuntimeError(f"the robot did not accept the fence: {answer}")
 
 
-def found_in(state: State, folder: Path) -> Held:
-    """What a robot has that is started after this cut."""
+def found_in(state: State, folder: Path) -> SavedState:
+    """Return the state of a robot that is started after this cut."""
     restore(state, folder)
     store = Store(folder / str(HOME).removeprefix("/"))
     params, _ = store.load(DEFAULTS)
     vehicle = Vehicle(params, store)
     vehicle.restore()
     fence = vehicle.state.machine.fence
-    return Held(params.d_obs_m, 0.0 if fence is None else fence.radius_m)
+    return SavedState(params.d_obs_m, 0.0 if fence is None else fence.radius_m)

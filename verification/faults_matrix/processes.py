@@ -1,4 +1,4 @@
-"""Real processes around a router, each behind a cable of its own, started and ended by role."""
+"""Real processes around a router, each behind a TCP proxy, started and ended by role."""
 
 import json
 import os
@@ -18,27 +18,28 @@ from verification.harness.processes import free_port
 from verification.harness.tcp_proxy import TcpProxy
 from verification.harness.until import PATIENCE_S, until
 
-LAST_WORDS: Final = 300
+LAST_OUTPUT: Final = 300
 CERTIFICATES: Final = {"robot": "robot-r1"}
 BURNS: Final = (sys.executable, "-c", "while True: pass")
 
 
-class Crew:
-    """`afflictions`: what happens to a role when it is told to, as `afflicted` reads it.
+class ProcessGroup:
+    """The processes of a stack.
 
-    `locked`: everybody has a certificate, and `keys` is the folder of them; else it is None.
+    `injections` are the faults that a role injects into itself on SIGUSR1. With `locked`, access is
+    controlled, and `keys` is the folder of the certificates; else `keys` is None.
     """
 
     def __init__(
-        self, afflictions: Mapping[str, Mapping[str, Any]], *, locked: bool = False
+        self, injections: Mapping[str, Mapping[str, Any]], *, locked: bool = False
     ) -> None:
         self.router = f"{'tls' if locked else 'tcp'}/127.0.0.1:{free_port()}"
         self.truth = self.router if locked else f"tcp/127.0.0.1:{free_port()}"
-        """Where the truth can be heard: at the plant, which no certificate allows to be dialled."""
+        """Endpoint of the truth: the plant, or the router if access control forbids that."""
         self.keys: Path | None = None
         self._locked = locked
-        self.cables: dict[str, TcpProxy] = {}
-        self._afflictions = afflictions
+        self.proxies: dict[str, TcpProxy] = {}
+        self._injections = injections
         self._words: dict[str, Sequence[str]] = {}
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._outputs: dict[str, IO[bytes]] = {}
@@ -56,14 +57,14 @@ class Crew:
         self._scope.close()
 
     def start(self, role: str, *words: str) -> None:
-        """`sidestep` with these words; without words, as it was started before."""
+        """Run `sidestep` with these words, or with those of the last start."""
         if words:
             self._words[role] = [*words, *self._config(role)]
-        afflicted = self._afflictions.get(role)
+        injection = self._injections.get(role)
         line = command(self._words[role], os.getpid())
-        if afflicted is not None:
+        if injection is not None:
             module = (sys.executable, "-m", "verification.faults_matrix.fault_hook")
-            line = [*module, str(os.getpid()), json.dumps(afflicted), *self._words[role]]
+            line = [*module, str(os.getpid()), json.dumps(injection), *self._words[role]]
         self._execute(role, line)
 
     def _config(self, role: str) -> Sequence[str]:
@@ -72,56 +73,60 @@ class Crew:
         return "--config", str(self.keys / f"{CERTIFICATES.get(role, role)}.toml")
 
     def burn(self) -> None:
-        """One process per core that does nothing but use it."""
+        """Start one process per core that only uses the processor."""
         for number in range(len(os.sched_getaffinity(0))):
             self._execute(f"burner {number}", BURNS)
 
-    def dialling(self, role: str, *words: str) -> None:
-        """Through a cable of its own."""
-        cable = self.cables[role] = self._scope.enter_context(TcpProxy(self.router))
-        self.start(role, *words, "--connect", cable.endpoint)
+    def start_behind_proxy(self, role: str, *words: str) -> None:
+        """Start a process that connects to the router through a proxy."""
+        proxy = self.proxies[role] = self._scope.enter_context(TcpProxy(self.router))
+        self.start(role, *words, "--connect", proxy.endpoint)
 
-    def says(self, role: str, words: str) -> None:
-        """Wait until it has said that; RuntimeError with what it did say when it does not."""
-        until(lambda: words in self.said(role) or not self.lives(role), f"{role}: {words}")
-        if words not in self.said(role):
-            raise RuntimeError(f"the {role} ended: {self.last_words(role)}")
+    def await_output(self, role: str, words: str) -> None:
+        """Wait until a process has written `words`; RuntimeError when it ends before."""
+        until(lambda: words in self.output(role) or not self.is_running(role), f"{role}: {words}")
+        if words not in self.output(role):
+            raise RuntimeError(f"the {role} ended: {self.last_output(role)}")
 
-    def said(self, role: str) -> str:
+    def output(self, role: str) -> str:
+        """Return the output of a process."""
         return os.pread(self._outputs[role].fileno(), 1 << 20, 0).decode(errors="replace")
 
-    def last_words(self, role: str) -> str:
-        """The end of what it said; empty when it was never started."""
-        return self.said(role)[-LAST_WORDS:] if role in self._outputs else ""
+    def last_output(self, role: str) -> str:
+        """Return the end of the output; empty if the process was never started."""
+        return self.output(role)[-LAST_OUTPUT:] if role in self._outputs else ""
 
-    def lives(self, role: str) -> bool:
+    def is_running(self, role: str) -> bool:
+        """Return whether a process is running."""
         return role in self._processes and self._processes[role].poll() is None
 
     def send(self, role: str, number: signal.Signals) -> None:
+        """Send a signal."""
         self._processes[role].send_signal(number)
 
     def limit(self, role: str, what: int, size: int) -> None:
-        """From now on it gets no more of this than so much."""
+        """Limit a resource of a process to `size` from now on."""
         resource.prlimit(self._processes[role].pid, what, (size, size))
 
     def memory(self, role: str) -> int:
-        """Bytes of address space that it has."""
+        """Return the size of the address space in bytes."""
         pages = Path(f"/proc/{self._processes[role].pid}/statm").read_text(encoding="utf-8")
         return int(pages.split()[0]) * resource.getpagesize()
 
     def kill(self, role: str) -> None:
+        """Kill a process and wait for its end."""
         self._processes[role].kill()
         self._processes[role].wait()
 
-    def ends(self, role: str, within_s: float = PATIENCE_S) -> None:
-        """It was told to; one that does not is killed."""
+    def await_end(self, role: str, within_s: float = PATIENCE_S) -> None:
+        """Wait for the end of a process; kill it after `within_s`."""
         try:
             self._processes[role].wait(within_s)
         except subprocess.TimeoutExpired:
             self.kill(role)
 
     def _execute(self, role: str, line: Sequence[str]) -> None:
-        output = tempfile.TemporaryFile()  # noqa: SIM115 - closed on the way out
+        output = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the group ends
         self._scope.callback(output.close)
         self._outputs[role] = output
         self._processes[role] = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""What one repetition showed, kept line by line in a file, so that an interrupted run goes on."""
+"""The result of one repetition, saved line by line so that an interrupted run can continue."""
 
 import json
 from collections.abc import Iterable
@@ -7,21 +7,22 @@ from pathlib import Path
 from typing import Self
 
 from protocol.wire.reasons import Reason
-from verification.faults_matrix.table import Fault, Must, Way
+from verification.faults_matrix.table import FaultCase, Must, Way
 
 TOUCH_S = 0.5
-"""From a contact to standing wheels: a tick, and braking."""
+"""Limit from a contact until the wheels stop: a tick, and braking."""
 EPSILON_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Repetition:
-    """Times from the fault on; None: it did not happen, or nobody could see it.
+    """The reaction to a fault; times are from the fault, None if not observed.
 
-    `touched_s` is from the first contact to standing wheels. `moved_again` says that it did not
-    stay where it stood, also when the fault was over. `lost` and `lost_events` are frames that were
-    sent and are not in the log, `unlogged_s` is the time at its end that it lacks. `missed_ticks`
-    are control periods that the robot missed, where that is judged.
+    `known_s` is the time until the robot reported a stop, `stood_s` until its wheels stopped, and
+    `touched_s` from the first contact until then. `moved_again`: the robot moved after it had
+    stopped, perhaps after the end of the fault. `lost` and `lost_events` are frames that were sent
+    but are not in the log; `unlogged_s` is the time missing at its end. `missed_ticks` are control
+    periods that the robot missed, where that is judged.
     """
 
     fault: str
@@ -42,12 +43,12 @@ class Repetition:
     missed_ticks: int | None = None
     trouble: str = ""
 
-    def misses(self, fault: Fault) -> list[str]:
-        """What was not as it must be, in words; empty when all was."""
+    def misses(self, fault: FaultCase) -> list[str]:
+        """Return how the repetition misses its requirement, in words; empty if it does not."""
         if self.trouble:
             return [self.trouble]
         found = [f"{self.contacts} contacts"] if self.contacts and not may_touch(fault) else []
-        if fault.must in (Must.STOP, Must.STAND, Must.SAY):
+        if fault.must_stop:
             return found + self._late(fault)
         if self.missed_ticks:
             found.append(f"missed {self.missed_ticks} ticks")
@@ -59,23 +60,25 @@ class Repetition:
             found.append(f"drove on for {self.touched_s:.2f} s after a contact")
         return found
 
-    def _late(self, fault: Fault) -> list[str]:
+    def _late(self, fault: FaultCase) -> list[str]:
         found = ["moved again"] if self.moved_again else []
         names = [reason.name for reason in fault.reasons]
         if names and self.reason not in names:
-            found.append(f"called it {self.reason or 'nothing'}")
+            found.append(f"reported {self.reason or 'no reason'}")
         if fault.within_s is not None and not fault.unseen:
             found += over("known", self.known_s, fault.within_s)
         if fault.stands_s is not None:
-            found += over("stood", self.stood_s, fault.stands_s)
+            found += over("stopped", self.stood_s, fault.stands_s)
         return found
 
 
-def may_touch(fault: Fault) -> bool:
+def may_touch(fault: FaultCase) -> bool:
+    """Return whether a fault may end in a contact."""
     return fault.must is Must.TOUCH_AT_MOST
 
 
 def over(what: str, took_s: float | None, limit_s: float) -> list[str]:
+    """Return how a time exceeds its limit, in words; empty if it does not."""
     if took_s is None:
         return [f"never {what}"]
     if took_s > limit_s + EPSILON_S:
@@ -84,7 +87,7 @@ def over(what: str, took_s: float | None, limit_s: float) -> list[str]:
 
 
 class Results:
-    """All repetitions so far. `add` writes each at once."""
+    """All repetitions so far, optionally saved in a file."""
 
     def __init__(self, path: Path | None, found: Iterable[Repetition] = ()) -> None:
         self._path = path
@@ -92,7 +95,7 @@ class Results:
 
     @classmethod
     def kept_in(cls, path: Path) -> Self:
-        """What an earlier run left there; a line that was cut off is left out."""
+        """Load the repetitions of an earlier run; incomplete lines are skipped."""
         found = []
         if path.exists():
             for line in path.read_text(encoding="utf-8").splitlines():
@@ -103,20 +106,22 @@ class Results:
         return cls(path, found)
 
     def add(self, one: Repetition) -> None:
+        """Add a repetition and save it at once."""
         self._found[one.fault, one.way, one.number] = one
         if self._path is not None:
             with self._path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(asdict(one)) + "\n")
 
     def has(self, fault: str, way: Way, number: int) -> bool:
-        """Is there such a repetition, by the name of its fault?"""
+        """Return whether there is such a repetition, by the name of its fault."""
         return (fault, way.value, number) in self._found
 
-    def of(self, fault: Fault, way: Way) -> list[Repetition]:
+    def of(self, fault: FaultCase, way: Way) -> list[Repetition]:
+        """Return the repetitions of a fault."""
         key = (fault.name, way.value)
         return [one for one in self._found.values() if (one.fault, one.way) == key]
 
 
 def reason_name(number: int) -> str:
-    """The name of a reason, empty for none."""
+    """Return the name of a reason; empty for none."""
     return Reason(number).name if number else ""

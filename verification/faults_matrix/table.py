@@ -1,4 +1,4 @@
-"""The fault matrix as data: what is done, what the robot must do then, and within which limit."""
+"""The fault matrix as data: each fault, the required reaction, and its time limits."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -7,46 +7,39 @@ from typing import Final
 from protocol.bus.faults.link_faults import LinkFaults
 from protocol.wire.reasons import Reason
 from verification.faults_matrix.actions import (
-    Abandon,
     Act,
-    Break,
-    Burn,
+    BodyFault,
     Cut,
-    Deafen,
-    Delay,
+    DelayOperator,
     Disturb,
-    Double,
-    EmergencyStop,
-    Exaggerate,
-    Fill,
+    DropOneWay,
+    FillDisk,
     Flood,
     Hang,
-    Impersonate,
-    Jump,
+    JumpClock,
     Kill,
-    Sense,
-    Slow,
-    Spoil,
-    Squeeze,
-    Unplug,
-    Wrap,
+    KillLateOperator,
+    PlainAct,
+    SlowDisk,
 )
 
 
 class Must(Enum):
-    """What is right, in the words of the page."""
+    """The required reaction to a fault, in the words of the page."""
 
     STOP = "stops, failsafe"
-    STAND = "wheels stand"
-    SAY = "says so and stands still"
+    STAND = "wheels stop"
+    SAY = "reports it and stays at rest"
     GO_ON = "goes on: arrives, no contact"
     BE_SAFE = "arrives, or stops with a reason; no contact"
     KEEP = "a restart finds what was acknowledged"
     KEEP_TIME = "arrives, misses no tick, saves all"
-    TOUCH_AT_MOST = "cannot be known: arrives, or a contact stops it at once"
+    TOUCH_AT_MOST = "undetectable: arrives, or a contact stops it at once"
 
 
 class Way(Enum):
+    """The time in which a repetition runs: simulated or wall time."""
+
     LOCKSTEP = "lockstep"
     WALL = "wall"
 
@@ -55,20 +48,21 @@ BOTH: Final = (Way.LOCKSTEP, Way.WALL)
 WALL: Final = (Way.WALL,)
 LOCKSTEP: Final = (Way.LOCKSTEP,)
 SAMPLING_S: Final = 0.1
-"""Until the next sample would have been due, and until the tick that looks for it."""
+"""Time until the next sample would be due, and until the tick that checks it."""
 BRAKING_S: Final = 0.4
-"""From a failsafe to a standing robot: down the ramp from 0.3 m/s, and the lag of the motors."""
+"""Time from a failsafe until the robot has stopped: the ramp from 0.3 m/s and motor lag."""
 DEATH_S: Final = 0.2
 PRESSED_S: Final = 0.25
-"""From an emergency stop to standing wheels: two periods and short-circuited motors."""
+"""Time from an emergency stop until the wheels stop: two periods and short-circuited motors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
-    """`within_s`: until the robot knows; `stands_s`: until the wheels stand. None: not judged.
+class FaultCase:
+    """A row of the matrix.
 
-    `reasons` are those that are right, none: any. `unseen`: the robot cannot be heard meanwhile.
-    `at_rest`: it happens to a robot that is disarmed.
+    `within_s` is the limit until the robot reports the fault, `stands_s` until the wheels have
+    stopped; None is not judged. `reasons` are the expected reasons; any, if empty. `unseen`: the
+    robot cannot be received meanwhile. `at_rest`: the robot is disarmed.
     """
 
     name: str
@@ -82,10 +76,16 @@ class Fault:
     ways: tuple[Way, ...] = BOTH
 
     @property
+    def must_stop(self) -> bool:
+        """True if the robot must stop."""
+        return self.must in (Must.STOP, Must.STAND, Must.SAY)
+
+    @property
     def limit(self) -> str:
+        """The limits as text; empty without limits."""
         known = "" if self.within_s is None else f"known {self.within_s * 1e3:.0f} ms"
-        stands = "" if self.stands_s is None else f"stands {self.stands_s * 1e3:.0f} ms"
-        return ", ".join(part for part in (known, stands) if part)
+        stopped = "" if self.stands_s is None else f"stopped {self.stands_s * 1e3:.0f} ms"
+        return ", ".join(part for part in (known, stopped) if part)
 
 
 def stops(
@@ -95,10 +95,13 @@ def stops(
     *reasons: Reason,
     unseen: bool = False,
     ways: tuple[Way, ...] = BOTH,
-) -> Fault:
-    """A row of the failsafe table; `within_s` is its limit, to which comes the sampling."""
+) -> FaultCase:
+    """Return a row whose robot must stop with a reason; `within_s` is the limit of the failsafe.
+
+    The time until a missing sample is noticed is added.
+    """
     known_s = within_s + SAMPLING_S
-    return Fault(
+    return FaultCase(
         name=name,
         act=act,
         must=Must.STOP,
@@ -110,9 +113,9 @@ def stops(
     )
 
 
-def blind(name: str, act: Act) -> Fault:
-    """The plant is gone, and with it whatever could be seen of the wheels."""
-    return Fault(
+def blind(name: str, act: Act) -> FaultCase:
+    """Return a row whose plant is gone, so that its wheels cannot be observed."""
+    return FaultCase(
         name=name,
         act=act,
         must=Must.SAY,
@@ -121,9 +124,9 @@ def blind(name: str, act: Act) -> Fault:
     )
 
 
-def dies(name: str, act: Act, *reasons: Reason, ways: tuple[Way, ...] = BOTH) -> Fault:
-    """Whatever becomes of the robot's process, the wheels stand in time and stay so."""
-    return Fault(
+def dies(name: str, act: Act, *reasons: Reason, ways: tuple[Way, ...] = BOTH) -> FaultCase:
+    """Return a row whose robot process or plant link fails: the wheels must stop by themselves."""
+    return FaultCase(
         name=name,
         act=act,
         must=Must.STAND,
@@ -134,16 +137,19 @@ def dies(name: str, act: Act, *reasons: Reason, ways: tuple[Way, ...] = BOTH) ->
     )
 
 
-def goes_on(name: str, act: Act, must: Must = Must.GO_ON, ways: tuple[Way, ...] = BOTH) -> Fault:
-    return Fault(name=name, act=act, must=must, ways=ways)
+def goes_on(
+    name: str, act: Act, must: Must = Must.GO_ON, ways: tuple[Way, ...] = BOTH
+) -> FaultCase:
+    """Return a row whose robot must drive on, or at least stay safe."""
+    return FaultCase(name=name, act=act, must=must, ways=ways)
 
 
 LOST: Final = (Reason.TICKS_LOST, Reason.SCAN_LOST)
 OPERATOR_S: Final = 1.5
 STUCK_S: Final = 1.0
-"""Two looks of half a second: the first may still see it turn."""
+"""Two checks of half a second: the first may still see the wheel turn."""
 FROZEN_S: Final = 1.9
-"""0.1 m at the speed it has where it is narrow."""
+"""The time for 0.1 m at the speed in narrow places."""
 SENSES: Final = ("sense/",)
 
 PROCESSES: Final = (
@@ -153,7 +159,7 @@ PROCESSES: Final = (
     dies("robot restarted", Kill("robot", again_s=0.5)),
     blind("plant killed", Kill("plant")),
     blind("plant stopped", Hang("plant")),
-    Fault(
+    FaultCase(
         name="plant hung with the GIL held",
         act=Hang("plant", gil=True),
         must=Must.SAY,
@@ -164,7 +170,7 @@ PROCESSES: Final = (
     blind("plant restarted", Kill("plant", again_s=0.5)),
     stops("ground killed", Kill("ground"), OPERATOR_S, Reason.OPERATOR_LOST),
     stops("ground stopped (operator lost)", Hang("ground"), OPERATOR_S, Reason.OPERATOR_LOST),
-    Fault(
+    FaultCase(
         name="ground hung with the GIL held",
         act=Hang("ground", gil=True),
         must=Must.STOP,
@@ -178,7 +184,7 @@ PROCESSES: Final = (
     dies("router stopped", Hang("router"), Reason.TICKS_LOST),
     goes_on("router hung with the GIL held", Hang("router", gil=True), ways=WALL),
     dies("router restarted", Kill("router", again_s=0.5), Reason.TICKS_LOST),
-    dies("control core raises an exception", Break(), Reason.CORE_EXCEPTION),
+    dies("control core raises an exception", PlainAct.RAISE_IN_CORE, Reason.CORE_EXCEPTION),
     goes_on("recorder killed", Kill("recorder"), ways=WALL),
 )
 LINKS: Final = (
@@ -201,36 +207,41 @@ LINKS: Final = (
     goes_on("30 % overtaken by the next", Disturb(LinkFaults(reorder=0.3))),
 )
 ONE_WAY: Final = (
-    stops("operator to robot", Deafen("robot", "ground"), OPERATOR_S, Reason.OPERATOR_LOST),
-    goes_on("robot to operator", Deafen("ground", "robot"), ways=LOCKSTEP),
-    stops("plant to robot", Deafen("robot", "plant"), 0.15, *LOST),
-    dies("robot to plant", Deafen("plant", "robot")),
+    stops("operator to robot", DropOneWay("robot", "ground"), OPERATOR_S, Reason.OPERATOR_LOST),
+    goes_on("robot to operator", DropOneWay("ground", "robot"), ways=LOCKSTEP),
+    stops("plant to robot", DropOneWay("robot", "plant"), 0.15, *LOST),
+    dies("robot to plant", DropOneWay("plant", "robot")),
     *(
-        stops(f"operator's frames {name} late", Delay(late_ms), OPERATOR_S, Reason.OPERATOR_LOST)
+        stops(
+            f"operator's frames {name} late",
+            DelayOperator(late_ms),
+            OPERATOR_S,
+            Reason.OPERATOR_LOST,
+        )
         for name, late_ms in (("300 ms", 300.0), ("1 s", 1000.0), ("3 s", 3000.0))
     ),
     *(
         stops(
             f"ground killed, its frames {name} late",
-            Abandon(late_ms),
+            KillLateOperator(late_ms),
             OPERATOR_S,
             Reason.OPERATOR_LOST,
             ways=WALL,
         )
         for name, late_ms in (("300 ms", 300.0), ("1 s", 1000.0))
     ),
-    stops("a second robot of the same name", Double(), 0.0, Reason.NAME_TAKEN),
+    stops("a second robot of the same name", PlainAct.SECOND_ROBOT, 0.0, Reason.NAME_TAKEN),
 )
 HOSTILE: Final = (
-    Fault(
+    FaultCase(
         name="extreme frames to a disarmed robot",
-        act=Exaggerate(),
+        act=PlainAct.EXTREME_FRAMES,
         must=Must.STAND,
         stands_s=0.0,
         at_rest=True,
     ),
-    goes_on("extreme frames under way", Exaggerate(), Must.BE_SAFE),
-    Fault(
+    goes_on("extreme frames under way", PlainAct.EXTREME_FRAMES, Must.BE_SAFE),
+    FaultCase(
         name="emergency stop in a flood of stops",
         act=Flood("stops", pressed=True),
         must=Must.STOP,
@@ -240,52 +251,69 @@ HOSTILE: Final = (
     ),
     goes_on("long answers read at 20 kB/s", Flood("readers"), ways=WALL),
     goes_on("histories asked for 500 times a second", Flood("history"), ways=WALL),
-    dies("router impersonated", Impersonate(), *LOST, ways=WALL),
+    dies("router impersonated", PlainAct.IMPERSONATE_ROUTER, *LOST, ways=WALL),
 )
 BODY: Final = (
-    goes_on("one sonar dead", Sense("sonar_dead", "3")),
-    stops("all sonars dead", Sense("sonar_dead", "all"), 0.25, Reason.SCAN_LOST),
-    stops("no scans", Sense("scan_stopped"), 0.25, Reason.SCAN_LOST),
-    stops("sonars frozen", Sense("sonar_frozen", "all"), FROZEN_S, Reason.SONAR_FROZEN),
-    stops("sonar impossible (9 m)", Sense("sonar_fixed", "3", 9.0), 0.0, Reason.SONAR_IMPOSSIBLE),
-    goes_on("sonar lies (1 m too far)", Sense("sonar_offset", "3", 1.0), Must.TOUCH_AT_MOST),
-    goes_on("all sonars lose half their echoes", Sense("sonar_dropout", "all", 0.5), Must.BE_SAFE),
-    goes_on("all sonars lose every echo", Sense("sonar_dropout", "all", 1.0), Must.TOUCH_AT_MOST),
-    stops("no wheel ticks", Sense("ticks_stopped"), 0.15, Reason.TICKS_LOST),
-    stops("encoder stuck", Sense("encoder_stuck", "left"), STUCK_S, Reason.WHEEL_STUCK),
-    stops("encoder jumps", Sense("encoder_jump", "left", 50_000.0), 0.0, Reason.ENCODER_IMPOSSIBLE),
-    goes_on("encoders wrap", Wrap()),
-    goes_on("wheels slip by a third", Sense("wheel_slip", "both", 0.33), Must.BE_SAFE),
-    goes_on("one wheel slips by a third", Sense("wheel_slip", "left", 0.33), Must.BE_SAFE),
-    stops("wheel stuck", Sense("wheel_stuck", "right"), STUCK_S, Reason.WHEEL_STUCK),
-    stops("both wheels stuck", Sense("wheel_stuck", "both"), STUCK_S, Reason.WHEEL_STUCK),
-    stops("bumper pressed", Sense("bumper_stuck", "", 1.0), 0.0, Reason.BUMPER),
+    goes_on("one sonar dead", BodyFault("sonar_dead", "3")),
+    stops("all sonars dead", BodyFault("sonar_dead", "all"), 0.25, Reason.SCAN_LOST),
+    stops("no scans", BodyFault("scan_stopped"), 0.25, Reason.SCAN_LOST),
+    stops("sonars frozen", BodyFault("sonar_frozen", "all"), FROZEN_S, Reason.SONAR_FROZEN),
+    stops(
+        "sonar impossible (9 m)", BodyFault("sonar_fixed", "3", 9.0), 0.0, Reason.SONAR_IMPOSSIBLE
+    ),
+    goes_on("sonar lies (1 m too far)", BodyFault("sonar_offset", "3", 1.0), Must.TOUCH_AT_MOST),
+    goes_on(
+        "all sonars lose half their echoes",
+        BodyFault("sonar_dropout", "all", 0.5),
+        Must.BE_SAFE,
+    ),
+    goes_on(
+        "all sonars lose every echo",
+        BodyFault("sonar_dropout", "all", 1.0),
+        Must.TOUCH_AT_MOST,
+    ),
+    stops("no wheel ticks", BodyFault("ticks_stopped"), 0.15, Reason.TICKS_LOST),
+    stops("encoder stuck", BodyFault("encoder_stuck", "left"), STUCK_S, Reason.WHEEL_STUCK),
+    stops(
+        "encoder jumps", BodyFault("encoder_jump", "left", 50_000.0), 0.0, Reason.ENCODER_IMPOSSIBLE
+    ),
+    goes_on("encoders wrap", PlainAct.WRAP_ENCODERS),
+    goes_on("wheels slip by a third", BodyFault("wheel_slip", "both", 0.33), Must.BE_SAFE),
+    goes_on("one wheel slips by a third", BodyFault("wheel_slip", "left", 0.33), Must.BE_SAFE),
+    stops("wheel stuck", BodyFault("wheel_stuck", "right"), STUCK_S, Reason.WHEEL_STUCK),
+    stops("both wheels stuck", BodyFault("wheel_stuck", "both"), STUCK_S, Reason.WHEEL_STUCK),
+    stops("bumper pressed", BodyFault("bumper_stuck", "", 1.0), 0.0, Reason.BUMPER),
 )
 MACHINE: Final = (
-    Fault(
+    FaultCase(
         name="emergency stop",
-        act=EmergencyStop(),
+        act=PlainAct.EMERGENCY_STOP,
         must=Must.STOP,
         within_s=SAMPLING_S,
         stands_s=PRESSED_S,
     ),
-    Fault(
+    FaultCase(
         name="robot's clock jumps 5 s ahead",
-        act=Jump(5.0),
+        act=JumpClock(5.0),
         must=Must.STOP,
         within_s=0.0 + SAMPLING_S,
         stands_s=SAMPLING_S + BRAKING_S,
         reasons=(Reason.BUDGET, *LOST),
     ),
-    goes_on("robot's clock jumps 5 s back", Jump(-5.0), Must.BE_SAFE),
-    goes_on("disk full for the recorder", Fill("recorder"), ways=WALL),
-    goes_on("disk full for the robot's --state", Fill("robot"), ways=WALL),
-    goes_on("disk slow: fsync takes 0.25 s", Slow(0.25), Must.KEEP_TIME, ways=WALL),
-    goes_on("disk slow: fsync takes 2 s", Slow(2.0), Must.KEEP_TIME, ways=WALL),
-    goes_on("power cut between write and rename", Unplug(), Must.KEEP, ways=LOCKSTEP),
-    dies("robot restarted, its fence unreadable", Spoil(), Reason.FENCE_UNREADABLE, ways=WALL),
-    goes_on("robot gets no more memory", Squeeze(), Must.BE_SAFE, ways=WALL),
-    goes_on("processor starved by burners", Burn(), Must.BE_SAFE, ways=WALL),
+    goes_on("robot's clock jumps 5 s back", JumpClock(-5.0), Must.BE_SAFE),
+    goes_on("disk full for the recorder", FillDisk("recorder"), ways=WALL),
+    goes_on("disk full for the robot's --state", FillDisk("robot"), ways=WALL),
+    goes_on("disk slow: fsync takes 0.25 s", SlowDisk(0.25), Must.KEEP_TIME, ways=WALL),
+    goes_on("disk slow: fsync takes 2 s", SlowDisk(2.0), Must.KEEP_TIME, ways=WALL),
+    goes_on("power cut between write and rename", PlainAct.POWER_CUT, Must.KEEP, ways=LOCKSTEP),
+    dies(
+        "robot restarted, its fence unreadable",
+        PlainAct.UNREADABLE_FENCE,
+        Reason.FENCE_UNREADABLE,
+        ways=WALL,
+    ),
+    goes_on("robot gets no more memory", PlainAct.NO_MEMORY, Must.BE_SAFE, ways=WALL),
+    goes_on("processor starved by burners", PlainAct.BUSY_PROCESSOR, Must.BE_SAFE, ways=WALL),
 )
 GROUPS: Final = {
     "Processes": PROCESSES,

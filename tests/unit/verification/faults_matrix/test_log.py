@@ -1,4 +1,4 @@
-"""What a log lacks is told by the gaps in the sequence numbers of each key."""
+"""Missing frames of a log follow from gaps in the sequence numbers of each key."""
 
 from pathlib import Path
 
@@ -27,11 +27,11 @@ UTC_2026_US = 1_795_000_000_000_000
         ([*range(256), *range(10)], 0),
     ],
 )
-def test_gaps_are_counted_across_the_turn_and_out_of_order(numbers: list[int], gap: int) -> None:
+def test_gaps_are_counted_across_wrap_and_reordering(numbers: list[int], gap: int) -> None:
     assert missing(numbers) == gap
 
 
-def test_samples_and_events_are_counted_apart_and_who_began_anew_not_at_all(tmp_path: Path) -> None:
+def test_samples_and_events_are_counted_except_restarted_keys(tmp_path: Path) -> None:
     plant, robot = Encoder(1, 25), Encoder(1, 1)
     ticks = [
         plant.encode(WheelTicks(time_ns=n, seq=n, left=0, right=0, bumper=0, expired=0))

@@ -1,4 +1,4 @@
-"""The power cut of the fault matrix: it passes for this robot, and finds one that forgets."""
+"""The power cut of the fault matrix passes this robot and fails one that loses renames."""
 
 import pytest
 
@@ -7,19 +7,21 @@ from verification.power_cut import Disk
 
 
 @pytest.mark.parametrize("number", range(4))
-def test_what_was_acknowledged_is_there(number: int) -> None:
+def test_acknowledged_changes_survive(number: int) -> None:
     one = power_cuts.run("a cut", "lockstep", number)
     assert (one.reached, one.trouble) == (True, "")
 
 
-class NamesForgotten(Disk):
-    """As a robot that does not synchronise directories: a rename may not be there."""
+class UnsyncedDirectories(Disk):
+    """A disk as of a robot that does not synchronise directories: a rename may be lost."""
 
     def fsync(self, handle: int) -> None:
         if not self.isdir_open(handle):
             super().fsync(handle)
 
 
-def test_a_rename_that_was_not_synchronised_is_found() -> None:
-    found = [power_cuts.run("a cut", "lockstep", number, NamesForgotten()) for number in range(8)]
-    assert any("instead of Held" in one.trouble for one in found)
+def test_unsynchronised_rename_is_found() -> None:
+    found = [
+        power_cuts.run("a cut", "lockstep", number, UnsyncedDirectories()) for number in range(8)
+    ]
+    assert any("instead of SavedState" in one.trouble for one in found)
