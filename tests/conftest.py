@@ -27,6 +27,24 @@ def pytest_configure() -> None:
     settings.load_profile("sidestep")
 
 
+TESTS = Path(__file__).parent
+FOLDERS_OF = {"stack": ("stack", "bus"), "compose": ("compose",)}
+"""A step of the gate collects only these: to collect everything costs more than many a test."""
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Reject a marker of a lane on a test that its lane would not find."""
+    for item in items:
+        if not item.path.is_relative_to(TESTS):
+            continue
+        folder = item.path.relative_to(TESTS).parts[0]
+        for marker, folders in FOLDERS_OF.items():
+            if item.get_closest_marker(marker) and folder not in folders:
+                where = " or ".join(f"tests/{name}" for name in folders)
+                raise pytest.UsageError(f"{item.nodeid} is marked {marker}: move it to {where}")
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-screens", action="store_true", help="take the screens as they are")
     parser.addoption("--no-skips", action="store_true", help="a skipped test fails, as in CI")

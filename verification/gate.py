@@ -1,11 +1,10 @@
 """`python -m verification.gate`: every check of the project.
 
-There are two kinds of steps. Those in real time drive processes and containers and mostly wait.
-Those that compute are the static checks and the tests that own their time. They run one after the
-other, or with `--side-by-side` at the same time: the computing steps then have the idle scheduling
-class, so that they take only the processor time that the others leave. That is faster, and on a
-busy machine robots in real time are late more often. Every step is run, so that one call shows all
-there is to mend; ends with 1 and names the steps that failed.
+The steps form three lanes that run at the same time. Two lanes mostly wait in real time: tests with
+processes, and tests with containers. The third computes: static checks, and tests that own their
+time. It has the idle scheduling class, so it takes only the processor time that the others leave.
+Every step is run, so that one call shows all there is to mend. The exit code is 1 when a step
+failed, and the last line names it.
 """
 
 import argparse
@@ -23,9 +22,13 @@ from typing import Final, NamedTuple
 ROOT: Final = Path(__file__).resolve().parents[1]
 PYTHON: Final = (sys.executable, "-m")
 PYTEST: Final = (*PYTHON, "pytest", "-q")
+EXIT_INTERRUPTED: Final = 130
 REAL_TIME: Final = "stack and not compose"
-WAITING_WORKERS: Final = 2
-"""More would start so many processes at once that robots miss their deadlines."""
+REAL_TIME_FOLDERS: Final = ("tests/stack", "tests/bus")
+"""tests/conftest.py rejects such a test elsewhere."""
+WORKERS: Final = 2
+"""Of each lane that runs tests in parallel: more would start so many processes at once that robots
+miss their deadlines."""
 
 YIELDING: Final = """
 import contextlib, ctypes, os, signal, sys
@@ -42,25 +45,42 @@ step gets a session of its own with a tenth of the weight. It ends when the gate
 
 
 class Step(NamedTuple):
-    """A command and what it is called."""
+    """A command and its name."""
 
     name: str
     words: tuple[str, ...]
 
 
+class Lane(NamedTuple):
+    """Steps that run one after the other, in the idle class or not."""
+
+    steps: Sequence[Step]
+    is_idle: bool = False
+
+
+def lanes(extra: Sequence[str]) -> list[Lane]:
+    """Return all steps; `extra` are options for each call of pytest."""
+    return [Lane(real_time(extra)), Lane(containers(extra)), Lane(computing(extra), is_idle=True)]
+
+
 def real_time(extra: Sequence[str]) -> list[Step]:
     """Return the steps whose tests measure wall time."""
-    workers = ("-n", str(WAITING_WORKERS), "--dist")
+    workers = ("-n", str(WORKERS), "--dist", "loadgroup")
     return [
-        Step("tests with processes", (*PYTEST, *workers, "loadgroup", "-m", REAL_TIME, *extra)),
-        Step("tests with containers", (*PYTEST, "-m", "compose", *extra)),
+        Step(
+            "tests with processes", (*PYTEST, *workers, "-m", REAL_TIME, *extra, *REAL_TIME_FOLDERS)
+        )
     ]
+
+
+def containers(extra: Sequence[str]) -> list[Step]:
+    """Return the steps that need a Docker engine."""
+    return [Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose"))]
 
 
 def computing(extra: Sequence[str]) -> list[Step]:
     """Return the steps that only need processor time."""
-    # One worker more than there are cores: some tests wait for threads and processes.
-    workers = ("-n", str((os.cpu_count() or 1) + 1), "--dist", "worksteal")
+    workers = ("-n", str(os.cpu_count() or 1), "--dist", "worksteal")
     mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
     return [
         Step("format", (*PYTHON, "ruff", "format", "--check", ".")),
@@ -74,76 +94,72 @@ def computing(extra: Sequence[str]) -> list[Step]:
 
 
 class Gate:
-    """Runs lanes and keeps the names of steps that failed."""
+    """Runs lanes at the same time and keeps the names of steps that failed."""
 
     def __init__(self, folder: Path = ROOT) -> None:
         self._folder = folder
         self._printing = Lock()
         self.failed: list[str] = []
 
-    def watched(self, steps: Sequence[Step]) -> None:
-        """Run steps one after the other; their output is shown as it comes."""
-        for step in steps:
-            with self._printing:
-                self._title(step)
-                self._run(step, step.words, None)
-
-    def yielding(self, steps: Sequence[Step]) -> None:
-        """Run steps in the idle class; the output of each is shown when it has ended."""
-        for step in steps:
-            words = (sys.executable, "-c", YIELDING, *step.words)
-            with tempfile.TemporaryFile() as output:
-                took_s = self._run(step, words, output.fileno())
-                output.seek(0)
-                text = output.read().decode(errors="replace")
-            with self._printing:
-                self._title(step)
-                print(text, f"{took_s:.0f} s", sep="", flush=True)
-
-    def _title(self, step: Step) -> None:
-        print(f"\n=== {step.name}: {' '.join(step.words)}", flush=True)
-
-    def _run(self, step: Step, words: Sequence[str], output: int | None) -> float:
+    def run(self, lanes: Sequence[Lane]) -> int:
+        """Run all steps to their ends; return the exit code."""
         began_s = monotonic()
-        done = subprocess.run(
-            words, cwd=self._folder, stdout=output, stderr=output and subprocess.STDOUT, check=False
-        )
+        threads = [Thread(target=self._run_lane, args=(lane,), daemon=True) for lane in lanes]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        took_s = monotonic() - began_s
+        if self.failed:
+            names = ", ".join(self.failed)
+            print(f"\nmake test: FAILED: {names} ({took_s:.0f} s)", file=sys.stderr)
+            return 1
+        print(f"\nmake test: all passed ({took_s:.0f} s)")
+        return 0
+
+    def _run_lane(self, lane: Lane) -> None:
+        for step in lane.steps:
+            self._print(f"... {step.name}")
+            self._run_step(step, is_idle=lane.is_idle)
+
+    def _run_step(self, step: Step, *, is_idle: bool) -> None:
+        words = (sys.executable, "-c", YIELDING, *step.words) if is_idle else step.words
+        began_s = monotonic()
+        with tempfile.TemporaryFile() as output:
+            done = subprocess.run(
+                words,
+                cwd=self._folder,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                check=False,
+            )
+            output.seek(0)
+            text = output.read().decode(errors="replace")
         if done.returncode:
             self.failed.append(step.name)
-        return monotonic() - began_s
+        took_s = monotonic() - began_s
+        self._print(f"\n=== {step.name}: {' '.join(step.words)}\n{text}{took_s:.0f} s")
 
-
-def run(
-    gate: Gate, watched: Sequence[Step], computed: Sequence[Step], *, side_by_side: bool = False
-) -> int:
-    """Run all steps to their ends; return the exit code."""
-    began_s = monotonic()
-    if side_by_side:
-        beside = Thread(target=gate.yielding, args=(computed,), daemon=True)
-        beside.start()
-        gate.watched(watched)
-        beside.join()
-    else:
-        gate.watched([*computed, *watched])
-    took_s = monotonic() - began_s
-    if gate.failed:
-        print(f"\nmake test: FAILED: {', '.join(gate.failed)} ({took_s:.0f} s)", file=sys.stderr)
-        return 1
-    print(f"\nmake test: all passed ({took_s:.0f} s)")
-    return 0
+    def _print(self, text: str) -> None:
+        with self._printing:
+            print(text, flush=True)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
+    """Run the gate; return 0 when every step passed, else 1."""
     parser = argparse.ArgumentParser(prog="python -m verification.gate", description=__doc__)
     parser.add_argument("--no-skips", action="store_true", help="a skipped test fails, as in CI")
-    parser.add_argument("--side-by-side", action="store_true", help="both kinds at the same time")
     options = parser.parse_args(argv)
     extra = ["--no-skips"] if options.no_skips else []
     # A job in the background of a shell ignores it, and so would every process under test.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Hundreds of processes are started: none of them compiles what another has compiled.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    return run(Gate(), real_time(extra), computing(extra), side_by_side=options.side_by_side)
+    try:
+        return Gate().run(lanes(extra))
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
 
 
 if __name__ == "__main__":
